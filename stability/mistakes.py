@@ -1574,6 +1574,20 @@ MUTANTS = (
         tests=("pairs::test_sides_that_do_not_fit",),
     ),
     Mutant(
+        "mesh/files/cutting",
+        "self._pairs = np.concatenate([pairs for pairs, _ in made + there])",
+        "self._pairs = np.concatenate([pairs for pairs, _ in there + made])",
+        "cutting: nodes of other edges",
+        tests=("cut_cells::test_nodes_on_edges",),
+    ),
+    Mutant(
+        "mesh/files/cutting",
+        "weights[-1]",
+        "np.abs(weights[-1]) / np.abs(weights[-1]).sum()",
+        "cutting: the middle of a bent face is a mean of its nodes",
+        tests=("cut_cells::test_nodes_on_edges",),
+    ),
+    Mutant(
         "pairs/functions",
         "weak = shares @ weight <= kept * side.area[nodes]",
         "weak = np.zeros(nodes.size, dtype=bool)",

@@ -2,6 +2,7 @@
 
 import itertools
 
+import gmsh
 import meshio
 import numpy as np
 import pytest
@@ -50,7 +51,8 @@ def mixed(folder, seed, suffix="vtu"):
     cells = [(kind, place[np.array(nodes)]) for kind, nodes in blocks.items() if nodes]
     tags = [np.full(len(nodes), 7 if kind in ("quad", "triangle") else 1) for kind, nodes in cells]
     file = folder / f"mixed.{suffix}"
-    meshio.write(file, meshio.Mesh(np.array(points)[order], cells, cell_data={"part": tags}))
+    mesh = meshio.Mesh(np.array(points)[order], cells, cell_data={"part": tags})
+    meshio.write(file, mesh, "gmsh22" if suffix == "msh" else None)
     return file, {kind: len(nodes) for kind, nodes in blocks.items()}
 
 
@@ -94,6 +96,87 @@ def test_it_is_solved(tmp_path):
     solution = solve(on_mesh(parse_scene(scene), tagged), comm)
     assert solution.converged
     np.testing.assert_allclose(solution.table.columns["pressure"], 2.0, rtol=1e-9)
+
+
+def bent(x):
+    """A map of degree 2 that keeps volumes."""
+    y = x[:, 1] + 0.3 * x[:, 2] ** 2
+    return np.column_stack((x[:, 0] + 0.2 * y**2 - 0.1 * y * x[:, 2], y, x[:, 2]))
+
+
+def straight_again(x):
+    """Its inverse."""
+    return np.column_stack(
+        (x[:, 0] - 0.2 * x[:, 1] ** 2 + 0.1 * x[:, 1] * x[:, 2], x[:, 1] - 0.3 * x[:, 2] ** 2, x[:, 2])
+    )
+
+
+@pytest.mark.parametrize(("seed", "complete", "suffix"), [(0, True, "msh"), (1, False, "msh"), (2, False, "vtu")])
+def test_nodes_on_edges(tmp_path, monkeypatch, seed, complete, suffix):
+    """Where gmsh puts nodes between the corners and a map of degree 2 bends the body, the tetrahedra are bent by it
+    exactly: elements of 13, 15 and 20 nodes contain all polynomials of degree 2.
+    """
+    file, counts = mixed(tmp_path, seed, "msh")
+    gmsh.initialize(readConfigFiles=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.open(str(file))
+        gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 0 if complete else 1)
+        gmsh.model.mesh.setOrder(2)
+        for tag in gmsh.model.mesh.getNodes()[0]:
+            gmsh.model.mesh.setNode(tag, bent(gmsh.model.mesh.getNode(tag)[0][None])[0], [])
+        gmsh.write(str(file))
+    finally:
+        gmsh.finalize()
+    if suffix != "msh":  # meshio knows the order of VTK, but not in each version that these are solid
+        for kind in ("wedge15", "pyramid13"):
+            monkeypatch.setitem(meshio._mesh.topological_dimension, kind, 3)
+        found = meshio.read(file)
+        assert {"wedge15", "pyramid13", "hexahedron20"} <= set(found.cells_dict)
+        file = file.with_suffix(f".{suffix}")
+        meshio.write(file, found)
+    mesh = read_file(file)
+    assert mesh.kind == "tetra10"
+    assert len(mesh.cells) == 6 * counts["hexahedron"] + 3 * counts["wedge"] + 2 * counts["pyramid"]
+    assert measures(mesh.points, mesh.cells, mesh.cell).sum() == pytest.approx(np.prod(SIZE), rel=1e-12)
+    x = straight_again(mesh.points)
+    for k, own in enumerate(mesh.cell.nodes):
+        np.testing.assert_allclose(x[mesh.cells[:, k]], x[mesh.cells[:, list(own)]].mean(axis=1), atol=1e-12)
+    a, b, c = SIZE
+    flat = measures(x, mesh.facets, mesh.facet)
+    assert flat.sum() == pytest.approx(2 * (a * b + b * c + c * a), rel=1e-12)
+
+
+@pytest.mark.parametrize("kinds", [("triangle", "quad"), ("triangle6", "quad8"), ("triangle6", "quad9")])
+def test_quadrilaterals_beside_triangles(tmp_path, kinds):
+    """A bent square of 3 quadrilaterals and 2 triangles, and a line of it that has a number."""
+    corners = [(x, y) for y in (0, 1, 2) for x in (0, 1, 2)]
+    elements = {kinds[0]: [[1, 2, 5], [5, 4, 1]], kinds[1]: [[0, 1, 4, 3], [4, 5, 8, 7], [3, 4, 7, 6]]}
+    places = {}
+
+    def nodes(kind, own):
+        """Corners, then the middles of edges, then that of the element."""
+        around = [*((c,) for c in own), *zip(own, own[1:] + own[:1], strict=True), own]
+        count = int(kind[-1]) if kind[-1].isdigit() else len(own)
+        where = [tuple(np.mean([corners[c] for c in group], axis=0)) for group in around[:count]]
+        return [places.setdefault(x, len(places)) for x in where]
+
+    cells = [(kind, [nodes(kind, own) for own in every]) for kind, every in elements.items()]
+    cells.append(("line", [[places[0, 0], places[1, 0]], [places[1, 0], places[2, 0]]]))
+    x = np.array(list(places))
+    x[:, 0] += 0.2 * x[:, 1] ** 2 if kinds[0] == "triangle6" else 0.0
+    tags = [np.full(2, 1), np.full(3, 1), np.full(2, 7)]
+    meshio.write(tmp_path / "some.vtu", meshio.Mesh(np.column_stack((x, 0 * x[:, 0])), cells, cell_data={"part": tags}))
+    mesh = read_file(tmp_path / "some.vtu")
+    assert mesh.kind == kinds[0]
+    assert mesh.note == "3 quadrilaterals are cut into triangles"
+    assert len(mesh.cells) == 8
+    assert measures(mesh.points, mesh.cells, mesh.cell).sum() == pytest.approx(4.0, rel=1e-12)
+    assert measures(mesh.points, mesh.facets, mesh.facet)[mesh.boundaries["boundary_7"]].sum() == pytest.approx(2.0)
+    again = mesh.points.copy()
+    again[:, 0] -= 0.2 * again[:, 1] ** 2 if kinds[0] == "triangle6" else 0.0
+    for k, own in enumerate(mesh.cell.nodes):
+        np.testing.assert_allclose(again[mesh.cells[:, k]], again[mesh.cells[:, list(own)]].mean(axis=1), atol=1e-12)
 
 
 def test_it_is_said(tmp_path, capsys):

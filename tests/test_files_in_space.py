@@ -19,7 +19,7 @@ from signorini_fx.compat import geometry_degree
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.cells import CELLS, completed
 from signorini_fx.mesh.files.formats import read_file, write_file
-from signorini_fx.mesh.files.shape import measures, quality
+from signorini_fx.mesh.files.shape import is_straight, measures, quality
 from signorini_fx.mesh.files.step import names_of_faces
 from signorini_fx.mesh.halving import halved, straightened
 from signorini_fx.mesh.info import mesh_info
@@ -455,10 +455,42 @@ def test_curved_cells_that_are_folded(tmp_path):
 
 
 def test_wedges_with_nodes_on_their_edges(tmp_path):
-    """Only wedges with straight edges are cut into tetrahedra."""
-    file = abaqus(tmp_path, "C3D15", np.random.default_rng(1).random((15, 3)).tolist())
-    with pytest.raises(MeshError, match="no element for cells of kind wedge15; use one of: tetra, tetra10, hexa"):
-        read_file(file)
+    """Those of Abaqus, beside a hexahedron with 20 nodes: corners, then the middles around each end, then between."""
+    low, high = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [(0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+    beside = [(2, 0, 0), (2, 0, 1)]
+    cells = {"C3D20": [low, high], "C3D15": [[low[1], beside[0], low[2]], [high[1], beside[1], high[2]]]}
+    numbers = {}
+    lines = []
+    for element, (kind, (first, second)) in enumerate(cells.items(), 1):
+        ends = [zip(end, end[1:] + end[:1], strict=True) for end in (first, second)]
+        around = [[tuple(np.mean(pair, axis=0)) for pair in pairs] for pairs in ends]
+        between = [tuple(np.mean(pair, axis=0)) for pair in zip(first, second, strict=True)]
+        own = [numbers.setdefault(x, len(numbers) + 1) for x in [*first, *second, *around[0], *around[1], *between]]
+        lines += [f"*ELEMENT, TYPE={kind}, ELSET={kind}", f"{element}, {', '.join(map(str, own))}"]
+    nodes = [f"{n}, {', '.join(map(str, x))}" for x, n in numbers.items()]
+    lines += ["*SURFACE, NAME=roof", "C3D20, S2", "C3D15, S2", "*NSET, NSET=slope"]
+    lines.append(", ".join(str(n) for x, n in numbers.items() if x[0] + x[1] == 2))
+    file = tmp_path / "part.inp"
+    file.write_text("\n".join(["*NODE", *nodes, *lines]) + "\n")
+    mesh = read_file(file)
+    assert (mesh.kind, len(mesh.cells)) == ("tetra10", 9)
+    assert is_straight(mesh.points, mesh.cells, mesh.cell)
+    area = measures(mesh.points, mesh.facets, mesh.facet)
+    assert area[mesh.boundaries["roof"]].sum() == pytest.approx(1.5)
+    assert area[mesh.boundaries["slope"]].sum() == pytest.approx(np.sqrt(2))
+    volume = measures(mesh.points, mesh.cells, mesh.cell)
+    assert {name: volume[rows].sum() for name, rows in mesh.regions.items()} == pytest.approx(
+        {"C3D20": 1, "C3D15": 0.5}
+    )
+
+
+def test_orders_of_wedges(tmp_path, monkeypatch):
+    """Wedges with and without nodes on their edges do not fit."""
+    monkeypatch.setitem(meshio._mesh.topological_dimension, "wedge15", 3)
+    x = np.random.default_rng(1).random((15, 3))
+    meshio.write(tmp_path / "odd.vtu", meshio.Mesh(x, [("wedge15", [range(15)]), ("wedge", [range(6)])]))
+    with pytest.raises(MeshError, match=r"mixes cell types or orders \(1 wedge, 1 wedge15\); use one"):
+        read_file(tmp_path / "odd.vtu")
 
 
 def test_an_abaqus_mesh_without_heights(tmp_path):

@@ -384,7 +384,11 @@ SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1], [2, 0], [2, 1]]
 @pytest.mark.parametrize(
     ("points", "blocks", "message"),
     [
-        (SQUARE, [("quad", [[0, 1, 2, 3]]), ("triangle", [[1, 4, 2]])], r"mixes cell types .*\(1 quad, 1 triangle\)"),
+        (
+            SQUARE,
+            [("quad", [[0, 1, 2, 3]]), ("triangle6", [[1, 4, 2, 0, 0, 0]])],
+            r"mixes cell .*\(1 quad, 1 triangle6\)",
+        ),
         (SQUARE, [("triangle", [[0, 1, 2]]), ("triangle6", [[0, 1, 2, 3, 4, 5]])], "mixes cell types or orders"),
         (SQUARE, [("line", [[0, 1]])], "no cells"),
         ([[*x, 0.0] for x in SQUARE], [("wedge", [list(range(6))])], "have a corner without an angle"),

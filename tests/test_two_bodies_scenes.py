@@ -346,6 +346,7 @@ def test_check_compares_facets_with_the_fit(tmp_path, capsys):
         told.append(" ".join(capsys.readouterr().out.split()))
     assert "off the curved sides" not in told[0]
     assert "contact[0].distance: straight facets of 'seat' and 'hole' are up to 0.0" in told[1]
+    assert "much beside the gap of about 0.02:" in told[1]
 
 
 def test_check_says_which_side_should_carry_the_points(tmp_path, capsys):

@@ -58,7 +58,7 @@ def _kind(element: str) -> tuple[str, int]:
     """
     if found := _SOLID.match(element):
         if (count := int(found[1])) not in _KIND_IN_SPACE:
-            raise ValueError(f"element type {element}: known are C3D4, C3D8, C3D10 and C3D20")
+            raise ValueError(f"element type {element}: known are C3D4, C3D5, C3D6, C3D8, C3D10, C3D15, C3D20")
         return _KIND_IN_SPACE[count], count
     if found := _SOLID_IN_PLANE.match(element):
         return _KIND[int(found[1])], int(found[1])

@@ -152,7 +152,7 @@ class Deck:
 
 def dimension(kind: str) -> int:
     """Of an element."""
-    if kind in ("wedge", "wedge15", "pyramid"):
+    if kind.startswith(("wedge", "pyramid")):
         return 3
     return (CELLS[kind] if kind in CELLS else whole[0] if (whole := completed(kind)) else CELLS["line"]).dim
 

@@ -92,8 +92,8 @@ def from_raw(
 ) -> MeshArrays:
     """The cells of a raw mesh with their exterior facets and all names.
 
-    The mesh is in space if it has cells of three dimensions; otherwise it must be in a plane x[2] = constant.  Wedges
-    and pyramids are cut into tetrahedra, and so are hexahedra beside them.
+    The mesh is in space if it has cells of three dimensions; otherwise it must be in a plane x[2] = constant.  Some
+    kinds of cells are cut into simplices: ``cutting``.
 
     Args:
         raw: the mesh as read from its file.

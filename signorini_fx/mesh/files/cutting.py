@@ -1,8 +1,10 @@
-"""Wedges and pyramids, and hexahedra beside them, cut into tetrahedra that meet face to face.
+"""Wedges and pyramids, and hexahedra beside them, cut into tetrahedra; quadrilaterals beside triangles into triangles.
 
 Every cell is cut by the rays from the corner that the file numbers lowest, and so is every quadrilateral: two cells cut
-the face between them alike, without new points (Dompierre, Labbe, Vallet and Camarero, "How to subdivide pyramids,
-prisms and hexahedra into tetrahedra", 1999).
+the face between them alike (Dompierre, Labbe, Vallet and Camarero, "How to subdivide pyramids, prisms and hexahedra
+into tetrahedra", 1999).  Cells with nodes on their edges become tetrahedra with ten nodes: those of the file, and one
+in the middle of each diagonal of a face or cell.  Where the cell has none there, it is where the shape functions of the
+serendipity element put it, so that two cells have the same one on the face between them.
 """
 
 from __future__ import annotations
@@ -13,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh.files.raw import RawMesh
+from signorini_fx.mesh.files.cells import CELLS, Corners, completed
+from signorini_fx.mesh.files.raw import RawMesh, row_keys, rows_of
 from signorini_fx.mesh.files.shape import Floats, Ints
 
 # Corners along each face, in the order of VTK.
@@ -23,41 +26,62 @@ _FACES: dict[str, tuple[tuple[int, ...], ...]] = {
     "wedge": ((0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)),
     "hexahedron": ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
 }
+# The corners that each node between corners is in the middle of; an element may lack the last ones.
+BETWEEN: dict[str, tuple[Corners, ...]] = {
+    "triangle": CELLS["triangle6"].nodes[3:],
+    "quad": CELLS["quad9"].nodes[4:],
+    "tetra": CELLS["tetra10"].nodes[4:],
+    "pyramid": ((0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4), (0, 1, 2, 3)),
+    "wedge": (
+        *((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
+        *((0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)),
+    ),
+    "hexahedron": CELLS["hexahedron27"].nodes[8:],
+}
+CORNERS = {"triangle": 3, "quad": 4, "tetra": 4, "pyramid": 5, "wedge": 6, "hexahedron": 8}
 _FLAT = 1e-12  # of the volume of a cell: round-off
-_WORDS = {"tetra": "tetrahedra", "pyramid": "pyramids", "wedge": "wedges", "hexahedron": "hexahedra"}
+_WORDS = {"pyramid": "pyramids", "wedge": "wedges", "hexahedron": "hexahedra", "quad": "quadrilaterals"}
+
+
+def shape_of(kind: str) -> str:
+    """The kind without its number of nodes."""
+    return kind.rstrip("0123456789")
 
 
 def cut(raw: RawMesh, name: str) -> tuple[RawMesh, str]:
-    """A mesh of tetrahedra in place of one with wedges or pyramids, and what was cut; any other mesh as it is.
+    """A mesh of simplices in place of one with wedges, pyramids or several shapes in the plane; any other as it is.
 
-    Cells with nodes between their corners are not cut.
+    Returns:
+        The mesh, and in words what was cut.
 
     Raises:
         MeshError: a cell is folded.
     """
     kinds = {kind for kind, nodes in raw.blocks if len(nodes)}
+    solid = {kind for kind in kinds if shape_of(kind) in _FACES}
+    body = solid or {kind for kind in kinds if shape_of(kind) in ("triangle", "quad")}
+    shapes = {shape_of(kind) for kind in body}
+    curved = {kind != shape_of(kind) for kind in body}
     whole = all(0 <= nodes.min() <= nodes.max() < len(raw.points) for _, nodes in raw.blocks if nodes.size)
-    if not kinds & {"pyramid", "wedge"} or not whole or raw.points.shape[1] < 3:
+    wanted = shapes & {"pyramid", "wedge"} and raw.points.shape[1] == 3 if solid else len(shapes) == 2
+    if not wanted or not whole or len(curved) > 1 or "triangle7" in body:
         return raw, ""
+    simplex = "tetra" if solid else "triangle"
+    middles = _Middles(raw, body) if True in curved else None
     counts = dict.fromkeys(_WORDS, 0)
     blocks: list[tuple[str, Ints]] = []
     pieces: list[int] = []
     for kind, nodes in raw.blocks:
-        if kind in _FACES and kind != "tetra":
-            counts[kind] += len(nodes)
-            found, folded = _cells(raw.points, nodes, kind)
-            if folded.any():
-                count = f"{np.count_nonzero(folded)} {_WORDS[kind]}"
-                place = ", ".join(f"{x:g}" for x in raw.points[nodes[np.argmax(folded)]].mean(axis=0))
-                raise MeshError(f"{name}: {count} are folded, the first at ({place})")
-            blocks.append(("tetra", found.reshape(-1, 4)))
-            pieces.append(found.shape[1])
-        elif kind == "quad":
-            blocks.append(("triangle", _halves(nodes).reshape(-1, 3)))
-            pieces.append(2)
-        else:
-            blocks.append((kind, nodes))
-            pieces.append(1)
+        shape = shape_of(kind)
+        found = nodes[:, None]
+        if len(nodes) and kind in body and shape != simplex:
+            counts[shape] += len(nodes)
+            found = _cells(raw.points, nodes[:, : CORNERS[shape]], shape, name) if solid else _halves(nodes[:, :4])
+            kind, found = (simplex, found) if middles is None else middles.given(simplex, found)
+        elif shape == "quad":
+            kind, found = "triangle", _halves(nodes[:, :4])
+        blocks.append((kind, found.reshape(-1, found.shape[2])))
+        pieces.append(found.shape[1])
     sets: dict[str, list[Ints]] = {
         name: [np.asarray(rows[:, None] * k + np.arange(k)).ravel() for rows, k in zip(members, pieces, strict=True)]
         for name, members in raw.sets.items()
@@ -67,7 +91,65 @@ def cut(raw: RawMesh, name: str) -> tuple[RawMesh, str]:
         for name, numbers in raw.data.items()
     }
     told = " and ".join(f"{count} {_WORDS[kind]}" for kind, count in counts.items() if count)
-    return replace(raw, blocks=blocks, sets=sets, data=data), f"{told} are cut into tetrahedra"
+    points = raw.points if middles is None else middles.points
+    word = "tetrahedra" if solid else "triangles"
+    return replace(raw, points=points, blocks=blocks, sets=sets, data=data), f"{told} are cut into {word}"
+
+
+class _Middles:
+    """The nodes in the middle of edges and diagonals.
+
+    Attributes:
+        points: those of the file, and those that its elements lack.
+    """
+
+    def __init__(self, raw: RawMesh, body: set[str]) -> None:
+        self.points = np.asarray(raw.points, dtype=np.float64)
+        made: list[tuple[Ints, Ints]] = []
+        there: list[tuple[Ints, Ints]] = []
+        for kind, nodes in raw.blocks:
+            if kind in body and len(nodes):
+                shape = shape_of(kind)
+                for k, own in enumerate(BETWEEN[shape][: nodes.shape[1] - CORNERS[shape]]):
+                    there += [(nodes[:, pair], nodes[:, CORNERS[shape] + k]) for pair in _pairs(own)]
+                made += self._lacking(shape, nodes)
+        # What the file has comes last, and is taken.
+        self._pairs = np.concatenate([pairs for pairs, _ in made + there])
+        self._nodes = np.concatenate([node for _, node in made + there])
+
+    def _lacking(self, shape: str, nodes: Ints) -> list[tuple[Ints, Ints]]:
+        """Diagonals of faces and cells without a node in the middle, and the new nodes there."""
+        place = {frozenset(own): CORNERS[shape] + k for k, own in enumerate(BETWEEN[shape])}
+        there = nodes.shape[1]
+        found: list[tuple[Ints, Ints]] = []
+        faces = [face for face in _FACES.get(shape, (tuple(range(CORNERS[shape])),)) if len(face) == 4]
+        lacking = [own for own in faces if place[frozenset(own)] >= there]
+        for own in [*lacking, tuple(range(8))] if there == 20 else lacking:
+            element = completed("quad8" if len(own) == 4 else "hexahedron20")
+            assert element is not None
+            cell, weights = element
+            ends = [[own[c] for c in pair] for pair in cell.nodes if len(pair) <= 2]
+            locals_ = [pair[0] if len(pair) == 1 else place[frozenset(pair)] for pair in ends]
+            _, first, number = np.unique(row_keys(nodes[:, own]), return_index=True, return_inverse=True)
+            x = np.einsum("n,cnd->cd", weights[-1], self.points[nodes[first][:, locals_]])
+            found += [(nodes[:, pair], len(self.points) + number.reshape(-1)) for pair in _pairs(own)]
+            self.points = np.concatenate((self.points, x))
+        return found
+
+    def given(self, simplex: str, corners: Ints) -> tuple[str, Ints]:
+        """The kind of simplices with nodes on their edges, and their nodes, shape (m, k, nodes of each)."""
+        between = np.array(BETWEEN[simplex])
+        wanted = corners[:, :, between].reshape(-1, 2)
+        rows = rows_of(wanted, self._pairs)
+        assert rows.min(initial=0) >= 0
+        nodes = self._nodes[rows].reshape(*corners.shape[:2], len(between))
+        return f"{simplex}{corners.shape[2] + len(between)}", np.concatenate((corners, nodes), axis=2)
+
+
+def _pairs(own: Corners) -> list[list[int]]:
+    """The pairs of corners whose middle is that of an edge, a face or a hexahedron."""
+    opposite = {2: ((0, 1),), 4: ((0, 2), (1, 3)), 8: ((0, 6), (1, 7), (2, 4), (3, 5))}[len(own)]
+    return [[own[a], own[b]] for a, b in opposite]
 
 
 def _halves(quads: Ints) -> Ints:
@@ -76,8 +158,12 @@ def _halves(quads: Ints) -> Ints:
     return np.asarray(turned[:, [[0, 1, 2], [0, 2, 3]]])
 
 
-def _cells(points: Floats, cells: Ints, kind: str) -> tuple[Ints, npt.NDArray[np.bool_]]:
-    """The tetrahedra of each cell, shape (m, k, 4), and whether some of them are inside out, shape (m,)."""
+def _cells(points: Floats, cells: Ints, kind: str, name: str) -> Ints:
+    """The tetrahedra of each cell, shape (m, k, 4).
+
+    Raises:
+        MeshError: some of them are inside out.
+    """
     faces = _FACES[kind]
     lowest = np.argmin(cells, axis=1)
     found: Ints | None = None
@@ -100,4 +186,8 @@ def _cells(points: Floats, cells: Ints, kind: str) -> tuple[Ints, npt.NDArray[np
     volume = np.linalg.det(x[:, :, 1:] - x[:, :, :1])
     # Programs number wedges either way round.
     volume *= np.sign(volume.sum(axis=1, keepdims=True))
-    return found, (volume < -_FLAT * volume.sum(axis=1, keepdims=True)).any(axis=1)
+    folded: npt.NDArray[np.bool_] = (volume < -_FLAT * volume.sum(axis=1, keepdims=True)).any(axis=1)
+    if folded.any():
+        place = ", ".join(f"{x:g}" for x in np.asarray(points)[cells[np.argmax(folded)]].mean(axis=0))
+        raise MeshError(f"{name}: {np.count_nonzero(folded)} {_WORDS[kind]} are folded, the first at ({place})")
+    return found

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.mesh.files.cells import CELLS
+from signorini_fx.mesh.files.cutting import BETWEEN, CORNERS, shape_of
 from signorini_fx.mesh.files.raw import RawMesh
 from signorini_fx.mesh.files.shape import Ints
 
@@ -22,7 +23,7 @@ _SHARE, _BYTES_PER_CELL = {2: 0.43, 3: 0.075}, 1000.0
 # Elements by gmsh's number, in meshio's words.
 _TYPES = {1: "line", 2: "triangle", 3: "quad", 8: "line3", 9: "triangle6", 10: "quad9", 15: "vertex", 16: "quad8"}
 _TYPES |= {4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid", 11: "tetra10", 12: "hexahedron27"}
-_TYPES |= {13: "wedge18", 14: "pyramid14", 17: "hexahedron20"}
+_TYPES |= {13: "wedge18", 14: "pyramid14", 17: "hexahedron20", 18: "wedge15", 19: "pyramid13"}
 
 
 def load_libraries(_suffix: str) -> None:
@@ -80,12 +81,13 @@ def read(file: Path, halvings: int, degree: int, size: float) -> RawMesh:
             continue
         types, _, nodes = gmsh.model.mesh.getElements(dim, entity)
         for kind, flat in zip(types, nodes, strict=True):
-            name, _, _, count, _, _ = gmsh.model.mesh.getElementProperties(kind)
+            name, _, _, count, local, _ = gmsh.model.mesh.getElementProperties(kind)
             for tag in own:
                 label = gmsh.model.getPhysicalName(dim, tag) or f"{'boundary' if dim < top else 'region'}_{tag}"
                 members.setdefault(label, []).append(len(blocks))
             rows = _places(tags, order, np.asarray(flat, dtype=np.int64)).reshape(-1, count)
-            blocks.append((_TYPES.get(int(kind), name), rows[:, _order(_TYPES.get(int(kind), name), count)]))
+            order_here = _order(_TYPES.get(int(kind), name), np.reshape(local, (count, -1)))
+            blocks.append((_TYPES.get(int(kind), name), rows[:, order_here]))
             physical.append(np.tile(np.array(own or [-1], dtype=np.int64), (len(rows), 1)))
     every: list[Ints] = [np.arange(len(nodes)) for _, nodes in blocks]
     none: Ints = np.empty(0, dtype=np.int64)
@@ -93,11 +95,15 @@ def read(file: Path, halvings: int, degree: int, size: float) -> RawMesh:
     return RawMesh(np.asarray(x).reshape(-1, 3), blocks, sets, {}, {"gmsh:physical": physical}, corners)
 
 
-def _order(kind: str, count: int) -> Any:
-    """Node k of an element here is the node with this number in gmsh."""
-    if kind == "hexahedron20":
-        return np.argsort(CELLS["hexahedron27"].gmsh_order[:20])
-    return np.argsort(CELLS[kind].gmsh_order) if kind in CELLS else np.arange(count)
+def _order(kind: str, places: Any) -> Any:
+    """Node k of an element here is the node with this number in gmsh, whose nodes are at these places of its cell."""
+    if kind in CELLS:
+        return np.argsort(CELLS[kind].gmsh_order)
+    if (shape := shape_of(kind)) not in BETWEEN:
+        return np.arange(len(places))
+    corners = CORNERS[shape]
+    middles = [places[list(own)].mean(axis=0) for own in BETWEEN[shape][: len(places) - corners]]
+    return [*range(corners), *(int(np.argmin(np.linalg.norm(places - x, axis=1))) for x in middles)]
 
 
 def _import(gmsh: Any, file: str, form: str, size: float) -> dict[int, Any]:

@@ -27,6 +27,8 @@ _JOINTS = "-#+/"
 def load_libraries(suffix: str) -> None:
     """Load meshio's reader and what it needs for this format; h5py may be missing if the file does not need it."""
     importlib.import_module(f"meshio.{suffix[1:].lower()}")
+    # meshio 5.3 reads these, but does not know that they are solid.
+    importlib.import_module("meshio._mesh").topological_dimension.update(wedge15=3, pyramid13=3)
     with contextlib.suppress(ModuleNotFoundError):
         importlib.import_module("h5py")
 
