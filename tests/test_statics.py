@@ -8,7 +8,7 @@ from scipy.optimize import linprog
 from signorini_fx.body.kinematics import KINEMATICS
 from signorini_fx.body.rigid import rigid_modes
 from signorini_fx.contact.reactions import Reactions, nearest
-from signorini_fx.contact.statics import escape, largest_multiple, separable, squeezed
+from signorini_fx.contact.statics import escape, largest_multiple, null_space, separable, squeezed
 from signorini_fx.records import Status
 
 KINDS = ("coulomb", "tresca", "mixed", "capped")
@@ -179,3 +179,19 @@ def test_separable(friction):
 def test_rotations_have_the_order_of_the_modes():
     """The tests above count a positive turn from x[0] to x[1]."""
     assert KINEMATICS[2].rotations == ((0, 1),)
+
+
+def test_null_space_of_rows_with_round_off():
+    """Twelve rows of rank 4: the eigenvalue of their product that is zero is round-off of either sign."""
+    rng = np.random.default_rng(0)
+    products = []
+    for _ in range(100):
+        rows = rng.normal(size=(12, 4)) @ rng.normal(size=(4, 5))
+        null = null_space(rows)
+        assert null.shape == (5, 1)
+        np.testing.assert_allclose(rows @ null, 0.0, atol=1e-13)
+        values = np.linalg.eigvalsh(rows.T @ rows)
+        products.append(values[0] / values[-1])
+    assert max(products) > 1e-16  # what a decision by eigenvalues takes for a motion that is resisted
+    assert null_space(np.zeros((0, 3))).shape == (3, 3)
+    assert null_space(np.eye(3)).shape == (3, 0)

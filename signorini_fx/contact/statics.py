@@ -173,9 +173,13 @@ def squeezed(here: Reactions, gap: Nodal) -> bool:
 
 
 def null_space(rows: Nodal) -> Nodal:
-    """Directions, one per column, perpendicular to all rows."""
-    values, vectors = np.linalg.eigh(rows.T @ rows)
-    null: Nodal = vectors[:, values <= ZERO**2 * max(float(values[-1]), 1e-300)]
+    """Directions, one per column, perpendicular to all rows but for round-off.
+
+    By singular values: the squares that the eigenvalues of a product are would be round-off below its own.
+    """
+    k = rows.shape[1]
+    _, values, directions = np.linalg.svd(np.linalg.qr(np.concatenate((rows, np.zeros((k, k)))), mode="r"))
+    null: Nodal = directions[values <= ZERO * values[:1]].T
     return null
 
 
