@@ -23,6 +23,7 @@ LAYERS = (
     "cli",
     "studies",
     "forms",
+    "derivatives",
     "solving",
     "check",
     "results",

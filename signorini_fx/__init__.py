@@ -20,6 +20,7 @@ _PUBLIC = {
         "TrescaFriction",
         "UnilateralContact",
     ),
+    "derivatives.of_scene": ("sensitivity",),
     "effects.displacement": ("PrescribedDisplacement",),
     "effects.fluid": ("Fluid",),
     "effects.force": ("TotalForce",),

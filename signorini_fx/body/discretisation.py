@@ -106,17 +106,21 @@ class Discretisation(ElasticBody):
         scene = self.scene.placed(place)
         if scene is self.scene or self.boundary is None:
             return self
+        found = replace(self, scene=scene, **self.contact_of(scene))
+        if scene.solver.algorithm != "exact":  # whose unknowns are along the normals
+            kept = ("forms", "_assembled", "_free", "cases")
+            vars(found).update({name: value for name, value in vars(self).items() if name in kept})
+        return found
+
+    def contact_of(self, scene: Scene) -> dict[str, Any]:
+        """``boundary``, ``data`` and ``law`` of another scene that differs in its contact only; collective."""
         foundations = _foundations(scene, self.space, boundary_facets(scene, self.tagged), Inventory())
         shapes = foundations.shapes()
         boundary = foundations.boundary(shapes, self.fixed, self.turned)
         data, law = foundations.problem(
             boundary, foundations.data(shapes), Settings.of(scene.solver), self.scales.gamma
         )
-        found = replace(self, scene=scene, boundary=boundary, data=data, law=law)
-        if scene.solver.algorithm != "exact":  # whose unknowns are along the normals
-            kept = ("forms", "_assembled", "_free", "cases")
-            vars(found).update({name: value for name, value in vars(self).items() if name in kept})
-        return found
+        return {"boundary": boundary, "data": data, "law": law}
 
     def moved_since(self, earlier: Scene) -> npt.NDArray[np.float64]:
         """How far the foundations have moved at the contact points from where they are in another scene, length, shape

@@ -29,6 +29,7 @@ _ON_RANKS = {
     "solve": commands.solve,
     "check": commands.check,
     "sweep": commands.sweep,
+    "sensitivity": commands.sensitivity,
     "work-precision": commands.work_precision,
     "info": commands.info,
 }

@@ -190,6 +190,21 @@ def sweep(options: argparse.Namespace) -> int:
     return EXIT_OK if found.solved else EXIT_NO_SOLUTION
 
 
+def sensitivity(options: argparse.Namespace) -> int:
+    """Print derivatives of results of a scene by its data."""
+    from mpi4py import MPI
+
+    from signorini_fx import parallel
+
+    scene = _read_scene(options)
+    from signorini_fx.derivatives.of_scene import sensitivity
+
+    found = sensitivity(scene, options.results, options.by, MPI.COMM_WORLD)
+    for one in found if isinstance(found, list) else [found]:
+        parallel.log_on_root(MPI.COMM_WORLD, str(one))
+    return EXIT_OK
+
+
 def check(options: argparse.Namespace) -> int:
     """Print the effects, cost and findings of a scene, without solving it."""
     from mpi4py import MPI

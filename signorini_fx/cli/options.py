@@ -104,7 +104,24 @@ def parser() -> argparse.ArgumentParser:
     sweep.add_argument(
         "--out", type=named_path, metavar="DIR", help="folder (default: results/sweep_NAME of the scene file)"
     )
-    for command in (solve, check, sweep):
+    slopes = commands.add_parser("sensitivity", help="derivatives of a result of a scene by its data", epilog=after)
+    slopes.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
+    slopes.add_argument(
+        "--of",
+        dest="results",
+        action="append",
+        required=True,
+        metavar="RESULT",
+        help="such as 'force bottom y', 'pressure bottom', 'mean top y', 'displacement 1,0.5 x'; may be repeated",
+    )
+    slopes.add_argument(
+        "--by",
+        action="append",
+        metavar="PATH",
+        help="number of the scene, such as contact[0].friction.coefficient, or a load as a whole, traction[0]; may be "
+        "repeated (default: friction, gap, material and loads)",
+    )
+    for command in (solve, check, sweep, slopes):
         more = "; one of them with several values, FROM:TO:COUNT or A,B,C" if command is sweep else ""
         command.add_argument(
             "--set",

@@ -30,12 +30,15 @@ from signorini_fx.body.foundation import Coulomb, Foundation, Pair
 from signorini_fx.body.foundations import Foundations, Shape
 from signorini_fx.body.supports import prescribed
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
+from signorini_fx.derivatives.gradient import Data as ProblemData
+from signorini_fx.derivatives.gradient import Solved
 from signorini_fx.errors import FormError
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, facets_of, foundations_of, parts_of, settings_of, space_of
 from signorini_fx.forms.certificate import certify
 from signorini_fx.forms.elasticity import Array, digest, elastic_body, scales_of
 from signorini_fx.forms.fields import ContactFields
+from signorini_fx.forms.gradient import Gradient, checked, gradient, quantity_of
 from signorini_fx.forms.stress import law_of, stresses_of
 from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.machine.compilation import compiling
@@ -295,6 +298,44 @@ class ContactProblem:
         self._normal = self._outcome.problem.traces(self._outcome.newton.x)[0]
         self._before = Before.of(self.u.copy(), Tractions.of(self.state), law, self._relative)
         self._foundations.settle()
+
+    def gradient(self, of: Any, by: Any) -> Gradient:
+        """Derivatives of a result of the last solve by Constants of the problem, by one adjoint solve; collective.
+
+            problem.gradient(of=u[1] * ds(top), by=[young, friction])
+
+        Args:
+            of: a UFL form of ``u`` without arguments; or of the contact with a number ``"force 0 y"`` and ``"moment
+                0"`` (in space ``"moment 0 z"``) on the body, ``"pressure 0 8"``, see ``LargestPressure``.
+            by: Constants with one value in the forms, the conditions, or the foundations.
+
+        Raises:
+            RuntimeError: there is no solution, or ``advance`` was called before it.
+            FormError: an argument is wrong.
+        """
+        if self._outcome is None or self.status is not Status.CONVERGED:
+            raise RuntimeError("there is no solution to differentiate")
+        if self._start is not None:
+            raise RuntimeError("derivatives are those of one step: after advance() the earlier ones would matter too")
+        quantity, constants = quantity_of(of, self.u, len(self.contact)), checked(by)
+        _, law = self._point_data(self._foundations.shapes())
+        return gradient(
+            Solved(self._elastic, self._task, self._outcome, self._begun, self.state, self.u, law),
+            self._data_now,
+            quantity,
+            constants,
+        )
+
+    def _data_now(self) -> ProblemData:
+        """The problem with the values that Constants have now; collective."""
+        shapes, fixed = self._foundations.shapes(), self._elastic.fixed
+        boundary = self._boundary
+        if any(one.factor is not None or one.direction is not None for one in shapes):
+            boundary = self._foundations.boundary(shapes, fixed)
+        settings, gamma = Settings.of(self.settings), self._scales.gamma
+        data, law = self._foundations.problem(boundary, self._foundations.data(shapes), settings, gamma)
+        values = prescribed(self._space, conditions_of(self.bcs, self._space))[1][: fixed.size]
+        return ProblemData([self._a], assemble(self._L), values, boundary, data.gap, law)
 
     def place(self, number: int, **placement: Any) -> None:
         """Turn and move a foundation that has a shape, for the next solve and those after it.

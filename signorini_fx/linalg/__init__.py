@@ -89,6 +89,9 @@ class ElasticSystem(Protocol):
     def set_case(self, number: int, case: LoadCase) -> None:
         """Replace a load case from the next ``set_load`` on; nothing is factorised again."""
 
+    def with_load(self, load: PETSc.Vec) -> ElasticSystem:
+        """The same matrix with this load of all unknowns of the stiffness alone."""
+
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """All unknowns of the stiffness from x."""
 

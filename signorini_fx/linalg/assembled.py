@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from typing import Self
 
@@ -54,6 +55,12 @@ class AssembledSystem:
     def set_case(self, number: int, case: LoadCase) -> None:
         """Take another right-hand side."""
         self.cases[number] = case
+
+    def with_load(self, load: PETSc.Vec) -> Self:
+        """The same with this load alone."""
+        other = copy(self)
+        other.load = load.copy()
+        return other
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """X itself."""

@@ -7,7 +7,8 @@ interior is recovered at the end with the same factor.  The interior matrix is r
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.contact.map import ContactMap
+from signorini_fx.contact.motions import RigidLoad
 from signorini_fx.linalg.elasticity import Elasticity, LoadCase
 from signorini_fx.linalg.relative import RelativeUnknowns
 from signorini_fx.linalg.schur import SchurComplement
@@ -60,6 +62,10 @@ class DenseSystem:
 
     def set_case(self, number: int, case: LoadCase) -> None:
         """Nothing, likewise."""
+
+    def with_load(self, load: PETSc.Vec) -> DenseSystem:
+        """The same with this load."""
+        return replace(self, load=load.copy())
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """X itself."""
@@ -114,6 +120,14 @@ class CondensedSystem(DenseSystem):
     def set_case(self, number: int, case: LoadCase) -> None:
         """Condense another right-hand side: one back substitution."""
         self.cases[number] = _CondensedCase.of(case, self.schur, self.relative)
+
+    def with_load(self, load: PETSc.Vec) -> CondensedSystem:
+        """The same with this load alone, condensed: one back substitution."""
+        other, case = copy(self), LoadCase(load, load.duplicate(), RigidLoad.of(load, []))
+        other.cases, other.factors, other.load = [], np.ones(1), self.load.duplicate()
+        other.cases.append(_CondensedCase.of(case, self.schur, self.relative))
+        other.load.getArray()[:] = other.cases[0].load
+        return other
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """The interior recovered: x_i = A_ii^-1 (b_i - A_ic x_c)."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from petsc4py import PETSc
 
 from signorini_fx.contact.laws import (
@@ -82,3 +83,8 @@ class RegularisedProblem(Problem):
     def factorised(self, jacobian: PETSc.Mat) -> None:
         """See ``Problem``."""
         self._tangent.factorised[jacobian.handle] = self._tangent.inserted[jacobian.handle]
+
+    def factorised_blocks(self, jacobian: PETSc.Mat) -> Nodal | None:
+        """The blocks D that the last factor of a Jacobian has, and the Jacobian as well; None: there are none."""
+        blocks, inserted = (known.get(jacobian.handle) for known in (self._tangent.factorised, self._tangent.inserted))
+        return blocks if blocks is not None and inserted is not None and np.array_equal(blocks, inserted) else None

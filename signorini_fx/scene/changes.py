@@ -11,8 +11,8 @@ from signorini_fx.errors import SceneError
 
 # Path of an entry, as messages name it -> its value.
 Changes = Mapping[str, Any]
-_PATH = re.compile(r"[A-Za-z_]\w*(\[\d{1,9}\])?(\.[A-Za-z_]\w*(\[\d{1,9}\])?)*")
-_PART = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]")
+PATH = re.compile(r"[A-Za-z_]\w*(\[\d{1,9}\])?(\.[A-Za-z_]\w*(\[\d{1,9}\])?)*")
+PATH_PART = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]")
 
 
 def parsed_change(text: str) -> tuple[str, Any]:
@@ -23,7 +23,7 @@ def parsed_change(text: str) -> tuple[str, Any]:
     """
     path, equals, said = text.partition("=")
     path = path.strip()
-    if not equals or not _PATH.fullmatch(path):
+    if not equals or not PATH.fullmatch(path):
         raise ValueError(f"PATH=VALUE is expected, such as contact[0].friction.coefficient=0.3, got {text!r}")
     try:
         return path, tomllib.loads(f"value = {said}")["value"]
@@ -38,7 +38,7 @@ def changed(data: dict[str, Any], changes: Changes) -> dict[str, Any]:
         SceneError: a path leads through an entry that is no table, or to a place that a list does not have.
     """
     for path, value in changes.items():
-        way: list[str | int] = [int(number) if number else name for name, number in _PART.findall(path)]
+        way: list[str | int] = [int(number) if number else name for name, number in PATH_PART.findall(path)]
         data = _with(data, way, value, "")
     return data
 

@@ -1,0 +1,127 @@
+"""The numbers of a scene that derivatives are taken by: found by their paths, and changed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import BaseModel
+
+from signorini_fx.effects.contact import CoulombFriction, TrescaFriction
+from signorini_fx.errors import SceneError
+from signorini_fx.scene.changes import PATH, PATH_PART
+from signorini_fx.scene.effect import Load, Resistance, is_zero
+from signorini_fx.scene.expressions import Expression
+from signorini_fx.scene.model import Scene
+
+# Change of a datum for a difference of residuals, relative to it, or to the natural unit of one that is zero.
+_STEP = 1e-5
+_EXAMPLE = "such as contact[0].friction.coefficient, material[0].young, or traction[0], a load as a whole"
+
+
+def default_entries(scene: Scene) -> list[str]:
+    """What derivatives are taken by if nothing is named: friction and gap of each contact, the material, each load."""
+    found = []
+    for number, effect in enumerate(scene.contact):
+        if effect.friction.acts and effect.friction.law == "coulomb":
+            found.append(f"contact[{number}].friction.coefficient")
+        elif effect.friction.acts:
+            found.append(f"contact[{number}].friction.bound")
+        found.append(f"contact[{number}].gap")
+    found += [f"material[{number}].{key}" for number in range(len(scene.material)) for key in ("young", "poisson")]
+    loads = [(path, effect) for path, effect in scene.listed() if isinstance(effect, Load) and effect.acts]
+    return found + [path for path, effect in loads if not is_zero(*effect.given.values())]
+
+
+def entry_of(scene: Scene, path: str, extent: float, dimension: int) -> tuple[float, float]:
+    """The number at a path, 1 for a load as a whole and nan for an expression, and the step for a difference.
+
+    Args:
+        scene: the scene.
+        path: of the entry.
+        extent: of the body, length.
+        dimension: of space.
+
+    Raises:
+        SceneError: there is no such entry, or none that a derivative can be taken by.
+    """
+    value, parent = _found(scene, path, dimension)
+    if isinstance(value, Load):
+        return 1.0, 1e-3
+    if isinstance(parent, CoulombFriction | TrescaFriction | Resistance) and value == 0.0:
+        raise SceneError([(path, "is zero, so that nothing acts: give a small number to begin with")])
+    root = path.partition("[")[0].partition(".")[0]
+    if isinstance(value, Expression) or value == 0.0 or (root == "contact" and ".friction" not in path):
+        unit = extent if root in ("contact", "displacement") else scene.young
+        if "rotation" in path or "direction" in path:
+            unit = 1.0
+        if ".friction.coefficient" in path:
+            unit = 1.0
+    else:
+        unit = abs(value)
+    return (float("nan") if isinstance(value, Expression) else float(value)), _STEP * unit
+
+
+def varied(scene: Scene, path: str, change: float, dimension: int) -> Scene:
+    """The scene with a number larger by ``change``; an expression gets it as another term, a load as a part of it."""
+    found = _changed(scene, scene, _way(path), change, dimension)
+    assert isinstance(found, Scene)
+    return found
+
+
+def _way(path: str) -> list[str | int]:
+    if not PATH.fullmatch(path):
+        raise SceneError([(path, f"is no path of an entry, {_EXAMPLE}")])
+    return [int(number) if number else name for name, number in PATH_PART.findall(path)]
+
+
+def _one(value: Any, key: str | int) -> Any:
+    """What a key leads to; a list of one stands for what is in it."""
+    if isinstance(key, str) and isinstance(value, tuple) and len(value) == 1:
+        value = value[0]
+    if isinstance(key, int) and isinstance(value, BaseModel) and key == 0:
+        return value
+    if isinstance(key, int):
+        return value[key] if isinstance(value, tuple | list) and key < len(value) else None
+    if isinstance(value, Mapping):
+        return value.get(key)
+    return getattr(value, key) if isinstance(value, BaseModel) and key in type(value).model_fields else None
+
+
+def _found(scene: Scene, path: str, dimension: int) -> tuple[Any, Any]:
+    """The entry and what it is in."""
+    parent: Any = None
+    value: Any = scene
+    way = _way(path)
+    if way[0] not in scene.effects:
+        raise SceneError([(path, f"is no datum of the problem that a derivative can be taken by, {_EXAMPLE}")])
+    for key in way:
+        parent, value = value, _one(value, key)
+        if value is None and key == "shift" and isinstance(way[-1], int):
+            value = (0.0,) * dimension
+        if value is None:
+            raise SceneError([(path, f"there is no such entry, or it has no value; {_EXAMPLE}")])
+    if isinstance(value, bool) or not isinstance(value, int | float | Expression | Load):
+        raise SceneError([(path, f"is no number; {_EXAMPLE}")])
+    return value, parent
+
+
+def _changed(scene: Scene, value: Any, way: list[str | int], change: float, dimension: int) -> Any:
+    if not way:
+        if isinstance(value, Load):
+            return value.model_copy(update={"factors": tuple((1 + change) * one for one in scene.factors_of(value))})
+        if isinstance(value, Expression):
+            return Expression(f"({value.text}) + ({change!r})", value.time, value.allows_time)
+        return value + change
+    key, *rest = way
+    if isinstance(key, str) and isinstance(value, tuple) and len(value) == 1:
+        return (_changed(scene, value[0], way, change, dimension),)
+    if isinstance(key, int) and isinstance(value, BaseModel):
+        return _changed(scene, value, rest, change, dimension)
+    inner = _one(value, key)
+    if inner is None:
+        inner = (0.0,) * dimension
+    other = _changed(scene, inner, rest, change, dimension)
+    if isinstance(key, int):
+        return (*value[:key], other, *value[key + 1 :])
+    return value.model_copy(update={key: other})

@@ -1,0 +1,157 @@
+"""Scalar results of a solution with their derivatives by the displacement and by the contact tractions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem, la
+
+from signorini_fx import parallel
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.contact.laws import Nodal
+from signorini_fx.mesh.points import cells_of_points
+
+Array = npt.NDArray[np.float64]
+# How far outside of its cell a point may be, in sizes of the cell.
+_OUTSIDE = 1e-6
+
+
+class Quantity(Protocol):
+    """A scalar result J(y, lambda, mu)."""
+
+    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
+        """J; collective."""
+
+    def by_displacement(self, y: fem.Function) -> Array | None:
+        """J_y at the owned dofs; None: it does not depend on the displacement; collective."""
+
+    def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
+        """Derivative by (lambda, mu) at each point over its weight, shape (n, d); collective."""
+
+
+@dataclass(frozen=True)
+class OfDisplacement:
+    """A linear functional of the displacement.
+
+    Attributes:
+        row: its coefficients at the owned dofs.
+    """
+
+    row: Array
+
+    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
+        """See ``Quantity``."""
+        return float(parallel.global_sum(boundary.comm, self.row @ y.x.array[: self.row.size]))
+
+    def by_displacement(self, y: fem.Function) -> Array | None:
+        """See ``Quantity``."""
+        return self.row
+
+    def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
+        """See ``Quantity``."""
+        return np.zeros((pressure.size, 1 + shear.shape[1]))
+
+    @classmethod
+    def at_point(cls, space: fem.FunctionSpace, point: Array, component: int) -> OfDisplacement | None:
+        """A component at a point, shape (d,); None where that is outside of the body; collective."""
+        mesh, dim = space.mesh, space.mesh.geometry.dim
+        x = np.zeros((1, 3))
+        x[0, :dim] = point
+        cells, place, gap = cells_of_points(mesh, x, _OUTSIDE)
+        found = mesh.comm.allgather(float(gap[0]))
+        if np.isinf(min(found)):
+            return None
+        row = fem.Function(space)
+        if int(np.argmin(found)) == mesh.comm.rank:
+            basis = space.element.basix_element.tabulate(0, np.ascontiguousarray(place))[0].reshape(-1)
+            row.x.array[dim * space.dofmap.list[cells[0]] + component] = basis
+        row.x.scatter_reverse(la.InsertMode.add)
+        return cls(row.x.array[: space.dofmap.index_map.size_local * dim].copy())
+
+
+@dataclass(frozen=True)
+class ContactForce:
+    """A component of the force on the body at one contact boundary, or of its moment about the origin.
+
+    Attributes:
+        part: number of the contact.
+        component: axis of the force, or of the moment in space; in the plane a moment has one.
+        moment: whether it is the moment.
+    """
+
+    part: int
+    component: int
+    moment: bool = False
+
+    def _directions(self, boundary: ContactBoundary) -> Array:
+        """Direction of the traction that counts at each point, in space, zero elsewhere, shape (n, d)."""
+        found = np.zeros_like(boundary.normal)
+        here = boundary.part == self.part
+        if not self.moment:
+            found[here, self.component] = 1.0
+            return found
+        arm = boundary.centre[here]
+        if found.shape[1] == 2:
+            found[here] = np.column_stack((-arm[:, 1], arm[:, 0]))
+        else:
+            found[here] = np.cross(np.eye(3)[self.component], arm)
+        return found
+
+    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
+        """See ``Quantity``."""
+        force = -(boundary.nodal_forces(pressure, shear) * self._directions(boundary)).sum()
+        return float(parallel.global_sum(boundary.comm, np.array(force)))
+
+    def by_displacement(self, y: fem.Function) -> Array | None:
+        """See ``Quantity``."""
+        return None
+
+    def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
+        """See ``Quantity``."""
+        return -np.einsum("nij,ni->nj", boundary.frames, self._directions(boundary))
+
+
+@dataclass(frozen=True)
+class LargestPressure:
+    """The largest pressure of one contact boundary, smoothed: (mean of lambda^p)^(1/p), a stress.
+
+    It is below the largest pressure, and tends to it as p grows.
+
+    Attributes:
+        part: number of the contact.
+        power: p.
+    """
+
+    part: int
+    power: float
+
+    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
+        """See ``Quantity``."""
+        return self._norm(boundary, pressure)
+
+    def _norm(self, boundary: ContactBoundary, pressure: Nodal) -> float:
+        here = boundary.part == self.part
+        pushing = np.where(here, np.maximum(pressure, 0.0), 0.0)
+        largest = parallel.global_max(boundary.comm, parallel.local_max(pushing))
+        if largest == 0:
+            return 0.0
+        sums = np.array([boundary.weight @ (pushing / largest) ** self.power, boundary.weight[here].sum()])
+        power, area = parallel.global_sum(boundary.comm, sums)
+        return float(largest * (power / area) ** (1 / self.power))
+
+    def by_displacement(self, y: fem.Function) -> Array | None:
+        """See ``Quantity``."""
+        return None
+
+    def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
+        """See ``Quantity``."""
+        found = np.zeros((pressure.size, 1 + shear.shape[1]))
+        here = boundary.part == self.part
+        value = self._norm(boundary, pressure)
+        if value > 0:
+            area = parallel.global_sum(boundary.comm, boundary.weight[here].sum())
+            found[:, 0] = np.where(here, np.maximum(pressure, 0.0) / value, 0.0) ** (self.power - 1) / area
+        return found

@@ -1,0 +1,155 @@
+"""Derivatives of results of a ``ContactProblem`` by its Constants."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from signorini_fx import parallel
+from signorini_fx.body.assembly import assemble
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.contact.laws import Nodal
+from signorini_fx.derivatives.gradient import Data, Solved, derivatives, explicit
+from signorini_fx.derivatives.quantities import ContactForce, LargestPressure, Quantity
+from signorini_fx.errors import FormError
+from signorini_fx.machine.compilation import compiling
+
+Array = npt.NDArray[np.float64]
+# Change of a Constant for a difference of residuals, relative to it; of one that is zero, in its unit.
+_STEP = 1e-5
+_KNOWN = (
+    "a UFL form of u without arguments, 'force NUMBER AXIS' or 'moment NUMBER [AXIS]' of a contact, or "
+    "'pressure NUMBER [POWER]'"
+)
+
+
+@dataclass(frozen=True)
+class Gradient:
+    """The derivatives of a result by Constants.
+
+    Attributes:
+        value: the result.
+        derivatives: by each Constant, shape (n,).
+        between: contact points that stand between two sets: there the derivatives are those of one side.
+        solves: linear solves that the adjoint problem took.
+    """
+
+    value: float
+    derivatives: Array
+    between: int
+    solves: int
+
+
+@dataclass(frozen=True)
+class OfForm:
+    """A UFL form of the displacement u without arguments, see ``Quantity``.
+
+    Attributes:
+        form: compiled.
+        derivative: by u, compiled.
+        u: the displacement that it is a form of.
+    """
+
+    form: fem.Form
+    derivative: fem.Form
+    u: fem.Function
+
+    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
+        """See ``Quantity``."""
+        kept = self.u.x.array.copy()
+        self.u.x.array[:] = y.x.array
+        try:
+            return float(parallel.global_sum(boundary.comm, np.array(fem.assemble_scalar(self.form))))
+        finally:
+            self.u.x.array[:] = kept
+
+    def by_displacement(self, y: fem.Function) -> Array | None:
+        """See ``Quantity``."""
+        return assemble(self.derivative)
+
+    def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
+        """See ``Quantity``."""
+        return np.zeros((pressure.size, 1 + shear.shape[1]))
+
+
+def quantity_of(given: Any, u: fem.Function, contacts: int) -> Quantity:
+    """A result as ``ContactProblem.gradient`` takes it.
+
+    Raises:
+        FormError: it is none.
+    """
+    dimension = u.function_space.mesh.geometry.dim
+    if isinstance(given, ufl.Form):
+        if given.arguments():
+            raise FormError([("of", "has arguments: a number is expected, a form of u alone")])
+        with compiling():
+            test = ufl.TestFunction(u.function_space)
+            return OfForm(fem.form(given), fem.form(ufl.derivative(given, u, test)), u)
+    try:
+        kind, number, *more = str(given).split()
+        part = int(number)
+        if not 0 <= part < contacts:
+            raise ValueError(number)
+        if kind == "force":
+            (axis,) = more
+            return ContactForce(part, ("x", "y", "z")[:dimension].index(axis))
+        if kind == "moment" and dimension == 2 and not more:
+            return ContactForce(part, 0, moment=True)
+        if kind == "moment":
+            (axis,) = more
+            return ContactForce(part, ("x", "y", "z")[: 3 if dimension == 3 else 0].index(axis), moment=True)
+        if kind == "pressure" and len(more) < 2:
+            power = float(*more) if more else 8.0
+            if 1 < power <= 1000:
+                return LargestPressure(part, power)
+    except ValueError:
+        pass
+    raise FormError([("of", f"{given!r} is no result; there are: {_KNOWN}")])
+
+
+def checked(by: Sequence[Any]) -> list[fem.Constant]:
+    """The Constants.
+
+    Raises:
+        FormError: something is no Constant with one value.
+    """
+    given = [by] if isinstance(by, fem.Constant) else list(by)
+    wrong = [k for k, one in enumerate(given) if not isinstance(one, fem.Constant) or one.value.size != 1]
+    if wrong:
+        raise FormError([(f"by[{k}]", "a Constant with one value is expected, that the problem uses") for k in wrong])
+    return given
+
+
+def gradient(solved: Solved, data: Callable[[], Data], quantity: Quantity, by: Sequence[fem.Constant]) -> Gradient:
+    """The derivatives of one result; collective.
+
+    Args:
+        solved: the solution.
+        data: evaluates the problem with the values that the Constants have.
+        quantity: the result.
+        by: the Constants.
+    """
+    law = solved.linearised
+    (adjoint,) = solved.adjoints_of([quantity], law)
+    found = []
+    for constant in by:
+        kept = constant.value.copy()
+        step = _STEP * (abs(float(kept.ravel()[0])) or 1.0)
+
+        def at(change: float, constant: fem.Constant = constant, kept: Array = kept) -> Any:
+            try:
+                constant.value[...] = kept + change
+                return explicit(solved, data(), [quantity])
+            finally:
+                constant.value[...] = kept
+
+        found += derivatives([adjoint], [quantity], at, step)
+    state = solved.state
+    value = quantity.value(solved.displacement, state.boundary, state.pressure, state.shear)
+    return Gradient(value, np.array(found), law.between, adjoint.solves)
