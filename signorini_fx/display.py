@@ -74,3 +74,14 @@ def friction_in_use(safety: dict[str, Any]) -> list[str]:
     used = safety["friction_used"]
     share = "" if used is None else f": the live loads use {100 * used:.3g} % of it, with the pressures as they are"
     return [f"friction may give way before{share}"]
+
+
+def tool_in_words(tool: dict[str, Any]) -> str:
+    """How a foundation that forces move has moved, and what the body does to it, from a row of a summary."""
+
+    def told(value: Any) -> str:
+        return f"({', '.join(map(told, value))})" if isinstance(value, list) else f"{value:.6g}"
+
+    names = ("displacement", "rotation", "force", "moment", "reference")
+    moved, turned, force, moment, point = (told(tool[name]) for name in names)
+    return f"{tool['boundary']}: moved by {moved}, turned by {turned}, takes {force}, about {point} {moment}"

@@ -2070,7 +2070,7 @@ MUTANTS = (
     ),
     Mutant(
         "results/certificate",
-        "last.traces(so_far)[1]",
+        "last.traces(so_far, before.tools)[1]",
         "0.0",
         "certificate: slip from zero",
         tests=("certificate", "load_steps"),
@@ -2498,6 +2498,20 @@ MUTANTS = (
         tests=("statics::test_a_block_slides_or_tips",),
     ),
     Mutant(
+        "results/tools",
+        "scale * factor * given + taken",
+        "scale * factor * given * 0.0",
+        "certificate: the forces on a tool are not looked at",
+        tests=("tools::test_the_certificate_knows_the_force",),
+    ),
+    Mutant(
+        "body/rigid",
+        "count + moving.number[unknown]",
+        "count + 0 * moving.number[unknown]",
+        "statics: all tools are one body",
+        tests=("tools",),
+    ),
+    Mutant(
         "check/findings",
         "smallest > _FAR * moved",
         "smallest > moved",
@@ -2506,8 +2520,8 @@ MUTANTS = (
     ),
     Mutant(
         "check/findings",
-        "parallel.any_rank(body.comm, any(load.forces.any() or load.start.any() for load in acting))",
-        "any(load.forces.any() or load.start.any() for load in acting)",
+        "parallel.any_rank(body.comm, any(load.forces.any() or load.start.any() or load.drives for load in acting))",
+        "any(load.forces.any() or load.start.any() or load.drives for load in acting)",
         "nothing acts where this rank says so",
         ranks=3,
         tests=("traps::test_findings_are_the_same_on_every_rank",),

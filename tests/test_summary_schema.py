@@ -63,6 +63,20 @@ def live(scene):
     return scene.model_copy(update={"body_force": scene.body_force.model_copy(update={"live": True})})
 
 
+def tool(dimension=2):
+    """A block under a plate that a force presses."""
+    down = [0.0] * (dimension - 1) + [-1.0]
+    shape = {"shape": "plane", "point": [0.0] * (dimension - 1) + [1.0], "normal": down, "pivot": [0.4] * dimension}
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle" if dimension == 2 else "box", "parameters": {"nx": 3, "ny": 2}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "bottom", **dict.fromkeys("xyz"[:dimension], 0.0)},
+            "contact": {"boundary": "top", "foundation": {**shape, "force": down}, "friction": COULOMB},
+        }
+    )
+
+
 COULOMB = {"law": "coulomb", "coefficient": 0.3}
 SCENES = {
     "plane": lambda: example1(bound=1.5, nx=12, ny=4),
@@ -74,6 +88,8 @@ SCENES = {
     "exact": lambda: example1(coefficient=0.3, nx=12, ny=4, gamma="auto", algorithm="exact"),
     "free to tip": lambda: live(standing(0.1, COULOMB)),
     "linear": linear,
+    "tool": tool,
+    "tool in space": lambda: tool(3),
     "slides": lambda: standing(0.5, COULOMB),
     "opens": lambda: standing(0.0, COULOMB, press=-1.0),
     "stopped": lambda: example1(coefficient=0.3, nx=12, ny=4, max_iterations=1, fallbacks=False),
@@ -105,6 +121,7 @@ def test_every_key_is_used(written):
     inner = {
         "contact_boundaries": written["plane"]["contact_boundaries"][0],
         "resultants": written["plane"]["resultants"][0],
+        "tools": written["tool"]["tools"][0],
         "pieces": written["plane"]["pieces"][0],
         "price_list": written["levels"]["price_list"][0],
         "findings": written["slides"]["findings"][0],

@@ -26,13 +26,34 @@ from signorini_fx.body.assembly import assemble, facet_nodes, measure
 from signorini_fx.body.averages import Averages, AveragingForms, averaged_points
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.contact.laws import Nodal
-from signorini_fx.contact.points import ContactPoints, SharedNodes
+from signorini_fx.contact.points import ContactPoints, SharedNodes, onto_range
 from signorini_fx.errors import SceneError
 
 # A direction has a component along an axis if it is larger than this.
 _ALONG = 1e-8
 # A direction that differs from an axis by less is along it.
 _ALONG_AXIS = 1e-12
+
+
+@dataclass(frozen=True)
+class MovingFoundation:
+    """The motion of rigid foundations at n contact points, where it is an unknown, see ``rigid_tools``.
+
+    Attributes:
+        modes: displacement of the foundation of each point for each of the k unknowns, shape (n, d, k).
+        fixed: which unknowns are prescribed, shape (k,).
+        number: of the foundation of each unknown, from 0, shape (k,).
+        parts: positions of the effects of these foundations in ``scene.contact``, shape (t,).
+        centre: their reference points, length, shape (t, d).
+        length: at which a rotation moves by one.
+    """
+
+    modes: Nodal
+    fixed: npt.NDArray[np.bool_]
+    number: npt.NDArray[np.int64]
+    parts: npt.NDArray[np.int64]
+    centre: Nodal
+    length: float
 
 
 @dataclass(frozen=True)
@@ -53,6 +74,7 @@ class ContactBoundary:
         averages: how each point averages the displacement around it; None: it takes that of its node.
         axes: the frame of each point that ``free`` is told in, one direction per column, shape (n, d, d); None: the
             axes of space.
+        moving: foundations whose motion is an unknown; None: there are none.
     """
 
     comm: MPI.Comm
@@ -66,6 +88,7 @@ class ContactBoundary:
     global_nodes: npt.NDArray[np.int64]
     averages: Averages | None = None
     axes: Nodal | None = None
+    moving: MovingFoundation | None = None
 
     @property
     def size(self) -> int:
@@ -127,6 +150,10 @@ class ContactBoundary:
         """The same without coordinates, for the core."""
         frames = self.frames_in_axes
         movable = np.einsum("nki,nk,nkj->nij", frames, self.free.astype(np.float64), frames)
+        if self.moving is not None:
+            moves = np.einsum("nij,nik->njk", self.frames, self.moving.modes[:, :, ~self.moving.fixed])
+            here = moves.any(axis=(1, 2))
+            movable[here] = onto_range(movable[here] + np.einsum("nik,njk->nij", moves[here], moves[here]))
         return ContactPoints(self.comm, self.weight, movable, self.x, self._shared)
 
     def aligned(self) -> tuple[npt.NDArray[np.int32], Nodal] | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import scipy.sparse as sp
 from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.contact_boundary import ContactBoundary, MovingFoundation
 from signorini_fx.contact.map import ContactMap
 
 # Below it a component of a unit vector is round-off.
@@ -33,7 +34,7 @@ def contact_map(
         rotation: Q, where displacements are y = Q x; None: they are x.
         dimension: of space.
     """
-    (columns, _), _ = matrix.getSizes()
+    (columns, _), _ = (matrix if rotation is None else rotation).getSizes()
     if boundary is None:
         return ContactMap.without_contact(matrix, fixed, dimension)
     count, dim = boundary.size, dimension
@@ -59,7 +60,20 @@ def contact_map(
     # What a tangent or a normal has of a component across it is round-off, and gamma makes a shear of it: it is zero.
     found = found.after(rotation, fixed)
     found.operator.chop(_ROUND_OFF)
-    return found
+    return found if boundary.moving is None else _relative_to_foundations(found, boundary, boundary.moving)
+
+
+def _relative_to_foundations(contact: ContactMap, boundary: ContactBoundary, moving: MovingFoundation) -> ContactMap:
+    """[I, -R]: the map with the motion of foundations, whose k unknowns are the last ones of the system; collective."""
+    (rows, _), (columns, every) = contact.operator.getSizes()
+    (_, last), entries = moving.modes.shape[1:], -np.einsum("nij,nik->njk", boundary.frames, moving.modes)
+    csr = sp.csr_array(entries.reshape(rows, last))
+    indices = (every - last + csr.indices).astype(PETSc.IntType)
+    more = PETSc.Mat().createAIJ(
+        ((rows, None), (columns, None)), csr=(csr.indptr.astype(PETSc.IntType), indices, csr.data), comm=boundary.comm
+    )
+    more.axpy(1.0, contact.operator, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    return replace(contact, operator=more)
 
 
 def _lift(boundary: ContactBoundary, operator: PETSc.Mat) -> PETSc.Mat | None:

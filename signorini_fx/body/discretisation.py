@@ -26,8 +26,10 @@ from signorini_fx.body.loads import (
     compile_resistance,
     load_groups,
     of_materials,
+    tool_load,
 )
 from signorini_fx.body.pieces import find_pieces
+from signorini_fx.body.rigid_tools import RigidTools
 from signorini_fx.body.supports import check_overlap, dirichlet_conditions, prescribed, skew_supports, turned_nodes
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
@@ -66,6 +68,7 @@ class Discretisation(ElasticBody):
         resisting: name of the form ``resists``; empty without.
         coefficients: of the forms of loads and resistances.
         pairs: both sides of each contact of two bodies, by its place in ``scene.contact``.
+        tools: the foundations whose motion is an unknown; None: there are none.
     """
 
     scene: Scene
@@ -79,6 +82,7 @@ class Discretisation(ElasticBody):
     resisting: str
     coefficients: FormCoefficients
     pairs: Mapping[int, PairedSides]
+    tools: RigidTools | None = None
 
     @property
     def scales(self) -> Scales:
@@ -97,7 +101,7 @@ class Discretisation(ElasticBody):
     @cached_property
     def cases(self) -> tuple[LoadCase, ...]:
         """The right-hand sides of the applied loads, in their order; those of the first load step; collective."""
-        return tuple(self.case(load.forces, load.prescribed) for load in self.applied)
+        return tuple(self.case(load.forces, load.prescribed, load.driven) for load in self.applied)
 
     def placed(self, place: float) -> Discretisation:
         """The same with foundations that move with the time where they are at a place; itself if none does;
@@ -143,7 +147,7 @@ class Discretisation(ElasticBody):
         for number, load in enumerate(self.applied):
             if load.again is not None:
                 now = load.at(place)
-                system.set_case(number, self.case(now.forces, now.prescribed))
+                system.set_case(number, self.case(now.forces, now.prescribed, now.driven))
         return self.factors(place)
 
 
@@ -217,6 +221,10 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
     with timings.phase("assemble"):
         shapes = foundations.shapes()
         boundary = foundations.boundary(shapes, fixed, turned) if on else None
+        tools = RigidTools.of(scene.contact, tagged.dimension, tagged.size)
+        if boundary is not None and tools is not None:
+            boundary = tools.on(boundary)
+            applied += [tool_load(tools, number, scene, space) for number in range(tools.parts.size)]
     together(
         partial(check_finite, tagged.mesh.comm, applied),
         partial(check_resistances, scene, tagged),
@@ -253,6 +261,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         resisting=resisting,
         coefficients=on_mesh,
         pairs=foundations.pairs,
+        tools=tools,
     )
 
 

@@ -26,12 +26,14 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.body.pieces import Pieces
 from signorini_fx.body.rigid import RigidMotions, along_axis, nearest_motion, rigid_motions, without_energy
+from signorini_fx.body.rigid_tools import Driven, with_more_unknowns, without_more
 from signorini_fx.body.turned_supports import TurnedNodes, block_rotation
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.contact.resting_place import Rest
-from signorini_fx.linalg.choice import SystemSize, choose_system
+from signorini_fx.errors import SceneError
+from signorini_fx.linalg.choice import SystemSize, choose_kind, choose_system
 from signorini_fx.linalg.elasticity import Elasticity, LoadCase
 from signorini_fx.method import Settings
 from signorini_fx.records import Inventory
@@ -102,7 +104,7 @@ class ElasticBody:
         """The motions without strain that supports, and what else resists them, leave free; bodies that can touch each
         other are one assembly.
         """
-        return self._free if self.boundary is None else self._free.joined(self.boundary)
+        return self._free if self.boundary is None else self._free.joined(self.boundary).with_foundations(self.boundary)
 
     @cached_property
     def _free(self) -> RigidMotions:
@@ -130,7 +132,9 @@ class ElasticBody:
             retained = self.dimension * int(parallel.global_sum(self.comm, reached))
             everywhere: Any = self.boundary.points.everywhere
             held = self.at_contact.held_by(everywhere, everywhere)
-        return SystemSize(self.comm, self.dofs, self.dimension, retained, held, self.compressible)
+        moving = self.boundary is not None and self.boundary.moving is not None  # which multigrid does not know yet
+        compressible = self.compressible and not moving
+        return SystemSize(self.comm, self.dofs, self.dimension, retained, held, compressible)
 
     @cached_property
     def _assembled(self) -> tuple[PETSc.Mat, PETSc.Mat | None]:
@@ -142,20 +146,30 @@ class ElasticBody:
         if aligned and boundary is not None and (found := boundary.aligned()) is not None:
             frames.append(found)
         stiffness = _sum_of(self.forms, [] if frames else self.bcs)
-        rotation = None
+        rotation, fixed = None, self.prescribed
         if frames:
             rotation = block_rotation(stiffness, frames)
             stiffness = stiffness.ptap(rotation)
             stiffness.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
             first = stiffness.getOwnershipRange()[0]
             stiffness.zeroRowsColumns((first + np.flatnonzero(self.fixed)).astype(PETSc.IntType), diag=0.0)
+        if boundary is not None and boundary.moving is not None:
+            more = fixed.size - self.fixed.size
+            stiffness, rotation = with_more_unknowns(stiffness, more), without_more(rotation, stiffness, more)
         diagonal = stiffness.getDiagonal()
         values = diagonal.getArray()
         # In any unit it is neither small nor large beside the other entries.
-        values[self.fixed] = parallel.global_max(self.comm, parallel.local_max(values)) or 1.0
+        values[fixed] = parallel.global_max(self.comm, parallel.local_max(values)) or 1.0
         stiffness.setDiagonal(diagonal)
         stiffness.setOption(PETSc.Mat.Option.SPD, True)
         return stiffness, rotation
+
+    @property
+    def prescribed(self) -> npt.NDArray[np.bool_]:
+        """Which unknowns of the stiffness this rank has prescribed: ``fixed``, and on the last one those of tools."""
+        if self.boundary is None or self.boundary.moving is None or self.comm.rank < self.comm.size - 1:
+            return self.fixed
+        return np.concatenate((self.fixed, self.boundary.moving.fixed))
 
     @property
     def stiffness(self) -> PETSc.Mat:
@@ -169,13 +183,15 @@ class ElasticBody:
 
     @property
     def rotation(self) -> PETSc.Mat | None:
-        """Q from the unknowns of the stiffness to displacements; None: they are the same."""
+        """Q from the unknowns of the stiffness to displacements, with more columns than rows where there are tools;
+        None: they are the same.
+        """
         return self._assembled[1]
 
     @cached_property
     def contact(self) -> ContactMap:
         """B from the unknowns of the stiffness."""
-        return contact_map(self.boundary, self.fixed, self.stiffness, self.rotation, self.dimension)
+        return contact_map(self.boundary, self.prescribed, self.stiffness, self.rotation, self.dimension)
 
     def level(self, coarser: MeshLevel | None = None, solved: fem.Function | None = None) -> MeshLevel:
         """Its mesh over coarser ones, of which those are left out that are hardly coarser, or far too coarse."""
@@ -190,14 +206,15 @@ class ElasticBody:
     def elasticity(self, cases: Sequence[LoadCase], coarser: MeshLevel | None = None) -> Elasticity:
         """What linear algebra needs to know of the body; ``coarser``: coarser meshes for multigrid."""
         free = self.motions.free.shape[1]
-        return Elasticity(self.stiffness, self.fixed, cases, self.contact, free, self.level(coarser))
+        return Elasticity(self.stiffness, self.prescribed, cases, self.contact, free, self.level(coarser))
 
-    def case(self, forces: Array, prescribed: fem.Function) -> LoadCase:
+    def case(self, forces: Array, prescribed: fem.Function, driven: Driven | None = None) -> LoadCase:
         """The right-hand side of loads and prescribed displacements, which are lifted; collective.
 
         Args:
             forces: L at the owned dofs, shape (owned dofs,).
             prescribed: zero, with the prescribed displacements put in.
+            driven: what drives tools; None: nothing.
         """
         comm, dim = self.comm, self.dimension
         given, moved = prescribed.x.array[: forces.size], prescribed.x.array.reshape(-1, dim).any(axis=1)
@@ -208,11 +225,15 @@ class ElasticBody:
                 self.motions, self.fixed.reshape(-1, dim), given.reshape(-1, dim), self.turned, comm
             )
             free = self.vector(nearest).getArray(readonly=True)
-            start.getArray()[~self.fixed] = free[~self.fixed]
-        load = self.vector(lifted)
+            start.getArray()[~self.prescribed] = free[~self.prescribed]
+        load, fixed = self.vector(lifted), self.prescribed
+        if driven is not None:
+            start.getArray()[self.fixed.size :] = driven.motion[: fixed.size - self.fixed.size]
+            load.getArray()[self.fixed.size :] = driven.forces[: fixed.size - self.fixed.size]
         diagonal = self.stiffness.getDiagonal().getArray(readonly=True)
-        load.getArray()[self.fixed] = (diagonal * start.getArray(readonly=True))[self.fixed]
-        return LoadCase(load, start, self.motions.load_of(forces, comm))
+        load.getArray()[fixed] = (diagonal * start.getArray(readonly=True))[fixed]
+        resultant = self.motions.load_of(forces, comm, None if driven is None else driven.forces)
+        return LoadCase(load, start, resultant)
 
     def task(
         self,
@@ -238,6 +259,10 @@ class ElasticBody:
             others: natural_gamma, has_coulomb and history, see ``Task``.
         """
         assert self.at_contact is not None
+        moving = self.boundary is not None and self.boundary.moving is not None
+        if moving and choose_kind(self.system_size, self.settings.linear_algebra)[0] == "krylov":
+            wrong = "a Krylov method is not possible yet where a force moves a foundation, and a factorisation is not"
+            raise SceneError([("solver.linear_algebra", f"{wrong} possible here: use fewer unknowns or ranks")])
         system, reason = choose_system(self.elasticity(cases, coarser), self.system_size, self.settings.linear_algebra)
         system.set_load(factors)
         share = self.settings.regularisation_error
@@ -273,13 +298,24 @@ class ElasticBody:
     def function(self, x: PETSc.Vec, name: str = "displacement") -> fem.Function:
         """The finite element function with the unknowns ``x``."""
         if self.rotation is not None:
-            y = x.duplicate()
+            y = self.rotation.createVecLeft()
             self.rotation.mult(x, y)
             x = y
         function = fem.Function(self.space, name=name)
         function.x.array[: x.getLocalSize()] = x.getArray(readonly=True)
         function.x.scatter_forward()
         return function
+
+    def driven(self, x: PETSc.Vec, rest: Rest | None) -> Array:
+        """The unknowns of tools in a displacement that is counted from the resting place, shape (k,); collective."""
+        assert self.boundary is not None
+        count = 0 if self.boundary.moving is None else self.boundary.moving.fixed.size
+        own = np.array(x.getArray(readonly=True)[self.fixed.size :])
+        found: Array = self.comm.bcast(own, root=self.comm.size - 1)
+        if rest is not None and count:
+            assert self.motions.foundations is not None
+            found = found + self.motions.foundations @ rest.motion
+        return found
 
     def energy_norm(self, x: PETSc.Vec) -> float:
         """Sqrt(a(y, y)) of a displacement, with what is prescribed; collective."""
@@ -294,10 +330,10 @@ class ElasticBody:
 
     def vector(self, values: Array) -> PETSc.Vec:
         """A new vector Q^T y of displacements or forces at the nodes of this rank, the owned ones first."""
-        x = vector_like(self.stiffness, values)
         if self.rotation is None:
-            return x
-        result = x.duplicate()
+            return vector_like(self.stiffness, values)
+        result, x = self.rotation.createVecs()
+        x.getArray()[:] = values.ravel()[: x.getLocalSize()]
         self.rotation.multTranspose(x, result)
         return result
 

@@ -122,6 +122,17 @@ class Foundations:
             raise FormError(problems)
         return found
 
+    def refuse_driven(self) -> None:
+        """Refuse shapes that forces move, which only scenes know.
+
+        Raises:
+            FormError: there is one.
+        """
+        driven = [k for k, one in self._distances.items() if getattr(one.shape, "driven", False)]
+        if driven:
+            what = "a foundation that force, moment or prescribed moves is possible in scenes alone"
+            raise FormError([(f"contact[{k}].shape", what) for k in driven])
+
     def place(self, number: int, placement: Mapping[str, Any]) -> None:
         """Turn and move the shape of a foundation from where it is initially.
 

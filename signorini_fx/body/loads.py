@@ -17,6 +17,7 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble, facet_vertices, measure
+from signorini_fx.body.rigid_tools import Driven, RigidTools
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import SceneError
@@ -45,6 +46,7 @@ class AppliedLoad:
         grows: whether its factors multiply it in a ramp from nothing.
         again: from a place in the lists of factors to the same at the time of that place, collective; None: it does not
             depend on the time.
+        driven: what drives tools; None: nothing.
     """
 
     factors: tuple[float, ...]
@@ -54,6 +56,7 @@ class AppliedLoad:
     prescribed: fem.Function
     grows: bool = True
     again: Callable[[float], AppliedLoad] | None = None
+    driven: Driven | None = None
 
     def factor(self, place: float) -> float:
         """Its factor at a place in the lists of factors."""
@@ -62,6 +65,11 @@ class AppliedLoad:
     def at(self, place: float) -> AppliedLoad:
         """The same at the time of a place; itself if it does not depend on it; collective."""
         return self if self.again is None else self.again(place)
+
+    @property
+    def drives(self) -> bool:
+        """Whether it drives tools."""
+        return self.driven is not None and bool(self.driven.forces.any() or self.driven.motion.any())
 
     @property
     def start(self) -> npt.NDArray[np.float64]:
@@ -280,6 +288,21 @@ def _assembled(
     # No function that refers to itself: such a cycle keeps the mesh until the garbage collector comes.
     again = partial(_assembled, group, loads, on, supports, name, form) if timed else None
     return AppliedLoad(factors, name, form, forces, prescribed, grows, again)
+
+
+def tool_load(tools: RigidTools, number: int, scene: Scene, space: fem.FunctionSpace, place: float = 0) -> AppliedLoad:
+    """What drives one of the tools, at the time of a place in the lists of factors; collective."""
+    timed = tools.shapes[number].driven_in_time
+    return AppliedLoad(
+        (1.0,) * scene.steps,
+        "",
+        None,
+        np.zeros(space.dofmap.index_map.size_local * space.dofmap.index_map_bs),
+        fem.Function(space),
+        not timed,
+        partial(tool_load, tools, number, scene, space) if timed else None,
+        tools.driven(number, scene.time_at(place)),
+    )
 
 
 def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[str, fem.Form | None]:

@@ -17,16 +17,22 @@ _FAR_AXIS = 30.0
 
 
 def names_of(moved: _Rows, motions: RigidMotions, members: npt.NDArray[np.int64]) -> str:
-    """Names of motions of an assembly, combinations as in ``RigidMotions.free``, one per column."""
+    """Names of motions of an assembly, combinations as in ``RigidMotions.of_all``, one per column."""
     found = []
     moved = moved / np.abs(moved).max()  # the size of a motion means nothing
-    for piece in members:
-        own = moved[motions.each * piece : motions.each * (piece + 1)]
-        vectors, values, _ = np.linalg.svd(own, full_matrices=False)
-        own = own if members.size == 1 else vectors[:, values > _SLIGHT]
+    rows, tools, pieces = moved.reshape(-1, motions.each, moved.shape[1]), motions.moving, motions.pieces
+    things = [
+        (motions.pieces.describe(int(one)), rows[one], motions.centre[one], motions.length[one]) for one in members
+    ]
+    if tools is not None:
+        of = [f"the foundation of contact[{part}]" for part in tools.parts]
+        things += [(*row, tools.length) for row in zip(of, rows[pieces.count :], tools.centre, strict=True)]
+    for name, given, centre, length in things:
+        vectors, values, _ = np.linalg.svd(given, full_matrices=False)
+        own = given if len(things) == 1 else vectors[:, values > _SLIGHT]
         if own.shape[1]:
-            names = names_of_piece(own, motions.centre[piece], float(motions.length[piece]))
-            found.append(names if members.size == 1 else f"{motions.pieces.describe(int(piece))} in {names}")
+            names = names_of_piece(own, centre, float(length))
+            found.append(names if len(things) == 1 else f"{name} in {names}")
     more = f", and {len(found) - MOST_LISTED} more pieces" if len(found) > MOST_LISTED else ""
     return ", ".join(found[:MOST_LISTED]) + more
 

@@ -21,7 +21,7 @@ from scipy.sparse.csgraph import connected_components
 
 from signorini_fx import parallel
 from signorini_fx.body.averages import from_owners
-from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.contact_boundary import ContactBoundary, MovingFoundation
 from signorini_fx.body.kinematics import KINEMATICS
 from signorini_fx.body.pieces import Pieces
 from signorini_fx.body.turned_supports import TurnedNodes
@@ -49,6 +49,9 @@ class RigidMotions:
         free: combinations of the motions of each piece (see ``rigid_modes``), one per column, shape (m p, k); a column
             moves the pieces of one assembly only.
         assembly: number of the assembly that each column moves, shape (k,).
+        foundations: what each motion is of the unknowns of moving foundations, lengths, shape (unknowns, k); None:
+            there are none.
+        moving: these foundations; None: there are none.
     """
 
     pieces: Pieces
@@ -59,6 +62,13 @@ class RigidMotions:
     length: _Floats
     free: _Floats
     assembly: npt.NDArray[np.int64]
+    foundations: _Floats | None = None
+    moving: MovingFoundation | None = None
+
+    @property
+    def of_all(self) -> _Floats:
+        """``free``, and below it ``foundations``."""
+        return self.free if self.foundations is None else np.vstack((self.free, self.foundations))
 
     @property
     def each(self) -> int:
@@ -81,6 +91,8 @@ class RigidMotions:
             dim, count = self.x.shape[1], self.free.shape[1]
             flat = at_nodes.reshape(dim * nodes.size, count)
             moved = (boundary.averages.operator @ flat).reshape(boundary.size, dim, count)
+        if boundary.moving is not None and self.foundations is not None:
+            moved = moved - boundary.moving.modes @ self.foundations
         relative = boundary.points.movable @ np.einsum("nij,nik->njk", boundary.frames, moved)
         return FreeMotions(boundary.points, relative, self.assembly, self.pieces.assembly[piece])
 
@@ -90,12 +102,33 @@ class RigidMotions:
             return self
         shares, of = boundary.averages.shares.tocoo(), self.pieces.assembly
         links = of[self.piece[boundary.nodes[shares.row]]], of[self._pieces_at(boundary)[shares.col]]
-        links = tuple(parallel.gather_rows(boundary.comm, np.unique(np.column_stack(links), axis=0)).T)
-        count = int(of.max()) + 1
-        graph = coo_array((np.ones(len(links[0])), links), shape=(count, count))
-        number = connected_components(graph, directed=False)[1].astype(np.int64)
+        number = _joined(np.column_stack(links), int(of.max()) + 1, boundary.comm)
         pieces = replace(self.pieces, assembly=number[self.pieces.assembly])
         return replace(self, pieces=pieces, assembly=number[self.assembly])
+
+    def with_foundations(self, boundary: ContactBoundary) -> RigidMotions:
+        """The same with the free motions of foundations, each in one assembly with the pieces that it may touch;
+        collective.
+        """
+        moving, of = boundary.moving, self.pieces.assembly
+        if moving is None:
+            return self
+        touched, count = moving.modes.any(axis=1), int(of.max()) + 1
+        point, unknown = np.nonzero(touched)
+        links = np.column_stack((of[self.piece[boundary.nodes[point]]], count + moving.number[unknown]))
+        number = _joined(links, count + int(moving.number.max()) + 1, boundary.comm)
+        own, free = (
+            np.eye(moving.fixed.size)[:, ~moving.fixed],
+            np.zeros((len(self.free), np.count_nonzero(~moving.fixed))),
+        )
+        return replace(
+            self,
+            pieces=replace(self.pieces, assembly=number[of]),
+            free=np.hstack((self.free, free)),
+            assembly=np.concatenate((number[self.assembly], number[count + moving.number[~moving.fixed]])),
+            foundations=np.hstack((np.zeros((len(own), self.free.shape[1])), own)),
+            moving=moving,
+        )
 
     def _pieces_at(self, boundary: ContactBoundary) -> npt.NDArray[np.int64]:
         """The pieces that the nodes of averages are in, shape (m,); collective."""
@@ -113,8 +146,9 @@ class RigidMotions:
         moved: _Floats = np.einsum("ijk,ik->ij", self._modes(nodes), own)
         return moved
 
-    def load_of(self, forces: _Floats, comm: MPI.Comm) -> RigidLoad:
-        """The work of forces at the owned dofs, shape (owned dofs,), on the free motions; collective.
+    def load_of(self, forces: _Floats, comm: MPI.Comm, driving: _Floats | None = None) -> RigidLoad:
+        """The work of forces at the owned dofs, shape (owned dofs,), on the free motions, and of forces that drive
+        foundations, by their unknowns; collective.
 
         Forces on prescribed displacements do none.
         """
@@ -126,12 +160,24 @@ class RigidMotions:
         sizes = np.linalg.norm(forces[acting], axis=1, keepdims=True)
         total = parallel.sums_by(comm, self.piece[acting], np.hstack((work, sizes)), self.pieces.count)
         of_assembly = np.bincount(self.pieces.assembly, total[:, -1]).astype(np.float64)
-        return RigidLoad(self.free.T @ total[:, :-1].ravel(), of_assembly[self.assembly], self.assembly)
+        work, size = self.free.T @ total[:, :-1].ravel(), of_assembly[self.assembly]
+        if driving is not None and self.foundations is not None:
+            driven = self.foundations * driving[:, None]
+            work = work + driven.sum(axis=0)
+            size = size + np.bincount(self.assembly, np.abs(driven).sum(axis=0))[self.assembly]
+        return RigidLoad(work, size, self.assembly)
 
     def _modes(self, nodes: npt.NDArray[np.signedinteger[Any]] | slice) -> _Floats:
         """The motions of their pieces at nodes of this rank, shape (n, d, m)."""
         piece = self.piece[nodes]
         return rigid_modes(self.x[nodes], self.centre[piece], self.length[piece])
+
+
+def _joined(links: npt.NDArray[np.int64], count: int, comm: MPI.Comm) -> npt.NDArray[np.int64]:
+    """The number of the component that each of so many things is in, linked in pairs of all ranks; collective."""
+    pairs = tuple(parallel.gather_rows(comm, np.unique(links, axis=0)).T)
+    graph = coo_array((np.ones(len(pairs[0])), pairs), shape=(count, count))
+    return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
 def rigid_modes(x: _Floats, centre: _Floats, length: _Floats) -> _Floats:

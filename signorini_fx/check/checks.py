@@ -142,7 +142,7 @@ def _effects(d: Discretisation) -> list[Effect]:
     scene = d.scene
     found = [_elasticity(d), *_materials(scene), _reduced(d), *_displacements(d)]
 
-    names = dict(zip(load_groups(scene), (load.name for load in d.applied), strict=True))
+    names = dict(zip(load_groups(scene), (load.name for load in d.applied), strict=False))
 
     def form_of(effect: Any) -> tuple[str, ...]:
         return (names[group_of(scene, effect)] if isinstance(effect, Load) else d.resisting,)

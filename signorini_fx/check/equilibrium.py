@@ -65,7 +65,7 @@ def _equilibrium_of(
         without_load: whether its foundation holds it without a load.
     """
     motions, scene = body.motions, body.scene
-    free = motions.free[:, columns]
+    free = motions.of_all[:, columns]
     several = motions.pieces.count > 1
     members = np.flatnonzero(motions.pieces.assembly == number)
     it = "the body"
@@ -135,5 +135,9 @@ def _runs(steps: list[int]) -> str:
 
 def load_on(body: Discretisation, step: int) -> _Rows:
     """The work of the loads of a load step on the free motions, shape (k,); collective."""
-    loads = [(factor, body.motions.load_of(load.forces, body.comm)) for factor, load in body.applied_at(step)]
+    motions = body.motions
+    loads = [
+        (factor, motions.load_of(load.forces, body.comm, None if load.driven is None else load.driven.forces))
+        for factor, load in body.applied_at(step)
+    ]
     return total_work(loads, body.motions.free.shape[1])

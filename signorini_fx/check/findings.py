@@ -311,7 +311,7 @@ def _acts(body: Discretisation) -> bool:
     """Whether there is a load or a prescribed displacement in any load step; collective."""
     steps = range(body.scene.steps)
     acting = [load for step in steps for factor, load in body.applied_at(step) if factor]
-    return parallel.any_rank(body.comm, any(load.forces.any() or load.start.any() for load in acting))
+    return parallel.any_rank(body.comm, any(load.forces.any() or load.start.any() or load.drives for load in acting))
 
 
 def _displacement_scale(body: Discretisation, step: int) -> float:

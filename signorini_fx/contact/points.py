@@ -83,7 +83,7 @@ class ContactPoints:
 
         A shear along them does nothing to the body, so only the friction law says what it is.
         """
-        return np.eye(self.dimension - 1) - _onto_range(self.movable[:, 1:, 1:])
+        return np.eye(self.dimension - 1) - onto_range(self.movable[:, 1:, 1:])
 
     def dragged(self, slip: Nodal, motion: Nodal) -> npt.NDArray[np.bool_]:
         """Points that supports move along their tangents, whatever the friction there, shape (n,).
@@ -117,7 +117,7 @@ class ContactPoints:
         here, beside, size = self.shared.here[use], self.shared.beside[use], size[use]
         aligned, across = self.shared.normal[use, 0], across[use] / size[:, None]
         np.add.at(found, here, across[:, :, None] * across[:, None, :])
-        found = _onto_range(found)
+        found = onto_range(found)
         moved[here] = across * ((entered[beside] - aligned * entered[here]) / size)[:, None]
         slips = np.trace(found, axis1=1, axis2=2) < self.dimension - 1.5
         return np.where(slips[:, None, None], found, self.still), np.where(slips[:, None], moved, 0.0)
@@ -152,7 +152,7 @@ class ContactPoints:
         return np.asarray(np.einsum("nij,nj->ni", self.movable[:, :, 1:], values))
 
 
-def _onto_range(matrices: Nodal) -> Nodal:
+def onto_range(matrices: Nodal) -> Nodal:
     """Orthogonal projectors onto the ranges of symmetric matrices of order one, shape (n, k, k)."""
     values, vectors = np.linalg.eigh(matrices)
     return np.asarray(np.einsum("nik,nk,njk->nij", vectors, np.where(values > _ALONG, 1.0, 0.0), vectors))

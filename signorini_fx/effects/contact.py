@@ -111,6 +111,8 @@ class Contact(Effect):
             ):
                 if wrong:
                     yield key, f"{reason} is not possible yet where a foundation moves"
+        if self.tool is not None:
+            yield from _not_with_tools(scene, place)
         if self.against is None:
             if self.distance == "nominal":
                 yield ("contact", place, "distance"), "is for contact against another boundary"
@@ -135,6 +137,11 @@ class Contact(Effect):
     def gap_in(self, dimension: int) -> Any:
         """The gap in space of a dimension: a number, an expression or a callable of the position, length."""
         return self.gap if self.foundation is None else Distance(self.foundation, self.gap, dimension)
+
+    @property
+    def tool(self) -> Any:
+        """Its foundation, if the motion of that is an unknown, see ``scene.rigid_motion``; else None."""
+        return self.foundation if getattr(self.foundation, "driven", False) else None
 
     @property
     def timed(self) -> bool:
@@ -221,6 +228,23 @@ class BilateralContact(Contact):
     """
 
     kind: Literal["bilateral"]
+
+
+def _not_with_tools(scene: Any, place: int) -> Contradictions:
+    """Why a foundation whose motion is an unknown does not go together with other entries."""
+    solver, tool = scene.solver, "where a force moves a foundation"
+    for wrong, key, reason in (
+        (solver.levels > 1, ("solver", "levels"), "a sequence of meshes is not possible yet"),
+        (scene.accuracy is not None, ("accuracy",), "a requested accuracy is not possible yet"),
+        (solver.algorithm == "exact", ("solver", "algorithm"), "exact needs one unknown for each constraint"),
+        (solver.linear_algebra == "krylov", ("solver", "linear_algebra"), "krylov is not possible yet"),
+        (scene.axisymmetric, ("material", 0, "hypothesis"), "axisymmetric is not possible yet"),
+    ):
+        if wrong:
+            yield key, f"{reason} {tool}"
+    if any(one.timed for one in scene.contact):
+        here = ("contact", place, "foundation")
+        yield here, "shift or rotation with t, here or elsewhere, and force, moment or prescribed: choose one of both"
 
 
 def _kind(given: Any) -> str:

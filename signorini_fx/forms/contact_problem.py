@@ -127,6 +127,7 @@ class ContactProblem:
         self._stresses: RawStresses | None = None
         self._names = [f"contact {k}" for k in range(len(facets))]
         self._foundations = Foundations(space, self.contact, facets, self._names, Inventory(), masters)
+        self._foundations.refuse_driven()
         self._memory, self._marks, self._cost = peak_memory(space.mesh.comm), 0, (0.0, 0.0)
         fields = self._fields = ContactFields.on(space, self._degree)
         self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip

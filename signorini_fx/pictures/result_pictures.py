@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ from signorini_fx.units import labelled
 if TYPE_CHECKING:
     from signorini_fx.pictures.foundation import FoundationSurface
 
+Array = npt.NDArray[np.float64]
 TURNING = "body.json"  # the body in space for the page on which it can be turned
 MOST_FACETS = 40_000  # of a body in space: a picture takes seconds, and a page megabytes
 
@@ -36,6 +37,7 @@ class ResultPictures:
         prices: one mapping per mesh, the columns of price_list.csv.
         volume: the cells of a body in space, if it has no more than can be drawn, for a section.
         units: for labels, see ``signorini_fx.units``.
+        tools: of each boundary that a rigid tool may touch, how the tool has moved at points of shape (n, d).
     """
 
     title: str
@@ -47,6 +49,7 @@ class ResultPictures:
     prices: Sequence[Mapping[str, Any]]
     volume: Volume | None = None
     units: Mapping[str, str] = field(default_factory=dict)
+    tools: Mapping[str, Callable[[Array], Array]] = field(default_factory=dict)
 
     def draw(
         self,
@@ -95,7 +98,7 @@ class ResultPictures:
         if self.body is not None and self.dimension == 2:
             self._draw_in_the_plane(self.body, contact, folder, title)
         elif self.body is not None:
-            foundations = [] if contact is None or facets is None else foundations_of(contact, facets)
+            foundations = [] if contact is None or facets is None else foundations_of(contact, facets, self.tools)
             self._draw_in_space(self.body, foundations, folder, title)
             if contact is not None and self.volume is not None:
                 self._draw_section(self.body, self.volume, contact, foundations, folder, title)
@@ -107,10 +110,12 @@ class ResultPictures:
         assert body.outline is not None
         foundation = None
         if contact is not None:
+            nodes = np.column_stack((contact["x"], contact["y"]))
             offset = np.column_stack((contact["n_x"], contact["n_y"])) * contact["gap"][:, None]
-            foundation = Foundation(
-                np.column_stack((contact["x"], contact["y"])), offset, contact["state"] != "open", ~_grounded(contact)
-            )
+            for name, moved in self.tools.items():
+                here = np.asarray(contact["boundary"] == name)
+                offset[here] += moved(nodes[here])
+            foundation = Foundation(nodes, offset, contact["state"] != "open", ~_grounded(contact))
         for name in self.fields:
             deformed_mesh(
                 folder / _stem(name),
@@ -181,18 +186,22 @@ def _stem(field: str) -> str:
     return "deformed" if field == "von_mises" else f"field_{field}"
 
 
-def foundations_of(c: Table, facets: npt.NDArray[np.int64]) -> list[FoundationSurface]:
+def foundations_of(
+    c: Table, facets: npt.NDArray[np.int64], tools: Mapping[str, Callable[[Array], Array]]
+) -> list[FoundationSurface]:
     """The rigid foundation of each contact boundary in space that has one; ``facets`` are rows of the contact table,
-    shape (m, k).
+    shape (m, k).  Of the motion of a tool that along the normals is seen.
     """
     from signorini_fx.pictures.foundation import FoundationSurface
 
     nodes, normals = (np.column_stack([c[f"{name}{axis}"] for axis in "xyz"]) for name in ("", "n_"))
-    gap = np.asarray(c["gap"])
+    gap = np.array(c["gap"])
     corners = facets[:, :4]  # VTK's biquadratic facets begin with their corners
     found = []
     for name in dict.fromkeys(c["boundary"][_grounded(c)]):
         here = np.asarray(c["boundary"] == name)
         row = np.cumsum(here) - 1
+        if name in tools:
+            gap[here] += np.sum(normals[here] * tools[name](nodes[here]), axis=1)
         found.append(FoundationSurface(nodes[here], normals[here], gap[here], row[corners[here[corners].all(axis=1)]]))
     return found

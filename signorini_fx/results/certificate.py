@@ -36,6 +36,8 @@ from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import UNREGULARISED, Before, Law, Tractions
 from signorini_fx.results.supports import Supports
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
+from signorini_fx.results.tool_motion import ToolMotion
+from signorini_fx.results.tools import unbalanced
 from signorini_fx.scales import Scales
 from signorini_fx.scene.model import Scene
 
@@ -144,6 +146,7 @@ def certify(
     scale: float = 1.0,
     before: Before | None = None,
     pairs: Mapping[int, PairedSides] | None = None,
+    tools: tuple[ToolMotion, ...] = (),
 ) -> Certificate:
     """Check the conditions of a load step from the displacement and the contact tractions alone; collective.
 
@@ -158,6 +161,7 @@ def certify(
         before: the end of the previous load step; None for the first one.  If that kept to the regularised law and this
             one does not, its elastic slip is removed.
         pairs: bodies in contact as the solver has paired them, see ``sides_of``.
+        tools: how rigid tools have moved.
 
     Raises:
         ValueError: the tractions are not those of the contact nodes of the scene.
@@ -176,7 +180,13 @@ def certify(
         stiffest,
         forces.resisted(every),
     )
-    return judged(displacement, balance, sides_of(scene, tagged, space, pairs), tractions, law=law, before=before)
+    sides = sides_of(scene, tagged, space, pairs)
+    found = judged(displacement, balance, sides, tractions, law=law, before=before, tools=tools)
+    if tools and tractions is not None:
+        nodes = ContactNodes.of(forces, sides, tractions)
+        left = unbalanced(scene, nodes, tools, step, scale, _FAINT * scales.stress(found.strain_energy) * nodes.area)
+        found = replace(found, equilibrium=max(found.equilibrium, left))
+    return found
 
 
 @dataclass(frozen=True)
@@ -219,6 +229,7 @@ def judged(
     *,
     law: Law = UNREGULARISED,
     before: Before | None = None,
+    tools: tuple[ToolMotion, ...] = (),
 ) -> Certificate:
     """Check equilibrium and contact conditions of a problem; collective.
 
@@ -229,6 +240,7 @@ def judged(
         tractions: pressure and shear at the contact points; None: there are none.
         law: see ``certify``.
         before: see ``certify``.
+        tools: see ``certify``.
 
     Raises:
         ValueError: the tractions are not those of the contact points.
@@ -241,7 +253,8 @@ def judged(
     energy, stored, work = map(float, parallel.global_sum(comm, np.array(works)))
     strain_energy = max(0.0, energy / 2)
     far = _largest(comm, np.linalg.norm(y, axis=1))
-    length = max(_deformation(comm, x, y), _ROUND_OFF * far)
+    drawn = max((float(np.linalg.norm(tool.translation)) for tool in tools), default=0.0)
+    length = max(_deformation(comm, x, y), _ROUND_OFF * max(far, drawn))
     found: dict[str, Any] = {
         "supports": _share(_largest(comm, supports.missed(y)), length),
         "displacement": far / scales.size,
@@ -260,13 +273,13 @@ def judged(
     # What supports take of a traction leaves its round-off in the directions that are free, and in the penetration.
     stress = max(stress, _ROUND_OFF * _largest(comm, np.linalg.norm(nodes.traction, axis=1)))
     length = max(length, _ROUND_OFF * _largest(comm, np.abs(nodes.pressure)) / law.gamma_n)
-    slip, origin = nodes.traces(every)[1], np.zeros_like(nodes.shear)
+    (u_n, slip), origin = nodes.traces(every, tools), np.zeros_like(nodes.shear)
     if before is not None:  # what is added to it has its round-off
         last = ContactNodes.of(forces, sides, before.tractions)
         so_far = before.displacement.x.array.reshape(-1, dim)
         stress = max(stress, _ROUND_OFF * _largest(comm, last.felt(supports)))
         length = max(length, _ROUND_OFF * _deformation(comm, x, so_far[: forces.owned]))
-        slip, origin = slip - last.traces(so_far)[1], last.shear
+        slip, origin = slip - last.traces(so_far, before.tools)[1], last.shear
         if before.elastic_slip is not None and not np.isfinite(law.gamma_t):
             elastic = replace(before.tractions, shear=before.elastic_slip)
             slip = slip + ContactNodes.of(forces, sides, elastic).shear
@@ -278,7 +291,7 @@ def judged(
     # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
     still = _FAINT * scales.deflection(stress)
     units = _Units(max(length, still), max(far, still), stress)
-    found |= contact_conditions(nodes, nodes.traces(every)[0], slip, origin, law, supports, units)
+    found |= contact_conditions(nodes, u_n, slip, origin, law, supports, units)
     return Certificate(equilibrium=equilibrium(balance, y, nodes, units), **found)
 
 

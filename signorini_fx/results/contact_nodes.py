@@ -17,6 +17,7 @@ from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.supports import Supports
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
+from signorini_fx.results.tool_motion import ToolMotion
 from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.model import Scene
 
@@ -149,19 +150,48 @@ class ContactNodes:
         """Pressure and shear as one vector, stress, shape (n, d)."""
         return np.asarray(self.pressure[:, None] * self.normal + self.shear)
 
-    def traces(self, every: Nodal) -> tuple[Nodal, Nodal]:
-        """(tau_N y, tau_T y) of displacements with ghosts, shape (nodes, d); the latter as a vector, shape (n, d)."""
-        if self.spread is None:
-            here = np.array(every[self.nodes])
-        else:
-            sums = [
-                every if products is None else self.evaluation.over_ranks(products @ every) for products in self.spread
-            ]
-            here = self._at_points(sums) / self.weight[:, None]
+    def traces(self, every: Nodal, tools: Sequence[ToolMotion] = ()) -> tuple[Nodal, Nodal]:
+        """(tau_N y, tau_T y) of displacements with ghosts, shape (nodes, d), relative to tools that have moved; the
+        latter as a vector, shape (n, d).
+        """
+        here, moved = self._at(every), {tool.part: tool for tool in tools}
         for claim, part in self._paired():
             here[part] = claim.relative(every[: self.evaluation.owned])
+        for number, part in enumerate(self._parts()):
+            if number in moved:
+                here[part] -= self._at(moved[number].at(self._x))[part]
         normal = np.sum(here * self.normal, axis=1)
         return normal, here - normal[:, None] * self.normal
+
+    @property
+    def _x(self) -> Nodal:
+        """Positions of the nodes with ghosts, length, shape (nodes, d)."""
+        return np.asarray(self.evaluation.at_nodes[:, : self.normal.shape[1]])
+
+    def _at(self, every: Nodal) -> Nodal:
+        """Values of nodes with ghosts, shape (nodes, d), at the points of one body, shape (n, d)."""
+        if self.spread is None:
+            return np.array(every[self.nodes])
+        sums = [every if products is None else self.evaluation.over_ranks(products @ every) for products in self.spread]
+        return np.asarray(self._at_points(sums) / self.weight[:, None])
+
+    @property
+    def area(self) -> float:
+        """Of all contact boundaries; collective."""
+        return float(parallel.global_sum(self.evaluation.space.mesh.comm, np.array(self.weight.sum())))
+
+    def resultant(self, number: int, about: Nodal) -> tuple[Nodal, float, float]:
+        """What the tractions of one contact boundary do to its foundation: force and moment about a point, shape (m,),
+        the sum of the magnitudes of forces, and how far from the point they act; collective.
+        """
+        part, comm = self._parts()[number], self.evaluation.space.mesh.comm
+        force, arm = self.weight[part, None] * self.traction[part], self._at(self._x)[part] - about
+        plane = arm.shape[1] == 2
+        moment = (arm[:, :1] * force[:, 1:] - arm[:, 1:] * force[:, :1]) if plane else np.cross(arm, force)
+        size = np.linalg.norm(force, axis=1).sum()
+        total = parallel.global_sum(comm, np.concatenate((force.sum(axis=0), moment.sum(axis=0), [size])))
+        reach = parallel.global_max(comm, parallel.local_max(np.linalg.norm(arm, axis=1)))
+        return total[:-1], float(total[-1]), reach
 
     def forces(self) -> tuple[npt.NDArray[np.int64], Nodal, Nodal]:
         """What the tractions do to the body: the local nodes that they act on, shape (m,), the forces on them, shape

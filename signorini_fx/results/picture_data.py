@@ -29,6 +29,7 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = ()) -> ResultPict
         as_rows(solution.price_list),
         _volume(solution) if dimension == 3 and gather is not None else None,
         names_of(solution.scene.model_dump(include={"units", "material"}), dimension),
+        {tool.boundary: tool.at for tool in solution.last_step.tools},
     )
 
 

@@ -12,6 +12,7 @@ from dolfinx import fem
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.contact.laws import Nodal
+from signorini_fx.results.tool_motion import ToolMotion
 
 
 @dataclass(frozen=True)
@@ -83,20 +84,29 @@ class Before:
         elastic_slip: the part of its slip that is due to the regularised law, length, shape of the shear; None: none.
         moved: by how much the foundations have moved at the contact nodes since, length, of the same shape; None: they
             have not.
+        tools: how rigid tools had moved at its end.
     """
 
     displacement: fem.Function
     tractions: Tractions
     elastic_slip: Nodal | None = None
     moved: Nodal | None = None
+    tools: tuple[ToolMotion, ...] = ()
 
     @classmethod
-    def of(cls, displacement: fem.Function, tractions: Tractions, law: Law, before: Before | None) -> Before:
+    def of(
+        cls,
+        displacement: fem.Function,
+        tractions: Tractions,
+        law: Law,
+        before: Before | None,
+        tools: tuple[ToolMotion, ...] = (),
+    ) -> Before:
         """The end of a load step that kept to ``law`` and started from ``before``."""
         if not np.isfinite(law.gamma_t):
-            return cls(displacement, tractions)
+            return cls(displacement, tractions, tools=tools)
         added = tractions.shear if before is None else tractions.shear - before.tractions.shear
         elastic: Nodal = np.asarray(added / law.gamma_t)
         if before is not None and before.elastic_slip is not None:
             elastic = before.elastic_slip + elastic
-        return cls(displacement, tractions, elastic)
+        return cls(displacement, tractions, elastic, tools=tools)

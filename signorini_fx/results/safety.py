@@ -69,7 +69,10 @@ def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety 
     if not count:
         return None
     at_contact, immovable = motions.at(boundary), boundary.points.immovable
-    live, dead = (total_work([(1.0, motions.load_of(forces, d.comm))], count) for forces in _loads(d, place))
+    nothing: npt.NDArray[np.float64] = np.zeros(len(motions.of_all) - len(motions.free))
+    driving = sum((factor * load.driven.forces for factor, load in d.applied_at(place) if load.driven), nothing)
+    works = (motions.load_of(forces, d.comm, on) for forces, on in zip(_loads(d, place), (driving, None), strict=True))
+    live, dead = (total_work([(1.0, work)], count) for work in works)
     law = d.law
     pressing = _touching(d, contact, live + dead, place) & ~immovable
     if law is not None:
@@ -96,7 +99,7 @@ def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety 
             if limit.motion is not None:
                 along = along_contact(allowed.of(number, columns), limit.motion, limit.pressed)
                 members = np.flatnonzero(motions.pieces.assembly == number)
-                words = names_of((motions.free[:, columns] @ along)[:, None], motions, members)
+                words = names_of((motions.of_all[:, columns] @ along)[:, None], motions, members)
             worst = limit, words
         if present is not None:
             now = largest_multiple(present.of(number, columns), *loads)

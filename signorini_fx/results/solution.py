@@ -25,6 +25,7 @@ from signorini_fx.results.contact_boundaries import ContactFigures, contact_figu
 from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.safety import Safety, safety_of
 from signorini_fx.results.stresses import Stresses
+from signorini_fx.results.tool_motion import ToolMotion
 from signorini_fx.scene.model import Scene
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ class StepResult:
         deformation: how much the body is deformed.
         strain_energy: a(y, y) / 2, an energy per thickness.
         linear_solves: linear solves of the step.
+        tools: how rigid tools have moved.
     """
 
     step: int
@@ -64,6 +66,7 @@ class StepResult:
     deformation: Deformation
     strain_energy: float
     linear_solves: int
+    tools: tuple[ToolMotion, ...] = ()
 
     def __repr__(self) -> str:
         return f"<StepResult {self.step}: {self.status.value}, {self.linear_solves} linear solves>"

@@ -17,7 +17,7 @@ from signorini_fx.accuracy import price_list
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.pieces import extent
-from signorini_fx.display import clean, results_of, safety_in_words
+from signorini_fx.display import clean, results_of, safety_in_words, tool_in_words
 from signorini_fx.machine.terminal import Line
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, Record, StepRecord
 from signorini_fx.report.digits import between, estimated_errors, figure, percent
@@ -151,6 +151,7 @@ def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
         "max_pressure": float(columns["pressure"].max()),
         "max_shear": float(np.abs(columns["shear"]).max()),
         "contact_boundaries": [one.as_dict() for one in solution.contact_figures],
+        **({"tools": [tool.as_dict(contact) for tool in tools]} if (tools := solution.last_step.tools) else {}),
         **({"safety": safety.as_dict()} if (safety := solution.safety) is not None else {}),
         **({"zones": zones} if contact.boundary.x.shape[1] == 2 else _in_space(contact)),
     }
@@ -257,6 +258,7 @@ def lines_of(summary: dict[str, Any]) -> list[Line]:
                 if name in summary
             ),
             *_contact_boundaries(summary),
+            *_labelled("foundation", [tool_in_words(tool) for tool in summary.get("tools", ())]),
         ]
     lines += _resultants(summary)
     lines.append(_row("strain energy", _digits(summary["strain_energy"], errors.get("strain_energy"))))

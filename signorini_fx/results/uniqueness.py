@@ -129,6 +129,8 @@ def uniqueness(d: Discretisation, contact: ContactState, *, search: bool | None 
     # Without a coefficient the problem is the minimum of a convex functional.
     if law is None or not d.scene.has_coulomb:
         return Uniqueness(True, np.inf)
+    if d.tools is not None:
+        return Uniqueness(False, 0.0, reason="not tried where a force moves a foundation")
     if d.comm.size > 1:
         return Uniqueness(False, 0.0, reason="the proof is for one rank")
     elasticity = d.elasticity([])

@@ -197,8 +197,19 @@ class Scene(Table):
         Loads that depend on the time need no factors: there is one for each of the times.
         """
         timed = self.load_steps.times is not None and any(one.timed for one in (*self.loads, *self.contact))
+        timed |= self.load_steps.times is not None and any(one.driven_in_time for one in self.tools)
         own = len(self.load_steps.times or ()) if timed else 1
         return max((len(load.factors) for load in self.loads if load.factors is not None), default=own)
+
+    @property
+    def tools(self) -> tuple[Any, ...]:
+        """The foundations whose motion is an unknown."""
+        return tuple(effect.tool for effect in self.contact if effect.tool is not None)
+
+    def driving(self, tool: Any, place: float) -> tuple[float, float]:
+        """The factor of what drives a tool at a place in the lists of factors, see ``now``, and the time there."""
+        factor = 1.0 if tool.driven_in_time else factor_at((1.0,) * self.steps, place)
+        return factor, self.time_at(place)
 
     @property
     def automatic_steps(self) -> int | None:

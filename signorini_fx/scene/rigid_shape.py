@@ -17,39 +17,15 @@ from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import AfterValidator, BeforeValidator, TypeAdapter, ValidationError, WithJsonSchema
+from pydantic import BeforeValidator, TypeAdapter, ValidationError, WithJsonSchema
 
 from signorini_fx.errors import SceneError
-from signorini_fx.scene.base import Table
 from signorini_fx.scene.expressions import Expression, sample
+from signorini_fx.scene.rigid_motion import COMPONENTS, Prescribed, RigidMotion, TimedAngle, TimedVector
 from signorini_fx.scene.validation import problems_of
-from signorini_fx.scene.values import TimedSampledValue, Vector, kind_of, shown
+from signorini_fx.scene.values import Vector, kind_of, shown
 
 Array = npt.NDArray[np.float64]
-
-
-def _of_time(given: Any) -> Any:
-    if not isinstance(given, float) and not (isinstance(given, Expression) and given.coordinates == 0):
-        raise ValueError(
-            f"a number or an expression of the time t is expected, got {shown(getattr(given, 'text', given))}"
-        )
-    return given
-
-
-def _two_or_three(given: tuple[Any, ...]) -> tuple[Any, ...]:
-    if len(given) not in (2, 3):
-        raise ValueError("two numbers are expected, in space three")
-    return given
-
-
-def _three(given: tuple[Any, ...]) -> tuple[Any, ...]:
-    if len(given) != 3:
-        raise ValueError("an angle is expected, in space three numbers")
-    return given
-
-
-# A number, or an expression of the time t.
-Timed = Annotated[TimedSampledValue, AfterValidator(_of_time)]
 
 
 def unit(vector: tuple[float, ...]) -> Array:
@@ -71,7 +47,7 @@ def normalised(vectors: Array, otherwise: Array) -> tuple[Array, Array]:
     return size, np.where(size[:, None] > 0, vectors / np.maximum(size, 1e-300)[:, None], otherwise)
 
 
-class Shape(Table):
+class Shape(RigidMotion):
     """A rigid foundation that is a thing: the body is outside of it, or inside where it is hollow.
 
     Attributes:
@@ -81,6 +57,9 @@ class Shape(Table):
         rotation: by which it is turned before it is moved, degrees, counterclockwise; in space along the axis [a, b, c]
             by the length of this vector; of the same kinds; None: not at all.
         pivot: the point that it is turned about, length; None: the origin.
+        force: on it at its pivot, which moves a foundation whose motion is an unknown, see ``scene.rigid_motion``.
+        moment: on it about its pivot.
+        prescribed: which components of such a motion are not free.
     """
 
     # The dimensions of space in which there is such a shape.
@@ -88,8 +67,8 @@ class Shape(Table):
 
     shape: str
     hollow: bool = False
-    shift: Annotated[tuple[Timed, ...], AfterValidator(_two_or_three)] | None = None
-    rotation: Annotated[tuple[Timed, ...], AfterValidator(_three)] | Timed | None = None
+    shift: TimedVector | None = None
+    rotation: TimedAngle | None = None
     pivot: Vector | None = None
 
     def initial(self, x: Array) -> tuple[Array, Array]:
@@ -104,11 +83,15 @@ class Shape(Table):
             return
         for key in type(self).model_fields:
             value = getattr(self, key)
-            vector = isinstance(value, tuple) and key != "rotation" and not isinstance(value[0], tuple)
+            vector = isinstance(value, tuple) and key not in ("rotation", "moment") and not isinstance(value[0], tuple)
             if vector and len(value) != dimension:
                 yield key, f"{where}: give {dimension} numbers, not {len(value)}"
         if self.rotation is not None and isinstance(self.rotation, tuple) != (dimension == 3):
             yield "rotation", f"{where}: give " + ("an angle" if dimension == 2 else "three numbers, the axis")
+        yield from self.motion_contradictions(dimension)
+        turning = COMPONENTS[dimension][dimension:]
+        if self.driven and self.pivot is None and any(getattr(self.prescribed, key, None) != 0.0 for key in turning):
+            yield "pivot", "give the point where the force acts, about which the foundation turns"
 
     @property
     def timed(self) -> bool:
@@ -138,6 +121,10 @@ class Shape(Table):
         return ", ".join(
             (self.shape, *(f"{key} = {_text(value)}" for key, value in given if key != "shape" and value is not None))
         )
+
+    def reference(self, dimension: int) -> Array:
+        """Where its pivot is, length, shape (d,)."""
+        return np.asarray(sum(self._translations(dimension)))
 
     def distance(self, x: Array) -> tuple[Array, Array]:
         """The signed distance, length, and the outward normal of the foundation at the closest point.
@@ -208,6 +195,10 @@ def _text(value: Any) -> str:
         return f"{len(value)} points"
     if isinstance(value, tuple):
         return f"[{', '.join(map(_text, value))}]"
+    if isinstance(value, Prescribed):
+        return _text({key: one for key in type(value).model_fields if (one := getattr(value, key)) is not None})
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key} = {_text(one)}' for key, one in value.items())}}}"
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:g}" if isinstance(value, float) else str(value)

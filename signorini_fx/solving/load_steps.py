@@ -20,6 +20,7 @@ from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import carried, relative_to
+from signorini_fx.results.tool_motion import ToolMotion, motions_of
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving.load_path import LoadPath
 from signorini_fx.solving.restart import Kept
@@ -170,6 +171,10 @@ def _certified(
     with timings.phase("certify"):
         displacement = discretisation.from_rest(task.rest, outcome.displacement())
         contact = discretisation.state(task, outcome, start)
+        tools: tuple[ToolMotion, ...] = ()
+        if discretisation.tools is not None:
+            unknowns = discretisation.driven(outcome.displacement(), task.rest)
+            tools = motions_of(discretisation.tools, scene, unknowns)
         certificate = certify(
             scene,
             discretisation.tagged,
@@ -179,10 +184,12 @@ def _certified(
             step=start.place,
             before=last,
             pairs=discretisation.pairs,
+            tools=tools,
         )
         deformation = deformation_of(discretisation, displacement)
         status = judged(outcome.status, certificate, deformation, scene)
-    return step_result(scene, start.step, start.place, status, displacement, contact, certificate, deformation)
+    found = step_result(scene, start.step, start.place, status, displacement, contact, certificate, deformation)
+    return replace(found, tools=tools)
 
 
 def step_result(

@@ -121,7 +121,7 @@ def solve_contact(
         _Progress(start),
         (discretisation, task),
     )
-    if any(effect.timed for effect in discretisation.scene.contact):
+    if any(effect.timed or effect.tool is not None for effect in discretisation.scene.contact):
         kept = None  # load steps are stored for one contact problem only
 
     def renew(d: Discretisation) -> Task:
@@ -203,7 +203,7 @@ class _Progress:
         """Begin the next load step where this one has ended."""
         assert step.result.contact is not None
         law, tractions = Law(*task.promised(step.outcome)), Tractions.of(step.result.contact)
-        self.last = Before.of(step.result.displacement, tractions, law, step.last)
+        self.last = Before.of(step.result.displacement, tractions, law, step.last, step.result.tools)
         self.start = step.outcome.next_step(step.start)
 
 

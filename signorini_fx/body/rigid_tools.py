@@ -1,0 +1,143 @@
+"""Rigid tools: foundations whose motion is an unknown, driven by forces, moments or prescribed components.
+
+A tool with its reference point c moves by translations v and a small rotation w, lengths q = (v, L w) with a length L,
+
+    R_i q = v + w x (x_i - c)
+
+at a contact point x_i.  What contact sees is the displacement of the body relative to it.  The unknowns (u, q) of all
+tools have
+
+    K = [A 0; 0 0],   B_i = F_i^T [I, -R_i],   b = [f; (force, moment / L)],
+
+so that equilibrium of a tool, -R^T B^T (w t) = (force, moment / L), is k rows more, and laws, sets and algorithms see
+tau_N y and tau_T y as before.  Gap and normals are those of the place where the tool is given: its motion is small
+against its geometry, like the displacement of the body.
+
+The k unknowns are the last ones, on the last rank: the numbers of all others stay as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from signorini_fx.body.contact_boundary import ContactBoundary, MovingFoundation
+from signorini_fx.body.kinematics import KINEMATICS
+from signorini_fx.body.rigid import rigid_modes
+
+_Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Driven:
+    """What drives all tools, by their unknowns.
+
+    Attributes:
+        forces: (force, moment / L), shape (k,).
+        motion: the prescribed unknowns, lengths; elsewhere zero, shape (k,).
+    """
+
+    forces: _Floats
+    motion: _Floats
+
+
+@dataclass(frozen=True)
+class RigidTools:
+    """The tools of a scene, t of them with m unknowns each.
+
+    Attributes:
+        parts: places of their contacts, shape (t,).
+        shapes: what drives them, see ``scene.rigid_motion``.
+        centre: their reference points, length, shape (t, d).
+        length: L.
+    """
+
+    parts: npt.NDArray[np.int64]
+    shapes: Sequence[Any]
+    centre: _Floats
+    length: float
+
+    @classmethod
+    def of(cls, contacts: Sequence[Any], dimension: int, length: float) -> RigidTools | None:
+        """Those among the contacts of a scene; None: there are none."""
+        parts = [place for place, one in enumerate(contacts) if one.tool is not None]
+        if not parts:
+            return None
+        shapes = [contacts[place].tool for place in parts]
+        return cls(np.array(parts), shapes, np.array([shape.reference(dimension) for shape in shapes]), length)
+
+    @property
+    def dimension(self) -> int:
+        """D, of space."""
+        return int(self.centre.shape[1])
+
+    @property
+    def _units(self) -> _Floats:
+        """Unknowns per component: one of a translation, L of a rotation, shape (m,)."""
+        rotations = len(KINEMATICS[self.dimension].rotations)
+        return np.array([1.0] * self.dimension + [self.length] * rotations)
+
+    def on(self, boundary: ContactBoundary) -> ContactBoundary:
+        """The contact points on tools that move."""
+        each, count = KINEMATICS[self.dimension].motions, self.parts.size
+        modes = np.zeros((boundary.size, self.dimension, count, each))
+        for place, part in enumerate(self.parts):
+            here = boundary.part == part
+            modes[here, :, place] = rigid_modes(boundary.centre[here], self.centre[place], np.array(self.length))
+        flat = modes.reshape(boundary.size, self.dimension, count * each)
+        number = np.repeat(np.arange(count), each)
+        moving = MovingFoundation(flat, self.fixed, number, self.parts, self.centre, self.length)
+        return replace(boundary, moving=moving)
+
+    @property
+    def fixed(self) -> npt.NDArray[np.bool_]:
+        """Which unknowns are prescribed, shape (k,)."""
+        return np.concatenate([~np.isnan(shape.drive(self.dimension, 0.0)[1]) for shape in self.shapes])
+
+    def driven(self, number: int, time: float) -> Driven:
+        """What drives one of them at a time."""
+        forces: _Floats = np.zeros((self.parts.size, self._units.size))
+        motion = np.zeros_like(forces)
+        forces[number], given = self.shapes[number].drive(self.dimension, time)
+        motion[number] = np.nan_to_num(given)
+        return Driven((forces / self._units).ravel(), (motion * self._units).ravel())
+
+    def motions(self, unknowns: _Floats) -> _Floats:
+        """Translations and rotations, radians, from the unknowns, shape (t, m)."""
+        return np.asarray(unknowns.reshape(self.parts.size, -1) / self._units)
+
+
+def with_more_unknowns(matrix: PETSc.Mat, more: int) -> PETSc.Mat:
+    """[A 0; 0 0] with the diagonal in its pattern; ``more``: unknowns that this rank adds."""
+    (rows, _), (_, every) = matrix.getSizes()
+    starts, columns, values = matrix.getValuesCSR()
+    csr = (
+        np.append(starts, starts[-1] + np.arange(1, more + 1)).astype(PETSc.IntType),
+        np.append(columns, every + np.arange(more)).astype(PETSc.IntType),
+        np.append(values, np.zeros(more)),
+    )
+    return PETSc.Mat().createAIJ(((rows + more, None), (rows + more, None)), csr=csr, comm=matrix.comm)
+
+
+def without_more(rotation: PETSc.Mat | None, matrix: PETSc.Mat, more: int) -> PETSc.Mat:
+    """[Q 0], from the unknowns to displacements y = Q x.
+
+    Args:
+        rotation: Q without the unknowns of tools; None: the identity.
+        matrix: A, for the layout of y.
+        more: unknowns that this rank adds.
+    """
+    (rows, _), (columns, _) = matrix.getSizes()
+    if rotation is None:
+        first, numbers = matrix.getOwnershipRange()[0], np.arange(rows + 1)
+        csr = (numbers, first + numbers[:-1], np.ones(rows))
+    else:
+        csr = rotation.getValuesCSR()
+    starts, names, values = csr
+    found = (starts.astype(PETSc.IntType), names.astype(PETSc.IntType), values)
+    return PETSc.Mat().createAIJ(((rows, None), (columns + more, None)), csr=found, comm=matrix.comm)

@@ -1,0 +1,76 @@
+"""How rigid tools have moved in a result.
+
+The motion is that of ``body.rigid_tools`` in components of its own: v + w x (x - c), in the plane with w along x[2].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx import parallel
+from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.kinematics import KINEMATICS
+from signorini_fx.body.rigid_tools import RigidTools
+from signorini_fx.display import clean
+from signorini_fx.scene.model import Scene
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ToolMotion:
+    """How a tool has moved from where it is given.
+
+    Attributes:
+        part: place of its contact in ``scene.contact``.
+        boundary: name of the boundary that it may touch.
+        reference: the point c, length, shape (d,).
+        translation: v, length, shape (d,).
+        rotation: w, radians; a number in the plane, shape (1,), in space shape (3,).
+    """
+
+    part: int
+    boundary: str
+    reference: Array
+    translation: Array
+    rotation: Array
+
+    def at(self, x: Array) -> Array:
+        """The displacement of the tool at points of shape (n, d), length."""
+        arm = x - self.reference
+        if self.rotation.size == 1:
+            return self.translation + self.rotation * np.column_stack((-arm[:, 1], arm[:, 0]))
+        return np.asarray(self.translation + np.cross(self.rotation, arm))
+
+    def as_dict(self, contact: ContactState) -> dict[str, Any]:
+        """A row of the summary: its motion, and the force and moment of the body on it; collective."""
+        boundary, dim = contact.boundary, self.reference.size
+        here = boundary.part == self.part
+        forces = boundary.nodal_forces(contact.pressure, contact.shear)[here]
+        moments = KINEMATICS[dim].turned(boundary.centre[here] - self.reference, forces)
+        sums = [forces.sum(axis=0), moments.sum(axis=0), *(np.abs(one).sum(axis=0) for one in (forces, moments))]
+        total = parallel.global_sum(boundary.comm, np.concatenate(sums))
+        size = total[sums[0].size + sums[1].size :]
+        moment = clean(total[dim : sums[0].size + sums[1].size].tolist(), float(size[dim:].max()))
+        moved, turned = (clean(one.tolist(), float(np.abs(one).max())) for one in (self.translation, self.rotation))
+        return {
+            "boundary": self.boundary,
+            "reference": self.reference.tolist(),
+            "displacement": moved,
+            "rotation": turned if dim == 3 else turned[0],
+            "force": clean(total[:dim].tolist(), float(size[:dim].max())),
+            "moment": moment if dim == 3 else moment[0],
+        }
+
+
+def motions_of(tools: RigidTools, scene: Scene, unknowns: Array) -> tuple[ToolMotion, ...]:
+    """The motions of the tools of a scene from their unknowns."""
+    dim, motions = tools.dimension, tools.motions(unknowns)
+    return tuple(
+        ToolMotion(part, scene.contact[part].boundary, tools.centre[k], motions[k, :dim], motions[k, dim:])
+        for k, part in enumerate(map(int, tools.parts))
+    )

@@ -1,0 +1,41 @@
+"""The second opinion on the equilibrium of rigid tools."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from signorini_fx.results.contact_nodes import ContactNodes
+from signorini_fx.results.tool_motion import ToolMotion
+from signorini_fx.scene.model import Scene
+
+
+def unbalanced(
+    scene: Scene, nodes: ContactNodes, tools: Sequence[ToolMotion], step: float, scale: float, least: float
+) -> float:
+    """The largest force or moment on a free component of a tool that the contact tractions do not balance, and the
+    largest miss of a prescribed one, as a share of the forces at the tool, or of its motion; collective.
+
+    Args:
+        scene: the scene.
+        nodes: the contact points with the tractions at them.
+        tools: their motions.
+        step: the load step, from 0, or a place between two.
+        scale: factor of all loads and prescribed displacements.
+        least: a force that is round-off.
+    """
+    found = 0.0
+    for tool in tools:
+        dim, shape = tool.reference.size, scene.contact[tool.part].tool
+        factor, time = scene.driving(shape, step)
+        given, prescribed = shape.drive(dim, time)
+        free, motion = np.isnan(prescribed), np.append(tool.translation, tool.rotation)
+        taken, size, reach = nodes.resultant(tool.part, tool.reference)
+        rest = scale * factor * given + taken
+        rest[dim:] /= reach
+        size = max(size, float(np.abs(scale * factor * given[:dim]).max()), least)
+        missed, far = np.abs(motion - scale * factor * prescribed)[~free], np.abs(motion).max()
+        found = max(found, float(np.abs(rest[free]).max(initial=0.0)) / size if size > 0 else 0.0)
+        found = max(found, float(missed.max(initial=0.0)) / far if far > 0 else float(missed.max(initial=0.0) > 0))
+    return found

@@ -1,0 +1,126 @@
+"""What is given of a rigid motion that is an unknown: forces and moments that drive it, components that are prescribed.
+
+It has m components: in the plane translations along x[0] and x[1] and a small rotation about the reference point,
+counterclockwise; in space three of each kind, rotations about axes along x[0], x[1] and x[2] through that point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import AfterValidator
+
+from signorini_fx.scene.base import Table
+from signorini_fx.scene.expressions import Expression
+from signorini_fx.scene.values import TimedSampledValue, shown
+
+Array = npt.NDArray[np.float64]
+COMPONENTS = {2: ("x", "y", "rotation"), 3: ("x", "y", "z", "rotation_x", "rotation_y", "rotation_z")}
+
+
+def _of_time(given: Any) -> Any:
+    if not isinstance(given, float) and not (isinstance(given, Expression) and given.coordinates == 0):
+        raise ValueError(
+            f"a number or an expression of the time t is expected, got {shown(getattr(given, 'text', given))}"
+        )
+    return given
+
+
+def _two_or_three(given: tuple[Any, ...]) -> tuple[Any, ...]:
+    if len(given) not in (2, 3):
+        raise ValueError("two numbers are expected, in space three")
+    return given
+
+
+def _three(given: tuple[Any, ...]) -> tuple[Any, ...]:
+    if len(given) != 3:
+        raise ValueError("a number is expected, in space three")
+    return given
+
+
+# A number, or an expression of the time t.
+Timed = Annotated[TimedSampledValue, AfterValidator(_of_time)]
+TimedVector = Annotated[tuple[Timed, ...], AfterValidator(_two_or_three)]
+# A number in the plane, three in space.
+TimedAngle = Annotated[tuple[Timed, ...], AfterValidator(_three)] | Timed
+
+
+class Prescribed(Table):
+    """The components of a rigid motion that are prescribed; numbers or expressions of the time t.
+
+    Attributes:
+        x: translation along x[0], length; None: free, as all others.
+        y: translation along x[1], length.
+        z: translation along x[2], length; only in space.
+        rotation: small rotation, radians; only in the plane.
+        rotation_x: small rotation about an axis along x[0], radians; only in space.
+        rotation_y: small rotation about an axis along x[1], radians; only in space.
+        rotation_z: small rotation about an axis along x[2], radians; only in space.
+    """
+
+    x: Timed | None = None
+    y: Timed | None = None
+    z: Timed | None = None
+    rotation: Timed | None = None
+    rotation_x: Timed | None = None
+    rotation_y: Timed | None = None
+    rotation_z: Timed | None = None
+
+
+class RigidMotion(Table):
+    """What drives a rigid motion; without any of these there is no such unknown.
+
+    Attributes:
+        force: on the rigid body at its reference point, force, in the plane per thickness; numbers or expressions of
+            the time t; None: none.
+        moment: about that point, in the plane a number, counterclockwise, in space three; of the same kinds.
+        prescribed: the components of the motion that are not free.
+    """
+
+    force: TimedVector | None = None
+    moment: TimedAngle | None = None
+    prescribed: Prescribed | None = None
+
+    @property
+    def driven(self) -> bool:
+        """Whether its motion is an unknown."""
+        return not (self.force is None and self.moment is None and self.prescribed is None)
+
+    @property
+    def driven_in_time(self) -> bool:
+        """Whether what drives it depends on the time."""
+        given = [getattr(self.prescribed, key, None) for key in Prescribed.model_fields]
+        every = (*(self.force or ()), *_tuple(self.moment), *given)
+        return any(isinstance(value, Expression) for value in every)
+
+    def drive(self, dimension: int, time: float) -> tuple[Array, Array]:
+        """Forces and moments at a time, and the prescribed components, nan where they are free, shapes (m,)."""
+        force = self.force or (0.0,) * dimension
+        moment = _tuple(self.moment) or (0.0,) * (2 * dimension - 3)
+        motion = [None if self.prescribed is None else getattr(self.prescribed, name) for name in COMPONENTS[dimension]]
+        return (
+            np.array([_at(value, time) for value in (*force, *moment)]),
+            np.array([np.nan if value is None else _at(value, time) for value in motion]),
+        )
+
+    def motion_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
+        """Keys that do not fit the dimension of the mesh, and why."""
+        where = "the mesh is plane" if dimension == 2 else "the mesh is in space"
+        if self.moment is not None and isinstance(self.moment, tuple) != (dimension == 3):
+            yield "moment", f"{where}: give " + ("a number" if dimension == 2 else "three numbers")
+        for key in () if self.prescribed is None else type(self.prescribed).model_fields:
+            if getattr(self.prescribed, key) is not None and key not in COMPONENTS[dimension]:
+                yield f"prescribed.{key}", f"{where}: the components are {', '.join(COMPONENTS[dimension])}"
+
+
+def _tuple(value: Any) -> tuple[Any, ...]:
+    return () if value is None else value if isinstance(value, tuple) else (value,)
+
+
+def _at(value: Any, time: float) -> float:
+    if isinstance(value, Expression):
+        return float(value.at(time)(np.zeros((3, 1)))[0])
+    return float(value)

@@ -1,0 +1,392 @@
+"""Foundations that forces move: the same as prescribed motions, statics by hand, Hertz by force, named outcomes."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from boxes import Box, boxes_mesh
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from signorini_fx import ConvergenceError, SceneError, solve
+from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.records import Status
+from signorini_fx.results.certificate import certify
+from signorini_fx.results.promised_law import Tractions
+from signorini_fx.results.tool_motion import ToolMotion
+from signorini_fx.scene.reading import parse_scene
+
+COMM = MPI.COMM_WORLD
+HERE = Path(__file__).parent
+LAWS = {
+    "none": {"law": "none"},
+    "tresca": {"law": "tresca", "bound": 4.0},
+    "coulomb": {"law": "coulomb", "coefficient": 0.3},
+}
+
+
+def block(
+    dimension=2, law="none", algebra="full", *, degree=1, cell=None, unit=(1.0, 1.0), times=None, solver=None, **tool
+):
+    """A block on the ground, and a circle or a ball above it that is pressed down; ``unit``: of length and force."""
+    length, force = unit
+    stress = force / length**2  # in the plane forces are per thickness
+    plane = dimension == 2
+    mesh = {
+        "generator": "rectangle" if plane else "box",
+        "parameters": {"length": length, "height": length / 2, "nx": 12, "ny": 6, "cell": cell or "quadrilateral"}
+        if plane
+        else {
+            "length": length,
+            "height": length / 2,
+            "width": length,
+            "nx": 5,
+            "ny": 5,
+            "nz": 3,
+            "cell": cell or "hexahedron",
+        },
+    }
+    centre = [0.45 * length, 2.5 * length] if plane else [0.45 * length, 0.5 * length, 2.5 * length]
+    friction = dict(LAWS[law])
+    if "bound" in friction:
+        friction["bound"] *= stress
+    ground = dict.fromkeys("xyz"[:dimension], 0.0)
+    return parse_scene(
+        {
+            "mesh": mesh,
+            "element": {"degree": degree},
+            "material": {"young": 1000.0 * stress, "poisson": 0.3},
+            "displacement": {"boundary": "bottom", **ground},
+            "contact": {
+                "boundary": "top",
+                "foundation": {
+                    "shape": "circle" if plane else "sphere",
+                    "centre": centre,
+                    "radius": 2.0 * length,
+                    "pivot": centre,
+                    **tool,
+                },
+                "friction": friction,
+            },
+            "solver": {
+                "linear_algebra": algebra,
+                "gamma_n": 1e6 * stress / length,
+                "gamma_t": 1e6 * stress / length,
+                "tolerance": 1e-12,
+                **(solver or {}),
+            },
+            **({} if times is None else {"load_steps": {"times": times}}),
+        }
+    )
+
+
+NO_TURN = {"rotation_x": 0.0, "rotation_y": 0.0, "rotation_z": 0.0}
+
+
+def pressed(dimension, law, unit=(1.0, 1.0)):
+    """What drives the tool; without friction it may not move sideways."""
+    length, force = unit
+    per = force / length if dimension == 2 else force
+    given = [value * per for value in ([1.0, -20.0] if dimension == 2 else [1.0, 0.5, -20.0])]
+    still = {"rotation": 0.0} if dimension == 2 else dict(NO_TURN)
+    if law == "none":
+        still |= dict.fromkeys("xy"[: dimension - 1], 0.0)
+    return {"force": given, "prescribed": still}
+
+
+def prescribed(tool):
+    """The motion of a tool as one that is prescribed."""
+    names = ("x", "y", "rotation") if tool.reference.size == 2 else ("x", "y", "z", *NO_TURN)
+    values = np.append(tool.translation, tool.rotation)
+    return {"prescribed": dict(zip(names, map(float, values), strict=True))}
+
+
+def apart(one, other):
+    """The largest difference of two solutions, relative to the largest displacement or pressure."""
+    found = []
+    for a, b in (
+        (one.displacement.x.array, other.displacement.x.array),
+        *((getattr(one.contact, name), getattr(other.contact, name)) for name in ("pressure", "shear", "u_n", "u_t")),
+    ):
+        scale = COMM.allreduce(float(np.abs(a).max(initial=0.0)), op=MPI.MAX)
+        found.append(COMM.allreduce(float(np.abs(a - b).max(initial=0.0)), op=MPI.MAX) / (scale or 1.0))
+    return max(found)
+
+
+WAYS = [
+    (2, "none", "full", {}),
+    (2, "tresca", "condensed", {}),
+    (2, "coulomb", "full", {"degree": 2, "cell": "triangle"}),
+    (2, "coulomb", "condensed", {}),
+    (3, "coulomb", "condensed", {}),
+    (3, "tresca", "full", {"degree": 2, "cell": "tetrahedron"}),
+]
+
+
+@pytest.mark.parametrize(("dimension", "law", "algebra", "element"), WAYS)
+def test_a_force_and_the_motion_that_it_causes_give_the_same(dimension, law, algebra, element):
+    forced = solve(block(dimension, law, algebra, **element, **pressed(dimension, law)))
+    (tool,) = forced.last_step.tools
+    row = tool.as_dict(forced.contact)
+    given = np.array(pressed(dimension, law)["force"])
+    free = np.arange(dimension) if law != "none" else [dimension - 1]
+    assert np.abs(np.array(row["force"]) + given)[free].max() < 1e-9 * np.abs(given).max()
+    assert forced.contact.in_contact.any() or COMM.size > 1
+    driven = solve(block(dimension, law, algebra, **element, **prescribed(tool)))
+    assert apart(forced, driven) < 1e-10
+    if law != "coulomb":  # whose fixed point contracts faster where the motion is prescribed
+        assert forced.history.linear_solves <= 1.2 * driven.history.linear_solves + 1
+    assert forced.certificate.worst < 1e-9
+
+
+def posts(apart_by=10.0, width=0.1, height=1.0):
+    """Two columns with one contact boundary, their tops."""
+    both = [Box("1", -width / 2, 0.0, width, height, 4, 6), Box("2", apart_by - width / 2, 0.0, width, height, 4, 6)]
+    mesh = boxes_mesh(COMM, both).mesh
+    return tag_boundaries(
+        mesh, {"tops": lambda x: np.isclose(x[1], height), "bottoms": lambda x: np.isclose(x[1], 0.0)}
+    )
+
+
+def on_posts(force=(0.0, -3.0), at=2.5, law=None, algebra="full", **solver):
+    """A plate on two columns without Poisson's effect, under a force beside its middle."""
+    tool = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0], "pivot": [at, 1.0], "force": list(force)}
+    return parse_scene(
+        {
+            "mesh": posts(),
+            "material": {"young": 1e5, "poisson": 0.0},
+            "displacement": {"boundary": "bottoms", "x": 0.0, "y": 0.0},
+            "contact": {"boundary": "tops", "foundation": tool, "friction": law or LAWS["coulomb"]},
+            "solver": {"linear_algebra": algebra, **solver},
+        }
+    )
+
+
+@pytest.mark.parametrize("algebra", ["full", "condensed"])
+def test_a_plate_on_two_posts_tilts_as_statics_says(algebra):
+    """The posts take 3/4 and 1/4 of the force, sink by N H / (E A) each, and the plate turns by the difference."""
+    solution = solve(on_posts(algebra=algebra))
+    x, pressure, weight = solution.contact.boundary.x, solution.contact.pressure, solution.contact.boundary.weight
+    taken = [COMM.allreduce(float((weight * pressure)[half].sum())) for half in (x[:, 0] < 5, x[:, 0] > 5)]
+    assert np.allclose(taken, [2.25, 0.75], rtol=1e-4)
+    (tool,) = solution.last_step.tools
+    sunk = np.array(taken) / (1e5 * 0.1)
+    # The force follows no motion: it stays where it is given.
+    assert np.isclose(tool.rotation[0], (sunk[0] - sunk[1]) / 10.0, rtol=1e-3)
+    assert np.isclose(tool.translation[1], -(0.75 * sunk[0] + 0.25 * sunk[1]), rtol=1e-3)
+    assert solution.safety is not None
+
+
+OUTCOMES = [
+    ((1.0, -3.0), 2.5, LAWS["coulomb"], Status.SLIDES),  # more than 0.3 * 3
+    ((0.0, -3.0), 10.2, LAWS["coulomb"], Status.TIPS),  # beside the last post
+    ((0.0, 3.0), 2.5, LAWS["coulomb"], Status.OPEN),
+    ((0.0, -3.0), 2.5, LAWS["none"], Status.NOT_HELD),
+]
+
+
+@pytest.mark.parametrize(("force", "at", "law", "status"), OUTCOMES)
+def test_a_tool_that_nothing_holds_ends_with_its_name(force, at, law, status):
+    with pytest.raises(ConvergenceError) as raised:
+        solve(on_posts(force, at, law))
+    assert raised.value.solution.status is status
+    assert raised.value.solution.history.linear_solves == 0
+
+
+def test_a_force_just_below_the_limit_of_friction_is_held():
+    assert solve(on_posts((0.89, -3.0))).converged
+    safety = solve(on_posts((0.45, -3.0))).safety
+    assert safety is None or safety.factor > 0
+
+
+def three_posts():
+    """Three columns of hexahedra, cut out of a box, and the positions of their axes."""
+    mesh = dmesh.create_box(COMM, [(0.0, 0.0, 0.0), (2.1, 2.1, 0.5)], (21, 21, 2), dmesh.CellType.hexahedron)
+    axes = np.array([[0.15, 0.25], [1.95, 0.45], [0.65, 1.95]])
+    middle = dmesh.compute_midpoints(mesh, 3, np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32))
+    near = (np.abs(middle[:, None, :2] - axes).max(axis=2) < 0.06).any(axis=1)
+    columns = dmesh.create_submesh(mesh, 3, np.flatnonzero(near).astype(np.int32))[0]
+    tops = {"tops": lambda x: np.isclose(x[2], 0.5), "bottoms": lambda x: np.isclose(x[2], 0.0)}
+    return tag_boundaries(columns, tops), axes
+
+
+def test_a_plate_on_three_posts_tilts_as_statics_says():
+    """In space: three unknown forces from a force and two moments, and the plane through what sinks."""
+    mesh, axes = three_posts()
+    at, force = np.array([0.8, 0.7]), 2.0
+    tool = {"shape": "plane", "point": [0.0, 0.0, 0.5], "normal": [0.0, 0.0, -1.0], "pivot": [*at, 0.5]}
+    scene = parse_scene(
+        {
+            "mesh": mesh,
+            "material": {"young": 1e5, "poisson": 0.0},
+            "displacement": {"boundary": "bottoms", "x": 0.0, "y": 0.0, "z": 0.0},
+            "contact": {
+                "boundary": "tops",
+                "foundation": {**tool, "force": [0.0, 0.0, -force]},
+                "friction": LAWS["coulomb"],
+            },
+        }
+    )
+    solution = solve(scene)
+    wanted = np.linalg.solve(np.vstack((np.ones(3), axes.T)), force * np.array([1.0, *at]))
+    boundary, pressure = solution.contact.boundary, solution.contact.pressure
+    of = np.abs(boundary.x[:, None, :2] - axes).max(axis=2).argmin(axis=1)
+    taken = COMM.allreduce(np.bincount(of, boundary.weight * pressure, minlength=3))
+    assert np.allclose(taken, wanted, rtol=5e-3)
+    (motion,) = solution.last_step.tools
+    sunk = wanted * 0.5 / (1e5 * 0.01)
+    assert np.allclose(motion.at(np.column_stack((axes, np.full(3, 0.5))))[:, 2], -sunk, rtol=5e-3)
+
+
+def test_hertz_by_force():
+    """Half a cylinder that a plane presses with P: a^2 = 4 P R / (pi E*), p0 = 2 P / (pi a)."""
+    from test_hertz import half_disk, load, peak, profile
+
+    given = half_disk(0.4, size=0.02)
+    plane = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+    tool = {**plane, "force": [0.0, load(0.4) / 2], "prescribed": {"x": 0.0, "rotation": 0.0}}
+    contact = given.contact[0].model_dump() | {"foundation": tool, "direction": None, "gap": 0.0}
+    scene = parse_scene(
+        {
+            "mesh": given.mesh.model_dump(exclude_none=True),
+            "material": given.material[0].model_dump(include={"young", "poisson"}),
+            "displacement": [{"boundary": "symmetry", "normal": 0.0}, {"boundary": "top", "y": 0.0}],
+            "contact": {"boundary": "arc", "foundation": tool},
+        }
+    )
+    assert contact
+    solution = solve(scene)
+    x, pressure, weight, _ = profile(solution)
+    assert np.isclose(pressure.max(), peak(0.4), rtol=0.01)
+    assert np.isclose(weight @ pressure, load(0.4) / 2, rtol=1e-9)
+    assert np.isclose(x[pressure > 1e-3 * pressure.max()].max(), 0.4, atol=0.03)
+
+
+def scaled(solution, length, force):
+    (tool,) = solution.last_step.tools
+    return np.append(tool.translation / length, tool.rotation), solution.contact.pressure * length**2 / force
+
+
+@pytest.mark.parametrize("unit", [(1e-9, 1.0), (1e9, 1e-9), (1.0, 1e9)])
+def test_units_do_not_matter(unit):
+    reference = scaled(solve(block(2, "coulomb", **pressed(2, "coulomb"))), 1.0, 1.0)
+    other = scaled(solve(block(2, "coulomb", unit=unit, **pressed(2, "coulomb", unit))), *unit)
+    for one, another in zip(reference, other, strict=True):
+        assert np.abs(one - another).max(initial=0.0) < 1e-8 * np.abs(one).max(initial=1e-300)
+
+
+def test_load_steps_with_friction():
+    """A tool that is pressed and then pulled by functions of the time, and the same by prescribed motions."""
+    force = {"force": ["3 * max(0, t - 1)", "-20"], "prescribed": {"rotation": 0.0}}
+    forced = solve(block(2, "coulomb", times=[1.0, 2.0, 3.0], **force))
+    assert [step.status for step in forced.steps] == [Status.CONVERGED] * 3
+    names = ("x", "y", "rotation")
+    motion = [np.append(step.tools[0].translation, step.tools[0].rotation) for step in forced.steps]
+
+    def through(values):
+        a, b, c = map(float, values)  # the parabola through them at t = 1, 2, 3
+        return f"{a!r} * (t - 2) * (t - 3) / 2 - {b!r} * (t - 1) * (t - 3) + {c!r} * (t - 1) * (t - 2) / 2"
+
+    given = {name: through([one[k] for one in motion]) for k, name in enumerate(names)}
+    driven = solve(block(2, "coulomb", times=[1.0, 2.0, 3.0], prescribed=given))
+    assert apart(forced, driven) < 1e-9
+    assert all(step.certificate.holds for step in forced.steps)
+
+
+def test_the_certificate_knows_the_force():
+    """Another force, another motion, and a tool that is said to stand still are refused."""
+    given = pressed(2, "coulomb")
+    solution = solve(block(2, "coulomb", **given))
+    (tool,) = solution.last_step.tools
+
+    def judged(scene=solution.scene, tools=(tool,)):
+        tagged, tractions = solution.discretisation.tagged, Tractions.of(solution.contact)
+        return certify(scene, tagged, solution.displacement, tractions, law=solution.certificate.law, tools=tools)
+
+    assert judged().worst < 1e-9
+    for force in ([1.0, -20.1], [1.01, -20.0]):
+        assert judged(block(2, "coulomb", **{**given, "force": force})).equilibrium > 1e-4
+    turned = block(2, "coulomb", **{**given, "moment": 0.1, "prescribed": {}})
+    assert judged(turned).equilibrium > 1e-4
+    assert not judged(tools=(dataclasses.replace(tool, translation=1.01 * tool.translation),)).holds
+    assert not judged(tools=()).holds
+    assert not judged(tools=(dataclasses.replace(tool, rotation=np.array([1e-3])),)).holds
+
+
+def test_motions_are_rigid():
+    """The second opinion's own formula: distances and angles stay to first order."""
+    rng = np.random.default_rng(3)
+    for dim, turns in ((2, 1), (3, 3)):
+        x, centre = rng.normal(size=(5, dim)), rng.normal(size=dim)
+        tool = ToolMotion(0, "top", centre, rng.normal(size=dim), rng.normal(size=turns))
+        moved, arm = tool.at(x), x[:, None] - x[None]
+        assert np.abs(np.einsum("ijk,ijk->ij", arm, moved[:, None] - moved[None])).max() < 1e-12
+        assert np.allclose(tool.at(centre[None]), tool.translation)
+
+
+REFUSED = [
+    ({"moment": [0.0, 0.0, 1.0]}, "moment: the mesh is plane"),
+    ({"force": [0.0, 0.0, 1.0]}, "force: the mesh is plane"),
+    ({"prescribed": {"z": 0.0}}, "prescribed.z"),
+    ({"force": [0.0, "x[0]"]}, "number or an expression of the time t"),
+    ({"force": [0.0, -1.0], "shift": ["0.1 * t", 0.0]}, "choose one of both"),
+    ({"force": [0.0, -1.0], "pivot": None}, "pivot: give the point where the force acts"),
+    ({"force": [0.0, -1.0], "solver": {"linear_algebra": "krylov"}}, "krylov is not possible yet"),
+    ({"force": [0.0, -1.0], "solver": {"algorithm": "exact"}}, "exact needs one unknown"),
+    ({"force": [0.0, -1.0], "solver": {"levels": 2}}, "a sequence of meshes"),
+]
+
+
+@pytest.mark.parametrize(("entry", "words"), REFUSED)
+def test_bad_input_is_one_error(entry, words):
+    with pytest.raises(SceneError, match=words):
+        solve(block(**entry))
+
+
+def test_two_tools_are_two_bodies():
+    """Each post has a plate of its own: they sink on their own, and only the one that is pushed too hard slides."""
+
+    def scene(push):
+        both = [Box("1", 0.0, 0.0, 1.0, 1.0, 3, 3), Box("2", 3.0, 0.0, 1.0, 1.0, 3, 3)]
+        plate = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0], "prescribed": {"rotation": 0.0}}
+        return parse_scene(
+            {
+                "mesh": boxes_mesh(COMM, both),
+                "material": {"young": 1000.0, "poisson": 0.0},
+                "displacement": [{"boundary": f"bottom {k}", "x": 0.0, "y": 0.0} for k in "12"],
+                "contact": [
+                    {
+                        "boundary": f"top {name}",
+                        "foundation": {**plate, "force": [sideways, -force]},
+                        "friction": LAWS["coulomb"],
+                    }
+                    for name, force, sideways in (("1", 1.0, 0.0), ("2", 2.0, push))
+                ],
+            }
+        )
+
+    tools = solve(scene(0.0)).last_step.tools
+    assert [tool.boundary for tool in tools] == ["top 1", "top 2"]
+    assert np.allclose([tool.translation[1] for tool in tools], [-1e-3, -2e-3], rtol=1e-4)
+    with pytest.raises(ConvergenceError) as raised:
+        solve(scene(0.7))
+    assert raised.value.solution.status is Status.SLIDES
+    assert "contact[1]" in str(raised.value)
+    assert "contact[0]" not in str(raised.value)
+
+
+def test_it_is_drawn_where_it_ends_up(tmp_path, monkeypatch):
+    """The plate that tilts: below it the tops of the posts, which it presses down, and no picture of where it was."""
+    from signorini_fx.pictures import deformed_body
+    from signorini_fx.results.picture_data import gather_pictures
+
+    solution = solve(on_posts())
+    (tool,) = solution.last_step.tools
+    drawn = []
+    monkeypatch.setattr(deformed_body, "deformed_mesh", lambda *_, foundation, **__: drawn.append(foundation))
+    table = solution.table.columns
+    gather_pictures(solution)._draw_in_the_plane(gather_pictures(solution).body, table, tmp_path, "")
+    places = drawn[0].nodes + drawn[0].offset
+    assert np.allclose(places, drawn[0].nodes + tool.at(drawn[0].nodes))  # it touched them
+    assert np.ptp(places[:, 1]) > 1e-6
