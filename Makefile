@@ -1,9 +1,11 @@
 # Everything runs through ./env: on this machine if it has dolfinx, otherwise in the image of the Dockerfile.
 # DEBIAN=sid make TARGET uses the image of that release.
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long test-wheel test-report lint format paper bench stability oracle mutants docs dist clean
+.PHONY: help demo test test-slow test-long test-wheel test-report lint format paper bench stability oracle mutants docs dist clean
 DEMOS := example1_tresca example1_coulomb
 REPORTS := $(addprefix demos/scenes/,example1_coulomb press_and_slide bracket) tests/data/three_feet
+SIDE_BY_SIDE := ./env python3 -m pytest -q -n auto --maxprocesses 8 --dist worksteal
+ON_RANKS := ./env mpirun -n $$n python3 -m pytest -q --color=no
 RUFF := build/ruff-0.17.5
 SPHINX := build/sphinx-9.0.4
 BUILD := build/build-1.6.1
@@ -14,15 +16,19 @@ help:       ## list the targets
 demo:       ## solve Example 1 of the paper with Tresca and with Coulomb friction on two ranks (results/)
 	for d in $(DEMOS); do ./env mpirun -n 2 python3 -m signorini_fx solve demos/scenes/$$d.toml --out results/$$d || exit; done
 
-test:       ## run all tests on one rank, side by side, and those marked mpi also on two and three
-	./env python3 -m pytest -q -n auto --maxprocesses 8 --dist worksteal tests
-	for n in 2 3; do ./env mpirun -n $$n python3 -m pytest -q --color=no -m "mpi and not long" tests || exit; done
+test:       ## run the quick tests on one rank, side by side, and those marked mpi also on two and three
+	$(SIDE_BY_SIDE) tests
+	for n in 2 3; do $(ON_RANKS) -m "mpi and not slow and not long" tests || exit; done
+
+test-slow:  ## run the slow tests, which repeat at other parameters what the quick ones show (tests/tiers.py)
+	$(SIDE_BY_SIDE) -m "slow and not long" tests
+	for n in 2 3; do $(ON_RANKS) -m "mpi and slow and not long" tests || exit; done
 
 test-long:  ## run the tests marked long
-	./env python3 -m pytest -q -n auto --maxprocesses 8 --dist worksteal -m long tests
+	$(SIDE_BY_SIDE) -m long tests
 
 test-wheel: ## run the tests of one rank with wheels of FEniCSx from PyPI, in a virtual environment
-	SFX_WHEELS=1 ./env python3 -m pytest -q -n auto --maxprocesses 8 --dist worksteal tests
+	SFX_WHEELS=1 $(SIDE_BY_SIDE) -m "not long" tests
 
 test-report:  ## open reports in Chromium at two widths and print them (results/report); installs it where it may
 	for d in $(REPORTS); do out=results/report/$${d##*/}; \

@@ -22,6 +22,7 @@ from _pytest.faulthandler import fault_handler_stderr_fd_key
 from dolfinx import jit
 from hypothesis import given, settings
 from hypothesis.strategies import none
+from tiers import slow_on
 
 # A shell ignores Ctrl-C in what it starts in the background; programs hand that on to those that the tests interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -29,6 +30,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 # The report's own communicator: its messages never meet those of a test.
 COMM = MPI.COMM_WORLD.Dup()
+NOT_THERE = pytest.StashKey[list[str]]()
 PATIENCE = 120.0  # seconds that a rank waits for the others at the end of a test before it ends them all
 LIMIT = 300.0  # seconds that a test may take on several ranks
 
@@ -46,6 +48,17 @@ def pytest_configure(config):
     if COMM.rank > 0:
         reporter = config.pluginmanager.get_plugin("terminalreporter")
         reporter._tw = create_terminal_writer(config, io.StringIO())
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config, items):
+    """Mark the tests of ``slow_tests.txt``; what it lists of these files and is not there is kept for a test."""
+    there = {item.nodeid.removeprefix("tests/"): item for item in items}
+    slow = slow_on([name for name, item in there.items() if item.get_closest_marker("mpi")], COMM.size)
+    for name in slow & there.keys():
+        there[name].add_marker("slow")
+    files = set() if any("::" in one for one in config.args) else {name.partition("::")[0] for name in there}
+    config.stash[NOT_THERE] = sorted(name for name in slow - there.keys() if name.partition("::")[0] in files)
 
 
 def pytest_collection_finish():

@@ -1,0 +1,181 @@
+"""Which tests `make test` leaves to `make test-slow`: measured, and chosen by a rule (``tests/slow_tests.txt``).
+
+    ./env python3 tests/tiers.py measure [FILE ...]    # CPU time and lines of each test of one rank, in build/tiers
+    ./env python3 tests/tiers.py choose                # lists the slow tests of the files that were measured
+
+A test is slow if it takes more than ``DEAR`` seconds, if another set of parameters of its function stays, and if the
+tests that stay run every line of the package that it runs.  What notices a mistake of docs/mutants.md stays, and so do
+the tables of the paper.  On three ranks, which repeat what two show, the first set of parameters of a function stays.
+"""
+
+from __future__ import annotations
+
+import pickle
+import resource
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+LIST = ROOT / "tests" / "slow_tests.txt"
+MEASURED = ROOT / "build" / "tiers"
+PACKAGE = f"{ROOT / 'signorini_fx'}/"
+# CPU seconds above which a test may be slow.
+DEAR = 0.3
+# What is never slow, beside what notices a mistake.
+ALWAYS = {"test_paper.py", "test_paper_tables.py"}
+_IN_A_FUNCTION = 1  # CO_OPTIMIZED: not the lines of modules and classes, which run when they are imported
+
+
+@dataclass(frozen=True)
+class Test:
+    """A test as it was measured.
+
+    Attributes:
+        name: its node, without the folder ``tests``.
+        seconds: CPU time, its fixtures included.
+        lines: of the package, as numbers.
+        on_ranks: whether it is marked mpi.
+    """
+
+    __test__ = False
+
+    name: str
+    seconds: float
+    lines: frozenset[int]
+    on_ranks: bool
+
+    @property
+    def function(self) -> str:
+        """Its function, whatever the parameters."""
+        return self.name.partition("[")[0]
+
+
+def slow_on(names: Iterable[str], ranks: int) -> set[str]:
+    """Which of some tests, in the order of their files, are slow on a number of ranks."""
+    slow, there = listed(), set()
+    if ranks == 3:
+        notice = {name for count, name in noticing() if count == ranks}
+        for name in names:
+            function = name.partition("[")[0]
+            if name not in slow and function in there and not {name, function, name.partition("::")[0]} & notice:
+                slow.add(name)
+            elif name not in slow:
+                there.add(function)
+    return slow
+
+
+def listed() -> set[str]:
+    """The tests of ``slow_tests.txt``."""
+    return {line for line in LIST.read_text(encoding="utf-8").splitlines() if not line.startswith("#")}
+
+
+def noticing() -> set[tuple[int, str]]:
+    """Ranks and tests, or functions or files of them, that notice the mistakes of docs/mutants.md."""
+    sys.path.insert(0, str(ROOT))
+    from stability.mistakes import MUTANTS
+    from stability.mutants import recorded_tests
+
+    recorded = recorded_tests()
+    every = [[recorded[m.idea]] if m.idea in recorded else [(m.ranks, name) for name in m.named] for m in MUTANTS]
+    return {(ranks, name.removeprefix("tests/")) for tests in every for ranks, name in tests}
+
+
+def chosen(tests: list[Test], noticing: set[tuple[int, str]]) -> list[str]:
+    """The tests that are slow."""
+    kept = ALWAYS | {name for _, name in noticing}
+    runs, of = Counter(line for test in tests for line in test.lines), Counter(test.function for test in tests)
+    slow = []
+    for test in sorted(tests, key=lambda test: -test.seconds):
+        spare = of[test.function] > 1 and all(runs[line] > 1 for line in test.lines)
+        stays = {test.name, test.function, test.name.partition("::")[0]} & kept
+        if test.seconds > DEAR and spare and not stays:
+            slow.append(test.name)
+            of[test.function] -= 1
+            runs.subtract(test.lines)
+    return sorted(slow)
+
+
+def measured() -> list[Test]:
+    """What ``measure`` has left, from all of its processes."""
+    found, number = [], {}
+    for file in sorted(MEASURED.glob("*.pickle")):
+        known: list[int] = []
+        with file.open("rb") as stream:
+            while True:
+                try:
+                    name, seconds, on_ranks, new, lines = pickle.load(stream)
+                except EOFError:
+                    break
+                known += [number.setdefault(line, len(number)) for line in new]
+                found.append(Test(name, seconds, frozenset(known[k] for k in lines), on_ranks))
+    return found
+
+
+class Recorder:
+    """A plugin of pytest that writes the CPU time and the lines of each test."""
+
+    def __init__(self, file: Path) -> None:
+        self._file, self._number, self._new = file, {}, []
+        self._run: set[int] = set()
+        sys.monitoring.use_tool_id(sys.monitoring.COVERAGE_ID, "tiers")
+        sys.monitoring.register_callback(sys.monitoring.COVERAGE_ID, sys.monitoring.events.LINE, self._line)
+        sys.monitoring.set_events(sys.monitoring.COVERAGE_ID, sys.monitoring.events.LINE)
+
+    def _line(self, code, line):
+        if code.co_flags & _IN_A_FUNCTION and code.co_filename.startswith(PACKAGE):
+            key = code.co_filename.removeprefix(PACKAGE), line
+            if key not in self._number:
+                self._number[key] = len(self._number)
+                self._new.append(key)
+            self._run.add(self._number[key])
+        return sys.monitoring.DISABLE  # until the next test
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_runtest_protocol(self, item):
+        """One test with its fixtures."""
+        self._run.clear()
+        sys.monitoring.restart_events()
+        begin = _seconds()
+        try:
+            return (yield)
+        finally:
+            name, on_ranks = item.nodeid.removeprefix("tests/"), item.get_closest_marker("mpi") is not None
+            with self._file.open("ab") as stream:
+                pickle.dump((name, _seconds() - begin, on_ranks, self._new, sorted(self._run)), stream)
+            self._new = []
+
+
+def _seconds() -> float:
+    every = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(usage.ru_utime + usage.ru_stime for usage in every)
+
+
+def main(command: str, *files: str) -> int:
+    """Measure, in a process for each file, or choose."""
+    if command == "measure" and len(files) == 1:
+        name = Path(files[0]).stem
+        (MEASURED / f"{name}.pickle").unlink(missing_ok=True)
+        return pytest.main(["-q", "-m", "not long", *files], [Recorder(MEASURED / f"{name}.pickle")])
+    if command == "measure":
+        MEASURED.mkdir(parents=True, exist_ok=True)
+        for file in files or sorted(map(str, (ROOT / "tests").glob("test_*.py"))):
+            subprocess.run([sys.executable, __file__, command, file], cwd=ROOT, check=True)
+        return 0
+    tests = measured()
+    slow, files = set(chosen(tests, noticing())), {test.name.partition("::")[0] for test in tests}
+    head = [line for line in LIST.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
+    every = sorted(slow | {name for name in listed() if name.partition("::")[0] not in files})
+    LIST.write_text("\n".join([*head, *every, ""]), encoding="utf-8")
+    total, saved = (sum(test.seconds for test in tests if all_ or test.name in slow) for all_ in (True, False))
+    print(f"slow: {len(slow)} of {len(tests)} tests of {len(files)} files, {saved:.0f} of {total:.0f} CPU seconds")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))
