@@ -57,7 +57,18 @@ def results_of(summary: dict[str, Any]) -> str:
 def safety_in_words(safety: dict[str, Any]) -> str:
     """The safety factor of a summary, the motion beyond it, and what it does not say."""
     beyond = "" if safety["factor"] is None else f"; beyond, {safety['motion']}"
-    return "; ".join([safety_factor(safety) + beyond, *friction_in_use(safety)])
+    return "; ".join([safety_factor(safety) + beyond, *friction_in_use(safety), safety_proved(safety)])
+
+
+def safety_proved(safety: dict[str, Any]) -> str:
+    """Of what a safety factor is proved: of the body, or only of its mesh."""
+    if safety["of_body"]:
+        return "proved for the body"
+    if safety["reason"]:
+        return f"proved for its mesh ({safety['reason']})"
+    low, high = safety["body"]
+    limits = [f"at least {low:.4g}"] * bool(low) + ([] if high is None else [f"at most {high:.4g}"])
+    return "proved for its mesh" + (f", for the body {' and '.join(limits)}" if limits else "")
 
 
 def safety_factor(safety: dict[str, Any]) -> str:

@@ -3132,6 +3132,30 @@ MUTANTS = (
         tests=("quantities::test_stresses",),
     ),
     Mutant(
+        "body/limits",
+        "x.mean(axis=1) - (length * np.tan(angle / 2))[:, None] * middle",
+        "x.mean(axis=1)",
+        "limits: an arc is no deeper than its chord",
+        tests=(
+            "limits_of_the_body::test_given_friction_on_an_arc",
+            "limits_of_the_body::test_on_arcs_the_factors_nest",
+        ),
+    ),
+    Mutant(
+        "body/limits",
+        "normal @ motion + share * slips + _SUM * sizes",
+        "normal @ motion + share * slips",
+        "limits: the work of a contact force has no round-off",
+        tests=("limits_of_the_body::test_round_off_counts",),
+    ),
+    Mutant(
+        "body/limits",
+        "self.flat and self.tangential.shape[1] == 1",
+        "True",
+        "limits: friction of nodes is that of the facet",
+        tests=("limits_of_the_body::test_given_friction_on_an_arc", "limits_of_the_body::test_in_space"),
+    ),
+    Mutant(
         "results/safety",
         "contact.gap - rest.u_n",
         "contact.gap",

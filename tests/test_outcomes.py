@@ -55,7 +55,7 @@ def test_free_sideways_without_friction():
     # What to do is said once, with the motion.
     assert solution.advice == (
         "nothing holds the body: neither the supports nor the contact resists the translation along (1, 0); "
-        "prescribe a displacement, or add friction"
+        "prescribe a displacement, or add friction; proved for the body"
     )
     assert render(summarise(solution, table_of(solution))).split().count("prescribe") == 1
 

@@ -6,11 +6,14 @@ supports leave free.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
 from signorini_fx import parallel
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.limits import Surface, Unproved, balanced, excluded, surface_of
 from signorini_fx.body.motion_names import names_of
 from signorini_fx.contact.motions import total_work
 from signorini_fx.contact.reactions import Reactions, nearest, reactions
@@ -29,9 +32,14 @@ def equilibrium(body: Discretisation) -> list[Finding]:
     if motions.free.shape[1] == 0:
         return []
     every: tuple[Reactions, _Rows] | None = None
+    surfaces: dict[int, Surface] | str = ""
     if boundary is not None and data is not None:
         gap = parallel.gather_rows(boundary.comm, data.gap[:, None])[:, 0]
         every = reactions(motions.at(boundary), body.law, data.bilateral), gap
+        try:
+            surfaces = surface_of(body)
+        except Unproved as unproved:
+            surfaces = str(unproved)
     loads = [load_on(body, step) for step in range(body.scene.steps)]
     found = []
     for number in map(int, np.unique(motions.assembly)):
@@ -41,7 +49,8 @@ def equilibrium(body: Discretisation) -> list[Finding]:
             contact = every[0].of(number, columns)
             without_load = squeezed(contact, every[1][every[0].assembly == number])
         own = [load[columns] for load in loads]
-        found.append(_equilibrium_of(body, number, columns, contact, own, without_load=without_load))
+        surface = surfaces if isinstance(surfaces, str) else surfaces[number]
+        found.append(_equilibrium_of(body, number, columns, contact, surface, own, without_load=without_load))
     return found
 
 
@@ -50,6 +59,7 @@ def _equilibrium_of(
     number: int,
     columns: npt.NDArray[np.bool_],
     contact: Reactions | None,
+    surface: Surface | str,
     loads: list[_Rows],
     *,
     without_load: bool,
@@ -61,6 +71,7 @@ def _equilibrium_of(
         number: of the assembly.
         columns: its free motions, k of them.
         contact: reactions of its contact nodes; None for a scene without contact.
+        surface: of its contact; or why it is not known.
         loads: for each load step its work on these motions, shape (k,).
         without_load: whether its foundation holds it without a load.
     """
@@ -79,7 +90,10 @@ def _equilibrium_of(
         who, advice = "the supports do not resist", "prescribe a displacement"
         if contact is not None:
             who, advice = "neither the supports nor the contact resists", f"{advice}, or add friction"
-        return Finding("warning", "displacement", f"nothing holds {it}: {who} {names}; {advice}")
+        proved = "proved for the body"
+        if contact is not None:
+            proved = _proved(surface, lambda whole: whole.flat)
+        return Finding("warning", "displacement", f"nothing holds {it}: {who} {names}; {advice}; {proved}")
     assert contact is not None
     away = [escape(contact, load) if load.any() else None for load in loads]
     of_it = f" of {it}" if several else ""
@@ -92,11 +106,13 @@ def _equilibrium_of(
         status, motion = next(way for way in away if way is not None)
         drives, cannot, cure = _WAYS[status]
         names = names_of(free @ motion[:, None], motions, members)
+        driven = [loads[step - 1] for step in steps]
+        proved = _proved(surface, lambda whole: all(excluded(whole, nearest(contact, w).motion, w) for w in driven))
         return Finding(
             "warning",
             "traction, body_force",
             f"{when}there is no static equilibrium{of_it}: the loads {drives} {names}, {cannot}: "
-            f"{cure}, or prescribe a displacement",
+            f"{cure}, or prescribe a displacement; {proved}",
         )
     alone = "friction" if null_space(contact.normal).shape[1] else "the contact alone"
     text = f"the supports do not hold {names_of(free, motions, members)}: {alone} must"
@@ -111,7 +127,18 @@ def _equilibrium_of(
     text = f"{text}, and {pressed}"
     if not all(nearest(contact, load).balanced for load in loads if load.any()):
         text = f"{text}; friction is so close to its limit that only the iteration can say whether it holds"
+    elif any(load.any() for load in loads):
+        acting = [load for load in loads if load.any()]
+        proved = _proved(surface, lambda whole: all(balanced(contact, whole, load) for load in acting))
+        text = f"{text}; that tractions balance them is {proved}"
     return Finding("note", "displacement", text)
+
+
+def _proved(surface: Surface | str, statement: Callable[[Surface], bool]) -> str:
+    """Of what a statement is proved: of the body, or only of its mesh."""
+    if isinstance(surface, str):
+        return f"proved for its mesh ({surface})"
+    return "proved for the body" if statement(surface) else "proved for its mesh"
 
 
 # What loads do, what does not stop it, and what may.

@@ -158,12 +158,14 @@ class Nearest:
         pressed: the nodes that they press with a force that no bound limits, shape (m,).
         balanced: whether nothing but round-off is left.
         unbalanced: whether it is proved that no admissible tractions balance the load.
+        forces: the sum of the coefficients of its columns of length 1, in units of the load.
     """
 
     motion: Nodal
     pressed: npt.NDArray[np.int64]
     balanced: bool
     unbalanced: bool
+    forces: float
 
 
 def nearest(here: Reactions, load: Nodal, *, unlimited: bool = False) -> Nearest:
@@ -224,6 +226,7 @@ def nearest(here: Reactions, load: Nodal, *, unlimited: bool = False) -> Nearest
         pressed=pressed[pressed >= 0],
         balanced=balanced,
         unbalanced=unbalanced,
+        forces=float(values.sum()),
     )
 
 

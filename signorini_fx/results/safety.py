@@ -10,6 +10,7 @@ import numpy.typing as npt
 from signorini_fx import parallel
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.limits import Surface, Unproved, factor_at_least, factor_at_most, surface_of
 from signorini_fx.body.motion_names import names_of
 from signorini_fx.contact.laws import FrictionLaw
 from signorini_fx.contact.motions import total_work
@@ -21,6 +22,8 @@ from signorini_fx.scene.effect import Force
 
 # A node whose gap is below this share of the size of the body is closed.
 _CLOSED = 1e-9
+# Factors of the mesh and of the body that differ by less are equal.
+_SAME = 1e-8
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,9 @@ class Safety:
             move the body away at 1 / ``friction_used`` of their size if no friction bound changes.  It describes this
             solution and sets no limit, because the pressures change with the loads.  None without Coulomb friction.
         motion: the motion beyond ``factor``, in words; "" where there is no limit.
+        body: between which multiples that of the body is, with every point of its surface that touches to one facet,
+            round-off included; 0 and infinity where nothing is proved.
+        reason: why nothing is proved of the body; "".
     """
 
     factor: float
@@ -47,10 +53,21 @@ class Safety:
     exact: bool
     friction_used: float | None
     motion: str
+    body: tuple[float, float] = (0.0, np.inf)
+    reason: str = ""
+
+    @property
+    def of_body(self) -> bool:
+        """Whether ``factor`` is proved for the body and not only for its mesh."""
+        low, high = self.body
+        return bool(low >= self.factor * (1 - _SAME) and high <= self.bound * (1 + _SAME) and self.bound < np.inf) or (
+            low == np.inf
+        )
 
     def as_dict(self) -> dict[str, object]:
         """All figures, JSON-safe: null where there is no limit."""
-        return {name: None if value == np.inf else value for name, value in asdict(self).items()}
+        found: dict[str, object] = {name: None if value == np.inf else value for name, value in asdict(self).items()}
+        return found | {"body": [None if value == np.inf else value for value in self.body], "of_body": self.of_body}
 
 
 def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety | None:
@@ -85,6 +102,8 @@ def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety 
         present = reactions(at_contact, bounds, contact.bilateral, pressing)
     if parallel.any_rank(d.comm, not np.isfinite(contact.pressure).all()):
         return None
+    surfaces, reason = _surfaces(d, pressing)
+    low, high = np.inf, np.inf
     worst: tuple[Limit, str] | None = None
     used: list[float] = []
     for number, columns in at_contact.assemblies():
@@ -94,6 +113,11 @@ def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety 
         limit = largest_multiple(allowed.of(number, columns), *loads)
         if limit is None:
             return None
+        if surfaces is not None:
+            least = factor_at_least(allowed.of(number, columns), surfaces[number], limit.found, *loads)
+            low = min(low, 0.0 if least is None else least)
+            if limit.motion is not None:
+                high = min(high, factor_at_most(surfaces[number], limit.motion, *loads))
         if worst is None or limit.found < worst[0].found:
             words = ""
             if limit.motion is not None:
@@ -109,7 +133,16 @@ def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety 
     if worst is None:
         return None
     limit, words = worst
-    return Safety(limit.found, limit.factor, not d.scene.has_coulomb, max(used, default=None), words)
+    body = (0.0, np.inf) if surfaces is None else (low, high)
+    return Safety(limit.found, limit.factor, not d.scene.has_coulomb, max(used, default=None), words, body, reason)
+
+
+def _surfaces(d: Discretisation, pressing: npt.NDArray[np.bool_]) -> tuple[dict[int, Surface] | None, str]:
+    """The contact surface of each assembly as far as it touches; or None, and why it is not known."""
+    try:
+        return surface_of(d, pressing), ""
+    except Unproved as unproved:
+        return None, str(unproved)
 
 
 def _loads(d: Discretisation, place: float) -> list[npt.NDArray[np.float64]]:
