@@ -3132,6 +3132,20 @@ MUTANTS = (
         tests=("quantities::test_stresses",),
     ),
     Mutant(
+        "accuracy/error_bound",
+        "(size + error) ** 2 / 2 - energy + above + tiny",
+        "(size - error) ** 2 / 2 - energy + above + tiny",
+        "error bound: the work of the loads is at most that of the smallest strain energy",
+        tests=("error_bound::test_the_work_of_the_loads",),
+    ),
+    Mutant(
+        "accuracy/triangulated",
+        "t.length @ on_edges + inside",
+        "t.length @ on_edges",
+        "error bound: body forces do no work",
+        tests=("error_bound::test_the_work_of_the_loads",),
+    ),
+    Mutant(
         "body/limits",
         "x.mean(axis=1) - (length * np.tan(angle / 2))[:, None] * middle",
         "x.mean(axis=1)",

@@ -9,6 +9,7 @@ from signorini_fx.accuracy.equilibrated_stress import Loads, constant_forces, eq
 from signorini_fx.accuracy.error_bound import error_bound
 from signorini_fx.accuracy.triangles import Triangles, free_motions
 from signorini_fx.accuracy.triangulated import quadratic
+from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.errors import SceneError
 from signorini_fx.results.summary import lines_of, summarise
 from signorini_fx.scene.expressions import Expression
@@ -131,6 +132,10 @@ def test_a_displacement_that_elements_hold():
     bound = alone(scene).error_bound
     assert bound.error < 1e-6 * bound.size
     assert bound.strain_energy[0] == pytest.approx(bound.strain_energy[1], rel=1e-5)
+    # p times the length 3 times the sinking (1 - nu^2) p h / E of a block of height 1, which is free to widen.
+    exact = 3 * (1 - 0.3**2) / 1000.0
+    assert bound.work == (pytest.approx(exact, rel=1e-5), pytest.approx(exact, rel=1e-5))
+    assert bound.work[0] <= exact <= bound.work[1]
 
 
 @pytest.mark.parametrize("seed", [394, 157, 16, 141, 24, 2, 4, 9])
@@ -197,6 +202,20 @@ def test_an_accuracy_that_is_certified():
     assert true <= solution.error_bound.error
     told = "\n".join(map(str, lines_of(summarise(solution, solution.table))))
     assert "error bound      at most" in told
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_the_work_of_the_loads(degree):
+    """With a gap, a body force and a support: that of a fine solution is between the bounds; friction has none."""
+    scene = example1(nx=12, ny=4, gamma="auto", cell="triangle", degree=degree)
+    heavy = scene.model_copy(update={"body_force": (BodyForce(x=1.0, y="-3 * x[0] ** 2"),)})
+    bound, reference = alone(heavy).error_bound, problem(on_finer_mesh(heavy))
+    exact = reference.work(reference.y, reference.middle)
+    low, high = bound.work
+    assert low < exact < high
+    assert high - low < 3 * bound.error * bound.size
+    assert f"work of the loads between {low:.6g} and {high:.6g}" in str(bound)
+    assert alone(example1(bound=1.5, nx=12, ny=4, gamma="auto")).error_bound.work is None
 
 
 def test_what_has_no_bound():

@@ -47,6 +47,7 @@ class ErrorBound:
         round_off: that of sums and linear systems.
         squares: contributions of the cells to the square of ``error``, shape (cells,).
         assumed: what the statement rests on beside the data at points of quadrature; "": nothing.
+        work: bounds of the work of the loads, energies per thickness; None with friction.
     """
 
     error: float
@@ -57,6 +58,7 @@ class ErrorBound:
     round_off: float
     squares: Array
     assumed: str = ""
+    work: tuple[float, float] | None = None
 
     @property
     def relative(self) -> float:
@@ -74,6 +76,8 @@ class ErrorBound:
             return "the bound of the error is larger than the solution"
         low, high = self.strain_energy
         said = f"at most {100 * self.relative:.3g} % in the energy norm; strain energy between {low:.6g} and {high:.6g}"
+        if self.work is not None:
+            said += f"; work of the loads between {self.work[0]:.6g} and {self.work[1]:.6g}"
         return f"{said}; {self.assumed}" if self.assumed else said
 
     def as_dict(self) -> dict[str, Any]:
@@ -81,6 +85,7 @@ class ErrorBound:
         return {
             "relative_error": self.relative if np.isfinite(self.relative) else None,
             "strain_energy": list(self.strain_energy),
+            "work": None if self.work is None else list(self.work),
             **{name: getattr(self, name) for name in ("error", "duality", "data", "moved", "round_off")},
             "statement": str(self),
         }
@@ -138,7 +143,26 @@ class _Bounded(Problem):
         total = (sum(parts) + round_off) * (1 + _ROUND_OFF * np.sqrt(len(t.corners)))
         squares: Array = np.zeros(len(self.cells))
         np.add.at(squares, self.owner, duality + data + moved)
-        return ErrorBound(total, size, parts[0], parts[1], parts[2], round_off, squares, self.assumed)
+        work = None
+        if not any(one.bound.any() for one in self.contacts):
+            above = (parts[0] + 2 * (parts[1] + round_off)) ** 2 / 2
+            work = self._work(_energy(t, strain).sum() / 2 - self.work(y, middle), above, size, total)
+        return ErrorBound(total, size, parts[0], parts[1], parts[2], round_off, squares, self.assumed, work)
+
+    def _work(self, energy: float, above: float, size: float, error: float) -> tuple[float, float]:
+        """Bounds of the work of the loads, which is a(u, u) / 2 less the smallest energy.
+
+        Args:
+            energy: of the admissible displacement, loads included.
+            above: a bound of its distance from the smallest one.
+            size: energy norm of the computed displacement.
+            error: bound of that of its error.
+        """
+        tiny = _ROUND_OFF * len(self.t.corners) ** 0.5 * (abs(energy) + size**2)
+        return (
+            float(max(size - error, 0.0) ** 2 / 2 - energy - tiny),
+            float((size + error) ** 2 / 2 - energy + above + tiny),
+        )
 
     def _data(self) -> Array:
         """Squares of the bounds of the work of what the stress does not hold of the loads, by triangle."""

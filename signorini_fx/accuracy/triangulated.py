@@ -248,6 +248,7 @@ class Problem:
                 edges = self._edges(load.where)
                 total[edges] += factor * load.density_at(self.along(edges, s))
         total -= np.einsum("eij,eqj->eqi", self.held, total)
+        self._on_edges = total
         first, second = np.einsum("q,eqd->ed", w * (1 - s), total), np.einsum("q,eqd->ed", w * s, total)
         self.traction = np.stack((4 * first - 2 * second, 4 * second - 2 * first), axis=1)
         linear = np.einsum("qa,ead->eqd", np.column_stack((1 - s, s)), self.traction)
@@ -258,6 +259,7 @@ class Problem:
         t = self.t
         loads = [load for load in self._d.scene.of(Force) if load.where is None]
         self.body, self.missed_inside = np.zeros((len(t.corners), 3, 2)), np.zeros(len(t.corners))
+        self._bubbles = np.zeros_like(self.body)
         if not loads:
             return
         # On each third, so that the constants are seen: products of Gauss' points, collapsed.
@@ -276,12 +278,22 @@ class Problem:
                 factor = factor_at(self._d.scene.factors_of(load), self._place)
                 force += factor * np.broadcast_to(load.density_at(points), x.shape)
             self.body += np.einsum("n,q,qc,nqd->ncd", t.area / 3, weight, barycentric, force)
+            bubbles = 4 * barycentric[:, [1, 2, 0]] * barycentric[:, [2, 0, 1]]
+            self._bubbles += np.einsum("n,q,qc,nqd->ncd", t.area / 3, weight, bubbles, force)
             mean = np.einsum("q,nqd->nd", weight, force)
             self.missed_inside += t.area / 3 * np.einsum("q,nqd->n", weight, (force - mean[:, None]) ** 2)
             self._means = [*getattr(self, "_means", []), mean]
         # The constants have the moments of the force, and differ from its means.
         differ = constant_forces(t, self.body) - np.stack(self._means, axis=1)
         self.missed_inside += np.einsum("n,nid->n", t.area / 3, differ**2)
+
+    def work(self, y: Array, middle: Array) -> float:
+        """Of the loads on a displacement of degree 2, without what supports take of them, energy per thickness."""
+        t, every = self.t, np.arange(len(self.t.edges))
+        on_edges = np.einsum("eqd,q,eqd->e", self._on_edges, GAUSS[1], quadratic(y, middle, t.edges, every, GAUSS[0]))
+        above = middle[t.of_triangle] - y[t.edges].mean(axis=1)[t.of_triangle]
+        inside = np.einsum("ncd,ncd->", self.body, y[t.corners]) + np.einsum("ncd,ncd->", self._bubbles, above)
+        return float(t.length @ on_edges + inside)
 
     def _contact(self, number: int, effect: UnilateralContact, contact: ContactState) -> FacetsInContact:
         """The facets of a contact, with admissible tractions near the nodal ones."""
