@@ -10,6 +10,8 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx import ConvergenceError, SceneError, solve
+from signorini_fx.check.checks import check_scene
+from signorini_fx.check.text import render
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import certify
@@ -390,3 +392,82 @@ def test_it_is_drawn_where_it_ends_up(tmp_path, monkeypatch):
     places = drawn[0].nodes + drawn[0].offset
     assert np.allclose(places, drawn[0].nodes + tool.at(drawn[0].nodes))  # it touched them
     assert np.ptp(places[:, 1]) > 1e-6
+
+
+@pytest.mark.parametrize("algebra", ["full", "condensed"])
+def test_rigid_coupling_bends_a_column_as_a_beam(algebra):
+    """Force and moment through the top of a column without Poisson's effect: u_y = (N / A + M x / I) y / E is exact."""
+    young, half, height, push, pull = 1000.0, 0.5, 4.0, -3.0, 0.2
+    tool = {"shape": "plane", "point": [0.0, 7.0], "normal": [1.0, -1.0], "pivot": [half, height], "force": [0.0, push]}
+    mesh = {"length": 2 * half, "height": height, "nx": 2, "ny": 4}
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": mesh},
+            "element": {"degree": 2},
+            "material": {"young": young, "poisson": 0.0},
+            "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+            "contact": {"boundary": "top", "kind": "bonded", "foundation": {**tool, "moment": pull}},
+            "solver": {"linear_algebra": algebra, "algorithm": "alm", "tolerance": 1e-9},
+        }
+    )
+    solution = solve(scene)
+    (moved,) = solution.last_step.tools
+    turned = -pull * height / (young * (2 * half) ** 3 / 12)
+    row = moved.as_dict(solution.contact)
+    # What the body does to the rigid body balances what drives it.
+    assert np.allclose([*row["force"], row["moment"]], [0.0, -push, -pull], atol=1e-9)
+    assert np.isclose(moved.rotation[0], -turned, rtol=1e-8)
+    assert np.allclose(moved.translation, [height / 2 * turned, push * height / young], rtol=1e-8)
+    x = solution.contact.boundary.x
+    relative = np.column_stack((solution.contact.u_n, solution.contact.u_t))
+    assert np.abs(relative).max(initial=0.0) < 1e-10 * np.abs(moved.at(x)).max(initial=1.0)
+    assert solution.certificate.worst < 1e-8
+
+
+def test_a_body_between_a_coupling_and_two_supports():
+    """A force beside the middle of a coupled top: the supports take what statics says, none beyond them is held."""
+
+    def scene(at):
+        box = [Box("1", 0.0, 0.0, 10.0, 3.0, 40, 6)]
+        near = {
+            "feet": lambda x: np.isclose(x[1], 0.0) & ((x[0] < 0.26) | (x[0] > 9.74)),
+            "top": lambda x: np.isclose(x[1], 3.0),
+        }
+        tool = {"shape": "plane", "point": [0.0, 3.0], "normal": [0.0, -1.0], "pivot": [at, 3.0], "force": [0.0, -2.0]}
+        return parse_scene(
+            {
+                "mesh": tag_boundaries(boxes_mesh(COMM, box).mesh, near),
+                "material": {"young": 1e5, "poisson": 0.0},
+                "contact": [
+                    {"boundary": "feet", "friction": LAWS["coulomb"]},
+                    {"boundary": "top", "kind": "bonded", "foundation": tool},
+                ],
+            }
+        )
+
+    contact = solve(scene(3.0)).contact
+    of, force = contact.boundary.part == 0, contact.boundary.weight * contact.pressure
+    x = contact.boundary.x[:, 0]
+    total = COMM.allreduce(np.array([force[of].sum(), force[of] @ x[of]]))
+    assert np.allclose(total, [2.0, 6.0], rtol=1e-6)  # equilibrium of force and moment through body and coupling
+    taken = COMM.allreduce(np.array([force[of & (x < 5)].sum(), force[of & (x > 5)].sum()]))
+    assert 0.578 < taken[1] < 0.6  # pressed between the inner edges of the feet, at 0.25 and 9.75, and their ends
+    with pytest.raises(ConvergenceError) as raised:
+        solve(scene(10.5))
+    assert raised.value.solution.status is Status.TIPS
+
+
+def test_no_derivatives_yet():
+    from signorini_fx.derivatives.of_scene import sensitivity
+
+    with pytest.raises(SceneError, match="not possible yet where a force moves a foundation"):
+        sensitivity(block(**pressed(2, "none")), "force top y")
+
+
+def test_check_says_what_moves():
+    """What drives a tool, how many unknowns it adds, and what must hold it."""
+    found = render(check_scene(block(2, "coulomb", **pressed(2, "coulomb")), COMM))
+    (line,) = [line for line in found.splitlines() if line.lstrip().startswith("contact top")]
+    assert "force = [1, -20], prescribed = {rotation = 0}" in line
+    assert "+2" in line.split()
+    assert "the foundation of contact[0] in translations" in found

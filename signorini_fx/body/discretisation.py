@@ -320,9 +320,9 @@ def foundations_of(
             choice = {"gap": gap} if nominal else {"allowance": gap}
             found.append(Pair(on, masters[place], friction=friction, bilateral=bilateral, bonded=bonded, **choice))
             continue
-        gap, shape = _evaluable(effect.gap), effect.foundation
+        gap, shape, bonded = _evaluable(effect.gap), effect.surface, isinstance(effect, BondedContact)
         around = _circumference if scene.axisymmetric else None
-        found.append(Foundation(on, gap, effect.direction, friction, bilateral, around, shape=shape))
+        found.append(Foundation(on, gap, effect.direction, friction, bilateral, around, shape, bonded))
     return found
 
 

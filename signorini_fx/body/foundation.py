@@ -49,6 +49,7 @@ class Foundation:
         shape: the foundation as a thing, such as ``signorini_fx.shapes.sphere.Sphere(...)``: any object with
             ``distance(x)``, see ``scene.rigid_shape.Shape``, or a table as a scene has it.  It determines the
             direction, and ``gap`` is added to its distance.  None: gap and direction say where it is.
+        bonded: whether the boundary is tied to it as it lies, whatever gap and friction are; in scenes alone.
     """
 
     facets: Any
@@ -58,6 +59,7 @@ class Foundation:
     bilateral: bool = False
     measure: Any = None
     shape: Any = None
+    bonded: bool = False
 
 
 @dataclass(frozen=True)

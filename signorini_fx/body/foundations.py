@@ -123,7 +123,7 @@ class Foundations:
         return found
 
     def refuse_driven(self) -> None:
-        """Refuse shapes that forces move, which only scenes know.
+        """Refuse shapes that forces move, and bonds to foundations, which only scenes know.
 
         Raises:
             FormError: there is one.
@@ -132,6 +132,11 @@ class Foundations:
         if driven:
             what = "a foundation that force, moment or prescribed moves is possible in scenes alone"
             raise FormError([(f"contact[{k}].shape", what) for k in driven])
+        bonded = [k for k, one in enumerate(self._contact) if isinstance(one, Foundation) and one.bonded]
+        if bonded:
+            raise FormError(
+                [(f"contact[{k}].bonded", "a bond to a rigid body is possible in scenes alone") for k in bonded]
+            )
 
     def place(self, number: int, placement: Mapping[str, Any]) -> None:
         """Turn and move the shape of a foundation from where it is initially.
@@ -255,7 +260,7 @@ class Foundations:
         """
         one, at = self._contact[number], self._values[number]
         if not isinstance(one, Pair):
-            gap = at(one.gap, f"contact[{number}].gap")
+            gap = at(0.0 if one.bonded else one.gap, f"contact[{number}].gap")
             return (gap + self._distance_of(number) if number in self._distances else gap), None
         pair = self._pairs[number]
         if not pair.by_geometry:
@@ -302,7 +307,7 @@ class Foundations:
                 if one.friction.cap is not None:
                     cap = at(one.friction.cap, f"{path}.cap", minimum=0.0)
             bilateral = one.bilateral
-            if isinstance(one, Pair) and one.bonded:
+            if one.bonded:
                 given, bilateral = np.full_like(gap, np.inf), True
             found.append(
                 Data(self.facets[k], shape, gap, given, coefficient, cap, bilateral, self._pairs.get(k), allowance)
@@ -321,7 +326,7 @@ class Foundations:
             natural_gamma: the unit of gamma, stress per length.
         """
         kinds, law = [one.friction for one in self._contact], None
-        if any(kinds) or any(isinstance(one, Pair) and one.bonded for one in self._contact):
+        if any(kinds) or any(one.bonded for one in self._contact):
             given, coefficient, cap = (
                 self._at_points(boundary, data, name) for name in ("given", "coefficient", "cap")
             )

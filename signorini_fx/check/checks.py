@@ -226,7 +226,11 @@ def _contacts(d: Discretisation) -> list[Effect]:
             forms, said = (), f"{effect.kind}, against {effect.against}, {count} nodes"
         if effect.foundation is not None:
             said += f"; {effect.foundation.said}; at a distance from {_gaps(d, index)}"
-        found.append(Effect(name, True, said, forms, solves=_minus(total, previous)))
+        moving, more = d.boundary.moving, 0
+        if effect.tool is not None and moving is not None:
+            more = int(np.count_nonzero(~moving.fixed & (moving.parts[moving.number] == index)))
+            said += "; gap and normals stay where it is given"
+        found.append(Effect(name, True, said, forms, unknowns=more, solves=_minus(total, previous)))
         previous = total
     for index, effect in enumerate(scene.contact):
         law, total = effect.friction, linear_solves(scene, friction_kind(scene, scene.contact[: index + 1]), nodes)

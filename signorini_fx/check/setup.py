@@ -61,7 +61,7 @@ def gather_setup(tagged: TaggedMesh, scene: Scene | None = None, title: str = ""
 
 def _lines(scene: Scene, tagged: TaggedMesh) -> list[Floats]:
     """The lines of the foundations of the plane that have shapes, near the body, each of shape (k, 2); collective."""
-    shapes = [effect.foundation for effect in scene.placed(0).contact if effect.foundation is not None]
+    shapes = [effect.surface for effect in scene.placed(0).contact if effect.surface is not None]
     if tagged.dimension == 3 or not shapes:
         return []
     from contourpy import contour_generator  # matplotlib's

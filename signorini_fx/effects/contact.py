@@ -134,9 +134,14 @@ class Contact(Effect):
         if scene.axisymmetric:
             yield ("material", 0, "hypothesis"), "axisymmetric is not possible yet where two bodies are in contact"
 
+    @property
+    def surface(self) -> Any:
+        """Its foundation, where gap and direction follow from that; None: they do not."""
+        return self.foundation
+
     def gap_in(self, dimension: int) -> Any:
         """The gap in space of a dimension: a number, an expression or a callable of the position, length."""
-        return self.gap if self.foundation is None else Distance(self.foundation, self.gap, dimension)
+        return self.gap if self.surface is None else Distance(self.surface, self.gap, dimension)
 
     @property
     def tool(self) -> Any:
@@ -187,15 +192,16 @@ class UnilateralContact(Contact):
 
 
 class BondedContact(Contact):
-    """A bond of two bodies, whose meshes need not match: both sides stay together as they lie.
+    """A bond of two bodies, whose meshes need not match, or of a body and a rigid one that forces move: rigid coupling.
+    Both sides stay together as they lie.
 
     Attributes:
         boundary: name of the boundary with the contact points.
-        against: name of the boundary of the other body.
+        against: name of the boundary of the other body; None: it is rigid.
         distance: without effect.
         gap: without effect.
         direction: without effect.
-        foundation: without effect.
+        foundation: what drives the rigid body, see ``scene.rigid_motion``; where its surface is does not matter.
         friction: without effect.
         kind: its name.
     """
@@ -205,11 +211,17 @@ class BondedContact(Contact):
     def contradictions(self, scene: Any, place: int) -> Contradictions:
         """See ``Effect``."""
         yield from super().contradictions(scene, place)
-        if self.against is None:
-            yield ("contact", place), "a bond needs the boundary of another body: against = ..."
+        if self.against is None and self.tool is None:
+            reason = "a bond needs the boundary of another body (against), or a foundation that force or moment moves"
+            yield ("contact", place), reason
         for key in ("distance", "gap", "friction"):
             if key in self.model_fields_set:
                 yield ("contact", place, key), "a bond has none: both sides stay together as they lie"
+
+    @property
+    def surface(self) -> None:
+        """None: both sides stay together as they lie."""
+        return
 
 
 class BilateralContact(Contact):

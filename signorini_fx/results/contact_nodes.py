@@ -319,7 +319,7 @@ def sides_of(
         gap = effect.gap_in(x.shape[1])
 
         def along(nodes: npt.NDArray[Any]) -> Nodal:
-            if effect.foundation is not None:
+            if effect.surface is not None:
                 return np.asarray(gap.direction(in_space(x[nodes])).T)
             return np.tile(np.asarray(effect.direction) / np.linalg.norm(effect.direction), (nodes.size, 1))
 
@@ -332,7 +332,7 @@ def sides_of(
                 else _friction_bound(effect.friction, in_space(x[nodes]), pressure)
             ),
             bonded or isinstance(effect, BilateralContact),
-            None if effect.direction is None and effect.foundation is None else along,
+            None if effect.direction is None and effect.surface is None else along,
             2 * np.pi * np.maximum(x[:, 0], 0.0) if scene.axisymmetric else None,
             claim=claims.get(place),
             by_geometry=not bonded and effect.distance == "geometry",

@@ -56,6 +56,7 @@ def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets,
         pressure[here] = (share * load[:, :, 0]).sum(axis=1)
         shear[here] = (np.atleast_2d(share)[:, :, None] * sheared).sum(axis=1)
         # Perpendicular to its direction the shear depends on the slip by the factor bound / slip.
+        bound = np.where(np.isfinite(bound), bound, 0.0)  # where nothing slips
         far, most = ((share * values[:, :, 0]).sum(axis=1) for values in (slipped, bound))
         turning[here] = np.divide(most, far, out=np.zeros_like(far), where=far > 0)
     turned = np.einsum("ijk,ij->ik", fine.tangents, direction)
