@@ -1574,6 +1574,13 @@ MUTANTS = (
         tests=("pairs::test_sides_that_do_not_fit",),
     ),
     Mutant(
+        "pictures/setup",
+        "name.xyann = right, up + (free.y0 - box.y0) * 72.0 / figure.dpi",
+        "pass",
+        "setup: names cover each other",
+        tests=("setup_pictures::test_names_do_not_cover_each_other",),
+    ),
+    Mutant(
         "mesh/files/cutting",
         "self._pairs = np.concatenate([pairs for pairs, _ in made + there])",
         "self._pairs = np.concatenate([pairs for pairs, _ in there + made])",

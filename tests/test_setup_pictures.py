@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 from mpi4py import MPI
 from scenes import example1
 
 from signorini_fx import cli
 from signorini_fx.check.setup import gather_setup
 from signorini_fx.mesh.tagged import generate_mesh, load_mesh, tag_boundaries
+from signorini_fx.pictures import setup as setup_pictures
 from signorini_fx.scene.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
@@ -162,3 +164,23 @@ def test_a_body_in_space_is_drawn(tmp_path):
     assert share((0.0, 0.447, 0.698)) > 1e-3  # arrows
     assert share((0.0, 0.62, 0.45)) > 2e-4  # supports
     assert share((1.0, 1.0, 1.0)) < 0.9
+
+
+def test_names_do_not_cover_each_other(monkeypatch):
+    """Those of the two sides of a narrow strip would: the text of one is longer than the strip is wide."""
+    drawn = []
+    monkeypatch.setattr(setup_pictures, "finish", lambda figure, *_: drawn.append(figure))
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 20.0], [0.0, 20.0]])
+    none = np.zeros((1, 2))
+    sides = [
+        setup_pictures.Boundary(name, (), corners[None, list(ends)], np.array([normal]), none, none)
+        for name, ends, normal in (("on the left", (3, 0), (-1.0, 0.0)), ("on the right", (1, 2), (1.0, 0.0)))
+    ]
+    setup_pictures.Setup("strip", corners[None], sides).draw("nowhere")
+    (figure,) = drawn
+    figure.draw_without_rendering()
+    one, other = figure.axes[0].texts
+    assert one.get_text() == "on the left"
+    assert not Text.get_window_extent(one).overlaps(Text.get_window_extent(other))
+    assert one.xyann[1] == 0.0
+    assert 0 < abs(other.xyann[1]) < 20

@@ -81,7 +81,9 @@ def _equilibrium_of(
     members = np.flatnonzero(motions.pieces.assembly == number)
     it = "the body"
     if several:
-        it = motions.pieces.describe(int(members[0])) if members.size == 1 else "pieces joined by hinges"
+        it = "pieces joined by hinges" if np.isin(motions.pieces.pins, members).any() else "bodies that may touch"
+        if members.size == 1:
+            it = motions.pieces.describe(int(members[0]))
     tangential = np.zeros((0, free.shape[1])) if contact is None else contact.tangential[contact.friction]
     normal = np.zeros((0, free.shape[1])) if contact is None else contact.normal
     loose = null_space(np.concatenate((normal, tangential.reshape(-1, free.shape[1]))))

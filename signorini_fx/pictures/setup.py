@@ -14,6 +14,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import ListedColormap, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.text import Annotation, Text
 
 from signorini_fx.pictures.marks import draw_lengths
 from signorini_fx.pictures.style import BLUE, BOTH, INK, MUTED, ORANGE, STYLE, Floats, finish, math_number, plain
@@ -32,6 +33,7 @@ _FEW = 12  # facets of a boundary: each has an arrow
 _LIGHTER = 0.55  # share of white in the colours of facets, on which arrows are to be seen
 _VISIBLE = 0.02  # a load of less than this share of the largest one has no arrow
 _ABOVE = 5e-4  # of the size of the body: colours are so far in front of it
+_MOVES = 6  # a name is moved by so many of its heights at most
 _MOST_EDGES = 60_000  # of cells: more would be a black body
 
 
@@ -111,8 +113,9 @@ class Setup:
         """
         with labelled(self.units), mpl.rc_context(STYLE):
             figure, axes, flat, toward = self._plane() if self.dimension == 2 else self._space()
-            self._marks(axes, flat, toward)
+            names = self._marks(axes, flat, toward)
             self._legend(figure)
+            _spread(figure, names)
             finish(figure, path_stem, plain(self.title), suffixes)
 
     # --- the body ----------------------------------------------------------------------------------------------------
@@ -186,8 +189,9 @@ class Setup:
 
     # --- what is on it -----------------------------------------------------------------------------------------------
 
-    def _marks(self, axes: Axes, flat: Callable[[Any], Any], toward: Floats | None) -> None:
-        """Arrows, supports and names, on the sides that face the viewer."""
+    def _marks(self, axes: Axes, flat: Callable[[Any], Any], toward: Floats | None) -> list[Annotation]:
+        """Arrows, supports and names, on the sides that face the viewer; the names are returned."""
+        names = []
         (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
         side = max(right - left, top - bottom)
         points = self.polygons.reshape(-1, self.dimension)
@@ -215,7 +219,8 @@ class Setup:
                 rows = thinned(flat(at), side / _SUPPORTS)
                 _supports(axes, flat, at[rows], normals[rows], one.held, size)
             color, line = INK if one.kinds else MUTED, ":" if hidden else "-"
-            self._name(axes, flat, one.name, at, normals, middle, side, color=color, linestyle=line)
+            names.append(self._name(axes, flat, one.name, at, normals, middle, side, color=color, linestyle=line))
+        return names
 
     def _arrows(
         self,
@@ -251,7 +256,7 @@ class Setup:
         *,
         color: str,
         linestyle: str,
-    ) -> None:
+    ) -> Annotation:
         """Next to the facet in the middle of the boundary: in the plane within the body, where there are no arrows."""
         places = flat(at)
         row = int(np.argmin(np.linalg.norm(at - at.mean(axis=0), axis=1)))
@@ -260,7 +265,7 @@ class Setup:
             away = places[row] - middle
         away = away / (float(np.linalg.norm(away)) or 1.0) * (-1 if self.dimension == 2 else 1)
         line = {"color": MUTED, "linewidth": 0.6, "linestyle": linestyle, "shrinkA": 1, "shrinkB": 0}
-        axes.annotate(
+        return axes.annotate(
             plain(name),
             places[row],
             (8.0 if self.dimension == 2 else 30.0) * away,
@@ -309,6 +314,19 @@ class Setup:
 
 def _lighter(colour: str) -> tuple[float, ...]:
     return tuple(_LIGHTER + (1 - _LIGHTER) * share for share in to_rgb(colour))
+
+
+def _spread(figure: Figure, names: Sequence[Annotation]) -> None:
+    """Move names that cover others up or down, to the nearest free place."""
+    figure.draw_without_rendering()
+    taken: list[Any] = []
+    for name in names:
+        box = Text.get_window_extent(name)
+        places = [box.translated(0.0, k * (box.height + 2)) for k in sorted(range(-_MOVES, _MOVES + 1), key=abs)]
+        free = next((one for one in places if not any(one.overlaps(other) for other in taken)), box)
+        taken.append(free)
+        right, up = name.xyann
+        name.xyann = right, up + (free.y0 - box.y0) * 72.0 / figure.dpi
 
 
 def _supports(
