@@ -55,7 +55,7 @@ _ADVICE = {
     Status.MAX_ITERATIONS: "raise solver.max_iterations, or lower solver.gamma_n and solver.gamma_t",
     Status.OUTER_MAX_ITERATIONS: (
         "raise solver.max_outer_iterations; a fixed point that does not contract points to a friction coefficient "
-        "above the uniqueness bound"
+        "above the uniqueness bound, and friction that is above its limit in the summary to loads that it cannot hold"
     ),
     Status.CYCLING: "set solver.sigma = 'auto' (a node then passes through stick), or lower solver.gamma_n, gamma_t",
     Status.NOT_HELD: (
