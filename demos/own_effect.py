@@ -4,9 +4,10 @@
 # An effect that the package does not have can often be expressed by those that it has. Here are two examples, which do
 # not change its code.
 #
-# ## 1. Heat: a load made of UFL
+# ## 1. A load made of UFL
 #
-# A body heated by $T$ wants to grow by the strain $\alpha T$ in all directions. In plane strain the stress is $\sigma
+# Heat is an effect of the package, `[[temperature]]`, which makes it a good example: the results can be compared. A
+# body heated by $T$ wants to grow by the strain $\alpha T$ in all directions. In plane strain the stress is $\sigma
 # = C \varepsilon(y) - \beta T\, I$ with $\beta = E \alpha / (1 - 2\nu)$, and the work of the new term is a load,
 #
 # $$L_T(z) = \int_\Omega \beta T \operatorname{div} z

@@ -28,6 +28,7 @@ _PUBLIC = {
     "effects.material": ("LinearElastic",),
     "effects.rotation": ("Rotation",),
     "effects.springs": ("Springs",),
+    "effects.temperature": ("TemperatureChange",),
     "effects.traction": ("SurfaceTraction",),
     "errors": (
         "FormError",

@@ -670,7 +670,7 @@ def test_what_is_switched_off_can_be_switched_on(line):
         text, key = text.replace("#file =", "file =", 1), "file"
     axes = {axis: ["normal"] for axis in "xyz"}
     instead = {
-        "file": ["generator", "parameters"],
+        "file": ["generator", "parameters", "change"],
         "normal": ["x"],
         "friction": ["friction"],
         "at": ["boundary"],
@@ -807,6 +807,7 @@ def test_the_schema_knows_every_class():
         "Load",
         "Force",
         "VectorForce",
+        "InitialStrain",
         "Resistance",
         "Contact",
         "Friction",

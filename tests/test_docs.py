@@ -39,6 +39,7 @@ from signorini_fx.effects import (
     material,
     rotation,
     springs,
+    temperature,
     traction,
 )
 from signorini_fx.records import Status
@@ -430,6 +431,7 @@ MODELS = {
         body_force.BodyForce,
         gravity.Gravity,
         rotation.Rotation,
+        temperature.TemperatureChange,
     ],
     ("`[[springs]]`", "key"): [springs.Springs],
     ("`[[contact]]`", "key"): [contact.UnilateralContact, contact.BilateralContact, contact.BondedContact],

@@ -244,6 +244,21 @@ def test_loads_share_one_form(count):
     assert changed(before, two) == {"named", "compiled"}
 
 
+@pytest.mark.parametrize("volumetric", ["full", "reduced"])
+def test_temperatures_share_one_form(count, volumetric):
+    """And one more for the reduced volumetric term; they are a load case of their own, with the same matrix."""
+    warm = {**ELASTIC["material"], "expansion": 1e-5}
+    data = {**ELASTIC, "element": {"volumetric": volumetric}, "material": warm}
+    _, before = count(data)
+    _, zero = count({**data, "temperature": {"change": 0.0}})
+    assert zero == before
+    _, after = count({**data, "temperature": [{"change": 20.0}, {"change": "30 * x[0]"}]})
+    assert changed(before, after) == {"named", "compiled"}
+    name = "temperature + temperature"
+    names = (name,) if volumetric == "full" else (name, f"reduced volumetric {name}")
+    assert after.named == (*before.named, *names)
+
+
 def test_contact_adds_its_form_and_an_iteration(count):
     """One form, which is assembled once into a vector; the matrix stays the elastic one, and no unknown is added."""
     _, before = count(ELASTIC)

@@ -108,7 +108,7 @@ def test_it_is_the_stress_that_the_stiffness_works_with(cell, degree):
     y = fem.Function(d.space)
     stress = element_stress(d, y)
     y.x.array[:] = np.random.default_rng(1).standard_normal(y.x.array.size)
-    stress.refresh()
+    stress.refresh(0)
     lame, mu = d.scene.material[0].lame
     dim = d.tagged.dimension
     theta = (ufl.tr(stress.sigma) / dim - 2 * mu * ufl.tr(strain(y)) / dim) / lame

@@ -68,8 +68,8 @@ def test_against_compiled_forms(body, hypothesis):
     for step in range(2):
         total = np.zeros(there.fixed.size)
         for case in there.applied:
-            if case.form is not None:
-                total += case.factors[step] * assemble(case.form)
+            for form in case.forms:
+                total += case.factors[step] * assemble(form)
         close(here.external(step), total)
     moments = here.moments(scene.contact[0].boundary)
     boundary = there.boundary

@@ -70,7 +70,7 @@ def data_error(d: Discretisation, table: ContactTable, step: float) -> DataError
     np.add.at(forces, cells, missed[0])
     np.add.at(squares, cells, d.scene.young * missed[1])
     pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
-    forces_of_step = sum(factor * load.forces for factor, load in d.applied_at(step))
+    forces_of_step = sum(factor * load.pushing for factor, load in d.applied_at(step))
     loads = float(parallel.global_sum(d.tagged.mesh.comm, np.abs(forces_of_step).sum()))
     return DataError(forces, squares, max(loads, pressed))
 

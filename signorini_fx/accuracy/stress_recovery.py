@@ -102,7 +102,7 @@ class StressRecovery:
 
     def energy(self, dofs: npt.NDArray[np.float64]) -> float:
         """Strain energy of the stress of a displacement; collective."""
-        self._fill(dofs)
+        self._fill(dofs, 0)
         self._recovered.x.array[:] = 0.0
         own = 0.0
         for cells, _ in self._parts:
@@ -110,9 +110,9 @@ class StressRecovery:
             own += assemble(self._squares).sum() / 2
         return float(parallel.global_sum(self._comm, own))
 
-    def error(self, dofs: npt.NDArray[np.float64]) -> float:
+    def error(self, dofs: npt.NDArray[np.float64], step: float = 0) -> float:
         """Energy norm sqrt(a(e, e)) of the discretisation error of a displacement, see ``squares``; collective."""
-        return float(np.sqrt(parallel.global_sum(self._comm, self.squares(dofs).sum())))
+        return float(np.sqrt(parallel.global_sum(self._comm, self.squares(dofs, step).sum())))
 
     def squares(self, dofs: npt.NDArray[np.float64], step: float = 0) -> npt.NDArray[np.float64]:
         """Its square for each owned cell, shape (cells,); collective.
@@ -121,33 +121,35 @@ class StressRecovery:
             dofs: those of the displacement, the owned ones first.
             step: the load step that they belong to.
         """
-        self._fill(dofs)
+        self._fill(dofs, step)
         total = sum(self._projected(*part) for part in self._parts)
         if self._residual is not None:
             self._move_to(step)
             total = total + assemble(self._residual)
         return np.maximum(total, 0.0)
 
-    def smoothed(self, dofs: npt.NDArray[np.float64]) -> list[tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]]:
+    def smoothed(
+        self, dofs: npt.NDArray[np.float64], step: float = 0
+    ) -> list[tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]]:
         """The projected stress of a displacement in each material, see ``squares``; collective.
 
         Returns:
             The cells (local numbers, ghosts included), shape (m,), and at their vertices the components of the
             stress, see ``Kinematics.pairs``, shape (m, vertices, components).
         """
-        self._fill(dofs)
+        self._fill(dofs, step)
         space, found = self._recovered.function_space, []
         for cells, ksp in self._parts:
             self._project(cells, ksp)
             found.append((cells, self._recovered.x.array.reshape(-1, self._components)[space.dofmap.list[cells]]))
         return found
 
-    def _fill(self, dofs: npt.NDArray[np.float64]) -> None:
+    def _fill(self, dofs: npt.NDArray[np.float64], step: float) -> None:
         space = self._displacement.function_space
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         self._displacement.x.array[:owned] = dofs[:owned]
         self._displacement.x.scatter_forward()
-        self._stress.refresh()
+        self._stress.refresh(step)
 
     def _projected(self, cells: npt.NDArray[np.int32], ksp: PETSc.KSP) -> npt.NDArray[np.float64]:
         """The estimate of the projection in one material for each owned cell."""

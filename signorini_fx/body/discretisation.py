@@ -11,12 +11,12 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import fem
-from dolfinx import mesh as dmesh
 
 from signorini_fx import compat, parallel
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.foundation import Coulomb, Foundation, Pair, Tresca
 from signorini_fx.body.foundations import Foundations
+from signorini_fx.body.initial_strains import check_strains
 from signorini_fx.body.loads import (
     AppliedLoad,
     FormCoefficients,
@@ -25,9 +25,9 @@ from signorini_fx.body.loads import (
     check_resistances,
     compile_resistance,
     load_groups,
-    of_materials,
     tool_load,
 )
+from signorini_fx.body.moduli import lame_coefficients, reduced_degree
 from signorini_fx.body.pieces import find_pieces
 from signorini_fx.body.rigid_tools import RigidTools
 from signorini_fx.body.supports import check_overlap, dirichlet_conditions, prescribed, skew_supports, turned_nodes
@@ -101,7 +101,7 @@ class Discretisation(ElasticBody):
     @cached_property
     def cases(self) -> tuple[LoadCase, ...]:
         """The right-hand sides of the applied loads, in their order; those of the first load step; collective."""
-        return tuple(self.case(load.forces, load.prescribed, load.driven) for load in self.applied)
+        return tuple(self.case(load.forces, load.prescribed, load.driven, load.pushing) for load in self.applied)
 
     def placed(self, place: float) -> Discretisation:
         """The same with foundations that move with the time where they are at a place; itself if none does;
@@ -147,7 +147,7 @@ class Discretisation(ElasticBody):
         for number, load in enumerate(self.applied):
             if load.again is not None:
                 now = load.at(place)
-                system.set_case(number, self.case(now.forces, now.prescribed, now.driven))
+                system.set_case(number, self.case(now.forces, now.prescribed, now.driven, now.pushing))
         return self.factors(place)
 
 
@@ -182,11 +182,12 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisatio
 
 
 def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisation:
-    facets, lame, reduced, _ = together(
+    facets, lame, reduced, *_ = together(
         partial(boundary_facets, scene, tagged),
         partial(lame_coefficients, scene, tagged),
         partial(reduced_degree, scene, tagged.mesh),
         partial(check_fits, scene, tagged),
+        partial(check_strains, scene, tagged),
     )
     pieces = find_pieces(tagged.mesh)
     space = fem.functionspace(tagged.mesh, ("Lagrange", scene.element.degree, (tagged.dimension,)))
@@ -370,33 +371,11 @@ def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[n
                     message = f"boundary {name!r} shares {total} facets with the contact boundary {other!r}: "
                     message += "a facet can touch one foundation only"
                     problems.append((path, message))
-    for index, material in enumerate(scene.material):
-        if material.region is not None and material.region not in tagged.regions:
+    for path, effect in scene.listed():
+        region = getattr(effect, "region", None)
+        if region is not None and region not in tagged.regions:
             known = ", ".join(sorted(tagged.regions)) or "none"
-            path = f"material[{index}].region"
-            problems.append((path, f"the mesh has no region {material.region!r}; its regions are: {known}"))
+            problems.append((f"{path}.region", f"the mesh has no region {region!r}; its regions are: {known}"))
     if problems:
         raise SceneError(problems)
     return facets
-
-
-def lame_coefficients(scene: Scene, tagged: TaggedMesh) -> tuple[Any, Any]:
-    """Lame parameters: constants for one material, cell-wise functions for several."""
-    first, second = of_materials(scene, tagged, lambda material: material.lame)
-    return first, second
-
-
-def reduced_degree(scene: Scene, mesh: dmesh.Mesh) -> int | None:
-    """Quadrature degree of the volumetric term where it is reduced: Q1/P0, P2/P0, Q2 with two points per axis."""
-    degree, kind = scene.element.degree, mesh.topology.cell_name()
-    has_form = not (degree == 1 and kind in ("triangle", "tetrahedron"))
-    requested = scene.element.volumetric
-    if requested == "reduced" and not has_form:
-        plane = kind == "triangle"
-        cure = "use degree = 2, or quadrilaterals" if plane else "use hexahedra"
-        message = f"linear {'triangles' if plane else 'tetrahedra'} have no reduced form: {cure}"
-        raise SceneError([("element.volumetric", message)])
-    nearly = any(material.locks for material in scene.material)
-    if requested == "full" or not has_form or (requested == "auto" and not nearly):
-        return None
-    return 3 if degree == 2 and kind in ("quadrilateral", "hexahedron") else 1

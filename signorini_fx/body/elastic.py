@@ -208,13 +208,16 @@ class ElasticBody:
         free = self.motions.free.shape[1]
         return Elasticity(self.stiffness, self.prescribed, cases, self.contact, free, self.level(coarser))
 
-    def case(self, forces: Array, prescribed: fem.Function, driven: Driven | None = None) -> LoadCase:
+    def case(
+        self, forces: Array, prescribed: fem.Function, driven: Driven | None = None, pushing: Array | None = None
+    ) -> LoadCase:
         """The right-hand side of loads and prescribed displacements, which are lifted; collective.
 
         Args:
             forces: L at the owned dofs, shape (owned dofs,).
             prescribed: zero, with the prescribed displacements put in.
             driven: what drives tools; None: nothing.
+            pushing: those of the forces that may do work on rigid motions; None: all of them.
         """
         comm, dim = self.comm, self.dimension
         given, moved = prescribed.x.array[: forces.size], prescribed.x.array.reshape(-1, dim).any(axis=1)
@@ -232,7 +235,8 @@ class ElasticBody:
             load.getArray()[self.fixed.size :] = driven.forces[: fixed.size - self.fixed.size]
         diagonal = self.stiffness.getDiagonal().getArray(readonly=True)
         load.getArray()[fixed] = (diagonal * start.getArray(readonly=True))[fixed]
-        resultant = self.motions.load_of(forces, comm, None if driven is None else driven.forces)
+        working = forces if pushing is None else pushing
+        resultant = self.motions.load_of(working, comm, None if driven is None else driven.forces)
         return LoadCase(load, start, resultant)
 
     def task(

@@ -16,6 +16,7 @@ from dolfinx import default_scalar_type, fem
 
 from signorini_fx import compat
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.initial_strains import initial_strain
 from signorini_fx.body.kinematics import AXISYMMETRIC, KINEMATICS, Kinematics
 from signorini_fx.effects.material import hoop_strain, strain
 from signorini_fx.machine.compilation import compiling
@@ -31,14 +32,15 @@ class ElementStress:
         displacement: y, whose values may change.
         sigma: the stress, shape (d, d); of the displacement at the time of the last ``refresh``.
         outward: the stress out of the plane; None: there is none.
-        outward_of: (which of ``parts``, components of stresses, shape (..., m)) -> the stress out of the plane that
-            belongs to them, shape (...).
+        outward_of: (which of ``parts``, components of stresses at the vertices of its cells, shape (c, v, m)) -> the
+            stress out of the plane that belongs to them, shape (c, v).
         compliance: components tau of a difference of stresses -> C^-1 tau : tau.
         modulus: the largest normal stress per strain, lambda + 2 mu.
         shear_modulus: mu; None: the body is not isotropic.
         parts: the cells of each part within which the stress has no jumps, local numbers, ghosts included.
         radius: of an axisymmetric body, by which everything is weighted; None: it is not.
-        refresh: takes from the displacement anew what ``sigma`` does not see of it; on all cells of this rank.
+        refresh: takes from the displacement anew what ``sigma`` does not see of it, on all cells of this rank, and
+            moves initial strains to a place in the lists of factors.
     """
 
     displacement: fem.Function
@@ -50,7 +52,7 @@ class ElementStress:
     shear_modulus: Any
     parts: Sequence[npt.NDArray[np.int32]]
     radius: Any = None
-    refresh: Callable[[], None] = lambda: None
+    refresh: Callable[[float], None] = lambda place: None
 
     @property
     def kinematics(self) -> Kinematics:
@@ -80,54 +82,81 @@ class ElementStress:
         return ufl.as_tensor(whole)
 
 
-def element_stress(body: Discretisation, displacement: fem.Function) -> ElementStress:
-    """Sigma = 2 mu epsilon(y) + lambda theta I, with the volumetric strain theta as the stiffness sees it.
+def element_stress(body: Discretisation, displacement: fem.Function, place: float = 0.0) -> ElementStress:
+    """Sigma = 2 mu epsilon + lambda theta I, with the volumetric strain theta as the stiffness sees it.
 
-    Without reduced integration theta is tr(epsilon(y)).  A reduced volumetric term sees tr(epsilon(y)) at the points of
-    its rule only.  Between them it may have any value, and lambda times it is any multiple of the true stress if
-    Poisson's ratio is near 1/2.  There theta is interpolated between these points: constant in a cell with one point,
-    bilinear or trilinear with two along each axis.  This is the pressure of the mixed method that reduced integration
-    is equivalent to (Malkus and Hughes, Comput. Methods Appl. Mech. Engrg. 15 (1978) 63-81).
+    Both are without the initial strain.  Without reduced integration theta is tr(epsilon).  A reduced volumetric term
+    sees tr(epsilon) at the points of its rule only.  Between them it may have any value, and lambda times it is any
+    multiple of the true stress if Poisson's ratio is near 1/2.  There theta is interpolated between these points:
+    constant in a cell with one point, bilinear or trilinear with two along each axis.  This is the pressure of the
+    mixed method that reduced integration is equivalent to (Malkus and Hughes, Comput. Methods Appl. Mech. Engrg. 15
+    (1978) 63-81).
+
+    Args:
+        body: the scene.
+        displacement: y.
+        place: of the initial strains, in the lists of factors.
     """
-    (lame, mu), materials, refresh = body.lame, body.scene.material, _nothing
-    theta, hoop, radius = ufl.tr(strain(displacement)), None, None
+    (lame, mu), materials, mesh = body.lame, body.scene.material, body.tagged.mesh
+    initial, move_to = initial_strain(body.scene, body.tagged, body.space, place)
+    elastic, theta, radius = strain(displacement), ufl.tr(strain(displacement)), None
+    across = 0  # the elastic strain out of the plane
     if body.scene.axisymmetric:
-        radius = ufl.SpatialCoordinate(body.tagged.mesh)[0]
-        hoop = hoop_strain(displacement, radius)
-        theta += hoop
+        radius = ufl.SpatialCoordinate(mesh)[0]
+        across = hoop_strain(displacement, radius)
+        theta += across
+    if initial is not None:
+        elastic -= initial * ufl.Identity(len(displacement))
+        theta -= materials[0].directions * initial
+        across -= initial
+    kept = []  # functions and what they take their values from
     if body.reduced is not None:
-        mesh = body.tagged.mesh
-        space = fem.functionspace(mesh, _at_points(mesh.topology.cell_name(), body.reduced))
-        with compiling():
-            expression = fem.Expression(theta, compat.interpolation_points(space.element), dtype=default_scalar_type)
-        theta = fem.Function(space, name="volumetric strain")
-
-        def refresh() -> None:
-            theta.interpolate(expression)
-
-        refresh()
+        kept.append(_kept(theta, fem.functionspace(mesh, _at_points(mesh.topology.cell_name(), body.reduced))))
+        theta = kept[-1][0]
+        theta.name = "volumetric strain"
     mean = lame * theta
-    outward: Any = None
-    if hoop is not None:
-        outward = mean + 2 * mu * hoop
-    elif body.dimension < 3 and materials[0].hypothesis == "plane strain":
-        outward = mean
+    plane_strain = radius is None and body.dimension < 3 and materials[0].hypothesis == "plane strain"
+    outward = mean + 2 * mu * across if plane_strain or radius is not None else None
+    prevented = None
+    if plane_strain and initial is not None:  # E times the initial strain
+        young = mu * (3 * lame + 2 * mu) / (lame + mu)
+        kept.append(_kept(young * initial, fem.functionspace(mesh, ("DG", 1))))
+        prevented = kept[-1][0]
+    parts = _materials(body)
+
+    def refresh(place: float) -> None:
+        move_to(place)
+        for function, expression in kept:
+            function.interpolate(expression)
 
     def outward_of(part: int, tau: _Floats) -> _Floats:
-        return tau[..., 3] if radius is not None else materials[part].poisson * (tau[..., 0] + tau[..., 1])
+        if radius is not None:
+            return tau[..., 3]
+        found = materials[part].poisson * (tau[..., 0] + tau[..., 1])
+        if prevented is not None:
+            found -= prevented.x.array[prevented.function_space.dofmap.list[parts[part]]]
+        return np.asarray(found)
 
+    refresh(place)
     return ElementStress(
         displacement,
-        2 * mu * strain(displacement) + mean * ufl.Identity(len(displacement)),
+        2 * mu * elastic + mean * ufl.Identity(len(displacement)),
         outward,
         outward_of,
         lambda tau: compliance(tau, lame, mu),
         lame + 2 * mu,
         mu,
-        _materials(body),
+        parts,
         radius,
         refresh,
     )
+
+
+def _kept(value: Any, space: fem.FunctionSpace) -> tuple[fem.Function, fem.Expression]:
+    """A function, and the expression that it is to be interpolated from."""
+    with compiling():
+        expression = fem.Expression(value, compat.interpolation_points(space.element), dtype=default_scalar_type)
+    return fem.Function(space), expression
 
 
 def compliance(tau: Any, lame: Any, mu: Any) -> Any:
@@ -139,10 +168,6 @@ def compliance(tau: Any, lame: Any, mu: Any) -> Any:
     square = sum((one**2 for one in normal[1:]), normal[0] ** 2)
     shear = sum((2 * one**2 for one in mixed[1:]), 2 * mixed[0] ** 2)
     return (square + shear - lame / (len(normal) * lame + 2 * mu) * trace**2) / (2 * mu)
-
-
-def _nothing() -> None:
-    """Refreshes nothing."""
 
 
 def _materials(d: Discretisation) -> list[npt.NDArray[np.int32]]:

@@ -17,14 +17,16 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble, facet_vertices, measure
+from signorini_fx.body.moduli import lame_coefficients, of_materials, reduced_degree
 from signorini_fx.body.rigid_tools import Driven, RigidTools
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.effects.displacement import PrescribedDisplacement
+from signorini_fx.effects.material import initial_strain_forms
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.scales import Scales
-from signorini_fx.scene.effect import Effect, Force, Load, Resistance
+from signorini_fx.scene.effect import Effect, Force, InitialStrain, Load, Resistance
 from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.magnitudes import LARGEST
@@ -39,24 +41,26 @@ class AppliedLoad:
 
     Attributes:
         factors: one number per load step.
-        name: of the form, empty without.
-        form: the compiled terms of L; None if there are prescribed displacements only.
+        names: of the forms.
+        forms: the compiled terms of L; none if there are prescribed displacements only.
         forces: L at the owned dofs, shape (owned dofs,).
         prescribed: zero, with its prescribed displacements put in.
         grows: whether its factors multiply it in a ramp from nothing.
         again: from a place in the lists of factors to the same at the time of that place, collective; None: it does not
             depend on the time.
         driven: what drives tools; None: nothing.
+        balanced: whether its forces balance each other in each cell, as those of initial strains do.
     """
 
     factors: tuple[float, ...]
-    name: str
-    form: fem.Form | None
+    names: tuple[str, ...]
+    forms: tuple[fem.Form, ...]
     forces: npt.NDArray[np.float64]
     prescribed: fem.Function
     grows: bool = True
     again: Callable[[float], AppliedLoad] | None = None
     driven: Driven | None = None
+    balanced: bool = False
 
     def factor(self, place: float) -> float:
         """Its factor at a place in the lists of factors."""
@@ -70,6 +74,11 @@ class AppliedLoad:
     def drives(self) -> bool:
         """Whether it drives tools."""
         return self.driven is not None and bool(self.driven.forces.any() or self.driven.motion.any())
+
+    @property
+    def pushing(self) -> npt.NDArray[np.float64]:
+        """The forces that may do work on rigid motions, shape (owned dofs,): round-off does none."""
+        return np.zeros_like(self.forces) if self.balanced else self.forces
 
     @property
     def start(self) -> npt.NDArray[np.float64]:
@@ -116,6 +125,20 @@ class FormCoefficients:
     def density(self) -> Any:
         """Mass per volume: a constant, or a function that is constant in each cell."""
         (found,) = of_materials(self.scene, self.tagged, lambda material: (material.density or 0.0,))
+        return found
+
+    @cached_property
+    def expansion(self) -> Any:
+        """Coefficient of thermal expansion: a constant, or a function that is constant in each cell."""
+        (found,) = of_materials(self.scene, self.tagged, lambda material: (material.expansion or 0.0,))
+        return found
+
+    def inside(self, region: str | None) -> Any:
+        """1 in the cells of a region, 0 in the others."""
+        if region is None:
+            return 1
+        found = fem.Function(fem.functionspace(self.space.mesh, ("DG", 0)))
+        found.x.array[found.function_space.dofmap.list[self.tagged.cells(region), 0]] = 1.0
         return found
 
     @cached_property
@@ -233,44 +256,46 @@ def measures(space: fem.FunctionSpace, effects: Sequence[Effect], facets: Facets
     return [ufl.dx if effect.where is None else ds(next(number)) for effect in effects]
 
 
-def load_groups(scene: Scene) -> dict[tuple[tuple[float, ...], bool, bool], list[Load]]:
-    """The loads of the scene by their load factors, whether these multiply them in a ramp from nothing, and whether
-    they depend on the time; zero loads are left out.
-    """
-    groups: dict[tuple[tuple[float, ...], bool, bool], list[Load]] = {}
+# The factors of a load, whether these multiply it in a ramp from nothing, whether it depends on the time, and whether
+# it is an initial strain.
+Group = tuple[tuple[float, ...], bool, bool, bool]
+
+
+def load_groups(scene: Scene) -> dict[Group, list[Load]]:
+    """The loads of the scene by what they share; zero loads are left out."""
+    groups: dict[Group, list[Load]] = {}
     for load in scene.loads:
         if load.acts:
             groups.setdefault(group_of(scene, load), []).append(load)
     return groups
 
 
-def group_of(scene: Scene, load: Load) -> tuple[tuple[float, ...], bool, bool]:
+def group_of(scene: Scene, load: Load) -> Group:
     """The key of a load in ``load_groups``."""
-    return scene.factors_of(load), not load.timed or load.factors is not None, load.timed
+    grows = not load.timed or load.factors is not None
+    return scene.factors_of(load), grows, load.timed, isinstance(load, InitialStrain)
 
 
 # From a time, to prescribed displacements and supports along no axis with their values.
 SupportsAt = Callable[[float], tuple[list[tuple[PrescribedDisplacement, fem.DirichletBC]], TurnedNodes | None]]
 
 
-def applied_load(
-    group: tuple[tuple[float, ...], bool, bool], loads: list[Load], on: FormCoefficients, z: Any, supports: SupportsAt
-) -> AppliedLoad:
+def applied_load(group: Group, loads: list[Load], on: FormCoefficients, z: Any, supports: SupportsAt) -> AppliedLoad:
     """Compile and assemble the loads that share their factors; collective."""
     return _assembled(group, loads, on, supports, *compile_loads(loads, on, z), 0)
 
 
 def _assembled(
-    group: tuple[tuple[float, ...], bool, bool],
+    group: Group,
     loads: list[Load],
     on: FormCoefficients,
     supports: SupportsAt,
-    name: str,
-    form: fem.Form | None,
+    names: tuple[str, ...],
+    forms: tuple[fem.Form, ...],
     place: float,
 ) -> AppliedLoad:
     """The loads at the time of a place in the lists of factors; collective."""
-    factors, grows, timed = group
+    factors, grows, timed, balanced = group
     space = on.space
     on.move_to(place)
     prescribed = fem.Function(space)
@@ -284,10 +309,10 @@ def _assembled(
     if turned is not None:
         turned.place(prescribed.x.array.reshape(-1, space.mesh.geometry.dim), loads)
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-    forces = np.zeros(owned) if form is None else assemble(form)
+    forces = sum((assemble(form) for form in forms), np.zeros(owned))
     # No function that refers to itself: such a cycle keeps the mesh until the garbage collector comes.
-    again = partial(_assembled, group, loads, on, supports, name, form) if timed else None
-    return AppliedLoad(factors, name, form, forces, prescribed, grows, again)
+    again = partial(_assembled, group, loads, on, supports, names, forms) if timed else None
+    return AppliedLoad(factors, names, forms, forces, prescribed, grows, again, balanced=balanced)
 
 
 def tool_load(tools: RigidTools, number: int, scene: Scene, space: fem.FunctionSpace, place: float = 0) -> AppliedLoad:
@@ -295,8 +320,8 @@ def tool_load(tools: RigidTools, number: int, scene: Scene, space: fem.FunctionS
     timed = tools.shapes[number].driven_in_time
     return AppliedLoad(
         (1.0,) * scene.steps,
-        "",
-        None,
+        (),
+        (),
         np.zeros(space.dofmap.index_map.size_local * space.dofmap.index_map_bs),
         fem.Function(space),
         not timed,
@@ -305,10 +330,35 @@ def tool_load(tools: RigidTools, number: int, scene: Scene, space: fem.FunctionS
     )
 
 
-def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[str, fem.Form | None]:
-    """The terms of L of section 2.1 that the loads list, (f, z) and (h, z), compiled together, and their name."""
+def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[tuple[str, ...], tuple[fem.Form, ...]]:
+    """The terms of L of section 2.1 that the loads list, (f, z) and (h, z), compiled together, or those of initial
+    strains, see ``effects.material.initial_strain_forms``, and their names.
+    """
+    if strains := [load for load in loads if isinstance(load, InitialStrain)]:
+        return _compiled_strains(strains, on, z)
     forces = sorted((load for load in loads if isinstance(load, Force)), key=lambda load: load.where is not None)
-    return _compiled(forces, lambda load: ufl.inner(load.density(on), z), on)
+    name, form = _compiled(forces, lambda load: ufl.inner(load.density(on), z), on)
+    return ((), ()) if form is None else ((name,), (form,))
+
+
+def _compiled_strains(
+    strains: Sequence[InitialStrain], on: FormCoefficients, z: Any
+) -> tuple[tuple[str, ...], tuple[fem.Form, ...]]:
+    mesh, element = on.space.mesh, on.space.element.basix_element.degree
+    terms = initial_strain_forms(
+        z,
+        sum(strain.strain(on) for strain in strains),
+        *lame_coefficients(on.scene, on.tagged),
+        strains[0].degree(element),
+        reduced_degree(on.scene, mesh),
+        directions=on.scene.material[0].directions,
+        radius=on.position[0] if on.scene.axisymmetric else None,
+    )
+    name = " + ".join(strain.name for strain in strains)
+    names = (name, f"reduced volumetric {name}")[: len(terms)]
+    return names, tuple(
+        on.inventory.compile(name, partial(fem.form, term)) for name, term in zip(names, terms, strict=True)
+    )
 
 
 def compile_resistance(on: FormCoefficients, z: Any) -> tuple[str, fem.Form | None]:
@@ -333,39 +383,6 @@ def _compiled(
     ]
     name = " + ".join(effect.name for effect in effects)
     return name, inventory.compile(name, lambda: fem.form(sum(terms[1:], terms[0])))
-
-
-def of_materials(scene: Scene, tagged: TaggedMesh, numbers: Callable[[Any], tuple[float, ...]]) -> tuple[Any, ...]:
-    """Numbers of the materials: constants for one material, cell-wise functions for several.
-
-    Raises:
-        SceneError: a cell is in no region that has a material, or in several.
-    """
-    mesh = tagged.mesh
-    if len(scene.material) == 1:
-        return tuple(fem.Constant(mesh, default_scalar_type(number)) for number in numbers(scene.material[0]))
-    space = fem.functionspace(mesh, ("DG", 0))
-    found = tuple(fem.Function(space) for _ in numbers(scene.material[0]))
-    covered = np.zeros(space.dofmap.list.shape[0], dtype=np.int32)
-    named = [material for material in scene.material if material.region in tagged.regions]
-    if len(named) < len(scene.material):  # which is reported elsewhere
-        return found
-    for material in named:
-        assert material.region is not None
-        dofs = space.dofmap.list[tagged.cells(material.region), 0]
-        covered[dofs] += 1
-        for function, value in zip(found, numbers(material), strict=True):
-            function.x.array[dofs] = value
-    owned = covered[: space.dofmap.index_map.size_local]
-    counts = parallel.global_sum(mesh.comm, np.array([np.sum(owned == 0), np.sum(owned > 1)]))
-    bare, twice = (int(count) for count in counts)
-    if bare:
-        raise SceneError([("material", f"{bare} cells are in none of the regions that have a material")])
-    if twice:
-        raise SceneError([("material", f"{twice} cells are in several of the regions that have a material")])
-    for function in found:
-        function.x.scatter_forward()
-    return found
 
 
 def check_resistances(scene: Scene, tagged: TaggedMesh) -> None:

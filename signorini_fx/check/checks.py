@@ -142,10 +142,10 @@ def _effects(d: Discretisation) -> list[Effect]:
     scene = d.scene
     found = [_elasticity(d), *_materials(scene), _reduced(d), *_displacements(d)]
 
-    names = dict(zip(load_groups(scene), (load.name for load in d.applied), strict=False))
+    names = dict(zip(load_groups(scene), (load.names for load in d.applied), strict=False))
 
     def form_of(effect: Any) -> tuple[str, ...]:
-        return (names[group_of(scene, effect)] if isinstance(effect, Load) else d.resisting,)
+        return names[group_of(scene, effect)] if isinstance(effect, Load) else (d.resisting,)
 
     for key, entries in scene.effects.items():
         if key not in ("material", "displacement", "contact"):

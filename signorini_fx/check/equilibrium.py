@@ -166,7 +166,7 @@ def load_on(body: Discretisation, step: int) -> _Rows:
     """The work of the loads of a load step on the free motions, shape (k,); collective."""
     motions = body.motions
     loads = [
-        (factor, motions.load_of(load.forces, body.comm, None if load.driven is None else load.driven.forces))
+        (factor, motions.load_of(load.pushing, body.comm, None if load.driven is None else load.driven.forces))
         for factor, load in body.applied_at(step)
     ]
     return total_work(loads, body.motions.free.shape[1])

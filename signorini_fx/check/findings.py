@@ -315,18 +315,27 @@ def _acts(body: Discretisation) -> bool:
 
 
 def _displacement_scale(body: Discretisation, step: int) -> float:
-    """Largest prescribed displacement, and the deflection of a beam of the body's outline under the loads, lengths."""
+    """Largest prescribed displacement, the deflection of a beam of the body's outline under the loads, and the
+    expansion of the body, lengths.
+    """
     applied = body.applied_at(step)
     owned = sum((factor * load.start for factor, load in applied), np.zeros(body.fixed.size))
     prescribed = parallel.global_max(body.comm, parallel.local_max(np.abs(owned)))
-    loads = sum((factor * load.forces for factor, load in applied), np.zeros(body.fixed.size))
-    sizes = np.linalg.norm(np.reshape(loads, (-1, body.tagged.dimension)), axis=1)
-    force = float(parallel.global_sum(body.comm, sizes.sum()))
+
+    def total(balanced: bool) -> float:
+        own = (factor * load.forces for factor, load in applied if load.balanced is balanced)
+        loads = np.reshape(sum(own, np.zeros(body.fixed.size)), (-1, body.tagged.dimension))
+        return float(parallel.global_sum(body.comm, np.linalg.norm(loads, axis=1).sum()))
+
+    force, swelling = total(balanced=False), total(balanced=True)
     x = body.tagged.mesh.geometry.x[:, : body.tagged.dimension].astype(np.float64)
     low, high = parallel.global_bounds(body.comm, x)
     softest = min(material.young for material in body.scene.material)
     height, *width = sorted(high - low)[:-1]  # in the plane forces are per width
-    return prescribed + 4 * force / softest / float(np.prod(width)) * float(body.tagged.size / height) ** 3
+    bent = 4 * force / softest / float(np.prod(width)) * float(body.tagged.size / height) ** 3
+    # Prevented expansion is a pressure on the whole surface, of at least the area of the outline along its edges.
+    size = float(body.tagged.size)
+    return prescribed + bent + swelling / softest / body.scales.depth / size ** (body.tagged.dimension - 2)
 
 
 # --- uniqueness, gamma, methods --------------------------------------------------------------------------------------

@@ -45,6 +45,8 @@ def entry_of(scene: Scene, path: str, extent: float, dimension: int) -> tuple[fl
     Raises:
         SceneError: there is no such entry, or none that a derivative can be taken by.
     """
+    if path.endswith(".grading"):
+        raise SceneError([(path, "is none that a derivative can be taken by: take young, which it multiplies")])
     value, parent = _found(scene, path, dimension)
     if isinstance(value, Load):
         return 1.0, 1e-3

@@ -19,14 +19,15 @@ from mpi4py import MPI
 from signorini_fx import parallel
 from signorini_fx.algorithms.task import Outcome
 from signorini_fx.body.assembly import assemble, measure
-from signorini_fx.body.discretisation import Discretisation, lame_coefficients, prepare
+from signorini_fx.body.discretisation import Discretisation, prepare
+from signorini_fx.body.moduli import lame_coefficients
 from signorini_fx.derivatives.entries import default_entries, entry_of, varied
 from signorini_fx.derivatives.gradient import Data, Explicit, Solved, derivatives, explicit
 from signorini_fx.derivatives.quantities import ContactForce, LargestPressure, OfDisplacement, Quantity
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
-from signorini_fx.scene.effect import Resistance
+from signorini_fx.scene.effect import InitialStrain, Resistance
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving.one_mesh import solve_mesh
 
@@ -187,8 +188,9 @@ def _evaluated(
             data = replace(_unchanged(d), boundary=now["boundary"], gap=now["data"].gap, law=now["law"])
             return explicit(ready, data, quantities)
         if path.startswith("material") and key in ("young", "poisson"):
+            loads = _loads(prepare(scene, d.tagged, Timings())) if scene.of(InitialStrain) else {}
             with _lame(d, scene):
-                return explicit(ready, _unchanged(d), quantities)
+                return explicit(ready, replace(_unchanged(d), **loads), quantities)
         other = prepare(scene, d.tagged, Timings())
         forms = other.forms if scene.of(Resistance) else d.forms
         return explicit(ready, replace(_unchanged(d), forms=forms, **_loads(other)), quantities)

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from signorini_fx.scene.effect import Contradictions, Effect
-from signorini_fx.scene.values import NonNegative, Positive
+from signorini_fx.scene.values import Finite, NonNegative, Positive, SampledValue
 
 
 class LinearElastic(Effect):
@@ -17,21 +17,27 @@ class LinearElastic(Effect):
     Attributes:
         young: Young's modulus E > 0, stress.
         poisson: Poisson's ratio nu in (-1, 0.5).
+        grading: between 0 and 1, by which ``young``, the largest, is multiplied: its value in the middle of each cell;
+            None: 1 everywhere.
         hypothesis: plane strain, plane stress, or axisymmetric, if the mesh has two dimensions.  An axisymmetric mesh
             is half of a section: x[0] >= 0 is the radius, x[1] is along the axis, forces are those of a revolution.
         density: mass per volume, which ``gravity`` and ``rotation`` need; None: it is not known.
+        expansion: coefficient of thermal expansion, 1 / temperature, which ``temperature`` needs; None: not known.
         region: name of the part of the body that is made of this material; None: all of it.
     """
 
     young: Positive
     poisson: Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False, strict=True)]
+    grading: SampledValue | None = None
     hypothesis: Literal["plane strain", "plane stress", "axisymmetric"] = "plane strain"
     density: NonNegative | None = None
+    expansion: Finite | None = None
     region: str | None = None
 
     @property
     def lame(self) -> tuple[float, float]:
-        """Lame parameters (lambda, mu) of section 2.1, stresses; lambda is the reduced one for plane stress.
+        """Lame parameters (lambda, mu) of section 2.1, stresses, before grading; lambda is the reduced one for plane
+        stress.
 
         Plane strain has those of three dimensions.
         """
@@ -46,6 +52,13 @@ class LinearElastic(Effect):
         a = self.young / (1 + self.poisson)
         squeezed = 1 - self.poisson if self.hypothesis == "plane stress" else 1 - 2 * self.poisson
         return a, a * self.poisson / squeezed
+
+    @property
+    def directions(self) -> int:
+        """In how many directions a strain that is the same in all of them meets the Lame parameters: in plane stress
+        it is free out of the plane.
+        """
+        return 2 if self.hypothesis == "plane stress" else 3
 
     @property
     def plane_modulus(self) -> float:
@@ -166,3 +179,40 @@ def elastic_forms(
         2 * mu * shearing * around * dx,
         volumetric * around * ufl.dx(metadata={"quadrature_degree": reduced}),
     )
+
+
+def initial_strain_forms(
+    z: Any,
+    strain: Any,
+    lame: Any,
+    mu: Any,
+    degree: int,
+    reduced: int | None = None,
+    *,
+    directions: int = 3,
+    radius: Any = None,
+) -> tuple[Any, ...]:
+    """The work of the stress of an initial strain, a(strain I, z), as terms to be compiled one by one.
+
+    Its stress is (2 mu + k lambda) strain I, with k directions; in plane strain the one out of the plane is among them.
+
+    Args:
+        z: test function.
+        strain: in each direction, a number.
+        lame: see ``elastic_forms``.
+        mu: see ``elastic_forms``.
+        degree: quadrature degree.
+        reduced: see ``elastic_forms``: free expansion is without stress only if both are integrated alike.
+        directions: see ``LinearElastic.directions``.
+        radius: see ``elastic_forms``.
+    """
+    import ufl
+
+    dilation, around = ufl.div(z), 1
+    if radius is not None:
+        dilation, around = dilation + z[0] / radius, 2 * math.pi * radius
+    dx = ufl.dx(metadata={"quadrature_degree": degree})
+    density = strain * dilation * around
+    if reduced is None:
+        return ((2 * mu + directions * lame) * density * dx,)
+    return 2 * mu * density * dx, directions * lame * density * ufl.dx(metadata={"quadrature_degree": reduced})

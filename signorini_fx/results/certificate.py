@@ -32,7 +32,7 @@ from signorini_fx import parallel
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.results.contact_nodes import ContactNodes, ContactSide, sides_of
-from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.results.nodal_forces import NodalForces, left_over
 from signorini_fx.results.promised_law import UNREGULARISED, Before, Law, Tractions
 from signorini_fx.results.supports import Supports
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
@@ -94,8 +94,8 @@ class Certificate:
         complementarity: largest |lambda (tau_N y - d)|.
         stick_slip: largest slip where the shear is below its bound; |mu| / gamma by the regularisation.
         law: the contact law that was used for the check.
-        strain_energy: a(y, y) / 2 of the strains, an energy per thickness.
-        potential_energy: a(y, y) / 2 - L(y), an energy per thickness.
+        strain_energy: of the stress, an energy per thickness: a(y, y) / 2 of the strains without initial ones.
+        potential_energy: the same, and that of what resists the displacement, without the work of the loads.
     """
 
     equilibrium: float = 0.0
@@ -179,6 +179,7 @@ def certify(
         scales,
         stiffest,
         forces.resisted(every),
+        *forces.initial(step, scale),
     )
     sides = sides_of(scene, tagged, space, pairs)
     found = judged(displacement, balance, sides, tractions, law=law, before=before, tools=tools)
@@ -201,6 +202,8 @@ class Balance:
         scales: of its lengths and stresses.
         stiffest: the same with the largest modulus.
         resisted: what resists the displacement on the boundary, the rest of a(y, .), forces, shape (owned nodes, d).
+        initial: those of initial strains where they are prevented, forces, shape (owned nodes, d).
+        prevented: energy of their stress then.
     """
 
     surface: SurfaceQuadrature
@@ -210,6 +213,8 @@ class Balance:
     scales: Scales
     stiffest: Scales
     resisted: Nodal
+    initial: Nodal | float = 0.0
+    prevented: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -249,9 +254,11 @@ def judged(
     comm, dim = forces.space.mesh.comm, forces.dimension
     every = displacement.x.array.reshape(-1, dim)
     y, x = every[: forces.owned], forces.at_nodes[: forces.owned, :dim]
-    works = [np.sum(force * y) for force in (balance.internal, balance.resisted, balance.external)]
-    energy, stored, work = map(float, parallel.global_sum(comm, np.array(works)))
-    strain_energy = max(0.0, energy / 2)
+    every_force = (balance.internal, balance.resisted, balance.external, balance.initial)
+    works = [np.sum(force * y) for force in every_force]
+    energy, stored, work, expanding = map(float, parallel.global_sum(comm, np.array(works)))
+    strained = max(0.0, energy / 2)
+    strain_energy = left_over(strained, balance.prevented - expanding)
     far = _largest(comm, np.linalg.norm(y, axis=1))
     drawn = max((float(np.linalg.norm(tool.translation)) for tool in tools), default=0.0)
     length = max(_deformation(comm, x, y), _ROUND_OFF * max(far, drawn))
@@ -267,7 +274,7 @@ def judged(
     nodes = ContactNodes.of(forces, sides, tractions)
     found["coupling"] = nodes.coupling_error()
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
-    inside = _FAINT * scales.stress(strain_energy)
+    inside = _FAINT * scales.stress(strained)
     finest = -parallel.global_max(comm, parallel.local_max(-scales.side(nodes.weight), -np.inf))
     stress = max(_largest(comm, nodes.felt(supports)), inside, _ROUND_OFF * balance.stiffest.modulus * far / finest)
     # What supports take of a traction leaves its round-off in the directions that are free, and in the penetration.
@@ -309,8 +316,9 @@ def equilibrium(balance: Balance, y: Nodal, nodes: ContactNodes | None, units: _
     spacing = stiffest.spacing(balance.surface.space.dofmap.index_map.size_global)
     # A motion without stress, or without change of volume, has forces too: round-off of the largest modulus.
     least = _ROUND_OFF * stiffest.stiffness(spacing) * _norm(comm, y)
-    force = max(least, *(_norm(comm, one) for one in (balance.internal, balance.resisted, balance.external)))
-    residual = balance.internal + balance.resisted - balance.external
+    loads = balance.external + balance.initial
+    force = max(least, *(_norm(comm, one) for one in (balance.internal, balance.resisted, loads)))
+    residual = balance.internal + balance.resisted - loads
     if nodes is not None:
         reached, contact_forces, area = nodes.forces()
         np.add.at(residual, reached, contact_forces)
@@ -320,7 +328,7 @@ def equilibrium(balance: Balance, y: Nodal, nodes: ContactNodes | None, units: _
     if nodes is None:
         return whole
     # The stress at a node is known to the digits of loads, and of the displacement over the length of its side.
-    load = _largest(comm, np.linalg.norm(balance.external, axis=1))
+    load = _largest(comm, np.linalg.norm(loads, axis=1))
     lost = digits * (stiffest.modulus * units.far / stiffest.side(area) + load / area)
     unbalanced = np.linalg.norm(residual[reached], axis=1) / area - lost
     return max(whole, _share(_largest(comm, unbalanced), units.stress))

@@ -12,19 +12,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import basix
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from signorini_fx import compat, parallel
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.loads import SampledPoints
+from signorini_fx.body.moduli import of_materials
 from signorini_fx.body.supports import on_axis
-from signorini_fx.scene.effect import Force
+from signorini_fx.scene.effect import Force, InitialStrain
 from signorini_fx.tuned import CORNER_ANGLE
 
 Array = npt.NDArray[np.float64]
@@ -141,26 +142,38 @@ def _where_materials_meet(body: Discretisation, place: Array, boundary: list[_Fa
 
     It shows in the angles, in space solid angles, that the cells of each material have at a vertex.
     """
-    if not isinstance(body.lame[0], fem.Function):
+    if len(body.scene.material) == 1:
         return None
     mesh, dim = body.tagged.mesh, body.tagged.dimension
-    kind = getattr(basix.CellType, mesh.topology.cell_name())
-    corners = basix.geometry(kind)
+    cell_type = getattr(basix.CellType, mesh.topology.cell_name())
+    corners = basix.geometry(cell_type)
     neighbours = [
-        [end for edge in basix.topology(kind)[1] if corner in edge for end in edge if end != corner]
+        [end for edge in basix.topology(cell_type)[1] if corner in edge for end in edge if end != corner]
         for corner in range(len(corners))
     ]
     cells = np.arange(mesh.topology.index_map(dim).size_local)
     x = np.asarray(mesh.geometry.x[..., :dim], dtype=np.float64)
     vertices = x[compat.geometry_cells(mesh)[cells][:, : len(corners)]]
-    lame = np.column_stack([part.x.array[part.function_space.dofmap.list[cells, 0]] for part in body.lame])
+    strained = bool(body.scene.of(InitialStrain))
+
+    def kind_of(material: Any) -> tuple[Any, ...]:
+        return material.lame, material.grading, strained and material.expansion
+
+    kinds = [kind_of(material) for material in body.scene.material]
+    (number,) = of_materials(body.scene, body.tagged, lambda one: (float(kinds.index(kind_of(one))),))
+    kind = number.x.array[number.function_space.dofmap.list[cells, 0]]
     edges = vertices[:, neighbours] - vertices[:, :, None]
     length = np.linalg.norm(edges, axis=3)
     distance, reach = np.linalg.norm(vertices - place, axis=2), _BESIDE * length.max(axis=2)
     # All cells at each vertex.
     close = distance <= parallel.global_max(body.comm, parallel.local_max(reach[distance <= reach]))
     own = [
-        (vertices[cell, corner], tuple(lame[cell]), _angle(edges[cell, corner]), float(length[cell, corner].max()))
+        (
+            vertices[cell, corner],
+            int(kind[cell]),
+            _angle(edges[cell, corner]),
+            float(length[cell, corner].max()),
+        )
         for cell, corner in np.argwhere(close)
     ]
     every = [row for rows in body.comm.allgather(own) for row in rows]

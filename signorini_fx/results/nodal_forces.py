@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import basix
@@ -20,13 +21,13 @@ from dolfinx import fem
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import adjugates, assemble
-from signorini_fx.body.discretisation import reduced_degree
 from signorini_fx.body.loads import FormCoefficients, compile_loads
+from signorini_fx.body.moduli import reduced_degree
 from signorini_fx.effects.material import elastic_degree
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.results.surface_quadrature import Facets, SurfaceQuadrature
-from signorini_fx.scene.effect import Effect, Force, Points, Resistance
+from signorini_fx.scene.effect import Effect, Force, InitialStrain, Points, Resistance
 from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.model import Scene
 
@@ -35,6 +36,8 @@ Indices = npt.NDArray[np.int32]
 
 # Cells processed at a time: few enough for the caches, and enough to make the overhead of the loop negligible.
 _CHUNK = 4096
+# A share of the energy of the strains below this is what free expansion leaves of it.
+_ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True)
@@ -63,8 +66,22 @@ class QuadraturePoints:
     @property
     def density(self) -> Array:
         """Mass per volume, shape (f, 1)."""
-        (found,) = self.forces.of_materials(lambda material: (material.density or 0.0,))
+        return self._of_material("density")
+
+    @property
+    def expansion(self) -> Array:
+        """Coefficient of thermal expansion, shape (f, 1)."""
+        return self._of_material("expansion")
+
+    def _of_material(self, key: str) -> Array:
+        (found,) = self.forces.of_materials(lambda material: (getattr(material, key) or 0.0,))
         return found[:, None] if found.size == 1 else found[self.part.cells, None]
+
+    def inside(self, region: str | None) -> Array:
+        """Whether the cells are in a region, shape (f, 1)."""
+        if region is None:
+            return np.ones((len(self.part.cells), 1))
+        return np.isin(self.part.cells, self.forces.tagged.cells(region)).astype(np.float64)[:, None]
 
     def total(self, effect: Effect) -> float:
         """See ``Coefficients``."""
@@ -115,14 +132,24 @@ class NodalForces(SurfaceQuadrature):
         """
         kind, element, geometry = self._cell.name, self.scene.element.degree, self._geometry.degree
         degree = elastic_degree(kind, element, geometry, axisymmetric=self.scene.axisymmetric)
-        reduced = reduced_degree(self.scene, self.tagged.mesh)
-        a, b = self.of_materials(lambda material: material.hooke)
-        if reduced is None:
-            return self.over_ranks(self._stress_work(displacement, degree, a, b))
-        return self.over_ranks(
-            self._stress_work(displacement, degree, a, np.zeros(1))
-            + self._stress_work(displacement, reduced, np.zeros(1), b)
-        )
+        return self.over_ranks(self._stress_work(displacement, degree)[0])
+
+    def initial(self, step: float, scale: float = 1.0) -> tuple[Array, float]:
+        """Forces of the stress that initial strains of a load step times ``scale`` cause where they are prevented,
+        shape (owned nodes, d), and its energy.
+        """
+        strains = [strain for strain in self.scene.of(InitialStrain) if strain.acts]
+        if not strains:
+            return np.zeros((self.owned, self.dimension)), 0.0
+        degree = strains[0].degree(self.scene.element.degree)
+        moved = [(scale * factor, now) for factor, now in (self.scene.now(strain, step) for strain in strains)]
+
+        def strain(part: Facets) -> Array:
+            points = QuadraturePoints(self, part, np.empty(0), self._zero())
+            return sum((factor * now.strain_at(points) for factor, now in moved), np.zeros(1))
+
+        forces, energy = self._stress_work(self._zero(), degree, strain)
+        return -self.over_ranks(forces), float(parallel.global_sum(self.tagged.mesh.comm, np.array(energy)))
 
     def resisted(self, displacement: Array, some: Sequence[Resistance] | None = None) -> Array:
         """What resists nodal displacements with ghosts, shape (nodes, d), on the boundary: all of it, or some; forces,
@@ -138,8 +165,18 @@ class NodalForces(SurfaceQuadrature):
         y = displacement.x.array.reshape(-1, self.dimension)
         return float(parallel.global_sum(self.tagged.mesh.comm, np.sum(self.internal(y) * y[: self.owned]))) / 2
 
+    def stored(self, displacement: fem.Function, step: float) -> float:
+        """The energy of the stress, which is that of the strains without the initial ones, per thickness."""
+        y = displacement.x.array.reshape(-1, self.dimension)
+        forces, energy = self.initial(step)
+        strained = self.strain_energy(displacement)
+        work = float(parallel.global_sum(self.tagged.mesh.comm, np.sum(forces * y[: self.owned])))
+        return left_over(strained, energy - work)
+
     def external(self, step: float, scale: float = 1.0, some: Sequence[Force] | None = None) -> Array:
-        """L of a load step times ``scale``, of all its loads or of some, shape (owned nodes, d)."""
+        """The forces in L of a load step times ``scale``, all or some, shape (owned nodes, d); initial strains have
+        none.
+        """
         total, compiled = self._zero(), np.zeros((self.owned, self.dimension))
         for load in self.scene.of(Force) if some is None else some:
             factor, now = self.scene.now(load, step)
@@ -175,6 +212,19 @@ class NodalForces(SurfaceQuadrature):
         for material in materials:
             found[:, self.tagged.cells(material.region)] = np.array(numbers(material))[:, None]
         return list(found)
+
+    @cached_property
+    def _grading(self) -> Array:
+        """By what the moduli of the materials are multiplied, of all cells alike, shape (1,), or cell by cell."""
+        if all(material.grading is None for material in self.scene.material):
+            return np.ones(1)
+        corners = self._corners[:, : len(basix.geometry(self._cell))]
+        middle, found = in_space(self._x[corners].mean(axis=1)), np.ones(len(corners))
+        for material in self.scene.material:
+            if material.grading is not None:
+                here = slice(None) if material.region is None else self.tagged.cells(material.region)
+                found[here] = sample(material.grading, middle[:, here])
+        return found
 
     # --- how ---------------------------------------------------------------------------------------------------------
 
@@ -214,8 +264,32 @@ class NodalForces(SurfaceQuadrature):
         for facets in self._facets(boundary, *basix.make_quadrature(self._facet, degree)):
             yield facets, np.linalg.norm(facets.moment, axis=2)
 
-    def _stress_work(self, u: Array, degree: int, a: Array, b: Array) -> Array:
-        """(a epsilon(y) + b tr(epsilon(y)) I, epsilon(z)) by quadrature of ``degree``, on this rank alone."""
+    def _stress_work(
+        self, u: Array, degree: int, initial: Callable[[Facets], Array] | None = None
+    ) -> tuple[Array, float]:
+        """The work of the stress with the strains of unit displacements, and the energy of the initial strain alone.
+
+        Args:
+            u: nodal displacements with ghosts, shape (nodes, d).
+            degree: of the quadrature of all that is not reduced.
+            initial: gives the initial strain at points, shape (f, q); None: there is none.
+
+        Returns:
+            Both on this rank alone, forces with shape (nodes, d).
+        """
+        reduced = reduced_degree(self.scene, self.tagged.mesh)
+        a, b = (modulus * self._grading for modulus in self.of_materials(lambda one: one.hooke))
+        if reduced is None:
+            return self._part_of_work(u, degree, a, b, initial)
+        first = self._part_of_work(u, degree, a, np.zeros(1), initial)
+        second = self._part_of_work(u, reduced, np.zeros(1), b, initial)
+        return first[0] + second[0], first[1] + second[1]
+
+    def _part_of_work(
+        self, u: Array, degree: int, a: Array, b: Array, initial: Callable[[Facets], Array] | None
+    ) -> tuple[Array, float]:
+        """That of the stress a epsilon + b tr(epsilon) I, see ``_stress_work``."""
+        axis_count, energy = self.scene.material[0].directions, 0.0
         points, weight = basix.make_quadrature(self._cell, degree)
         table, total, axes = self._table(points), self._zero(), range(self.dimension)
         for cells in self._chunks():
@@ -229,13 +303,19 @@ class NodalForces(SurfaceQuadrature):
             stress = first * (gradient + gradient.swapaxes(0, 1)) / 2
             dilation = np.einsum("iicq->cq", gradient)
             size, forces = weight * np.abs(determinant), np.zeros_like(nodal)
+            part = Facets(cells, table, np.empty(0))
+            size = size * self._around(part)
+            own = 0.0 if initial is None else initial(part)
             if self.scene.axisymmetric:
-                part = Facets(cells, table, np.empty(0))
                 radius = self.positions(part)[..., 0]
                 hoop = nodal[:, :, 0] @ table.shape.T / radius
-                dilation, size = dilation + hoop, size * self._around(part)
+                dilation, hoop = dilation + hoop, hoop - own
+            if initial is not None:
+                dilation = dilation - axis_count * own
+                energy += float(np.sum(size * (first + axis_count * second) * axis_count * own**2)) / 2
+            if self.scene.axisymmetric:
                 forces[:, :, 0] += (size / radius * (first * hoop + second * dilation)) @ table.shape
-            mean = second * dilation
+            mean = second * dilation - first * own
             for i in axes:
                 stress[i, i] += mean
             flux = size * np.einsum("ijcq,kjcq->ikcq", stress, inverse)
@@ -245,14 +325,19 @@ class NodalForces(SurfaceQuadrature):
             for i in axes:  # cells one after the other have nodes close to each other
                 added = np.bincount((nodes - lowest).ravel(), forces[:, :, i].ravel())
                 total[lowest : lowest + added.size, i] += added
-        return total
+        return total, energy
 
     def _compiled(self, load: Force, place: float) -> Array:
         """A load with UFL expressions, by its own form."""
         import ufl
 
         on = FormCoefficients(self.scene, self.tagged, self.space, Inventory())
-        _, form = compile_loads([load], on, ufl.TestFunction(self.space))
-        assert form is not None
+        _, (form,) = compile_loads([load], on, ufl.TestFunction(self.space))
         on.move_to(place)
         return assemble(form).reshape(-1, self.dimension)
+
+
+def left_over(strained: float, initial: float) -> float:
+    """The energy of the stress from that of the strains and what initial strains take of it; round-off is none."""
+    found = strained + initial
+    return found if found > _ROUND_OFF * strained or initial == 0.0 else 0.0

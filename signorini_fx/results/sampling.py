@@ -112,7 +112,7 @@ def cell_values(solution: Solution, cells: npt.NDArray[np.int32], fields: Sequen
     """
     d = solution.discretisation
     mesh = d.tagged.mesh
-    deviator = ufl.dev(element_stress(d, solution.displacement).in_space)
+    deviator = ufl.dev(element_stress(d, solution.displacement, solution.last_step.place).in_space)
     density = ufl.inner(deviator, deviator) / (4 * d.lame[1])  # the gray tones of Figures 2 and 6 of the paper
     both = ufl.as_vector((density, ufl.sqrt(6 * d.lame[1] * density)))
     constant = interpolated(both, fem.functionspace(mesh, ("DG", 0, (2,))))

@@ -199,7 +199,7 @@ class RawStresses(StressFields):
     @cached_property
     def recovered(self) -> RecoveredStresses:
         """The stress that is continuous in each material, with the same fields."""
-        return RecoveredStresses(self.stress, self.recovery())
+        return RecoveredStresses(self.stress, self.recovery(), self.place)
 
     @cached_property
     def error(self) -> float | None:
@@ -238,8 +238,8 @@ class Stresses(RawStresses):
                 shared["recovery"] = StressRecovery.of(d, Inventory())
             return shared["recovery"]
 
-        energy = partial(NodalForces(d.scene, d.tagged, d.space).strain_energy, displacement)
-        return cls(element_stress(d, displacement), recovery, energy, place, discretisation=d)
+        energy = partial(NodalForces(d.scene, d.tagged, d.space).stored, displacement, place)
+        return cls(element_stress(d, displacement, place), recovery, energy, place, discretisation=d)
 
     def as_dict(self) -> dict[str, Any]:
         """Extremes of the raw stress and those of the recovered one, with the estimated error, JSON-safe; collective.
@@ -268,9 +268,11 @@ class RecoveredStresses(StressFields):
 
     Attributes:
         recovery: what projects.
+        place: see ``RawStresses``.
     """
 
     recovery: StressRecovery
+    place: float = 0.0
 
     @cached_property
     def tensor(self) -> fem.Function:
@@ -279,7 +281,8 @@ class RecoveredStresses(StressFields):
         mesh = stress.displacement.function_space.mesh
         function = fem.Function(fem.functionspace(mesh, ("DG", 1, (3, 3))), name="recovered_stress")
         values = function.x.array.reshape(-1, 3, 3)
-        for part, (cells, components) in enumerate(self.recovery.smoothed(stress.displacement.x.array)):
+        smoothed = self.recovery.smoothed(stress.displacement.x.array, self.place)
+        for part, (cells, components) in enumerate(smoothed):
             sigma = stress.kinematics.tensors(components)
             if stress.outward is not None:
                 sigma[..., 2, 2] = stress.outward_of(part, components)

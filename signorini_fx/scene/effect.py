@@ -1,7 +1,8 @@
 """What the effects of a scene have in common, and how they are found: by the names of the files in ``effects/``.
 
-An effect is a ``Force`` (a load in the body or on a boundary), a ``Resistance`` (forces that grow with the
-displacement), another ``Load`` (something that load steps multiply), or none of these.  All that assembles, judges and
+An effect is a ``Force`` (a load in the body or on a boundary), an ``InitialStrain`` (a strain without stress), a
+``Resistance`` (forces that grow with the displacement), another ``Load`` (something that load steps multiply), or none
+of these.  All that assembles, judges and
 tells of a scene asks the methods of these classes, and nowhere for a particular effect.
 """
 
@@ -60,6 +61,21 @@ class Points(Coefficients, Protocol):
     @property
     def displacement(self) -> Any:
         """The displacement y, length."""
+
+
+class BodyCoefficients(Coefficients, Protocol):
+    """Values in the body."""
+
+    @property
+    def expansion(self) -> Any:
+        """Of the material, coefficient of thermal expansion, 1 / temperature."""
+
+    def inside(self, region: str | None) -> Any:
+        """1 in a region of the mesh, 0 elsewhere; None: 1 everywhere."""
+
+
+class BodyPoints(Points, BodyCoefficients, Protocol):
+    """Points of quadrature in the body."""
 
 
 def is_zero(*values: Any) -> bool:
@@ -223,6 +239,18 @@ class VectorForce(Force):
     def density_at(self, at: Points) -> Array:
         """See ``Force``."""
         return at.vector(self.components)
+
+
+class InitialStrain(Load):
+    """A strain of the body, the same in all directions, which causes stress only where it is prevented."""
+
+    def strain(self, on: BodyCoefficients) -> Any:
+        """The strain in each direction, UFL, a number."""
+        raise NotImplementedError
+
+    def strain_at(self, at: BodyPoints) -> Array:
+        """The same for the second opinion, shape (f, q)."""
+        raise NotImplementedError
 
 
 def without_density(scene: Any, key: str) -> Contradictions:

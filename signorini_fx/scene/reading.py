@@ -38,7 +38,12 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | N
     contact = [
         effect.model_copy(update={"foundation": _found_from(folder, effect.foundation)}) for effect in scene.contact
     ]
-    return scene.model_copy(update={"mesh": _found_from(folder, scene.mesh), "contact": tuple(contact)})
+    found = {
+        key: tuple(_found_from(folder, effect) for effect in entries)
+        for key, entries in scene.effects.items()
+        if any(isinstance(getattr(effect, "file", None), Path) for effect in entries)
+    }
+    return scene.model_copy(update={"mesh": _found_from(folder, scene.mesh), "contact": tuple(contact), **found})
 
 
 def _found_from(folder: Path, table: Any) -> Any:

@@ -84,8 +84,7 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel], *, gu
 
 _ELSEWHERE = {
     "rho": "weight is written [gravity], with the density of each [[material]]",
-    "alpha": "there is no thermal strain; demos/own_effect.py adds it in Python",
-    "temperature": "there is no thermal strain; demos/own_effect.py adds it in Python",
+    "alpha": "the coefficient of thermal expansion is written expansion, and the heat [[temperature]]",
     "thickness": "a plane body has thickness 1, and forces are per thickness",
 }
 

@@ -147,7 +147,7 @@ class Reference:
 
 def _stress(solution: Solution) -> Any:
     """The components of the stress as UFL."""
-    stress = element_stress(solution.discretisation, solution.displacement)
+    stress = element_stress(solution.discretisation, solution.displacement, solution.last_step.place)
     return stress.kinematics.components(stress.sigma)
 
 

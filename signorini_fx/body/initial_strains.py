@@ -1,0 +1,72 @@
+"""The initial strains of a scene as the stress sees them, and whether they have values everywhere in the body."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from dolfinx import default_scalar_type, fem
+
+from signorini_fx import parallel
+from signorini_fx.body.loads import FormCoefficients
+from signorini_fx.errors import SceneError
+from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.records import Inventory
+from signorini_fx.scene.effect import InitialStrain
+from signorini_fx.scene.expressions import sample
+from signorini_fx.scene.magnitudes import LARGEST
+from signorini_fx.scene.model import Scene
+
+
+def initial_strain(
+    scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, place: float
+) -> tuple[Any, Callable[[float], None]]:
+    """All initial strains together in each direction, UFL, and what moves them to a place in the lists of factors.
+
+    Args:
+        scene: the scene.
+        tagged: its mesh.
+        space: of the displacement.
+        place: where they are to begin with.
+
+    Returns:
+        None in place of the strain where there is none.
+    """
+    effects = [effect for effect in scene.of(InitialStrain) if effect.acts]
+    if not effects:
+        return None, lambda place: None
+    on = FormCoefficients(scene, tagged, space, Inventory())  # of its own: other stresses are at other places
+    factors = [fem.Constant(tagged.mesh, default_scalar_type(0.0)) for _ in effects]
+
+    def move_to(place: float) -> None:
+        on.move_to(place)
+        for constant, effect in zip(factors, effects, strict=True):
+            constant.value, _ = scene.now(effect, place)
+
+    move_to(place)
+    return sum(factor * effect.strain(on) for factor, effect in zip(factors, effects, strict=True)), move_to
+
+
+def check_strains(scene: Scene, tagged: TaggedMesh) -> None:
+    """Whether the values of initial strains are finite at the nodes of the mesh in all load steps; collective.
+
+    Raises:
+        SceneError: they are not.
+    """
+    problems, x = [], tagged.mesh.geometry.x.T.astype(np.float64)
+    for path, effect in scene.listed():
+        if not isinstance(effect, InitialStrain):
+            continue
+        for place in range(scene.steps if effect.timed else 1):
+            for key, value in effect.at_time(scene.time_at(place)).given.items():
+                error: SceneError | None = None
+                try:
+                    known = bool((np.abs(sample(value, x)) <= LARGEST).all())
+                except SceneError as found:
+                    known, error = True, found
+                parallel.raise_together(tagged.mesh.comm, error)
+                if parallel.any_rank(tagged.mesh.comm, not known):
+                    problems.append((f"{path}.{key}", f"must be a number up to {LARGEST:g} at all nodes of the mesh"))
+    if problems:
+        raise SceneError(list(dict.fromkeys(problems)))

@@ -1,0 +1,108 @@
+"""The numbers of the materials on the mesh: cell by cell where there are several."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from dolfinx import default_scalar_type, fem
+from dolfinx import mesh as dmesh
+
+from signorini_fx import parallel
+from signorini_fx.errors import SceneError
+from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.scene.expressions import sample
+from signorini_fx.scene.model import Scene
+
+# By so much a grading may be above 1.
+_ROUND_OFF = 1e-12
+
+
+def of_materials(scene: Scene, tagged: TaggedMesh, numbers: Callable[[Any], tuple[float, ...]]) -> tuple[Any, ...]:
+    """Numbers of the materials: constants for one material, cell-wise functions for several.
+
+    Raises:
+        SceneError: a cell is in no region that has a material, or in several.
+    """
+    mesh = tagged.mesh
+    if len(scene.material) == 1:
+        return tuple(fem.Constant(mesh, default_scalar_type(number)) for number in numbers(scene.material[0]))
+    space = fem.functionspace(mesh, ("DG", 0))
+    found = tuple(fem.Function(space) for _ in numbers(scene.material[0]))
+    covered = np.zeros(space.dofmap.list.shape[0], dtype=np.int32)
+    named = [material for material in scene.material if material.region in tagged.regions]
+    if len(named) < len(scene.material):  # which is reported elsewhere
+        return found
+    for material in named:
+        assert material.region is not None
+        dofs = space.dofmap.list[tagged.cells(material.region), 0]
+        covered[dofs] += 1
+        for function, value in zip(found, numbers(material), strict=True):
+            function.x.array[dofs] = value
+    owned = covered[: space.dofmap.index_map.size_local]
+    counts = parallel.global_sum(mesh.comm, np.array([np.sum(owned == 0), np.sum(owned > 1)]))
+    bare, twice = (int(count) for count in counts)
+    if bare:
+        raise SceneError([("material", f"{bare} cells are in none of the regions that have a material")])
+    if twice:
+        raise SceneError([("material", f"{twice} cells are in several of the regions that have a material")])
+    for function in found:
+        function.x.scatter_forward()
+    return found
+
+
+def lame_coefficients(scene: Scene, tagged: TaggedMesh) -> tuple[Any, Any]:
+    """Lame parameters: constants for one material, cell-wise functions for several and for graded ones; collective.
+
+    Raises:
+        SceneError: see ``of_materials``; a grading is not between 0 and 1.
+    """
+    first, second = of_materials(scene, tagged, lambda material: material.lame)
+    share = _graded(scene, tagged)
+    return (first, second) if share is None else (_times(first, share), _times(second, share))
+
+
+def _graded(scene: Scene, tagged: TaggedMesh) -> fem.Function | None:
+    """By what the moduli are multiplied in each cell; None: by nothing."""
+    problems, mesh, dim = [], tagged.mesh, tagged.dimension
+    if all(material.grading is None for material in scene.material):
+        return None
+    found = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    found.x.array[:] = 1.0
+    for index, material in enumerate(scene.material):
+        if material.grading is None or (material.region is not None and material.region not in tagged.regions):
+            continue  # the latter is reported elsewhere
+        count = len(found.function_space.dofmap.list)
+        cells = np.arange(count, dtype=np.int32) if material.region is None else tagged.cells(material.region)
+        middle = dmesh.compute_midpoints(mesh, dim, cells) if cells.size else np.zeros((0, 3))
+        values = sample(material.grading, middle.T.astype(np.float64))
+        if parallel.any_rank(mesh.comm, not ((values > 0) & (values <= 1 + _ROUND_OFF)).all()):
+            reason = "must be above 0 and at most 1 in the middle of each cell: young is the largest Young's modulus"
+            problems.append((f"material[{index}].grading", reason))
+        found.x.array[found.function_space.dofmap.list[cells, 0]] = values
+    if problems:
+        raise SceneError(problems)
+    return found
+
+
+def _times(modulus: fem.Constant | fem.Function, share: fem.Function) -> fem.Function:
+    found = fem.Function(share.function_space)
+    found.x.array[:] = share.x.array * (modulus.x.array if isinstance(modulus, fem.Function) else float(modulus.value))
+    return found
+
+
+def reduced_degree(scene: Scene, mesh: dmesh.Mesh) -> int | None:
+    """Quadrature degree of the volumetric term where it is reduced: Q1/P0, P2/P0, Q2 with two points per axis."""
+    degree, kind = scene.element.degree, mesh.topology.cell_name()
+    has_form = not (degree == 1 and kind in ("triangle", "tetrahedron"))
+    requested = scene.element.volumetric
+    if requested == "reduced" and not has_form:
+        plane = kind == "triangle"
+        cure = "use degree = 2, or quadrilaterals" if plane else "use hexahedra"
+        message = f"linear {'triangles' if plane else 'tetrahedra'} have no reduced form: {cure}"
+        raise SceneError([("element.volumetric", message)])
+    nearly = any(material.locks for material in scene.material)
+    if requested == "full" or not has_form or (requested == "auto" and not nearly):
+        return None
+    return 3 if degree == 2 and kind in ("quadrilateral", "hexahedron") else 1

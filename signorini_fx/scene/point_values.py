@@ -1,0 +1,86 @@
+"""Values at points from a table, interpolated between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.errors import SceneError
+
+Array = npt.NDArray[np.float64]
+# A point outside the convex hull of those of the table is moved towards their middle by these shares of its distance:
+# for round-off, and for a curved boundary between the nodes of another mesh.
+_OUTSIDE = (1e-9, 0.02)
+
+
+@dataclass(frozen=True)
+class PointValues:
+    """A function of the position from a .csv with the columns x, y, in space z, and a value, linear between its points.
+
+    Attributes:
+        file: the table.
+        column: of the value.
+    """
+
+    file: Path
+    column: str
+
+    @property
+    def text(self) -> str:
+        """For tables of values."""
+        return self.file.name
+
+    def __call__(self, x: Array) -> Array:
+        """Values at points of shape (3, n), shape (n,).
+
+        Raises:
+            SceneError: the table cannot be read, or a point is not among those of the table.
+        """
+        changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
+        middle, function = _table(self.file, self.column, changed)
+        at = x[: middle.size].T
+        found = np.asarray(function(at), dtype=np.float64)
+        for share in _OUTSIDE:
+            outside = np.isnan(found)
+            found[outside] = function(middle + (1 - share) * (at[outside] - middle))
+        if np.isnan(found).any():
+            place = ", ".join(f"{c:g}" for c in at[np.argmax(np.isnan(found))])
+            raise _wrong(self.file, f"has no points around ({place}) of the body; check its unit of lengths")
+        return found
+
+
+@lru_cache(maxsize=8)
+def _table(file: Path, column: str, _changed: int) -> tuple[Array, Any]:
+    """The middle of the points, shape (d,), and the interpolation."""
+    from scipy.interpolate import LinearNDInterpolator
+    from scipy.spatial import QhullError
+
+    try:
+        head, *rows = [line.split(",") for line in file.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
+    except (OSError, UnicodeDecodeError, ValueError) as error:
+        raise _wrong(file, f"cannot be read: {getattr(error, 'strerror', None) or 'it is no table'}") from None
+    names = [name.strip() for name in head]
+    axes = [name for name in "xyz" if name in names]
+    if axes not in (["x", "y"], ["x", "y", "z"]) or column not in names:
+        raise _wrong(file, f"has the columns {', '.join(names)}; it needs x, y, in space z, and {column}")
+    try:
+        table = np.array(rows, dtype=np.float64)[:, [names.index(name) for name in (*axes, column)]]
+    except (ValueError, IndexError):
+        raise _wrong(file, "has a row that is not one number for each column") from None
+    if not np.isfinite(table).all():
+        raise _wrong(file, "has numbers that are not finite")
+    points = table[:, :-1]
+    try:
+        function = LinearNDInterpolator(points, table[:, -1])
+    except (QhullError, ValueError):
+        raise _wrong(file, "has points that span no area, in space no volume") from None
+    return points.mean(axis=0), function
+
+
+def _wrong(file: Path, message: str) -> SceneError:
+    return SceneError([("temperature.file", f"{file}: it {message}")])

@@ -1,0 +1,151 @@
+"""Young's modulus that varies within a material: a bar, a cylinder, and that a constant changes nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scenes import alone
+from test_axisymmetric import section
+from test_springs import PLANE, body
+
+from signorini_fx import SceneError
+from signorini_fx.check.checks import check_scene
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
+
+COMM = MPI.COMM_WORLD
+YOUNG = 5000.0
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
+@pytest.mark.parametrize(("cells", "degree"), [("quadrilateral", 2), ("triangle", 1), ("hexahedra", 1)])
+def test_graded_bar(cells, degree, linear_algebra):
+    """A bar pressed on a wall: the pressure passes through it, and it shortens by the integral of p / E.
+
+    Where E is constant in each cell, the integral is that of the midpoint rule; on triangles two halves of a column
+    differ, and only the pressure is known so well.
+    """
+    if linear_algebra == "condensed" and COMM.size > 1:
+        pytest.skip("condensation is for one rank")
+    pressure = 3.0
+    given = parse_scene(
+        {
+            "mesh": body(cells),
+            "element": {"degree": degree},
+            "material": {"young": YOUNG, "poisson": 0.0, "grading": "1 / (1 + 0.5*x[0])"},
+            "displacement": [{"boundary": "bottom", "y" if cells in PLANE else "z": 0.0}]
+            + ([] if cells in PLANE else [{"boundary": "front", "y": 0.0}]),
+            "traction": {"boundary": "right", "pressure": pressure},
+            "contact": {"boundary": "left"},
+            "solver": {"algorithm": "alm", "linear_algebra": linear_algebra, "tolerance": 1e-12},
+        }
+    )
+    solution = solve(given, COMM, check=False)
+    assert solution.converged
+    assert solution.certificate.holds
+    assert solution.linear_algebra.startswith(linear_algebra)
+    assert sum(force[0] for force in solution.contact.forces) == pytest.approx(pressure, rel=1e-9)
+    x = solution.displacement.function_space.tabulate_dof_coordinates()
+    end = np.isclose(x[:, 0], 2.0)
+    shortened = -solution.displacement.x.array.reshape(len(x), -1)[end, 0]
+    exact = pressure / YOUNG * (2 + 0.25 * 4)  # the midpoint rule is exact for 1 / E, which is linear
+    if cells != "triangle":
+        assert solution.contact.pressure == pytest.approx(pressure, rel=1e-8)
+        assert shortened == pytest.approx(exact, rel=1e-8)
+        assert solution.certificate.strain_energy == pytest.approx(pressure * exact / 2, rel=1e-8)
+    assert shortened == pytest.approx(exact, rel=2e-2)
+
+
+def cylinder(n, power):
+    """Error of the displacement of a long cylinder under a pressure inside, relative; E grows like r^power.
+
+    C. O. Horgan and A. M. Chan, J. Elasticity 55 (1999) 43-59, with the moduli of plane strain: u is a sum of powers k
+    of r with k^2 + power k + power nu' - 1 = 0.
+    """
+    inside, outside, pressure, nu = 1.0, 2.0, 3.0, 0.3
+    ratio = nu / (1 - nu)
+    given = parse_scene(
+        {
+            "mesh": section(inside, outside, 0.25, counts=(n, 2), comm=MPI.COMM_SELF),
+            "material": {
+                "young": YOUNG,
+                "poisson": nu,
+                "hypothesis": "axisymmetric",
+                "grading": lambda x: (x[0] / outside) ** power,
+            },
+            "displacement": [{"boundary": side, "y": 0.0} for side in ("top", "bottom")],
+            "traction": {"boundary": "inside", "pressure": pressure},
+        }
+    )
+    solution = alone(given, check=False)
+    assert solution.certificate.holds
+    x = solution.displacement.function_space.tabulate_dof_coordinates()
+    r, found = x[:, 0], solution.displacement.x.array.reshape(len(x), -1)[:, 0]
+    k = (-power + np.array([1, -1]) * np.sqrt(power**2 + 4 - 4 * power * ratio)) / 2
+
+    def radial(at):
+        """Stress of each of the powers."""
+        young = YOUNG * (at / outside) ** power / (1 - nu**2) / (1 - ratio**2)
+        return young * (k + ratio) * at ** (k - 1)
+
+    c = np.linalg.solve([radial(inside), radial(outside)], [-pressure, 0.0])
+    exact = r[:, None] ** k @ c
+    return np.abs(found - exact).max() / np.abs(exact).max()
+
+
+def test_graded_cylinder():
+    """The error is of the second order."""
+    errors = [cylinder(n, 1.5) for n in (8, 16)]
+    assert errors[1] < 2e-3
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
+
+
+def test_a_constant_is_a_smaller_modulus():
+    """Half of the modulus by grading, in one region of two, is half of the modulus."""
+    tagged = body("quadrilateral", MPI.COMM_SELF)
+    cells = np.arange(tagged.mesh.topology.index_map(2).size_local, dtype=np.int32)
+    right = dmesh.compute_midpoints(tagged.mesh, 2, cells)[:, 0] > 1.0
+    tags = dmesh.meshtags(tagged.mesh, 2, cells, np.where(right, 2, 1).astype(np.int32))
+    tagged = replace(tagged, cell_tags=tags, regions={"a": 1, "b": 2})
+
+    def of(**second):
+        material = [
+            {"young": YOUNG, "poisson": 0.3, "region": "a"},
+            {"young": YOUNG, "poisson": 0.2, "region": "b"} | second,
+        ]
+        given = {
+            "mesh": tagged,
+            "material": material,
+            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+            "traction": {"boundary": "right", "y": 1.0},
+        }
+        return alone(parse_scene(given), check=False)
+
+    graded, plain = of(grading="0.5 + 0*x[0]"), of(young=YOUNG / 2)
+    assert graded.certificate.holds
+    assert graded.displacement.x.array == pytest.approx(plain.displacement.x.array, rel=1e-9, abs=1e-12)
+    for name in ("tensor", "von_mises", "shear_energy_density"):
+        ours, theirs = (getattr(one.stress.recovered, name).x.array for one in (graded, plain))
+        assert ours == pytest.approx(theirs, abs=1e-5 * np.abs(theirs).max())
+    assert graded.stress.error == pytest.approx(plain.stress.error, rel=1e-6)
+    assert "graded moduli have no guaranteed bound" in str(graded.error_bound)
+
+
+@pytest.mark.parametrize("grading", ["x[0] - 0.5", "1 + x[0]", "1 / (x[0] - x[0])"])
+def test_what_is_wrong(grading):
+    """A modulus that is not positive, or larger than the largest."""
+    given = parse_scene(
+        {
+            "mesh": body("quadrilateral", MPI.COMM_SELF),
+            "material": {"young": YOUNG, "poisson": 0.3, "grading": grading},
+            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+        }
+    )
+    with pytest.raises(SceneError) as caught:
+        check_scene(given, MPI.COMM_SELF)
+    ((path, message),) = caught.value.problems
+    assert path == "material[0].grading"
+    assert "young is the largest" in message
