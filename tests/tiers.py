@@ -136,6 +136,10 @@ class Recorder:
             self._run.add(self._number[key])
         return sys.monitoring.DISABLE  # until the next test
 
+    def pytest_unconfigure(self):
+        """What the interpreter does at its end is no test."""
+        sys.monitoring.register_callback(sys.monitoring.COVERAGE_ID, sys.monitoring.events.LINE, None)
+
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_runtest_protocol(self, item):
         """One test with its fixtures."""
