@@ -1,5 +1,7 @@
 """Contact of two deformable bodies whose meshes do not match, in ``ContactProblem``."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import ufl
@@ -8,6 +10,7 @@ from mpi4py import MPI
 from two_bodies import KINDS, assembled, facets, facets_of_cells, facets_of_piece, forms, grid, held, on, per_cell
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Foundation, Pair, Status, Tresca
+from signorini_fx.forms import contact_problem
 
 ELEMENTS = [(kind, degree) for kind in KINDS for degree in (1, 2)]
 COUNTS = {2: ((5, 2), (3, 2)), 3: ((3, 1, 2), (2, 1, 2))}
@@ -268,8 +271,6 @@ def test_bodies_in_the_wrong_place(shift, faces, match):
 
 def test_the_certificate_notices_a_wrong_map(monkeypatch):
     """A share that is wrong, or integrals over another overlap, are found out."""
-    from dataclasses import replace
-
     from signorini_fx.body import paired_points
 
     couple = paired_points.couple
@@ -295,6 +296,33 @@ def test_the_certificate_notices_a_wrong_map(monkeypatch):
             problem.solve()
         assert problem.status is Status.NOT_CERTIFIED
         assert problem.certificate.coupling > 1e-5
+
+
+@pytest.mark.parametrize("friction", [None, Coulomb(0.3), Tresca(1.0)], ids=["", "coulomb", "tresca"])
+@pytest.mark.parametrize("kind", ["triangle", "tetrahedron"])
+def test_bodies_carried_away_together(kind, friction, monkeypatch):
+    """Contact that transmits nothing makes tractions of the last digits of a displacement that two bodies have in
+    common.  They decide about no sets and violate no condition; pressures of some hundred units more do.
+    """
+    dim, turn = KINDS[kind], rotation(KINDS[kind])
+    mesh, both = blocks(kind, turn)
+    space, a, v = forms(mesh, 1, per_cell(mesh, lambda x: 100.0))
+    ends = facets(mesh, lambda x: np.isclose(abs((turn.T @ x)[1]), 1))
+    carried = (0.3, -0.2, 0.7)[:dim]
+    bcs = [held(space, ends, k, value) for k, value in enumerate(carried)]
+    problem = ContactProblem(a, nothing(mesh, v), bcs, contact=Pair(*both, gap=0.0, friction=friction))
+    problem.solve()
+    np.testing.assert_allclose(problem.u.x.array.reshape(-1, dim), np.tile(carried, (problem.u.x.array.size // dim, 1)))
+    certify = contact_problem.certify
+
+    def spoiled(*given):
+        state, law = given[7:9]
+        return certify(*given[:7], replace(state, pressure=state.pressure + 1e-13 * law.gamma_n), *given[8:])
+
+    monkeypatch.setattr(contact_problem, "certify", spoiled)
+    with pytest.raises(ConvergenceError):
+        problem.solve()
+    assert problem.certificate.equilibrium > 1e-6
 
 
 def paraboloids(kind, degree, counts, comm=MPI.COMM_SELF, **settings):

@@ -35,12 +35,14 @@ class ContactMap:
         fixed: the prescribed unknowns of this rank; contact forces on them go into the supports.
         lift: S with B S = 1, unknowns of one of two bodies from relative displacements, for multigrid; None: contact is
             with a rigid foundation, or no such unknowns are known.
+        paired: whether points are those of two bodies, so that B takes differences of displacements.
     """
 
     operator: PETSc.Mat
     points: ContactPoints
     fixed: npt.NDArray[np.bool_]
     lift: PETSc.Mat | None = None
+    paired: bool = False
 
     @classmethod
     def without_contact(cls, matrix: PETSc.Mat, fixed: npt.NDArray[np.bool_], dimension: int) -> ContactMap:
@@ -56,6 +58,16 @@ class ContactMap:
         relative = self._relative.getArray(readonly=True).reshape(-1, self.points.dimension)
         return relative[:, 0].copy(), relative[:, 1:].copy()
 
+    def terms(self, x: PETSc.Vec) -> Nodal:
+        """The sum of the magnitudes of what B adds up to the relative displacement, its largest component at each
+        point, length, shape (n,); collective.
+        """
+        sizes = x.copy()
+        sizes.abs()
+        self._magnitudes.mult(sizes, self._relative)
+        found = self._relative.getArray(readonly=True).reshape(-1, self.points.dimension)
+        return np.asarray(found.max(axis=1, initial=0.0))
+
     def add_forces(self, pressure: Nodal, shear: Nodal, force: PETSc.Vec) -> None:
         """Add (lambda, tau_N .) + (mu, tau_T .) to a residual, prescribed unknowns left out; collective."""
         traction = np.column_stack((pressure, shear)) * self.points.weight[:, None]
@@ -67,7 +79,7 @@ class ContactMap:
     def after(self, change: PETSc.Mat, fixed: npt.NDArray[np.bool_]) -> ContactMap:
         """The map of a system in other unknowns x~ with x = ``change`` x~; collective."""
         lift = None if self.lift is None else change.transposeMatMult(self.lift)  # of an orthogonal change
-        return ContactMap(self.operator.matMult(change), self.points, fixed, lift)
+        return ContactMap(self.operator.matMult(change), self.points, fixed, lift, self.paired)
 
     def among(self, unknowns: npt.NDArray[np.signedinteger[Any]], fixed: npt.NDArray[np.bool_]) -> ContactMap:
         """The map of a system that has some of the unknowns only; one rank.
@@ -81,7 +93,7 @@ class ContactMap:
             PETSc.IS().createGeneral(some.astype(PETSc.IntType), comm=self.operator.comm) for some in (every, unknowns)
         ]
         lift = None if self.lift is None else self.lift.createSubMatrix(*sets[::-1])
-        return ContactMap(self.operator.createSubMatrix(*sets), self.points, fixed, lift)
+        return ContactMap(self.operator.createSubMatrix(*sets), self.points, fixed, lift, self.paired)
 
     def law(self, blocks: Nodal, into: PETSc.Mat | None = None) -> PETSc.Mat:
         """The matrix with a block of shape (d, d) for each point on its diagonal; collective.
@@ -147,6 +159,15 @@ class ContactMap:
         if parallel.any_rank(self.points.comm, bool(mixed.any() or np.unique(unknown).size < unknown.size)):
             raise ValueError("a component of the displacement at a contact point is no unknown: none can be tied")
         return unknown.reshape(shape), np.sign(values[largest]).reshape(shape)
+
+    @cached_property
+    def _magnitudes(self) -> PETSc.Mat:
+        """The magnitudes of the entries of B."""
+        found = self.operator.copy()
+        starts, columns, values = found.getValuesCSR()
+        found.setValuesCSR(starts, columns, np.abs(values))
+        found.assemble()
+        return found
 
     @cached_property
     def _relative(self) -> PETSc.Vec:

@@ -91,7 +91,10 @@ class RelativeUnknowns:
         rows = sp.csr_array(left[:, stay])
         csr = (rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data)
         inside = ContactMap(
-            PETSc.Mat().createAIJ(rows.shape, csr=csr, comm=PETSc.COMM_SELF), contact.points, fixed[stay]
+            PETSc.Mat().createAIJ(rows.shape, csr=csr, comm=PETSc.COMM_SELF),
+            contact.points,
+            fixed[stay],
+            paired=contact.paired,
         )
         return cls(matrix, inside, stay, gone, points[stay], sums, factor, between, dense, fixed)
 

@@ -144,6 +144,8 @@ class Problem(ABC):
         # what a pressure and a shear undo in each other.
         felt = np.maximum(left * self.points.felt(np.where(np.isfinite(bound), bound, 0.0)), felt)
         size = parallel.local_max(felt)
+        if self.system.contact.paired:
+            size = max(size, parallel.local_max(self._least_traction(x)))
         away, size = (
             parallel.global_max(self.system.comm, value) for value in (parallel.local_max(self.away(x)), size)
         )
@@ -173,7 +175,8 @@ class Problem(ABC):
         if not np.isfinite(data.gamma_n):
             return False
         u_n, u_t = self.traces(x)
-        stretch = data.gamma_n * np.maximum(np.abs(u_n), np.abs(data.gap))
+        far = self.system.contact.terms(x) if self.system.contact.paired else np.abs(u_n)
+        stretch = data.gamma_n * np.maximum(far, np.abs(data.gap))
         if data.has_friction:
             stretch = np.maximum(stretch, data.gamma_t * length(u_t))
         largest = parallel.global_max(self.system.comm, parallel.local_max(self.points.weight * stretch))
@@ -226,4 +229,13 @@ class Problem(ABC):
                 free.axpy(-1.0, self._lifted)
             free.getArray()[self.system.fixed] = 0.0
             acting.append(free.norm())
+        if self.system.contact.paired:
+            least = np.array(np.sum((self.points.weight * self._least_traction(x)) ** 2))
+            acting.append(float(np.sqrt(parallel.global_sum(self.system.comm, least))))
         self.force_scale = max(*acting, _ATTAINABLE * self._stiffness * x.norm())
+
+    def _least_traction(self, x: PETSc.Vec) -> Nodal:
+        """What the penalty makes of ``_ATTAINABLE`` times the displacements of two bodies at contact points, which
+        cancel where they move together, stress, shape (n,).
+        """
+        return _ATTAINABLE * max(self.data.gamma_n, self.data.gamma_t) * self.system.contact.terms(x)

@@ -219,11 +219,14 @@ class Balance:
 
 @dataclass(frozen=True)
 class _Units:
-    """What figures are relative to: a length of the deformation, of the displacement, and a stress."""
+    """What figures are relative to: a length of the deformation, of the displacement, and a stress; the latter is at
+    least ``penalty``, of which the round-off of a regularised law of two bodies is a tolerated share.
+    """
 
     length: float
     far: float
     stress: float
+    penalty: float = 0.0
 
 
 def judged(
@@ -295,9 +298,13 @@ def judged(
             slip, origin = (
                 one - np.einsum("ni,ni->n", one, nodes.normal)[:, None] * nodes.normal for one in (slip - moved, origin)
             )
+    # Most of the displacement that a relative one is the difference of may be common to two bodies.
+    terms = _ROUND_OFF * _largest(comm, nodes.terms(y))
+    gamma = max((one for one in (law.gamma_n, law.gamma_t) if np.isfinite(one)), default=0.0)
+    length, stress = max(length, terms), max(stress, gamma * terms)
     # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
     still = _FAINT * scales.deflection(stress)
-    units = _Units(max(length, still), max(far, still), stress)
+    units = _Units(max(length, still), max(far, still), stress, gamma * terms)
     found |= contact_conditions(nodes, u_n, slip, origin, law, supports, units)
     return Certificate(equilibrium=equilibrium(balance, y, nodes, units), **found)
 
@@ -324,6 +331,8 @@ def equilibrium(balance: Balance, y: Nodal, nodes: ContactNodes | None, units: _
         np.add.at(residual, reached, contact_forces)
     residual = supports.left(residual)
     digits = _LOST_UNITS * np.finfo(float).eps
+    if nodes is not None:
+        force = max(force, units.penalty * _norm(comm, area))
     whole = _share(_norm(comm, residual) - digits * least / _ROUND_OFF, force)
     if nodes is None:
         return whole

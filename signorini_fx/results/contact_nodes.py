@@ -193,6 +193,13 @@ class ContactNodes:
         reach = parallel.global_max(comm, parallel.local_max(np.linalg.norm(arm, axis=1)))
         return total[:-1], float(total[-1]), reach
 
+    def terms(self, owned: Nodal) -> Nodal:
+        """The sums of the magnitudes of what relative displacements of two bodies are added up of, at their points,
+        length, from displacements of shape (owned nodes, d).
+        """
+        found = [np.linalg.norm(claim.terms(owned), axis=1) for claim, _ in self._paired()]
+        return np.concatenate([np.zeros(0), *found])
+
     def forces(self) -> tuple[npt.NDArray[np.int64], Nodal, Nodal]:
         """What the tractions do to the body: the local nodes that they act on, shape (m,), the forces on them, shape
         (m, d), and the area that a node stands for, shape (m,); a node of two boundaries is there twice.

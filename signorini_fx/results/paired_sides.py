@@ -79,6 +79,11 @@ class Claim:
         there = from_owners(owned, self.reached, self.comm)
         return np.asarray(self.operator @ there.ravel()).reshape(self.distance.shape)
 
+    def terms(self, owned: Array) -> Array:
+        """The sums of the magnitudes of what ``relative`` adds up, shape (n, d)."""
+        there = from_owners(np.abs(owned), self.reached, self.comm)
+        return np.asarray(abs(self.operator) @ there.ravel()).reshape(self.distance.shape)
+
     def forces(self, traction: Array, owned: int) -> tuple[npt.NDArray[np.int64], Array, Array]:
         """What tractions at the points, shape (n, d), do to both bodies: owned nodes, forces on them, and their areas;
         ``owned``: how many nodes this rank owns.
