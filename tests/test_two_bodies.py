@@ -408,6 +408,44 @@ def test_three_bodies_on_a_foundation(kind):
         assert total == pytest.approx([-0.2 * carried, carried], abs=1e-8)
 
 
+@pytest.mark.parametrize("linear_algebra", ["condensed", "krylov"])
+def test_two_blocks_on_the_same_side_of_a_plate(linear_algebra):
+    """Masters may share facets: the answer is that of the same plate whose side is given to each block in parts, and
+    each contact carries what is above it.
+    """
+    kind = "triangle"
+    bodies = [grid(kind, (9, 2), (0.0, -0.5), (3.0, 0.0))]
+    bodies += [grid(kind, (4, 3), (left, 0.0), (left + 1.0, 1.0)) for left in (0.2, 1.7)]
+    mesh = assembled(kind, *bodies)
+    space, a, v = forms(mesh, 1, per_cell(mesh, lambda x: 100.0))
+    plate = facets_of_piece(mesh, lambda x: np.isclose(x[1], 0), lambda x: x[1] < 0)
+    parts = [
+        facets_of_piece(mesh, lambda x, s=s: np.isclose(x[1], 0) & (s * (x[0] - 1.5) >= -1e-9), lambda x: x[1] < 0)
+        for s in (-1, 1)
+    ]
+    slaves = [
+        facets_of_piece(mesh, lambda x: np.isclose(x[1], 0), lambda x, s=s: (x[1] > 0) & (s * (x[0] - 1.5) > 0))
+        for s in (-1, 1)
+    ]
+    bcs = [held(space, facets(mesh, lambda x: np.isclose(x[1], -0.5)), k) for k in (0, 1)]
+    load = ufl.inner(fem.Constant(mesh, (0.2, -1.0)), v) * ufl.dx
+    found = []
+    for masters in ((plate, plate), parts):
+        contact = [Pair(s, m, gap=0.0, friction=Coulomb(0.5)) for s, m in zip(slaves, masters, strict=True)]
+        problem = ContactProblem(a, load, bcs, contact=contact, linear_algebra=linear_algebra)
+        problem.solve()
+        found.append(problem.u.x.array.copy())
+        state = problem.state
+        forces = -state.boundary.nodal_forces(state.pressure, state.shear)
+        for number in (0, 1):
+            assert forces[state.boundary.part == number].sum(axis=0) == pytest.approx([-0.2, 1.0], abs=1e-7)
+    np.testing.assert_allclose(*found, rtol=0, atol=1e-9 * np.abs(found[0]).max())
+    with pytest.raises(FormError, match=r"contact\[1\].against: shares 4 facets"):
+        ContactProblem(a, load, bcs, contact=[Pair(slaves[0], plate), Pair(slaves[1], slaves[0])])
+    with pytest.raises(FormError, match=r"contact\[0\].against: shares 9 facets"):
+        ContactProblem(a, load, bcs, contact=[Pair(slaves[0], plate), Pair(plate, slaves[1])])
+
+
 def test_two_equal_bodies_are_the_half_of_one_on_a_plane():
     """Each has the pressures of one body that a rigid plane in the middle meets with half the gap."""
 

@@ -363,13 +363,18 @@ def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[n
         if effect.against is not None
     ]
     for place, (path, name) in enumerate(sides):
-        for _, other in sides[:place]:
+        for before, other in sides[:place]:
+            # A body may carry several others on the same facets, if these have the contact points.
+            if path.endswith("against") and before.endswith("against"):
+                continue
             if name in facets and other in facets:
                 shared = np.intersect1d(facets[name], facets[other]).size
                 total = parallel.global_sum(tagged.mesh.comm, np.array(shared))
                 if total:
                     message = f"boundary {name!r} shares {total} facets with the contact boundary {other!r}: "
                     message += "a facet can touch one foundation only"
+                    if scene.sides[1] is not None:
+                        message += "; of a body that several others touch there, all contacts name it in 'against'"
                     problems.append((path, message))
     for path, effect in scene.listed():
         region = getattr(effect, "region", None)

@@ -136,7 +136,8 @@ def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[l
     A facet may be given on any rank that has it.
 
     Raises:
-        FormError: with all errors: facets that do not exist, are not exterior, or are in two contacts.
+        FormError: with all errors: facets that do not exist, are not exterior, or are those of points of one contact
+            and occur in another one; those of masters may be shared.
     """
     dim = mesh.topology.dim - 1
     mesh.topology.create_connectivity(dim, dim + 1)
@@ -158,13 +159,14 @@ def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[l
             continue
         mark.array[local] = 1
     parallel.raise_together(mesh.comm, FormError(problems) if problems else None)
-    taken = np.zeros(facet_map.size_local, dtype=int)
+    taken = np.zeros(facet_map.size_local, dtype=bool)
     counts = []
-    for mark in marks:
+    for k, mark in enumerate(marks):
         mark.scatter_reverse(la.InsertMode.add)
         there = mark.array[own] > 0
-        counts.append([there.sum(), (there & ~exterior[own]).sum(), (there & (taken > 0)).sum()])
-        taken += there
+        counts.append([there.sum(), (there & ~exterior[own]).sum(), (there & taken).sum()])
+        if k < len(contact):  # facets of a master may be those of several
+            taken |= there
     totals = parallel.global_sum(mesh.comm, np.array(counts))
     for (name, _), (count, inside, twice) in zip(listed, totals, strict=True):
         if not count:
