@@ -50,7 +50,7 @@ _PUBLIC = {
     "results.solution": ("ConvergenceError", "Solution"),
     "results.summary": ("print_progress",),
     "scene.load_steps": ("LoadSteps",),
-    "scene.model": ("Discretised", "MeshFile", "MeshGenerator", "Scene"),
+    "scene.model": ("Body", "Discretised", "MeshFile", "MeshGenerator", "Scene"),
     "scene.settings": ("Accuracy", "Box", "SolverSettings", "Units"),
     "scene.reading": ("read_scene",),
     "solving.solver": ("solve",),

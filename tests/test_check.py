@@ -668,6 +668,8 @@ def test_what_is_switched_off_can_be_switched_on(line):
     before = TEMPLATE[: TEMPLATE.index(line)]
     if key in ("boundaries", "regions", "data", "size"):  # they go with a file
         text, key = text.replace("#file =", "file =", 1), "file"
+    if key == "body":
+        text = re.sub(r"\n\[mesh\].*?(?=\n\[element\])", "", text, flags=re.DOTALL)
     axes = {axis: ["normal"] for axis in "xyz"}
     instead = {
         "file": ["generator", "parameters", "change"],

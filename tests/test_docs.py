@@ -436,6 +436,7 @@ MODELS = {
     ("`[[springs]]`", "key"): [springs.Springs],
     ("`[[contact]]`", "key"): [contact.UnilateralContact, contact.BilateralContact, contact.BondedContact],
     ("`[[contact]]`", "key of `friction`"): [contact.NoFriction, contact.TrescaFriction, contact.CoulombFriction],
+    ("Two bodies", "key of `body`"): [scene.Body],
     ("`[load_steps]`", "key"): [LoadSteps],
     ("`[solver]`", "key"): [settings.SolverSettings],
     ("`[solver]`", "key of a box"): [settings.Box],

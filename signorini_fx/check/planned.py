@@ -16,7 +16,7 @@ from signorini_fx.attempts import (
     for_problem,
     step_limit,
 )
-from signorini_fx.scene.model import MeshGenerator, Scene
+from signorini_fx.scene.model import Scene
 from signorini_fx.tuned import FAILED_RAMP, FAILED_STEP
 
 
@@ -51,7 +51,7 @@ def attempts_for(scene: Scene) -> tuple[tuple[str, tuple[str, ...], str], ...]:
         )
         again = (AGAIN, WITHOUT) if scene.has_coulomb and len(step) > 1 else ()
         rows.append(("a load step of the ramp", (METHOD, *again[:1], HALF, *step[1:], *again[1:]), most))
-    others = for_mesh(generated=isinstance(scene.mesh, MeshGenerator), ramp=ramp, fallbacks=s.fallbacks)
+    others = for_mesh(generated=scene.generated, ramp=ramp, fallbacks=s.fallbacks)
     if others and s.levels == 1 and scene.accuracy is None:
         rows.append(("the first load step", others, f"at most {limit} linear solves more"))
     return tuple((what, tuple(map(str, names)), most) for what, names, most in rows)

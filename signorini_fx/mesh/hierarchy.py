@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 from signorini_fx.mesh.tagged import coarser_parameters
 from signorini_fx.scene.model import MeshGenerator, Scene
@@ -14,10 +15,18 @@ def scene_on(scene: Scene, factor: float) -> Scene:
     Raises:
         SceneError: the generator cannot make such a mesh.
     """
-    assert isinstance(scene.mesh, MeshGenerator)
-    generator = scene.mesh.generator
-    mesh = MeshGenerator(generator=generator, parameters=coarser_parameters(generator, scene.mesh.parameters, factor))
-    return scene.model_copy(update={"mesh": mesh})
+    if scene.body:
+        return scene.model_copy(
+            update={"body": tuple(one.model_copy(update={"mesh": _mesh_on(one.mesh, factor)}) for one in scene.body)}
+        )
+    return scene.model_copy(update={"mesh": _mesh_on(scene.mesh, factor)})
+
+
+def _mesh_on(mesh: Any, factor: float) -> MeshGenerator:
+    assert isinstance(mesh, MeshGenerator)
+    return MeshGenerator(
+        generator=mesh.generator, parameters=coarser_parameters(mesh.generator, mesh.parameters, factor)
+    )
 
 
 def coarser_scenes(scene: Scene, levels: int) -> list[Scene]:
@@ -28,4 +37,4 @@ def coarser_scenes(scene: Scene, levels: int) -> list[Scene]:
     if levels == 1:
         return []
     scenes = [scene_on(scene, 2**k) for k in range(levels - 1, -1, -1)]
-    return [coarse for coarse, fine in pairwise(scenes) if coarse.mesh != fine.mesh]
+    return [coarse for coarse, fine in pairwise(scenes) if (coarse.mesh, coarse.body) != (fine.mesh, fine.body)]

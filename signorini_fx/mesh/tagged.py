@@ -17,12 +17,11 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from pydantic import TypeAdapter, ValidationError
-from scipy.spatial import ConvexHull, QhullError
-from scipy.spatial.distance import cdist
 
 from signorini_fx import compat, parallel
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.mesh.distribution import from_root
+from signorini_fx.mesh.extent import diameter, extremes
 from signorini_fx.mesh.files import formats
 from signorini_fx.mesh.files.arrays import MeshArrays, Selection, combinations
 from signorini_fx.mesh.files.cells import CELLS
@@ -103,34 +102,9 @@ class TaggedMesh(TaggedMeshBase):
         facets = dmesh.exterior_facet_indices(self.mesh.topology)
         # dolfinx divides by the number of facets, and a rank may have none.
         nodes = np.unique(dmesh.entities_to_geometry(self.mesh, dim - 1, facets)) if facets.size else facets
-        extremes = _extremes(self.mesh.geometry.x[nodes, : self.dimension].astype(np.float64))
-        x = parallel.rows_on_root(self.mesh.comm, extremes)
-        return parallel.on_root(self.mesh.comm, lambda: _diameter(x))
-
-
-def _extremes(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """The corners of the convex hull of points of one rank; all of them where they have none, as in a plane."""
-    if len(x) <= x.shape[1] + 1:
-        return x
-    try:
-        return x[ConvexHull((x - x.min(axis=0)) / np.ptp(x, axis=0).max()).vertices]
-    except QhullError:
-        return x
-
-
-def _diameter(x: npt.NDArray[np.float64]) -> float:
-    """Largest distance of two of the points of a body.
-
-    Raises:
-        MeshError: they lie in a plane, in two dimensions on a line.
-    """
-    low, high = x.min(axis=0), x.max(axis=0)
-    try:
-        corners = x[ConvexHull((x - low) / (high - low).max()).vertices]
-    except QhullError:
-        extents = " by ".join(f"{extent:g}" for extent in high - low)
-        raise MeshError(f"the body is too thin to be meshed: it measures {extents}") from None
-    return max(float(cdist(some, corners).max()) for some in np.array_split(corners, 1 + len(corners) // 1000))
+        corners = extremes(self.mesh.geometry.x[nodes, : self.dimension].astype(np.float64))
+        x = parallel.rows_on_root(self.mesh.comm, corners)
+        return parallel.on_root(self.mesh.comm, lambda: diameter(x))
 
 
 def _tagged(tags: dmesh.MeshTags, values: int | tuple[int, ...]) -> npt.NDArray[np.int32]:
@@ -140,25 +114,48 @@ def _tagged(tags: dmesh.MeshTags, values: int | tuple[int, ...]) -> npt.NDArray[
 
 
 def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
-    """The mesh that a scene names.
+    """The mesh that a scene names, or that its bodies make together.
 
     Raises:
         SceneError: unknown generator, or wrong parameters.
         MeshError: the file is not a mesh; the mesh is a shell, or in another plane than that of x[0] and x[1].
     """
-    match scene.mesh:
-        case TaggedMesh():
-            tagged = scene.mesh
-        case MeshFile():
-            # A drawing gets curved cells if the degree of the elements permits.
-            curved = scene.element.degree == 2 and scene.mesh.file.suffix.lower() in DRAWN
-            tagged = load_file(scene.mesh, comm, degree=2 if curved else None)
-        case MeshGenerator(generator=name, parameters=parameters):
-            tagged = generate_mesh(name, parameters, comm)
-        case _:
-            raise TypeError(f"no mesh: {scene.mesh!r}")
+    if scene.body:
+        from signorini_fx.mesh.bodies import together
+
+        return TaggedMesh(
+            **together(scene.body, [_of_body(scene, place, comm) for place in range(len(scene.body))], comm)
+        )
+    tagged = _load_one(scene.mesh, scene.element.degree, comm)
     check_dimension(tagged)
     return tagged
+
+
+def _of_body(scene: Scene, place: int, comm: MPI.Comm) -> TaggedMesh:
+    """The mesh of one of several bodies; errors name it."""
+    body = scene.body[place]
+    try:
+        tagged = _load_one(body.mesh, scene.element.degree, comm)
+        check_dimension(tagged)
+    except SceneError as error:
+        raise SceneError([(f"body[{place}].{path}", message) for path, message in error.problems]) from None
+    except MeshError as error:
+        raise MeshError(f"body {body.name!r}: {error}") from None
+    return tagged
+
+
+def _load_one(given: Any, degree: int, comm: MPI.Comm) -> TaggedMesh:
+    """The mesh that a table ``mesh`` names, for elements of a degree; see ``load_mesh``."""
+    match given:
+        case TaggedMesh():
+            return given
+        case MeshFile():
+            # A drawing gets curved cells if the degree of the elements permits.
+            curved = degree == 2 and given.file.suffix.lower() in DRAWN
+            return load_file(given, comm, degree=2 if curved else None)
+        case MeshGenerator(generator=name, parameters=parameters):
+            return generate_mesh(name, parameters, comm)
+    raise TypeError(f"no mesh: {given!r}")
 
 
 def check_fits(scene: Scene, tagged: TaggedMesh) -> None:

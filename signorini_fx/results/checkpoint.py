@@ -316,12 +316,14 @@ def _described(scene: Scene) -> dict[str, Any]:
     """The scene as JSON with all defaults, its mesh file by content; the title is nothing that changes a result."""
     told: dict[str, Any] = json.loads(json.dumps(describe(scene)))
     told.pop("title", None)
-    if isinstance(scene.mesh, MeshFile):
-        try:
-            with Path(scene.mesh.file).open("rb") as file:
-                told["mesh"]["content"] = hashlib.file_digest(file, "sha256").hexdigest()
-        except OSError:
-            told["mesh"]["content"] = "unreadable"
+    several = [(body.mesh, entry["mesh"]) for body, entry in zip(scene.body, told["body"], strict=True)]
+    for mesh, said in [(scene.mesh, told["mesh"]), *several]:
+        if isinstance(mesh, MeshFile):
+            try:
+                with Path(mesh.file).open("rb") as file:
+                    said["content"] = hashlib.file_digest(file, "sha256").hexdigest()
+            except OSError:
+                said["content"] = "unreadable"
     return told
 
 

@@ -16,13 +16,13 @@ from math import ceil, floor, log10
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar, get_origin
 
-from pydantic import BaseModel, Field, InstanceOf, field_validator, model_validator
+from pydantic import BaseModel, BeforeValidator, Field, InstanceOf, field_validator, model_validator
 
 from signorini_fx.scene.base import Table, refused
 from signorini_fx.scene.effect import Effect, Entries, Load, OneEntry, described, keys, with_every_effect
 from signorini_fx.scene.load_steps import LoadSteps, factor_at
 from signorini_fx.scene.settings import Accuracy, SolverSettings, Units
-from signorini_fx.scene.values import Positive, Selection, kind_of
+from signorini_fx.scene.values import Finite, Positive, Selection, kind_of
 
 _Effect = TypeVar("_Effect", bound=Effect)
 
@@ -77,13 +77,69 @@ class TaggedMeshBase:
     """The base class of ``mesh.TaggedMesh``, so that a scene can hold one without importing dolfinx."""
 
 
+def _one_mesh(given: Any) -> Any:
+    """Decide by the key, so that errors are reported for the kind of mesh that was meant."""
+    if isinstance(given, Mapping):
+        if ("file" in given) == ("generator" in given):
+            raise ValueError("give either file or generator")
+        return (MeshFile if "file" in given else MeshGenerator).model_validate(given)
+    if not isinstance(given, MeshFile | MeshGenerator | TaggedMeshBase):
+        message = "a table with file or generator is expected"
+        if isinstance(given, str | Path):
+            message += f": for a mesh file write MeshFile(file={str(given)!r}), in TOML [mesh] with file = ..."
+        elif hasattr(given, "topology"):
+            message += ", or a mesh with named boundaries: tag_boundaries(mesh, {name: rule, ...}) makes one"
+        else:
+            message += f", not {kind_of(given)}"
+        raise ValueError(message)
+    return given
+
+
+def _listed(given: Any) -> Any:
+    """A single table stands for a list of one."""
+    return [given] if isinstance(given, Mapping | Table) else given
+
+
+class Body(Table):
+    """One of several bodies, with a mesh of its own, which is turned and then moved to its place.
+
+    Attributes:
+        name: of the region of all of its cells; with a dot it stands before the names of its boundaries and regions.
+        mesh: a generator with its parameters, a file, or a ``TaggedMesh``.
+        shift: by which it is moved, lengths; None: not at all.
+        rotation: by which it is turned, degrees, counterclockwise; in space about the axis [a, b, c] by the length of
+            this vector; None: not at all.
+        pivot: the point that it is turned about, length; None: the origin.
+    """
+
+    name: str
+    mesh: MeshGenerator | MeshFile | InstanceOf[TaggedMeshBase]
+    shift: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)] | None = None
+    rotation: Annotated[tuple[Finite, ...], Field(min_length=3, max_length=3)] | Finite | None = None
+    pivot: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)] | None = None
+
+    @field_validator("mesh", mode="before")
+    @classmethod
+    def _one_mesh(cls, given: Any) -> Any:
+        return _one_mesh(given)
+
+    @field_validator("name")
+    @classmethod
+    def _plain(cls, given: str) -> str:
+        if not given or "." in given or given != given.strip():
+            raise ValueError("must be a name without dots")
+        return given
+
+
 @with_every_effect
 class Scene(Table):
     """An elastic body, its loads, its supports and its contact with a rigid foundation.
 
     Attributes:
         title: any text.
-        mesh: a generator with its parameters, a file, or a ``TaggedMesh``; its dimension is that of the scene.
+        mesh: a generator with its parameters, a file, or a ``TaggedMesh``; its dimension is that of the scene; None:
+            that of ``body``.
+        body: several bodies in place of ``mesh``; default: none.
         element: degree and volumetric integration; default: degree 1, full.
         material: one for the body, or one for each named region.
         displacement: prescribed displacements, lengths; default: none.
@@ -97,7 +153,8 @@ class Scene(Table):
     """
 
     title: str = ""
-    mesh: MeshGenerator | MeshFile | InstanceOf[TaggedMeshBase]
+    mesh: MeshGenerator | MeshFile | InstanceOf[TaggedMeshBase] | None
+    body: Annotated[tuple[Body, ...], BeforeValidator(_listed)] = ()
     element: Discretised = Discretised()
     material: Entries
     displacement: Entries = ()
@@ -112,21 +169,13 @@ class Scene(Table):
     @field_validator("mesh", mode="before")
     @classmethod
     def _one_mesh(cls, given: Any) -> Any:
-        """Decide by the key, so that errors are reported for the kind of mesh that was meant."""
-        if isinstance(given, Mapping):
-            if ("file" in given) == ("generator" in given):
-                raise ValueError("give either file or generator")
-            return (MeshFile if "file" in given else MeshGenerator).model_validate(given)
-        if not isinstance(given, MeshFile | MeshGenerator | TaggedMeshBase):
-            message = "a table with file or generator is expected"
-            if isinstance(given, str | Path):
-                message += f": for a mesh file write MeshFile(file={str(given)!r}), in TOML [mesh] with file = ..."
-            elif hasattr(given, "topology"):
-                message += ", or a mesh with named boundaries: tag_boundaries(mesh, {name: rule, ...}) makes one"
-            else:
-                message += f", not {kind_of(given)}"
-            raise ValueError(message)
-        return given
+        return None if given is None else _one_mesh(given)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _mesh_of_bodies(cls, given: Any) -> Any:
+        without = isinstance(given, Mapping) and given.get("body") and "mesh" not in given
+        return {**given, "mesh": None} if without else given
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -142,8 +191,17 @@ class Scene(Table):
         for entries in self.effects.values():
             for place, effect in enumerate(entries):
                 yield from effect.contradictions(self, place)
-        if self.solver.levels > 1 and not isinstance(self.mesh, MeshGenerator):
+        if self.solver.levels > 1 and not self.generated:
             yield ("solver", "levels"), "needs a mesh from a generator, which can make the coarser ones"
+        if (self.mesh is None) != bool(self.body):
+            missing = "a table with file or generator is expected" if self.mesh is None else "leave it out"
+            yield ("mesh",), missing + ("" if self.mesh is None else ": each [[body]] has its own")
+        names = [body.name for body in self.body]
+        for place, name in enumerate(names):
+            if name in names[:place]:
+                yield ("body", place, "name"), f"two bodies are called {name!r}"
+        if self.body and self.accuracy is not None:
+            yield ("accuracy",), "is not possible yet for several [[body]]: their meshes are not refined together"
         if self.accuracy is not None and not self.contact:
             yield ("accuracy",), "needs a scene with contact"
         if len({len(load.factors) for load in self.loads if load.factors is not None}) > 1:
@@ -189,6 +247,12 @@ class Scene(Table):
     def loads(self) -> tuple[Load, ...]:
         """All that load steps multiply."""
         return self.of(Load)
+
+    @property
+    def generated(self) -> bool:
+        """Whether all of its cells are made by generators."""
+        meshes: list[Any] = [body.mesh for body in self.body] or [self.mesh]
+        return all(isinstance(mesh, MeshGenerator) for mesh in meshes)
 
     @property
     def steps(self) -> int:

@@ -43,7 +43,9 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | N
         for key, entries in scene.effects.items()
         if any(isinstance(getattr(effect, "file", None), Path) for effect in entries)
     }
-    return scene.model_copy(update={"mesh": _found_from(folder, scene.mesh), "contact": tuple(contact), **found})
+    mesh = _found_from(folder, scene.mesh)
+    body = tuple(one.model_copy(update={"mesh": _found_from(folder, one.mesh)}) for one in scene.body)
+    return scene.model_copy(update={"mesh": mesh, "body": body, "contact": tuple(contact), **found})
 
 
 def _found_from(folder: Path, table: Any) -> Any:

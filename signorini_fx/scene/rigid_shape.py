@@ -171,15 +171,25 @@ class Shape(RigidMotion):
 
     def _turning(self, dimension: int) -> Array:
         """The matrix of its rotation, shape (d, d)."""
-        if self.rotation is None:
-            return np.eye(dimension)
-        if isinstance(self.rotation, tuple):
-            from scipy.spatial.transform import Rotation
+        rotation = self.rotation
+        return turning(tuple(map(_now, rotation)) if isinstance(rotation, tuple) else _now(rotation or 0.0), dimension)
 
-            return np.asarray(Rotation.from_rotvec(np.radians([_now(one) for one in self.rotation])).as_matrix())
-        angle = math.radians(_now(self.rotation))
-        cosine, sine = math.cos(angle), math.sin(angle)
-        return np.array([[cosine, -sine], [sine, cosine]])
+
+def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
+    """The matrix of a rotation, shape (d, d).
+
+    Args:
+        rotation: degrees, counterclockwise; in space about the axis [a, b, c] by the length of this vector.
+        dimension: d.
+    """
+    if isinstance(rotation, tuple):
+        from scipy.spatial.transform import Rotation
+
+        return np.asarray(Rotation.from_rotvec(np.radians(rotation)).as_matrix())
+    if rotation == 0.0:
+        return np.eye(dimension)
+    cosine, sine = math.cos(math.radians(rotation)), math.sin(math.radians(rotation))
+    return np.array([[cosine, -sine], [sine, cosine]])
 
 
 def _now(value: Any) -> float:

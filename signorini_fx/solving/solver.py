@@ -28,7 +28,7 @@ from signorini_fx.mesh.hierarchy import coarser_scenes
 from signorini_fx.records import History, Progress
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
-from signorini_fx.scene.model import MeshGenerator, Scene
+from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import as_scene
 from signorini_fx.scene.values import kind_of
 from signorini_fx.solving.one_mesh import solve_mesh
@@ -240,7 +240,7 @@ def _solve_alone(scene: Scene, comm: MPI.Comm, history: History, kept: Kept | No
     """Solve on the mesh of the scene; if that fails, the generator may make coarser meshes for a better start."""
     task: Task | None = None
     others = for_mesh(
-        generated=isinstance(scene.mesh, MeshGenerator),
+        generated=scene.generated,
         ramp=scene.automatic_steps is not None,
         fallbacks=scene.solver.fallbacks,
     )

@@ -26,7 +26,7 @@ from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Law, Tractions
 from signorini_fx.scene.expressions import sample
-from signorini_fx.scene.model import MeshGenerator, Scene
+from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import as_scene
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.solver import refuse_other_than_comm
@@ -76,7 +76,7 @@ def _coarser(scene: Scene, discretisation: Discretisation) -> MeshLevel | None:
     """The coarser meshes that ``levels`` asks for, as levels of multigrid where it is used; collective."""
     coarser = None
     large = discretisation.dofs >= krylov_from(discretisation.system_size, scene.solver.linear_algebra)
-    if large and isinstance(scene.mesh, MeshGenerator):
+    if large and scene.generated:
         for coarse in coarser_scenes(scene, scene.solver.levels):
             body = discretise(coarse, load_mesh(coarse, discretisation.tagged.mesh.comm), Timings())
             coarser = body.level(coarser)
