@@ -58,16 +58,6 @@ class ContactMap:
         relative = self._relative.getArray(readonly=True).reshape(-1, self.points.dimension)
         return relative[:, 0].copy(), relative[:, 1:].copy()
 
-    def terms(self, x: PETSc.Vec) -> Nodal:
-        """The sum of the magnitudes of what B adds up to the relative displacement, its largest component at each
-        point, length, shape (n,); collective.
-        """
-        sizes = x.copy()
-        sizes.abs()
-        self._magnitudes.mult(sizes, self._relative)
-        found = self._relative.getArray(readonly=True).reshape(-1, self.points.dimension)
-        return np.asarray(found.max(axis=1, initial=0.0))
-
     def add_forces(self, pressure: Nodal, shear: Nodal, force: PETSc.Vec) -> None:
         """Add (lambda, tau_N .) + (mu, tau_T .) to a residual, prescribed unknowns left out; collective."""
         traction = np.column_stack((pressure, shear)) * self.points.weight[:, None]
@@ -159,15 +149,6 @@ class ContactMap:
         if parallel.any_rank(self.points.comm, bool(mixed.any() or np.unique(unknown).size < unknown.size)):
             raise ValueError("a component of the displacement at a contact point is no unknown: none can be tied")
         return unknown.reshape(shape), np.sign(values[largest]).reshape(shape)
-
-    @cached_property
-    def _magnitudes(self) -> PETSc.Mat:
-        """The magnitudes of the entries of B."""
-        found = self.operator.copy()
-        starts, columns, values = found.getValuesCSR()
-        found.setValuesCSR(starts, columns, np.abs(values))
-        found.assemble()
-        return found
 
     @cached_property
     def _relative(self) -> PETSc.Vec:

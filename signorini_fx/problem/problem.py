@@ -145,7 +145,7 @@ class Problem(ABC):
         felt = np.maximum(left * self.points.felt(np.where(np.isfinite(bound), bound, 0.0)), felt)
         size = parallel.local_max(felt)
         if self.system.contact.paired:
-            size = max(size, parallel.local_max(self._least_traction(x)))
+            size = max(size, self._least_traction(x))
         away, size = (
             parallel.global_max(self.system.comm, value) for value in (parallel.local_max(self.away(x)), size)
         )
@@ -175,7 +175,7 @@ class Problem(ABC):
         if not np.isfinite(data.gamma_n):
             return False
         u_n, u_t = self.traces(x)
-        far = self.system.contact.terms(x) if self.system.contact.paired else np.abs(u_n)
+        far = 2 * x.norm(PETSc.NormType.NORM_INFINITY) if self.system.contact.paired else np.abs(u_n)
         stretch = data.gamma_n * np.maximum(far, np.abs(data.gap))
         if data.has_friction:
             stretch = np.maximum(stretch, data.gamma_t * length(u_t))
@@ -230,12 +230,12 @@ class Problem(ABC):
             free.getArray()[self.system.fixed] = 0.0
             acting.append(free.norm())
         if self.system.contact.paired:
-            least = np.array(np.sum((self.points.weight * self._least_traction(x)) ** 2))
-            acting.append(float(np.sqrt(parallel.global_sum(self.system.comm, least))))
+            area = float(np.sqrt(parallel.global_sum(self.system.comm, np.sum(self.points.weight**2))))
+            acting.append(area * self._least_traction(x))
         self.force_scale = max(*acting, _ATTAINABLE * self._stiffness * x.norm())
 
-    def _least_traction(self, x: PETSc.Vec) -> Nodal:
-        """What the penalty makes of ``_ATTAINABLE`` times the displacements of two bodies at contact points, which
-        cancel where they move together, stress, shape (n,).
+    def _least_traction(self, x: PETSc.Vec) -> float:
+        """What the penalty makes of ``_ATTAINABLE`` times the largest displacements of two bodies, stress; in relative
+        ones these cancel where both move together.
         """
-        return _ATTAINABLE * max(self.data.gamma_n, self.data.gamma_t) * self.system.contact.terms(x)
+        return float(2 * _ATTAINABLE * max(self.data.gamma_n, self.data.gamma_t) * x.norm(PETSc.NormType.NORM_INFINITY))

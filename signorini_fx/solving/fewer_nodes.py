@@ -139,7 +139,7 @@ def _projected(system: DenseSystem, change: Any, rows: Indices, points: ContactP
     some = sp.csr_array(every[(points.dimension * rows[:, None] + np.arange(points.dimension)).ravel()] @ change)
     csr = (some.indptr.astype(PETSc.IntType), some.indices.astype(PETSc.IntType), some.data)
     operator, free = PETSc.Mat().createAIJ(some.shape, csr=csr, comm=system.comm), np.zeros(dense.shape[0], dtype=bool)
-    contact = ContactMap(operator, points, free)
+    contact = ContactMap(operator, points, free, paired=system.contact.paired)
     return DenseSystem(system.comm, matrix, load, start, system.resultant, free, contact)
 
 
