@@ -18,6 +18,9 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+import mpi4py.MPI  # first: with wheels of PyPI its library is not found otherwise  # noqa: F401
+
+# isort: split
 import dolfinx
 import report
 import rows

@@ -25,6 +25,7 @@ import space_rival  # noqa: E402
 import space_rows  # noqa: E402
 
 from signorini_fx import solve  # noqa: E402
+from signorini_fx.linalg.full import has_package  # noqa: E402
 from signorini_fx.mesh.files.abaqus_scene import draft  # noqa: E402
 from signorini_fx.mesh.files.formats import read_file  # noqa: E402
 from signorini_fx.mesh.tagged import generate_mesh  # noqa: E402
@@ -61,6 +62,10 @@ def package(law, tagged, **settings):
     return example1.Answer.of(solve(example1.scene(law, tagged, **settings), MPI.COMM_SELF))
 
 
+needs_cholmod = pytest.mark.skipif(not has_package("cholmod", "cholesky"), reason="PETSc without CHOLMOD")
+
+
+@needs_cholmod
 @pytest.mark.parametrize(("law", "other"), [("tresca", rival.tresca), ("coulomb", rival.coulomb)])
 def test_the_rival_takes_the_same_steps(tagged, law, other):
     """Same pressure, shear, sets, and number of linear solves: the paper's algorithms, written twice."""
@@ -86,6 +91,7 @@ def test_a_difference_is_noticed(tagged):
         contestants.check("plain", outcome, reference, tagged)
 
 
+@needs_cholmod
 def test_the_linear_solves_agree(tagged):
     """MUMPS and CHOLMOD solve the same linear problem."""
     one, other = (linear.solve(tagged, package)[0] for package in ("mumps", "cholmod"))
@@ -147,6 +153,7 @@ def test_a_rival_with_another_answer_or_none_has_no_verdict():
     assert (missing.what, missing.verdict) == ("a: not installed", "information")
 
 
+@needs_cholmod
 @pytest.mark.parametrize("groups", [{"tresca", "import"}, pytest.param(GROUPS, marks=pytest.mark.long)], ids=len)
 def test_every_row_is_written(groups, tmp_path):
     """A run on tiny meshes writes all rows, every run behind them, and the picture."""

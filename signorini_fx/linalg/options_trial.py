@@ -3,6 +3,9 @@
 import sys
 from contextlib import suppress
 
+import mpi4py.MPI  # first: with wheels of PyPI its library is not found otherwise  # noqa: F401
+
+# isort: split
 import petsc4py
 
 _SIZE = 400
