@@ -1,5 +1,6 @@
 """Thermal strain: free and prevented expansion, exact states, a bimetal, a ring that is heated until it is loose."""
 
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -446,3 +447,18 @@ def test_thermostat():
     bending += half * (brass * (half / 2 - neutral) ** 2 + invar * (half / 2 + neutral) ** 2)
     force = 3 * bending * (curvature * heat * arm**2 / 2 - gap) / arm**3
     assert solution.contact.forces[0][1] == pytest.approx(force, rel=0.03)
+
+
+def test_a_hub_that_is_heated():
+    """Two bodies: half of the interference of the shrink fit is left where the hub alone grows by the other half."""
+    path = SCENES / "shrink_fit.toml"
+    given = tomllib.loads(path.read_text(encoding="utf-8"))
+    del given["traction"], given["load_steps"]
+    given["material"][0]["expansion"] = 1.2e-5
+    heat = 0.02 / 20 / (1.3 * 1.2e-5)  # (1 + nu) alpha T R is the interference
+    given["temperature"] = {"change": heat / 2, "region": "hub"}
+    solution = alone(parse_scene(given, folder=path.parent), check=False)
+    assert solution.certificate.holds
+    weight = solution.contact.boundary.weight
+    # Lame's pressure of the whole fit is 92.87, see the scene.
+    assert solution.contact.pressure @ weight / weight.sum() == pytest.approx(92.87 / 2, rel=1e-4)
