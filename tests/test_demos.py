@@ -181,3 +181,12 @@ def test_tutorial(run):
     assert found["columns"]["pressure"].max() == pytest.approx(20.18, rel=5e-3)
     assert found["outcome"] is Status.NOT_HELD
     pictures("tutorial/stresses", "tutorial/deformed")
+
+
+def test_friction_from_slip(run):
+    """The coefficient is found where there is no noise, and else within its interval of confidence."""
+    found = run("friction_from_slip", 18)
+    assert found["without_noise"] == pytest.approx(0.3, abs=1e-6)
+    assert found["solves"] <= 10
+    assert abs(found["coefficient"] - 0.3) <= 2 * found["deviation"]
+    assert found["deviation"] < 0.01
