@@ -178,6 +178,27 @@ MUTANTS = (
         tests=("complementarity",),
     ),
     Mutant("contact/laws", "np.minimum(bound, self.cap)", "np.maximum(bound, self.cap)", "cap: max for min"),
+    Mutant(
+        "contact/laws",
+        "self.cohesive & (pressure == 0)",
+        "self.cohesive & (pressure < 0)",
+        "cohesion of open points",
+        tests=("cohesion::test_open_contact_has_none",),
+    ),
+    Mutant(
+        "derivatives/adjoint",
+        "law.gamma * law.tied_tractions(untied)",
+        "law.gamma * untied",
+        "derivatives: tied components do not spread",
+        tests=("derivatives::test_in_the_plane",),
+    ),
+    Mutant(
+        "derivatives/law",
+        "slip * coefficient[:, None]",
+        "slip * 0 * coefficient[:, None]",
+        "derivatives: the bound does not follow the pressure",
+        tests=("derivatives::test_in_the_plane",),
+    ),
     Mutant("contact/laws", "contact | data.bilateral", "contact", "bilateral contact may open"),
     Mutant("contact/laws", "u_t - data.slip_origin", "u_t", "load steps: slip from zero", tests=("load_steps",)),
     # --- the data of a scene -----------------------------------------------------------------------------------------
@@ -3049,8 +3070,8 @@ MUTANTS = (
     ),
     Mutant(
         "algorithms/strategy",
-        "law.cap is None and data.bilateral is None",
-        "law.cap is None",
+        "law.cap is None and law.cohesive is None and data.bilateral is None",
+        "law.cap is None and law.cohesive is None",
         "monolithic method for bilateral contact",
         tests=("strategy::test_where_the_monolithic_method_is_tried",),
     ),

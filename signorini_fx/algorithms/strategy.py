@@ -373,5 +373,5 @@ def _exact(task: Task, start: Start, regularised: Outcome) -> Outcome:
 
 
 def _may_be_monolithic(law: FrictionLaw, data: RegularisedData) -> bool:
-    """Whether there is a monolithic form: it allows neither for a cap nor for a pressure of either sign."""
-    return law.cap is None and data.bilateral is None
+    """Whether there is a monolithic form: it allows neither for a cap or cohesion nor for a pressure of either sign."""
+    return law.cap is None and law.cohesive is None and data.bilateral is None

@@ -187,7 +187,8 @@ class Task:
             stiffness = system.contact.stiffness(system.matrix.getDiagonal())
             natural_gamma = parallel.global_max(comm, parallel.local_max(stiffness * side))
         if has_coulomb is None:
-            has_coulomb = parallel.any_rank(comm, law is not None and bool((law.coefficient > 0).any()))
+            follows = law is not None and (law.cohesive is not None or bool((law.coefficient > 0).any()))
+            has_coulomb = parallel.any_rank(comm, follows)
         data = RegularisedData.unshifted(gap, points.dimension - 1, settings, natural_gamma, law, bilateral)
         rest = resting_place(gap, bilateral, motions, system.resultant)
         sets = ActiveSets.all_in_contact(*data.mu_hat.shape)

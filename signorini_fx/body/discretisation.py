@@ -312,8 +312,9 @@ def foundations_of(
         match effect.friction if effect.friction.acts else None:
             case TrescaFriction(bound=bound):
                 friction = Tresca(_evaluable(bound))
-            case CoulombFriction(coefficient=coefficient, cap=cap):
-                friction = Coulomb(_evaluable(coefficient), None if cap is None else _evaluable(cap))
+            case CoulombFriction(coefficient=coefficient, cap=cap, cohesion=cohesion):
+                others = (None if value is None else _evaluable(value) for value in (cap, cohesion))
+                friction = Coulomb(_evaluable(coefficient), *others)
         bilateral = isinstance(effect, BilateralContact)
         if place in masters:
             gap = _evaluable(effect.gap)

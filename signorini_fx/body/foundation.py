@@ -8,16 +8,18 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Coulomb:
-    """Coulomb friction: |mu| <= F lambda.
+    """Coulomb friction: |mu| <= c + F lambda in contact, and no shear where it is open.
 
     Attributes:
         coefficient: F, not negative: a number, a callable f(x) of points of shape (3, n), a UFL expression, or a
             Function.
         cap: the largest bound, stress, of the same kinds; None: unlimited.
+        cohesion: c, stress, not negative, of the same kinds; None: zero.
     """
 
     coefficient: Any
     cap: Any = None
+    cohesion: Any = None
 
 
 @dataclass(frozen=True)

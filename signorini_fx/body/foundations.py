@@ -53,12 +53,13 @@ class Data:
         facets: owned, local numbers.
         shape: its direction and measure.
         gap: d, length; nan where no facet is.
-        given: Tresca's g, stress; zero without.
+        given: Tresca's g, or Coulomb's c, stress; zero without.
         coefficient: Coulomb's F; zero without.
         cap: the largest friction bound, stress; infinite without.
         bilateral: whether the contact cannot open.
         pair: both sides, where another body is the foundation; None: it is rigid.
         allowance: the part of a gap by geometry that is not geometry; None: the gap is given as a whole.
+        cohesive: whether the given bound ends where the contact opens.
     """
 
     facets: npt.NDArray[np.int32]
@@ -70,6 +71,7 @@ class Data:
     bilateral: bool
     pair: PairedSides | None = None
     allowance: Array | None = None
+    cohesive: bool = False
 
 
 class Foundations:
@@ -304,14 +306,16 @@ class Foundations:
                 given = at(one.friction.bound, f"{path}.bound", minimum=0.0)
             elif isinstance(one.friction, Coulomb):
                 coefficient = at(one.friction.coefficient, f"{path}.coefficient", minimum=0.0)
+                if one.friction.cohesion is not None:
+                    given = at(one.friction.cohesion, f"{path}.cohesion", minimum=0.0)
                 if one.friction.cap is not None:
                     cap = at(one.friction.cap, f"{path}.cap", minimum=0.0)
             bilateral = one.bilateral
             if one.bonded:
                 given, bilateral = np.full_like(gap, np.inf), True
-            found.append(
-                Data(self.facets[k], shape, gap, given, coefficient, cap, bilateral, self._pairs.get(k), allowance)
-            )
+            cohesive = isinstance(one.friction, Coulomb) and one.friction.cohesion is not None
+            rest = bilateral, self._pairs.get(k), allowance, cohesive
+            found.append(Data(self.facets[k], shape, gap, given, coefficient, cap, *rest))
         return found
 
     def problem(
@@ -331,7 +335,9 @@ class Foundations:
                 self._at_points(boundary, data, name) for name in ("given", "coefficient", "cap")
             )
             capped = any(isinstance(one, Coulomb) and one.cap is not None for one in kinds)
-            law = FrictionLaw(given, coefficient, cap if capped else None)
+            cohesive = [k for k, one in enumerate(data) if one.cohesive]
+            ends = np.isin(boundary.part, cohesive) if cohesive else None
+            law = FrictionLaw(given, coefficient, cap if capped else None, ends)
         parts = [k for k, one in enumerate(data) if one.bilateral]
         bilateral = np.isin(boundary.part, parts) if parts else None
         gap = self._gap(boundary, data)

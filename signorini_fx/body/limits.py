@@ -139,6 +139,7 @@ def surface_of(d: Discretisation, pressing: npt.NDArray[np.bool_] | None = None)
         (len(motions.of_all) > len(motions.free), "forces move a foundation"),
         (parallel.any_rank(comm, bilateral), "the foundation can pull"),
         (capped, "a cap limits the friction"),
+        (law is not None and law.cohesive is not None, "cohesion ends where the contact opens"),
         (parallel.any_rank(comm, law is not None and bool(np.isinf(law.given).any())), "friction has no limit"),
         (parallel.any_rank(comm, bool(boundary.points.immovable.any())), "a support takes the pressure at a node"),
         (compat.geometry_degree(d.tagged.mesh) > d.space.element.basix_element.degree, "the cells are curved"),

@@ -394,6 +394,7 @@ def _monolithic(scene: Scene) -> list[Finding]:
         return []
     reasons = {
         "a cap": any(contact.capped for contact in scene.contact),
+        "cohesion": any(contact.cohesive for contact in scene.contact),
         "bilateral contact": any(contact.kind == "bilateral" for contact in scene.contact),
     }
     given = [reason for reason, holds in reasons.items() if holds]

@@ -364,13 +364,16 @@ class FrictionLaw:
         given: Tresca's g, stress, shape (n,); zero at other points.
         coefficient: Coulomb's F, shape (n,); zero at other points.
         cap: largest bound, stress, shape (n,); None: unlimited.
+        cohesive: points whose given bound ends where they open, shape (n,); None: there are none.
     """
 
     given: Nodal
     coefficient: Nodal
     cap: Nodal | None = None
+    cohesive: npt.NDArray[np.bool_] | None = None
 
     def bound(self, pressure: Nodal) -> Nodal:
         """F g with g = lambda at Coulomb points (6.1), stress; |lambda| where contact is bilateral."""
         bound = self.given + self.coefficient * np.abs(pressure)
-        return bound if self.cap is None else np.minimum(bound, self.cap)
+        bound = bound if self.cap is None else np.minimum(bound, self.cap)
+        return bound if self.cohesive is None else np.where(self.cohesive & (pressure == 0), 0.0, bound)

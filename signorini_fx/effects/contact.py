@@ -60,28 +60,31 @@ class TrescaFriction(Friction):
 
 
 class CoulombFriction(Friction):
-    """Coulomb friction: |mu| <= min(coefficient * lambda, cap), (1.1e) and (1.1f).
+    """Coulomb friction: |mu| <= min(cohesion + coefficient * lambda, cap) in contact, (1.1e) and (1.1f).
 
     Attributes:
         law: its name.
         coefficient: F, without unit.
         cap: largest shear that the contact can transmit, stress; None: no such limit.
+        cohesion: shear that it transmits without pressure, stress, until it opens; None: none.
     """
 
     law: Literal["coulomb"] = "coulomb"
     coefficient: NonNegativeValue
     cap: NonNegativeValue | None = None
+    cohesion: NonNegativeValue | None = None
 
     @property
     def acts(self) -> bool:
         """See ``Friction``."""
-        return self.coefficient != 0.0 and self.cap != 0.0
+        return (self.coefficient != 0.0 or self.cohesion not in (None, 0.0)) and self.cap != 0.0
 
     @property
     def said(self) -> str:
         """See ``Friction``."""
-        cap = "" if self.cap is None else f", cap = {text(self.cap)}"
-        return f"coulomb, coefficient = {text(self.coefficient)}{cap}" + ("" if self.acts else ": frictionless")
+        given = [(key, getattr(self, key)) for key in ("coefficient", "cohesion", "cap")]
+        said = "".join(f", {key} = {text(value)}" for key, value in given if value is not None)
+        return f"coulomb{said}" + ("" if self.acts else ": frictionless")
 
 
 class Contact(Effect):
@@ -171,6 +174,11 @@ class Contact(Effect):
     def capped(self) -> bool:
         """Whether its Coulomb friction has a limit."""
         return isinstance(self.friction, CoulombFriction) and self.friction.cap is not None
+
+    @property
+    def cohesive(self) -> bool:
+        """Whether its Coulomb friction has cohesion, which ends where it opens."""
+        return isinstance(self.friction, CoulombFriction) and self.friction.cohesion is not None
 
 
 class UnilateralContact(Contact):

@@ -72,7 +72,8 @@ def certify(
 def _side(data: Data, space: fem.FunctionSpace) -> ContactSide:
     def bound(nodes: npt.NDArray[Any], pressure: Nodal) -> Nodal:
         found = data.given[nodes] + data.coefficient[nodes] * np.abs(pressure)
-        return np.minimum(found, data.cap[nodes])
+        found = np.minimum(found, data.cap[nodes])
+        return np.where(pressure == 0, 0.0, found) if data.cohesive else found
 
     claim, along = None, data.shape.direction
     if data.pair is not None:

@@ -205,7 +205,8 @@ class Problem(ABC):
         def escaping() -> Status | None:
             if self._escaping is None:  # until the data change
                 data, none = self.data, np.zeros(points.size)
-                law = FrictionLaw(*(none if part is None else part for part in (data.bound, data.coupling)))
+                given, coefficient = (none if part is None else part for part in (data.bound, data.coupling))
+                law = FrictionLaw(given, coefficient)
                 # Strains change the gaps: without a load there are none.
                 at_rest = self.system.load.norm() == 0.0 and self.system.start.norm() == 0.0
                 gap = data.gap if at_rest else None

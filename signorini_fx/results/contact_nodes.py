@@ -355,7 +355,9 @@ def _friction_bound(friction: Any, points: Nodal, pressure: Nodal) -> Nodal:
     match friction:
         case TrescaFriction(bound=bound):
             return sample(bound, points)
-        case CoulombFriction(coefficient=coefficient, cap=cap):
+        case CoulombFriction(coefficient=coefficient, cap=cap, cohesion=cohesion):
             bound = sample(coefficient, points) * np.abs(pressure)
+            if cohesion is not None:
+                bound = np.where(pressure == 0, 0.0, bound + sample(cohesion, points))
             return bound if cap is None else np.minimum(bound, sample(cap, points))
     raise TypeError(f"no friction law: {friction!r}")

@@ -131,6 +131,8 @@ def uniqueness(d: Discretisation, contact: ContactState, *, search: bool | None 
         return Uniqueness(True, np.inf)
     if d.tools is not None:
         return Uniqueness(False, 0.0, reason="not tried where a force moves a foundation")
+    if law.cohesive is not None:
+        return Uniqueness(False, 0.0, reason="where a point with cohesion opens, its friction ends with a jump")
     if d.comm.size > 1:
         return Uniqueness(False, 0.0, reason="the proof is for one rank")
     elasticity = d.elasticity([])

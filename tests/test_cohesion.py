@@ -1,0 +1,148 @@
+"""Cohesion: friction that a closed contact has without pressure, against statics by hand."""
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from forms import box as plain_box
+from forms import hooke, side
+from mpi4py import MPI
+from spaces import box
+
+from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError, sensitivity
+from signorini_fx.records import Status
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
+
+COMM = MPI.COMM_WORLD
+F, C, PRESS = 0.25, 1.5, 4.0
+
+
+def dragged(dim=2, gap=0.0, comm=COMM, friction=None, **solver):
+    """A low block, 2 long and 1 wide, pressed on its foundation while its top is dragged along it."""
+    if dim == 2:
+        mesh = {"generator": "rectangle", "parameters": {"length": 2.0, "height": 0.2, "nx": 10, "ny": 2}}
+    else:
+        mesh = box("hexahedra", (4, 2, 2), size=(2.0, 1.0, 0.2), comm=comm)
+    up = "xyz"[dim - 1]
+    top = {"boundary": "top", "x": 0.05} | ({"y": 0.0} if dim == 3 else {})
+    friction = friction or {"law": "coulomb", "coefficient": F, "cohesion": C}
+    return parse_scene(
+        {
+            "mesh": mesh,
+            "material": {"young": 1000.0, "poisson": 0.0},
+            "displacement": [top],
+            "traction": [{"boundary": "top", up: -PRESS}],
+            "contact": {"boundary": "bottom", "gap": gap, "friction": friction},
+            "solver": solver,
+        }
+    )
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    ("dim", "solver"),
+    [
+        (2, {}),
+        (2, {"coulomb": "newton"}),
+        (2, {"algorithm": "alm"}),
+        (2, {"algorithm": "exact"}),
+        (2, {"algorithm": "path-following"}),
+        (3, {}),
+        (3, {"algorithm": "alm", "linear_algebra": "krylov"}),
+    ],
+)
+def test_a_block_that_slides(dim, solver):
+    """The friction force is c times the area and F times the pressing force."""
+    solution = solve(dragged(dim, **solver), COMM)
+    _, friction = solution.contact.forces
+    assert solution.status is Status.CONVERGED
+    assert solution.certificate.holds
+    assert friction[0] == pytest.approx(-(C * 2.0 + F * PRESS * 2.0), rel=1e-8)
+
+
+def test_open_contact_has_none():
+    """Over a step in the foundation the block does not touch: what is closed transmits c times its area, and given
+    friction would be everywhere.
+    """
+    solution = solve(dragged(gap="0 if x[0] < 1.7 else 0.5"), COMM)
+    closed = solution.contact.areas["contact"]
+    assert solution.certificate.holds
+    assert closed == pytest.approx(1.7)
+    normal, friction = solution.contact.forces
+    assert normal[1] == pytest.approx(2.0 * PRESS)
+    assert friction[0] == pytest.approx(-(C * closed + F * 2.0 * PRESS), rel=1e-6)
+    open_ = ~solution.contact.in_contact
+    assert not solution.contact.bound[open_].any()
+    assert not solution.contact.shear[open_].any()
+
+
+@pytest.mark.parametrize("share", [0.98, 1.02])
+def test_what_pushes_a_block_away(share):
+    """Body forces push a long block against c A + F N: it rests below that, and slides above."""
+    push = share * (C * 2.0 + F * PRESS * 2.0) / 2.0
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 0.2, "nx": 20, "ny": 2}},
+            "material": {"young": 1e5, "poisson": 0.0},
+            "body_force": {"x": push / 0.2, "y": -PRESS / 0.2, "live": True},
+            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": F, "cohesion": C}},
+        }
+    )
+    solution = solve(scene, COMM, check=False)
+    if share > 1:
+        assert solution.status is Status.SLIDES
+        return
+    assert solution.status is Status.CONVERGED
+    # s (push - F N) = c A, all of them over the same area.
+    assert solution.safety.factor == pytest.approx(C / (push - F * PRESS), rel=1e-3)
+
+
+def test_a_cap_limits_both():
+    """The bound is at most the cap."""
+    friction = {"law": "coulomb", "coefficient": F, "cohesion": C, "cap": 1.2}
+    solution = solve(dragged(friction=friction), COMM)
+    assert solution.contact.forces[1][0] == pytest.approx(-1.2 * 2.0, rel=1e-8)
+
+
+def test_cohesion_alone():
+    """Without a coefficient the shear is that of the cohesion, in contact."""
+    friction = {"law": "coulomb", "coefficient": 0.0, "cohesion": "1 + x[0]"}
+    solution = solve(dragged(friction=friction), COMM)
+    assert solution.contact.forces[1][0] == pytest.approx(-4.0, rel=1e-8)  # the integral of 1 + x from 0 to 2
+    assert solution.uniqueness.proved is False
+    assert "jump" in str(solution.uniqueness)
+
+
+def test_its_derivatives():
+    """Of the friction force: by c the area, by F the pressing force."""
+    found = sensitivity(dragged(), "force bottom x", ["contact.friction.cohesion", "contact.friction.coefficient"])
+    assert found.derivatives == pytest.approx((-2.0, -2.0 * PRESS), rel=1e-8)
+
+
+@pytest.mark.parametrize("wrong", [-1.0, "t", "1/0", "-1 + 0*x[0]"])
+def test_bad_values(wrong):
+    """One error that names the key."""
+    friction = {"law": "coulomb", "coefficient": 0.3, "cohesion": wrong}
+    with pytest.raises(SceneError, match="cohesion") as caught:
+        solve(dragged(friction=friction), COMM)
+    assert len(caught.value.problems) == 1
+
+
+@pytest.mark.mpi
+def test_forms():
+    """The same by ``ContactProblem``, which judges it by a certificate of its own."""
+    mesh = plain_box((2.0, 0.2), (10, 2), dmesh.CellType.quadrilateral)
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    top = np.sort(side(mesh, 1, 0.2))
+    ds = ufl.Measure("ds", mesh, subdomain_data=dmesh.meshtags(mesh, 1, top, np.ones(top.size, dtype=np.int32)))
+    held = space.sub(0)
+    bc = fem.dirichletbc(fem.Constant(mesh, 0.05), fem.locate_dofs_topological(held, 1, top), held)
+    y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
+    load = fem.Constant(mesh, -PRESS)
+    foundation = Foundation(side(mesh, 1, 0.0), friction=Coulomb(F, cohesion=C))
+    problem = ContactProblem(hooke(y, z, poisson=0.0), load * z[1] * ds(1), [bc], contact=[foundation])
+    problem.solve()
+    assert problem.certificate.holds
+    assert problem.state.forces[1][0] == pytest.approx(-(C * 2.0 + F * PRESS * 2.0), rel=1e-8)
