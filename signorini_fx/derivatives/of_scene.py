@@ -122,8 +122,6 @@ def sensitivity(
         raise ConvergenceError(solution)
     assert task is not None
     ((d, outcome),) = solved
-    if d.tools is not None:
-        raise SceneError([("contact", "derivatives are not known yet where a force moves a foundation")])
     assert solution.contact is not None
     state = solution.contact
     ready = Solved(d, task, outcome, task.start, state, solution.displacement, d.law)
