@@ -107,8 +107,9 @@ class TransposedTangent:
         if newton is None or not isinstance(newton.problem, RegularisedProblem):
             return None
         jacobian, ksp = newton.snes.getJacobian()[0], newton.snes.getKSP()
-        known = newton.problem.factorised_blocks(jacobian)
-        same = known is not None and np.array_equal(known, self._law.tangent)
+        tables = newton.problem.tangent.factorised, newton.problem.tangent.inserted
+        known = [table.get(jacobian.handle) for table in tables]
+        same = all(blocks is not None and np.array_equal(blocks, self._law.tangent) for blocks in known)
         if parallel.any_rank(self._system.comm, not same or ksp.getType() != PETSc.KSP.Type.PREONLY):
             return None
         return ksp.getPC()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from petsc4py import PETSc
 
 from signorini_fx.contact.laws import (
@@ -31,7 +30,7 @@ class RegularisedProblem(Problem):
 
     def __init__(self, system: ElasticSystem, motions: FreeMotions) -> None:
         super().__init__(system, motions)
-        self._tangent = ContactTangent(system.matrix, system.contact)
+        self.tangent = ContactTangent(system.matrix, system.contact)
 
     def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Nodal, Nodal]:
         """See ``Problem``."""
@@ -77,14 +76,9 @@ class RegularisedProblem(Problem):
         self.sets = self.next.sets
         self._forced_first = False
         # PETSc keeps its factor as long as the matrix is not changed.
-        self.moved = self._tangent.insert(jacobian, tangent(self.sets, self.data))
+        self.moved = self.tangent.insert(jacobian, tangent(self.sets, self.data))
         self._declare(jacobian)
 
     def factorised(self, jacobian: PETSc.Mat) -> None:
         """See ``Problem``."""
-        self._tangent.factorised[jacobian.handle] = self._tangent.inserted[jacobian.handle]
-
-    def factorised_blocks(self, jacobian: PETSc.Mat) -> Nodal | None:
-        """The blocks D that the last factor of a Jacobian has, and the Jacobian as well; None: there are none."""
-        blocks, inserted = (known.get(jacobian.handle) for known in (self._tangent.factorised, self._tangent.inserted))
-        return blocks if blocks is not None and inserted is not None and np.array_equal(blocks, inserted) else None
+        self.tangent.factorised[jacobian.handle] = self.tangent.inserted[jacobian.handle]
