@@ -11,6 +11,7 @@ import contextlib
 import importlib
 import json
 import os
+import pkgutil
 import random
 import signal
 import sys
@@ -26,6 +27,7 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
+from signorini_fx import effects, shapes
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files import gmsh_files, reading_process
 from signorini_fx.mesh.files.raw import RawMesh
@@ -110,7 +112,12 @@ def texts(seed: int, count: int) -> Finding:
         assert function(np.array([[0.0, 0.3, 3.0], [0.0, 1.0, 0.5]])).shape == (3,)
         return "expressions"
 
-    # All modules that reading needs are imported by now.
+    # All modules that reading needs are imported by now: effects and shapes are where a scene names one.
+    for module in (
+        *pkgutil.iter_modules(effects.__path__, f"{effects.__name__}."),
+        *pkgutil.iter_modules(shapes.__path__, f"{shapes.__name__}."),
+    ):
+        importlib.import_module(module.name)
     scene(random.Random(seed))
     expression(random.Random(seed))
     importlib.import_module("unicodedata")

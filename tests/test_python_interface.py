@@ -195,7 +195,7 @@ def test_signature_of_a_table():
         "friction=NoFriction(law='none'), kind='unilateral')"
     )
     assert str(inspect.signature(sfx.UnilateralContact)) == shown
-    assert str(inspect.signature(sfx.LinearElastic)).startswith("(*, young, poisson, hypothesis='plane strain'")
+    assert str(inspect.signature(sfx.LinearElastic)).startswith("(*, young, poisson, grading=None, hypothesis=")
 
 
 def test_plot(tmp_path, monkeypatch):

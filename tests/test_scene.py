@@ -106,7 +106,7 @@ def test_one_table_instead_of_a_list():
 @pytest.mark.parametrize(
     ("path", "value", "expected", "message"),
     [
-        ("foo", 1, "foo", "unknown key; there are: title, mesh, element, material"),
+        ("foo", 1, "foo", "unknown key; there are: title, mesh, body, element, material"),
         ("material.rho", 1, "material.rho", "unknown key: weight is written [gravity]"),
         (
             "contact.0.slack",
