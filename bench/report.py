@@ -84,8 +84,9 @@ def information(samples: Sequence[Sample]) -> str:
 
 
 def write(folder: Path, rows: Sequence[Row], samples: Sequence[Sample], facts: dict[str, Any]) -> None:
-    """``rows.csv``, ``samples.csv`` and ``facts.csv``."""
+    """``rows.csv``, ``samples.csv``, ``facts.csv``, and ``table.md`` for docs/performance.md."""
     folder.mkdir(parents=True, exist_ok=True)
+    (folder / "table.md").write_text(markdown(rows), encoding="utf-8")
     with (folder / "rows.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(_COLUMNS)
@@ -105,6 +106,21 @@ def write(folder: Path, rows: Sequence[Row], samples: Sequence[Sample], facts: d
             writer.writerow([s.name, s.nx, s.repeat, f"{s.seconds:.6f}", f"{s.cpu:.6f}", *own])
     with (folder / "facts.csv").open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows(facts.items())
+
+
+def markdown(rows: Sequence[Row]) -> str:
+    """The rows as a table of Markdown; what is counted has no decimals."""
+    lines = ["| what | mesh | value | range | must be | |", "|---|---|---|---|---|---|"]
+    for row in rows:
+        counted = row.unit and all(float(value).is_integer() for value in row.measured)
+        value, low, high = (
+            f"{one:.{0 if counted else 2}f}" for one in (row.value, min(row.measured), max(row.measured))
+        )
+        spread = f"{low} to {high}" if len(row.measured) > 1 else ""
+        target = "" if row.target is None else f"{'at least' if row.at_least else 'at most'} {row.target:g}"
+        verdict = "" if row.target is None else row.verdict.replace("NOT REACHED", "**not reached**")
+        lines.append(f"| {' | '.join((row.what, row.size, f'{value} {row.unit}'.strip(), spread, target, verdict))} |")
+    return "\n".join(lines) + "\n"
 
 
 def picture(folder: Path, rows: Sequence[Row], samples: Sequence[Sample], sizes: Sizes) -> Path:

@@ -5,7 +5,7 @@
 
 A test is slow if it takes more than ``DEAR`` seconds, if another set of parameters of its function stays, and if the
 tests that stay run every line of the package that it runs.  What notices a mistake of docs/mutants.md stays, and so do
-the tables of the paper.  On three ranks, which repeat what two show, the first set of parameters of a function stays.
+the tables of the paper.  On two ranks the first set of parameters of a function stays, on three the last one.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import resource
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -56,12 +56,12 @@ class Test:
         return self.name.partition("[")[0]
 
 
-def slow_on(names: Iterable[str], ranks: int) -> set[str]:
+def slow_on(names: Sequence[str], ranks: int) -> set[str]:
     """Which of some tests, in the order of their files, are slow on a number of ranks."""
     slow, there = listed(), set()
-    if ranks == 3:
+    if ranks > 1:
         notice = {name for count, name in noticing() if count == ranks}
-        for name in names:
+        for name in names if ranks == 2 else reversed(names):
             function = name.partition("[")[0]
             if name not in slow and function in there and not {name, function, name.partition("::")[0]} & notice:
                 slow.add(name)
