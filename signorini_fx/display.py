@@ -95,4 +95,5 @@ def tool_in_words(tool: dict[str, Any]) -> str:
 
     names = ("displacement", "rotation", "force", "moment", "reference")
     moved, turned, force, moment, point = (told(tool[name]) for name in names)
-    return f"{tool['boundary']}: moved by {moved}, turned by {turned}, takes {force}, about {point} {moment}"
+    off = "" if tool["gap_error"] is None else f"; gap linearised, off by {tool['gap_error']:.1e}"
+    return f"{tool['boundary']}: moved by {moved}, turned by {turned}, takes {force}, about {point} {moment}{off}"

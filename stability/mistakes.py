@@ -3151,7 +3151,7 @@ MUTANTS = (
         "own + others - sums",
         "own",
         "two bodies condensed: a prescribed component of a contact node does not feel the other body",
-        tests=("fewer_nodes::test_two_bodies",),
+        tests=("fewer_nodes::test_a_support_at_a_point_between_two_bodies",),
     ),
     Mutant(
         "solving/fewer_nodes",

@@ -209,8 +209,11 @@ def test_the_work_of_the_loads(degree):
     """With a gap, a body force and a support: that of a fine solution is between the bounds; friction has none."""
     scene = example1(nx=12, ny=4, gamma="auto", cell="triangle", degree=degree)
     heavy = scene.model_copy(update={"body_force": (BodyForce(x=1.0, y="-3 * x[0] ** 2"),)})
-    bound, reference = alone(heavy).error_bound, problem(on_finer_mesh(heavy))
+    bound, fine = alone(heavy).error_bound, on_finer_mesh(heavy)
+    reference, contact = problem(fine), fine.contact
     exact = reference.work(reference.y, reference.middle)
+    pressed = contact.boundary.weight @ (contact.pressure * contact.u_n)
+    assert np.isclose(exact, 2 * fine.last_step.strain_energy + pressed, rtol=1e-7)
     low, high = bound.work
     assert low < exact < high
     assert high - low < 3 * bound.error * bound.size

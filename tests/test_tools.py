@@ -130,7 +130,7 @@ WAYS = [
 def test_a_force_and_the_motion_that_it_causes_give_the_same(dimension, law, algebra, element):
     forced = solve(block(dimension, law, algebra, **element, **pressed(dimension, law)))
     (tool,) = forced.last_step.tools
-    row = tool.as_dict(forced.contact)
+    row = tool.as_dict(forced.contact, forced.scene.contact[0])
     given = np.array(pressed(dimension, law)["force"])
     free = np.arange(dimension) if law != "none" else [dimension - 1]
     assert np.abs(np.array(row["force"]) + given)[free].max() < 1e-9 * np.abs(given).max()
@@ -265,6 +265,21 @@ def test_hertz_by_force():
     assert np.isclose(pressure.max(), peak(0.4), rtol=0.01)
     assert np.isclose(weight @ pressure, load(0.4) / 2, rtol=1e-9)
     assert np.isclose(x[pressure > 1e-3 * pressure.max()].max(), 0.4, atol=0.03)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.2])
+def test_how_far_the_linearised_gap_is_off(turn):
+    """A circle that moves along the surface: about v^2 / (2 r) below its centre; turning about it changes nothing."""
+    step = np.array([0.1, -0.01])
+    solution = solve(block(prescribed={"x": step[0], "y": step[1], "rotation": turn}))
+    (tool,), contact = solution.last_step.tools, solution.contact
+    row = tool.as_dict(contact, solution.scene.contact[0])
+    away = contact.boundary.centre[contact.pressure > 0] - [0.45, 2.5]
+    far = np.linalg.norm(away, axis=1)
+    off = np.linalg.norm(away - step, axis=1) - far + away @ step / far
+    largest = COMM.allreduce(float(off.max(initial=0.0)), op=MPI.MAX)
+    assert np.isclose(row["gap_error"], largest, rtol=1e-9)
+    assert np.isclose(largest, step[0] ** 2 / (2 * 2.0), rtol=0.05)
 
 
 def scaled(solution, length, force):
@@ -415,7 +430,7 @@ def test_rigid_coupling_bends_a_column_as_a_beam(algebra):
     solution = solve(scene)
     (moved,) = solution.last_step.tools
     turned = -pull * height / (young * (2 * half) ** 3 / 12)
-    row = moved.as_dict(solution.contact)
+    row = moved.as_dict(solution.contact, scene.contact[0])
     # What the body does to the rigid body balances what drives it.
     assert np.allclose([*row["force"], row["moment"]], [0.0, -push, -pull], atol=1e-9)
     assert np.isclose(moved.rotation[0], -turned, rtol=1e-8)

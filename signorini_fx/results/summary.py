@@ -129,6 +129,12 @@ def _by_axis(name: str, value: Any) -> dict[str, float]:
     return {f"{name}_{axis}": float(component) for axis, component in zip("xyz", value, strict=False)}
 
 
+def _tools(solution: Solution, contact: ContactState) -> list[dict[str, Any]]:
+    """A row for each rigid tool; collective."""
+    effects = solution.scene.contact
+    return [tool.as_dict(contact, effects[tool.part]) for tool in solution.last_step.tools]
+
+
 def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
     contact = solution.contact
     assert contact is not None
@@ -151,7 +157,7 @@ def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
         "max_pressure": float(columns["pressure"].max()),
         "max_shear": float(np.abs(columns["shear"]).max()),
         "contact_boundaries": [one.as_dict() for one in solution.contact_figures],
-        **({"tools": [tool.as_dict(contact) for tool in tools]} if (tools := solution.last_step.tools) else {}),
+        **({"tools": tools} if (tools := _tools(solution, contact)) else {}),
         **({"safety": safety.as_dict()} if (safety := solution.safety) is not None else {}),
         **({"zones": zones} if contact.boundary.x.shape[1] == 2 else _in_space(contact)),
     }

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_state import ContactState
@@ -46,8 +47,37 @@ class ToolMotion:
             return self.translation + self.rotation * np.column_stack((-arm[:, 1], arm[:, 0]))
         return np.asarray(self.translation + np.cross(self.rotation, arm))
 
-    def as_dict(self, contact: ContactState) -> dict[str, Any]:
-        """A row of the summary: its motion, and the force and moment of the body on it; collective."""
+    def gap_error(self, contact: ContactState, shape: Any) -> float:
+        """By how much the gap of the tool where it ends up differs at most from the linearised one, where it presses,
+        length; collective.
+
+        Args:
+            contact: the state at the contact points.
+            shape: the tool where it is given, with a method ``distance`` as ``Shape`` has it.
+        """
+        boundary, turn = contact.boundary, np.eye(self.reference.size)
+        if self.rotation.size == 1:
+            cosine, sine = np.cos(self.rotation[0]), np.sin(self.rotation[0])
+            turn = np.array([[cosine, -sine], [sine, cosine]])
+        elif self.rotation.any():
+            turn = np.asarray(Rotation.from_rotvec(self.rotation).as_matrix())
+        x = boundary.centre[(boundary.part == self.part) & (contact.pressure > 0)]
+        off = np.zeros(0)
+        if not np.isfinite(self.translation).all():
+            return np.nan
+        if x.size:
+            gap, normal = shape.distance(x)
+            moved, _ = shape.distance((x - self.reference - self.translation) @ turn + self.reference)
+            off = np.abs(moved - gap + np.sum(normal * self.at(x), axis=1))
+        return float(parallel.global_max(boundary.comm, parallel.local_max(off)))
+
+    def as_dict(self, contact: ContactState, effect: Any) -> dict[str, Any]:
+        """A row of the summary: its motion, the force and moment of the body on it, and ``gap_error``; collective.
+
+        Args:
+            contact: the state at the contact points.
+            effect: its contact in the scene.
+        """
         boundary, dim = contact.boundary, self.reference.size
         here = boundary.part == self.part
         forces = boundary.nodal_forces(contact.pressure, contact.shear)[here]
@@ -64,6 +94,7 @@ class ToolMotion:
             "rotation": turned if dim == 3 else turned[0],
             "force": clean(total[:dim].tolist(), float(size[:dim].max())),
             "moment": moment if dim == 3 else moment[0],
+            "gap_error": None if effect.kind == "bonded" else self.gap_error(contact, effect.tool),
         }
 
 
