@@ -3242,10 +3242,7 @@ MUTANTS = (
         "x.mean(axis=1) - (length * np.tan(angle / 2))[:, None] * middle",
         "x.mean(axis=1)",
         "limits: an arc is no deeper than its chord",
-        tests=(
-            "limits_of_the_body::test_given_friction_on_an_arc",
-            "limits_of_the_body::test_on_arcs_the_factors_nest",
-        ),
+        tests=("limits_of_the_body::test_three_places_of_an_arc_contain_its_forces",),
     ),
     Mutant(
         "body/limits",

@@ -1,5 +1,7 @@
 """What statics proves of the body: flat faces, arcs of circles, and programmes with many points of the true surface."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
@@ -8,7 +10,7 @@ from scenes import alone
 from scipy.optimize import linprog
 from test_safety import COULOMB, ROUGH, TRESCA, block, groove
 
-from signorini_fx.body.limits import Surface, balanced, excluded, factor_at_most, surface_of
+from signorini_fx.body.limits import Surface, _arcs, balanced, excluded, factor_at_most, surface_of
 from signorini_fx.check.checks import check_scene
 from signorini_fx.contact.reactions import nearest, reactions
 from signorini_fx.mesh.tagged import tag_boundaries
@@ -142,12 +144,36 @@ def test_no_motion_is_trusted():
 
 
 def test_round_off_counts():
-    """A motion that touches the surface to the last digit is moved off it."""
+    """What a motion enters, with the round-off of its sum, is never less than in exact arithmetic."""
+    chance, none = np.random.default_rng(5), np.zeros((1, 1, 3))
+    for row, motion in chance.normal(size=(200, 2, 3)):
+        surface = Surface(row[None], none, np.zeros(1), np.ones(1, bool), np.array([[0]]), np.zeros(1), flat=True)
+        exact = sum(Fraction(a) * Fraction(b) for a, b in zip(row, motion, strict=True))
+        assert Fraction(float(surface.pushed(motion)[0])) >= exact
     rows = np.array([[0.1, 0.7, 0.3], [0.1, 0.7, -0.3]])
     none = np.zeros((2, 1, 3))
     surface = Surface(rows, none, np.zeros(2), np.ones(2, dtype=bool), np.array([[0, 1]]), np.zeros(1), flat=True)
     motion = np.array([0.7, -0.1, 0.0])
-    assert surface.pushed(motion).max() > 0
     opened = surface.open(motion)
     assert surface.pushed(opened).max() <= 0
     np.testing.assert_allclose(opened, motion, atol=1e-13)
+
+
+@pytest.mark.parametrize("half", [0.05, 0.3])
+def test_three_places_of_an_arc_contain_its_forces(half):
+    """Force and moment of a push with friction anywhere on an arc or its chord are sums of pushes at these places."""
+
+    def push(x, outward, sign):
+        force = -outward + sign * 0.3 * np.array([-outward[1], outward[0]])
+        return np.append(force, x[0] * force[1] - x[1] * force[0])
+
+    ends = np.array([[np.sin(a), -np.cos(a)] for a in (-half, half)])
+    places, normals, _ = _arcs(RADIUS * ends[None], ends[None])
+    for sign in (1.0, -1.0):
+        columns = np.column_stack([push(x, n, sign) for x, n in zip(places[0], normals[0], strict=True)])
+        for angle in np.linspace(-half, half, 41):
+            outward = np.array([np.sin(angle), -np.cos(angle)])
+            for x in (RADIUS * outward, RADIUS * np.cos(half) / np.cos(angle) * outward):
+                shares = np.linalg.solve(columns, push(x, outward, sign))
+                assert shares.min() > -1e-9
+                assert shares.sum() <= 1 / np.cos(half) + 1e-9
