@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from signorini_fx import SceneError, Status, read_scene, solve
+from signorini_fx import ConvergenceError, SceneError, Status, read_scene, solve
 from signorini_fx.cli import main
 from signorini_fx.scene.reading import parse_scene
 
@@ -387,3 +387,38 @@ def test_bonded_pad():
     assert figures.tangential_force == pytest.approx(abs(every["pad"].force[0]), rel=1e-6)
     assert figures.friction_limit == np.inf
     assert "in a bond" in render(summarise(solution, solution.table))
+
+
+@pytest.mark.parametrize("carried", [0.0, 0.5])
+def test_no_gamma_makes_wrong_pressures_pass(carried):
+    """However large gamma is, also where bodies move far together: pressures are right, or it does not converge."""
+
+    def pressures(**gamma):
+        low, up = (
+            {
+                "name": name,
+                "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": n, "ny": n}},
+                "shift": [0.0, y],
+            }
+            for name, n, y in (("low", 6, 0.0), ("up", 8, 1.0))
+        )
+        scene = {
+            "body": [low, up],
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [
+                {"boundary": "low.bottom", "x": carried, "y": 0.0},
+                {"boundary": "up.top", "x": carried, "y": -0.001},
+            ],
+            "contact": {"boundary": "up.bottom", "against": "low.top", "friction": {"law": "tresca", "bound": 0.1}},
+            "solver": gamma,
+        }
+        return solve(parse_scene(scene)).contact.pressure
+
+    right = pressures()
+    failed = 0
+    for power in range(10, 18, 2):
+        try:
+            np.testing.assert_allclose(pressures(gamma_n=10.0**power, gamma_t=10.0**power), right, rtol=3e-4)
+        except ConvergenceError:
+            failed += 1
+    assert failed < 3

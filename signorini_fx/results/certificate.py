@@ -64,6 +64,9 @@ REPORTED = ("displacement", "penetration", "complementarity", "stick_slip")
 _ROUND_OFF = 1e-8
 # Units in the last place of displacements and loads that an evaluation of their nodal forces may lose.
 _LOST_UNITS = 100.0
+# What stresses are relative to is at most this times the mean stress in bodies that are not without stress: what a
+# penalty makes of round-off may be 0.1 % of it.
+_ABOVE_THE_MEAN = 1e3
 # Contact stresses below this share of the mean stress in the body cannot be distinguished from zero.
 _FAINT = 1e-3
 
@@ -300,11 +303,14 @@ def judged(
             )
     # Most of the displacement that a relative one is the difference of may be common to two bodies.
     terms = _ROUND_OFF * _largest(comm, nodes.terms(y))
-    gamma = max((one for one in (law.gamma_n, law.gamma_t) if np.isfinite(one)), default=0.0)
-    length, stress = max(length, terms), max(stress, gamma * terms)
+    penalty = terms * max((one for one in (law.gamma_n, law.gamma_t) if np.isfinite(one)), default=0.0)
+    mean = scales.stress(strained)
+    if mean > _LOST_UNITS * _ROUND_OFF * balance.stiffest.modulus * far / scales.size:
+        penalty = min(penalty, _ABOVE_THE_MEAN * mean)  # with a larger gamma nothing is known of the tractions
+    length, stress = max(length, terms), max(stress, penalty)
     # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
     still = _FAINT * scales.deflection(stress)
-    units = _Units(max(length, still), max(far, still), stress, gamma * terms)
+    units = _Units(max(length, still), max(far, still), stress, penalty)
     found |= contact_conditions(nodes, u_n, slip, origin, law, supports, units)
     return Certificate(equilibrium=equilibrium(balance, y, nodes, units), **found)
 
