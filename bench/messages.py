@@ -16,9 +16,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from mpi4py import MPI  # first: with wheels of PyPI its library is not found otherwise
+
+# isort: split
 import numpy as np
 import space
-from mpi4py import MPI
 from petsc4py import PETSc
 from space_rows import space_levels
 

@@ -17,8 +17,8 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.ticker import LogLocator
 from mpi4py import MPI
+from matplotlib.ticker import LogLocator
 
 from signorini_fx import Accuracy, MeshGenerator, read_scene, solve, write_results
 from signorini_fx.pictures.style import STYLE

@@ -23,8 +23,8 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.tri import Triangulation
 from mpi4py import MPI
+from matplotlib.tri import Triangulation
 
 from signorini_fx import MeshGenerator, read_scene, solve, write_results
 from signorini_fx.body.contact_table import contact_table

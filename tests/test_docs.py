@@ -257,6 +257,21 @@ def separately(command):
     assert "not used" not in done.stdout + done.stderr
 
 
+SCRIPTS = ["bench/run.py", "bench/messages.py"]
+SCRIPTS += [str(path.relative_to(ROOT)) for path in sorted((ROOT / "demos").rglob("*.py"))]
+PROGRAMS = {str(block): block.text for block in BLOCKS if block.language == "python"}
+PROGRAMS |= {
+    name: (ROOT / name).read_text(encoding="utf-8") for name in [*SCRIPTS, "bench/run.py", "bench/messages.py"]
+}
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_mpi_is_imported_first(name):
+    """Wheels of FEniCSx load the library of MPI with mpi4py: what imports dolfinx or PETSc before it does not start."""
+    imports = re.findall(r"^\s*(?:from|import) (mpi4py|dolfinx|petsc4py|signorini_fx)\b", PROGRAMS[name], re.MULTILINE)
+    assert not imports or imports[0] in ("mpi4py", "signorini_fx")
+
+
 def test_synopsis():
     """The page of the command line lists the commands with all their options, and explains them."""
     page = DOCS / "command-line.md"

@@ -8,9 +8,9 @@
 # %%
 import numpy as np
 import ufl
+from mpi4py import MPI
 from dolfinx.fem import Function, dirichletbc, form, functionspace, locate_dofs_topological
 from dolfinx.mesh import create_box, locate_entities_boundary
-from mpi4py import MPI
 
 from signorini_fx import ContactProblem, Coulomb, Foundation
 

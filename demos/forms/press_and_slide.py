@@ -8,9 +8,9 @@
 # %%
 import numpy as np
 import ufl
+from mpi4py import MPI
 from dolfinx.fem import Constant, dirichletbc, functionspace, locate_dofs_topological
 from dolfinx.mesh import CellType, create_rectangle, locate_entities_boundary
-from mpi4py import MPI
 
 from signorini_fx import ContactProblem, Coulomb, Foundation
 

@@ -10,9 +10,9 @@
 # %%
 import numpy as np
 import ufl
+from mpi4py import MPI
 from dolfinx.fem import Constant, dirichletbc, functionspace, locate_dofs_topological
 from dolfinx.mesh import create_rectangle, locate_entities_boundary, meshtags
-from mpi4py import MPI
 
 from signorini_fx import ContactProblem, Foundation
 

@@ -23,8 +23,8 @@ from pathlib import Path
 
 import numpy as np
 import random_scenes
-from cases import reference_of, scene_of
 from mpi4py import MPI
+from cases import reference_of, scene_of
 
 from signorini_fx.errors import SignoriniError
 from signorini_fx.results.files import write_csv

@@ -18,9 +18,9 @@ from pathlib import Path
 import manufactured
 import numpy as np
 import ufl
+from mpi4py import MPI
 from cases import reference_of, scene_of
 from dolfinx import fem
-from mpi4py import MPI
 
 from signorini_fx.accuracy.price_list import price_list
 from signorini_fx.mesh.hierarchy import scene_on

@@ -32,8 +32,8 @@ ENOUGH = 1.5
 
 def levels_of(name: str) -> None:
     """Solve once, and print what each mesh took, and before the first one, as JSON."""
-    from effectivity import one_after_the_other
     from mpi4py import MPI
+    from effectivity import one_after_the_other
 
     from signorini_fx.accuracy.price_list import peak_memory
     from signorini_fx.mesh.hierarchy import scene_on

@@ -12,8 +12,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from dolfinx import mesh as dmesh
 
 from signorini_fx import compat
 from signorini_fx.errors import SignoriniError

@@ -30,8 +30,8 @@ SCENE = "example1_coulomb"
 
 def run(name: str) -> None:
     """One method on the ranks that there are: what it took, as JSON from the first rank."""
-    from cases import scene_of
     from mpi4py import MPI
+    from cases import scene_of
 
     from signorini_fx import parallel
     from signorini_fx.accuracy.price_list import peak_memory
