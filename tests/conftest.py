@@ -22,7 +22,10 @@ from _pytest.faulthandler import fault_handler_stderr_fd_key
 from dolfinx import jit
 from hypothesis import given, settings
 from hypothesis.strategies import none
+from loaded_reader import LoadedReader
 from tiers import slow_on
+
+from signorini_fx.mesh.files import reading
 
 # A shell ignores Ctrl-C in what it starts in the background; programs hand that on to those that the tests interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -68,6 +71,16 @@ def pytest_collection_finish():
     )()  # hypothesis makes its generator of random numbers, and asks the collector who has it
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture(autouse=True, scope="session")
+def loaded_reader():
+    """Foreign files are read by forks of one process, see ``loaded_reader``."""
+    reader = LoadedReader()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reading, "_run", reader)
+        yield
+    reader.end()
 
 
 @pytest.hookimpl(wrapper=True)

@@ -22,6 +22,7 @@ from signorini_fx.mesh.files.formats import read_file
 from signorini_fx.mesh.files.gmsh_script import Script, translated
 
 HERE = Path(__file__).parent
+RUN = reading._run  # the program itself, from before any fixture
 SQUARE = """
 Point(1) = {0, 0, 0, 1}; Point(2) = {1, 0, 0, 1}; Point(3) = {1, 1, 0, 1}; Point(4) = {0, 1, 0, 1};
 Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1}; Curve Loop(1) = {1:4}; Plane Surface(1) = {1};
@@ -32,6 +33,12 @@ def run(*arguments):
     """Run the attacks in a separate process."""
     command = [sys.executable, attacks.__file__, *map(str, arguments)]
     return json.loads(subprocess.run(command, check=True, capture_output=True, timeout=500).stdout)
+
+
+@pytest.fixture(autouse=True)
+def program(monkeypatch):
+    """Here the program itself reads, as it does for users."""
+    monkeypatch.setattr(reading, "_run", RUN)
 
 
 @pytest.fixture(params=[True, False], ids=["sandbox", "no sandbox"])

@@ -14,7 +14,7 @@ import sys
 import tempfile
 import zipfile
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from signorini_fx.errors import MeshError
 from signorini_fx.machine import launcher
@@ -63,16 +63,7 @@ def read_separately(
     request |= {"seconds": seconds, "bytes": memory}
     with tempfile.TemporaryFile() as output, tempfile.TemporaryDirectory() as empty:
         try:
-            code = subprocess.run(
-                [sys.executable, "-P", reading_process.__file__, json.dumps(request)],
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.DEVNULL,
-                cwd=empty,
-                env=_environment(empty),
-                timeout=4 * seconds,
-                check=False,
-            ).returncode
+            code = _run(json.dumps(request), output, empty, 4.0 * seconds)
         except subprocess.TimeoutExpired:
             code = -signal.SIGXCPU
         output.seek(0)
@@ -88,6 +79,27 @@ def read_separately(
         raise MeshError(f"{file}: {reader} cannot read it: it took more than {seconds} s{hint}")
     reason = f"it crashes on this file or needs more than {memory / 1e9:.1f} GB (exit code {code})"
     raise MeshError(f"{file}: {reader} cannot read it: {reason}")
+
+
+def _run(request: str, output: IO[bytes], folder: str, seconds: float) -> int:
+    """Let the program read the file in an empty folder; the tests fork it from one that is loaded already.
+
+    Returns:
+        Its exit code; minus the number of the signal that ended it.
+
+    Raises:
+        TimeoutExpired: it took longer than this many seconds.
+    """
+    return subprocess.run(
+        [sys.executable, "-P", reading_process.__file__, request],
+        stdin=subprocess.DEVNULL,
+        stdout=output,
+        stderr=subprocess.DEVNULL,
+        cwd=folder,
+        env=_environment(folder),
+        timeout=seconds,
+        check=False,
+    ).returncode
 
 
 def _environment(home: str) -> dict[str, str]:
