@@ -31,6 +31,7 @@ from petsc4py import PETSc
 from signorini_fx import compat
 from signorini_fx.body import forms
 from signorini_fx.body.assembly import assemble, facet_entities, measure
+from signorini_fx.body.node_positions import node_positions
 from signorini_fx.records import Inventory
 
 _Floats = npt.NDArray[np.float64]
@@ -173,7 +174,7 @@ def averaged_points(
     values = own.data / np.repeat(weight[points], np.diff(own.indptr))
     places = np.searchsorted(nodes, own.indices)
     shares = sp.csr_array((values, places, own.indptr), shape=(points.size, nodes.size))
-    x = space.tabulate_dof_coordinates()[: fixed.size // dim, :dim]
+    x = node_positions(space)[: fixed.size // dim, :dim]
     known = np.column_stack((x, fixed.reshape(-1, dim))).astype(np.float64)
     there = from_owners(known, nodes, space.mesh.comm)
     averages = Averages(shares, nodes.astype(np.int64), there[:, :dim], there[:, dim:] > 0)

@@ -24,6 +24,7 @@ from signorini_fx import compat, parallel
 from signorini_fx.body import forms
 from signorini_fx.body.assembly import assemble, facet_nodes, measure
 from signorini_fx.body.averages import Averages, AveragingForms, averaged_points
+from signorini_fx.body.node_positions import node_positions
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.points import ContactPoints, SharedNodes, onto_range
@@ -291,7 +292,7 @@ def contact_part(
     return ContactBoundary(
         comm=space.mesh.comm,
         nodes=nodes,
-        x=space.tabulate_dof_coordinates()[nodes, :dim],
+        x=node_positions(space)[nodes, :dim],
         weight=weight,
         normal=normal,
         part=np.full(nodes.size, index, dtype=np.int32),

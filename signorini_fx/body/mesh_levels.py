@@ -16,6 +16,7 @@ import scipy.sparse
 from dolfinx import fem
 from petsc4py import PETSc
 
+from signorini_fx.body.node_positions import node_positions
 from signorini_fx.body.rigid import RigidMotions, rigid_modes
 from signorini_fx.mesh.points import at_points
 
@@ -134,7 +135,7 @@ class MeshLevel:
             nodes = dofmap.list[cells]
             return np.hstack((dofmap.index_map.local_to_global(nodes.ravel()).reshape(nodes.shape), shares))
 
-        x = self.space.tabulate_dof_coordinates()[: self._owned]
+        x = node_positions(self.space)[: self._owned]
         known, own = coarse.motions.pieces, self.motions
         # Bodies in contact touch or overlap: a node belongs to its own one.  Pieces are in the order of their places.
         pieces = (own.piece[: self._owned], known.of_cell) if known.count == own.pieces.count > 1 else None

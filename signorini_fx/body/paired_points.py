@@ -17,6 +17,7 @@ from signorini_fx.body.assembly import adjugates, facet_entities
 from signorini_fx.body.averages import Averages, from_owners
 from signorini_fx.body.contact_boundary import ContactBoundary, segments_of
 from signorini_fx.body.foundation import Pair
+from signorini_fx.body.node_positions import node_positions
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.errors import FormError
 from signorini_fx.pairs.coupling import Coupling, PairingError, couple
@@ -79,7 +80,7 @@ class Side:
         assert places is not None
         own = np.concatenate(local)[np.argsort(np.concatenate(order))]
         names = space.dofmap.index_map.local_to_global(own.ravel()).reshape(own.shape)
-        positions = space.tabulate_dof_coordinates()[own, :dim]
+        positions = node_positions(space)[own, :dim]
         names, positions, signs = (parallel.gather_rows(mesh.comm, one) for one in (names, positions, sign))
         nodes, first, numbers = np.unique(names, return_index=True, return_inverse=True)
         x = np.array(positions.reshape(-1, dim)[first], dtype=np.float64)
@@ -188,7 +189,7 @@ class PairedSides:
         nodes = self.slave.nodes[found.nodes]
         local = (nodes - space.dofmap.index_map.local_range[0]).astype(np.int32)
         own, others, turning = self.shares()
-        known = np.column_stack((space.tabulate_dof_coordinates()[: len(fixed), :dim], fixed)).astype(np.float64)
+        known = np.column_stack((node_positions(space)[: len(fixed), :dim], fixed)).astype(np.float64)
         there = from_owners(known, self.reached, space.mesh.comm)
         centre = np.asarray(found.slave @ self.slave.surface.x)
         lift = sp.csr_array(self.slave.columns(self.reached).T @ found.lift(self.slave.surface))

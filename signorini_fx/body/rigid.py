@@ -23,6 +23,7 @@ from signorini_fx import parallel
 from signorini_fx.body.averages import from_owners
 from signorini_fx.body.contact_boundary import ContactBoundary, MovingFoundation
 from signorini_fx.body.kinematics import KINEMATICS
+from signorini_fx.body.node_positions import node_positions
 from signorini_fx.body.pieces import Pieces
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.contact.motions import FreeMotions, RigidLoad
@@ -211,7 +212,7 @@ def rigid_motions(
     """
     comm = space.mesh.comm
     owned = slice(fixed.shape[0])
-    x = np.ascontiguousarray(space.tabulate_dof_coordinates()[:, : fixed.shape[1]], dtype=np.float64)
+    x = np.ascontiguousarray(node_positions(space)[:, : fixed.shape[1]], dtype=np.float64)
     cells = space.dofmap.list
     piece = np.zeros(x.shape[0], dtype=np.int64)
     if pieces.count > 1:

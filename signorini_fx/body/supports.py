@@ -13,6 +13,7 @@ from dolfinx import mesh as dmesh
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities, facet_vertices
 from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.node_positions import node_positions
 from signorini_fx.body.turned_supports import SkewSupport, TurnedNodes
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import SceneError
@@ -49,7 +50,7 @@ def dirichlet_conditions(
             supports.append((effect, support))
     if scene.axisymmetric:
         subspace = space.sub(0)
-        nodes = np.flatnonzero(on_axis(space.tabulate_dof_coordinates(), tagged))
+        nodes = np.flatnonzero(on_axis(node_positions(space), tagged))
         dofs = (space.mesh.geometry.dim * nodes).astype(np.int32)
         supports.append((AXIS, fem.dirichletbc(default_scalar_type(0.0), dofs, subspace)))
     return supports
@@ -70,7 +71,7 @@ def node_at(space: fem.FunctionSpace, effect: PrescribedDisplacement, index: int
     Raises:
         SceneError: there is none on any rank.
     """
-    point, x = np.array(effect.at), space.tabulate_dof_coordinates()[:, : tagged.dimension]
+    point, x = np.array(effect.at), node_positions(space)[:, : tagged.dimension]
     away = np.linalg.norm(x - point, axis=1)
     found = np.flatnonzero(away <= _SAME_POINT * tagged.size)
     if not parallel.any_rank(tagged.mesh.comm, found.size > 0):
@@ -131,7 +132,7 @@ def skew_supports(
         normal = flat_normal(effect, index, tagged)
         if np.abs(normal).max() < 1.0:
             nodes = fem.locate_dofs_topological(space, space.mesh.topology.dim - 1, facets[str(effect.boundary)])
-            values = sample(effect.normal, space.tabulate_dof_coordinates()[nodes].T)
+            values = sample(effect.normal, node_positions(space)[nodes].T)
             found.append(SkewSupport(effect, index, nodes, normal, values))
     return found
 
@@ -162,7 +163,7 @@ def turned_nodes(
     if not skew:
         return None
     dim = space.mesh.geometry.dim
-    axes = np.full((len(space.tabulate_dof_coordinates()), dim), -1)
+    axes = np.full((len(node_positions(space)), dim), -1)
     position = {id(effect): index for index, effect in enumerate((*scene.displacement, AXIS))}
     for effect, support in supports:
         axes.reshape(-1)[support.dof_indices()[0]] = position[id(effect)]

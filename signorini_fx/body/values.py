@@ -11,6 +11,7 @@ import ufl
 from dolfinx import fem
 
 from signorini_fx import compat, parallel
+from signorini_fx.body.node_positions import node_positions
 from signorini_fx.errors import FormError
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.scene.expressions import in_space
@@ -61,7 +62,7 @@ class NodalValues:
             FormError: the value cannot be evaluated, or is not finite or too small somewhere.
         """
         comm, error = self._space.mesh.comm, None
-        x = self._space.tabulate_dof_coordinates()
+        x = node_positions(self._space)
         found = np.full((len(x), components), np.nan)
         try:
             if hasattr(value, "ufl_shape"):

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from dolfinx import fem, la
 
 from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.node_positions import node_positions
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class ContactFields:
         for name, found in values.items():
             function: fem.Function = getattr(self, name)
             nodes = function.function_space.dofmap.list
-            place = np.zeros(space.tabulate_dof_coordinates().shape[0], dtype=np.int64)
+            place = np.zeros(node_positions(space).shape[0], dtype=np.int64)
             place[space.dofmap.list[:, : nodes.shape[1]]] = nodes  # vertices come first in every cell
             array = function.x.array
             array[:] = 0.0

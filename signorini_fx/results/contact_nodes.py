@@ -12,6 +12,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx import parallel
+from signorini_fx.body.node_positions import node_positions
 from signorini_fx.effects.contact import BilateralContact, BondedContact, CoulombFriction, TrescaFriction
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.results.promised_law import Tractions
@@ -318,7 +319,7 @@ def sides_of(
 
         paired = pairs_of(scene, tagged, space) if pairs is None else pairs
         claims = {place: claim_of(pair, space) for place, pair in paired.items()}
-    x = space.tabulate_dof_coordinates()[:, : space.mesh.geometry.dim]
+    x = node_positions(space)[:, : space.mesh.geometry.dim]
 
     def side(place: int, effect: Any) -> ContactSide:
         bonded = isinstance(effect, BondedContact)

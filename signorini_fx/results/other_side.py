@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from signorini_fx import parallel
 from signorini_fx.body.averages import to_owners
+from signorini_fx.body.node_positions import node_positions
 from signorini_fx.results.contact_nodes import sides_of
 from signorini_fx.results.solution import Solution
 
@@ -30,7 +31,7 @@ def other_side(solution: Solution) -> dict[str, npt.NDArray[Any]]:
         return {}
     space, boundary = solution.displacement.function_space, contact.boundary
     dim, owned = tagged.dimension, space.dofmap.index_map.size_local
-    x = np.array(space.tabulate_dof_coordinates()[:owned, :dim], dtype=np.float64)
+    x = np.array(node_positions(space)[:owned, :dim], dtype=np.float64)
     found = []
     for part, side in enumerate(sides_of(scene, tagged, space, solution.discretisation.pairs)):
         if (claim := side.claim) is None:

@@ -21,6 +21,7 @@ from scipy.optimize import brentq
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities
+from signorini_fx.body.node_positions import node_positions
 
 Array = npt.NDArray[np.float64]
 
@@ -52,7 +53,7 @@ class Facets:
         self._element = space.element.basix_element
         count = len(basix.topology(self._element.cell_type)[dim - 1])
         self._closures = np.array([layout.entity_closure_dofs(dim - 1, k) for k in range(count)])
-        x = space.tabulate_dof_coordinates()[:, :dim]
+        x = node_positions(space)[:, :dim]
         cells, numbers = facet_entities(space.mesh, facets).T
         of_cells = space.dofmap.list[cells]
         nodes = of_cells[np.arange(len(cells))[:, None], self._closures[numbers]]

@@ -21,6 +21,7 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.body.averages import from_owners, to_owners
+from signorini_fx.body.node_positions import node_positions
 from signorini_fx.results.paired_facets import Facet, Facets, Piece, interpolated_normals, pieces_of
 
 Array = npt.NDArray[np.float64]
@@ -106,7 +107,7 @@ class Claim:
 def defect(claim: Claim, space: fem.FunctionSpace) -> float:
     """The largest error of what is claimed, relative to one, to weights, or to sizes of facets; collective."""
     dim, comm = space.mesh.geometry.dim, claim.comm
-    x = np.array(space.tabulate_dof_coordinates()[: space.dofmap.index_map.size_local, :dim], dtype=np.float64)
+    x = np.array(node_positions(space)[: space.dofmap.index_map.size_local, :dim], dtype=np.float64)
     used = from_owners(x, claim.reached, comm)
     low, high = parallel.global_bounds(comm, used)
     size, middle = float(np.linalg.norm(high - low)), (low + high) / 2

@@ -14,6 +14,7 @@ from dolfinx import fem
 from signorini_fx import parallel
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.kinematics import KINEMATICS
+from signorini_fx.body.node_positions import node_positions
 from signorini_fx.display import clean, html_table
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.results.contact_nodes import ContactNodes, sides_of
@@ -174,7 +175,7 @@ class Resultants:
     def _x(self) -> Array:
         """Positions of the owned nodes."""
         space = self.displacement.function_space
-        return np.asarray(space.tabulate_dof_coordinates()[: self._nodal.owned, : self.tagged.dimension])
+        return node_positions(space)[: self._nodal.owned, : self.tagged.dimension]
 
     @cached_property
     def _supports(self) -> Supports:

@@ -20,6 +20,7 @@ from signorini_fx import parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.element_stress import ElementStress, element_stress
+from signorini_fx.body.node_positions import node_positions
 from signorini_fx.records import Inventory
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.no_limit import why_no_limit
@@ -87,7 +88,7 @@ class StressFields:
         space, mu = self.tensor.function_space, self.stress.shear_modulus
         if mu is None:
             raise ValueError("the body has no shear modulus: it is not known to be isotropic")
-        shear_modulus = np.full(space.tabulate_dof_coordinates().shape[0], np.nan)
+        shear_modulus = np.full(node_positions(space).shape[0], np.nan)
         shear_modulus[space.dofmap.list] = mu.x.array[:, None] if isinstance(mu, fem.Function) else float(mu.value)
         return self._function("shear_energy_density", self.von_mises.x.array**2 / (6 * shear_modulus))
 
@@ -147,7 +148,7 @@ class StressFields:
         comm, space = self.comm, function.function_space
         component = min(component, space.dofmap.bs - 1)
         values = sign * function.x.array.reshape(-1, space.dofmap.bs)[: space.dofmap.index_map.size_local, component]
-        x = space.tabulate_dof_coordinates()[:, : self.stress.kinematics.dimension]
+        x = node_positions(space)[:, : self.stress.kinematics.dimension]
         values = np.where(np.isfinite(values), values, -np.inf)
         at = int(values.argmax()) if values.size else 0
         own = float(values[at]) if values.size else -np.inf

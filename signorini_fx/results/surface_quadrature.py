@@ -16,6 +16,7 @@ from dolfinx import fem, la
 from signorini_fx import compat
 from signorini_fx.body import forms
 from signorini_fx.body.assembly import adjugates, facet_entities
+from signorini_fx.body.node_positions import node_positions
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -84,7 +85,7 @@ class SurfaceQuadrature:
     @cached_property
     def at_nodes(self) -> Array:
         """Positions of the nodes of this rank, length, shape (nodes, 3)."""
-        return np.asarray(self.space.tabulate_dof_coordinates(), dtype=np.float64)
+        return node_positions(self.space)
 
     def facets(self, boundary: Any) -> Indices:
         """The exterior facets of a part of the boundary on this rank: here the part is a list of them."""
