@@ -376,6 +376,26 @@ def test_bolted_joint():
     assert every["head"].force[1] < 1.1 * before[0]
 
 
+def test_dovetail_in_a_disc():
+    """The disc carries the pull at every speed; on the way down friction is reversed and the normal force larger."""
+    solution = solve(read_scene(DEMO.parent / "dovetail.toml"))
+    angle, coefficient, normal = np.radians(50.0), 0.2, []
+    for step, pull in zip(solution.steps, (525.0, 1050.0, 525.0), strict=True):
+        found = solution.at(step)
+        every = in_balance(found)
+        assert every["slot"].force[1] == pytest.approx(pull, rel=1e-6)
+        assert every["bore"].force[1] == pytest.approx(-pull, rel=1e-6)
+        assert every["slot"].force[0] == pytest.approx(-every["flank"].force[0], rel=1e-9)
+        contact, weight = found.contact, found.contact.boundary.weight
+        normal.append(contact.pressure @ weight)
+        held = (pull - normal[-1] * np.cos(angle)) / np.sin(angle)  # by friction, along the flank
+        shear = contact.boundary.nodal_forces(0 * contact.pressure, contact.shear).sum(axis=0)
+        assert np.linalg.norm(shear) == pytest.approx(abs(held), rel=1e-6)
+        assert abs(held) < (1 + 1e-6) * coefficient * normal[-1]
+    assert normal[0] == pytest.approx(525.0 / (np.cos(angle) + coefficient * np.sin(angle)), rel=1e-4)
+    assert normal[2] > 1.2 * normal[0]
+
+
 def test_bonded_pad():
     """The bond transmits shear without a bound, which is told as such."""
     from signorini_fx.results.contact_boundaries import contact_figures
