@@ -3231,6 +3231,13 @@ MUTANTS = (
         tests=("error_bound::test_the_work_of_the_loads",),
     ),
     Mutant(
+        "accuracy/error_bound",
+        "np.hypot(parts[0], parts[2])",
+        "parts[0]",
+        "error bound: the displacement without penetration is as far from the solution as the computed one",
+        tests=("error_bound::test_every_part_counts",),
+    ),
+    Mutant(
         "accuracy/triangulated",
         "t.length @ on_edges + inside",
         "t.length @ on_edges",

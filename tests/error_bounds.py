@@ -1,6 +1,9 @@
 """True errors of displacements in the plane, against solutions on meshes four times finer."""
 
+from dataclasses import replace
+
 import numpy as np
+from dolfinx import mesh as dmesh
 from matplotlib.tri import Triangulation
 from mpi4py import MPI
 from scenes import alone
@@ -107,6 +110,36 @@ def drawn(seed):
     if chance.random() < 0.5:
         scene["solver"] = {"algorithm": str(pick(["exact", "alm", "ssn"]))}
     return parse_scene(scene)
+
+
+def of_several_materials(scene, seed):
+    """The scene with two or three materials: in layers, beside each other, or any one in each cell; in half of the
+    scenes one of them has nu = 0.49."""
+    chance = np.random.default_rng([seed, 1])
+    tagged = load_mesh(scene, MPI.COMM_SELF)
+    cells = np.arange(tagged.mesh.topology.index_map(2).size_local, dtype=np.int32)
+    x = dmesh.compute_midpoints(tagged.mesh, 2, cells)
+    corners = tagged.mesh.geometry.x
+    count, kind = int(chance.integers(2, 4)), int(chance.integers(3))
+    if kind == 2:
+        tags = chance.integers(count, size=len(cells))
+    else:
+        low, high = corners[:, kind].min(), corners[:, kind].max()
+        tags = np.minimum(((x[:, kind] - low) / (high - low) * count).astype(int), count - 1)
+    used = np.unique(tags)
+    regions = {f"part {k}": int(k) + 1 for k in used}
+    marked = dmesh.meshtags(tagged.mesh, 2, cells, (tags + 1).astype(np.int32))
+    first = scene.material[0]
+    poissons = [
+        0.49 if k == used[0] and chance.random() < 0.5 else float(chance.choice([0.0, 0.3, 0.45])) for k in used
+    ]
+    material = tuple(
+        first.model_copy(
+            update={"region": name, "poisson": nu, "young": first.young * float(10 ** chance.uniform(-1.0, 1.0))}
+        )
+        for name, nu in zip(regions, poissons, strict=True)
+    )
+    return scene.model_copy(update={"mesh": replace(tagged, cell_tags=marked, regions=regions), "material": material})
 
 
 def effectivity(scene):

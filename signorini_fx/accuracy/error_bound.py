@@ -8,7 +8,8 @@ of v and tau from the solution, in the norms of the energy and of the complement
 
 of which every part is local and not negative (W. Prager and J. L. Synge, Quart. Appl. Math. 5 (1947) 241-269; for
 contact the gap of the dual functionals, I. Ekeland and R. Temam, Convex Analysis and Variational Problems).  v is the
-finite element solution without what it enters the foundation, tau the stress of least complementary energy of
+finite element solution without what it enters the foundation, w; with the solution itself in the first term only, the
+square of its error is at most the sum above plus that of |w|.  tau the stress of least complementary energy of
 ``equilibrated_stress`` with tractions made of the nodal pressures.  What the stress does not hold of the loads enters
 with explicit constants.  docs/theory.md lists what is assumed.  In the plane, straight cells, one rank.
 """
@@ -41,7 +42,7 @@ class ErrorBound:
     Attributes:
         error: bound of the energy norm of the error, everything included.
         size: energy norm of the computed displacement.
-        duality: its share from the gap between both functionals.
+        duality: its share from the gap between both functionals, which ``moved`` enlarges as a sum of squares.
         data: that of loads between what the stress holds of them.
         moved: that of the displacement without penetration instead of the computed one.
         round_off: that of sums and linear systems.
@@ -124,30 +125,24 @@ class _Bounded(Problem):
         bubble = 2 / 3 * (middle - y[t.edges].mean(axis=1))
         stress = equilibrate(t, Loads(self.body, traction, self.held), y[t.edges] + bubble[:, None])
         strain = t.strain_at_corners(y, middle)
-        own, centre = t.stress(strain), t.stress(strain).mean(axis=1)
-        thirds = np.stack(
-            [np.stack((own[:, (i + 1) % 3], own[:, (i + 2) % 3], centre), axis=1) for i in range(3)], axis=1
-        )
-        difference = thirds - stress.stress
-        gap = (t.area / 36)[:, None] * (
-            t.compliance_square(difference).sum(axis=2) + t.compliance_square(difference.sum(axis=2))
-        )
-        duality = gap.sum(axis=1)
+        contact = np.zeros(len(t.corners))
         for one in self.contacts:
-            np.add.at(duality, t.sides[one.edges].max(axis=1), 2 * self._on_contact(one, y, middle))
+            np.add.at(contact, t.sides[one.edges].max(axis=1), 2 * self._on_contact(one, y, middle))
+        duality = contact + _apart(t, computed, stress.stress)
         moved = _energy(t, strain - computed)
         data = self._data()
         size = float(np.sqrt(_energy(t, computed).sum()))
         parts = [float(np.sqrt(squares.sum())) for squares in (duality, data, moved)]
         round_off = stress.missing + _ROUND_OFF * size
-        total = (sum(parts) + round_off) * (1 + _ROUND_OFF * np.sqrt(len(t.corners)))
+        total = (np.hypot(parts[0], parts[2]) + parts[1] + round_off) * (1 + _ROUND_OFF * np.sqrt(len(t.corners)))
         squares: Array = np.zeros(len(self.cells))
         np.add.at(squares, self.owner, duality + data + moved)
         work = None
         if not any(one.bound.any() for one in self.contacts):
-            above = (parts[0] + 2 * (parts[1] + round_off)) ** 2 / 2
+            gap = float(np.sqrt((contact + _apart(t, strain, stress.stress)).sum()))
+            above = (gap + 2 * (parts[1] + round_off)) ** 2 / 2
             work = self._work(_energy(t, strain).sum() / 2 - self.work(y, middle), above, size, total)
-        return ErrorBound(total, size, parts[0], parts[1], parts[2], round_off, squares, self.assumed, work)
+        return ErrorBound(float(total), size, parts[0], parts[1], parts[2], round_off, squares, self.assumed, work)
 
     def _work(self, energy: float, above: float, size: float, error: float) -> tuple[float, float]:
         """Bounds of the work of the loads, which is a(u, u) / 2 less the smallest energy.
@@ -303,6 +298,17 @@ def _energy(t: Triangles, strain: Array) -> Array:
     total = strain.sum(axis=1)
     stress = t.stress(strain)
     return np.asarray(t.area / 12 * (_product(stress, strain).sum(axis=1) + _product(stress.sum(axis=1), total)))
+
+
+def _apart(t: Triangles, strain: Array, stress: Array) -> Array:
+    """Squares of the distances of stresses on thirds from those of linear strains at corners, by triangle."""
+    own = t.stress(strain)
+    centre = own.mean(axis=1)
+    difference = -stress
+    for i in range(3):
+        difference[:, i] += np.stack((own[:, (i + 1) % 3], own[:, (i + 2) % 3], centre), axis=1)
+    parts = t.compliance_square(difference).sum(axis=2) + t.compliance_square(difference.sum(axis=2))
+    return np.asarray(t.area / 36 * parts.sum(axis=1))
 
 
 def _product(stress: Array, strain: Array) -> Array:

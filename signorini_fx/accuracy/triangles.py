@@ -153,6 +153,39 @@ class Triangles:
         return np.stack((grad[..., 0, 0], grad[..., 1, 1], (grad[..., 0, 1] + grad[..., 1, 0]) / 2), axis=-1)
 
 
+def divide(t: Triangles, y: Array, middle: Array) -> tuple[Triangles, Array, Array, Ints]:
+    """Each triangle in four by the middles of its edges, with a displacement of degree 2.
+
+    Args:
+        t: the triangles.
+        y: at their vertices, length, shape (v, 2).
+        middle: at the middles of their edges, length, shape (e, 2).
+
+    Returns:
+        Four times as many triangles, the first ones at the first corners; the displacement at their vertices, of which
+        the first v are the given ones and the next e the middles; at the middles of their edges; and the halves of
+        each given edge, that at its first end first, shape (e, 2).
+    """
+    first, count = len(t.x), len(t.x) + len(t.edges)
+    c, m = t.corners, t.of_triangle + first
+    corners = [np.column_stack((c[:, i], m[:, (i + 2) % 3], m[:, (i + 1) % 3])) for i in range(3)]
+    found = Triangles(
+        np.concatenate((t.x, t.x[t.edges].mean(axis=1))), np.concatenate((*corners, m)), np.tile(t.lame, (4, 1))
+    )
+    keys = found.edges @ [count, 1]
+    between = np.zeros((len(found.edges), 2))
+    halves = np.stack([np.searchsorted(keys, t.edges[:, k] * count + first + np.arange(len(t.edges))) for k in (0, 1)])
+    for k in (0, 1):
+        between[halves[k]] = (3 * y[t.edges[:, k]] + 6 * middle - y[t.edges[:, 1 - k]]) / 8
+    at, mid = y[c], middle[t.of_triangle]
+    for i in range(3):  # between the middles of the edges opposite the next two corners
+        j, k = (i + 1) % 3, (i + 2) % 3
+        between[np.searchsorted(keys, np.sort(m[:, [j, k]], axis=1) @ [count, 1])] = (
+            mid[:, i] / 4 + (mid[:, j] + mid[:, k]) / 2 - (at[:, j] + at[:, k]) / 8
+        )
+    return found, np.concatenate((y, middle)), between, halves.T
+
+
 def free_motions(t: Triangles, held: Array) -> Array:
     """An orthonormal basis of the rigid motions that the held edges leave free, shape (2 v, k)."""
     centre = t.x.mean(axis=0)

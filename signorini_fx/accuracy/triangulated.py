@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from signorini_fx import compat
 from signorini_fx.accuracy.equilibrated_stress import constant_forces
-from signorini_fx.accuracy.triangles import GAUSS, Array, Triangles
+from signorini_fx.accuracy.triangles import GAUSS, Array, Triangles, divide
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
@@ -29,6 +29,9 @@ from signorini_fx.scene.load_steps import factor_at
 # Places along a facet at which gaps and friction bounds are looked at; those between two of them are assumed to be
 # bounded by what is seen there.
 _ALONG: Array = np.arange(33) / 32
+# Values at both ends and in the middle of the linear function whose moments with linear ones are those that Simpson's
+# rule has from nodal values.
+_LINEAR: Array = np.array([[2.0, 2.0, -1.0], [0.5, 2.0, 0.5], [-1.0, 2.0, 2.0]]) / 3
 # Lengths below this share of the size of the body are equal; displacements that elements hold, by their largest.
 SAME, _HELD = 1e-9, 1e-9
 # Entries of a scene that are looked at; any other one could act on the body unseen.
@@ -166,17 +169,16 @@ class Problem:
                 raise Refused(reason)
 
     def _triangulate(self, y: fem.Function) -> None:
-        """Triangles of the cells, and the displacement at their vertices and middles of edges."""
+        """Triangles of the cells, with degree 2 four of each, and the displacement at vertices and middles of edges."""
         mesh, space = self._d.tagged.mesh, y.function_space
         cells = np.asarray(compat.geometry_cells(mesh), dtype=np.int64)
         x = np.asarray(mesh.geometry.x[:, :2], dtype=np.float64)
         used, cells = np.unique(cells, return_inverse=True)
         cells = cells.reshape(len(space.dofmap.list), -1)
         x = x[used]
-        self.cells, self._geometry = cells, np.full(int(used.max()) + 1, -1)
-        self._geometry[used] = np.arange(len(used))
+        self.cells = cells
         values = y.x.array.reshape(-1, 2)[space.dofmap.list]
-        at = np.zeros((len(x), 2))
+        at: Array = np.zeros((len(x), 2))
         at[cells] = values[:, : cells.shape[1]]
         quads = mesh.topology.cell_name() == "quadrilateral"
         if quads:
@@ -194,7 +196,7 @@ class Problem:
             by_cell = part.x.array[part.function_space.dofmap.list[:, 0]] if isinstance(part, fem.Function) else None
             lame.append(np.full(len(corners), float(part.value)) if by_cell is None else by_cell[owner])
         self.t = t = Triangles(x, corners, np.column_stack(lame))
-        middle = at[t.edges].mean(axis=1)
+        middle: Array = at[t.edges].mean(axis=1)
         if quads:  # the middle of the diagonal is that of the cell
             half = len(cells)
             diagonal = np.where(turned[:half], t.of_triangle[:half, 2], t.of_triangle[:half, 1])
@@ -202,15 +204,20 @@ class Problem:
         elif values.shape[1] == 6:
             middle[t.of_triangle] = np.take_along_axis(values[:, 3:], order[:, :, None], axis=1)
         self.owner, self.y, self.middle = owner, at, middle
+        self._keys = t.edges @ [len(x), 1]
+        self._parts: npt.NDArray[np.int64] = np.arange(len(t.edges))[:, None]
+        if values.shape[1] == 6:  # the stress is linear: on four triangles it is as accurate as that of degree 2
+            self.t, self.y, self.middle, self._parts = divide(t, at, middle)
+            self.owner = np.tile(owner, 4)
 
     def _edges(self, name: str) -> npt.NDArray[np.int64]:
-        """The edges of a boundary."""
+        """The edges of a boundary, the parts of each facet one after the other."""
         mesh = self._d.tagged.mesh
         entities = facet_entities(mesh, self._d.tagged.facets(name))
         local = np.array(basix.topology(getattr(basix.CellType, mesh.topology.cell_name()))[1])
         ends = np.sort(np.take_along_axis(self.cells[entities[:, 0]], local[entities[:, 1]], axis=1), axis=1)
-        keys = self.t.edges @ [len(self.t.x), 1]
-        return np.searchsorted(keys, ends @ [len(self.t.x), 1])
+        count = int(self.cells.max()) + 1
+        return self._parts[np.searchsorted(self._keys, ends @ [count, 1])].ravel()
 
     def along(self, edges: npt.NDArray[np.int64], s: Array) -> Points:
         """Points along edges, with their normals."""
@@ -304,28 +311,28 @@ class Problem:
             normal = np.tile(np.array(effect.direction[:2]) / np.linalg.norm(effect.direction[:2]), (len(edges), 1))
         if hasattr(effect.gap, "ufl_shape"):
             raise Refused("a gap given as a form is not known between the nodes")
-        fine, ends = self.along(edges, _ALONG).value(effect.gap), len(_ALONG) - 1
-        below = np.stack((fine[:, 0], fine[:, ends // 2], fine[:, ends]), axis=1)
+        fine = self.along(edges, _ALONG).value(effect.gap)
+        below = fine[:, [0, len(_ALONG) // 2, -1]]
         above = (on_parabola(below, _ALONG) - fine).max(axis=1).clip(min=0.0)
-        # Nodal values at both ends of each edge, and in its middle.
+        # The nodes at both ends of each edge, and the edge of each row of them.
         rows = boundary.segments[boundary.segments[:, 0] == number][:, 1:]
         of_part = boundary.part == number
         index = np.full(int(boundary.global_nodes.max()) + 1, -1)
         index[boundary.global_nodes[of_part]] = np.flatnonzero(of_part)
         rows = index[rows]
-        near = cKDTree(t.x).query(boundary.x[rows[:, [0, -1]]][..., :2])[1]
-        keys = t.edges @ [len(t.x), 1]
-        place = np.searchsorted(keys, np.sort(near, axis=1) @ [len(t.x), 1])
-        rows = np.where((near[:, 0] > near[:, 1])[:, None], rows[:, ::-1], rows)
-        rows = rows[np.argsort(place)][np.argsort(np.argsort(edges))]
+        ends = np.stack((rows[:, :-1], rows[:, 1:]), axis=2).reshape(-1, 2)
+        near = cKDTree(t.x).query(boundary.x[ends][..., :2])[1]
+        place = np.argsort(np.searchsorted(t.edges @ [len(t.x), 1], np.sort(near, axis=1) @ [len(t.x), 1]))
+        place = place[np.argsort(np.argsort(edges))]
+        back = (near[:, 0] > near[:, 1])[place, None]
 
         def linear(nodal: Array) -> Array:
-            """The linear function with the moments of the nodal rule."""
+            """Linear functions on the edges with the moments of the nodal rule."""
             found = nodal[rows]
-            if rows.shape[1] == 2:
-                return found
-            a, m, b = found.T
-            return np.column_stack((2 * a - b + 2 * m, 2 * b - a + 2 * m)) / 3
+            if rows.shape[1] == 3:
+                found = found @ _LINEAR.T
+            found = np.stack((found[:, :-1], found[:, 1:]), axis=2).reshape(-1, 2)[place]
+            return np.where(back, found[:, ::-1], found)
 
         pressure = linear(contact.pressure).clip(min=0.0)
         gauss = self.along(edges, GAUSS[0])
