@@ -212,6 +212,57 @@ def test_axisymmetric_elements(tmp_path, capsys):
     assert solution.displacement.x.array[1::2].min() == pytest.approx(-4.0 * HEIGHT / 1000.0)
 
 
+HEATED = [
+    "*EXPANSION, ZERO=300.",
+    "1e-5",
+    "*NSET, NSET=EVERY, GENERATE",
+    f"1, {(NX + 1) * (NY + 1)}",
+    "*NSET, NSET=ONE",
+]
+HEATED += ["1", "*INITIAL CONDITIONS, TYPE=TEMPERATURE", "EVERY, 20.", "*BOUNDARY", "WALL, 1", "ONE, 2"]
+
+
+def test_temperatures(tmp_path, capsys):
+    """Their change since the beginning, whatever the coefficient of expansion counts from; in plane strain, by hand."""
+    lines = ["*STEP", "*TEMPERATURE", "EVERY, 70.", "*END STEP", "*STEP", "*TEMPERATURE, OP=NEW", "*END STEP"]
+    lines += ["*AMPLITUDE, NAME=half", "0., 0., 1., 0.5"]
+    lines += ["*STEP", "*TEMPERATURE, OP=NEW, AMPLITUDE=HALF", "EVERY, 240.", "*END STEP"]
+    scene, data, said = drafted(tmp_path, [*block(), *MATERIAL, *HEATED, *lines], capsys)
+    assert data["material"] == {"young": 1000.0, "poisson": 0.25, "expansion": 1e-5}
+    assert data["temperature"] == [{"change": 100.0, "factors": [0.5, 0.0, 1.0]}]
+    assert not lines_of(said)
+    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    grown = (1 + 0.25) * 1e-5 * 100.0 * np.array([LENGTH, HEIGHT])
+    np.testing.assert_allclose(solution.displacement.x.array.reshape(-1, 2).max(axis=0), grown, rtol=1e-9)
+
+
+def test_temperatures_that_differ_from_node_to_node(tmp_path, capsys):
+    """They are a file beside the scene, with the nodes of the body; a part without a coefficient does not expand."""
+    x = [(LENGTH * i / NX, HEIGHT * j / NY) for j in range(NY + 1) for i in range(NX + 1)]
+    rows = [f"{n}, {20 + 30 * a + 7 * b}" for n, (a, b) in enumerate(x, 1)]
+    lines = [line for line in block() if not line.startswith(("*SOLID", "1.0"))]
+    lines += ["*ELSET, ELSET=REST, GENERATE", f"{NX + 1}, {NX * NY}, 1", "*SOLID SECTION, ELSET=LOW, MATERIAL=STEEL"]
+    lines += ["*SOLID SECTION, ELSET=REST, MATERIAL=INVAR", *MATERIAL, *HEATED]
+    lines += ["*MATERIAL, NAME=INVAR", "*ELASTIC", "900., 0.3", "*STEP", "*TEMPERATURE", *rows, "1001, 5.", "*END STEP"]
+    lines += ["*STEP", "*TEMPERATURE, FILE=job.fil", "*END STEP"]
+    lines += ["*STEP", "*TEMPERATURE", *(f"{n}, {20 + 15 * a + 3.5 * b}" for n, (a, b) in enumerate(x, 1)), "*END STEP"]
+    scene, data, said = drafted(tmp_path, lines, capsys)
+    assert [one["expansion"] for one in data["material"]] == [1e-5, 0.0]
+    assert data["temperature"] == [{"file": "draft_temperature_1.csv", "factors": [1.0, 1.0, 0.5]}]
+    table = np.genfromtxt(scene.with_name("draft_temperature_1.csv"), delimiter=",", names=True)
+    assert len(table) == (NX + 1) * (NY + 1)
+    np.testing.assert_allclose(table["change"], 30 * table["x"] + 7 * table["y"], atol=1e-12)
+    read = read_scene(scene).temperature[0].given["change"](np.array([[0.3], [0.7], [0.0]]))
+    np.testing.assert_allclose(read, 30 * 0.3 + 7 * 0.7)
+    assert lines_of(said) == [
+        "TEMPERATURE: temperature of '1001': no part of the body",
+        "TEMPERATURE: temperatures that are not in the file",
+    ]
+    scene.unlink()
+    assert cli.main(["convert", str(tmp_path / "deck.inp"), str(scene)]) == 2  # the table would be overwritten
+    assert "already exists" in capsys.readouterr().err
+
+
 def test_steps_that_are_not_static(tmp_path, capsys):
     """They are left out whole; what the others begin and end is told."""
     lines = ["*STEP", "*FREQUENCY", "5", "*DSLOAD", "LID, P, 9.0", "*END STEP"] * 2

@@ -190,7 +190,7 @@ def test_the_deck_for_calculix(tmp_path, capsys, monkeypatch):
     """Its draft leaves out how soft contact is; without ccx nothing is compared."""
     deck, scene = tmp_path / "block.inp", tmp_path / "draft.toml"
     deck.write_text(calculix.block(4, "coulomb"))
-    text, left_out = draft(deck, read_file(deck), scene)
+    text, left_out, _ = draft(deck, read_file(deck), scene)
     assert [line.split(": ")[1] for line in left_out] == ["soft contact", "soft sticking"]
     scene.write_text(calculix.of_block(text))
     solution = solve(read_scene(scene), MPI.COMM_SELF)

@@ -321,11 +321,14 @@ def _scene_draft(source: Path, mesh: MeshArrays, target: Path) -> str:
 
     if source.suffix.lower() != ".inp":
         raise OutputError(f"{target}: a scene is drafted from an Abaqus input file, .inp, and not from {source.name}")
-    text, left_out = draft(source, mesh, target)
-    try:
-        target.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise cannot_be_written(target, error) from None
+    text, left_out, beside = draft(source, mesh, target)
+    for file, content in {**beside, target: text}.items():
+        if os.path.lexists(file):
+            raise OutputError(f"{file}: already exists: give another name, or remove it")
+        try:
+            file.write_text(content, encoding="utf-8")
+        except OSError as error:
+            raise cannot_be_written(file, error) from None
     lines = [f"{target} is the draft of a scene; check it: signorini-fx check {target}"]
     return "\n".join([*lines, *(f"left out: {one}" for one in left_out)])
 

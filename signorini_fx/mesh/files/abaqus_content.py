@@ -16,7 +16,7 @@ from signorini_fx.mesh.files.abaqus import Model
 from signorini_fx.mesh.files.abaqus_blocks import Block
 from signorini_fx.mesh.files.arrays import MeshArrays
 from signorini_fx.mesh.files.cells import CELLS, completed
-from signorini_fx.mesh.files.shape import Ints
+from signorini_fx.mesh.files.shape import Floats, Ints
 
 
 @dataclass
@@ -52,7 +52,10 @@ class Load:
 
 @dataclass
 class Deck:
-    """What has been read, and what was left out."""
+    """What has been read, and what was left out.
+
+    ``temperatures`` has those of the nodes at the end of each step that changes them, and those at rest as step -1.
+    """
 
     mesh: MeshArrays
     model: Model
@@ -68,6 +71,7 @@ class Deck:
     loads: dict[tuple[Any, ...], Load] = field(default_factory=dict)
     ended: set[tuple[int, str]] = field(default_factory=set)
     amplitudes: dict[str, Block] = field(default_factory=dict)
+    temperatures: dict[int, Floats] = field(default_factory=dict)
     turned: set[int] = field(default_factory=set)
     frictions: dict[str, dict[str, float]] = field(default_factory=dict)
     pairs: list[tuple[str, str, str]] = field(default_factory=list)

@@ -14,6 +14,7 @@ from signorini_fx.mesh.files.abaqus import NO_BODY, read_model
 from signorini_fx.mesh.files.abaqus_blocks import Block, real
 from signorini_fx.mesh.files.abaqus_content import Deck, plain_name
 from signorini_fx.mesh.files.abaqus_loads import read_body_forces, read_boundary, read_forces, read_surface_loads
+from signorini_fx.mesh.files.abaqus_temperatures import read_temperatures
 from signorini_fx.mesh.files.arrays import MeshArrays
 
 # Keywords that the mesh is read from, that only group others, or that ask for output; without blanks.
@@ -59,7 +60,7 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
     for block in _kept(deck):
         try:
             match block.keyword:
-                case "ELASTIC" | "FRICTION" | "SURFACEBEHAVIOR" if deck.steps:
+                case "ELASTIC" | "EXPANSION" | "FRICTION" | "SURFACEBEHAVIOR" if deck.steps:
                     deck.leave_out(block, "a change within a step: what holds at the beginning is taken")
                 case "MATERIAL":
                     material = block.parameters["NAME"].upper()
@@ -67,7 +68,7 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
                 case "SURFACEINTERACTION":
                     interaction = block.parameters["NAME"].upper()
                     deck.frictions.setdefault(interaction, {})
-                case "ELASTIC" | "DENSITY":
+                case "ELASTIC" | "DENSITY" | "EXPANSION":
                     _constants(deck, block, material)
                 case "FRICTION":
                     _friction(deck, block, interaction)
@@ -139,6 +140,8 @@ def _read(deck: Deck, block: Block) -> None:
             read_body_forces(deck, block)
         case "CLOAD":
             read_forces(deck, block)
+        case "TEMPERATURE" | "INITIALCONDITIONS":
+            read_temperatures(deck, block)
         case "CONTACTPAIR":
             if "ADJUST" in parameters:
                 deck.leave_out(block, 'ADJUST: no node is moved; distance = "nominal" takes both sides as touching')
@@ -205,9 +208,12 @@ def _constants(deck: Deck, block: Block, material: str) -> None:
         own["density"] = real(block.rows[0][0])
         return
     if block.parameters.get("TYPE", "ISOTROPIC").upper() not in ("ISOTROPIC", "ISO"):
-        deck.leave_out(block, f"the material {material!r} is not isotropic")
+        deck.leave_out(block, f"{block.name.lower()} of the material {material!r}: it is not isotropic")
         return
-    own["young"], own["poisson"] = (real(word) for word in (*block.rows[0], "0")[:2])
+    if block.keyword == "EXPANSION":  # ZERO, a temperature of reference, matters for a coefficient that varies only
+        own["expansion"] = real(block.rows[0][0])
+    else:
+        own["young"], own["poisson"] = (real(word) for word in (*block.rows[0], "0")[:2])
     if len(block.rows) > 1:
         deck.leave_out(block, "constants that depend on temperature: the first line is taken")
 

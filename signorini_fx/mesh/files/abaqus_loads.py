@@ -28,7 +28,7 @@ def read_boundary(deck: Deck, block: Block) -> None:
     if kind != "DISPLACEMENT" or block.parameters.keys() & {"SUBMODEL", "USER", "FIXED"}:
         deck.leave_out(block, "what is prescribed is no displacement that the file gives")
         return
-    factor = _factor(deck, block)
+    factor = share_of(deck, block)
     groups = deck.model.groups.get(block.line, [])
     every: dict[str, dict[int, float]] = {}
     for name, *words in block.rows:
@@ -97,7 +97,7 @@ def _say_what_differs(deck: Deck, block: Block, name: str, own: Ints, where: str
 def read_surface_loads(deck: Deck, block: Block) -> None:
     """Tractions and pressures on surfaces, *DSLOAD."""
     _forget(deck, block)
-    factor, inside = _factor(deck, block), 0
+    factor, inside = share_of(deck, block), 0
     for name, kind, *words in block.rows:
         where = deck.boundary(name)
         if where is None:
@@ -124,7 +124,7 @@ def _say_inside(deck: Deck, block: Block, faces: int) -> None:
 def read_body_forces(deck: Deck, block: Block) -> None:
     """Pressures on faces of elements, and forces in the whole body, *DLOAD."""
     _forget(deck, block)
-    factor, inside = _factor(deck, block), 0
+    factor, inside = share_of(deck, block), 0
     for group in deck.model.groups.get(block.line, []):
         if (where := deck.boundary(group.name)) is None:
             inside += len(group.values)
@@ -167,7 +167,7 @@ def _whole(deck: Deck, region: str) -> bool:
 def read_forces(deck: Deck, block: Block) -> None:
     """Forces at nodes: on whole facets a traction, if they are those of a uniform one, or else their sum."""
     _forget(deck, block)
-    factor = _factor(deck, block)
+    factor = share_of(deck, block)
     for group in deck.model.groups.get(block.line, []):
         axis, total = _AXES.get(int(group.words[0]), ""), factor * sum(group.values)
         if axis and axis not in deck.axes:
@@ -217,7 +217,7 @@ def _unit(vector: list[float]) -> tuple[float, ...]:
     return tuple(value / size for value in vector)
 
 
-def _factor(deck: Deck, block: Block) -> float:
+def share_of(deck: Deck, block: Block) -> float:
     """The share of the values of a load that acts at the end of the step, by its amplitude."""
     if (name := block.parameters.get("AMPLITUDE")) is None:
         return 1.0

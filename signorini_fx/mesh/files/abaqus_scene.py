@@ -15,6 +15,7 @@ from signorini_fx.errors import MeshError
 from signorini_fx.mesh.files.abaqus_blocks import real
 from signorini_fx.mesh.files.abaqus_content import Deck, Load, plain_name
 from signorini_fx.mesh.files.abaqus_deck import read_deck
+from signorini_fx.mesh.files.abaqus_temperatures import temperature_changes
 from signorini_fx.mesh.files.arrays import MeshArrays
 from signorini_fx.mesh.files.shape import Floats, Ints
 
@@ -23,8 +24,8 @@ _FLAT = 1e-6  # of its size: a rigid surface that deviates by less from a plane 
 _PIECES = 64  # straight ones that an arc of a rigid surface becomes
 
 
-def draft(file: Path, mesh: MeshArrays, target: Path) -> tuple[str, list[str]]:
-    """A scene file, and what it leaves out of the deck.
+def draft(file: Path, mesh: MeshArrays, target: Path) -> tuple[str, list[str], dict[Path, str]]:
+    """A scene file, what it leaves out of the deck, and the files beside it that it refers to with their text.
 
     Args:
         file: the input file.
@@ -35,16 +36,18 @@ def draft(file: Path, mesh: MeshArrays, target: Path) -> tuple[str, list[str]]:
         MeshError: a number is none, or a line has too few of them.
     """
     deck = read_deck(file, mesh)
+    files: dict[Path, str] = {}
     try:
-        return _written(deck, file, target), deck.left_out
+        return _written(deck, file, target, files), deck.left_out, files
     except (ValueError, IndexError) as error:
         raise MeshError(f"{file}: a rigid surface: {error}") from None
 
 
-def _written(deck: Deck, file: Path, target: Path) -> str:
+def _written(deck: Deck, file: Path, target: Path, files: dict[Path, str]) -> str:
     steps = max(1, len(deck.steps))
     tables = [("[element]", ["degree = 2"])] if deck.mesh.degree == 2 else []
-    tables += [*_materials(deck), *_tables(deck, steps)]
+    heat = _heat(deck, steps, target, files)
+    tables += [*_materials(deck, bool(heat)), *_tables(deck, steps), *heat]
     tables += [("[[contact]]", lines) for lines in _contacts(deck)]
     if any(line.startswith("factors") for _, lines in tables for line in lines):  # else all steps are the same
         tables.append(("[load_steps]", [f"names = [{', '.join(map(_quoted, deck.steps))}]"]))
@@ -57,7 +60,21 @@ def _written(deck: Deck, file: Path, target: Path) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _materials(deck: Deck) -> list[tuple[str, list[str]]]:
+def _heat(deck: Deck, steps: int, target: Path, files: dict[Path, str]) -> list[tuple[str, list[str]]]:
+    """Changes of the temperature; one that is not the same everywhere becomes a file beside the scene."""
+    found = []
+    for value, field, factors in temperature_changes(deck, steps):
+        lines = [f"change = {value!r}"]
+        if value is None:
+            beside = target.with_name(f"{target.stem}_temperature_{len(files) + 1}.csv")
+            rows = np.column_stack((deck.mesh.points[: len(field)], field)).tolist()
+            files[beside] = "\n".join([f"{','.join(deck.axes)},change", *(",".join(map(repr, row)) for row in rows)])
+            lines = [f"file = {_quoted(beside.name)}"]
+        found.append(("[[temperature]]", lines + ([f"factors = {factors}"] if set(factors) != {1.0} else [])))
+    return found
+
+
+def _materials(deck: Deck, heated: bool) -> list[tuple[str, list[str]]]:
     hypothesis = [f"hypothesis = {_quoted(deck.hypothesis)}"] if deck.hypothesis else []
     weighs = any(load.table in ("gravity", "rotation") for load in deck.loads.values())
     used = [(deck.region(region), deck.materials.get(name, {}), name) for region, name in deck.sections]
@@ -70,7 +87,9 @@ def _materials(deck: Deck) -> list[tuple[str, list[str]]]:
     if not known:
         deck.leave_out(None, "the material: there is none with *ELASTIC, and steel in mm and MPa stands in its place")
         known += [(None, {"young": 210000.0, "poisson": 0.3})]
-    keys = ("young", "poisson", "density") if weighs else ("young", "poisson")
+    keys = ("young", "poisson") + ("density",) * weighs + ("expansion",) * heated
+    if heated:  # without *EXPANSION a material does not expand
+        known = [(region, {"expansion": 0.0, **own}) for region, own in known]
     alike = len({tuple(own.get(key) for key in keys) for _, own in known}) == 1
     shown = known[:1] if alike else known
     several = len(shown) > 1
