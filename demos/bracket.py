@@ -28,7 +28,7 @@ from matplotlib.tri import Triangulation
 
 from signorini_fx import MeshGenerator, read_scene, solve, write_results
 from signorini_fx.body.contact_table import contact_table
-from signorini_fx.pictures.style import INK, ORANGE, STYLE
+from signorini_fx.pictures.style import INK, ORANGE, STYLE, VALUES
 
 plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "10"))  # along the diameter of the seat
@@ -126,9 +126,9 @@ if MPI.COMM_WORLD.rank == 0:
         centre = [values[foot.triangles].mean(axis=1) for values in (x, y)]
         touching = columns["state"] != "open"
         foot.set_mask((np.hypot(centre[0] - BOLT, centre[1]) < RADIUS) | ~touching[foot.triangles].any(axis=1))
-        shown = axis.tripcolor(foot, pressure, shading="gouraud", cmap="viridis_r", vmin=0.0, vmax=largest)
+        shown = axis.tripcolor(foot, pressure, shading="gouraud", cmap=VALUES, vmin=0.0, vmax=largest)
         shear = [columns[name][touching] for name in ("shear_x", "shear_y")]
-        axis.quiver(x[touching], y[touching], *shear, color=INK, width=0.003)
+        axis.quiver(x[touching], y[touching], *shear, color="white", edgecolor=INK, linewidth=0.4, width=0.004)
         stuck = columns["state"] == "stick"
         axis.plot(x[stuck], y[stuck], "o", color=ORANGE, markeredgecolor=INK, markersize=4.5, label="stick")
         axis.add_patch(plt.Circle((BOLT, 0), SEAT_RADIUS, fill=False, linestyle=":"))

@@ -1637,6 +1637,20 @@ MUTANTS = (
         tests=("setup_pictures::test_names_do_not_cover_each_other",),
     ),
     Mutant(
+        "mesh/files/abaqus_temperatures",
+        "-1 if anew else deck.step",
+        "deck.step",
+        "decks: temperatures that a step does not give stay with OP=NEW",
+        tests=("abaqus_decks::test_temperatures",),
+    ),
+    Mutant(
+        "mesh/files/abaqus_temperatures",
+        "_at(deck, step) - _at(deck, -1)",
+        "_at(deck, step)",
+        "decks: temperatures are changes",
+        tests=("abaqus_decks::test_temperatures",),
+    ),
+    Mutant(
         "mesh/files/cutting",
         "self._pairs = np.concatenate([pairs for pairs, _ in made + there])",
         "self._pairs = np.concatenate([pairs for pairs, _ in there + made])",

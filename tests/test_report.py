@@ -33,7 +33,7 @@ from signorini_fx.records import Status
 from signorini_fx.report import advice, evidence, interactive, markup
 from signorini_fx.report import page as report
 from signorini_fx.report.digits import between, estimated_errors, figure
-from signorini_fx.report.reading import read_csv, seconds_of
+from signorini_fx.report.reading import read_csv, read_summary, seconds_of
 from signorini_fx.results.certificate import JUDGED, REPORTED, Certificate
 from signorini_fx.results.files import write_results
 from signorini_fx.solving.solver import solve
@@ -277,6 +277,12 @@ def test_long_cells():
         '<td class="words"><b>made_of_markup_already</b></td>',
         '<td class="number">1</td>',
     ]
+
+
+def test_a_vector_with_its_unit_is_not_torn_apart():
+    """On a telephone the table scrolls: (-0.0072, 0.1948) N/mm stays in one line."""
+    cell = "(-0.00722123, 0.194823, 0.0000001) N mm"
+    assert f"<td>{cell}</td>" in markup.table(["force"], [[cell]])
 
 
 def test_load_steps_without_names(folders):
@@ -677,6 +683,22 @@ def test_scene_is_told(folders):
     page = evidence.scene({**summary, "scene": {**summary["scene"], "mesh": mesh, "load_steps": named}})
     assert "file = a.step, boundaries = {wall = 6, seat = (1, 2)}, size = 4" in page
     assert "names = (press, drag), steps = 6" in page
+
+
+def test_what_a_foundation_has_not_is_not_told(tmp_path):
+    """Its moment is null as the figures of a solve that failed are, which are read as numbers."""
+    foundation = {"shape": "circle", "moment": None, "radius": 2.0}
+    whole = {
+        "status": "converged",
+        "certificate": {"figures": None},
+        "linear_solves": 1,
+        "resultants": [{"moment": None}],
+    }
+    whole["scene"] = {"contact": [{"foundation": foundation}]}
+    (tmp_path / "summary.json").write_text(json.dumps(whole))
+    read = read_summary(tmp_path)
+    assert markup.shown(read["scene"]["contact"][0]["foundation"]) == "shape = circle, radius = 2"
+    assert math.isnan(read["resultants"][0]["moment"])
 
 
 def test_broad_pictures_are_not_made_smaller_than_they_can_be_read():

@@ -16,6 +16,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
+from matplotlib.text import Text
 from mpi4py import MPI
 from PIL import Image
 from scenes import alone
@@ -550,14 +551,17 @@ def test_curves_of_the_load_steps(folders, monkeypatch):
     (figure,) = seen
     upper, lower = figure.axes
     lines = {line.get_label(): line.get_ydata() for line in upper.lines}
-    np.testing.assert_array_equal(lines["contact force, third component"], steps["contact_force_z"])
-    np.testing.assert_array_equal(lines["friction force, second component"], steps["friction_force_y"])
-    assert "contact force, first component" not in lines
+    np.testing.assert_array_equal(lines["contact force z"], steps["contact_force_z"])
+    np.testing.assert_array_equal(lines["friction force y"], steps["friction_force_y"])
+    assert "contact force x" not in lines
     assert upper.get_ylabel() == "force"
-    assert lower.get_ylabel() == "friction force, second component"
-    assert lower.get_xlabel().startswith("mean tangential displacement, second component")
+    assert lower.get_ylabel() == "friction force y"
+    assert lower.get_xlabel().startswith("mean tangential displacement y")
     ratio = lower.lines[0].get_xdata() / steps["mean_tangential_displacement_y"]
     np.testing.assert_allclose(ratio, 10.0 ** round(np.log10(ratio[0])))
+    figure.draw_without_rendering()
+    for axes in figure.axes:  # no name is longer than the picture is high
+        assert Text.get_window_extent(axes.yaxis.label).y0 >= 0
 
 
 def test_what_is_not_there(tmp_path, folders):

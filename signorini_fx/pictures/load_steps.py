@@ -33,8 +33,6 @@ from signorini_fx.pictures.style import (
 )
 from signorini_fx.records import Status
 
-_ORDINALS = {"x": "first", "y": "second", "z": "third"}
-
 
 def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] = BOTH) -> None:
     """Draw the forces of the foundation on the body step by step, and the friction force against the motion.
@@ -60,26 +58,25 @@ def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] =
         pressing = [MULTIPLIER | {"linewidth": 0.7}, *pressing[::-1]]
         rubbing = [*rubbing, MOTION | {"linestyle": LIMIT["linestyle"]}]
     friction = max(names[count:], key=lambda name: largest_of(forces[name]))
-    measure, motion_name, which, force_name = "force per thickness", "mean_tangential_displacement", "", friction
+    measure, motion_name, which = "force per thickness", "mean_tangential_displacement", ""
     if in_space:  # the motion is a vector: its component along the force that is drawn against it
         measure, motion_name = "force", f"{motion_name}{friction[-2:]}"
-        which = f", {_ORDINALS[friction[-1]]} component"
-        force_name = f"friction force{which}"
+        which = f" {friction[-1]}"
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(4.4, 4.6), layout="constrained")
         upper, lower = figure.subplots(2, 1)
         for name, style in zip(names, (*pressing, *rubbing), strict=True):
             if largest_of(forces[name]) > 1e-6 * scale:  # components that are zero up to round-off are not shown
-                kind, _, axis = name.rpartition("_")
-                label = f"{kind.replace('_', ' ')}, {_ORDINALS[axis]} component"
+                label = name.replace("_", " ")
                 upper.plot(times, forces[name] * 10.0**power, marker="o", markersize=2.5, label=label, **style)
         upper.set(xlabel="time", ylabel=f"{measure}{unit_of(power, 'force')}")
         motion = np.asarray(steps[motion_name], dtype=np.float64)
         out = decimal_power(largest_of(motion))
+        power = decimal_power(largest_of(forces[friction]))
         lower.plot(motion * 10.0**out, forces[friction] * 10.0**power, marker="o", markersize=2.5, **MULTIPLIER)
         lower.set(
             xlabel=f"mean tangential displacement{which}{unit_of(out, 'length')}",
-            ylabel=f"{force_name.replace('_', ' ')}{unit_of(power, 'force')}",
+            ylabel=f"{friction.replace('_', ' ')}{unit_of(power, 'force')}",
         )
         lower.locator_params(axis="x", nbins=6)
         figure.draw_without_rendering()  # the layout, for the width of the names

@@ -17,7 +17,7 @@ from signorini_fx.pictures.deformed_body import magnification
 from signorini_fx.pictures.fields import FIELDS
 from signorini_fx.pictures.foundation import FoundationSurface
 from signorini_fx.pictures.solid_body import Skin, tones_of
-from signorini_fx.units import bracketed
+from signorini_fx.units import bracketed, unit
 
 Floats = npt.NDArray[np.float64]
 
@@ -53,6 +53,7 @@ def write_turning(file: Path, skin: Skin, foundations: Sequence[FoundationSurfac
         "colours": _packed((256 * tones.colours(np.arange(256))[:, :3]).clip(0, 255), np.uint8),
         "limits": [float(tones.low), float(tones.high)],
         "label": f"{tones.field.label}{bracketed(tones.field.quantity)}",
+        "unit": unit("length"),
         "factor": factor,
         "bends": not all(one.looks_like_itself(factor, skin.size) for one in foundations),
         "low": skin.points.min(axis=0).tolist(),

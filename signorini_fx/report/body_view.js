@@ -59,7 +59,8 @@ function turn(place) {
   var frame = element("div", place, "", "frame");
   frame.appendChild(canvas);
   var letters = ["x", "y", "z"].map(function (name, k) {
-    return element("span", frame, name + ": " + parseFloat((data.high[k] - data.low[k]).toPrecision(4)));
+    var size = parseFloat((data.high[k] - data.low[k]).toPrecision(4));
+    return element("span", frame, name + ": " + size + (data.unit ? " " + data.unit : ""));
   });
   var bar = element("p", place, "", "bar"), colours = bytes(data.colours), stops = [];
   for (var k = 0; k < 256; k += 15) stops.push("rgb(" + Array.from(colours.slice(3 * k, 3 * k + 3)).join() + ")");
@@ -153,7 +154,8 @@ function turn(place) {
         var place = seen(point), along = k === 2 ? 0 : 1;
         if (!best || place[along] < best[along]) best = place;
       }
-      letter.style.left = 50 + 50 * (best[0] + 0.2 * (best[0] - heart[0])) + "%";
+      var half = 0.5 * letter.offsetWidth + 2, x = 0.5 * wide * (1 + best[0] + 0.2 * (best[0] - heart[0]));
+      letter.style.left = Math.max(half, Math.min(x, wide - half)) + "px";  // within the frame
       letter.style.top = 50 - 50 * (best[1] + 0.2 * (best[1] - heart[1])) + "%";
     });
   }

@@ -73,7 +73,7 @@ def shown(value: Any) -> str:
 
 
 _NUMBER = re.compile(r"-?\d+(\.\d+)?(e[+-]\d+)?|")  # as ``digits.figure`` writes it, or nothing
-_VECTOR = re.compile(r"\([-+.,e\d ]+\)")
+_VECTOR = re.compile(r"\([-+.,e\d ]+\)( [^ ,]+){0,2}")  # perhaps with its unit
 _POWERS = str.maketrans("0123456789-", "\u2070\xb9\xb2\xb3\u2074\u2075\u2076\u2077\u2078\u2079\u207b")
 
 

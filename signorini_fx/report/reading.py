@@ -103,7 +103,7 @@ def read_summary(folder: Path) -> dict[str, Any]:
         raise ResultError(f"{file}: cannot be read: {error}: solve again") from None
     if not isinstance(summary, dict) or not {"status", "certificate", "scene", "linear_solves"} <= set(summary):
         raise ResultError(f"{file}: is not what signorini-fx solve writes: give a folder that it wrote")
-    return {key: _numbers(value, key) for key, value in summary.items()}
+    return {key: value if key == "scene" else _numbers(value, key) for key, value in summary.items()}
 
 
 # Figures that are never null but after a failed solve; where others are null, there is nothing of the kind.

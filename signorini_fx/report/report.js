@@ -63,7 +63,7 @@ function plot(place) {
       },
       axes: {
         x: { axisLabelFormatter: number, valueFormatter: number, drawGrid: false },
-        y: { axisLabelFormatter: number, valueFormatter: number, axisLabelWidth: 62, pixelsPerLabel: 28 }
+        y: { axisLabelFormatter: number, valueFormatter: number, axisLabelWidth: 72, pixelsPerLabel: 28 }
       },
       axisLabelFontSize: 12,
       axisLineColor: "#6b6b6b",
