@@ -1651,6 +1651,13 @@ MUTANTS = (
         tests=("abaqus_decks::test_temperatures",),
     ),
     Mutant(
+        "mesh/files/abaqus_tools",
+        "value / share",
+        "value",
+        "decks: forces on rigid bodies are those of the whole thickness",
+        tests=("abaqus_decks::test_a_rigid_coupling",),
+    ),
+    Mutant(
         "mesh/files/cutting",
         "self._pairs = np.concatenate([pairs for pairs, _ in made + there])",
         "self._pairs = np.concatenate([pairs for pairs, _ in there + made])",

@@ -329,6 +329,59 @@ def test_rigid_lines_and_arcs(tmp_path, capsys, turned):
     assert lines_of(said) == ["arcs of the rigid surface 'GROUND': polygons of 64 sides each"]
 
 
+def test_a_rigid_body_that_a_force_moves(tmp_path, capsys):
+    """It presses the body from below with its force, step by step; what holds it in the deck holds it here."""
+    lines = [
+        *block(),
+        *MATERIAL,
+        *RIGID[:4],
+        "*CONTACT PAIR",
+        "FLOOR SIDE, GROUND",
+        "*BOUNDARY",
+        *(f"{n}, 1, 2" for n in TOP),
+    ]
+    lines += ["REF, 1, 1", "1001, 6, 6", "*STEP, NAME=touch", "*CLOAD", "REF, 2, 1.5", "1001, 2, 0.5", "*END STEP"]
+    lines += ["*STEP, NAME=press", "*BOUNDARY", "REF, 1, 1, 0.001", "*CLOAD", "REF, 2, 3.", "*END STEP"]
+    scene, data, said = drafted(tmp_path, lines, capsys)
+    tool = {"shape": "plane", "point": [1.0, -0.01], "normal": [0.0, 1.0], "pivot": [0.5, -1.0]}
+    tool["force"] = [0.0, "2.0 if t < 1.5 else 3.0"]
+    tool["prescribed"] = {"x": "0.0 if t < 1.5 else 0.001", "rotation": 0.0}
+    assert data["contact"] == [{"boundary": "FLOOR SIDE", "foundation": tool}]
+    assert data["load_steps"] == {"names": ["touch", "press"], "times": [1.0, 2.0]}
+    assert not lines_of(said)
+    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    for step, force in zip(solution.steps, (2.0, 3.0), strict=True):
+        np.testing.assert_allclose(step.contact.forces[0], [0.0, force], rtol=1e-7, atol=1e-9)
+    # Of a deck whose rigid body touches nothing, it is said.
+    kept = [line for line in lines if line not in ("*CONTACT PAIR", "FLOOR SIDE, GROUND")]
+    scene.unlink()
+    _, data, said = drafted(tmp_path, kept, capsys)
+    assert "contact" not in data
+    assert lines_of(said) == ["what moves the rigid body of node 1001: no contact with it is in the scene"]
+
+
+def test_a_rigid_coupling(tmp_path, capsys):
+    """A force beside the middle of the lid and a moment: what holds the other end takes what statics says."""
+    lines = [*block("CPS4")[:-1], "2.0", *MATERIAL, "*NODE", "2001, 0., 0.", "*NSET, NSET=TOPS", *map(str, TOP)]
+    lines += [
+        "*RIGID BODY, NSET=TOPS, REF NODE=REF, ROT NODE=2001",
+        "*BOUNDARY",
+        *(f"{n}, 1, 2" for n in NODES[: NX + 1]),
+    ]
+    lines += ["*STEP", "*CLOAD", "1001, 1, 0.4", "REF, 2, -6.", "2001, 3, 0.8", "*END STEP"]
+    scene, data, _ = drafted(tmp_path, lines, capsys)
+    (contact,) = data["contact"]
+    assert (contact["boundary"], contact["kind"]) == ("TOPS", "bonded")
+    assert {key: contact["foundation"][key] for key in ("pivot", "force", "moment")} == {
+        "pivot": [0.5, -1.0],
+        "force": [0.2, -3.0],
+        "moment": 0.4,
+    }
+    below = solve(read_scene(scene), MPI.COMM_SELF).resultants.of(data["displacement"][0]["boundary"])
+    np.testing.assert_allclose(below.force, [-0.2, 3.0], rtol=1e-7)
+    np.testing.assert_allclose(below.moment, -(0.5 * -3.0 - -1.0 * 0.2 + 0.4), rtol=1e-6)
+
+
 def test_contact_that_changes(tmp_path, capsys):
     """What contact is in the first step is taken; a soft one is named with its stiffness."""
     lines = ["*STEP", "*STATIC", "*CHANGE FRICTION, INTERACTION=RUBS", "*FRICTION", "0.7", "*END STEP"]
@@ -398,7 +451,7 @@ def test_two_bodies(tmp_path, capsys, bonded):
 
 def test_what_is_no_body(tmp_path, capsys):
     """Springs and rigid parts of the body are told; a deck without a body is refused."""
-    lines = ["*ELEMENT, TYPE=SPRINGA, ELSET=SP", "7001, 1, 2", "*RIGIDBODY, NSET=WALL, REFNODE=1001", "*BOUNDARY"]
+    lines = ["*ELEMENT, TYPE=SPRINGA, ELSET=SP", "7001, 1, 2", "*RIGIDBODY, NSET=CORNER, REFNODE=1001", "*BOUNDARY"]
     _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *lines, "1001, 1"], capsys)
     assert "displacement" not in data
     assert lines_of(said) == [

@@ -6,13 +6,13 @@ No dolfinx here.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from signorini_fx.mesh.files.abaqus import Model
+from signorini_fx.mesh.files.abaqus import Group, Model
 from signorini_fx.mesh.files.abaqus_blocks import Block
 from signorini_fx.mesh.files.arrays import MeshArrays
 from signorini_fx.mesh.files.cells import CELLS, completed
@@ -55,6 +55,8 @@ class Deck:
     """What has been read, and what was left out.
 
     ``temperatures`` has those of the nodes at the end of each step that changes them, and those at rest as step -1.
+    ``movers`` has the reference node of each rigid surface, ``coupled`` sets of nodes of the body with theirs, and
+    ``turners`` the reference node for each node whose displacements are, in CalculiX, the rotations of a rigid body.
     """
 
     mesh: MeshArrays
@@ -79,7 +81,9 @@ class Deck:
     tied: set[str] = field(default_factory=set)
     rigid: set[str] = field(default_factory=set)
     parts: dict[str, list[str]] = field(default_factory=dict)
-    movers: set[str] = field(default_factory=set)
+    movers: dict[str, int] = field(default_factory=dict)
+    coupled: list[tuple[str, int]] = field(default_factory=list)
+    turners: dict[int, int] = field(default_factory=dict)
     drawn: dict[str, list[list[str]]] = field(default_factory=dict)
     rough: set[str] = field(default_factory=set)
 
@@ -137,6 +141,32 @@ class Deck:
         """Rows of the file of the nodes of a set that the body has."""
         own = _known(name, self.model.raw.node_sets)
         return np.empty(0, np.int64) if own is None else np.intersect1d(self.model.raw.node_sets[own], self.numbers)
+
+    def single(self, name: str) -> int | None:
+        """The number of a node, or of the only one of a set, also if the body has it not; None: it is none."""
+        plain = name.rpartition(".")[2]
+        if plain.isdigit():
+            return int(plain)
+        own = _known(name, self.model.raw.node_sets)
+        rows = [] if own is None else self.model.raw.node_sets[own].tolist()
+        return (
+            next((node for node, row in self.model.places.items() if row == rows[0]), None) if len(rows) == 1 else None
+        )
+
+    def mover(self, name: str) -> int | None:
+        """The node that moves or turns a rigid body, if a set or a node is one; None: it is none."""
+        return own if self.driven and (own := self.single(name)) in self.driven else None
+
+    @cached_property
+    def driven(self) -> set[int]:
+        """All nodes that move or turn rigid bodies."""
+        return {*self.movers.values(), *(node for _, node in self.coupled), *self.turners}
+
+    def without_rigid(self, group: Group) -> Group:
+        """What a keyword says of single nodes, without those that move rigid bodies."""
+        kept = [k for k, node in enumerate(group.nodes) if node not in self.driven]
+        nodes, values = (tuple(given[k] for k in kept) for given in (group.nodes, group.values))
+        return replace(group, nodes=nodes, values=values)
 
     def held(self, boundary: str) -> Ints:
         """Rows of the file of the nodes of a boundary."""

@@ -184,11 +184,18 @@ def _find_rigid(deck: Deck) -> None:
         parameters = block.parameters
         if block.keyword == "RIGIDBODY":
             names = [parameters[key] for key in ("ANALYTICALSURFACE", "ELSET") if key in parameters]
+            sets = [parameters[key] for key in ("NSET", "TIENSET", "PINNSET") if key in parameters]
+            node, turner = (deck.single(parameters.get(key, "")) for key in ("REFNODE", "ROTNODE"))
+            if node is not None and turner is not None:
+                deck.turners[turner] = node
+            if sets and not names and node is not None and all(deck.boundary(name) is not None for name in sets):
+                deck.coupled += [(name, node) for name in sets]
+                continue
             if not names or any(deck.region(name) is not None for name in names):
                 deck.leave_out(block, "a rigid part of the body: it deforms here")
                 continue
             deck.rigid |= {plain_name(name) for name in names}
-            deck.movers.add(plain_name(parameters.get("REFNODE", "")))
+            deck.movers |= {plain_name(name): node for name in names if node is not None}
         elif block.keyword == "ELEMENT" and re.match(r"R[23]D", parameters.get("TYPE", "").upper()):
             deck.rigid.add(plain_name(parameters.get("ELSET", "")))
     for block in (block for block in deck.model.blocks if block.keyword == "SURFACE" and "NAME" in block.parameters):
@@ -199,6 +206,8 @@ def _find_rigid(deck: Deck) -> None:
         elif block.rows and all(plain_name(row[0]) in deck.rigid for row in block.rows):
             deck.rigid.add(name)
             deck.parts[name] = [plain_name(row[0]) for row in block.rows]
+            nodes = [deck.movers[part] for part in deck.parts[name] if part in deck.movers]
+            deck.movers |= {name: nodes[0]} if nodes else {}
     deck.rigid.discard("")
 
 

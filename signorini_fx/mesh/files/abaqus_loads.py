@@ -32,14 +32,20 @@ def read_boundary(deck: Deck, block: Block) -> None:
     groups = deck.model.groups.get(block.line, [])
     every: dict[str, dict[int, float]] = {}
     for name, *words in block.rows:
-        if not plain_name(name).isdigit():
+        if (mover := deck.mover(name)) is not None:
+            given = components(words)
+            for component, value in given.items():
+                _drive(deck, block, "prescribed", mover, component, value * factor)
+            if any(component not in _AXES and component not in ROTATIONS for component in given):
+                deck.leave_out(block, f"what {name!r} has besides displacements and rotations")
+        elif not plain_name(name).isdigit():
             every.setdefault(name, {}).update(components(words))
+    nodes: dict[str, tuple[int, ...]] = {}
     for group in groups:
-        every.setdefault(group.name, {}).update(components(group.words))
-    nodes = {group.name: group.nodes for group in groups}
+        if own := tuple(node for node in group.nodes if node not in deck.driven):
+            nodes[group.name] = own
+            every.setdefault(group.name, {}).update(components(group.words))
     for name, given in every.items():
-        if _moves_rigid_body(deck, block, name, nodes.get(name, ()), given):
-            continue
         if any(component not in _AXES and component not in ROTATIONS for component in given):
             deck.leave_out(block, f"what {name!r} has besides displacements and rotations")
         where = deck.boundary(name)
@@ -48,28 +54,30 @@ def read_boundary(deck: Deck, block: Block) -> None:
         if not along:
             continue
         clamped = all(along.get(axis) == 0 for axis in deck.axes)
-        own = deck.rows(nodes[name]) if name in nodes else deck.nodes(name)
-        if not own.size:
+        held = deck.rows(nodes[name]) if name in nodes else deck.nodes(name)
+        if not held.size:
             deck.leave_out(block, f"support of {_shown(name, nodes)}: no part of the body")
-        elif not clamped and not deck.turned.isdisjoint(map(int, own)):
+        elif not clamped and not deck.turned.isdisjoint(map(int, held)):
             deck.leave_out(block, f"support of {_shown(name, nodes)} in the directions of *TRANSFORM")
         else:
             for axis, value in along.items():
-                lines = _at_points(deck, own if where is None else np.setdiff1d(own, deck.held(where)))
+                lines = _at_points(deck, held if where is None else np.setdiff1d(held, deck.held(where)))
                 for line in [()] * (where is not None) + lines:
                     load = Load("displacement", "" if line else where or "", (axis,), (1.0,), block.keyword, line)
                     _given(deck, load, value)
-            _say_what_differs(deck, block, name, own, where)
+            _say_what_differs(deck, block, name, held, where)
 
 
-def _moves_rigid_body(deck: Deck, block: Block, name: str, nodes: tuple[int, ...], given: dict[int, float]) -> bool:
-    """Whether what is prescribed is that of a rigid body; its motion is left out."""
-    own = {str(node) for node in nodes} or {plain_name(name)}
-    if not own <= deck.movers:
-        return False
-    if any(given.values()):
-        deck.leave_out(block, f"motion of the rigid body of node {', '.join(sorted(own))}: move the body instead")
-    return True
+def _drive(deck: Deck, block: Block, kind: str, node: int, component: int, value: float) -> None:
+    """What moves a rigid body, at its reference node, or at the node that turns it."""
+    if node in deck.turners:
+        node, component = deck.turners[node], component + 3
+    name = _AXES.get(component, "")
+    if component in ROTATIONS:
+        name = f"rotation_{_AXES[component - 3]}" if deck.mesh.dim == 3 else "rotation" if component == 6 else ""
+        kind = "moment" if kind == "force" else kind
+    if name and (deck.mesh.dim == 3 or name != "z"):
+        _given(deck, Load("tool", str(node), (kind, name), keyword=block.keyword), value)
 
 
 def _shown(name: str, nodes: Mapping[str, tuple[int, ...]]) -> str:
@@ -168,7 +176,16 @@ def read_forces(deck: Deck, block: Block) -> None:
     """Forces at nodes: on whole facets a traction, if they are those of a uniform one, or else their sum."""
     _forget(deck, block)
     factor = share_of(deck, block)
-    for group in deck.model.groups.get(block.line, []):
+    drives: dict[tuple[int, int], float] = {}
+    for name, *words in block.rows:
+        if (mover := deck.mover(name)) is not None:  # several forces at a node in one block add up
+            key = (mover, int(words[0]))
+            drives[key] = drives.get(key, 0.0) + factor * real((*words, "0")[1])
+    for (mover, component), value in drives.items():
+        _drive(deck, block, "force", mover, component, value)
+    for group in map(deck.without_rigid, deck.model.groups.get(block.line, [])):
+        if not group.nodes:
+            continue
         axis, total = _AXES.get(int(group.words[0]), ""), factor * sum(group.values)
         if axis and axis not in deck.axes:
             continue

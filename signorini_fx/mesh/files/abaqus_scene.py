@@ -16,6 +16,7 @@ from signorini_fx.mesh.files.abaqus_blocks import real
 from signorini_fx.mesh.files.abaqus_content import Deck, Load, plain_name
 from signorini_fx.mesh.files.abaqus_deck import read_deck
 from signorini_fx.mesh.files.abaqus_temperatures import temperature_changes
+from signorini_fx.mesh.files.abaqus_tools import tool_keys
 from signorini_fx.mesh.files.arrays import MeshArrays
 from signorini_fx.mesh.files.shape import Floats, Ints
 
@@ -48,9 +49,12 @@ def _written(deck: Deck, file: Path, target: Path, files: dict[Path, str]) -> st
     tables = [("[element]", ["degree = 2"])] if deck.mesh.degree == 2 else []
     heat = _heat(deck, steps, target, files)
     tables += [*_materials(deck, bool(heat)), *_tables(deck, steps), *heat]
-    tables += [("[[contact]]", lines) for lines in _contacts(deck)]
-    if any(line.startswith("factors") for _, lines in tables for line in lines):  # else all steps are the same
-        tables.append(("[load_steps]", [f"names = [{', '.join(map(_quoted, deck.steps))}]"]))
+    tables += [("[[contact]]", lines) for lines in _contacts(deck, steps)]
+    every = [line for _, lines in tables for line in lines]
+    timed = any(line.startswith("foundation") and " if t < " in line for line in every)
+    if timed or any(line.startswith("factors") for line in every):  # else all steps are the same
+        times = [f"times = {[float(step) for step in range(1, steps + 1)]}"] if timed else []
+        tables.append(("[load_steps]", [f"names = [{', '.join(map(_quoted, deck.steps))}]", *times]))
     lines = [f"# A draft from {file.name}: read it, and complete what it leaves out."]
     lines += [f"# Left out: {one}" for one in deck.left_out]
     lines += [f"title = {_quoted(deck.title or file.stem)}", "", "[mesh]"]
@@ -110,6 +114,8 @@ def _tables(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
     """Supports and loads; those of a boundary that have the same course over the steps share a table."""
     merged: dict[tuple[Any, ...], dict[str, float]] = {}
     for load in deck.loads.values():
+        if load.table == "tool":
+            continue
         values = _courses(deck, load, steps)
         largest = max(values, key=abs)
         if largest == 0 and load.table != "displacement":
@@ -139,10 +145,15 @@ def _tables(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
 def _courses(deck: Deck, load: Load, steps: int) -> list[float]:
     """The values of a load in the steps, and a word on supports that are not there in all of them."""
     values = load.by_step(steps)
-    if load.table == "displacement" and None in values and any(value is not None for value in values):
+    if (
+        (load.table == "displacement" or load.keys[0] == "prescribed")
+        and None in values
+        and any(value is not None for value in values)
+    ):
         free = ", ".join(name for name, value in zip(deck.steps, values, strict=False) if value is None)
         where = repr(load.target) if load.target else load.lines[0]
-        deck.leave_out(None, f"{where} is free along {''.join(load.keys)} in {free}: here it is held there")
+        where = f"rigid body of node {load.target}" if load.table == "tool" else where
+        deck.leave_out(None, f"{where} is free along {load.keys[-1]} in {free}: here it is held there")
     return [value or 0.0 for value in values]
 
 
@@ -150,10 +161,23 @@ def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)
 
 
-def _contacts(deck: Deck) -> list[list[str]]:
+def _contacts(deck: Deck, steps: int) -> list[list[str]]:
     """The lines of each [[contact]]."""
     found: list[list[str]] = []
     taken: dict[str, Ints] = {}
+    drives = _drives(deck, steps)
+    used = set()
+    for name, node in deck.coupled:
+        own = str(deck.boundary(name))
+        if np.setdiff1d(deck.nodes(name), deck.held(own)).size:
+            deck.leave_out(None, f"rigid coupling of {name!r}: not all of its nodes are on whole facets of the body")
+        used.add(node)
+        taken[own] = deck.mesh.boundaries[own]
+        keys = tool_keys(deck, node, drives.get(node, {}), always=True)
+        pivot = deck.model.raw.points[deck.model.places[node]][: deck.mesh.dim].tolist()
+        normal = [0.0] * (deck.mesh.dim - 1) + [1.0]  # a bond holds in all directions, whichever this is
+        shape = f'shape = "plane", point = {pivot}, normal = {normal}'
+        found.append([f"boundary = {_quoted(own)}", 'kind = "bonded"', f"foundation = {{ {shape}, {keys} }}"])
     every = [(*names, None) for names in deck.ties] + deck.pairs
     for one, other, interaction in every:
         tie = interaction is None or interaction in deck.tied
@@ -170,13 +194,29 @@ def _contacts(deck: Deck) -> list[list[str]]:
             deck.leave_out(None, f"{said}: {missing[0]!r} is no boundary of the body")
         elif shared:
             deck.leave_out(None, f"{said}: facets of {shared[0]!r} are in another contact, and have one only")
-        elif tie and names:
-            deck.leave_out(None, f"{said}: {names[0]!r} is rigid; give displacements instead")
         else:
+            node = deck.movers.get(plain_name(names[0])) if names else None
+            keys = "" if node is None else tool_keys(deck, node, drives.get(node, {}))
+            if tie and names and not keys:
+                deck.leave_out(None, f"{said}: {names[0]!r} is rigid; give displacements instead")
+                continue
+            used |= {node}
             taken |= rows
             lines = [f"boundary = {_quoted(own[0])}"]
-            lines += _gap(deck, own[0], names[0]) if names else [f"against = {_quoted(own[1])}"]
+            lines += _gap(deck, own[0], names[0], keys) if names else [f"against = {_quoted(own[1])}"]
             found.append([*lines, 'kind = "bonded"'] if tie else [*lines, *_friction(deck, said, interaction or "")])
+    for node in sorted(drives.keys() - used):
+        if tool_keys(deck, node, drives[node]):
+            deck.leave_out(None, f"what moves the rigid body of node {node}: no contact with it is in the scene")
+    return found
+
+
+def _drives(deck: Deck, steps: int) -> dict[int, dict[tuple[str, ...], list[float]]]:
+    """What moves rigid bodies in the steps, by the number of their reference nodes; see ``tool_keys``."""
+    found: dict[int, dict[tuple[str, ...], list[float]]] = {}
+    for load in deck.loads.values():
+        if load.table == "tool":
+            found.setdefault(int(load.target), {})[load.keys] = _courses(deck, load, steps)
     return found
 
 
@@ -190,23 +230,37 @@ def _friction(deck: Deck, said: str, interaction: str) -> list[str]:
     return []
 
 
-def _gap(deck: Deck, where: str, rigid: str) -> list[str]:
-    """A rigid surface: the distance to a plane one as a formula, and one of lines and arcs as a polyline."""
+def _gap(deck: Deck, where: str, rigid: str, tool: str) -> list[str]:
+    """A rigid surface: the distance to a plane one as a formula, and one of lines and arcs as a polyline.
+
+    Args:
+        deck: what has been read.
+        where: the boundary of the body.
+        rigid: the surface.
+        tool: keys of what drives it, see ``tool_keys``; empty: it stays where it is.
+    """
+    driven = f", {tool}" if tool else ""
     points = _points_of_surface(deck, plain_name(rigid))
     body = deck.mesh.points[np.unique(deck.mesh.facet_corners[deck.mesh.boundaries[where]])]
     plane = None if points is None else _plane(points[:, : deck.mesh.dim])
     if plane is None and points is not None and plain_name(rigid) in deck.drawn:
         if len(points) > len(deck.drawn[plain_name(rigid)]):
             deck.leave_out(None, f"arcs of the rigid surface {rigid!r}: polygons of {_PIECES} sides each")
-        return [f'foundation = {{ shape = "polyline", points = {_with_left(points, body.mean(axis=0)).tolist()} }}']
+        shape = f'shape = "polyline", points = {_with_left(points, body.mean(axis=0)).tolist()}'
+        return [f"foundation = {{ {shape}{driven} }}"]
     if plane is None:
         deck.leave_out(None, f"shape of the rigid surface {rigid!r}: write the gap to it as an expression")
+        if tool:
+            deck.leave_out(None, f"what moves the rigid surface {rigid!r}: {tool}")
         return ["gap = 0.0  # the distance to the foundation, which is not known here"]
     middle, normal = plane
     side = float(np.mean(body, axis=0) @ normal - middle @ normal)
     toward = -normal if side > 0 else normal
     if abs(side) <= _FLAT * float(np.ptp(deck.mesh.points, axis=0).max()):
         toward = _outwards(deck, where, normal)
+    if tool:
+        shape = f'shape = "plane", point = {middle.tolist()}, normal = {(-toward + 0.0).tolist()}'
+        return [f"foundation = {{ {shape}{driven} }}"]
     at = float(middle @ toward)
     terms = "".join(
         f" {'-' if share > 0 else '+'} {'' if abs(share) == 1 else f'{abs(share)!r}*'}x[{k}]"
