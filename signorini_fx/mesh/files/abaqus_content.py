@@ -148,7 +148,7 @@ class Deck:
         if plain.isdigit():
             return int(plain)
         own = _known(name, self.model.raw.node_sets)
-        rows = [] if own is None else self.model.raw.node_sets[own].tolist()
+        rows = [] if own is None else list(self.model.raw.node_sets[own])
         return (
             next((node for node, row in self.model.places.items() if row == rows[0]), None) if len(rows) == 1 else None
         )
@@ -165,8 +165,7 @@ class Deck:
     def without_rigid(self, group: Group) -> Group:
         """What a keyword says of single nodes, without those that move rigid bodies."""
         kept = [k for k, node in enumerate(group.nodes) if node not in self.driven]
-        nodes, values = (tuple(given[k] for k in kept) for given in (group.nodes, group.values))
-        return replace(group, nodes=nodes, values=values)
+        return replace(group, nodes=tuple(group.nodes[k] for k in kept), values=tuple(group.values[k] for k in kept))
 
     def held(self, boundary: str) -> Ints:
         """Rows of the file of the nodes of a boundary."""

@@ -71,8 +71,9 @@ def _heat(deck: Deck, steps: int, target: Path, files: dict[Path, str]) -> list[
         lines = [f"change = {value!r}"]
         if value is None:
             beside = target.with_name(f"{target.stem}_temperature_{len(files) + 1}.csv")
-            rows = np.column_stack((deck.mesh.points[: len(field)], field)).tolist()
-            files[beside] = "\n".join([f"{','.join(deck.axes)},change", *(",".join(map(repr, row)) for row in rows)])
+            rows = np.column_stack((deck.mesh.points[: len(field)], field))
+            written = (",".join(repr(float(one)) for one in row) for row in rows)
+            files[beside] = "\n".join([f"{','.join(deck.axes)},change", *written])
             lines = [f"file = {_quoted(beside.name)}"]
         found.append(("[[temperature]]", lines + ([f"factors = {factors}"] if set(factors) != {1.0} else [])))
     return found
@@ -168,16 +169,16 @@ def _contacts(deck: Deck, steps: int) -> list[list[str]]:
     drives = _drives(deck, steps)
     used = set()
     for name, node in deck.coupled:
-        own = str(deck.boundary(name))
-        if np.setdiff1d(deck.nodes(name), deck.held(own)).size:
+        where = str(deck.boundary(name))
+        if np.setdiff1d(deck.nodes(name), deck.held(where)).size:
             deck.leave_out(None, f"rigid coupling of {name!r}: not all of its nodes are on whole facets of the body")
         used.add(node)
-        taken[own] = deck.mesh.boundaries[own]
+        taken[where] = deck.mesh.boundaries[where]
         keys = tool_keys(deck, node, drives.get(node, {}), always=True)
         pivot = deck.model.raw.points[deck.model.places[node]][: deck.mesh.dim].tolist()
         normal = [0.0] * (deck.mesh.dim - 1) + [1.0]  # a bond holds in all directions, whichever this is
         shape = f'shape = "plane", point = {pivot}, normal = {normal}'
-        found.append([f"boundary = {_quoted(own)}", 'kind = "bonded"', f"foundation = {{ {shape}, {keys} }}"])
+        found.append([f"boundary = {_quoted(where)}", 'kind = "bonded"', f"foundation = {{ {shape}, {keys} }}"])
     every = [(*names, None) for names in deck.ties] + deck.pairs
     for one, other, interaction in every:
         tie = interaction is None or interaction in deck.tied
@@ -195,12 +196,12 @@ def _contacts(deck: Deck, steps: int) -> list[list[str]]:
         elif shared:
             deck.leave_out(None, f"{said}: facets of {shared[0]!r} are in another contact, and have one only")
         else:
-            node = deck.movers.get(plain_name(names[0])) if names else None
-            keys = "" if node is None else tool_keys(deck, node, drives.get(node, {}))
+            mover = deck.movers.get(plain_name(names[0])) if names else None
+            keys = "" if mover is None else tool_keys(deck, mover, drives.get(mover, {}))
             if tie and names and not keys:
                 deck.leave_out(None, f"{said}: {names[0]!r} is rigid; give displacements instead")
                 continue
-            used |= {node}
+            used |= set() if mover is None else {mover}
             taken |= rows
             lines = [f"boundary = {_quoted(own[0])}"]
             lines += _gap(deck, own[0], names[0], keys) if names else [f"against = {_quoted(own[1])}"]

@@ -71,5 +71,6 @@ def temperature_changes(deck: Deck, steps: int) -> Iterator[tuple[float | None, 
             fields.append((change, [float(other == step) for other in range(steps)]))
     for field, factors in fields:
         most = max(factors, key=abs)
-        largest, uniform = most * field, np.ptp(field) <= _ALIKE * np.abs(field).max()
-        yield float(largest[0]) if uniform else None, largest, [factor / most for factor in factors]
+        whole: Floats = most * field
+        uniform = np.ptp(field) <= _ALIKE * np.abs(field).max()
+        yield float(whole[0]) if uniform else None, whole, [factor / most for factor in factors]
