@@ -16,6 +16,12 @@ def test_slow_tests_are_there(pytestconfig):
     assert pytestconfig.stash[NOT_THERE] == []
 
 
+def test_files_of_tests_on_ranks(request):
+    """The Makefile finds them by a word."""
+    files = {item.path for item in request.session.items if item.get_closest_marker("mpi")}
+    assert [file.name for file in files if "mark.mpi" not in file.read_text(encoding="utf-8")] == []
+
+
 def test_what_notices_a_mistake_is_quick():
     """docs/mutants.md says which tests notice which mistake."""
     slow = tiers.listed()
@@ -68,3 +74,8 @@ def test_the_rule():
     assert tiers.chosen(tests, {(2, "test_a.py::test_f[4]")}) == ["test_a.py::test_f[1]", "test_a.py::test_f[2]"]
     assert tiers.chosen(tests, {(2, "test_a.py::test_f")}) == []
     assert tiers.chosen(tests, {(1, "test_a.py")}) == []
+    # Many cheap sets of parameters: those that stay take a second together.
+    many = [Test(f"test_a.py::test_f[{k}]", 0.2, frozenset({1, 9 if k == 0 else 2}), False) for k in range(12)]
+    slow = tiers.chosen(many, {(1, many[1].name)})
+    assert len(slow) == 7
+    assert not {many[0].name, many[1].name} & set(slow)

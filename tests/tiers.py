@@ -3,9 +3,10 @@
     ./env python3 tests/tiers.py measure [FILE ...]    # CPU time and lines of each test of one rank, in build/tiers
     ./env python3 tests/tiers.py choose                # lists the slow tests of the files that were measured
 
-A test is slow if it takes more than ``DEAR`` seconds, if another set of parameters of its function stays, and if the
-tests that stay run every line of the package that it runs.  What notices a mistake of docs/mutants.md stays, and so do
-the tables of the paper.  On two ranks the first set of parameters of a function stays, on three the last one.
+A test is slow if it takes more than ``DEAR`` seconds, or what stays of its function more than ``TOGETHER``, if another
+set of parameters of its function stays, and if the tests that stay run every line of the package that it runs.  What
+notices a mistake of docs/mutants.md stays, and so do the tables of the paper.  On two ranks the first set of parameters
+of a function stays, on three the last one.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ ROOT = Path(__file__).parent.parent
 LIST = ROOT / "tests" / "slow_tests.txt"
 MEASURED = ROOT / "build" / "tiers"
 PACKAGE = f"{ROOT / 'signorini_fx'}/"
-# CPU seconds above which a test may be slow.
-DEAR = 0.3
+# CPU seconds above which a test may be slow, and above which one of a function with many sets of parameters may be.
+DEAR, TOGETHER = 0.3, 1.0
 # What is never slow, beside what notices a mistake.
 ALWAYS = {"test_paper.py", "test_paper_tables.py"}
 _IN_A_FUNCTION = 1  # CO_OPTIMIZED: not the lines of modules and classes, which run when they are imported
@@ -90,13 +91,16 @@ def chosen(tests: list[Test], noticing: set[tuple[int, str]]) -> list[str]:
     """The tests that are slow."""
     kept = ALWAYS | {name for _, name in noticing}
     runs, of = Counter(line for test in tests for line in test.lines), Counter(test.function for test in tests)
-    slow = []
+    slow, seconds = [], Counter()
+    for test in tests:
+        seconds[test.function] += test.seconds
     for test in sorted(tests, key=lambda test: -test.seconds):
         spare = of[test.function] > 1 and all(runs[line] > 1 for line in test.lines)
         stays = {test.name, test.function, test.name.partition("::")[0]} & kept
-        if test.seconds > DEAR and spare and not stays:
+        if (test.seconds > DEAR or seconds[test.function] > TOGETHER) and spare and not stays:
             slow.append(test.name)
             of[test.function] -= 1
+            seconds[test.function] -= test.seconds
             runs.subtract(test.lines)
     return sorted(slow)
 
