@@ -65,7 +65,7 @@ class Mutant:
 
     def _piece(self, source: str) -> syntax.Piece:
         statements = isinstance(syntax.parse(self.new)[0], ast.stmt)
-        found = syntax.find(ast.parse(source), self.old, self.within, statements=statements)
+        found = syntax.find(syntax.tree_of(source), self.old, self.within, statements=statements)
         if len(found) != 1:
             where = f" in {self.within}" if self.within else ""
             raise ValueError(f"{self.module}: {self.old!r} occurs {len(found)} times{where}, not once")

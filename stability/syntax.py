@@ -6,6 +6,7 @@ import ast
 import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from textwrap import dedent, indent
 
 Node = ast.expr | ast.keyword | ast.stmt
@@ -55,9 +56,9 @@ def find(tree: ast.Module, text: str, scope: str = "", *, statements: bool = Fal
     kinds = [type(node) for node in wanted]
     return [
         Piece(where, found)
-        for where, found in _runs(tree, "", len(wanted))
-        if [type(node) for node in found] == kinds
-        and f"{where}.".startswith(f"{scope}." if scope else "")
+        for where, found in _all_runs(tree, len(wanted))
+        if f"{where}.".startswith(f"{scope}." if scope else "")
+        and [type(node) for node in found] == kinds
         and [ast.dump(node) for node in found] == dumps
     ]
 
@@ -76,6 +77,18 @@ def replace(source: str, piece: Piece, new: str) -> str:
         new = f"({new})"
     data = source.encode()
     return (data[:begin] + new.encode() + data[end:]).decode()
+
+
+# The mistakes in one module follow each other.
+@lru_cache(maxsize=2)
+def tree_of(source: str) -> ast.Module:
+    """The syntax of a module, which is not to be changed."""
+    return ast.parse(source)
+
+
+@lru_cache(maxsize=4)
+def _all_runs(tree: ast.Module, length: int) -> tuple[tuple[str, tuple[Node, ...]], ...]:
+    return tuple(_runs(tree, "", length))
 
 
 def _runs(node: ast.AST, scope: str, length: int) -> Iterator[tuple[str, tuple[Node, ...]]]:
@@ -100,10 +113,11 @@ def needs(text: str) -> set[str]:
     return read - own - {node.arg for node in nodes if isinstance(node, ast.arg)}
 
 
-def names(source: str) -> set[str]:
+@lru_cache(maxsize=2)
+def names(source: str) -> frozenset[str]:
     """The names that a module sets, defines or imports anywhere."""
     found: set[str] = set()
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(tree_of(source)):
         match node:
             case ast.Name(id=name, ctx=ast.Store()) | ast.arg(arg=name):
                 found.add(name)
@@ -113,4 +127,4 @@ def names(source: str) -> set[str]:
                 found |= {(alias.asname or alias.name).partition(".")[0] for alias in aliases}
             case ast.MatchAs(name=str(name)):
                 found.add(name)
-    return found
+    return frozenset(found)

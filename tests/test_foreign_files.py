@@ -35,16 +35,12 @@ def run(*arguments):
     return json.loads(subprocess.run(command, check=True, capture_output=True, timeout=500).stdout)
 
 
-@pytest.fixture(autouse=True)
-def program(monkeypatch):
-    """Here the program itself reads, as it does for users."""
-    monkeypatch.setattr(reading, "_run", RUN)
-
-
 @pytest.fixture(params=[True, False], ids=["sandbox", "no sandbox"])
 def either_way(request, monkeypatch):
-    """With the sandbox, and on a system without one."""
+    """With the sandbox, read by the program itself as for users; and by a fork on a system without a sandbox."""
     monkeypatch.setattr(reading, "SANDBOX", request.param)
+    if request.param:
+        monkeypatch.setattr(reading, "_run", RUN)
 
 
 # --- scripts ---------------------------------------------------------------------------------------------------------
@@ -335,6 +331,7 @@ def test_the_sandbox_alone(tmp_path, monkeypatch):
     file, left = tmp_path / "body.geo", tmp_path / attacks.LEFT
     file.write_text(f'{SQUARE}General.AbortOnError = 0;\nSystemCall "touch {left}";\n')
     monkeypatch.setattr(gmsh_files, "translated", lambda file: Script(file.read_text(), {}))
+    monkeypatch.setattr(reading, "_run", RUN)
     for sandboxed in (True, False):
         monkeypatch.setattr(reading, "SANDBOX", sandboxed)
         with suppress(MeshError):
