@@ -320,7 +320,7 @@ def test_second_opinion(cells, degree, volumetric):
     y = fem.Function(d.space)
     y.interpolate(lambda x: np.array([x[0] * np.sin(2 * x[1] + 1), np.cos(3 * x[0]) * x[1]]))
     nodal, every = y.x.array.reshape(-1, 2), np.arange(y.x.array.size // 2, dtype=np.int32)
-    ours = forces.internal(nodal) + forces.resisted(nodal)
+    ours = forces.internal(y) + forces.resisted(nodal)
     compiled = action(d.forms, y, every).reshape(ours.shape)
     assert np.abs(ours - compiled).max(initial=0.0) <= 1e-12 * np.abs(compiled).max(initial=1.0)
     loads = sum(load.forces for load in d.applied).reshape(ours.shape)

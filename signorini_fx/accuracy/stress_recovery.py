@@ -76,7 +76,8 @@ class StressRecovery:
     @classmethod
     def of(cls, d: Discretisation, inventory: Inventory | None = None) -> StressRecovery:
         """That of a scene; ``inventory``: where it is recorded; None: that of the scene."""
-        stress = element_stress(d, fem.Function(d.space))
+        empty = fem.Function(d.space) if d.mixed is None else d.mixed.displacement(np.zeros(d.mixed.count))
+        stress = element_stress(d, empty)
         return cls(stress, partial(boundary_residual, d, stress), d.inventory if inventory is None else inventory)
 
     def _choose(self, cells: npt.NDArray[np.int32]) -> None:
@@ -110,18 +111,21 @@ class StressRecovery:
             own += assemble(self._squares).sum() / 2
         return float(parallel.global_sum(self._comm, own))
 
-    def error(self, dofs: npt.NDArray[np.float64], step: float = 0) -> float:
+    def error(self, dofs: npt.NDArray[np.float64], step: float = 0, hydrostatic: fem.Function | None = None) -> float:
         """Energy norm sqrt(a(e, e)) of the discretisation error of a displacement, see ``squares``; collective."""
-        return float(np.sqrt(parallel.global_sum(self._comm, self.squares(dofs, step).sum())))
+        return float(np.sqrt(parallel.global_sum(self._comm, self.squares(dofs, step, hydrostatic).sum())))
 
-    def squares(self, dofs: npt.NDArray[np.float64], step: float = 0) -> npt.NDArray[np.float64]:
+    def squares(
+        self, dofs: npt.NDArray[np.float64], step: float = 0, hydrostatic: fem.Function | None = None
+    ) -> npt.NDArray[np.float64]:
         """Its square for each owned cell, shape (cells,); collective.
 
         Args:
             dofs: those of the displacement, the owned ones first.
             step: the load step that they belong to.
+            hydrostatic: the pressure of a mixed element.
         """
-        self._fill(dofs, step)
+        self._fill(dofs, step, hydrostatic)
         total = sum(self._projected(*part) for part in self._parts)
         if self._residual is not None:
             self._move_to(step)
@@ -129,7 +133,7 @@ class StressRecovery:
         return np.maximum(total, 0.0)
 
     def smoothed(
-        self, dofs: npt.NDArray[np.float64], step: float = 0
+        self, dofs: npt.NDArray[np.float64], step: float = 0, hydrostatic: fem.Function | None = None
     ) -> list[tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]]:
         """The projected stress of a displacement in each material, see ``squares``; collective.
 
@@ -137,18 +141,21 @@ class StressRecovery:
             The cells (local numbers, ghosts included), shape (m,), and at their vertices the components of the
             stress, see ``Kinematics.pairs``, shape (m, vertices, components).
         """
-        self._fill(dofs, step)
+        self._fill(dofs, step, hydrostatic)
         space, found = self._recovered.function_space, []
         for cells, ksp in self._parts:
             self._project(cells, ksp)
             found.append((cells, self._recovered.x.array.reshape(-1, self._components)[space.dofmap.list[cells]]))
         return found
 
-    def _fill(self, dofs: npt.NDArray[np.float64], step: float) -> None:
+    def _fill(self, dofs: npt.NDArray[np.float64], step: float, hydrostatic: fem.Function | None = None) -> None:
         space = self._displacement.function_space
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         self._displacement.x.array[:owned] = dofs[:owned]
         self._displacement.x.scatter_forward()
+        if self._stress.hydrostatic is not None:
+            assert hydrostatic is not None
+            self._stress.hydrostatic.x.array[:] = hydrostatic.x.array
         self._stress.refresh(step)
 
     def _projected(self, cells: npt.NDArray[np.int32], ksp: PETSc.KSP) -> npt.NDArray[np.float64]:

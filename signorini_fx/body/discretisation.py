@@ -27,6 +27,7 @@ from signorini_fx.body.loads import (
     load_groups,
     tool_load,
 )
+from signorini_fx.body.mixed import MIXED_FORMS, MixedPressure
 from signorini_fx.body.moduli import lame_coefficients, reduced_degree
 from signorini_fx.body.pieces import find_pieces
 from signorini_fx.body.rigid_tools import RigidTools
@@ -191,7 +192,8 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
     )
     pieces = find_pieces(tagged.mesh)
     space = fem.functionspace(tagged.mesh, ("Lagrange", scene.element.degree, (tagged.dimension,)))
-    inventory = Inventory(list(_ELASTIC[: 1 if reduced is None else 2]))
+    names = MIXED_FORMS if scene.element.volumetric == "mixed" else _ELASTIC[: 1 if reduced is None else 2]
+    inventory = Inventory(list(names))
     z = ufl.TestFunction(space)
     with timings.phase("compile"):
         supports = dirichlet_conditions(scene, space, facets, tagged)
@@ -237,10 +239,16 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
             boundary.aligned()
         natural = Scales(tagged.dimension, scene.young, tagged.size).gamma
         data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(scene.solver), natural)
-    resists = () if resistance is None else (resistance,)
+    resists, mixed = () if resistance is None else (resistance,), _mixed(scene, tagged, space, inventory)
+
+    def elastic() -> Sequence[fem.Form]:
+        if mixed is not None:
+            return mixed.forms[:1]
+        return _elastic(space, lame, reduced, inventory, axisymmetric=scene.axisymmetric)
+
     return Discretisation(
         space=space,
-        terms=lambda: (*_elastic(space, lame, reduced, inventory, axisymmetric=scene.axisymmetric), *resists),
+        terms=lambda: (*elastic(), *resists),
         resists=resists,
         bcs=[support for _, support in supports],
         turned=turned,
@@ -251,6 +259,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         inventory=inventory,
         axisymmetric=scene.axisymmetric,
         compressible=max(material.poisson for material in scene.material) <= LARGEST_MULTIGRID_POISSON,
+        mixed=mixed,
         scene=scene,
         tagged=tagged,
         lame=lame,
@@ -276,6 +285,14 @@ def _elastic(
     radius = ufl.SpatialCoordinate(mesh)[0] if axisymmetric else None
     terms = elastic_forms(y, z, *lame, degree, reduced, radius=radius)
     return [inventory.compile(name, partial(fem.form, term)) for name, term in zip(_ELASTIC, terms, strict=False)]
+
+
+def _mixed(scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, inventory: Inventory) -> MixedPressure | None:
+    """The pressure of the mixed element; None: the element has the displacement alone."""
+    if scene.element.volumetric != "mixed":
+        return None
+    spacing = Scales(tagged.dimension, scene.young, tagged.size).spacing(int(space.dofmap.index_map.size_global))
+    return MixedPressure(space, scene.material[0], scene.young / spacing, inventory)
 
 
 def _foundations(

@@ -24,6 +24,7 @@ from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_map import contact_map
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.mesh_levels import MeshLevel
+from signorini_fx.body.mixed import MixedPressure
 from signorini_fx.body.pieces import Pieces
 from signorini_fx.body.rigid import RigidMotions, along_axis, nearest_motion, rigid_motions, without_energy
 from signorini_fx.body.rigid_tools import Driven, with_more_unknowns, without_more
@@ -63,6 +64,7 @@ class ElasticBody:
         inventory: what was compiled and assembled.
         axisymmetric: whether only motions along x[1] are without strain.
         compressible: whether the material is far enough from incompressible for multigrid.
+        mixed: the pressure of a mixed element, of whose displacement ``terms`` then are; None: there is none.
     """
 
     space: fem.FunctionSpace
@@ -77,6 +79,7 @@ class ElasticBody:
     inventory: Inventory
     axisymmetric: bool = False
     compressible: bool = True
+    mixed: MixedPressure | None = None
 
     @property
     def comm(self) -> MPI.Comm:
@@ -134,7 +137,19 @@ class ElasticBody:
             held = self.at_contact.held_by(everywhere, everywhere)
         moving = self.boundary is not None and self.boundary.moving is not None  # which multigrid does not know yet
         compressible = self.compressible and not moving
-        return SystemSize(self.comm, self.dofs, self.dimension, retained, held, compressible)
+        if self.mixed is None:
+            return SystemSize(self.comm, self.dofs, self.dimension, retained, held, compressible)
+        touched = self.prescribed.copy()
+        touched[_touched(self.contact)] = True
+        enclosed = retained > 0 and self._encloses(touched)
+        return SystemSize(
+            self.comm, self.dofs, self.dimension, retained, held, False, definite=False, enclosed=enclosed
+        )
+
+    def _encloses(self, held: npt.NDArray[np.bool_]) -> bool:
+        """Whether an incompressible body cannot change its volume if these unknowns of this rank are held."""
+        assert self.mixed is not None
+        return self.mixed.encloses(np.array(self.vector(self.mixed.constant).getArray(readonly=True)), held)
 
     @cached_property
     def _assembled(self) -> tuple[PETSc.Mat, PETSc.Mat | None]:
@@ -146,7 +161,7 @@ class ElasticBody:
         if aligned and boundary is not None and (found := boundary.aligned()) is not None:
             frames.append(found)
         stiffness = _sum_of(self.forms, [] if frames else self.bcs)
-        rotation, fixed = None, self.prescribed
+        rotation, fixed = None, self.prescribed if self.mixed is None else self.fixed
         if frames:
             rotation = block_rotation(stiffness, frames)
             stiffness = stiffness.ptap(rotation)
@@ -161,12 +176,17 @@ class ElasticBody:
         # In any unit it is neither small nor large beside the other entries.
         values[fixed] = parallel.global_max(self.comm, parallel.local_max(values)) or 1.0
         stiffness.setDiagonal(diagonal)
+        if self.mixed is not None:
+            joined = self.mixed.joined(stiffness, rotation, self.fixed)
+            return joined, self.mixed.embedding(stiffness, rotation, joined)
         stiffness.setOption(PETSc.Mat.Option.SPD, True)
         return stiffness, rotation
 
     @property
     def prescribed(self) -> npt.NDArray[np.bool_]:
         """Which unknowns of the stiffness this rank has prescribed: ``fixed``, and on the last one those of tools."""
+        if self.mixed is not None:
+            return np.concatenate((self.fixed, np.zeros(self.mixed.count, dtype=bool)))
         if self.boundary is None or self.boundary.moving is None or self.comm.rank < self.comm.size - 1:
             return self.fixed
         return np.concatenate((self.fixed, self.boundary.moving.fixed))
@@ -206,7 +226,11 @@ class ElasticBody:
     def elasticity(self, cases: Sequence[LoadCase], coarser: MeshLevel | None = None) -> Elasticity:
         """What linear algebra needs to know of the body; ``coarser``: coarser meshes for multigrid."""
         free = self.motions.free.shape[1]
-        return Elasticity(self.stiffness, self.prescribed, cases, self.contact, free, self.level(coarser))
+        if self.mixed is not None and self._encloses(self.prescribed):
+            reason = "nothing determines the pressure: supports hold the whole boundary of the incompressible body"
+            raise SceneError([("displacement", reason)])
+        definite, level = self.mixed is None, self.level(coarser)
+        return Elasticity(self.stiffness, self.prescribed, cases, self.contact, free, level, definite=definite)
 
     def case(
         self, forces: Array, prescribed: fem.Function, driven: Driven | None = None, pushing: Array | None = None
@@ -230,6 +254,8 @@ class ElasticBody:
             free = self.vector(nearest).getArray(readonly=True)
             start.getArray()[~self.prescribed] = free[~self.prescribed]
         load, fixed = self.vector(lifted), self.prescribed
+        if self.mixed is not None:
+            load.getArray()[self.fixed.size :] = self.mixed.lifted(prescribed)
         if driven is not None:
             start.getArray()[self.fixed.size :] = driven.motion[: fixed.size - self.fixed.size]
             load.getArray()[self.fixed.size :] = driven.forces[: fixed.size - self.fixed.size]
@@ -301,11 +327,14 @@ class ElasticBody:
 
     def function(self, x: PETSc.Vec, name: str = "displacement") -> fem.Function:
         """The finite element function with the unknowns ``x``."""
+        if self.mixed is not None:
+            function = self.mixed.displacement(x.getArray(readonly=True)[self.fixed.size :], name)
+        else:
+            function = fem.Function(self.space, name=name)
         if self.rotation is not None:
             y = self.rotation.createVecLeft()
             self.rotation.mult(x, y)
             x = y
-        function = fem.Function(self.space, name=name)
         function.x.array[: x.getLocalSize()] = x.getArray(readonly=True)
         function.x.scatter_forward()
         return function
@@ -326,11 +355,16 @@ class ElasticBody:
         y = self.function(x)
         forces = action(self.forms, y, np.arange(y.x.array.size // self.dimension, dtype=np.int32))
         twice = float(parallel.global_sum(self.comm, forces @ y.x.array[: forces.size]))
+        if self.mixed is not None:
+            twice += self.mixed.energy(self.mixed.unknowns(y))
         return float(np.sqrt(max(0.0, twice)))
 
     def unknowns(self, function: fem.Function) -> PETSc.Vec:
         """The unknowns x of a finite element function, the inverse of ``function``."""
-        return self.vector(function.x.array)
+        x = self.vector(function.x.array)
+        if self.mixed is not None:
+            x.getArray()[self.fixed.size :] = self.mixed.unknowns(function)
+        return x
 
     def vector(self, values: Array) -> PETSc.Vec:
         """A new vector Q^T y of displacements or forces at the nodes of this rank, the owned ones first."""
@@ -340,6 +374,15 @@ class ElasticBody:
         x.getArray()[:] = values.ravel()[: x.getLocalSize()]
         self.rotation.multTranspose(x, result)
         return result
+
+
+def _touched(contact: ContactMap) -> Array:
+    """The unknowns of this rank that contact acts on."""
+    mark = contact.operator.createVecRight()
+    _, columns, values = contact.operator.getValuesCSR()
+    mark.setValues(columns[values != 0], np.ones(np.count_nonzero(values)))
+    mark.assemble()
+    return np.flatnonzero(mark.getArray(readonly=True) > 0)
 
 
 def vector_like(matrix: PETSc.Mat, values: Array) -> PETSc.Vec:

@@ -18,6 +18,7 @@ from signorini_fx import compat
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.initial_strains import initial_strain
 from signorini_fx.body.kinematics import AXISYMMETRIC, KINEMATICS, Kinematics
+from signorini_fx.body.mixed import hydrostatic_of
 from signorini_fx.effects.material import hoop_strain, strain
 from signorini_fx.machine.compilation import compiling
 
@@ -37,6 +38,7 @@ class ElementStress:
         compliance: components tau of a difference of stresses -> C^-1 tau : tau.
         modulus: the largest normal stress per strain, lambda + 2 mu.
         shear_modulus: mu; None: the body is not isotropic.
+        hydrostatic: the pressure of a mixed element, which is a part of sigma; None: there is none.
         parts: the cells of each part within which the stress has no jumps, local numbers, ghosts included.
         radius: of an axisymmetric body, by which everything is weighted; None: it is not.
         refresh: takes from the displacement anew what ``sigma`` does not see of it, on all cells of this rank, and
@@ -53,6 +55,7 @@ class ElementStress:
     parts: Sequence[npt.NDArray[np.int32]]
     radius: Any = None
     refresh: Callable[[float], None] = lambda place: None
+    hydrostatic: fem.Function | None = None
 
     @property
     def kinematics(self) -> Kinematics:
@@ -97,6 +100,8 @@ def element_stress(body: Discretisation, displacement: fem.Function, place: floa
         displacement: y.
         place: of the initial strains, in the lists of factors.
     """
+    if body.mixed is not None:
+        return _mixed_stress(body, displacement)
     (lame, mu), materials, mesh = body.lame, body.scene.material, body.tagged.mesh
     initial, move_to = initial_strain(body.scene, body.tagged, body.space, place)
     elastic, theta, radius = strain(displacement), ufl.tr(strain(displacement)), None
@@ -152,6 +157,32 @@ def element_stress(body: Discretisation, displacement: fem.Function, place: floa
     )
 
 
+def _mixed_stress(body: Discretisation, displacement: fem.Function) -> ElementStress:
+    """Sigma = 2 mu epsilon - p I of a mixed element; in plane strain -p is the stress out of the plane as well."""
+    (_, mu), material, radius = body.lame, body.scene.material[0], None
+    pressure, flat = hydrostatic_of(displacement), body.dimension < 3
+    outward = -pressure if flat else None
+    if body.scene.axisymmetric:
+        radius = ufl.SpatialCoordinate(body.tagged.mesh)[0]
+        outward += 2 * mu * hoop_strain(displacement, radius)
+
+    def outward_of(part: int, tau: _Floats) -> _Floats:
+        return np.asarray(tau[..., 3] if radius is not None else material.poisson * (tau[..., 0] + tau[..., 1]))
+
+    return ElementStress(
+        displacement,
+        2 * mu * strain(displacement) - pressure * ufl.Identity(len(displacement)),
+        outward,
+        outward_of,
+        lambda tau: compliance(tau, None, mu, material.poisson),
+        material.plane_modulus,
+        mu,
+        _materials(body),
+        radius,
+        hydrostatic=pressure,
+    )
+
+
 def _kept(value: Any, space: fem.FunctionSpace) -> tuple[fem.Function, fem.Expression]:
     """A function, and the expression that it is to be interpolated from."""
     with compiling():
@@ -159,15 +190,25 @@ def _kept(value: Any, space: fem.FunctionSpace) -> tuple[fem.Function, fem.Expre
     return fem.Function(space), expression
 
 
-def compliance(tau: Any, lame: Any, mu: Any) -> Any:
-    """C^-1 tau : tau of an isotropic body for a stress tau, given by its components, see ``Kinematics.pairs``."""
+def compliance(tau: Any, lame: Any, mu: Any, poisson: float = 0.5) -> Any:
+    """C^-1 tau : tau of an isotropic body for a stress tau, given by its components, see ``Kinematics.pairs``.
+
+    Args:
+        tau: the components.
+        lame: first Lame parameter; None: it may be infinite, and follows from Poisson's ratio.
+        mu: second Lame parameter.
+        poisson: nu, in space, in plane strain or of an axisymmetric body, which counts without ``lame``.
+    """
     every = next(one for one in (*KINEMATICS.values(), AXISYMMETRIC) if len(one.pairs) == len(tau))
     normal = [tau[k] for k, (i, j) in enumerate(every.pairs) if i == j]
     mixed = [tau[k] for k, (i, j) in enumerate(every.pairs) if i != j]
     trace = sum(normal[1:], normal[0])
     square = sum((one**2 for one in normal[1:]), normal[0] ** 2)
     shear = sum((2 * one**2 for one in mixed[1:]), 2 * mixed[0] ** 2)
-    return (square + shear - lame / (len(normal) * lame + 2 * mu) * trace**2) / (2 * mu)
+    share = poisson / (1 + poisson if len(normal) == 3 else 1)
+    if lame is not None:
+        share = lame / (len(normal) * lame + 2 * mu)
+    return (square + shear - share * trace**2) / (2 * mu)
 
 
 def _materials(d: Discretisation) -> list[npt.NDArray[np.int32]]:

@@ -103,6 +103,6 @@ def reduced_degree(scene: Scene, mesh: dmesh.Mesh) -> int | None:
         message = f"linear {'triangles' if plane else 'tetrahedra'} have no reduced form: {cure}"
         raise SceneError([("element.volumetric", message)])
     nearly = any(material.locks for material in scene.material)
-    if requested == "full" or not has_form or (requested == "auto" and not nearly):
+    if requested in ("full", "mixed") or not has_form or (requested == "auto" and not nearly):
         return None
     return 3 if degree == 2 and kind in ("quadrilateral", "hexahedron") else 1

@@ -19,6 +19,7 @@ from signorini_fx.accuracy.plan import planned
 from signorini_fx.body import contact_data
 from signorini_fx.body.discretisation import Discretisation, prepare
 from signorini_fx.body.loads import group_of, load_groups
+from signorini_fx.body.mixed import MIXED_FORMS
 from signorini_fx.check.cost import Cost, contact_nodes, estimated_cost, friction_kind, linear_solves, memory_finding
 from signorini_fx.check.findings import scene_findings
 from signorini_fx.check.planned import attempts_for
@@ -140,7 +141,7 @@ def _forms(d: Discretisation) -> tuple[str, ...]:
 
 def _effects(d: Discretisation) -> list[Effect]:
     scene = d.scene
-    found = [_elasticity(d), *_materials(scene), _reduced(d), *_displacements(d)]
+    found = [_elasticity(d), *_materials(scene), _reduced(d), *_mixed(d), *_displacements(d)]
 
     names = dict(zip(load_groups(scene), (load.names for load in d.applied), strict=False))
 
@@ -188,6 +189,13 @@ def _reduced(d: Discretisation) -> Effect:
     if setting == "auto":
         why += f", some nu >= {LOCKING_POISSON:g}" if on else f", no nu >= {LOCKING_POISSON:g}, or linear triangles"
     return Effect("reduced integration", on, why, tuple(d.inventory.forms[1:2]) if on else ())
+
+
+def _mixed(d: Discretisation) -> list[Effect]:
+    if d.mixed is None:
+        return []
+    pressures = int(d.mixed.own.dofmap.index_map.size_global)
+    return [Effect("pressure of the mixed element", True, "volumetric = 'mixed'", MIXED_FORMS[1:], pressures)]
 
 
 def _displacements(d: Discretisation) -> list[Effect]:

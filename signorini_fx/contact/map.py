@@ -109,7 +109,6 @@ class ContactMap:
         pattern.zeroEntries()
         wider = matrix.copy()
         wider.axpy(1.0, pattern, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        wider.setOption(PETSc.Mat.Option.SPD, True)
         return wider
 
     def stiffness(self, diagonal: PETSc.Vec) -> Nodal:

@@ -135,6 +135,11 @@ def _check(scene: Scene) -> None:
         (not scene.contact, "contact", "there is none: a problem without contact is linear"),
         (scene.several_steps, "load_steps", "derivatives are those of one load step: give one"),
         (bool(scene.tools), "contact", "derivatives are not possible yet where a force moves a foundation"),
+        (
+            scene.element.volumetric == "mixed",
+            "element.volumetric",
+            "derivatives are not possible yet with a pressure of its own: leave 'mixed' out",
+        ),
         (scene.solver.levels > 1, "solver.levels", "derivatives are those of one mesh: leave it out"),
         (scene.accuracy is not None, "accuracy", "derivatives are those of one mesh: leave it out"),
     ):

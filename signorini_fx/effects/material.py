@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from signorini_fx.scene.effect import Contradictions, Effect
+from signorini_fx.scene.effect import Contradictions, Effect, InitialStrain
 from signorini_fx.scene.values import Finite, NonNegative, Positive, SampledValue
 
 
@@ -16,7 +16,7 @@ class LinearElastic(Effect):
 
     Attributes:
         young: Young's modulus E > 0, stress.
-        poisson: Poisson's ratio nu in (-1, 0.5).
+        poisson: Poisson's ratio nu in (-1, 0.5); 0.5 too in plane stress, and where ``element.volumetric`` is mixed.
         grading: between 0 and 1, by which ``young``, the largest, is multiplied: its value in the middle of each cell;
             None: 1 everywhere.
         hypothesis: plane strain, plane stress, or axisymmetric, if the mesh has two dimensions.  An axisymmetric mesh
@@ -27,7 +27,7 @@ class LinearElastic(Effect):
     """
 
     young: Positive
-    poisson: Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False, strict=True)]
+    poisson: Annotated[float, Field(gt=-1, le=0.5, allow_inf_nan=False, strict=True)]
     grading: SampledValue | None = None
     hypothesis: Literal["plane strain", "plane stress", "axisymmetric"] = "plane strain"
     density: NonNegative | None = None
@@ -37,13 +37,15 @@ class LinearElastic(Effect):
     @property
     def lame(self) -> tuple[float, float]:
         """Lame parameters (lambda, mu) of section 2.1, stresses, before grading; lambda is the reduced one for plane
-        stress.
+        stress, and infinite elsewhere for nu = 1/2.
 
         Plane strain has those of three dimensions.
         """
         mu = self.young / (2 * (1 + self.poisson))
         if self.hypothesis == "plane stress":
             return self.young * self.poisson / (1 - self.poisson**2), mu
+        if self.poisson == 0.5:
+            return math.inf, mu
         return self.young * self.poisson / ((1 + self.poisson) * (1 - 2 * self.poisson)), mu
 
     @property
@@ -51,7 +53,7 @@ class LinearElastic(Effect):
         """(a, b) of Hooke's law sigma = a epsilon + b tr(epsilon) I, stresses, for the second opinion."""
         a = self.young / (1 + self.poisson)
         squeezed = 1 - self.poisson if self.hypothesis == "plane stress" else 1 - 2 * self.poisson
-        return a, a * self.poisson / squeezed
+        return a, a * self.poisson / squeezed if squeezed > 0 else math.inf
 
     @property
     def directions(self) -> int:
@@ -89,11 +91,52 @@ class LinearElastic(Effect):
         """See ``Effect``."""
         if self.hypothesis != scene.material[0].hypothesis:
             yield ("material", place), "all materials must have the same hypothesis"
+        if scene.element.volumetric == "mixed":
+            if not self.poisson > 0:
+                yield ("material", place, "poisson"), "must be above 0 where element.volumetric = 'mixed'"
+            if place == 0:
+                yield from _not_mixed(scene)
+        elif self.poisson == 0.5 and self.hypothesis != "plane stress":
+            cure = 'element = { degree = 2, volumetric = "mixed" }, whose pressure is an unknown of its own'
+            yield ("material", place, "poisson"), f"must be below 0.5: an incompressible body needs {cure}"
         if self.hypothesis == "axisymmetric" and scene.accuracy is not None and place == 0:
             if scene.accuracy.of != "energy":
                 yield ("accuracy", "of"), "has an estimate for energy only, where the body is axisymmetric"
             if scene.accuracy.refinement != "uniform":
                 yield ("accuracy", "refinement"), "must be 'uniform' where the body is axisymmetric"
+
+
+def _not_mixed(scene: Any) -> Contradictions:
+    """What the mixed element is not possible with."""
+    element, yet = ("element", "volumetric"), "'mixed' is not possible yet"
+    several = len(scene.material) > 1 or any(one.grading is not None for one in scene.material)
+    for wrong, path, reason in (
+        (scene.element.degree != 2, ("element", "degree"), "must be 2 for 'mixed', whose pressure has one degree less"),
+        (
+            scene.material[0].hypothesis == "plane stress",
+            element,
+            "'mixed' is of no use in plane stress: nothing locks",
+        ),
+        (several, element, f"{yet} for several or graded materials, between which the pressure jumps"),
+        (bool(scene.of(InitialStrain)), element, f"{yet} with a temperature, whose strain changes the volume"),
+        (any(one.against is not None for one in scene.contact), element, f"{yet} for the contact of two bodies"),
+        (bool(scene.tools), element, f"{yet} where a force moves a foundation: both add unknowns"),
+        (scene.accuracy is not None, ("accuracy",), "has no estimate yet for element.volumetric = 'mixed'"),
+        (scene.solver.levels > 1, ("solver", "levels"), "must be 1: a coarser mesh begins without its pressure"),
+        (
+            scene.solver.linear_algebra == "krylov",
+            ("solver", "linear_algebra"),
+            "must not be 'krylov' where element.volumetric = 'mixed': multigrid needs a positive definite matrix",
+        ),
+        (
+            scene.solver.algorithm == "exact",
+            ("solver", "algorithm"),
+            "'exact' is not possible yet where element.volumetric = 'mixed': take 'alm'",
+        ),
+        (scene.solver.error_bound, ("solver", "error_bound"), "is not known for element.volumetric = 'mixed'"),
+    ):
+        if wrong:
+            yield path, reason
 
 
 # Above this Poisson's ratio the fully integrated elements lock visibly.
@@ -216,3 +259,44 @@ def initial_strain_forms(
     if reduced is None:
         return ((2 * mu + directions * lame) * density * dx,)
     return 2 * mu * density * dx, directions * lame * density * ufl.dx(metadata={"quadrature_degree": reduced})
+
+
+def mixed_forms(
+    unknowns: tuple[Any, Any],
+    tests: tuple[Any, Any],
+    mu: Any,
+    unit: Any,
+    compressibility: Any,
+    degree: int,
+    *,
+    radius: Any = None,
+) -> tuple[Any, ...]:
+    """The mixed form with the pressure p = -lambda tr(epsilon) as an unknown, in multiples of a unit.
+
+        2 mu (epsilon(y), epsilon(z)) - (p, div z),    -(div y, q) - (p, q) / lambda
+
+    (L. R. Herrmann, AIAA J. 3 (1965) 1896-1900).  With a continuous pressure of one degree less than the displacement
+    it is the element of C. Taylor and P. Hood, Comput. Fluids 1 (1973) 73-100, which is stable for nu = 1/2 too.
+
+    Args:
+        unknowns: trial functions of displacement and pressure.
+        tests: test functions of both.
+        mu: second Lame parameter.
+        unit: of the pressure, stress.
+        compressibility: 1 / lambda.
+        degree: quadrature degree.
+        radius: see ``elastic_forms``.
+
+    Returns:
+        The form of (y, z), that of (y, q), and that of (p, q).
+    """
+    import ufl
+
+    (y, p), (z, q) = unknowns, tests
+    shearing, dilation, around = ufl.inner(strain(y), strain(z)), ufl.div(y), 1
+    if radius is not None:
+        shearing, around = shearing + y[0] / radius * z[0] / radius, 2 * math.pi * radius
+        dilation = dilation + y[0] / radius
+    dx = ufl.dx(metadata={"quadrature_degree": degree})
+    densities = 2 * mu * shearing, -unit * dilation * q, -(unit**2) * compressibility * p * q
+    return tuple(density * around * dx for density in densities)

@@ -43,6 +43,10 @@ class ElasticSystem(Protocol):
         """
 
     @property
+    def definite(self) -> bool:
+        """Whether A is positive semi-definite."""
+
+    @property
     def solver_defaults(self) -> dict[str, str]:
         """PETSc options (without prefix) that apply during the solve unless the user has set them."""
 

@@ -29,12 +29,19 @@ class AssembledSystem:
     elasticity: Elasticity
     cases: list[LoadCase]
 
+    @property
+    def definite(self) -> bool:
+        """Whether A is positive semi-definite."""
+        return self.elasticity.definite
+
     @classmethod
     def of(cls, elasticity: Elasticity) -> Self:
         """The system as it was assembled, with all load cases once."""
         e = elasticity
         load, start = e.matrix.createVecRight(), e.matrix.createVecRight()
         matrix = e.contact.admitted(e.matrix)
+        if e.definite:
+            matrix.setOption(PETSc.Mat.Option.SPD, True)
         system = cls(e.comm, matrix, load, start, np.zeros(e.free), e.fixed, e.contact, e, list(e.cases))
         system.set_load(np.ones(len(e.cases)))
         return system

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from mpi4py import MPI
 
+from signorini_fx.errors import InstallationError
 from signorini_fx.linalg import ElasticSystem, options
 from signorini_fx.linalg.condensed import CondensedSystem
 from signorini_fx.linalg.elasticity import Elasticity
@@ -38,6 +39,8 @@ class SystemSize:
         retained: unknowns that contact touches; 0 without contact.
         held: whether contact and stick at all contact points hold every piece of the body.
         compressible: whether the material is far enough from incompressible for multigrid.
+        definite: whether the matrix is positive semi-definite.
+        enclosed: whether what contact does not touch is singular: contact and supports enclose an incompressible body.
     """
 
     comm: MPI.Comm
@@ -46,6 +49,8 @@ class SystemSize:
     retained: int
     held: bool
     compressible: bool
+    definite: bool = True
+    enclosed: bool = False
 
 
 def choose_system(elasticity: Elasticity, size: SystemSize, requested: str) -> tuple[ElasticSystem, str]:
@@ -71,14 +76,18 @@ def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:
         return "krylov", "as asked for"
     if size.retained and not size.held:
         return "full", "the contact does not reach every piece of the body that supports do not hold"
+    if size.enclosed:
+        return "full", "contact and supports enclose the incompressible body"
     if requested == "condensed" and size.retained and size.comm.size == 1 and has_package("mumps"):
         return "condensed", "as asked for"
+    if not size.definite and not has_package("mumps"):
+        raise InstallationError("PETSc has no MUMPS, which a mixed element needs: its matrix is indefinite")
     if not can_factorise(size.comm):
         return "krylov", "PETSc has no factorisation for more than one rank"
     against = against_condensing(size)
     if requested == "full":
         return "full", against or "set by the scene"
-    if (multigrid := for_multigrid(size)) is not None:
+    if size.definite and (multigrid := for_multigrid(size)) is not None:
         return "krylov", multigrid
     if against is not None:
         return "full", against

@@ -40,6 +40,11 @@ class DenseSystem:
         return {}
 
     @property
+    def definite(self) -> bool:
+        """Always, also where that of all unknowns is not."""
+        return True
+
+    @property
     def inexact(self) -> bool:
         """Never: dense."""
         return False

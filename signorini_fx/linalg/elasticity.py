@@ -60,12 +60,14 @@ class Elasticity:
     """An elastic body without contact, and where contact is.
 
     Attributes:
-        matrix: A, symmetric and positive semi-definite; prescribed rows and columns are empty but for the diagonal.
+        matrix: A, symmetric; prescribed rows and columns are empty but for the diagonal.
         fixed: the prescribed unknowns of this rank.
         cases: the load cases.
         contact: B, from the unknowns to the relative displacement at the contact points.
         free: number of rigid motions that are free.
         level: for multigrid; None: it has smoothed aggregation alone, with the near null space of the matrix.
+        definite: whether the matrix is positive semi-definite; a mixed element has a symmetric indefinite one, whose
+            Schur complement on the unknowns of contact is positive semi-definite.
     """
 
     matrix: PETSc.Mat
@@ -74,6 +76,7 @@ class Elasticity:
     contact: ContactMap
     free: int = 0
     level: Level | None = None
+    definite: bool = True
 
     @property
     def comm(self) -> MPI.Comm:

@@ -39,11 +39,13 @@ def has_package(package: str, kind: str = "cholesky") -> bool:
     return True
 
 
-def factorisation_package(comm: MPI.Comm, *, symmetric: bool) -> str:
+def factorisation_package(comm: MPI.Comm, *, symmetric: bool, definite: bool = True) -> str:
     """The fastest sparse direct solver that this PETSc has for the task.
 
     CHOLMOD factorises faster than MUMPS on one rank, but only symmetric positive definite matrices.
     """
+    if not definite:
+        return "mumps"
     kind = "cholesky" if symmetric else "lu"
     candidates = ["cholmod", "mumps"] if comm.size == 1 and symmetric else ["mumps", "superlu_dist"]
     return next((package for package in candidates if has_package(package, kind)), "petsc")
@@ -82,12 +84,12 @@ def factor_defaults(comm: MPI.Comm) -> dict[str, str]:
     return {**_FACTOR_DEFAULTS, **ordering}
 
 
-def use_factorisation(ksp: PETSc.KSP, *, symmetric: bool) -> None:
+def use_factorisation(ksp: PETSc.KSP, *, symmetric: bool, definite: bool = True) -> None:
     """Make a linear solver a direct one: Cholesky if the matrix is symmetric, else LU."""
     pc = ksp.getPC()
     ksp.setType(PETSc.KSP.Type.PREONLY)
     pc.setType(PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU)
-    pc.setFactorSolverType(factorisation_package(ksp.comm.tompi4py(), symmetric=symmetric))
+    pc.setFactorSolverType(factorisation_package(ksp.comm.tompi4py(), symmetric=symmetric, definite=definite))
 
 
 @dataclass
@@ -99,7 +101,7 @@ class FullSystem(AssembledSystem):
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """A direct factorisation, Cholesky if the matrix is symmetric."""
         self._symmetric = symmetric
-        use_factorisation(ksp, symmetric=symmetric)
+        use_factorisation(ksp, symmetric=symmetric, definite=self.definite)
 
     @property
     def solver_defaults(self) -> dict[str, str]:
@@ -110,7 +112,8 @@ class FullSystem(AssembledSystem):
         """For the same matrix, and as a preconditioner if only a few contact nodes have changed their state."""
         if options.user_sets("ksp_") or options.user_sets("pc_"):
             return moved == 0
-        retained = moved == 0 or (not exact and moved is not None and moved <= LAGGED_NODES)
+        lagging = self.definite and not exact  # of an indefinite matrix CG would break down
+        retained = moved == 0 or (lagging and moved is not None and moved <= LAGGED_NODES)
         if retained and moved != 0:
             ksp.setType(PETSc.KSP.Type.CG if self._symmetric else PETSc.KSP.Type.GMRES)
             # The residual itself, relative to the forces: the preconditioned norm does not decide whether Newton ends.

@@ -20,10 +20,10 @@ _MEMORY_RELAXATION = (14, 30)  # ICNTL(14), per cent
 
 
 class SchurComplement:
-    """A symmetric positive definite matrix with its interior eliminated; one rank only.
+    """A symmetric matrix with its interior eliminated; one rank only.
 
     Args:
-        matrix: A, of which A_ii must be positive definite; A itself need not be.
+        matrix: A, of which A_ii must be regular; positive definite, if PETSc knows A as such.
         retained: the dofs c that stay, in the order of the dense matrix.
 
     Attributes:

@@ -185,7 +185,7 @@ class Problem(ABC):
     def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
         """A matrix with the pattern of the Jacobian: a copy of A."""
         jacobian = self.system.matrix.duplicate(copy=True)
-        if symmetric:
+        if symmetric and self.system.definite:
             self._definite.add(jacobian.handle)
         return jacobian
 

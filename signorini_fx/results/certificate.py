@@ -80,7 +80,8 @@ class Certificate:
     penetration, complementarity and slip at stick nodes: to the largest displacement).
 
     Attributes:
-        equilibrium: residual of (3.3a) in the free unknowns, of all together and of the worst contact node as a stress.
+        equilibrium: residual of (3.3a) in the free unknowns, of all together and of the worst contact node as a stress;
+            of a mixed element also that of its change of volume, relative to the mean strain.
         supports: largest difference from a prescribed displacement.
         negative_pressure: largest -lambda.
         friction_cone: largest |mu| - F g.
@@ -173,16 +174,18 @@ def certify(
     forces = NodalForces(scene, tagged, space)
     every = displacement.x.array.reshape(-1, tagged.dimension)
     scales = Scales.of(tagged.dimension, scene.young, tagged.size, axisymmetric=scene.axisymmetric)
-    stiffest = replace(scales, modulus=max(sum(material.hooke) for material in scene.material))
+    mixed = scene.element.volumetric == "mixed"  # whose forces are not those of a change of volume
+    stiffest = replace(scales, modulus=max(sum(one.hooke[: 1 if mixed else 2]) for one in scene.material))
     balance = Balance(
         forces,
-        forces.internal(every),
+        forces.internal(displacement),
         forces.external(step, scale),
         Supports.of(forces, step, scale),
         scales,
         stiffest,
         forces.resisted(every),
         *forces.initial(step, scale),
+        dilation=forces.dilation(displacement) if mixed else None,
     )
     sides = sides_of(scene, tagged, space, pairs)
     found = judged(displacement, balance, sides, tractions, law=law, before=before, tools=tools)
@@ -207,6 +210,7 @@ class Balance:
         resisted: what resists the displacement on the boundary, the rest of a(y, .), forces, shape (owned nodes, d).
         initial: those of initial strains where they are prevented, forces, shape (owned nodes, d).
         prevented: energy of their stress then.
+        dilation: see ``NodalForces.dilation``; None: the pressure is no unknown.
     """
 
     surface: SurfaceQuadrature
@@ -218,6 +222,7 @@ class Balance:
     resisted: Nodal
     initial: Nodal | float = 0.0
     prevented: float = 0.0
+    dilation: tuple[Nodal, Nodal] | None = None
 
 
 @dataclass(frozen=True)
@@ -275,8 +280,10 @@ def judged(
         "strain_energy": strain_energy,
         "potential_energy": strain_energy + stored / 2 - work,
     }
+    volume = _change_of_volume(balance, far, strained)
     if tractions is None:
-        return Certificate(equilibrium=equilibrium(balance, y, None, _Units(length, far, 0.0)), **found)
+        left = equilibrium(balance, y, None, _Units(length, far, 0.0))
+        return Certificate(equilibrium=max(left, volume), **found)
     nodes = ContactNodes.of(forces, sides, tractions)
     found["coupling"] = nodes.coupling_error()
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
@@ -312,7 +319,7 @@ def judged(
     still = _FAINT * scales.deflection(stress)
     units = _Units(max(length, still), max(far, still), stress, penalty)
     found |= contact_conditions(nodes, u_n, slip, origin, law, supports, units)
-    return Certificate(equilibrium=equilibrium(balance, y, nodes, units), **found)
+    return Certificate(equilibrium=max(equilibrium(balance, y, nodes, units), volume), **found)
 
 
 def equilibrium(balance: Balance, y: Nodal, nodes: ContactNodes | None, units: _Units) -> float:
@@ -347,6 +354,24 @@ def equilibrium(balance: Balance, y: Nodal, nodes: ContactNodes | None, units: _
     lost = digits * (stiffest.modulus * units.far / stiffest.side(area) + load / area)
     unbalanced = np.linalg.norm(residual[reached], axis=1) / area - lost
     return max(whole, _share(_largest(comm, unbalanced), units.stress))
+
+
+def _change_of_volume(balance: Balance, far: float, strain_energy: float) -> float:
+    """How far the volume of a mixed element changes otherwise than its pressure says, relative to the mean strain;
+    collective.
+
+    Args:
+        balance: forces on the body.
+        far: the largest displacement.
+        strain_energy: of the strains.
+    """
+    if balance.dilation is None:
+        return 0.0
+    (residual, volume), comm, scales = balance.dilation, balance.surface.space.mesh.comm, balance.scales
+    spacing = scales.spacing(balance.surface.space.dofmap.index_map.size_global)
+    strain = scales.stress(strain_energy) / scales.modulus
+    lost = _LOST_UNITS * np.finfo(float).eps * far / spacing
+    return _share(_norm(comm, residual) - lost * _norm(comm, volume), strain * _norm(comm, volume))
 
 
 def contact_conditions(

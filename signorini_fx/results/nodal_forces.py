@@ -17,11 +17,12 @@ from typing import Any
 import basix
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
+from dolfinx import fem, la
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import adjugates, assemble
 from signorini_fx.body.loads import FormCoefficients, compile_loads
+from signorini_fx.body.mixed import hydrostatic_of
 from signorini_fx.body.moduli import reduced_degree
 from signorini_fx.effects.material import elastic_degree
 from signorini_fx.mesh.tagged import TaggedMesh
@@ -125,14 +126,38 @@ class NodalForces(SurfaceQuadrature):
         """Those of a boundary of the mesh, by its name."""
         return self.tagged.facets(boundary)
 
-    def internal(self, displacement: Array) -> Array:
-        """a(y, .) of the strains of nodal displacements with ghosts, shape (nodes, d); forces, shape (owned nodes, d).
+    def internal(self, displacement: fem.Function) -> Array:
+        """a(y, .) of the strains of a displacement, forces, shape (owned nodes, d).
 
         What resists them on the boundary is not in it, see ``resisted``.
         """
+        y = displacement.x.array.reshape(-1, self.dimension)
+        if self.scene.element.volumetric != "mixed":
+            return self.over_ranks(self._stress_work(y, self._degree)[0])
+        deviatoric, *_ = self._part_of_work(y, self._degree, *self._shearing, None)
+        return self.over_ranks(deviatoric - self._pressed(displacement)[0])
+
+    @property
+    def _degree(self) -> int:
+        """Of the quadrature of the stress."""
         kind, element, geometry = self._cell.name, self.scene.element.degree, self._geometry.degree
-        degree = elastic_degree(kind, element, geometry, axisymmetric=self.scene.axisymmetric)
-        return self.over_ranks(self._stress_work(displacement, degree)[0])
+        return elastic_degree(kind, element, geometry, axisymmetric=self.scene.axisymmetric)
+
+    @property
+    def _shearing(self) -> tuple[Array, Array]:
+        """Hooke's law of a mixed element without its pressure."""
+        (a,) = self.of_materials(lambda one: one.hooke[:1])
+        return a, np.zeros(1)
+
+    def dilation(self, displacement: fem.Function) -> tuple[Array, Array]:
+        """The weak form of tr(epsilon) + p / lambda = 0 of a mixed element.
+
+        Returns:
+            The residual with the functions of the pressure, and their integrals, volumes, both with shape (owned
+            vertices,).
+        """
+        space = hydrostatic_of(displacement).function_space
+        return tuple(_over_ranks(one, space) for one in self._pressed(displacement)[1:])
 
     def initial(self, step: float, scale: float = 1.0) -> tuple[Array, float]:
         """Forces of the stress that initial strains of a load step times ``scale`` cause where they are prevented,
@@ -162,8 +187,8 @@ class NodalForces(SurfaceQuadrature):
 
     def strain_energy(self, displacement: fem.Function) -> float:
         """The energy of the strains, per thickness."""
-        y = displacement.x.array.reshape(-1, self.dimension)
-        return float(parallel.global_sum(self.tagged.mesh.comm, np.sum(self.internal(y) * y[: self.owned]))) / 2
+        y = displacement.x.array.reshape(-1, self.dimension)[: self.owned]
+        return float(parallel.global_sum(self.tagged.mesh.comm, np.sum(self.internal(displacement) * y))) / 2
 
     def stored(self, displacement: fem.Function, step: float) -> float:
         """The energy of the stress, which is that of the strains without the initial ones, per thickness."""
@@ -327,6 +352,31 @@ class NodalForces(SurfaceQuadrature):
                 total[lowest : lowest + added.size, i] += added
         return total, energy
 
+    def _pressed(self, displacement: fem.Function) -> tuple[Array, Array, Array]:
+        """(p, div z) of a mixed element, shape (nodes, d), and the rest of ``dilation``, on this rank alone."""
+        pressure, material = hydrostatic_of(displacement), self.scene.material[0]
+        corners, p = pressure.function_space.dofmap.list, pressure.x.array
+        hats, y = basix.create_element(basix.ElementFamily.P, self._cell, 1), displacement.x.array
+        y = y.reshape(-1, self.dimension)
+        compressibility = (1 + material.poisson) * (1 - 2 * material.poisson) / (material.young * material.poisson)
+        forces, residual, volume = self._zero(), np.zeros_like(p), np.zeros_like(p)
+        points, _ = basix.make_quadrature(self._cell, self._degree)
+        hat = hats.tabulate(0, points)[0, ..., 0]
+        for part, size in self._cells(self._degree):
+            cells, table = part.cells, part.table
+            inverse, determinant = adjugates(self._jacobian(cells, table))
+            slope = np.einsum("kqn,kjcq->jcqn", table.slope, inverse / determinant)  # of each shape function along x_j
+            if self.scene.axisymmetric:
+                slope[0] += table.shape / self.positions(part)[..., 0, None]
+            size = size * self._around(part)
+            inside = p[corners[cells]] @ hat.T
+            work = np.einsum("cq,jcqn->cnj", size * inside, slope)
+            np.add.at(forces, self._nodes[cells], work)
+            dilation = np.einsum("jcqn,cnj->cq", slope, y[self._nodes[cells]])
+            np.add.at(residual, corners[cells], (size * (dilation + compressibility * inside)) @ hat)
+            np.add.at(volume, corners[cells], size @ hat)
+        return forces, residual, volume
+
     def _compiled(self, load: Force, place: float) -> Array:
         """A load with UFL expressions, by its own form."""
         import ufl
@@ -335,6 +385,14 @@ class NodalForces(SurfaceQuadrature):
         _, (form,) = compile_loads([load], on, ufl.TestFunction(self.space))
         on.move_to(place)
         return assemble(form).reshape(-1, self.dimension)
+
+
+def _over_ranks(values: Array, space: fem.FunctionSpace) -> Array:
+    """What all ranks contribute to the owned unknowns of a scalar space."""
+    function = fem.Function(space)
+    function.x.array[:] = values
+    function.x.scatter_reverse(la.InsertMode.add)
+    return np.array(function.x.array[: space.dofmap.index_map.size_local])
 
 
 def left_over(strained: float, initial: float) -> float:

@@ -186,7 +186,12 @@ class Resultants:
         """What the stresses in the body leave to the supports, shape (owned nodes, d)."""
         nodal = self._nodal
         every = self.displacement.x.array.reshape(-1, self.tagged.dimension)
-        left = nodal.internal(every) + nodal.resisted(every) - nodal.external(self.place) - nodal.initial(self.place)[0]
+        left = (
+            nodal.internal(self.displacement)
+            + nodal.resisted(every)
+            - nodal.external(self.place)
+            - nodal.initial(self.place)[0]
+        )
         if self.contact is not None:
             sides = sides_of(self.scene, self.tagged, nodal.space, self.pairs)
             nodes = ContactNodes.of(nodal, sides, Tractions.of(self.contact))

@@ -213,7 +213,8 @@ class RawStresses(StressFields):
         energy = self.energy()
         if not energy > 0:
             return None
-        squares = self.recovery().squares(self.stress.displacement.x.array, self.place).sum()
+        stress = self.stress
+        squares = self.recovery().squares(stress.displacement.x.array, self.place, stress.hydrostatic).sum()
         return float(np.sqrt(parallel.global_sum(self.comm, squares) / (2 * energy)))
 
 
@@ -282,7 +283,7 @@ class RecoveredStresses(StressFields):
         mesh = stress.displacement.function_space.mesh
         function = fem.Function(fem.functionspace(mesh, ("DG", 1, (3, 3))), name="recovered_stress")
         values = function.x.array.reshape(-1, 3, 3)
-        smoothed = self.recovery.smoothed(stress.displacement.x.array, self.place)
+        smoothed = self.recovery.smoothed(stress.displacement.x.array, self.place, stress.hydrostatic)
         for part, (cells, components) in enumerate(smoothed):
             sigma = stress.kinematics.tensors(components)
             if stress.outward is not None:

@@ -123,6 +123,8 @@ def solve_contact(
     )
     if any(effect.timed or effect.tool is not None for effect in discretisation.scene.contact):
         kept = None  # load steps are stored for one contact problem only
+    if discretisation.mixed is not None:
+        kept = None  # and without the pressure
 
     def renew(d: Discretisation) -> Task:
         with timings.phase("condense"):
@@ -351,4 +353,4 @@ def _allowed(d: Discretisation) -> Callable[[fem.Function], float] | None:
     if (settings.algorithm, settings.regularisation_error) != ("path-following", "auto"):
         return None
     recovery, share = StressRecovery.of(d), PATH_ERROR_SHARE[d.scene.element.degree]
-    return lambda y: share * recovery.error(y.x.array)
+    return lambda y: share * recovery.error(y.x.array, hydrostatic=getattr(y, "hydrostatic", None))
