@@ -376,7 +376,7 @@ class ElasticBody:
         return result
 
 
-def _touched(contact: ContactMap) -> Array:
+def _touched(contact: ContactMap) -> npt.NDArray[np.int64]:
     """The unknowns of this rank that contact acts on."""
     mark = contact.operator.createVecRight()
     _, columns, values = contact.operator.getValuesCSR()

@@ -88,11 +88,16 @@ class MixedPressure:
         """The compiled forms of A, B and -C."""
         space, mesh, material = self.space, self.space.mesh, self.material
         axisymmetric = material.hypothesis == "axisymmetric"
-        numbers = (1 / (2 * (1 + material.poisson)) * material.young, self.unit, 1 / material.lame[0])
+        lame, shear = material.lame
+        mu, unit, compressibility = (
+            fem.Constant(mesh, default_scalar_type(number)) for number in (shear, self.unit, 1 / lame)
+        )
         terms = mixed_forms(
             (ufl.TrialFunction(space), ufl.TrialFunction(self.own)),
             (ufl.TestFunction(space), ufl.TestFunction(self.own)),
-            *(fem.Constant(mesh, default_scalar_type(number)) for number in numbers),
+            mu,
+            unit,
+            compressibility,
             elastic_degree(
                 mesh.topology.cell_name(),
                 space.element.basix_element.degree,

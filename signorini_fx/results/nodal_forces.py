@@ -157,7 +157,8 @@ class NodalForces(SurfaceQuadrature):
             vertices,).
         """
         space = hydrostatic_of(displacement).function_space
-        return tuple(_over_ranks(one, space) for one in self._pressed(displacement)[1:])
+        _, residual, volume = self._pressed(displacement)
+        return _over_ranks(residual, space), _over_ranks(volume, space)
 
     def initial(self, step: float, scale: float = 1.0) -> tuple[Array, float]:
         """Forces of the stress that initial strains of a load step times ``scale`` cause where they are prevented,
