@@ -25,6 +25,8 @@ from petsc4py import PETSc
 
 from signorini_fx import compat, parallel
 from signorini_fx.effects.material import LinearElastic, elastic_degree, mixed_forms
+from signorini_fx.errors import InstallationError
+from signorini_fx.linalg.full import has_package
 from signorini_fx.records import Inventory
 
 _Floats = npt.NDArray[np.float64]
@@ -134,7 +136,12 @@ class MixedPressure:
             stiffness: A, prescribed rows and columns empty but for the diagonal.
             rotation: from the unknowns of A to displacements; None: they are the same.
             fixed: the prescribed unknowns of this rank.
+
+        Raises:
+            InstallationError: PETSc has no MUMPS.
         """
+        if not has_package("mumps"):
+            raise InstallationError("PETSc has no MUMPS, which a mixed element needs: its matrix is indefinite")
         divergence = self.divergence.copy() if rotation is None else self.divergence.matMult(rotation)
         free = divergence.createVecRight()
         free.getArray()[:] = ~fixed

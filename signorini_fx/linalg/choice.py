@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 from mpi4py import MPI
 
-from signorini_fx.errors import InstallationError
 from signorini_fx.linalg import ElasticSystem, options
 from signorini_fx.linalg.condensed import CondensedSystem
 from signorini_fx.linalg.elasticity import Elasticity
@@ -80,8 +79,6 @@ def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:
         return "full", "contact and supports enclose the incompressible body"
     if requested == "condensed" and size.retained and size.comm.size == 1 and has_package("mumps"):
         return "condensed", "as asked for"
-    if not size.definite and not has_package("mumps"):
-        raise InstallationError("PETSc has no MUMPS, which a mixed element needs: its matrix is indefinite")
     if not can_factorise(size.comm):
         return "krylov", "PETSc has no factorisation for more than one rank"
     against = against_condensing(size)

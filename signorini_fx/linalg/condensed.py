@@ -26,6 +26,7 @@ from signorini_fx.linalg.schur import SchurComplement
 class DenseSystem:
     """See ``ElasticSystem``: a dense matrix with one load, which stays as it is; one rank."""
 
+    definite = True  # also where the matrix of all unknowns is not
     comm: MPI.Comm
     matrix: PETSc.Mat
     load: PETSc.Vec
@@ -38,11 +39,6 @@ class DenseSystem:
     def solver_defaults(self) -> dict[str, str]:
         """None."""
         return {}
-
-    @property
-    def definite(self) -> bool:
-        """Always, also where that of all unknowns is not."""
-        return True
 
     @property
     def inexact(self) -> bool:

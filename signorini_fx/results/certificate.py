@@ -358,12 +358,7 @@ def equilibrium(balance: Balance, y: Nodal, nodes: ContactNodes | None, units: _
 
 def _change_of_volume(balance: Balance, far: float, strain_energy: float) -> float:
     """How far the volume of a mixed element changes otherwise than its pressure says, relative to the mean strain;
-    collective.
-
-    Args:
-        balance: forces on the body.
-        far: the largest displacement.
-        strain_energy: of the strains.
+    ``far``: the largest displacement; ``strain_energy``: of the strains; collective.
     """
     if balance.dilation is None:
         return 0.0
