@@ -289,10 +289,12 @@ def test_pressed_block_against_displacements():
 
     mixed, fine = block(8, MIXED), block(24, {"degree": 2})
     assert mixed.resultants.of("bottom").force == pytest.approx(fine.resultants.of("bottom").force, rel=2e-3)
-    x, pressure, *_ = profile(mixed)
+    x, pressure, weight, _ = profile(mixed)
     at, other, *_ = profile(fine)
-    away = x < 0.8  # from the corner, where the stress has no limit
-    np.testing.assert_allclose(pressure[away], np.interp(x[away], at, other), atol=0.02 * other.max())
+    expected = np.interp(x, at, other)
+    apart = np.sqrt(np.dot(weight, (pressure - expected) ** 2) / np.dot(weight, expected**2))
+    assert apart < 0.02
+    assert mixed.stress.error < 0.1
 
 
 @pytest.mark.mpi
@@ -424,5 +426,5 @@ def test_what_it_costs():
     assert (pressure.on, pressure.forms, pressure.unknowns) == (True, ("divergence", "compressibility"), 9)
     solution = alone(scene, check=False)
     assert tuple(solution.discretisation.inventory.forms) == told.forms
-    assert solution.discretisation.inventory.matrices == ["stiffness", "divergence", "compressibility"]
+    assert sorted(solution.discretisation.inventory.matrices) == ["compressibility", "divergence", "stiffness"]
     assert solution.discretisation.stiffness.getSize()[0] == 2 * 25 + 9

@@ -137,7 +137,8 @@ def test_one_table_instead_of_a_list():
         ("material.young", math.inf, "material.young", "finite"),
         ("material.young", "5000", "material.young", "number"),
         ("material.young", True, "material.young", "number"),
-        ("material.poisson", 0.5, "material.poisson", "less than 0.5"),
+        ("material.poisson", 0.6, "material.poisson", "less than or equal to 0.5"),
+        ("material.poisson", 0.5, "material.poisson", "must be below 0.5"),
         ("material.poisson", -1, "material.poisson", "greater than -1"),
         ("material.hypothesis", "plane", "material.hypothesis", "plane strain"),
         ("element", {"degree": 3}, "element.degree", "2"),
@@ -209,7 +210,7 @@ def test_several_mistakes():
     """All mistakes are reported at once."""
     found = problems(
         changed(
-            ("foo", 1), ("material", {"young": -1.0, "poisson": 0.5}), ("traction.0.y", "1 +"), ("solver.gamma_n", -1.0)
+            ("foo", 1), ("material", {"young": -1.0, "poisson": 0.6}), ("traction.0.y", "1 +"), ("solver.gamma_n", -1.0)
         )
     )
     assert set(found) == {"foo", "material.young", "material.poisson", "traction[0].y", "solver.gamma_n"}
