@@ -8,6 +8,7 @@ from mpi4py import MPI
 from scenes import alone, example1
 from test_coulomb_ways import one_triangle
 
+from signorini_fx.check.checks import check_scene
 from signorini_fx.contact.laws import FrictionLaw
 from signorini_fx.contact.points import ContactPoints
 from signorini_fx.contact.state import PointState
@@ -156,6 +157,19 @@ def test_one_triangle():
     told = "\n".join(map(str, lines_of(summarise(solution, solution.table))))
     assert "2 other solutions found" in told
     assert not uniqueness(solution.discretisation, solution.contact, search=False).starts
+
+
+def test_check_before_a_solve(monkeypatch):
+    """The same sqrt(3), which needs no solution, only for a scene that asks; none is searched for."""
+    force = (0.015, -0.006)
+    for coefficient, level in ((1.7, "note"), (3.0, "warning")):
+        found = check_scene(one_triangle(coefficient, force, uniqueness=True), MPI.COMM_SELF).findings
+        (told,) = (one for one in found if one.path == "solver.uniqueness")
+        assert told.level == level
+        assert "friction coefficients below 1.732 there is one solution on this mesh" in told.message
+    assert "none was searched for" in told.message
+    monkeypatch.setattr("signorini_fx.results.uniqueness.uniqueness", None)
+    assert not [one for one in check_scene(one_triangle(1.7, force)).findings if one.path == "solver.uniqueness"]
 
 
 def test_what_is_not_asked_for():

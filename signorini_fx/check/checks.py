@@ -101,8 +101,18 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
         _validated(coarse, comm)
     d = _validated(scene, comm)
     cost = estimated_cost(d)
-    findings = [*memory_finding(cost, comm), *scene_findings(d)]
+    findings = [*memory_finding(cost, comm), *scene_findings(d), *_uniqueness(d)]
     return Check(scene.title, tuple(_effects(d)), _forms(d), cost, tuple(findings), attempts_for(scene))
+
+
+def _uniqueness(d: Discretisation) -> list[Finding]:
+    """Below which friction coefficient there is one solution, where the scene asks: it takes a factorisation."""
+    if d.boundary is None or not d.scene.solver.uniqueness:
+        return []
+    from signorini_fx.results.uniqueness import uniqueness
+
+    found = uniqueness(d, None)
+    return [Finding("note" if found.proved else "warning", "solver.uniqueness", str(found))]
 
 
 def _validated(scene: Scene, comm: MPI.Comm) -> Discretisation:

@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from petsc4py import PETSc
 from scipy.linalg import LinAlgError, cholesky, eigh
 from scipy.optimize import minimize
 
@@ -117,12 +118,12 @@ class _Rough:
     free: Nodal
 
 
-def uniqueness(d: Discretisation, contact: ContactState, *, search: bool | None = None) -> Uniqueness:
+def uniqueness(d: Discretisation, contact: ContactState | None, *, search: bool | None = None) -> Uniqueness:
     """The statement for a load step with a solution, given the ones before it.
 
     Args:
         d: the discretised scene.
-        contact: its contact nodes in the solution.
+        contact: its contact nodes in the solution; None: there is no solution yet, and no other one is searched for.
         search: for other solutions; None: where this one is not proved to be the only one.
     """
     law = d.law
@@ -149,12 +150,15 @@ def uniqueness(d: Discretisation, contact: ContactState, *, search: bool | None 
     free = ~elasticity.fixed[retained]
     rows = np.zeros((len(starts) - 1, retained.size))
     rows[np.repeat(np.arange(len(rows)), np.diff(starts)), np.searchsorted(retained, columns)] = values
-    condensed = SchurComplement(elasticity.matrix, retained).dense[np.ix_(free, free)]
+    try:
+        condensed = SchurComplement(elasticity.matrix, retained).dense[np.ix_(free, free)]
+    except PETSc.Error:
+        return Uniqueness(False, 0.0, reason="a part of the body moves freely though its contact points are fixed")
     return uniqueness_of(condensed, rows[:, free], law, contact, search=search)
 
 
 def uniqueness_of(
-    stiffness: Nodal, operator: Nodal, law: FrictionLaw, state: PointState, *, search: bool | None = None
+    stiffness: Nodal, operator: Nodal, law: FrictionLaw, state: PointState | None, *, search: bool | None = None
 ) -> Uniqueness:
     """Whether the solution of a problem with Coulomb friction is the only one; one rank.
 
@@ -162,7 +166,7 @@ def uniqueness_of(
         stiffness: of some unknowns without the prescribed ones, the others eliminated, shape (u, u).
         operator: B on these, rows (n, T) of each of p points, shape (p d, u).
         law: of friction.
-        state: the solution.
+        state: the solution; None: no other one is searched for.
         search: for other ones; None: where it is not proved to be the only one.
     """
     found = _condensed(stiffness, operator, law)
@@ -175,7 +179,7 @@ def uniqueness_of(
     proved = multiple > 1
     others: list[Nodal] = []
     starts = 0
-    if search or (search is None and not proved):
+    if state is not None and (search or (search is None and not proved)):
         if state.points.dimension > 2:
             why = "; ".join(filter(None, (why, "only solutions in the plane are searched for")))
         else:

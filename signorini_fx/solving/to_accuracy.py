@@ -149,10 +149,11 @@ def solve_to_accuracy(
         margin = MARGIN.get((goal.of, meshes.degree), MARGIN_OF_OTHERS)
         error = inf if estimate is None else estimate * margin
         enough = len(levels) >= FEWEST_MESHES[level.dimension].get(goal.of, 3)
-        if goal.certified:
+        certified = goal.certified and (len(levels) == 1 or error + left <= goal.target)
+        if certified:  # where not even the estimate meets the target the bound does not; the first mesh may be refused
             solved, certain = _certified(solved)
             error, margin = max(certain - left, 0.0), 1.0  # the bound includes the regularisation
-        if (enough or goal.certified) and error + left <= goal.target:
+        if (enough or certified) and error + left <= goal.target:
             return solution
         hopeless = _out_of_reach(goal, levels, margin, solution.discretisation.tagged.size)
         if hopeless:
