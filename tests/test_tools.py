@@ -17,7 +17,7 @@ from signorini_fx.records import Status
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.tool_motion import ToolMotion
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scene.reading import parse_scene, read_scene
 
 COMM = MPI.COMM_WORLD
 HERE = Path(__file__).parent
@@ -488,3 +488,13 @@ def test_check_says_what_moves():
     assert "force = [1, -20], prescribed = {rotation = 0}" in line
     assert "+2" in line.split()
     assert "the foundation of contact[0] in translations" in found
+
+
+def test_the_wheel_of_the_gallery():
+    """A braked wheel on rubber: the mat carries its weight in each step, and friction the push, as far as it can."""
+    scene = read_scene(HERE.parent / "demos" / "scenes" / "braked_wheel.toml")
+    mesh = scene.mesh.model_copy(update={"parameters": {**scene.mesh.parameters, "nx": 40, "ny": 12}})
+    solution = solve(scene.model_copy(update={"mesh": mesh}))
+    for step, push in zip(solution.steps, (0.0, 3.0, 6.0), strict=True):
+        on_the_mat = np.sum(step.contact.forces, axis=0)
+        assert np.allclose(on_the_mat, [push, -20.0], atol=1e-6)
