@@ -67,7 +67,7 @@ PLACES = {
     "monitor": (History, "move", (SOLID, KRYLOV)),
     "before krylov": (multigrid.ContactPreconditioner, "solve_contact", (SOLID, KRYLOV)),
     "preconditioner is set up": (multigrid.ContactPreconditioner, "_truncate", (SOLID, KRYLOV)),
-    "preconditioner": (multigrid._NodalBlocks, "split", (SOLID, KRYLOV)),
+    "preconditioner": (multigrid.NodalBlocks, "split", (SOLID, KRYLOV)),
     "path": (level_results, "path_model", (PLANE, f'{FULL}, algorithm = "path-following", levels = 2')),
     "certificate": (NodalForces, "internal", (SOLID, FULL)),
     "estimate": (stress_recovery.StressRecovery, "squares", (PLANE, f"{FULL}, levels = 2")),

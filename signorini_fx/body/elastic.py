@@ -33,8 +33,7 @@ from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.contact.resting_place import Rest
-from signorini_fx.errors import SceneError
-from signorini_fx.linalg.choice import SystemSize, choose_kind, choose_system
+from signorini_fx.linalg.choice import SystemSize, choose_system
 from signorini_fx.linalg.elasticity import Elasticity, LoadCase
 from signorini_fx.method import Settings
 from signorini_fx.records import Inventory
@@ -135,10 +134,8 @@ class ElasticBody:
             retained = self.dimension * int(parallel.global_sum(self.comm, reached))
             everywhere: Any = self.boundary.points.everywhere
             held = self.at_contact.held_by(everywhere, everywhere)
-        moving = self.boundary is not None and self.boundary.moving is not None  # which multigrid does not know yet
-        compressible = self.compressible and not moving
         if self.mixed is None:
-            return SystemSize(self.comm, self.dofs, self.dimension, retained, held, compressible)
+            return SystemSize(self.comm, self.dofs, self.dimension, retained, held, self.compressible)
         touched = self.prescribed.copy()
         touched[_touched(self.contact)] = True
         enclosed = retained > 0 and self._encloses(touched)
@@ -152,8 +149,8 @@ class ElasticBody:
         return self.mixed.encloses(np.array(self.vector(self.mixed.constant).getArray(readonly=True)), held)
 
     @cached_property
-    def _assembled(self) -> tuple[PETSc.Mat, PETSc.Mat | None]:
-        """``stiffness`` and ``rotation``."""
+    def _assembled(self) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
+        """``stiffness`` and ``rotation``, and this without tools."""
         self.inventory.matrices.append("stiffness")
         owned, turned, boundary = self.space.dofmap.index_map.size_local, self.turned, self.boundary
         frames = [] if turned is None else [(turned.nodes[own := turned.nodes < owned], turned.frames[own])]
@@ -168,8 +165,9 @@ class ElasticBody:
             stiffness.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
             first = stiffness.getOwnershipRange()[0]
             stiffness.zeroRowsColumns((first + np.flatnonzero(self.fixed)).astype(PETSc.IntType), diag=0.0)
+        turning = rotation
         if boundary is not None and boundary.moving is not None:
-            more = fixed.size - self.fixed.size
+            more = self._rigid
             stiffness, rotation = with_more_unknowns(stiffness, more), without_more(rotation, stiffness, more)
         diagonal = stiffness.getDiagonal()
         values = diagonal.getArray()
@@ -178,9 +176,15 @@ class ElasticBody:
         stiffness.setDiagonal(diagonal)
         if self.mixed is not None:
             joined = self.mixed.joined(stiffness, rotation, self.fixed)
-            return joined, self.mixed.embedding(stiffness, rotation, joined)
+            embedding = self.mixed.embedding(stiffness, rotation, joined)
+            return joined, embedding, embedding
         stiffness.setOption(PETSc.Mat.Option.SPD, True)
-        return stiffness, rotation
+        return stiffness, rotation, turning
+
+    @property
+    def _rigid(self) -> int:
+        """How many unknowns of this rank are those of tools."""
+        return 0 if self.mixed is not None else self.prescribed.size - self.fixed.size
 
     @property
     def prescribed(self) -> npt.NDArray[np.bool_]:
@@ -216,7 +220,7 @@ class ElasticBody:
     def level(self, coarser: MeshLevel | None = None, solved: fem.Function | None = None) -> MeshLevel:
         """Its mesh over coarser ones, of which those are left out that are hardly coarser, or far too coarse."""
         dimension, (least, most) = self.dimension, FINER_LEVELS
-        found = MeshLevel(self.space, self.fixed, self.rotation, self.motions, coarser, solved)
+        found = MeshLevel(self.space, self.fixed, self._assembled[2], self.motions, coarser, solved)
         while found.coarser is not None and found.dofs < least**dimension * found.coarser.dofs:
             found.coarser = found.coarser.coarser
         if found.coarser is not None and found.dofs > most**dimension * found.coarser.dofs:
@@ -229,8 +233,8 @@ class ElasticBody:
         if self.mixed is not None and self._encloses(self.prescribed):
             reason = "nothing determines the pressure: supports hold the whole boundary of the incompressible body"
             raise SceneError([("displacement", reason)])
-        definite, level = self.mixed is None, self.level(coarser)
-        return Elasticity(self.stiffness, self.prescribed, cases, self.contact, free, level, definite=definite)
+        of = self.stiffness, self.prescribed, cases, self.contact, free, self.level(coarser)
+        return Elasticity(*of, definite=self.mixed is None, rigid=self._rigid)
 
     def case(
         self, forces: Array, prescribed: fem.Function, driven: Driven | None = None, pushing: Array | None = None
@@ -289,10 +293,6 @@ class ElasticBody:
             others: natural_gamma, has_coulomb and history, see ``Task``.
         """
         assert self.at_contact is not None
-        moving = self.boundary is not None and self.boundary.moving is not None
-        if moving and choose_kind(self.system_size, self.settings.linear_algebra)[0] == "krylov":
-            wrong = "a Krylov method is not possible yet where a force moves a foundation, and a factorisation is not"
-            raise SceneError([("solver.linear_algebra", f"{wrong} possible here: use fewer unknowns or ranks")])
         system, reason = choose_system(self.elasticity(cases, coarser), self.system_size, self.settings.linear_algebra)
         system.set_load(factors)
         share = self.settings.regularisation_error
@@ -349,6 +349,13 @@ class ElasticBody:
             assert self.motions.foundations is not None
             found = found + self.motions.foundations @ rest.motion
         return found
+
+    def begin_driven(self, x: PETSc.Vec, driven: Array, rest: Rest | None) -> None:
+        """Put the unknowns of tools into x, the inverse of ``driven``."""
+        if rest is not None:
+            assert self.motions.foundations is not None
+            driven = driven - self.motions.foundations @ rest.motion
+        x.getArray()[self.fixed.size :] = driven[: self._rigid]
 
     def energy_norm(self, x: PETSc.Vec) -> float:
         """Sqrt(a(y, y)) of a displacement, with what is prescribed; collective."""

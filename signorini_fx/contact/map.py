@@ -103,7 +103,8 @@ class ContactMap:
 
     def admitted(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """The matrix with room for B^T D B: itself where its pattern has that, else a copy; collective."""
-        pattern = self.law(np.ones(self.points.movable.shape)).ptap(self.operator)
+        blocks = self.law(np.ones(self.points.movable.shape))
+        pattern = self.operator.transposeMatMult(blocks.matMult(self.operator))
         if not parallel.any_rank(self.points.comm, not _within(pattern, matrix)):
             return matrix
         pattern.zeroEntries()

@@ -68,6 +68,7 @@ class Elasticity:
         level: for multigrid; None: it has smoothed aggregation alone, with the near null space of the matrix.
         definite: whether the matrix is positive semi-definite; a mixed element has a symmetric indefinite one, whose
             Schur complement on the unknowns of contact is positive semi-definite.
+        rigid: how many unknowns of this rank are motions of rigid bodies, the last ones of the last rank.
     """
 
     matrix: PETSc.Mat
@@ -77,6 +78,7 @@ class Elasticity:
     free: int = 0
     level: Level | None = None
     definite: bool = True
+    rigid: int = 0
 
     @property
     def comm(self) -> MPI.Comm:

@@ -68,4 +68,5 @@ class JoinedBodies:
         held = stiff.transpose(0, 2, 1) @ stiff
         free = np.eye(held.shape[1]) - held
         soft = free @ (laws + laws.transpose(0, 2, 1)) @ free * (self._scale / 2)[:, None, None]
-        return self.moved(held), self._contact.law(soft).ptap(self._operator)
+        rest = self._contact.law(soft).matMult(self._operator)
+        return self.moved(held), self._operator.transposeMatMult(rest)

@@ -23,6 +23,7 @@ from signorini_fx.linalg.elasticity import Elasticity
 from signorini_fx.linalg.full import can_factorise, enough_memory, factor_defaults, factor_memory, use_factorisation
 from signorini_fx.linalg.multigrid import ContactPreconditioner, Hierarchy
 from signorini_fx.linalg.petsc_c import call
+from signorini_fx.linalg.rigid_unknowns import of_nodes
 from signorini_fx.tuned import INEXACT_TOLERANCE, KRYLOV_STEPS, KRYLOV_TOLERANCE
 
 _NO_SHARE = 1e-15  # relative tolerance of a solve that ends by its absolute one
@@ -45,10 +46,20 @@ class KrylovSystem(AssembledSystem):
     def of(cls, elasticity: Elasticity) -> Self:
         """The system as it was assembled; multigrid gets to know the rigid motions."""
         system = super().of(elasticity)
-        system.matrix.setBlockSize(elasticity.contact.points.dimension)
-        if elasticity.level is not None:
-            system.matrix.setNearNullSpace(elasticity.level.modes())
+        if not system.rigid:
+            system._tell(system.matrix)
         return system
+
+    @cached_property
+    def rigid(self) -> bool:
+        """Whether rigid bodies have unknowns, on the last rank; collective."""
+        return parallel.any_rank(self.comm, self.elasticity.rigid > 0)
+
+    def _tell(self, matrix: PETSc.Mat) -> None:
+        """Give a matrix of the nodes the size of its blocks and the rigid motions."""
+        matrix.setBlockSize(self.contact.points.dimension)
+        if self.elasticity.level is not None:
+            matrix.setNearNullSpace(self.elasticity.level.modes())
 
     @property
     def solver_defaults(self) -> dict[str, str]:
@@ -62,12 +73,14 @@ class KrylovSystem(AssembledSystem):
 
         Without the room for contact: aggregates follow the pattern, and would mix what only contact joins.
         """
-        matrix, level = self.elasticity.matrix, self.elasticity.level
-        if matrix.handle != self.matrix.handle:
-            matrix.setBlockSize(self.matrix.getBlockSize())
-            if level is not None:
-                matrix.setNearNullSpace(level.modes())
-        return Hierarchy.of(matrix, level)
+        e = self.elasticity
+        if self.rigid:
+            nodes = of_nodes(e.matrix, e.rigid)
+            self._tell(nodes)
+            return Hierarchy.of(nodes, e.level).with_rigid_bodies(~self.fixed[self.fixed.size - e.rigid :])
+        if e.matrix.handle != self.matrix.handle:
+            self._tell(e.matrix)
+        return Hierarchy.of(e.matrix, e.level)
 
     @cached_property
     def _touched(self) -> npt.NDArray[np.int64]:
@@ -77,7 +90,9 @@ class KrylovSystem(AssembledSystem):
         mark = operator.createVecRight()
         mark.setValues(columns[values != 0], np.ones(np.count_nonzero(values)))
         mark.assemble()
-        return np.flatnonzero((mark.getArray(readonly=True) > 0) & ~self.fixed)
+        touched = np.array(mark.getArray(readonly=True) > 0)
+        touched[touched.size - self.elasticity.rigid :] = True
+        return np.flatnonzero(touched & ~self.fixed)
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """CG, or FGMRES where the matrix is not symmetric, to a residual against the forces; see ``multigrid``."""
@@ -91,9 +106,16 @@ class KrylovSystem(AssembledSystem):
         contact = int(parallel.global_sum(self.comm, np.array(self._touched.size)))
         if contact == 0 or options.user_sets("pc_type") or not self.hierarchy.interpolations:
             return
-        size = self.matrix.getBlockSize()
+        size, rigid = self.contact.points.dimension, self.fixed.size - self.elasticity.rigid
         preconditioner = ContactPreconditioner(
-            self.hierarchy, matrix, self._touched, self.fixed, size, self.contact, symmetric=symmetric
+            self.hierarchy,
+            matrix,
+            self._touched,
+            self.fixed,
+            size,
+            self.contact,
+            rigid=int(np.count_nonzero(~self.fixed[rigid:])),
+            symmetric=symmetric,
         )
         self._preconditioners[ksp.handle] = preconditioner
         pc.setType(PETSc.PC.Type.PYTHON)

@@ -16,7 +16,7 @@ filtering (Petrides et al. 2025, arXiv:2505.18576).  The residual is zero on c f
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -29,8 +29,10 @@ from signorini_fx.linalg.callbacks import called_back
 from signorini_fx.linalg.elasticity import Level
 from signorini_fx.linalg.full import can_factorise, factorisation_package
 from signorini_fx.linalg.joined import JoinedBodies
+from signorini_fx.linalg.nodal_blocks import NodalBlocks
 from signorini_fx.linalg.petsc_c import call
-from signorini_fx.tuned import HELD_STIFFNESS, MOST_COARSEST_UNKNOWNS, SMOOTHED_SPECTRUM
+from signorini_fx.linalg.rigid_unknowns import relative_to_rigid_bodies, with_rigid_bodies
+from signorini_fx.tuned import MOST_COARSEST_UNKNOWNS, SMOOTHED_SPECTRUM
 
 Array = npt.NDArray[np.float64]
 # Coarse functions that truncation leaves nothing of get this share of the diagonal that they had: far below the
@@ -81,6 +83,11 @@ class Hierarchy:
         for one in coarse:
             one.setOption(PETSc.Mat.Option.SPD, True)
         return cls(tuple(interpolations), tuple(coarse), _largest_eigenvalue(matrix))
+
+    def with_rigid_bodies(self, free: npt.NDArray[np.bool_]) -> Hierarchy:
+        """The same with the unknowns of rigid bodies on each level, see ``rigid_unknowns``; collective."""
+        interpolations, coarse = with_rigid_bodies(self.interpolations, self.coarse, free)
+        return replace(self, interpolations=interpolations, coarse=coarse)
 
     @classmethod
     def _aggregated(cls, matrix: PETSc.Mat) -> Hierarchy:
@@ -147,6 +154,7 @@ class ContactPreconditioner:
         fixed: the prescribed unknowns of this rank.
         size: unknowns per node.
         contact: the map B, by which two bodies move together on coarse levels; see ``joined``.
+        rigid: how many of the contact unknowns of this rank are those of rigid bodies, the last ones.
         symmetric: whether the tangent is.
     """
 
@@ -159,9 +167,11 @@ class ContactPreconditioner:
         size: int,
         contact: ContactMap,
         *,
+        rigid: int = 0,
         symmetric: bool,
     ) -> None:
         self._comm = matrix.comm.tompi4py()
+        self._rigid = parallel.any_rank(self._comm, rigid > 0)
         self._hierarchy = hierarchy
         self._symmetric = symmetric
         self._unknowns = unknowns
@@ -175,7 +185,8 @@ class ContactPreconditioner:
         self._prescribed = self._diagonal.getArray(readonly=True)[fixed]
         self._interpolation = hierarchy.interpolations[0]
         self._product = rows.matMult(self._interpolation)
-        self._nodes = _NodalBlocks(self._elastic, unknowns, size)
+        self._nodes = NodalBlocks(self._elastic, unknowns[: unknowns.size - rigid], size)
+        self._diagonal.getArray()[unknowns[unknowns.size - rigid :]] = np.inf  # which no smoother moves
         # P_c, with room for what a projection of its nodes may mix.
         self._unmixed = self._interpolation.createSubMatrix(self._places, None)
         self._at_contact = self._unmixed.copy()
@@ -183,6 +194,8 @@ class ContactPreconditioner:
         none = self._nodes.matrix(np.zeros(self._nodes.shape))
         if self._joined is not None:
             none = self._joined.moved(np.zeros(contact.points.movable.shape))
+        elif self._rigid:
+            self._unmixed = relative_to_rigid_bodies(contact, self._places, rigid).matMult(self._unmixed)
         mixed = none.matMult(self._unmixed)
         self._at_contact.axpy(1.0, mixed, structure=_DIFFERENT)
         self._truncated = self._interpolation.copy()
@@ -277,6 +290,10 @@ class ContactPreconditioner:
         moved = onto.matMult(self._unmixed)
         left = self._at_contact.copy()
         left.axpy(-1.0, moved, structure=_SUBSET)
+        yielding = left
+        if self._rigid and self._joined is None:
+            yielding = self._unmixed.copy()
+            yielding.axpy(-1.0, moved, structure=_DIFFERENT)
         rows = self._places.getIndices()
         if rows.size:
             starts, columns, values = left.getValuesCSR()
@@ -284,8 +301,8 @@ class ContactPreconditioner:
         self._truncated.assemble()
         self._inverse = self._inverse_diagonal(held)
         half = moved.transposeMatMult(self._product)
-        change = self._elastic.ptap(moved)
-        change.axpy(1.0, rest.ptap(left), structure=_DIFFERENT)
+        change = moved.transposeMatMult(self._elastic.matMult(moved))
+        change.axpy(1.0, yielding.transposeMatMult(rest.matMult(yielding)), structure=_DIFFERENT)
         change.axpy(-1.0, half, structure=_DIFFERENT)
         change.axpy(-1.0, half.transpose(PETSc.Mat()), structure=_DIFFERENT)
         below = (*self._hierarchy.interpolations[1:], None)
@@ -304,11 +321,12 @@ class ContactPreconditioner:
             coarse.setOption(PETSc.Mat.Option.SPD, True)
             self._smoothers[place].setOperators(coarse)
             if interpolation is not None:
-                change = change.ptap(interpolation)
+                change = interpolation.transposeMatMult(change.matMult(interpolation))
 
     def _inverse_diagonal(self, held: Array) -> PETSc.Mat:
         """D^-1 of the directions that are free to move."""
-        nodes, unknowns = self._nodes, self._unknowns
+        nodes = self._nodes
+        unknowns = self._unknowns[: nodes.starts.size - 1]
         first, last = self._diagonal.getOwnershipRange()
         others = np.ones(last - first, dtype=bool)
         others[unknowns] = False
@@ -350,101 +368,3 @@ class ContactPreconditioner:
         self._right.getArray()[:] = right.getArray(readonly=True)[unknowns] - self._left.getArray(readonly=True)
         self._solver.apply(self._right, self._left)
         x.getArray()[unknowns] += self._left.getArray(readonly=True)
-
-
-class _NodalBlocks:
-    """The blocks that contact matrices have at the nodes of this rank.
-
-    A node has those of its unknowns that are contact unknowns; blocks are of shape (nodes, size, size), with zeros for
-    the others.
-
-    Args:
-        elastic: A_cc.
-        unknowns: the contact unknowns of this rank, in the local part of x, ascending.
-        size: unknowns per node.
-
-    Attributes:
-        starts, columns: the rows of this rank of a matrix with these blocks, columns by their place in ``unknowns``.
-        scale: mean stiffness of each node, force per length, shape (nodes,).
-    """
-
-    def __init__(self, elastic: PETSc.Mat, unknowns: npt.NDArray[np.int64], size: int) -> None:
-        self._comm, self._sizes = elastic.comm, elastic.getSizes()
-        self._first = elastic.getOwnershipRange()[0]
-        nodes, node = np.unique(unknowns // size, return_inverse=True)
-        self.shape = (nodes.size, size, size)
-        self._node, self._component = node.ravel(), unknowns % size
-        counts = np.bincount(self._node, minlength=nodes.size)[self._node]
-        self.starts = np.concatenate(([0], np.cumsum(counts)))
-        begins = np.searchsorted(self._node, self._node)
-        self._rows = np.repeat(np.arange(unknowns.size), counts)
-        self.columns = np.repeat(begins - self.starts[:-1], counts) + np.arange(self._rows.size)
-        self._elastic = self._blocks(elastic)
-        there = self._components()
-        trace = np.trace(self._elastic, axis1=1, axis2=2)
-        self.scale = np.divide(trace, there.sum(axis=1), out=np.ones_like(trace), where=there.any(axis=1))
-
-    def _components(self) -> npt.NDArray[np.bool_]:
-        there = np.zeros(self.shape[:2], dtype=bool)
-        there[self._node, self._component] = True
-        return there
-
-    def values(self, blocks: Array) -> Array:
-        """The entries of blocks in the order of ``columns``."""
-        node, row, column = self._node[self._rows], self._component[self._rows], self._component[self.columns]
-        return np.asarray(blocks[node, row, column])
-
-    def matrix(self, blocks: Array) -> PETSc.Mat:
-        """The matrix with these blocks; collective."""
-        csr = (
-            self.starts.astype(PETSc.IntType),
-            (self._first + self.columns).astype(PETSc.IntType),
-            self.values(blocks),
-        )
-        return PETSc.Mat().createAIJ(self._sizes, csr=csr, comm=self._comm)
-
-    def _blocks(self, matrix: PETSc.Mat) -> Array:
-        """Those of a matrix like A_cc."""
-        starts, columns, values = matrix.getValuesCSR()
-        row, column = np.repeat(np.arange(self._node.size), np.diff(starts)), columns - self._first
-        own = (column >= 0) & (column < self._node.size)
-        row, column, values = row[own], column[own], values[own]
-        same = self._node[row] == self._node[column]
-        row, column = row[same], column[same]
-        blocks = np.zeros(self.shape)
-        blocks[self._node[row], self._component[row], self._component[column]] = values[same]
-        return blocks
-
-    def split(self, contact: PETSc.Mat, rows: PETSc.Mat) -> tuple[Array, Array]:
-        """What contact adds to A at each node: projections E onto the directions that it holds, and the rest of it.
-
-        Args:
-            contact: (A + C)_cc; where a constraint is put in, its row and column are empty but for the diagonal.
-            rows: the rows of A + C at the contact unknowns.
-        """
-        added = (self._blocks(contact) - self._elastic) / self.scale[:, None, None]
-        starts, _, values = rows.getValuesCSR()
-        constrained = np.zeros(self.shape[:2], dtype=bool)
-        entries = np.add.reduceat(np.append(values != 0, False), starts[:-1]) if self._node.size else np.zeros(0)
-        constrained[self._node, self._component] = entries <= 1
-        added[constrained[:, :, None] | constrained[:, None, :]] = 0.0
-        node, component = np.nonzero(constrained)
-        added[node, component, component] = 1.0 / np.finfo(float).eps
-        # The blocks of the monolithic method are not symmetric: what they hold is what they do not map to nearly zero.
-        _, stiffness, directions = np.linalg.svd(added)
-        stiff = directions * (stiffness > HELD_STIFFNESS)[:, :, None]
-        held = stiff.transpose(0, 2, 1) @ stiff
-        free = np.eye(self.shape[1]) - held
-        rest = free @ (added + added.transpose(0, 2, 1)) @ free * (self.scale / 2)[:, None, None]
-        return held, rest
-
-    def inverse(self, held: Array) -> Array:
-        """Of the diagonal of A, on the directions that are not held; what contact adds softly takes no fewer steps."""
-        size = self.shape[1]
-        there = self._components()
-        diagonal = np.diagonal(self._elastic, axis1=1, axis2=2)
-        diagonal = np.where(there, diagonal, self.scale[:, None])
-        free = np.eye(size) - held
-        block = free @ (diagonal[:, :, None] * free)
-        scale = self.scale[:, None, None]
-        return np.asarray(np.linalg.inv(block + scale * held) - held / scale)

@@ -35,7 +35,9 @@ class ContactTangent:
         self._operator.diagonalScale(R=free)
         self._law = contact.law
         self._blocks = contact.law(np.ones(contact.points.movable.shape))
-        self._product = self._blocks.ptap(self._operator)
+        # By two products: where rigid bodies move, B has dense columns, with which ``ptap`` takes quadratic time.
+        self._half = self._blocks.matMult(self._operator)
+        self._product = self._operator.transposeMatMult(self._half)
         starts, self._columns, _ = self._product.getValuesCSR()
         touched = np.flatnonzero(np.diff(starts))
         self._rows = (matrix.getOwnershipRange()[0] + touched).astype(PETSc.IntType)
@@ -64,7 +66,8 @@ class ContactTangent:
         since = None if known[1] is None else moved
         if changed > 0:
             self.inserted[matrix.handle] = blocks
-            self._law(self._weight * blocks, self._blocks).ptap(self._operator, result=self._product)
+            self._law(self._weight * blocks, self._blocks).matMult(self._operator, result=self._half)
+            self._operator.transposeMatMult(self._half, result=self._product)
             _, _, added = self._product.getValuesCSR()
             if self._rows.size:
                 matrix.setValuesIJV(self._starts, self._columns, self._elastic + added, rowmap=self._rows)

@@ -1,0 +1,111 @@
+"""Unknowns of rigid bodies for multigrid: the last k of the system, on its last rank, which contact alone acts on.
+
+They are on every level.  Where contact holds the nodes, a coarse function moves a rigid body and these nodes with it:
+with E of ``multigrid`` and motions G of the contact unknowns for which B (G, 1) = 0, the finest interpolation is
+
+    [P - E P_c, E G; 0, 1].
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from signorini_fx import parallel
+from signorini_fx.contact.map import ContactMap
+
+# Share of the coarse diagonal that a rigid body has which contact does not reach: far above round-off.
+_LEAST = 1e-10
+_STEPS, _TOLERANCE = 100, 1e-12
+
+
+def of_nodes(matrix: PETSc.Mat, more: int) -> PETSc.Mat:
+    """A copy of A without the last unknowns; collective.
+
+    Args:
+        matrix: A.
+        more: how many of the unknowns of this rank are those of rigid bodies.
+    """
+    first, last = matrix.getOwnershipRange()
+    rows = PETSc.IS().createStride(last - first - more, first, 1, comm=matrix.comm)
+    found = matrix.createSubMatrix(rows, rows)
+    found.setOption(PETSc.Mat.Option.SPD, True)
+    return found
+
+
+def with_rigid_bodies(
+    interpolations: tuple[PETSc.Mat, ...], coarse: tuple[PETSc.Mat, ...], free: npt.NDArray[np.bool_]
+) -> tuple[tuple[PETSc.Mat, ...], tuple[PETSc.Mat, ...]]:
+    """Interpolations and coarse matrices of a hierarchy of the nodes, with the unknowns of rigid bodies; collective.
+
+    Args:
+        interpolations: P_0, P_1, ...
+        coarse: A_1, A_2, ...
+        free: which of those of this rank are not prescribed; the others are on the finest level alone.
+    """
+    every = np.ones(np.count_nonzero(free), dtype=bool)
+    found = tuple(_bordered(matrix, every if level else free, 1.0) for level, matrix in enumerate(interpolations))
+    levels = tuple(_bordered(matrix, every, _LEAST * matrix.getDiagonal().max()[1]) for matrix in coarse)
+    for level in levels:
+        level.setOption(PETSc.Mat.Option.SPD, True)
+    return found, levels
+
+
+def _bordered(matrix: PETSc.Mat, free: npt.NDArray[np.bool_], entry: float) -> PETSc.Mat:
+    """[A 0; 0 D] with a row more for each unknown of a rigid body and a column for each free one; collective.
+
+    Args:
+        matrix: A.
+        free: of this rank.
+        entry: of D, where the row of a free one meets its column.
+    """
+    (rows, _), (columns, every) = matrix.getSizes()
+    starts, names, values = matrix.getValuesCSR()
+    count = np.count_nonzero(free)
+    csr = (
+        np.append(starts, starts[-1] + np.cumsum(free)).astype(PETSc.IntType),
+        np.append(names, every + np.arange(count)).astype(PETSc.IntType),
+        np.append(values, np.full(count, entry)),
+    )
+    return PETSc.Mat().createAIJ(((rows + free.size, None), (columns + count, None)), csr=csr, comm=matrix.comm)
+
+
+def relative_to_rigid_bodies(contact: ContactMap, places: PETSc.IS, rigid: int) -> PETSc.Mat:
+    """[1, -G; 0, 0] on the contact unknowns: how nodes move relative to rigid bodies; collective.
+
+    Args:
+        contact: B.
+        places: the contact unknowns of this rank, those of rigid bodies last.
+        rigid: how many of them are those of rigid bodies.
+    """
+    comm, own = places.comm, places.getIndices()
+    nodes, count = own.size - rigid, int(parallel.global_sum(comm.tompi4py(), np.array(rigid)))
+    first, last = contact.operator.getOwnershipRange()
+    rows = PETSc.IS().createStride(last - first, first, 1, comm=comm)
+    operator = contact.operator.createSubMatrix(rows, PETSc.IS().createGeneral(own[:nodes], comm=comm))
+    ksp = PETSc.KSP().create(comm)
+    ksp.setType(PETSc.KSP.Type.LSQR)
+    ksp.getPC().setType(PETSc.PC.Type.NONE)
+    ksp.setOperators(operator)
+    ksp.setTolerances(rtol=_TOLERANCE, max_it=_STEPS)
+    motion, moved = operator.createVecs()
+    unit = contact.operator.createVecRight()
+    numbers = parallel.gather_rows(comm.tompi4py(), own[nodes:, None].astype(np.float64))[:, 0].astype(PETSc.IntType)
+    found = np.empty((nodes, count))
+    for column, number in enumerate(numbers):
+        unit.set(0.0)
+        if unit.getOwnershipRange()[0] <= number < unit.getOwnershipRange()[1]:
+            unit.setValue(number, 1.0)
+        unit.assemble()
+        contact.operator.mult(unit, moved)
+        ksp.solve(moved, motion)  # B_u (-G) = B_q
+        found[:, column] = motion.getArray(readonly=True)
+    every = PETSc.Vec().createMPI((own.size, None), comm=comm)
+    begin, total = every.getOwnershipRange()[0], every.getSize()
+    names = np.column_stack((begin + np.arange(nodes), np.tile(np.arange(total - count, total), (nodes, 1))))
+    starts = np.minimum(np.arange(own.size + 1), nodes) * (1 + count)
+    values = np.column_stack((np.ones(nodes), found))
+    csr = (starts.astype(PETSc.IntType), names.ravel().astype(PETSc.IntType), values.ravel())
+    sizes = (own.size, None)
+    return PETSc.Mat().createAIJ((sizes, sizes), csr=csr, comm=comm)
