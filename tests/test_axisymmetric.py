@@ -9,15 +9,16 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone
 
-from signorini_fx import SceneError
+from signorini_fx import ConvergenceError, SceneError
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.assembly import action
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.check.checks import check_scene
 from signorini_fx.mesh.tagged import tag_boundaries
-from signorini_fx.records import Timings
+from signorini_fx.records import Status, Timings
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.results.promised_law import Tractions
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 
@@ -85,6 +86,54 @@ def test_pressed_cylinder(cells, degree, linear_algebra):
     recovery = StressRecovery.of(solution.discretisation)
     assert recovery.error(solution.displacement.x.array) <= 1e-5 * np.sqrt(2 * strained)
     assert recovery.energy(solution.displacement.x.array) == pytest.approx(strained, rel=1e-8)
+
+
+TOP = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0], "pivot": [0.0, 1.0]}
+
+
+@pytest.mark.parametrize(
+    ("linear_algebra", "cells", "degree"),
+    [("full", "triangle", 1), ("condensed", "quadrilateral", 2), ("krylov", "quadrilateral", 1)],
+)
+def test_cylinder_pressed_by_a_force(linear_algebra, cells, degree):
+    """A plate that a force moves, and nothing else holds but the cylinder on its ground: the same exact state."""
+    if linear_algebra == "condensed" and COMM.size > 1:
+        pytest.skip("condensation is for one rank")
+    p = 3.0
+    total = np.pi * 2.0**2 * p
+
+    def given(force):
+        contact = [{"boundary": "bottom"}, {"boundary": "top", "foundation": {**TOP, "force": [0.0, force]}}]
+        solver = {"algorithm": "alm", "linear_algebra": linear_algebra, "tolerance": 1e-13}
+        return scene(section(cells=cells), degree, contact=contact, solver=solver)
+
+    solution = solve(given(-total))
+    x, y = nodes(solution)
+    expected = np.column_stack((POISSON * p * x[:, 0], -p * x[:, 1])) / YOUNG
+    assert np.abs(y - expected).max(initial=0.0) <= 1e-8 * p / YOUNG
+    (tool,) = solution.last_step.tools
+    assert np.append(tool.translation, tool.rotation) == pytest.approx([0.0, -p / YOUNG, 0.0], rel=1e-8, abs=1e-14)
+    row = tool.as_dict(solution.contact, solution.scene.contact[1], axisymmetric=True)
+    assert [*row["force"], row["moment"]] == pytest.approx([0.0, total, 0.0], rel=1e-9)
+    tagged, tractions = solution.discretisation.tagged, Tractions.of(solution.contact)
+    judged = certify(given(-1.01 * total), tagged, solution.displacement, tractions, tools=(tool,))
+    assert judged.equilibrium > 1e-3
+    with pytest.raises(ConvergenceError) as raised:
+        solve(given(total))
+    assert raised.value.solution.status is Status.OPEN
+
+
+@pytest.mark.parametrize(
+    ("driven", "name"),
+    [
+        ({"force": [1.0, -1.0]}, "force"),
+        ({"force": [0.0, -1.0], "moment": 1.0}, "moment"),
+        ({"prescribed": {"x": 0.0, "y": -0.1}}, "prescribed"),
+    ],
+)
+def test_axisymmetric_tools_move_along_the_axis(driven, name):
+    with pytest.raises(SceneError, match=f"contact.foundation.{name}: an axisymmetric tool"):
+        scene(section(), contact={"boundary": "top", "foundation": {**TOP, **driven}})
 
 
 @pytest.mark.mpi

@@ -94,6 +94,39 @@ gap = 0.01
 direction = [0.2, -1.0]
 friction = { law = "coulomb", coefficient = 0.1 }
 """
+# A block between the ground, to which it drops, and a plate that forces move.
+TOOL = """
+mesh = { generator = "rectangle", parameters = { length = 3.0, nx = 18, ny = 6 } }
+material = { young = 5000.0, poisson = 0.3 }
+load_steps = { times = [1.0, 2.0, 3.0] }
+[[contact]]
+boundary = "bottom"
+gap = 0.01
+friction = { law = "coulomb", coefficient = 0.3 }
+[[contact]]
+boundary = "top"
+foundation = { shape = "plane", point = [0.0, 1.0], normal = [0.0, -1.0], pivot = [1.4, 1.0], force = ["t - 1", "-20"] }
+friction = { law = "coulomb", coefficient = 0.4 }
+"""
+# A roll that is shifted along a block and turned.
+MOVING = """
+mesh = { generator = "rectangle", parameters = { length = 3.0, nx = 24, ny = 8 } }
+material = { young = 5000.0, poisson = 0.3 }
+load_steps = { times = [1.0, 2.0, 3.0] }
+[[displacement]]
+boundary = "bottom"
+x = 0.0
+y = 0.0
+[[contact]]
+boundary = "top"
+friction = { law = "coulomb", coefficient = 0.3 }
+[contact.foundation]
+shape = "circle"
+centre = [1.4, 2.99]
+radius = 2.0
+shift = ["0.05 * (t - 1)", "-0.002 * t"]
+rotation = "0.03 * (t - 1)"
+"""
 METHODS = {
     "fp": {},
     "newton": {"coulomb": "newton"},
@@ -201,6 +234,31 @@ def test_in_space(tmp_path, method):
     solution = solve(given, checkpoint=folder, restart=True)
     assert solution.history.events[0].startswith("restart: 2 complete load steps")
     assert_same(solution, solve(given))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    ("text", "method"),
+    [(TOOL, "full"), (TOOL, "alm"), (MOVING, "fp"), (MOVING, "alm")],
+    ids=["tool", "tool, alm", "moving", "moving, alm"],
+)
+def test_foundations_that_move(tmp_path, text, method):
+    """By forces, where their motion is stored too, or with the time, where each load step has its own problem."""
+    folder, given = shared(tmp_path), scene(text, **METHODS[method])
+    interrupted(given, MPI.COMM_WORLD, folder, 3)
+    solution, reference = solve(given, checkpoint=folder, restart=True), solve(given)
+    assert solution.history.events[0].startswith("restart: 2 complete load steps")
+    assert not any("solved again" in event for event in solution.history.events)
+    for one, other in zip(solution.steps, reference.steps, strict=True):
+        assert one.certificate.holds
+        size = MPI.COMM_WORLD.allreduce(np.abs(other.contact.pressure).max(initial=0.0), op=MPI.MAX)
+        for ours, theirs in ((getattr(step.contact, name) for step in (one, other)) for name in ("pressure", "shear")):
+            np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-8 * size)
+        found, wanted = (
+            np.array([[*tool.translation, *tool.rotation] for tool in step.tools]) for step in (one, other)
+        )
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-8 * np.abs(wanted).max(initial=0.0))
+    assert solution.history.linear_solves == reference.history.linear_solves
 
 
 def a_ramp(push, **solver):

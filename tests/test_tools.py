@@ -2,6 +2,7 @@
 
 import dataclasses
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,12 +13,15 @@ from mpi4py import MPI
 from signorini_fx import ConvergenceError, SceneError, solve
 from signorini_fx.check.checks import check_scene
 from signorini_fx.check.text import render
+from signorini_fx.linalg.krylov import KrylovSystem
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.tool_motion import ToolMotion
+from signorini_fx.results.tools import unbalanced
 from signorini_fx.scene.reading import parse_scene, read_scene
+from signorini_fx.solving.sweep import sweep
 
 COMM = MPI.COMM_WORLD
 HERE = Path(__file__).parent
@@ -29,7 +33,17 @@ LAWS = {
 
 
 def block(
-    dimension=2, law="none", algebra="full", *, degree=1, cell=None, unit=(1.0, 1.0), times=None, solver=None, **tool
+    dimension=2,
+    law="none",
+    algebra="full",
+    *,
+    degree=1,
+    cell=None,
+    parts=(5, 5, 3),
+    unit=(1.0, 1.0),
+    times=None,
+    solver=None,
+    **tool,
 ):
     """A block on the ground, and a circle or a ball above it that is pressed down; ``unit``: of length and force."""
     length, force = unit
@@ -43,9 +57,7 @@ def block(
             "length": length,
             "height": length / 2,
             "width": length,
-            "nx": 5,
-            "ny": 5,
-            "nz": 3,
+            **dict(zip(("nx", "ny", "nz"), parts, strict=True)),
             "cell": cell or "hexahedron",
         },
     }
@@ -142,6 +154,51 @@ def test_a_force_and_the_motion_that_it_causes_give_the_same(dimension, law, alg
     assert forced.certificate.worst < 1e-9
 
 
+KRYLOV = [
+    (2, "coulomb", {"degree": 2, "cell": "triangle"}),
+    (3, "coulomb", {"cell": "tetrahedron"}),
+    (3, "tresca", {"degree": 2, "cell": "tetrahedron"}),
+]
+
+
+@pytest.mark.parametrize(("dimension", "law", "element"), KRYLOV)
+def test_a_krylov_method_gives_the_same(dimension, law, element):
+    given, free = pressed(dimension, law), {"pivot": [0.4, 0.5, 0.6][:dimension], "prescribed": {}}
+    full, krylov = (solve(block(dimension, law, kind, **element, **given | free)) for kind in ("full", "krylov"))
+    assert krylov.linear_algebra.startswith("krylov")
+    assert apart(full, krylov) < 1e-8
+    (tool,), (other,) = full.last_step.tools, krylov.last_step.tools
+    far = np.abs(tool.translation).max()
+    assert np.abs(np.append(tool.translation - other.translation, tool.rotation - other.rotation)).max() < 1e-8 * far
+
+
+def test_multigrid_takes_as_many_steps_as_for_a_prescribed_motion(monkeypatch):
+    """On two meshes, nested, with a tool that may tilt: it has a few unknowns more on each level, and no more steps."""
+    spent, configure = {}, KrylovSystem.configure
+
+    def watched(self, ksp, **how):
+        def note(solver, b, _):
+            spent[size] = spent.get((size := b.getSize()), 0) + solver.getIterationNumber()
+
+        configure(self, ksp, **how)
+        ksp.setPostSolve(note)
+
+    def steps(**tool):
+        spent.clear()
+        solved = solve(block(3, "none", "krylov", parts=(10, 10, 6), solver={"levels": 2, "gamma_n": "auto"}, **tool))
+        assert solved.converged
+        assert len(solved.levels) == 2
+        return spent[max(spent)], solved
+
+    monkeypatch.setattr(KrylovSystem, "configure", watched)
+    given, at = pressed(3, "none"), {"pivot": [0.45, 0.5, 0.5]}
+    still = {"x": 0.0, "y": 0.0, "rotation_z": 0.0}
+    forced, solution = steps(**given | {"prescribed": still} | at)
+    (tool,) = solution.last_step.tools
+    assert np.abs(tool.rotation).max() > 1e-6  # the ball is not above the middle of the block
+    assert forced <= 1.3 * steps(**prescribed(tool), **at)[0] + 2
+
+
 def posts(apart_by=10.0, width=0.1, height=1.0):
     """Two columns with one contact boundary, their tops."""
     both = [Box("1", -width / 2, 0.0, width, height, 4, 6), Box("2", apart_by - width / 2, 0.0, width, height, 4, 6)]
@@ -178,6 +235,17 @@ def test_a_plate_on_two_posts_tilts_as_statics_says(algebra):
     assert np.isclose(tool.rotation[0], (sunk[0] - sunk[1]) / 10.0, rtol=1e-3)
     assert np.isclose(tool.translation[1], -(0.75 * sunk[0] + 0.25 * sunk[1]), rtol=1e-3)
     assert solution.safety is not None
+
+
+def test_a_sweep_solves_each_load():
+    """Twice the force: twice the motion of a plate that stays on its posts, and what its own scene gives."""
+    found = sweep(on_posts(), COMM, loads=[1.0, 2.0])
+    wanted = solve(on_posts((0.0, -6.0)))
+    (one,), (other,), (own,) = (*(point.tools() for point in found), wanted.last_step.tools)
+    assert np.allclose(2 * one.translation, other.translation, rtol=1e-3)
+    assert np.allclose(other.translation, own.translation, rtol=1e-9)
+    assert np.allclose(found[1].contact.pressure, wanted.contact.pressure, rtol=1e-7)
+    assert all(point.certificate().holds for point in found)
 
 
 OUTCOMES = [
@@ -217,11 +285,17 @@ def three_posts():
     return tag_boundaries(columns, tops), axes
 
 
-def test_a_plate_on_three_posts_tilts_as_statics_says():
-    """In space: three unknown forces from a force and two moments, and the plane through what sinks."""
+@pytest.mark.parametrize("pivot", [(0.8, 0.7), (0.2, 1.5)])
+def test_a_plate_on_three_posts_tilts_as_statics_says(pivot):
+    """In space: three unknown forces from a force and two moments, and the plane through what sinks; the same with the
+    force at another point, and its moment.
+    """
     mesh, axes = three_posts()
     at, force = np.array([0.8, 0.7]), 2.0
-    tool = {"shape": "plane", "point": [0.0, 0.0, 0.5], "normal": [0.0, 0.0, -1.0], "pivot": [*at, 0.5]}
+    moment = np.cross([*(at - pivot), 0.0], [0.0, 0.0, -force])
+    tool = {"shape": "plane", "point": [0.0, 0.0, 0.5], "normal": [0.0, 0.0, -1.0], "pivot": [*pivot, 0.5]}
+    if moment.any():
+        tool["moment"] = moment.tolist()
     scene = parse_scene(
         {
             "mesh": mesh,
@@ -333,6 +407,34 @@ def test_the_certificate_knows_the_force():
     assert not judged(tools=(dataclasses.replace(tool, rotation=np.array([1e-3])),)).holds
 
 
+@pytest.mark.parametrize("unit", [(1e-9, 1.0), (1e9, 1.0)])
+def test_the_certificate_knows_each_component_in_any_unit(unit):
+    """A rotation is no length, and a moment no force: a wrong one is seen beside large or small other ones."""
+    length = unit[0]
+    motion = {"x": 1e-3 * length, "y": -2e-3 * length, "rotation": 2e-3}
+    solution = solve(block(2, "coulomb", unit=unit, pivot=[0.4 * length, 0.5 * length], prescribed=motion))
+    tagged, tractions, tools = (
+        solution.discretisation.tagged,
+        Tractions.of(solution.contact),
+        solution.last_step.tools,
+    )
+
+    def judged(**changed):
+        scene = block(2, "coulomb", unit=unit, pivot=[0.4 * length, 0.5 * length], prescribed=motion | changed)
+        law = solution.certificate.law
+        return certify(scene, tagged, solution.displacement, tractions, law=law, tools=tools).equilibrium
+
+    assert judged() < 1e-9
+    for name, value in motion.items():
+        assert judged(**{name: 1.01 * value}) > 1e-3
+
+
+def test_the_certificate_knows_a_moment_that_nothing_balances():
+    nothing = SimpleNamespace(resultant=lambda *_: (np.zeros(3), 0.0, 1.0))
+    tool = ToolMotion(0, "top", np.zeros(2), np.zeros(2), np.zeros(1))
+    assert unbalanced(block(moment=1e-3), nothing, [tool], 0, 1.0, 0.0) == 1.0
+
+
 def test_motions_are_rigid():
     """The second opinion's own formula: distances and angles stay to first order."""
     rng = np.random.default_rng(3)
@@ -351,9 +453,7 @@ REFUSED = [
     ({"force": [0.0, "x[0]"]}, "number or an expression of the time t"),
     ({"force": [0.0, -1.0], "shift": ["0.1 * t", 0.0]}, "choose one of both"),
     ({"force": [0.0, -1.0], "pivot": None}, "pivot: give the point where the force acts"),
-    ({"force": [0.0, -1.0], "solver": {"linear_algebra": "krylov"}}, "krylov is not possible yet"),
     ({"force": [0.0, -1.0], "solver": {"algorithm": "exact"}}, "exact needs one unknown"),
-    ({"force": [0.0, -1.0], "solver": {"levels": 2}}, "a sequence of meshes"),
 ]
 
 

@@ -224,7 +224,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
     with timings.phase("assemble"):
         shapes = foundations.shapes()
         boundary = foundations.boundary(shapes, fixed, turned) if on else None
-        tools = RigidTools.of(scene.contact, tagged.dimension, tagged.size)
+        tools = RigidTools.of(scene.contact, tagged.dimension, tagged.size, axisymmetric=scene.axisymmetric)
         if boundary is not None and tools is not None:
             boundary = tools.on(boundary)
             applied += [tool_load(tools, number, scene, space) for number in range(tools.parts.size)]

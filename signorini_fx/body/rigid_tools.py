@@ -31,6 +31,8 @@ from signorini_fx.body.kinematics import KINEMATICS
 from signorini_fx.body.rigid import rigid_modes
 
 _Floats = npt.NDArray[np.float64]
+# The components of the motion of a tool that is axisymmetric with the body which are zero.
+AXISYMMETRIC_STILL = np.array([True, False, True])
 
 
 @dataclass(frozen=True)
@@ -55,21 +57,26 @@ class RigidTools:
         shapes: what drives them, see ``scene.rigid_motion``.
         centre: their reference points, length, shape (t, d).
         length: L.
+        axisymmetric: whether they move along x[1] alone, which is the axis of revolution.
     """
 
     parts: npt.NDArray[np.int64]
     shapes: Sequence[Any]
     centre: _Floats
     length: float
+    axisymmetric: bool = False
 
     @classmethod
-    def of(cls, contacts: Sequence[Any], dimension: int, length: float) -> RigidTools | None:
+    def of(
+        cls, contacts: Sequence[Any], dimension: int, length: float, *, axisymmetric: bool = False
+    ) -> RigidTools | None:
         """Those among the contacts of a scene; None: there are none."""
         parts = [place for place, one in enumerate(contacts) if one.tool is not None]
         if not parts:
             return None
         shapes = [contacts[place].tool for place in parts]
-        return cls(np.array(parts), shapes, np.array([shape.reference(dimension) for shape in shapes]), length)
+        centre = np.array([shape.reference(dimension) for shape in shapes])
+        return cls(np.array(parts), shapes, centre, length, axisymmetric)
 
     @property
     def dimension(self) -> int:
@@ -97,7 +104,8 @@ class RigidTools:
     @property
     def fixed(self) -> npt.NDArray[np.bool_]:
         """Which unknowns are prescribed, shape (k,)."""
-        return np.concatenate([~np.isnan(shape.drive(self.dimension, 0.0)[1]) for shape in self.shapes])
+        given = [~np.isnan(shape.drive(self.dimension, 0.0)[1]) for shape in self.shapes]
+        return np.concatenate([flags | AXISYMMETRIC_STILL if self.axisymmetric else flags for flags in given])
 
     def driven(self, number: int, time: float) -> Driven:
         """What drives one of them at a time."""

@@ -254,14 +254,20 @@ def _not_with_tools(scene: Any, place: int) -> Contradictions:
     """Why a foundation whose motion is an unknown does not go together with other entries."""
     solver, tool = scene.solver, "where a force moves a foundation"
     for wrong, key, reason in (
-        (solver.levels > 1, ("solver", "levels"), "a sequence of meshes is not possible yet"),
         (scene.accuracy is not None, ("accuracy",), "a requested accuracy is not possible yet"),
         (solver.algorithm == "exact", ("solver", "algorithm"), "exact needs one unknown for each constraint"),
-        (solver.linear_algebra == "krylov", ("solver", "linear_algebra"), "krylov is not possible yet"),
-        (scene.axisymmetric, ("material", 0, "hypothesis"), "axisymmetric is not possible yet"),
     ):
         if wrong:
             yield key, f"{reason} {tool}"
+    driven = scene.contact[place].tool
+    given = driven.prescribed
+    for wrong, name in (
+        (driven.force is not None and driven.force[0] != 0.0, "force"),
+        (driven.moment is not None, "moment"),
+        (given is not None and (given.x, given.rotation) != (None, None), "prescribed"),
+    ):
+        if wrong and scene.axisymmetric:
+            yield ("contact", place, "foundation", name), "an axisymmetric tool moves along its axis x[1] alone"
     if any(one.timed for one in scene.contact):
         here = ("contact", place, "foundation")
         yield here, "shift or rotation with t, here or elsewhere, and force, moment or prescribed: choose one of both"

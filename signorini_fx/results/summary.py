@@ -131,8 +131,9 @@ def _by_axis(name: str, value: Any) -> dict[str, float]:
 
 def _tools(solution: Solution, contact: ContactState) -> list[dict[str, Any]]:
     """A row for each rigid tool; collective."""
-    effects = solution.scene.contact
-    return [tool.as_dict(contact, effects[tool.part]) for tool in solution.last_step.tools]
+    effects, axisymmetric = solution.scene.contact, solution.scene.axisymmetric
+    tools = solution.last_step.tools
+    return [tool.as_dict(contact, effects[tool.part], axisymmetric=axisymmetric) for tool in tools]
 
 
 def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:

@@ -71,12 +71,13 @@ class ToolMotion:
             off = np.abs(moved - gap + np.sum(normal * self.at(x), axis=1))
         return float(parallel.global_max(boundary.comm, parallel.local_max(off)))
 
-    def as_dict(self, contact: ContactState, effect: Any) -> dict[str, Any]:
+    def as_dict(self, contact: ContactState, effect: Any, *, axisymmetric: bool = False) -> dict[str, Any]:
         """A row of the summary: its motion, the force and moment of the body on it, and ``gap_error``; collective.
 
         Args:
             contact: the state at the contact points.
             effect: its contact in the scene.
+            axisymmetric: whether forces are those of a revolution, of which the radial ones and moments cancel.
         """
         boundary, dim = contact.boundary, self.reference.size
         here = boundary.part == self.part
@@ -84,6 +85,8 @@ class ToolMotion:
         moments = KINEMATICS[dim].turned(boundary.centre[here] - self.reference, forces)
         sums = [forces.sum(axis=0), moments.sum(axis=0), *(np.abs(one).sum(axis=0) for one in (forces, moments))]
         total = parallel.global_sum(boundary.comm, np.concatenate(sums))
+        if axisymmetric:
+            total[[0, 2]] = 0.0
         size = total[sums[0].size + sums[1].size :]
         moment = clean(total[dim : sums[0].size + sums[1].size].tolist(), float(size[dim:].max()))
         moved, turned = (clean(one.tolist(), float(np.abs(one).max())) for one in (self.translation, self.rotation))

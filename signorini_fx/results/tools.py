@@ -30,12 +30,19 @@ def unbalanced(
         dim, shape = tool.reference.size, scene.contact[tool.part].tool
         factor, time = scene.driving(shape, step)
         given, prescribed = shape.drive(dim, time)
+        if scene.axisymmetric:
+            prescribed[[0, 2]] = 0.0  # radial motion and rotation
         free, motion = np.isnan(prescribed), np.append(tool.translation, tool.rotation)
         taken, size, reach = nodes.resultant(tool.part, tool.reference)
-        rest = scale * factor * given + taken
-        rest[dim:] /= reach
-        size = max(size, float(np.abs(scale * factor * given[:dim]).max()), least)
-        missed, far = np.abs(motion - scale * factor * prescribed)[~free], np.abs(motion).max()
+        # Moments as forces and rotations as lengths at this lever, so that neither depends on units.
+        lever = np.append(np.ones(dim), np.full(motion.size - dim, reach or 1.0))
+        given, motion, prescribed = scale * factor * given / lever, motion * lever, scale * factor * prescribed * lever
+        rest = given + taken / lever
+        size = max(size, float(np.abs(given).max()), least)
+        missed, far = (
+            np.abs(motion - prescribed)[~free],
+            max(np.abs(motion).max(), np.abs(prescribed[~free]).max(initial=0)),
+        )
         found = max(found, float(np.abs(rest[free]).max(initial=0.0)) / size if size > 0 else 0.0)
         found = max(found, float(missed.max(initial=0.0)) / far if far > 0 else float(missed.max(initial=0.0) > 0))
     return found

@@ -69,9 +69,8 @@ def load_step(
 
     def attempt() -> LoadStep:
         before = history.linear_solves
-        place, d, problem, begin, earlier = path.next, discretisation.placed(path.next), task, start, last
-        if d is not discretisation:
-            problem, begin, earlier = on_moved_foundations(discretisation, d, renew(d), start, last)
+        place = path.next
+        d, problem, begin, earlier = _placed(place, discretisation, task, start, last, renew)
         here = replace(
             begin,
             place=place,
@@ -100,6 +99,23 @@ def load_step(
         settled=lambda step: step.result.status is Status.CONVERGED,
         restore=lambda: newton.restore(begun),
     )[-1]
+
+
+def _placed(
+    place: float,
+    earlier: Discretisation,
+    task: Task,
+    start: Start,
+    last: Before | None,
+    renew: Callable[[Discretisation], Task],
+) -> tuple[Discretisation, Task, Start, Before | None]:
+    """The scene with its foundations where they are at a place, its contact problem, where the load step starts, and
+    the end of the last one; collective.
+    """
+    found = earlier.placed(place)
+    if found is earlier:
+        return earlier, task, start, last
+    return found, *on_moved_foundations(earlier, found, renew(found), start, last)
 
 
 def on_moved_foundations(
@@ -145,14 +161,19 @@ def recalled_step(
     timings: Timings,
     kept: Kept,
     path: LoadPath,
+    renew: Callable[[Discretisation], Task],
 ) -> LoadStep | None:
     """The next load step as an earlier run has left it; None if it is not there, or is no solution."""
+    place = kept.place(start.step)
+    if place is None:
+        return None
     begun = task.iterate.newton.checkpoint()
     with timings.phase("restart"):
-        recalled = kept.recall(discretisation, task, start)
+        d, problem, begin, earlier = _placed(place, discretisation, task, start, last, renew)
+        recalled = kept.recall(d, problem, begin)
     if recalled is None:
         return None
-    result = _certified(discretisation, task, recalled.start, recalled.outcome, last, timings)
+    result = _certified(d, problem, recalled.start, recalled.outcome, earlier, timings)
     if result.status is not Status.CONVERGED:
         task.history.add(f"restart: {result}: {result.status.value}: it is solved again")
         kept.forget(start.step)
@@ -160,7 +181,7 @@ def recalled_step(
         return None
     recalled.accept(task.history, timings, path)
     result = replace(result, linear_solves=path.at.last)
-    return LoadStep(result, recalled.start, recalled.outcome, last, discretisation, task)
+    return LoadStep(result, recalled.start, recalled.outcome, earlier, d, problem)
 
 
 def _certified(

@@ -93,8 +93,8 @@ def _begin_at_coarse(task: Task, coarser: MeshLevel, discretisation: Discretisat
     start = level.start() if isinstance(level, MeshLevel) and level.coarser is coarser else None
     if start is not None:
         if task.rest is not None:
-            start.axpy(-1.0, discretisation.vector(discretisation.motions.displacement(task.rest.motion)))
-        task.iterate.x.getArray()[free] = start.getArray(readonly=True)[free]
+            start.getArray()[:] -= discretisation.motions.displacement(task.rest.motion).ravel()[: free.size]
+        task.iterate.x.getArray()[: free.size][free] = start.getArray(readonly=True)[free]
 
 
 def solve_contact(
@@ -121,10 +121,8 @@ def solve_contact(
         _Progress(start),
         (discretisation, task),
     )
-    if any(effect.timed or effect.tool is not None for effect in discretisation.scene.contact):
-        kept = None  # load steps are stored for one contact problem only
     if discretisation.mixed is not None:
-        kept = None  # and without the pressure
+        kept = None  # load steps are stored without the pressure
 
     def renew(d: Discretisation) -> Task:
         with timings.phase("condense"):
@@ -134,7 +132,7 @@ def solve_contact(
     while not path.ended:
         marks, step = progress.unstored or _marks(history), None
         if kept is not None and kept.checkpoint.found:
-            step = recalled_step(discretisation, task, progress.start, progress.last, timings, kept, path)
+            step = recalled_step(discretisation, task, progress.start, progress.last, timings, kept, path, renew)
         recalled = step is not None
         step = step or load_step(discretisation, task, progress.start, progress.last, timings, path, renew)
         anew = None if recalled or history.exhausted else _to_begin_again(path, step.result)

@@ -70,6 +70,11 @@ class Kept:
         """Whether the first load step on this mesh is there."""
         return self.checkpoint.figures(self.level, 0) is not None
 
+    def place(self, step: int) -> float | None:
+        """Of a load step, from 0; None: it is not there."""
+        figures = self.checkpoint.figures(self.level, step)
+        return None if figures is None else float(figures["place"])
+
     def forget(self, step: int) -> None:
         """Remove a load step, from 0, that turned out to be no solution, and all later ones."""
         self.checkpoint.forget(self.level, step)
@@ -130,6 +135,8 @@ class Kept:
             "events": history.events[events:],
             "seconds": parallel.largest_timings(d.comm, timings.total),
         }
+        if d.tools is not None:
+            figures["tools"] = d.driven(outcome.displacement(), task.rest).tolist()
         self.checkpoint.write(self.level, start.step, result.displacement, boundary, nodal, figures)
 
     def recall(self, d: Discretisation, task: Task, start: Start) -> Recalled | None:
@@ -154,7 +161,10 @@ class Kept:
         task.iterate.begin_step(start)
         if task.rest is not None:
             displacement.x.array[:] -= d.motions.displacement(task.rest.motion).ravel()
-        x, tangents = task.system.unknowns(d.unknowns(displacement)), d.boundary.tangents
+        every = d.unknowns(displacement)
+        if d.tools is not None:
+            d.begin_driven(every, np.array(figures["tools"]), task.rest)
+        x, tangents = task.system.unknowns(every), d.boundary.tangents
         direction = _along(nodal["direction"], tangents)
         slipping = np.linalg.norm(direction, axis=1) > 0.5
         direction = np.where(slipping[:, None], unit(direction), 0.0)

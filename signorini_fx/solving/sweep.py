@@ -25,6 +25,7 @@ from signorini_fx.problem.problem import Problem
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Law, Tractions
+from signorini_fx.results.tool_motion import ToolMotion, motions_of
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import as_scene
@@ -62,14 +63,23 @@ class SweepPoint:
 
     def displacement(self) -> fem.Function:
         """The displacement of the whole body; collective, one back substitution."""
+        return self._discretisation.from_rest(self._rest, self._unknowns())
+
+    def tools(self) -> tuple[ToolMotion, ...]:
+        """How rigid tools have moved; collective."""
+        d = self._discretisation
+        return () if d.tools is None else motions_of(d.tools, self._scene, d.driven(self._unknowns(), self._rest))
+
+    def _unknowns(self) -> PETSc.Vec:
         system = self._problem.system
         system.set_load(self._load * self._discretisation.factors(0))
-        return self._discretisation.from_rest(self._rest, system.displacement(self._x))
+        return system.displacement(self._x)
 
     def certificate(self) -> Certificate:
         """The check of the conditions of the problem on the whole body; collective."""
         d, displacement, tractions = self._discretisation, self.displacement(), Tractions.of(self.contact)
-        return certify(self._scene, d.tagged, displacement, tractions, law=self._law, scale=self._load, pairs=d.pairs)
+        given = {"law": self._law, "scale": self._load, "pairs": d.pairs, "tools": self.tools()}
+        return certify(self._scene, d.tagged, displacement, tractions, **given)
 
 
 def _coarser(scene: Scene, discretisation: Discretisation) -> MeshLevel | None:
@@ -100,7 +110,7 @@ def sweep(
         scene: the scene, or the path of its file, with one load step.
         comm: the ranks that share the work; the call is collective.
         coefficients: values that replace all coefficients of Coulomb friction in the scene.
-        loads: factors for all tractions, body forces and prescribed displacements.
+        loads: factors for all tractions, body forces, prescribed displacements, and what drives rigid tools.
 
     Raises:
         TypeError: an argument is of the wrong kind.
@@ -112,8 +122,6 @@ def sweep(
         raise SceneError([("sweep", "give either coefficients or loads")])
     if scene.several_steps or not scene.contact:
         raise SceneError([("sweep", "needs a scene with contact and one load step")])
-    if scene.tools:
-        raise SceneError([("sweep", "is not possible yet where a force moves a foundation: solve each scene")])
     if coefficients is not None and not scene.has_coulomb:
         raise SceneError([("sweep", "coefficients need a scene with Coulomb friction")])
     discretisation = discretise(scene, load_mesh(scene, comm), Timings())
