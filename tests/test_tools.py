@@ -13,6 +13,7 @@ from mpi4py import MPI
 from signorini_fx import ConvergenceError, SceneError, solve
 from signorini_fx.check.checks import check_scene
 from signorini_fx.check.text import render
+from signorini_fx.derivatives.of_scene import quantity_of, sensitivity
 from signorini_fx.linalg.krylov import KrylovSystem
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
@@ -574,11 +575,42 @@ def test_a_body_between_a_coupling_and_two_supports():
     assert raised.value.solution.status is Status.TIPS
 
 
-def test_no_derivatives_yet():
-    from signorini_fx.derivatives.of_scene import sensitivity
+@pytest.mark.parametrize(("law", "algebra"), [("coulomb", "condensed"), ("tresca", "full")])
+def test_derivatives(law, algebra):
+    """By what drives a tool and where it is: statics, and central differences of solutions."""
+    given = {"force": [1.0, -20.0], "moment": 0.3, "pivot": [0.42, 0.5]}
 
-    with pytest.raises(SceneError, match="not possible yet where a force moves a foundation"):
-        sensitivity(block(**pressed(2, "none")), "force top y")
+    def scene(**changed):
+        return block(2, law, algebra, **given | {"centre": [0.45, 2.5], "prescribed": {}} | changed)
+
+    of, at = (
+        ["force top x", "force top y", "moment top", "pressure top 4", "displacement 0.3,0.5 y"],
+        "contact[0].foundation.",
+    )
+    by = [at + name for name in ("force[0]", "force[1]", "moment", "pivot[0]", "centre[0]")]
+    found = np.array([one.derivatives for one in sensitivity(scene(), of, [*by, "material[0].young"])])
+    # The force on the body is that on the tool, and its moment about the origin.
+    wanted = [[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0, 0.0, 0.0], [-0.5, 0.42, 1.0, -20.0, 0.0, 0.0]]
+    assert np.allclose(found[:3], wanted, rtol=0, atol=1e-6)
+
+    def results(**changed):
+        solution = solve(scene(**changed))
+        quantities = [quantity_of(solution.discretisation, name) for name in of[3:]]
+        contact = solution.contact
+        return np.array(
+            [one.value(solution.displacement, contact.boundary, contact.pressure, contact.shear) for one in quantities]
+        )
+
+    def by_difference(step, change):
+        return (results(**change(step)) - results(**change(-step))) / (2 * step)
+
+    changes = [
+        (1e-3, lambda h: {"force": [1.0, -20.0 + h]}),
+        (1e-4, lambda h: {"moment": 0.3 + h}),
+        (1e-5, lambda h: {"centre": [0.45 + h, 2.5]}),
+    ]
+    differences = np.column_stack([by_difference(*change) for change in changes])
+    assert np.allclose(found[3:, [1, 2, 4]], differences, rtol=1e-4, atol=1e-6 * np.abs(differences).max(axis=0))
 
 
 def test_check_says_what_moves():

@@ -47,6 +47,17 @@ class Driven:
     forces: _Floats
     motion: _Floats
 
+    @classmethod
+    def together(cls, each: Sequence[tuple[float, Driven]]) -> Driven | None:
+        """The sum of several times their factors; None: there are none."""
+        if not each:
+            return None
+        factors, given = zip(*each, strict=True)
+        forces, motion = (
+            np.einsum("i,ij->j", factors, [getattr(one, k) for one in given]) for k in ("forces", "motion")
+        )
+        return cls(forces, motion)
+
 
 @dataclass(frozen=True)
 class RigidTools:

@@ -53,7 +53,10 @@ def entry_of(scene: Scene, path: str, extent: float, dimension: int) -> tuple[fl
     if isinstance(parent, CoulombFriction | TrescaFriction | Resistance) and value == 0.0:
         raise SceneError([(path, "is zero, so that nothing acts: give a small number to begin with")])
     root = path.partition("[")[0].partition(".")[0]
-    if isinstance(value, Expression) or value == 0.0 or (root == "contact" and ".friction" not in path):
+    if ".foundation.force" in path or ".foundation.moment" in path:
+        force = scene.young * extent ** (dimension - 1) * (extent if ".moment" in path else 1.0)
+        unit = abs(value) if not isinstance(value, Expression) and value != 0.0 else force
+    elif isinstance(value, Expression) or value == 0.0 or (root == "contact" and ".friction" not in path):
         unit = extent if root in ("contact", "displacement") else scene.young
         if "rotation" in path or "direction" in path:
             unit = 1.0

@@ -21,6 +21,7 @@ from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_map import contact_map
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.elastic import ElasticBody
+from signorini_fx.body.rigid_tools import Driven
 from signorini_fx.contact.laws import FrictionLaw, Nodal
 from signorini_fx.derivatives.adjoint import Adjoint, TransposedTangent
 from signorini_fx.derivatives.law import LinearisedLaw, linearised
@@ -68,7 +69,7 @@ class Solved:
         for quantity in quantities:
             row = quantity.by_displacement(self.displacement)
             vector = self.body.vector(np.zeros(self.body.fixed.size) if row is None else row)
-            vector.getArray()[self.body.fixed] = 0.0
+            vector.getArray()[self.body.prescribed] = 0.0
             kappa = quantity.by_traction(state.boundary, state.pressure, state.shear)
             found.append(tangent.adjoint(vector, kappa))
         return found
@@ -85,6 +86,7 @@ class Data:
         boundary: the contact points.
         gap: d from the initial position, length, shape (n,).
         law: of friction; None: there is none.
+        driven: what drives tools; None: there are none.
     """
 
     forms: Sequence[fem.Form]
@@ -93,6 +95,7 @@ class Data:
     boundary: ContactBoundary
     gap: Nodal
     law: FrictionLaw | None
+    driven: Driven | None = None
 
 
 @dataclass(frozen=True)
@@ -115,17 +118,20 @@ class Explicit:
 def explicit(solved: Solved, data: Data, quantities: Sequence[Quantity]) -> Explicit:
     """The problem with some data at the displacement and the tractions of a solution; collective."""
     body, state = solved.body, solved.state
-    x = body.unknowns(solved.displacement)
-    x.getArray()[body.fixed] = body.vector(data.prescribed).getArray(readonly=True)[body.fixed]
+    x, fixed, given = body.unknowns(solved.displacement), body.prescribed, body.vector(data.prescribed)
+    if data.driven is not None:
+        body.begin_driven(x, body.driven(solved.outcome.displacement(), solved.task.rest), None)
+        body.begin_driven(given, data.driven.motion, None)
+    x.getArray()[fixed] = given.getArray(readonly=True)[fixed]
     y = body.function(x)
     nodes = np.arange(y.x.array.size // body.dimension, dtype=np.int32)
     residual = body.vector(action(tuple(data.forms), y, nodes) - data.forces)
+    if data.driven is not None:
+        body.begin_driven(residual, -data.driven.forces, None)
     same = data.boundary is body.boundary
-    contact = (
-        body.contact if same else contact_map(data.boundary, body.fixed, body.stiffness, body.rotation, body.dimension)
-    )
+    contact = body.contact if same else contact_map(data.boundary, fixed, body.stiffness, body.rotation, body.dimension)
     contact.add_forces(state.pressure, state.shear, residual)
-    residual.getArray()[body.fixed] = 0.0
+    residual.getArray()[fixed] = 0.0
     u_n, u_t = contact.traces(x)
     bound = np.zeros_like(u_n) if data.law is None else data.law.bound(state.pressure)
     bound = np.where(np.isfinite(bound), bound, 0.0)

@@ -21,6 +21,7 @@ from signorini_fx.algorithms.task import Outcome
 from signorini_fx.body.assembly import assemble, measure
 from signorini_fx.body.discretisation import Discretisation, prepare
 from signorini_fx.body.moduli import lame_coefficients
+from signorini_fx.body.rigid_tools import Driven
 from signorini_fx.derivatives.entries import default_entries, entry_of, varied
 from signorini_fx.derivatives.gradient import Data, Explicit, Solved, derivatives, explicit
 from signorini_fx.derivatives.quantities import ContactForce, LargestPressure, OfDisplacement, Quantity
@@ -134,7 +135,6 @@ def _check(scene: Scene) -> None:
     for wrong, path, reason in (
         (not scene.contact, "contact", "there is none: a problem without contact is linear"),
         (scene.several_steps, "load_steps", "derivatives are those of one load step: give one"),
-        (bool(scene.tools), "contact", "derivatives are not possible yet where a force moves a foundation"),
         (
             scene.element.volumetric == "mixed",
             "element.volumetric",
@@ -188,6 +188,12 @@ def _evaluated(
 
     def at(change: float) -> Explicit:
         scene = varied(d.scene, path, change, d.dimension)
+        if path.startswith("contact") and scene.tools:
+            now = prepare(scene, d.tagged, Timings())
+            assert now.data is not None
+            assert now.boundary is not None
+            data = replace(_unchanged(d), boundary=now.boundary, gap=now.data.gap, law=now.law, **_loads(now))
+            return explicit(ready, data, quantities)
         if path.startswith("contact"):
             now = d.contact_of(scene)
             data = replace(_unchanged(d), boundary=now["boundary"], gap=now["data"].gap, law=now["law"])
@@ -207,6 +213,7 @@ def _loads(d: Discretisation) -> dict[str, Any]:
     applied = d.applied_at(0.0)
     none = np.zeros(d.fixed.size)
     return {
+        "driven": Driven.together([(factor, load.driven) for factor, load in applied if load.driven is not None]),
         "forces": sum((factor * load.forces for factor, load in applied), none),
         "prescribed": sum((factor * load.start for factor, load in applied), none),
     }
