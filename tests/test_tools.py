@@ -44,6 +44,7 @@ def block(
     unit=(1.0, 1.0),
     times=None,
     solver=None,
+    accuracy=None,
     **tool,
 ):
     """A block on the ground, and a circle or a ball above it that is pressed down; ``unit``: of length and force."""
@@ -92,6 +93,7 @@ def block(
                 **(solver or {}),
             },
             **({} if times is None else {"load_steps": {"times": times}}),
+            **({} if accuracy is None else {"accuracy": accuracy}),
         }
     )
 
@@ -573,6 +575,25 @@ def test_a_body_between_a_coupling_and_two_supports():
     with pytest.raises(ConvergenceError) as raised:
         solve(scene(10.5))
     assert raised.value.solution.status is Status.TIPS
+
+
+def test_a_requested_accuracy():
+    """The same meshes, estimates and state as for the motion that the force causes on the last one."""
+    tool = {"cell": "triangle", "accuracy": {"target": 0.15, "refinement": "uniform"}, "pivot": [0.4, 0.5]}
+    forced = solve(block(2, "tresca", **tool, force=[1.0, -20.0]))
+    (moved,) = forced.last_step.tools
+    driven = solve(block(2, "tresca", **tool, **prescribed(moved)))
+    assert len(forced.levels) > 1
+    assert [level.dofs for level in forced.levels] == [level.dofs for level in driven.levels]
+    assert forced.levels[-1].energy <= 0.15
+    assert np.isclose(forced.levels[-1].energy, driven.levels[-1].energy, rtol=1e-6)
+    assert apart(forced, driven) < 1e-9
+    assert abs(moved.rotation[0]) > 1e-4
+    adaptive = solve(
+        block(2, "tresca", **tool | {"accuracy": {"target": 0.15, "refinement": "adaptive"}}, force=[1.0, -20.0])
+    )
+    assert len(adaptive.levels) > 2
+    assert np.isclose(adaptive.last_step.tools[0].translation[1], moved.translation[1], rtol=0.02)
 
 
 @pytest.mark.parametrize(("law", "algebra"), [("coulomb", "condensed"), ("tresca", "full")])

@@ -189,10 +189,11 @@ def _evaluated(
     def at(change: float) -> Explicit:
         scene = varied(d.scene, path, change, d.dimension)
         if path.startswith("contact") and scene.tools:
-            now = prepare(scene, d.tagged, Timings())
-            assert now.data is not None
-            assert now.boundary is not None
-            data = replace(_unchanged(d), boundary=now.boundary, gap=now.data.gap, law=now.law, **_loads(now))
+            other = prepare(scene, d.tagged, Timings())
+            assert other.data is not None
+            assert other.boundary is not None
+            loads = _loads(other)
+            data = replace(_unchanged(d), boundary=other.boundary, gap=other.data.gap, law=other.law, **loads)
             return explicit(ready, data, quantities)
         if path.startswith("contact"):
             now = d.contact_of(scene)

@@ -253,12 +253,8 @@ class BilateralContact(Contact):
 def _not_with_tools(scene: Any, place: int) -> Contradictions:
     """Why a foundation whose motion is an unknown does not go together with other entries."""
     solver, tool = scene.solver, "where a force moves a foundation"
-    for wrong, key, reason in (
-        (scene.accuracy is not None, ("accuracy",), "a requested accuracy is not possible yet"),
-        (solver.algorithm == "exact", ("solver", "algorithm"), "exact needs one unknown for each constraint"),
-    ):
-        if wrong:
-            yield key, f"{reason} {tool}"
+    if solver.algorithm == "exact":
+        yield ("solver", "algorithm"), f"exact needs one unknown for each constraint {tool}"
     driven = scene.contact[place].tool
     given = driven.prescribed
     for wrong, name in (

@@ -78,8 +78,10 @@ class SweepPoint:
     def certificate(self) -> Certificate:
         """The check of the conditions of the problem on the whole body; collective."""
         d, displacement, tractions = self._discretisation, self.displacement(), Tractions.of(self.contact)
-        given = {"law": self._law, "scale": self._load, "pairs": d.pairs, "tools": self.tools()}
-        return certify(self._scene, d.tagged, displacement, tractions, **given)
+        law, tools = self._law, self.tools()
+        return certify(
+            self._scene, d.tagged, displacement, tractions, law=law, scale=self._load, pairs=d.pairs, tools=tools
+        )
 
 
 def _coarser(scene: Scene, discretisation: Discretisation) -> MeshLevel | None:
