@@ -19,6 +19,7 @@ from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.initial_strains import initial_strain
 from signorini_fx.body.kinematics import AXISYMMETRIC, KINEMATICS, Kinematics
 from signorini_fx.body.mixed import hydrostatic_of
+from signorini_fx.body.moduli import poisson_of
 from signorini_fx.effects.material import hoop_strain, strain
 from signorini_fx.machine.compilation import compiling
 
@@ -137,7 +138,8 @@ def element_stress(body: Discretisation, displacement: fem.Function, place: floa
     def outward_of(part: int, tau: _Floats) -> _Floats:
         if radius is not None:
             return tau[..., 3]
-        found = materials[part].poisson * (tau[..., 0] + tau[..., 1])
+        poisson = np.reshape(poisson_of(materials[part], body.tagged, parts[part]), (-1, 1))
+        found = poisson * (tau[..., 0] + tau[..., 1])
         if prevented is not None:
             found -= prevented.x.array[prevented.function_space.dofmap.list[parts[part]]]
         return np.asarray(found)

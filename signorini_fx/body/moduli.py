@@ -6,10 +6,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 
 from signorini_fx import parallel
+from signorini_fx.effects.material import LinearElastic
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.scene.expressions import sample
@@ -17,6 +19,10 @@ from signorini_fx.scene.model import Scene
 
 # By so much a grading may be above 1.
 _ROUND_OFF = 1e-12
+_BOUNDS = {
+    "grading": "must be above 0 and at most 1 in the middle of each cell: young is the largest Young's modulus",
+    "poisson_grading": "must be from 0 to 1 in the middle of each cell: poisson is the largest Poisson's ratio",
+}
 
 
 def of_materials(scene: Scene, tagged: TaggedMesh, numbers: Callable[[Any], tuple[float, ...]]) -> tuple[Any, ...]:
@@ -58,28 +64,47 @@ def lame_coefficients(scene: Scene, tagged: TaggedMesh) -> tuple[Any, Any]:
     Raises:
         SceneError: see ``of_materials``; a grading is not between 0 and 1.
     """
+    share, lateral = (_graded(scene, tagged, key) for key in ("grading", "poisson_grading"))
+    if lateral is not None:
+        young, poisson = of_materials(scene, tagged, lambda material: (material.young, material.poisson))
+        young, poisson = young if share is None else _times(young, share), _times(poisson, lateral)
+        lame, found = scene.material[0].lame_of(_values(young), _values(poisson)), (poisson, _times(young, lateral))
+        for function, values in zip(found, lame, strict=True):
+            function.x.array[:] = values
+        return found
     first, second = of_materials(scene, tagged, lambda material: material.lame)
-    share = _graded(scene, tagged)
     return (first, second) if share is None else (_times(first, share), _times(second, share))
 
 
-def _graded(scene: Scene, tagged: TaggedMesh) -> fem.Function | None:
-    """By what the moduli are multiplied in each cell; None: by nothing."""
-    problems, mesh, dim = [], tagged.mesh, tagged.dimension
-    if all(material.grading is None for material in scene.material):
+def poisson_of(material: LinearElastic, tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> Any:
+    """Poisson's ratio of cells of a material: a number, or one of each where it varies, shape (cells,)."""
+    if material.poisson_grading is None:
+        return material.poisson
+    return material.poisson * _in_the_middle(material.poisson_grading, tagged, cells)
+
+
+def _in_the_middle(value: Any, tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
+    middle = dmesh.compute_midpoints(tagged.mesh, tagged.dimension, cells) if cells.size else np.zeros((0, 3))
+    return sample(value, middle.T.astype(np.float64))
+
+
+def _graded(scene: Scene, tagged: TaggedMesh, key: str) -> fem.Function | None:
+    """By what a modulus is multiplied in each cell; None: by nothing."""
+    problems, mesh = [], tagged.mesh
+    if all(getattr(material, key) is None for material in scene.material):
         return None
     found = fem.Function(fem.functionspace(mesh, ("DG", 0)))
     found.x.array[:] = 1.0
     for index, material in enumerate(scene.material):
-        if material.grading is None or (material.region is not None and material.region not in tagged.regions):
+        value = getattr(material, key)
+        if value is None or (material.region is not None and material.region not in tagged.regions):
             continue  # the latter is reported elsewhere
         count = len(found.function_space.dofmap.list)
         cells = np.arange(count, dtype=np.int32) if material.region is None else tagged.cells(material.region)
-        middle = dmesh.compute_midpoints(mesh, dim, cells) if cells.size else np.zeros((0, 3))
-        values = sample(material.grading, middle.T.astype(np.float64))
-        if parallel.any_rank(mesh.comm, not ((values > 0) & (values <= 1 + _ROUND_OFF)).all()):
-            reason = "must be above 0 and at most 1 in the middle of each cell: young is the largest Young's modulus"
-            problems.append((f"material[{index}].grading", reason))
+        values = _in_the_middle(value, tagged, cells)
+        least = values > 0 if key == "grading" else values >= 0
+        if parallel.any_rank(mesh.comm, not (least & (values <= 1 + _ROUND_OFF)).all()):
+            problems.append((f"material[{index}].{key}", _BOUNDS[key]))
         found.x.array[found.function_space.dofmap.list[cells, 0]] = values
     if problems:
         raise SceneError(problems)
@@ -88,8 +113,12 @@ def _graded(scene: Scene, tagged: TaggedMesh) -> fem.Function | None:
 
 def _times(modulus: fem.Constant | fem.Function, share: fem.Function) -> fem.Function:
     found = fem.Function(share.function_space)
-    found.x.array[:] = share.x.array * (modulus.x.array if isinstance(modulus, fem.Function) else float(modulus.value))
+    found.x.array[:] = share.x.array * _values(modulus)
     return found
+
+
+def _values(modulus: fem.Constant | fem.Function) -> Any:
+    return modulus.x.array.copy() if isinstance(modulus, fem.Function) else float(modulus.value)
 
 
 def reduced_degree(scene: Scene, mesh: dmesh.Mesh) -> int | None:

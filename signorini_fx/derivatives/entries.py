@@ -45,8 +45,9 @@ def entry_of(scene: Scene, path: str, extent: float, dimension: int) -> tuple[fl
     Raises:
         SceneError: there is no such entry, or none that a derivative can be taken by.
     """
-    if path.endswith(".grading"):
-        raise SceneError([(path, "is none that a derivative can be taken by: take young, which it multiplies")])
+    if path.endswith("grading"):
+        number = "poisson" if path.endswith("poisson_grading") else "young"
+        raise SceneError([(path, f"is none that a derivative can be taken by: take {number}, which it multiplies")])
     value, parent = _found(scene, path, dimension)
     if isinstance(value, Load):
         return 1.0, 1e-3

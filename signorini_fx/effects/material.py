@@ -19,6 +19,7 @@ class LinearElastic(Effect):
         poisson: Poisson's ratio nu in (-1, 0.5); 0.5 too in plane stress, and where ``element.volumetric`` is mixed.
         grading: between 0 and 1, by which ``young``, the largest, is multiplied: its value in the middle of each cell;
             None: 1 everywhere.
+        poisson_grading: likewise, from 0 to 1, by which ``poisson``, the largest, is multiplied.
         hypothesis: plane strain, plane stress, or axisymmetric, if the mesh has two dimensions.  An axisymmetric mesh
             is half of a section: x[0] >= 0 is the radius, x[1] is along the axis, forces are those of a revolution.
         density: mass per volume, which ``gravity`` and ``rotation`` need; None: it is not known.
@@ -29,6 +30,7 @@ class LinearElastic(Effect):
     young: Positive
     poisson: Annotated[float, Field(gt=-1, le=0.5, allow_inf_nan=False, strict=True)]
     grading: SampledValue | None = None
+    poisson_grading: SampledValue | None = None
     hypothesis: Literal["plane strain", "plane stress", "axisymmetric"] = "plane strain"
     density: NonNegative | None = None
     expansion: Finite | None = None
@@ -41,19 +43,33 @@ class LinearElastic(Effect):
 
         Plane strain has those of three dimensions.
         """
-        mu = self.young / (2 * (1 + self.poisson))
+        if self.poisson == 0.5 and self.hypothesis != "plane stress":
+            return math.inf, self.young / (2 * (1 + self.poisson))
+        return self.lame_of(self.young, self.poisson)
+
+    def lame_of(self, young: Any, poisson: Any) -> tuple[Any, Any]:
+        """The same for other numbers, or arrays of them."""
+        mu = young / (2 * (1 + poisson))
         if self.hypothesis == "plane stress":
-            return self.young * self.poisson / (1 - self.poisson**2), mu
-        if self.poisson == 0.5:
-            return math.inf, mu
-        return self.young * self.poisson / ((1 + self.poisson) * (1 - 2 * self.poisson)), mu
+            return young * poisson / (1 - poisson**2), mu
+        return young * poisson / ((1 + poisson) * (1 - 2 * poisson)), mu
+
+    @property
+    def graded(self) -> bool:
+        """Whether a modulus varies within the material."""
+        return self.grading is not None or self.poisson_grading is not None
 
     @property
     def hooke(self) -> tuple[float, float]:
         """(a, b) of Hooke's law sigma = a epsilon + b tr(epsilon) I, stresses, for the second opinion."""
-        a = self.young / (1 + self.poisson)
         squeezed = 1 - self.poisson if self.hypothesis == "plane stress" else 1 - 2 * self.poisson
-        return a, a * self.poisson / squeezed if squeezed > 0 else math.inf
+        return self.hooke_of(self.young, self.poisson) if squeezed > 0 else (self.young / (1 + self.poisson), math.inf)
+
+    def hooke_of(self, young: Any, poisson: Any) -> tuple[Any, Any]:
+        """The same for other numbers, or arrays of them."""
+        a = young / (1 + poisson)
+        squeezed = 1 - poisson if self.hypothesis == "plane stress" else 1 - 2 * poisson
+        return a, a * poisson / squeezed
 
     @property
     def directions(self) -> int:
@@ -109,7 +125,7 @@ class LinearElastic(Effect):
 def _not_mixed(scene: Any) -> Contradictions:
     """What the mixed element is not possible with."""
     element, yet = ("element", "volumetric"), "'mixed' is not possible yet"
-    several = len(scene.material) > 1 or any(one.grading is not None for one in scene.material)
+    several = len(scene.material) > 1 or any(one.graded for one in scene.material)
     for wrong, path, reason in (
         (scene.element.degree != 2, ("element", "degree"), "must be 2 for 'mixed', whose pressure has one degree less"),
         (

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import basix
@@ -239,17 +238,26 @@ class NodalForces(SurfaceQuadrature):
             found[:, self.tagged.cells(material.region)] = np.array(numbers(material))[:, None]
         return list(found)
 
-    @cached_property
-    def _grading(self) -> Array:
-        """By what the moduli of the materials are multiplied, of all cells alike, shape (1,), or cell by cell."""
-        if all(material.grading is None for material in self.scene.material):
+    def _hooke(self) -> tuple[Array, Array]:
+        """Hooke's law, of all cells alike, shape (1,), or cell by cell."""
+        young, lateral = self._grading("grading"), self._grading("poisson_grading")
+        if lateral.size == 1:
+            a, b = self.of_materials(lambda one: one.hooke)
+            return a * young, b * young
+        numbers = self.of_materials(lambda one: (one.young, one.poisson))
+        found: tuple[Array, Array] = self.scene.material[0].hooke_of(young * numbers[0], lateral * numbers[1])
+        return found
+
+    def _grading(self, key: str) -> Array:
+        """By what a modulus of the materials is multiplied, of all cells alike, shape (1,), or cell by cell."""
+        if all(getattr(material, key) is None for material in self.scene.material):
             return np.ones(1)
         corners = self._corners[:, : len(basix.geometry(self._cell))]
         middle, found = in_space(self._x[corners].mean(axis=1)), np.ones(len(corners))
         for material in self.scene.material:
-            if material.grading is not None:
+            if getattr(material, key) is not None:
                 here = slice(None) if material.region is None else self.tagged.cells(material.region)
-                found[here] = sample(material.grading, middle[:, here])
+                found[here] = sample(getattr(material, key), middle[:, here])
         return found
 
     # --- how ---------------------------------------------------------------------------------------------------------
@@ -304,7 +312,7 @@ class NodalForces(SurfaceQuadrature):
             Both on this rank alone, forces with shape (nodes, d).
         """
         reduced = reduced_degree(self.scene, self.tagged.mesh)
-        a, b = (modulus * self._grading for modulus in self.of_materials(lambda one: one.hooke))
+        a, b = self._hooke()
         if reduced is None:
             return self._part_of_work(u, degree, a, b, initial)
         first = self._part_of_work(u, degree, a, np.zeros(1), initial)
