@@ -10,7 +10,9 @@ from mpi4py import MPI
 from scenes import alone, rectangle
 from spaces import box
 from test_axisymmetric import section
+from test_element_stress import true_error
 from test_hertz import RADIUS, YOUNG, ellipse, half_disk, profile
+from test_stresses import cylinder
 
 from signorini_fx.body.mixed import MixedDisplacement
 from signorini_fx.check.checks import check_scene
@@ -295,6 +297,16 @@ def test_pressed_block_against_displacements():
     apart = np.sqrt(np.dot(weight, (pressure - expected) ** 2) / np.dot(weight, expected**2))
     assert apart < 0.02
     assert mixed.stress.error < 0.1
+    place = np.array([[0.3125, 0.25, 0.0]])  # a vertex of both meshes inside
+    assert mean_stress(mixed, place) == pytest.approx(mean_stress(fine, place), rel=0.02)
+
+
+def mean_stress(solution, at):
+    """A third of the trace of the recovered stress at the vertex that is nearest to a place."""
+    tensor = solution.stress.recovered.tensor
+    where = tensor.function_space.tabulate_dof_coordinates()
+    nearest = np.argmin(np.linalg.norm(where - at, axis=1))
+    return np.trace(tensor.x.array.reshape(-1, 3, 3)[nearest]) / 3
 
 
 @pytest.mark.mpi
@@ -374,6 +386,59 @@ def test_nothing_determines_the_pressure():
     assert solution.linear_algebra == "full: contact and supports enclose the incompressible body"
 
 
+# --- estimates and sequences of meshes -----------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("poisson", [0.3, 0.5])
+def test_estimate_of_the_error(poisson):
+    """In Lame's cylinder, whose stress does not depend on Poisson's ratio, the estimate is near the true error."""
+    scene = cylinder(2, 0.25, "triangle")
+    material = scene.material[0].model_copy(update={"poisson": poisson})
+    solution = solve(scene.model_copy(update={"material": (material,), "element": Discretised(**MIXED)}))
+    error = true_error(solution)
+    assert error < 0.02
+    assert 0.7 < solution.stress.error / error < 1.7
+
+
+def rubber(**more):
+    """An incompressible block on a bowl."""
+    return alone(
+        parse_scene(
+            {
+                "mesh": {"generator": "block", "parameters": {"nx": 12, "ny": 4}},
+                "element": MIXED,
+                "material": {"young": 10.0, "poisson": 0.5},
+                "displacement": {"boundary": "top", "x": 0.0, "y": -0.05},
+                "contact": {
+                    "boundary": "bottom",
+                    "gap": "0.05 * (x[0] - 1.4)**2",
+                    "friction": {"law": "coulomb", "coefficient": 0.2},
+                },
+                **more,
+            }
+        )
+    )
+
+
+def test_levels():
+    """Coarser meshes as a start lead to the same state, and each has its estimate."""
+    plain, nested = rubber(), rubber(solver={"levels": 3})
+    assert nested.converged
+    np.testing.assert_allclose(
+        nested.contact.pressure, plain.contact.pressure, rtol=0, atol=1e-5 * plain.contact.pressure.max()
+    )
+    first, second, third = (level.energy for level in nested.levels)
+    assert first > 1.3 * second > 1.3**2 * third
+
+
+def test_accuracy():
+    """Refined, each cell where it pays, until the estimate is as small as asked for."""
+    solution = rubber(accuracy={"target": 0.06})
+    assert solution.converged
+    assert solution.levels[-1].energy <= 0.06 < solution.levels[0].energy
+
+
 BASE = {
     "mesh": {"generator": "rectangle", "parameters": {"nx": 2, "ny": 2}},
     "element": MIXED,
@@ -388,8 +453,6 @@ REFUSED = {
     "graded": ({"material": {"young": 1.0, "poisson": 0.4, "grading": "1 - x[0] / 100"}}, "graded materials"),
     "krylov": ({"solver": {"linear_algebra": "krylov"}}, "positive definite"),
     "exact": ({"solver": {"algorithm": "exact"}}, "take 'alm'"),
-    "levels": ({"solver": {"levels": 2}}, "solver.levels: must be 1"),
-    "accuracy": ({"accuracy": {"target": 0.1}}, "accuracy: has no estimate yet"),
     "bound": ({"solver": {"error_bound": True}}, "is not known"),
 }
 

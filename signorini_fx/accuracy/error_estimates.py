@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx import fem
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.contact_surface import ContactSurface
@@ -16,6 +17,7 @@ from signorini_fx.accuracy.surface_pressure import piece_squares
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.mixed import hydrostatic_of
 from signorini_fx.tuned import POLLUTION
 
 Floats = npt.NDArray[np.float64]
@@ -46,13 +48,13 @@ class Errors:
 
 
 def estimate_errors(
-    d: Discretisation, displacement: Floats, energy: float, table: ContactTable, step: float, compliance: float
+    d: Discretisation, displacement: fem.Function, energy: float, table: ContactTable, step: float, compliance: float
 ) -> Errors:
     """Estimate the errors on a mesh; collective.
 
     Args:
         d: the discretisation.
-        displacement: its dofs, the owned ones first, up to a rigid motion.
+        displacement: of the solution, up to a rigid motion.
         energy: strain energy of the solution.
         table: the contact boundary.
         step: the load step.
@@ -60,7 +62,10 @@ def estimate_errors(
     """
     assert d.boundary is not None
     missed = data_error(d, table, step)
-    squares = StressRecovery.of(d).squares(displacement, step) if energy > 0 else np.zeros(missed.squares.shape)
+    squares = np.zeros(missed.squares.shape)
+    if energy > 0:
+        pressure = None if d.mixed is None else hydrostatic_of(displacement)
+        squares = StressRecovery.of(d).squares(displacement.x.array, step, pressure)
     return combined(d.boundary, table, contact_cells(d), squares, missed, energy, compliance * d.scene.young)
 
 

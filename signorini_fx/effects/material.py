@@ -137,8 +137,6 @@ def _not_mixed(scene: Any) -> Contradictions:
         (bool(scene.of(InitialStrain)), element, f"{yet} with a temperature, whose strain changes the volume"),
         (any(one.against is not None for one in scene.contact), element, f"{yet} for the contact of two bodies"),
         (bool(scene.tools), element, f"{yet} where a force moves a foundation: both add unknowns"),
-        (scene.accuracy is not None, ("accuracy",), "has no estimate yet for element.volumetric = 'mixed'"),
-        (scene.solver.levels > 1, ("solver", "levels"), "must be 1: a coarser mesh begins without its pressure"),
         (
             scene.solver.linear_algebra == "krylov",
             ("solver", "linear_algebra"),

@@ -213,8 +213,8 @@ def solve_level(
     def estimate(d: Discretisation, outcome: Outcome, step: StepResult) -> None:
         assert step.contact is not None
         table = contact_table(step.contact, *scene.sides)
-        dofs, compliance = d.function(outcome.displacement()).x.array, compliance_of(outcome, comm)
-        found.append(estimate_errors(d, dofs, step.strain_energy, table, step.place, compliance))
+        displacement, compliance = d.function(outcome.displacement()), compliance_of(outcome, comm)
+        found.append(estimate_errors(d, displacement, step.strain_energy, table, step.place, compliance))
 
     solution, task, outcome = solve_mesh(scene, comm, history, state, estimate, coarser, kept)
     if not solution.converged or task is None or outcome is None or not found:
