@@ -345,7 +345,7 @@ MUTANTS = (
         'self.hypothesis == "plane stress"',
         "False",
         "plane stress taken for plane strain",
-        within="LinearElastic.lame",
+        within="LinearElastic.lame_of",
         tests=("patch_anywhere::test_plane_stress",),
     ),
     Mutant(
@@ -399,10 +399,24 @@ MUTANTS = (
     ),
     Mutant(
         "results/nodal_forces",
-        "modulus * self._grading",
-        "modulus",
+        "return a * young, b * young",
+        "return a, b",
         "second opinion: moduli that are not graded",
         tests=("graded",),
+    ),
+    Mutant(
+        "results/nodal_forces",
+        "young * numbers[0]",
+        "numbers[0]",
+        "second opinion: Young's modulus that is not graded where Poisson's ratio is",
+        tests=("graded::test_poisson_by_place",),
+    ),
+    Mutant(
+        "body/moduli",
+        "return material.poisson * _in_the_middle(material.poisson_grading, tagged, cells)",
+        "return material.poisson",
+        "recovered stress out of the plane: Poisson's ratio that is not graded",
+        tests=("graded::test_a_constant_is_a_smaller_modulus",),
     ),
     Mutant(
         "effects/material",
@@ -2273,7 +2287,7 @@ MUTANTS = (
         'self.hypothesis == "plane stress"',
         "False",
         "nodal forces: plane stress taken for plane strain",
-        within="LinearElastic.hooke",
+        within="LinearElastic.hooke_of",
         tests=("nodal_forces", "patch_anywhere::test_plane_stress"),
     ),
     Mutant(
@@ -2903,8 +2917,8 @@ MUTANTS = (
     ),
     Mutant(
         "body/element_stress",
-        "materials[part].poisson",
-        "2 * materials[part].poisson",
+        "np.reshape(poisson_of(materials[part], body.tagged, parts[part]), (-1, 1))",
+        "2 * np.reshape(poisson_of(materials[part], body.tagged, parts[part]), (-1, 1))",
         "values: recovered stress out of the plane",
         tests=("stresses",),
     ),
