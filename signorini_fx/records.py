@@ -35,6 +35,7 @@ class Status(Enum):
     OPEN = "contact opens, no static equilibrium"
     TIPS = "tips over, no static equilibrium"
     SLIDES = "slides, no static equilibrium"
+    SLIDES_AT_PRESSURES = "slides at the contact pressures found"
     SINGULAR = "linear system singular"
     NOT_FINITE = "numbers not finite"
     LINEAR_SOLVER = "linear solver failed"
@@ -73,6 +74,11 @@ _ADVICE = {
     Status.SLIDES: (
         "friction cannot balance the tangential load, the whole contact slips: lower the load, raise the friction, or "
         "prescribe a displacement"
+    ),
+    Status.SLIDES_AT_PRESSURES: (
+        "friction at the contact pressures that were found, such as those of a fit or of preloaded bolts, cannot carry "
+        "the loads; the history says which share of them it carries. Nothing is proved of other pressures. Lower the "
+        "load, raise the friction or what presses the contact, or find the limit with load_steps.steps"
     ),
     Status.SINGULAR: "check that supports and contact hold the body, and that no cell of the mesh is degenerate",
     Status.NOT_FINITE: (

@@ -74,7 +74,11 @@ def cases(*, short: bool) -> Iterator[Case]:
                 )
 
 
-_NO_CONTRACTION = (Status.OUTER_MAX_ITERATIONS.value, Status.CYCLING.value)
+_NO_CONTRACTION = (
+    Status.OUTER_MAX_ITERATIONS.value,
+    Status.CYCLING.value,
+    Status.SLIDES_AT_PRESSURES.value,
+)
 
 
 def _coefficient(coefficient: float, way: str) -> Finding:

@@ -987,6 +987,13 @@ MUTANTS = (
         tests=("coulomb_ways::test_one_bound_proves_nothing",),
     ),
     Mutant(
+        "algorithms/strategy",
+        "outcome.status is Status.ROUND_OFF and slid is not None",
+        "False",
+        "round-off of a body that has slid away is said to be that of gamma",
+        tests=("fits::test_it_slides_beyond_what_its_pressure_can_carry",),
+    ),
+    Mutant(
         "algorithms/fp",
         "norm(following - before) <= _BACK * norm(following - g)",
         "False",

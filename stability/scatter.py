@@ -21,7 +21,12 @@ from stability.measure import found, solved
 
 _RIGHT = (CONVERGED, Status.OPEN.value, Status.TIPS.value, Status.SLIDES.value, Status.NOT_HELD.value)
 _REFUSED = "scene refused"
-_REPORTED = (Status.CYCLING.value, Status.OUTER_MAX_ITERATIONS.value, Status.ROUND_OFF.value)
+_REPORTED = (
+    Status.CYCLING.value,
+    Status.OUTER_MAX_ITERATIONS.value,
+    Status.SLIDES_AT_PRESSURES.value,
+    Status.ROUND_OFF.value,
+)
 _BATCH = 200
 # Seeds of scenes that the iteration alone does not solve, and a note on those that no method solves.
 HARD = {

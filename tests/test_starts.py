@@ -92,7 +92,7 @@ def test_a_lug_beyond_the_friction_circle():
     slope = 0.12
     assert ARM * slope / np.hypot(1, slope) > 1.5 * friction_circle(0.3)
     solution = alone(lug(slope), check=False)
-    assert solution.status in (Status.OUTER_MAX_ITERATIONS, Status.CYCLING, Status.SLIDES)
+    assert solution.status in (Status.SLIDES_AT_PRESSURES, Status.SLIDES)
     assert "add friction" not in solution.advice
 
 

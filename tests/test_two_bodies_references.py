@@ -5,6 +5,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
+from test_fits import share_found
 from two_bodies import assembled, facets, facets_of_cells, facets_of_piece, forms, grid, held, on, per_cell, stress_of
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Pair, Status
@@ -72,13 +73,14 @@ def test_a_shrunk_ring_holds_the_torque_of_friction():
 
 
 def test_a_shrunk_ring_turns_under_more():
-    """At 1.01 nothing is in equilibrium, and nothing is said to be: statics alone cannot prove it, as the pressure of
-    a fit balances itself, whatever it is.
+    """At 1.01 it slides at the pressure found, which carries the share that Lame's pressure does; statics alone cannot
+    prove more, as the pressure of a fit balances itself, whatever it is.
     """
     problem, _ = shrunk_ring(1.01)
     with pytest.raises(ConvergenceError):
         problem.solve()
-    assert problem.status is Status.OUTER_MAX_ITERATIONS
+    assert problem.status is Status.SLIDES_AT_PRESSURES
+    assert share_found(problem) == pytest.approx(1 / 1.01, rel=5e-3)
 
 
 def quarter(kind, counts, inner, outer):

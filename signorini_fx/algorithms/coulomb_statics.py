@@ -11,7 +11,8 @@ from signorini_fx.algorithms.fall_backs import touching_nodes
 from signorini_fx.algorithms.ssn import RESIDUAL_TOLERANCE
 from signorini_fx.algorithms.task import Task
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
-from signorini_fx.contact.statics import no_balance
+from signorini_fx.contact.reactions import reactions
+from signorini_fx.contact.statics import largest_multiple, no_balance
 from signorini_fx.records import Status
 
 
@@ -39,10 +40,11 @@ def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
 
 
 def proved(task: Task, data: RegularisedData, law: FrictionLaw, status: Status) -> Status:
-    """An outcome of Coulomb friction: that a body moves away with the bound of one Tresca problem proves nothing.
+    """An outcome of Coulomb friction: that a body moves away with the bound of one Tresca problem proves nothing else.
 
     The bound of such a problem is that of the previous pressure.  If the law itself allows for an equilibrium, the
-    fixed-point iteration has failed, and another method may find it.
+    fixed-point iteration has failed, and another method may find it.  It always allows for one where the pressure is
+    statically indeterminate, as that of a fit.
     """
     if status not in (Status.SLIDES, Status.TIPS, Status.OPEN, Status.NOT_HELD):
         return status
@@ -58,7 +60,24 @@ def proved(task: Task, data: RegularisedData, law: FrictionLaw, status: Status) 
     if lost is not None:
         return lost.status
     task.history.add(f"{status.value}: with the friction bound of the pressure before, not by the law itself")
-    return Status.OUTER_MAX_ITERATIONS
+    return Status.SLIDES_AT_PRESSURES if status is Status.SLIDES else Status.OUTER_MAX_ITERATIONS
+
+
+def share_of_loads(task: Task, data: RegularisedData) -> float:
+    """A multiple of the loads above which friction with the given bound of a problem cannot carry them; collective.
+
+    It is the least of all bodies that can move apart, and the largest that some tractions balance but for round-off:
+    any pressures, and shears up to the bound.  Infinite where no load has to be carried.
+    """
+    assert data.bound is not None
+    motions, load = task.motions, task.system.resultant
+    allowed = reactions(motions, FrictionLaw(data.bound, np.zeros_like(data.bound)), data.bilateral)
+    shares = [np.inf]
+    for number, columns in motions.assemblies():
+        if load[columns].any():
+            limit = largest_multiple(allowed.of(number, columns), np.zeros(np.count_nonzero(columns)), load[columns])
+            shares.append(0.0 if limit is None else limit.factor)
+    return min(shares)
 
 
 def _free_gap(task: Task, data: RegularisedData) -> Nodal | None:

@@ -34,7 +34,7 @@ from signorini_fx.algorithms.augmentation import Augmentation, with_enough_digit
 from signorini_fx.algorithms.augmented import automatic_gamma, by_augmentation, softened
 from signorini_fx.algorithms.continuation import continuation
 from signorini_fx.algorithms.coulomb_newton import coulomb_newton
-from signorini_fx.algorithms.coulomb_statics import coulomb_start, proved
+from signorini_fx.algorithms.coulomb_statics import coulomb_start, proved, share_of_loads
 from signorini_fx.algorithms.fp import fixed_point
 from signorini_fx.algorithms.path_following import path_following
 from signorini_fx.algorithms.task import Outcome, Start, Task
@@ -324,26 +324,51 @@ def _either_way(
     )
 
     augmented = (AUGMENTED, AUGMENTED_NEWTON)
+    slid: RegularisedData | None = None  # the last problem of a fixed point whose friction bound does not hold the body
 
     def ended(name: Attempt) -> Outcome:
         if name in augmented:
             data, coupled = softened(task, start, begun), name is AUGMENTED_NEWTON
             return by_augmentation(task, start, begun, data, monolithic=coupled)
+        nonlocal slid
         status = proved(task, begun.data, law, ways[name]())
+        if name is not MONOLITHIC:
+            slid = newton.problem.data if status is Status.SLIDES_AT_PRESSURES else None
         return replace(begun, status=status, monolithic=name is MONOLITHIC)
 
     def settled(outcome: Outcome) -> bool:
         if outcome.monolithic and monolithic_first:  # the fixed point is its documented fall-back
             return outcome.status in (Status.CONVERGED, Status.SINGULAR, Status.NOT_FINITE)
+        if outcome.status is Status.ROUND_OFF and slid is not None:  # that of an iterate which has slid far away
+            return False
         return not task.gave_up(outcome.status)
 
-    return tried(
+    last = tried(
         ((name if name in augmented else f"{name} from the same start", partial(ended, name)) for name in names),
         history=task.history,
         settled=settled,
         restore=lambda: newton.restore(checkpoint),
         told=lambda outcome: outcome.status.value,
     )[-1]
+    return last if settled(last) else _slides(task, last, slid)
+
+
+def _slides(task: Task, last: Outcome, slid: RegularisedData | None) -> Outcome:
+    """The outcome where all ways have failed, the last fixed point because friction at its pressures is too small.
+
+    Args:
+        task: the contact problem.
+        last: the outcome of the last way.
+        slid: the last problem of that fixed point; None: it has failed otherwise.
+    """
+    share = np.inf if slid is None else share_of_loads(task, slid)
+    if share >= 1.0:
+        return replace(last, status=Status.OUTER_MAX_ITERATIONS) if last.status is Status.SLIDES_AT_PRESSURES else last
+    task.history.add(
+        f"{Status.SLIDES_AT_PRESSURES.value}: with the friction bounds of these pressures no tractions carry more than "
+        f"{share:.5g} of the loads; of other pressures nothing is proved"
+    )
+    return replace(last, status=Status.SLIDES_AT_PRESSURES)
 
 
 def _exact(task: Task, start: Start, regularised: Outcome) -> Outcome:

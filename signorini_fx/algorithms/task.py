@@ -243,7 +243,7 @@ class Task:
             return not self.settings.limited("max_iterations")
         if status is Status.OUTER_MAX_ITERATIONS:
             return not self.settings.limited("max_outer_iterations")
-        return status is Status.CYCLING
+        return status in (Status.CYCLING, Status.SLIDES_AT_PRESSURES)
 
 
 class Iterate:

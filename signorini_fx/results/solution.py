@@ -76,7 +76,7 @@ class StepResult:
 
 
 # Outcomes of methods that have found no solution, which does not mean that there is none.
-_UNDECIDED = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS)
+_UNDECIDED = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS, Status.SLIDES_AT_PRESSURES)
 
 
 @dataclass(frozen=True, repr=False)
