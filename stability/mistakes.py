@@ -988,7 +988,7 @@ MUTANTS = (
     ),
     Mutant(
         "algorithms/strategy",
-        "outcome.status is Status.ROUND_OFF and slid is not None",
+        "outcome.status is Status.ROUND_OFF and slid",
         "False",
         "round-off of a body that has slid away is said to be that of gamma",
         tests=("fits::test_it_slides_beyond_what_its_pressure_can_carry",),

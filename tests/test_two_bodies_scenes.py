@@ -349,18 +349,44 @@ def test_check_compares_facets_with_the_fit(tmp_path, capsys):
     assert "much beside the gap of about 0.02:" in told[1]
 
 
-def test_check_says_which_side_should_carry_the_points(tmp_path, capsys):
-    """The softer one; with as soft bodies the finer one."""
-    text = DEMO.read_text(encoding="utf-8").replace('"two_cylinders.geo"', f'"{DEMO.with_suffix(".geo")}"')
-    exchanged = (
-        text.replace('boundary = "upper"', 'boundary = "-"').replace('"lower"', '"upper"').replace('"-"', '"lower"')
-    )
-    for number, scene in enumerate((text, exchanged)):
-        path = tmp_path / f"{number}.toml"
-        path.write_text(scene, encoding="utf-8")
-        main(["check", str(path)])
-        told = " ".join(capsys.readouterr().out.split())
-        assert ("'upper' is 3.2 times softer" in told) == (number == 1)
+def test_the_softer_side_carries_the_points(cylinders):
+    """Whichever the scene names first: the same points and tractions, and the log and the notes say so."""
+    solution = solve(parse_scene(altered(boundary="lower", against="upper")))
+    ours, theirs = solution.table.columns, cylinders.table.columns
+    for name in ("x", "y", "weight", "pressure", "shear", "boundary", "against", "state"):
+        assert ours[name].tolist() == theirs[name].tolist()
+    assert "the contact points are on 'upper', not on 'lower': see contact.points" in solution.history.events
+    (told,) = (found.message for found in solution.findings if found.path == "contact[0].points")
+    assert told.startswith("the contact points are on 'upper', which is 3.2 times softer than 'lower'")
+
+
+def test_the_side_can_be_set(cylinders):
+    """The points on the stiffer side: pressure and force are those of the other one within the error of both."""
+    solution = solve(parse_scene(altered(points="against")))
+    assert set(solution.table.columns["boundary"]) == {"lower"}
+    ours, theirs = (one.at(one.steps[0]).contact for one in (solution, cylinders))
+    assert ours.pressure.max() == pytest.approx(theirs.pressure.max(), rel=0.03)
+    assert ours.forces[0] == pytest.approx(-theirs.forces[0], abs=0.01 * abs(theirs.forces[0][1]))
+    (told,) = (found.message for found in solution.findings if found.path == "contact[0].points")
+    assert "'upper' is 3.2 times softer: results have less error" in told
+
+
+@pytest.mark.parametrize(
+    ("changes", "side"),
+    [({}, "upper"), ({"points": "boundary"}, "lower"), ({"points": "against"}, "upper"), ({"gap": "0*x[0]"}, "lower")],
+)
+def test_where_points_are(changes, side):
+    """By rule only where no value is a function, which was written for ``boundary``."""
+    from mpi4py import MPI
+
+    from signorini_fx.body.discretisation import prepare
+    from signorini_fx.mesh.tagged import load_mesh
+    from signorini_fx.records import Timings
+
+    scene = parse_scene(altered(boundary="lower", against="upper", **changes))
+    found = prepare(scene, load_mesh(scene, MPI.COMM_SELF), Timings()).scene.contact[0]
+    assert found.boundary == side
+    assert found.against == {"upper": "lower", "lower": "upper"}[side]
 
 
 def test_bolted_joint():

@@ -82,7 +82,7 @@ def _augmented_coulomb(
         contact = replace(coulomb_start(task, given), gamma_n=data.gamma_n, gamma_t=data.gamma_t)
         status = newton.solve(contact, ActiveSets.all_in_contact(*given.mu_hat.shape))
         if status is not Status.CONVERGED:
-            return proved(task, given, law, status)
+            return proved(task, newton.problem, law, status)
         multipliers = newton.multipliers()
     if monolithic:
         kept = task.motions.points.immovable  # whose pressure augmentation does not change, see ``shifts``
@@ -115,7 +115,7 @@ def _augmented_coulomb(
             max_outer=s.max_outer_iterations,
             augmentation=Augmentation(newton, automatic_gamma(task), s.tolerance),
         )
-    return proved(task, given, law, status)
+    return proved(task, newton.problem, law, status)
 
 
 def automatic_gamma(task: Task) -> float:

@@ -13,6 +13,7 @@ from signorini_fx.algorithms.task import Task
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
 from signorini_fx.contact.reactions import reactions
 from signorini_fx.contact.statics import largest_multiple, no_balance
+from signorini_fx.problem.problem import Problem
 from signorini_fx.records import Status
 
 
@@ -39,16 +40,16 @@ def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
     return replace(data, bound=np.where(stick, np.inf, 0.0))
 
 
-def proved(task: Task, data: RegularisedData, law: FrictionLaw, status: Status) -> Status:
+def proved(task: Task, problem: Problem, law: FrictionLaw, status: Status) -> Status:
     """An outcome of Coulomb friction: that a body moves away with the bound of one Tresca problem proves nothing else.
 
-    The bound of such a problem is that of the previous pressure.  If the law itself allows for an equilibrium, the
-    fixed-point iteration has failed, and another method may find it.  It always allows for one where the pressure is
-    statically indeterminate, as that of a fit.
+    The bound of such a problem is that of the previous pressure.  If the law itself allows for an equilibrium, as it
+    always does where the pressure is statically indeterminate, the fixed-point iteration has failed, and another method
+    may find it.
     """
     if status not in (Status.SLIDES, Status.TIPS, Status.OPEN, Status.NOT_HELD):
         return status
-    everywhere = task.motions.points.everywhere
+    data, everywhere = problem.data, task.motions.points.everywhere
     rough = law.given + law.coefficient > 0
     if status is Status.NOT_HELD and not task.motions.held_by(everywhere, rough):
         return status
@@ -60,22 +61,21 @@ def proved(task: Task, data: RegularisedData, law: FrictionLaw, status: Status) 
     if lost is not None:
         return lost.status
     task.history.add(f"{status.value}: with the friction bound of the pressure before, not by the law itself")
-    return Status.SLIDES_AT_PRESSURES if status is Status.SLIDES else Status.OUTER_MAX_ITERATIONS
+    share = _share_of_loads(task, data) if status is Status.SLIDES else np.inf
+    if share >= 1.0:
+        return Status.OUTER_MAX_ITERATIONS
+    task.history.add(f"friction at this pressure carries at most {share:.5g} of the loads")
+    return Status.SLIDES_AT_PRESSURES
 
 
-def share_of_loads(task: Task, data: RegularisedData) -> float:
-    """A multiple of the loads above which friction with the given bound of a problem cannot carry them; collective.
-
-    It is the least of all bodies that can move apart, and the largest that some tractions balance but for round-off:
-    any pressures, and shears up to the bound.  Infinite where no load has to be carried.
-    """
-    assert data.bound is not None
+def _share_of_loads(task: Task, data: RegularisedData) -> float:
+    """A multiple of the loads above which no pressures, and no shears up to the given bound, carry them; collective."""
     motions, load = task.motions, task.system.resultant
     allowed = reactions(motions, FrictionLaw(data.bound, np.zeros_like(data.bound)), data.bilateral)
     shares = [np.inf]
     for number, columns in motions.assemblies():
         if load[columns].any():
-            limit = largest_multiple(allowed.of(number, columns), np.zeros(np.count_nonzero(columns)), load[columns])
+            limit = largest_multiple(allowed.of(number, columns), 0 * load[columns], load[columns])
             shares.append(0.0 if limit is None else limit.factor)
     return min(shares)
 

@@ -4,25 +4,11 @@ Two independent choices make a method.  ``algorithm`` says how the regularisatio
 ``continuation``, ``path-following``, ``alm``, ``exact``.  ``coulomb`` says how the friction bound is coupled to the
 pressure: ``fp`` (fixed-point iteration of Tresca problems) or ``newton`` (monolithic).  (FP) of the paper is ssn with
 fp, (ALM-FP) alm with fp.  Load steps repeat the method, each from the state at the end of the previous one.
-
-Neither a scene nor a form is needed.  With scipy matrices K, B, a load f, weights w and gaps d of the contact points, a
-friction coefficient of 0.3 and a rigid motion ``up`` that the supports leave free::
-
-    elasticity, motions = from_scipy(K, f, B, w, prescribed=(numbers, values), modes=up[:, None])
-    system = CondensedSystem.of(elasticity)  # or FullSystem; PETSc matrices on several ranks make an Elasticity too
-    law = FrictionLaw(given=0 * w, coefficient=0 * w + 0.3)
-    task = Task.of(system, motions, d, law)
-    outcome = solve_task(task, task.start)
-    assert outcome.status is Status.CONVERGED
-    state = task.contact(outcome, task.start)  # state.pressure, state.shear, state.u_n, ...
-    y = outcome.displacement().getArray(readonly=True)
-    if task.rest is not None:  # where the body rests without strains, from which displacements are counted
-        y = y + up * task.rest.motion
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -34,7 +20,7 @@ from signorini_fx.algorithms.augmentation import Augmentation, with_enough_digit
 from signorini_fx.algorithms.augmented import automatic_gamma, by_augmentation, softened
 from signorini_fx.algorithms.continuation import continuation
 from signorini_fx.algorithms.coulomb_newton import coulomb_newton
-from signorini_fx.algorithms.coulomb_statics import coulomb_start, proved, share_of_loads
+from signorini_fx.algorithms.coulomb_statics import coulomb_start, proved
 from signorini_fx.algorithms.fp import fixed_point
 from signorini_fx.algorithms.path_following import path_following
 from signorini_fx.algorithms.task import Outcome, Start, Task
@@ -92,28 +78,14 @@ def solve_task(task: Task, start: Start, most: int | None = None) -> Outcome:
 
 def _solve(task: Task, start: Start) -> Outcome:
     """The method of the scene, and augmentation if it fails."""
-
-    def attempts() -> Iterator[tuple[object, Callable[[], Outcome]]]:
-        first: Outcome
-
-        def method() -> Outcome:
-            nonlocal first
-            first = _by_method(task, start)
-            return first
-
-        yield METHOD, method
-        if not task.has_coulomb and _may_augment(task, start):
-            data = softened(task, start, first)
-            yield f"{AUGMENTED} with gamma_n = {data.gamma_n:.3g}", lambda: by_augmentation(task, start, first, data)
-
-    outcomes = tried(
-        attempts(),
-        history=task.history,
-        settled=lambda outcome: not task.gave_up(outcome.status),
-        told=lambda outcome: outcome.status.value,
-    )
-    last = outcomes[-1]
-    return last if len(outcomes) == 1 or last.status is Status.CONVERGED else replace(last, status=outcomes[0].status)
+    first = _by_method(task, start)
+    failed = task.gave_up(first.status) and not task.has_coulomb and _may_augment(task, start)
+    if not failed or task.history.exhausted:
+        return first
+    data = softened(task, start, first)
+    task.history.add(f"{first.status.value}: {AUGMENTED} with gamma_n = {data.gamma_n:.3g}")
+    last = by_augmentation(task, start, first, data)
+    return last if last.status is Status.CONVERGED else replace(last, status=first.status)
 
 
 def _may_augment(task: Task, start: Start) -> bool:
@@ -324,22 +296,21 @@ def _either_way(
     )
 
     augmented = (AUGMENTED, AUGMENTED_NEWTON)
-    slid: RegularisedData | None = None  # the last problem of a fixed point whose friction bound does not hold the body
+    slid = False  # whether the last fixed point did, with its last pressures
 
     def ended(name: Attempt) -> Outcome:
         if name in augmented:
             data, coupled = softened(task, start, begun), name is AUGMENTED_NEWTON
             return by_augmentation(task, start, begun, data, monolithic=coupled)
         nonlocal slid
-        status = proved(task, begun.data, law, ways[name]())
-        if name is not MONOLITHIC:
-            slid = newton.problem.data if status is Status.SLIDES_AT_PRESSURES else None
+        status = proved(task, newton.problem, law, ways[name]())
+        slid = slid if name is MONOLITHIC else status is Status.SLIDES_AT_PRESSURES
         return replace(begun, status=status, monolithic=name is MONOLITHIC)
 
     def settled(outcome: Outcome) -> bool:
         if outcome.monolithic and monolithic_first:  # the fixed point is its documented fall-back
             return outcome.status in (Status.CONVERGED, Status.SINGULAR, Status.NOT_FINITE)
-        if outcome.status is Status.ROUND_OFF and slid is not None:  # that of an iterate which has slid far away
+        if outcome.status is Status.ROUND_OFF and slid:  # that of an iterate which has slid far away
             return False
         return not task.gave_up(outcome.status)
 
@@ -350,25 +321,7 @@ def _either_way(
         restore=lambda: newton.restore(checkpoint),
         told=lambda outcome: outcome.status.value,
     )[-1]
-    return last if settled(last) else _slides(task, last, slid)
-
-
-def _slides(task: Task, last: Outcome, slid: RegularisedData | None) -> Outcome:
-    """The outcome where all ways have failed, the last fixed point because friction at its pressures is too small.
-
-    Args:
-        task: the contact problem.
-        last: the outcome of the last way.
-        slid: the last problem of that fixed point; None: it has failed otherwise.
-    """
-    share = np.inf if slid is None else share_of_loads(task, slid)
-    if share >= 1.0:
-        return replace(last, status=Status.OUTER_MAX_ITERATIONS) if last.status is Status.SLIDES_AT_PRESSURES else last
-    task.history.add(
-        f"{Status.SLIDES_AT_PRESSURES.value}: with the friction bounds of these pressures no tractions carry more than "
-        f"{share:.5g} of the loads; of other pressures nothing is proved"
-    )
-    return replace(last, status=Status.SLIDES_AT_PRESSURES)
+    return replace(last, status=Status.SLIDES_AT_PRESSURES) if slid and not settled(last) else last
 
 
 def _exact(task: Task, start: Start, regularised: Outcome) -> Outcome:

@@ -190,6 +190,10 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         partial(check_fits, scene, tagged),
         partial(check_strains, scene, tagged),
     )
+    if scene.sides[1] is not None:
+        from signorini_fx.body.carrying_side import with_chosen_sides
+
+        scene = with_chosen_sides(scene, tagged, facets, lame[1])
     pieces = find_pieces(tagged.mesh)
     space = fem.functionspace(tagged.mesh, ("Lagrange", scene.element.degree, (tagged.dimension,)))
     names = MIXED_FORMS if scene.element.volumetric == "mixed" else _ELASTIC[: 1 if reduced is None else 2]

@@ -2,44 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
 from dolfinx import mesh as dmesh
 from scipy.spatial import cKDTree
 
 from signorini_fx import compat, parallel
 from signorini_fx.body.assembly import facet_entities, facet_vertices
+from signorini_fx.body.carrying_side import SideFigures
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.records import Finding
 
 _Floats = npt.NDArray[np.float64]
 
-# Bodies are as stiff as each other, and facets as large, within these ratios.
-_STIFFER, _COARSER = 2.0, 1.25
 # A curved side is well enough described if its facets are off by less than this share of what the contact is about.
 _OFF = 0.1
 # Facets that meet at a larger angle have a corner between them, and no curved side.
 _CORNER = 0.6
-
-
-@dataclass(frozen=True)
-class _Side:
-    """One side of a contact, of all ranks.
-
-    Attributes:
-        name: of the boundary.
-        stiffness: the mean shear modulus behind its facets, stress.
-        size: the mean extent of its facets, length.
-        off: how far facets near the contact are off the curved side that they are chords of, at most, length.
-    """
-
-    name: str
-    stiffness: float
-    size: float
-    off: float
 
 
 def paired_findings(body: Discretisation, moved: float) -> list[Finding]:
@@ -56,18 +35,28 @@ def paired_findings(body: Discretisation, moved: float) -> list[Finding]:
         fit = abs(effect.gap) if isinstance(effect.gap, int | float) else 0.0
         about = fit or moved
         near = _near(body, index, about)
-        side, other = (_side(body, name, near) for name in (effect.boundary, effect.against))
+        names = effect.boundary, effect.against
+        side, other = (SideFigures.of(name, body.tagged, body.lame[1]) for name in names)
         path = f"contact[{index}]"
-        if (reason := _better(other, side)) is not None:
+        if (reason := other.better(side)) is not None:
             found.append(
                 Finding(
                     "note",
-                    f"{path}.boundary",
+                    f"{path}.points",
                     f"the contact points are on {side.name!r}, while {other.name!r} is {reason}: results have less "
-                    "error, and fewer linear solves are needed, with boundary and against exchanged",
+                    "error, and fewer linear solves are needed, with the points there",
                 )
             )
-        off, what = side.off + other.off, "the gap" if fit else "displacements"
+        elif effect.points == "auto" and (reason := side.better(other)) is not None:
+            found.append(
+                Finding(
+                    "note",
+                    f"{path}.points",
+                    f"the contact points are on {side.name!r}, which is {reason} than {other.name!r}: results name it "
+                    "as the boundary",
+                )
+            )
+        off, what = sum(_off(body, name, near) for name in names), "the gap" if fit else "displacements"
         if effect.distance == "geometry" and effect.kind != "bonded" and 0 < _OFF * about < off:
             found.append(
                 Finding(
@@ -81,14 +70,6 @@ def paired_findings(body: Discretisation, moved: float) -> list[Finding]:
     return found
 
 
-def _better(one: _Side, than: _Side) -> str | None:
-    """Why one side should rather carry the points: it is softer, or as soft and finer; None: it should not."""
-    softer, finer = than.stiffness / one.stiffness, than.size / one.size
-    if softer > _STIFFER:
-        return f"{softer:.2g} times softer"
-    return f"{finer:.2g} times finer" if softer > 1 / _STIFFER and finer > _COARSER else None
-
-
 def _near(body: Discretisation, index: int, about: float) -> _Floats:
     """The points of a contact on this rank whose gap is the smallest, or larger by as much, length, shape (n, d)."""
     boundary, data = body.boundary, body.data
@@ -100,24 +81,23 @@ def _near(body: Discretisation, index: int, about: float) -> _Floats:
     return np.asarray(boundary.x[here][gap <= least + about])
 
 
-def _side(body: Discretisation, name: str, near: _Floats) -> _Side:
-    """One side; ``near``: points, shape (n, d), beside which its facets may be in contact."""
+def _off(body: Discretisation, name: str, near: _Floats) -> float:
+    """How far facets near the contact are off the curved side that they are chords of, at most, length.
+
+    Args:
+        body: the scene and its mesh.
+        name: of the side.
+        near: points, shape (n, d), beside which its facets may be in contact.
+    """
     mesh, facets = body.tagged.mesh, body.tagged.facets(name)
     corners, cells = facet_vertices(mesh, facets), facet_entities(mesh, facets)[:, 0]
-    modulus = body.lame[1]
-    if isinstance(modulus, fem.Function):
-        stiffness = modulus.x.array[modulus.function_space.dofmap.list[cells, 0]]
-    else:
-        stiffness = np.full(len(facets), float(modulus.value))
     extent = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
-    sums = parallel.global_sum(body.comm, np.array([len(facets), stiffness.sum(), extent.sum()]))
     off = 0.0
     if compat.geometry_degree(mesh) == 1 and len(facets) and len(near):
         inside = dmesh.compute_midpoints(mesh, mesh.topology.dim, cells)
         away, _ = cKDTree(near).query(corners.mean(axis=1)[:, : near.shape[1]])
         off = _sagitta(corners, extent, inside, body.tagged.dimension, away <= extent)
-    off = parallel.global_max(body.comm, off)
-    return _Side(name, float(sums[1] / sums[0]), float(sums[2] / sums[0]), off)
+    return parallel.global_max(body.comm, off)
 
 
 def _sagitta(corners: _Floats, extent: _Floats, inside: _Floats, dimension: int, some: npt.NDArray[np.bool_]) -> float:

@@ -92,6 +92,7 @@ class Contact(Effect):
 
     boundary: str
     against: str | None = None
+    points: Literal["auto", "boundary", "against"] = "auto"
     distance: Literal["geometry", "nominal"] = "geometry"
     gap: SampledValue = 0.0
     direction: Direction | None = None
@@ -117,8 +118,9 @@ class Contact(Effect):
         if self.tool is not None:
             yield from _not_with_tools(scene, place)
         if self.against is None:
-            if self.distance == "nominal":
-                yield ("contact", place, "distance"), "is for contact against another boundary"
+            for key, given in (("distance", self.distance == "nominal"), ("points", self.points != "auto")):
+                if given:
+                    yield ("contact", place, key), "is for contact against another boundary"
             return
         if self.against == self.boundary:
             yield ("contact", place, "against"), "is the boundary itself: two bodies have two boundaries"
@@ -185,8 +187,10 @@ class UnilateralContact(Contact):
     """Signorini contact (1.1d): the boundary may leave the foundation, but not enter it.
 
     Attributes:
-        boundary: name of the boundary where contact may occur; of two bodies that of the softer one, or the finer mesh.
+        boundary: name of the boundary where contact may occur.
         against: name of the boundary of another body that it may touch; None: the foundation is rigid.
+        points: which of both carries the contact points; ``auto``: that of the softer body, or of the finer mesh, see
+            ``body.carrying_side``.
         distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie; ``nominal``: zero.
         gap: distance d to the foundation along ``direction``, a length; negative: initial penetration; it is added to
             the distance of a ``foundation``.
@@ -204,8 +208,9 @@ class BondedContact(Contact):
     Both sides stay together as they lie.
 
     Attributes:
-        boundary: name of the boundary with the contact points.
+        boundary: name of the boundary that is tied.
         against: name of the boundary of the other body; None: it is rigid.
+        points: which of both carries the contact points, as in ``UnilateralContact``.
         distance: without effect.
         gap: without effect.
         direction: without effect.
@@ -236,8 +241,10 @@ class BilateralContact(Contact):
     """Contact that cannot open: tau_N y = d; only the friction is unknown.
 
     Attributes:
-        boundary: name of the boundary where contact may occur; of two bodies that of the softer one, or the finer mesh.
+        boundary: name of the boundary where contact may occur.
         against: name of the boundary of another body that it may touch; None: the foundation is rigid.
+        points: which of both carries the contact points; ``auto``: that of the softer body, or of the finer mesh, see
+            ``body.carrying_side``.
         distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie; ``nominal``: zero.
         gap: distance d to the foundation along ``direction``, a length; negative: initial penetration; it is added to
             the distance of a ``foundation``.

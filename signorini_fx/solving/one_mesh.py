@@ -65,6 +65,9 @@ def solve_mesh(
     with timings.phase("mesh"):
         tagged = load_mesh(scene, comm)
     discretisation = discretise(scene, tagged, timings)
+    for before, now in zip(scene.contact, discretisation.scene.contact, strict=True):
+        if now.boundary != before.boundary:
+            history.add(f"the contact points are on {now.boundary!r}, not on {before.boundary!r}: see contact.points")
     history.move(dofs=discretisation.dofs)
     if history.watchers and history.progress.meshes == 1:
         history.move(end=time.perf_counter() + math.sqrt(math.prod(estimated_cost(discretisation).seconds)))

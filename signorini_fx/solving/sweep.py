@@ -128,6 +128,7 @@ def sweep(
         raise SceneError([("sweep", "coefficients need a scene with Coulomb friction")])
     discretisation = discretise(scene, load_mesh(scene, comm), Timings())
     history = History()
+    scene = discretisation.scene
     task = contact_task(discretisation, history, _coarser(scene, discretisation))
     begin, law = task.start, task.start.law
     points: list[SweepPoint] = []

@@ -196,7 +196,7 @@ def _contacts(dice: Dice, frame: _Frame, scene: dict[str, Any], count: int, stre
         sides = [f"bottom{k}", f"top{k - 1}"]
         if dice.chance(0.5):
             sides.reverse()
-        contact: dict[str, Any] = {"boundary": sides[0], "against": sides[1]}
+        contact: dict[str, Any] = {"boundary": sides[0], "against": sides[1], "points": "boundary"}
         if dice.chance(0.15):
             contact["kind"] = "bonded"
         else:
