@@ -987,6 +987,14 @@ MUTANTS = (
         tests=("coulomb_ways::test_one_bound_proves_nothing",),
     ),
     Mutant(
+        "contact/holding_sets",
+        "motions.held_by(sets.contact, _stick(sets, data), sets.turned)",
+        "True",
+        "sets of another friction bound, which do not hold the body, are kept",
+        within="hold",
+        tests=("algebra::test_sets_that_hold_no_body_are_not_kept",),
+    ),
+    Mutant(
         "algorithms/strategy",
         "outcome.status is Status.ROUND_OFF and slid",
         "False",

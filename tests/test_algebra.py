@@ -103,3 +103,23 @@ def test_the_limit_needs_unknowns_along_the_contact():
     task = Task.of(FullSystem.of(elasticity), motions, gap, settings=Settings(algorithm="exact"))
     with pytest.raises(ValueError, match="is no unknown"):
         solve_task(task, task.start)
+
+
+@pytest.mark.parametrize("friction", [None, 0.0, 1.0])
+def test_sets_that_hold_no_body_are_not_kept(friction):
+    """The body may stay, but neither the next sets nor those before hold it, as where the friction bound was another
+    one: then all points that can do.
+    """
+    from signorini_fx.contact.holding_sets import hold
+    from signorini_fx.contact.laws import ActiveSets, RegularisedData
+    from signorini_fx.linalg.from_scipy import from_scipy
+
+    stiffness, load, operator, weight, gap, prescribed, modes = algebra_alone.matrices()
+    _, motions = from_scipy(stiffness, load, operator, weight, prescribed=prescribed, modes=modes)
+    none = np.zeros(gap.size)
+    open_sets = ActiveSets.of(none > 0, np.ones((gap.size, 1)))
+    bound = None if friction is None else none + friction
+    data = RegularisedData(gap, 1e6, 1e6, np.inf, none, none[:, None], bound)
+    found, status, repaired = hold(open_sets, open_sets, none, none[:, None], data, motions, lambda: None)
+    assert (status, repaired) == (None, True)
+    assert motions.held_by(found.contact, ~found.slip & (bound is not None))

@@ -76,7 +76,10 @@ def hold(
     everything = replace(following, contact=contact).sticking(here & contact & able)
     if motions.held_by(contact, _stick(everything, data), everything.turned):
         return everything, None, True
-    return sets, None, True
+    if motions.held_by(sets.contact, _stick(sets, data), sets.turned):
+        return sets, None, True
+    # Sets of a problem with another friction bound need not hold it either.
+    return replace(following, contact=following.contact | here).sticking(here & able), None, True
 
 
 def fewest_constraints(

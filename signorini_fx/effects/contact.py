@@ -118,9 +118,9 @@ class Contact(Effect):
         if self.tool is not None:
             yield from _not_with_tools(scene, place)
         if self.against is None:
-            for key, given in (("distance", self.distance == "nominal"), ("points", self.points != "auto")):
+            for word, given in (("distance", self.distance == "nominal"), ("points", self.points != "auto")):
                 if given:
-                    yield ("contact", place, key), "is for contact against another boundary"
+                    yield ("contact", place, word), "is for contact against another boundary"
             return
         if self.against == self.boundary:
             yield ("contact", place, "against"), "is the boundary itself: two bodies have two boundaries"
