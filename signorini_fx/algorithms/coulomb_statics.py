@@ -71,7 +71,7 @@ def proved(task: Task, problem: Problem, law: FrictionLaw, status: Status) -> St
 def _share_of_loads(task: Task, data: RegularisedData) -> float:
     """A multiple of the loads above which no pressures, and no shears up to the given bound, carry them; collective."""
     motions, load = task.motions, task.system.resultant
-    allowed = reactions(motions, FrictionLaw(data.bound, np.zeros_like(data.bound)), data.bilateral)
+    allowed = reactions(motions, FrictionLaw(np.asarray(data.bound), 0 * motions.points.weight), data.bilateral)
     shares = [np.inf]
     for number, columns in motions.assemblies():
         if load[columns].any():
