@@ -212,7 +212,7 @@ def solve_level(
 
     def estimate(d: Discretisation, outcome: Outcome, step: StepResult) -> None:
         assert step.contact is not None
-        table = contact_table(step.contact, *scene.sides)
+        table = contact_table(step.contact, *d.scene.sides)
         displacement, compliance = d.function(outcome.displacement()), compliance_of(outcome, comm)
         found.append(estimate_errors(d, displacement, step.strain_energy, table, step.place, compliance))
 
