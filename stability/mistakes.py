@@ -3344,6 +3344,13 @@ MUTANTS = (
         tests=("error_bound::test_every_part_counts",),
     ),
     Mutant(
+        "accuracy/mean_displacement",
+        "float(share @ (mean @ direction)) + outside - inside",
+        "float(share @ (mean @ direction)) + outside",
+        "bounds of a mean displacement: the residual leaves out the inner forces",
+        tests=("error_bound::test_a_mean_displacement_without_contact",),
+    ),
+    Mutant(
         "accuracy/triangulated",
         "t.length @ on_edges + inside",
         "t.length @ on_edges",

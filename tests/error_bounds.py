@@ -8,7 +8,7 @@ from matplotlib.tri import Triangulation
 from mpi4py import MPI
 from scenes import alone
 
-from signorini_fx.accuracy.error_bound import _Bounded, error_bound
+from signorini_fx.accuracy.error_bound import Bounded, error_bound
 from signorini_fx.errors import SignoriniError
 from signorini_fx.mesh.refinement import refine
 from signorini_fx.mesh.tagged import load_mesh
@@ -17,7 +17,7 @@ from signorini_fx.scene.reading import parse_scene
 
 def problem(solution):
     """The solution as plain arrays on triangles."""
-    return _Bounded(solution.discretisation, solution.displacement, solution.contact, 0.0)
+    return Bounded(solution.discretisation, solution.displacement, solution.contact, 0.0)
 
 
 def energy_of_difference(solution, reference):

@@ -262,6 +262,49 @@ def test_the_work_of_the_loads(degree):
     assert alone(example1(bound=1.5, nx=12, ny=4, gamma="auto")).error_bound.work is None
 
 
+def mean_of(solution, name, direction):
+    """The mean of a component of the displacement over a boundary, by Simpson's rule."""
+    case = problem(solution)
+    t, edges = case.t, case._edges(name)
+    values = (case.y[t.edges[edges]].sum(axis=1) + 4 * case.middle[edges]) / 6
+    return float(t.length[edges] @ (values @ direction) / t.length[edges].sum())
+
+
+@pytest.mark.parametrize("seed", [6, 8, 16])
+def test_a_mean_displacement(seed):
+    """That of a fine solution is between the bounds, at the loaded top, along the contact, and on the free side."""
+    scene = drawn(seed)
+    solution, fine = alone(scene), on_finer_mesh(scene)
+    free = "left" if scene.displacement[0].boundary == "right" else "right"
+    for name, direction in (("top", (0.0, -1.0)), ("bottom", (0.6, 0.8)), (free, (1.0, 0.0))):
+        low, high = solution.mean_displacement_bounds(name, direction)
+        assert low < mean_of(fine, name, direction) < high
+
+
+def test_a_mean_displacement_without_contact():
+    """The bounds close with the square of the error where no contact is: a clamped block, sheared."""
+    given = {
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+        "traction": {"boundary": "right", "y": -1.0},
+    }
+    widths = []
+    for n in (4, 16):
+        mesh = {
+            "generator": "rectangle",
+            "parameters": {"length": 1.0, "height": 1.0, "nx": n, "ny": n, "cell": "triangle"},
+        }
+        solution = alone(parse_scene(given | {"mesh": mesh}))
+        low, high = solution.mean_displacement_bounds("right", (0.0, -1.0))
+        # The mean displacement of the loaded side under a unit load is the work of the loads, twice the strain energy.
+        energies = solution.error_bound.strain_energy
+        assert 2 * energies[0] < high
+        assert low < 2 * energies[1]
+        widths.append((high - low) / solution.error_bound.error**2)
+    assert max(widths) < 3
+    assert "supports hold the body" in alone(example1(nx=12, ny=4)).mean_displacement_bounds("top", (0.0, 1.0))
+
+
 def test_what_has_no_bound():
     """Reasons, in the summary and as an error of the scene that wants a certified accuracy."""
     scene = example1(bound=1.5, nx=12, ny=4, error_bound=True)

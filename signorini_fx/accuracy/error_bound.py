@@ -30,7 +30,7 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
 
 # Share of displacements and forces below which they are round-off.
-_ROUND_OFF = 64 * float(np.finfo(float).eps)
+ROUND_OFF = 64 * float(np.finfo(float).eps)
 # Attempts to balance a body that supports do not hold.
 _BALANCES = 200
 
@@ -104,12 +104,12 @@ def error_bound(
         place: of the load step in the lists of factors.
     """
     try:
-        return _Bounded(d, y, contact, place).bound()
+        return Bounded(d, y, contact, place).bound()
     except Refused as refused:
         return str(refused)
 
 
-class _Bounded(Problem):
+class Bounded(Problem):
     """A problem with what bounds its error."""
 
     def bound(self) -> ErrorBound:
@@ -128,18 +128,18 @@ class _Bounded(Problem):
         contact = np.zeros(len(t.corners))
         for one in self.contacts:
             np.add.at(contact, t.sides[one.edges].max(axis=1), 2 * self._on_contact(one, y, middle))
-        duality = contact + _apart(t, computed, stress.stress)
+        duality = contact + apart(t, computed, stress.stress)
         moved = _energy(t, strain - computed)
         data = self._data()
         size = float(np.sqrt(_energy(t, computed).sum()))
         parts = [float(np.sqrt(squares.sum())) for squares in (duality, data, moved)]
-        round_off = stress.missing + _ROUND_OFF * size
-        total = (np.hypot(parts[0], parts[2]) + parts[1] + round_off) * (1 + _ROUND_OFF * np.sqrt(len(t.corners)))
+        round_off = stress.missing + ROUND_OFF * size
+        total = (np.hypot(parts[0], parts[2]) + parts[1] + round_off) * (1 + ROUND_OFF * np.sqrt(len(t.corners)))
         squares: Array = np.zeros(len(self.cells))
         np.add.at(squares, self.owner, duality + data + moved)
         work = None
         if not any(one.bound.any() for one in self.contacts):
-            gap = float(np.sqrt((contact + _apart(t, strain, stress.stress)).sum()))
+            gap = float(np.sqrt((contact + apart(t, strain, stress.stress)).sum()))
             above = (gap + 2 * (parts[1] + round_off)) ** 2 / 2
             work = self._work(_energy(t, strain).sum() / 2 - self.work(y, middle), above, size, total)
         return ErrorBound(float(total), size, parts[0], parts[1], parts[2], round_off, squares, self.assumed, work)
@@ -153,7 +153,7 @@ class _Bounded(Problem):
             size: energy norm of the computed displacement.
             error: bound of that of its error.
         """
-        tiny = _ROUND_OFF * len(self.t.corners) ** 0.5 * (abs(energy) + size**2)
+        tiny = ROUND_OFF * len(self.t.corners) ** 0.5 * (abs(energy) + size**2)
         return (
             float(max(size - error, 0.0) ** 2 / 2 - energy - tiny),
             float((size + error) ** 2 / 2 - energy + above + tiny),
@@ -227,7 +227,7 @@ class _Bounded(Problem):
         scale = np.abs(loads).max() + np.abs(a * z[:, None]).sum(axis=0).max()
         for _ in range(_BALANCES):
             rest = loads + a.T @ z
-            if np.abs(rest).max() <= _ROUND_OFF * scale:
+            if np.abs(rest).max() <= ROUND_OFF * scale:
                 break
             room = np.minimum(z - least, most - z) > 0
             use = a * (flexible * room)[:, None]
@@ -243,7 +243,7 @@ class _Bounded(Problem):
         """The displacement without what it enters the foundation, at vertices and middles of edges."""
         t = self.t
         y, middle = self.y.copy(), self.middle.copy()
-        tiny = _ROUND_OFF * (np.abs(y).max() + max((np.abs(one.below).max() for one in self.contacts), default=0.0))
+        tiny = ROUND_OFF * (np.abs(y).max() + max((np.abs(one.below).max() for one in self.contacts), default=0.0))
         held = np.zeros((len(t.x), 2, 2))
         for k in (0, 1):
             np.add.at(held, t.edges[t.outer, k], self.held[t.outer])
@@ -300,7 +300,7 @@ def _energy(t: Triangles, strain: Array) -> Array:
     return np.asarray(t.area / 12 * (_product(stress, strain).sum(axis=1) + _product(stress.sum(axis=1), total)))
 
 
-def _apart(t: Triangles, strain: Array, stress: Array) -> Array:
+def apart(t: Triangles, strain: Array, stress: Array) -> Array:
     """Squares of the distances of stresses on thirds from those of linear strains at corners, by triangle."""
     own = t.stress(strain)
     centre = own.mean(axis=1)

@@ -245,6 +245,19 @@ class Solution:
             return None
         return error_bound(self.discretisation, self.displacement, self.contact, self._place)
 
+    def mean_displacement_bounds(self, boundary: str, direction: tuple[float, float]) -> tuple[float, float] | str:
+        """Guaranteed bounds of the mean of u . direction over a boundary, a length; or why there are none; collective.
+
+        Args:
+            boundary: its name.
+            direction: any vector; a unit one gives a length.
+        """
+        from signorini_fx.accuracy.mean_displacement import mean_displacement
+
+        if not self.converged:
+            return "there is no solution"
+        return mean_displacement(self.discretisation, self.displacement, self.contact, boundary, direction, self._place)
+
     @cached_property
     def safety(self) -> Safety | None:
         """By how much the live loads can grow before the body moves away; None where supports hold it, nothing is live,
