@@ -68,10 +68,10 @@ def test_the_oracle_shares_no_code_with_the_package():
 SHORT = range(60)
 
 
-@pytest.fixture(scope="module")
-def rows():
-    """The short run."""
-    return [row_of(seed) for seed in SHORT]
+@pytest.fixture(scope="module", params=[SHORT[:20], SHORT[20:40], SHORT[40:]], ids=["first", "second", "third"])
+def rows(request):
+    """A third of the short run."""
+    return [row_of(seed) for seed in request.param]
 
 
 def test_a_converged_answer_is_right(rows):
@@ -91,7 +91,7 @@ PROMISED = "python3-cvxopt" in (ROOT / "Dockerfile").read_text(encoding="utf-8")
 def test_given_friction_is_a_convex_programme(rows):
     """Every right answer with given friction has been computed a second time by CVXOPT."""
     given = [row for row in rows if row.kind == RIGHT and row.law == "tresca"]
-    assert len(given) > 10
+    assert len(given) > 3
     assert sum(row.compared for row in given) >= 0.9 * sum(row.steps for row in given)
 
 
