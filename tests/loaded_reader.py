@@ -54,6 +54,7 @@ class LoadedReader:
                 pass_fds=[other.fileno()],
                 start_new_session=True,
             )
+        self._line.recv(100)  # it is loaded: the time for a file begins now
 
     def end(self) -> None:
         """End the process, if it has begun."""
@@ -71,6 +72,7 @@ def serve(line: socket.socket) -> None:
     with contextlib.suppress(ImportError):
         importlib.import_module("meshio")
         importlib.import_module("h5py")
+    line.send(b"loaded")
     while True:
         message, outputs, *_ = socket.recv_fds(line, _LONGEST, 1)
         if not message:
