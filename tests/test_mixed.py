@@ -16,6 +16,7 @@ from test_stresses import cylinder
 
 from signorini_fx.body.mixed import MixedDisplacement
 from signorini_fx.check.checks import check_scene
+from signorini_fx.derivatives.of_scene import sensitivity
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.results.certificate import certify
@@ -23,6 +24,7 @@ from signorini_fx.results.promised_law import Tractions
 from signorini_fx.scene.model import Discretised
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
+from signorini_fx.studies.reference import on_mesh
 
 MIXED = {"degree": 2, "volumetric": "mixed"}
 CELLS = ["triangle", "quadrilateral", "tetrahedra", "hexahedra"]
@@ -463,6 +465,17 @@ def test_refused(name):
     changes, message = REFUSED[name]
     with pytest.raises(SceneError, match=message):
         parse_scene({**BASE, **changes})
+
+
+def test_refused_elsewhere():
+    """Derivatives, a study of elements, and a guaranteed bound, which says why there is none."""
+    mesh = {"generator": "rectangle", "parameters": {"nx": 2, "ny": 2, "cell": "triangle"}}
+    scene = parse_scene(BASE | {"mesh": mesh, "displacement": {"boundary": "top", "x": 0.0, "y": -0.01}})
+    with pytest.raises(SceneError, match="derivatives are not possible yet"):
+        sensitivity(scene, "force bottom y", comm=MPI.COMM_SELF)
+    with pytest.raises(SceneError, match="a study compares elements"):
+        on_mesh(scene, 1.0, "Q2", {})
+    assert alone(scene).error_bound == "a guaranteed bound is for elements without a pressure of their own"
 
 
 def test_incompressible_plane_stress():

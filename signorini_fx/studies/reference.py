@@ -46,8 +46,10 @@ def on_mesh(scene: Scene, factor: float, element: str, settings: dict[str, Any])
     """The scene with elements ``factor`` times as large, of this kind, and with other solver settings.
 
     Raises:
-        SceneError: the generator makes no such meshes.
+        SceneError: the generator makes no such meshes; the element is mixed.
     """
+    if scene.element.volumetric == "mixed":
+        raise SceneError([("element.volumetric", "a study compares elements without a pressure: leave 'mixed' out")])
     if not isinstance(scene.mesh, MeshGenerator):
         raise SceneError([("mesh", "a study needs a mesh from a generator, which can make coarser and finer ones")])
     mesh = scene_on(scene, factor).mesh
