@@ -20,9 +20,12 @@ class ContactState(PointState):
 
     Attributes:
         boundary: nodes, weights and normals.
+        fluid: pressure of fluids that have entered, stress, shape (n,): it presses besides lambda, and is zero where
+            the contact is dry; None: none enters.
     """
 
     boundary: ContactBoundary
+    fluid: Nodal | None = None
 
     @classmethod
     def of(cls, state: PointState, boundary: ContactBoundary) -> ContactState:

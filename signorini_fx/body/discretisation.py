@@ -105,12 +105,18 @@ class Discretisation(ElasticBody):
         return tuple(self.case(load.forces, load.prescribed, load.driven, load.pushing) for load in self.applied)
 
     def placed(self, place: float) -> Discretisation:
-        """The same with foundations that move with the time where they are at a place; itself if none does;
+        """The same with foundations and friction of a place where they depend on the time; itself if none does;
         collective.
         """
         scene = self.scene.placed(place)
         if scene is self.scene or self.boundary is None:
             return self
+        if not any(effect.moves for effect in scene.contact):
+            facets = boundary_facets(scene, self.tagged)
+            law = _foundations(scene, self.space, facets, Inventory()).law(self.boundary)
+            found = replace(self, scene=scene, law=law)
+            vars(found).update({name: value for name, value in vars(self).items() if name not in vars(found)})
+            return found
         found = replace(self, scene=scene, **self.contact_of(scene))
         if scene.solver.algorithm != "exact":  # whose unknowns are along the normals
             kept = ("forms", "_assembled", "_free", "cases")
@@ -134,7 +140,7 @@ class Discretisation(ElasticBody):
         assert self.boundary is not None
         found = np.zeros_like(self.boundary.x)
         for number, (now, before) in enumerate(zip(self.scene.contact, earlier.contact, strict=True)):
-            if now.timed:
+            if now.moves:
                 here = self.boundary.part == number
                 found[here] = now.foundation.moved_from(before.foundation, self.boundary.x[here])
         return found
@@ -232,6 +238,12 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         if boundary is not None and tools is not None:
             boundary = tools.on(boundary)
             applied += [tool_load(tools, number, scene, space) for number in range(tools.parts.size)]
+        if boundary is not None and scene.fluids_enter:
+            from signorini_fx.body.entering_fluid import EnteringFluid
+
+            EnteringFluid(scene, tagged, space, boundary, 0)
+            nothing = np.zeros(owned)  # which ``solving.entering_fluid`` replaces
+            applied.append(AppliedLoad((1.0,) * scene.steps, (), (), nothing, fem.Function(space), grows=False))
     together(
         partial(check_finite, tagged.mesh.comm, applied),
         partial(check_resistances, scene, tagged),
@@ -243,6 +255,9 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
             boundary.aligned()
         natural = Scales(tagged.dimension, scene.young, tagged.size).gamma
         data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(scene.solver), natural)
+        for place in range(1, scene.steps if any(effect.friction.timed for effect in scene.contact) else 1):
+            # Errors are found before the first step.
+            _foundations(scene.placed(place), space, facets, inventory).bounds()
     resists, mixed = () if resistance is None else (resistance,), _mixed(scene, tagged, space, inventory)
 
     def elastic() -> Sequence[fem.Form]:

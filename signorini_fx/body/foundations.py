@@ -46,32 +46,41 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Data:
+class Bounds:
+    """The friction of one foundation, at all nodes of this rank, ghosts included, arrays of shape (nodes,).
+
+    Attributes:
+        given: Tresca's g, or Coulomb's c, stress; zero without.
+        coefficient: Coulomb's F; zero without.
+        cap: the largest friction bound, stress; infinite without.
+        cohesive: whether the given bound ends where the contact opens.
+    """
+
+    given: Array
+    coefficient: Array
+    cap: Array
+    cohesive: bool
+
+
+@dataclass(frozen=True)
+class Data(Bounds):
     """What one foundation says, at all nodes of this rank, ghosts included, arrays of shape (nodes,).
 
     Attributes:
         facets: owned, local numbers.
         shape: its direction and measure.
         gap: d, length; nan where no facet is.
-        given: Tresca's g, or Coulomb's c, stress; zero without.
-        coefficient: Coulomb's F; zero without.
-        cap: the largest friction bound, stress; infinite without.
         bilateral: whether the contact cannot open.
         pair: both sides, where another body is the foundation; None: it is rigid.
         allowance: the part of a gap by geometry that is not geometry; None: the gap is given as a whole.
-        cohesive: whether the given bound ends where the contact opens.
     """
 
     facets: npt.NDArray[np.int32]
     shape: Shape
     gap: Array
-    given: Array
-    coefficient: Array
-    cap: Array
     bilateral: bool
     pair: PairedSides | None = None
     allowance: Array | None = None
-    cohesive: bool = False
 
 
 class Foundations:
@@ -292,6 +301,32 @@ class Foundations:
         """Both sides of each pair by its number among the contacts, since ``boundary`` was asked for."""
         return dict(self._pairs)
 
+    def bounds(self) -> list[Bounds]:
+        """Friction, as it is now.
+
+        Raises:
+            FormError: a value is wrong somewhere.
+        """
+        return [self._bounds_of(k) for k in range(len(self._contact))]
+
+    def _bounds_of(self, number: int) -> Bounds:
+        """The friction of one contact; collective."""
+        one, at, path = self._contact[number], self._values[number], f"contact[{number}].friction"
+        nodes = self._space.dofmap.index_map
+        zero = np.zeros(nodes.size_local + nodes.num_ghosts)
+        given, coefficient, cap = zero, zero, np.full_like(zero, np.inf)
+        if isinstance(one.friction, Tresca):
+            given = at(one.friction.bound, f"{path}.bound", minimum=0.0)
+        elif isinstance(one.friction, Coulomb):
+            coefficient = at(one.friction.coefficient, f"{path}.coefficient", minimum=0.0)
+            if one.friction.cohesion is not None:
+                given = at(one.friction.cohesion, f"{path}.cohesion", minimum=0.0)
+            if one.friction.cap is not None:
+                cap = at(one.friction.cap, f"{path}.cap", minimum=0.0)
+        if one.bonded:
+            given = np.full_like(zero, np.inf)
+        return Bounds(given, coefficient, cap, isinstance(one.friction, Coulomb) and one.friction.cohesion is not None)
+
     def data(self, shapes: Sequence[Shape]) -> list[Data]:
         """Gaps and friction, as they are now.
 
@@ -299,23 +334,20 @@ class Foundations:
             FormError: a value is wrong somewhere.
         """
         found = []
-        for k, (one, at, shape) in enumerate(zip(self._contact, self._values, shapes, strict=True)):
-            path, (gap, allowance) = f"contact[{k}].friction", self._gap_of(k)
-            given, coefficient, cap = np.zeros_like(gap), np.zeros_like(gap), np.full_like(gap, np.inf)
-            if isinstance(one.friction, Tresca):
-                given = at(one.friction.bound, f"{path}.bound", minimum=0.0)
-            elif isinstance(one.friction, Coulomb):
-                coefficient = at(one.friction.coefficient, f"{path}.coefficient", minimum=0.0)
-                if one.friction.cohesion is not None:
-                    given = at(one.friction.cohesion, f"{path}.cohesion", minimum=0.0)
-                if one.friction.cap is not None:
-                    cap = at(one.friction.cap, f"{path}.cap", minimum=0.0)
-            bilateral = one.bilateral
-            if one.bonded:
-                given, bilateral = np.full_like(gap, np.inf), True
-            cohesive = isinstance(one.friction, Coulomb) and one.friction.cohesion is not None
-            rest = bilateral, self._pairs.get(k), allowance, cohesive
-            found.append(Data(self.facets[k], shape, gap, given, coefficient, cap, *rest))
+        for k, (one, shape) in enumerate(zip(self._contact, shapes, strict=True)):
+            (gap, allowance), bounds = self._gap_of(k), self._bounds_of(k)
+            bilateral = one.bilateral or one.bonded
+            found.append(
+                Data(
+                    **vars(bounds),
+                    facets=self.facets[k],
+                    shape=shape,
+                    gap=gap,
+                    bilateral=bilateral,
+                    pair=self._pairs.get(k),
+                    allowance=allowance,
+                )
+            )
         return found
 
     def problem(
@@ -329,21 +361,30 @@ class Foundations:
             settings: gamma and sigma.
             natural_gamma: the unit of gamma, stress per length.
         """
-        kinds, law = [one.friction for one in self._contact], None
-        if any(kinds) or any(one.bonded for one in self._contact):
-            given, coefficient, cap = (
-                self._at_points(boundary, data, name) for name in ("given", "coefficient", "cap")
-            )
-            capped = any(isinstance(one, Coulomb) and one.cap is not None for one in kinds)
-            cohesive = [k for k, one in enumerate(data) if one.cohesive]
-            ends = np.isin(boundary.part, cohesive) if cohesive else None
-            law = FrictionLaw(given, coefficient, cap if capped else None, ends)
+        law = self.law(boundary, data)
         parts = [k for k, one in enumerate(data) if one.bilateral]
         bilateral = np.isin(boundary.part, parts) if parts else None
         gap = self._gap(boundary, data)
         return RegularisedData.unshifted(gap, self._dimension - 1, settings, natural_gamma, law, bilateral), law
 
-    def _at_points(self, boundary: ContactBoundary, data: Sequence[Data], name: str) -> Array:
+    def law(self, boundary: ContactBoundary, bounds: Sequence[Bounds] | None = None) -> FrictionLaw | None:
+        """The friction law at the points; None where no law can act.
+
+        Args:
+            boundary: the points.
+            bounds: see ``bounds``; None: as they are now.
+        """
+        kinds = [one.friction for one in self._contact]
+        if not any(kinds) and not any(one.bonded for one in self._contact):
+            return None
+        bounds = self.bounds() if bounds is None else bounds
+        given, coefficient, cap = (self._at_points(boundary, bounds, name) for name in ("given", "coefficient", "cap"))
+        capped = any(isinstance(one, Coulomb) and one.cap is not None for one in kinds)
+        cohesive = [k for k, one in enumerate(bounds) if one.cohesive]
+        ends = np.isin(boundary.part, cohesive) if cohesive else None
+        return FrictionLaw(given, coefficient, cap if capped else None, ends)
+
+    def _at_points(self, boundary: ContactBoundary, data: Sequence[Bounds], name: str) -> Array:
         """Values of the nodes at their points, shape (n,)."""
         found = np.zeros(boundary.size)
         for k, one in enumerate(data):

@@ -165,7 +165,7 @@ def _gaps(body: Discretisation, data: RegularisedData, moved: float, *, estimate
     unilateral = np.ones(boundary.size, dtype=bool) if data.bilateral is None else ~data.bilateral
     smallest = -parallel.global_max(comm, parallel.local_max(-data.gap, -np.inf))
     found = []
-    if smallest < -ZERO * size and not any(effect.timed for effect in body.scene.contact):
+    if smallest < -ZERO * size and not any(effect.moves for effect in body.scene.contact):
         level: Literal["warning", "note"] = "warning" if -smallest > 0.01 * size else "note"
         overlap = "the body penetrates its foundation"
         if any(effect.against is not None for effect in body.scene.contact):
@@ -212,13 +212,23 @@ def _inwards(body: Discretisation) -> list[Finding]:
 
 
 def _moving(scene: Scene) -> list[Finding]:
-    """Foundations that move with the time."""
-    message = "it moves with the time t: gap and normals are those of each load step, and slip is relative to it"
-    return [
-        Finding("note", f"contact[{index}].foundation", message)
-        for index, effect in enumerate(scene.contact)
-        if effect.timed
+    """Foundations that move with the time, friction that depends on it, and fluids that enter the contact."""
+    message = "it presses on what is open of {}, found with the contact: statics and costs here are without this load"
+    found = [
+        Finding("note", f"fluid[{index}].enters", message.format(" and ".join(map(repr, fluid.enters))))
+        for index, fluid in enumerate(scene.fluids)
+        if fluid.enters
     ]
+    for index, effect in enumerate(scene.contact):
+        if effect.moves:
+            message = (
+                "it moves with the time t: gap and normals are those of each load step, and slip is relative to it"
+            )
+            found.append(Finding("note", f"contact[{index}].foundation", message))
+        if effect.friction.timed:
+            message = "it depends on the time t: the bound of the shear is that of each load step"
+            found.append(Finding("note", f"contact[{index}].friction", message))
+    return found
 
 
 def _heights(body: Discretisation) -> list[Finding]:

@@ -140,6 +140,7 @@ def _check(scene: Scene) -> None:
             "element.volumetric",
             "derivatives are not possible yet with a pressure of its own: leave 'mixed' out",
         ),
+        (scene.fluids_enter, "fluid", "derivatives are not possible yet where a fluid enters contact"),
         (scene.solver.levels > 1, "solver.levels", "derivatives are those of one mesh: leave it out"),
         (scene.accuracy is not None, "accuracy", "derivatives are those of one mesh: leave it out"),
     ):

@@ -10,7 +10,7 @@ from pydantic import Discriminator, Field, Tag
 from signorini_fx.scene.base import Table
 from signorini_fx.scene.effect import Contradictions, Effect, text
 from signorini_fx.scene.rigid_shape import Distance, OneShape
-from signorini_fx.scene.values import Direction, NonNegativeValue, SampledValue, shown
+from signorini_fx.scene.values import Direction, NonNegativeTimedValue, SampledValue, shown
 
 
 class Friction(Table):
@@ -25,6 +25,15 @@ class Friction(Table):
     def said(self) -> str:
         """The law in words."""
         return "no friction"
+
+    @property
+    def timed(self) -> bool:
+        """Whether it depends on the time."""
+        return any(getattr(value, "timed", False) for _, value in self)
+
+    def at_time(self, time: float) -> Self:
+        """See ``Effect``."""
+        return self.model_copy(update={key: value.at(time) for key, value in self if getattr(value, "timed", False)})
 
 
 class NoFriction(Friction):
@@ -46,7 +55,7 @@ class TrescaFriction(Friction):
     """
 
     law: Literal["tresca"] = "tresca"
-    bound: NonNegativeValue
+    bound: NonNegativeTimedValue
 
     @property
     def acts(self) -> bool:
@@ -70,9 +79,9 @@ class CoulombFriction(Friction):
     """
 
     law: Literal["coulomb"] = "coulomb"
-    coefficient: NonNegativeValue
-    cap: NonNegativeValue | None = None
-    cohesion: NonNegativeValue | None = None
+    coefficient: NonNegativeTimedValue
+    cap: NonNegativeTimedValue | None = None
+    cohesion: NonNegativeTimedValue | None = None
 
     @property
     def acts(self) -> bool:
@@ -109,12 +118,13 @@ class Contact(Effect):
                     reason = "the other body" if other == "against" else "the direction, that of the closest point"
                     yield ("contact", place, other), f"foundation already says {reason}: leave one of them out"
         if self.timed:
+            what = "a foundation moves" if self.moves else "friction depends on the time"
             for wrong, key, reason in (
                 (scene.solver.levels > 1, ("solver", "levels"), "a sequence of meshes"),
                 (scene.accuracy is not None, ("accuracy",), "a requested accuracy"),
             ):
                 if wrong:
-                    yield key, f"{reason} is not possible yet where a foundation moves"
+                    yield key, f"{reason} is not possible yet where {what}"
         if self.tool is not None:
             yield from _not_with_tools(scene, place)
         if self.against is None:
@@ -154,13 +164,21 @@ class Contact(Effect):
         return self.foundation if getattr(self.foundation, "driven", False) else None
 
     @property
-    def timed(self) -> bool:
+    def moves(self) -> bool:
         """Whether its foundation moves with the time."""
         return self.foundation is not None and self.foundation.timed
 
+    @property
+    def timed(self) -> bool:
+        """Whether its foundation or its friction depends on the time."""
+        return self.moves or self.friction.timed
+
     def at_time(self, time: float) -> Self:
         """See ``Effect``."""
-        return self.model_copy(update={"foundation": self.foundation.at_time(time)}) if self.timed else self
+        if not self.timed:
+            return self
+        foundation = self.foundation.at_time(time) if self.moves else self.foundation
+        return self.model_copy(update={"foundation": foundation, "friction": self.friction.at_time(time)})
 
     @property
     def vectors(self) -> tuple[str, ...]:
@@ -271,7 +289,7 @@ def _not_with_tools(scene: Any, place: int) -> Contradictions:
     ):
         if wrong and scene.axisymmetric:
             yield ("contact", place, "foundation", name), "an axisymmetric tool moves along its axis x[1] alone"
-    if any(one.timed for one in scene.contact):
+    if any(one.moves for one in scene.contact):
         here = ("contact", place, "foundation")
         yield here, "shift or rotation with t, here or elsewhere, and force, moment or prescribed: choose one of both"
 

@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from signorini_fx.scene.effect import Array, Coefficients, Contradictions, Force, Points
+from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.values import NonNegative, TimedSampledValue
 
 
@@ -20,12 +21,14 @@ class Fluid(Force):
         up: the axis against gravity, ``x``, ``y`` or ``z``; None: y in the plane, z in space.
         factors: one number per load step; None: 1 in every step.
         live: whether the safety factor multiplies it; a preload is not live.
+        enters: boundaries in contact that it enters from this one, as far as they are open.
     """
 
     boundary: str
     level: TimedSampledValue
     weight: NonNegative
     up: Literal["x", "y", "z"] | None = None
+    enters: tuple[str, ...] = ()
 
     @property
     def given(self) -> dict[str, Any]:
@@ -36,6 +39,27 @@ class Fluid(Force):
         """See ``Effect``."""
         if scene.axisymmetric and self.up == "x":
             yield ("fluid", place, "up"), "must be along the axis of the body: y"
+        if self.enters:
+            yield from self._cannot_enter(scene, place)
+
+    def _cannot_enter(self, scene: Any, place: int) -> Contradictions:
+        """Why it cannot enter contact in a scene."""
+        here, contacts = ("fluid", place, "enters"), {contact.boundary: contact for contact in scene.contact}
+        for name in self.enters:
+            if name not in contacts:
+                yield here, f"{name!r} is no boundary in contact; these are: {', '.join(map(repr, contacts)) or 'none'}"
+            elif contacts[name].kind != "unilateral":
+                yield here, f"contact of {name!r} cannot open: a fluid enters unilateral contact"
+        for wrong, key, reason in (
+            (scene.axisymmetric, ("material", 0, "hypothesis"), "axisymmetric"),
+            (bool(scene.tools), here, "a foundation that force, moment or prescribed moves"),
+            (scene.solver.algorithm == "exact", ("solver", "algorithm"), "exact"),
+            (scene.solver.levels > 1, ("solver", "levels"), "a sequence of meshes"),
+            (scene.solver.error_bound, ("solver", "error_bound"), "a guaranteed bound"),
+            (scene.accuracy is not None, ("accuracy",), "a requested accuracy"),
+        ):
+            if wrong:
+                yield key, f"{reason} is not possible yet where a fluid enters contact"
 
     @property
     def acts(self) -> bool:
@@ -63,6 +87,11 @@ class Fluid(Force):
         depth = at.value(self.level) - at.position[..., self._axis]
         return np.asarray(-self.weight * np.maximum(depth, 0.0)[..., None] * at.normal)
 
+    def pressure(self, x: Array) -> Array:
+        """The pressure at points of shape (n, d), stress, shape (n,)."""
+        depth = sample(self.level, in_space(x)) - x[:, self._axis]
+        return np.asarray(self.weight * np.maximum(depth, 0.0))
+
 
 Entry = Fluid
 
@@ -76,4 +105,5 @@ weight = 0.0                               # of the fluid, force per volume
 #up = "y"                                  # the axis against gravity; without: y in the plane, z in space
 #factors = [0.5, 1.0]                      # load steps, as above
 live = true                                # whether the safety factor multiplies it
+#enters = ["bottom"]                       # boundaries in contact that it enters from here, as far as they open
 """

@@ -81,7 +81,8 @@ class Certificate:
 
     Attributes:
         equilibrium: residual of (3.3a) in the free unknowns, of all together and of the worst contact node as a stress;
-            of a mixed element also that of its change of volume, relative to the mean strain.
+            of a mixed element also that of its change of volume, relative to the mean strain;
+            infinite where the pressure of a fluid in the contact is not one that has entered.
         supports: largest difference from a prescribed displacement.
         negative_pressure: largest -lambda.
         friction_cone: largest |mu| - F g.
@@ -188,7 +189,15 @@ def certify(
         dilation=forces.dilation(displacement) if mixed else None,
     )
     sides = sides_of(scene, tagged, space, pairs)
+    wrong = False
+    if tractions is not None and tractions.fluid is not None:
+        from signorini_fx.results.entered_fluid import astray, forces_of_fluid
+
+        balance = replace(balance, external=balance.external + forces_of_fluid(forces, sides, tractions))
+        wrong = astray(forces, tractions, step)
     found = judged(displacement, balance, sides, tractions, law=law, before=before, tools=tools)
+    if wrong:
+        found = replace(found, equilibrium=np.inf)
     if tools and tractions is not None:
         nodes = ContactNodes.of(forces, sides, tractions)
         left = unbalanced(scene, nodes, tools, step, scale, _FAINT * scales.stress(found.strain_energy) * nodes.area)

@@ -54,12 +54,14 @@ class Tractions:
         nodes: local number of the node (block of the function space), shape (n,).
         pressure: lambda, stress, shape (n,).
         shear: mu as a vector of the plane or of space, stress, shape (n, d): no frame is shared with the solver.
+        fluid: pressure of fluids that have entered, stress, shape (n,); None: none enters.
     """
 
     part: npt.NDArray[Any]
     nodes: npt.NDArray[Any]
     pressure: Nodal
     shear: Nodal
+    fluid: Nodal | None = None
 
     @classmethod
     def none(cls, boundary: ContactBoundary) -> Tractions:
@@ -71,7 +73,7 @@ class Tractions:
         """The contact tractions of a contact state."""
         boundary = state.boundary
         shear = np.einsum("ijk,ik->ij", boundary.tangents, state.shear)
-        return cls(boundary.part, boundary.nodes, state.pressure, shear)
+        return cls(boundary.part, boundary.nodes, state.pressure, shear, state.fluid)
 
 
 @dataclass(frozen=True)

@@ -194,9 +194,14 @@ class Resultants:
         )
         if self.contact is not None:
             sides = sides_of(self.scene, self.tagged, nodal.space, self.pairs)
-            nodes = ContactNodes.of(nodal, sides, Tractions.of(self.contact))
+            tractions = Tractions.of(self.contact)
+            nodes = ContactNodes.of(nodal, sides, tractions)
             reached, forces, _ = nodes.forces()
             np.add.at(left, reached, forces)
+            if tractions.fluid is not None:
+                from signorini_fx.results.entered_fluid import forces_of_fluid
+
+                left -= forces_of_fluid(nodal, sides, tractions)
         return left
 
     def _through(self, boundary: str) -> dict[str, _Forces]:
@@ -214,6 +219,9 @@ class Resultants:
                 here = np.isin(state.boundary.part, parts)
                 forces = sign * state.boundary.nodal_forces(state.pressure, state.shear)
                 found["contact"] = _Forces(state.boundary.centre[here], forces[here])
+                if state.fluid is not None:
+                    forces = sign * state.boundary.nodal_forces(state.fluid, np.zeros_like(state.shear))
+                    found["fluid in contact"] = _Forces(state.boundary.centre[here], forces[here])
         return found
 
     def _of_effects(self, boundary: str | None) -> dict[str, _Forces]:

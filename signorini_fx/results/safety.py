@@ -79,11 +79,11 @@ def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety 
         place: of the load step in the lists of factors.
 
     Returns:
-        None if supports hold the body, if no live load acts on its free motions, or if the tractions of the solution
-        do not balance its loads at these nodes.
+        None if supports hold the body, if no live load acts on its free motions, if a fluid enters the contact, whose
+        load depends on what opens, or if the tractions of the solution do not balance its loads at these nodes.
     """
     motions, boundary, count = d.motions, contact.boundary, d.motions.free.shape[1]
-    if not count:
+    if not count or d.scene.fluids_enter:
         return None
     at_contact, immovable = motions.at(boundary), boundary.points.immovable
     nothing: npt.NDArray[np.float64] = np.zeros(len(motions.of_all) - len(motions.free))

@@ -127,6 +127,8 @@ def uniqueness(d: Discretisation, contact: ContactState | None, *, search: bool 
         search: for other solutions; None: where this one is not proved to be the only one.
     """
     law = d.law
+    if d.scene.fluids_enter:
+        return Uniqueness(False, 0.0, reason="the load of a fluid that enters the contact depends on what opens")
     # Without a coefficient the problem is the minimum of a convex functional.
     if law is None or not d.scene.has_coulomb:
         return Uniqueness(True, np.inf)

@@ -271,6 +271,16 @@ class Scene(Table):
         """The foundations whose motion is an unknown."""
         return tuple(effect.tool for effect in self.contact if effect.tool is not None)
 
+    @property
+    def fluids(self) -> tuple[Any, ...]:
+        """The fluids that press on it."""
+        return getattr(self, "fluid", ())
+
+    @property
+    def fluids_enter(self) -> bool:
+        """Whether a fluid enters contact that opens."""
+        return any(fluid.enters for fluid in self.fluids)
+
     def driving(self, tool: Any, place: float) -> tuple[float, float]:
         """The factor of what drives a tool at a place in the lists of factors, see ``now``, and the time there."""
         factor = 1.0 if tool.driven_in_time else factor_at((1.0,) * self.steps, place)
@@ -313,7 +323,7 @@ class Scene(Table):
         return factor_at(self.factors_of(effect), place), effect.at_time(self.time_at(place))
 
     def placed(self, place: float) -> Self:
-        """The scene with its foundations where they are at a place in the lists of factors; itself if none moves."""
+        """The scene with foundations and friction of a place in the lists of factors; itself if no time is in them."""
         if not any(effect.timed for effect in self.contact):
             return self
         return self.model_copy(update={"contact": tuple(one.at_time(self.time_at(place)) for one in self.contact)})

@@ -99,8 +99,11 @@ def _meant(key: str, model: type[BaseModel]) -> str:
     home = next((name for name, fields in tables.items() if key in fields), None)
     if home is not None:
         return f" here: it belongs to [{home}]"
-    similar = difflib.get_close_matches(key, _keys(BaseModel), n=1, cutoff=0.75)
-    return f": did you mean {similar[0]!r}?" if similar and similar[0] != key else ""
+    similar = difflib.get_close_matches(key, _keys(BaseModel), n=3, cutoff=0.75)
+    if not similar or key in similar:
+        return ""
+    alike = max(similar, key=lambda one: (difflib.SequenceMatcher(a=one, b=key).ratio(), one[0] == key[0]))
+    return f": did you mean {alike!r}?"
 
 
 def _tables_at(place: Sequence[int | str], tables: set[type[BaseModel]]) -> set[type[BaseModel]]:

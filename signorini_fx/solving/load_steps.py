@@ -14,6 +14,7 @@ from signorini_fx.attempts import HALF, METHOD, tried
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.deformation import Deformation, deformation_of
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.contact.laws import Nodal
 from signorini_fx.errors import SceneError
 from signorini_fx.records import Status, StepRecord, Timings
 from signorini_fx.results.certificate import Certificate, certify
@@ -82,8 +83,13 @@ def load_step(
             history.add(StepRecord(here.step + 1, scene.name_at(here.place), scene.time_at(here.place)))
         history.move(step=here.step + 1, steps=scene.steps)
         with timings.phase("iterate"):
-            outcome = solve_task(problem, here, path.allowed)
-        result = _certified(d, problem, here, outcome, earlier, timings)
+            if scene.fluids_enter:
+                from signorini_fx.solving.entering_fluid import solve_with_fluid
+
+                outcome, fluid = solve_with_fluid(d, problem, here, path.allowed)
+            else:
+                outcome, fluid = solve_task(problem, here, path.allowed), None
+        result = _certified(d, problem, here, outcome, earlier, timings, fluid)
         result = replace(result, linear_solves=history.linear_solves - before)
         ended.append(LoadStep(result, here, outcome, earlier, d, problem))
         return ended[-1]
@@ -109,12 +115,16 @@ def _placed(
     last: Before | None,
     renew: Callable[[Discretisation], Task],
 ) -> tuple[Discretisation, Task, Start, Before | None]:
-    """The scene with its foundations where they are at a place, its contact problem, where the load step starts, and
+    """The scene with its foundations and its friction at a place, its contact problem, where the load step starts, and
     the end of the last one; collective.
     """
     found = earlier.placed(place)
     if found is earlier:
         return earlier, task, start, last
+    if found.boundary is earlier.boundary:
+        assert found.law is not None
+        bound = found.law.given if start.multipliers is None else found.law.bound(start.multipliers[0])
+        return found, task, replace(start, law=found.law, data=replace(start.data, bound=bound)), last
     return found, *on_moved_foundations(earlier, found, renew(found), start, last)
 
 
@@ -128,7 +138,7 @@ def on_moved_foundations(
         SceneError: contact alone holds the body.
     """
     if moved.motions.free.shape[1]:
-        number = next(k for k, effect in enumerate(moved.scene.contact) if effect.timed)
+        number = next(k for k, effect in enumerate(moved.scene.contact) if effect.moves)
         wrong = "moves with the time, so that supports must hold the body, and not contact alone"
         raise SceneError([(f"contact[{number}].foundation", wrong)])
     assert earlier.boundary is not None
@@ -185,13 +195,29 @@ def recalled_step(
 
 
 def _certified(
-    discretisation: Discretisation, task: Task, start: Start, outcome: Outcome, last: Before | None, timings: Timings
+    discretisation: Discretisation,
+    task: Task,
+    start: Start,
+    outcome: Outcome,
+    last: Before | None,
+    timings: Timings,
+    fluid: Nodal | None = None,
 ) -> StepResult:
-    """The result of a load step, with the certificate's verdict; its linear solves are not counted yet."""
+    """The result of a load step, with the certificate's verdict; its linear solves are not counted yet.
+
+    Args:
+        discretisation: of its scene.
+        task: its contact problem.
+        start: of it.
+        outcome: how it ended.
+        last: the end of the load step before it; None: there is none.
+        timings: of the mesh.
+        fluid: the pressure of fluids at the contact points, stress, shape (n,); None: none enters.
+    """
     scene = discretisation.scene
     with timings.phase("certify"):
         displacement = discretisation.from_rest(task.rest, outcome.displacement())
-        contact = discretisation.state(task, outcome, start)
+        contact = replace(discretisation.state(task, outcome, start), fluid=fluid)
         tools: tuple[ToolMotion, ...] = ()
         if discretisation.tools is not None:
             unknowns = discretisation.driven(outcome.displacement(), task.rest)

@@ -124,6 +124,9 @@ def solve_contact(
         _Progress(start),
         (discretisation, task),
     )
+    scene = discretisation.scene
+    if scene.fluids_enter or any(effect.friction.timed for effect in scene.contact):
+        kept = None  # what a fluid has reached is not stored, nor is the law of a load step
     if discretisation.mixed is not None:
         kept = None  # load steps are stored without the pressure
 

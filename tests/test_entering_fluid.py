@@ -1,0 +1,227 @@
+"""Fluids that enter contact as it opens: uplift under a dam, against statics by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from spaces import box
+
+from signorini_fx import SceneError
+from signorini_fx.parallel import gather_rows
+from signorini_fx.records import Status
+from signorini_fx.results.certificate import certify
+from signorini_fx.results.promised_law import Law, Tractions
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
+
+COMM = MPI.COMM_WORLD
+LENGTH, HEIGHT, LAYER, WEIGHT = 2.0, 1.0, 0.05, 10.0
+
+
+def dam(heavy, level=3.0, dim=2, up=None, notch=0.11, gap=None, **more):
+    """A stiff block on a thin soft layer without friction, held against the water on its left at a point; a joint at
+    its heel is open from the beginning.
+    """
+    mesh = {"generator": "rectangle", "parameters": {"length": LENGTH, "height": HEIGHT, "nx": 40, "ny": 20}}
+    at, axis = (LENGTH, LAYER), dim - 1
+    held = [{"at": at, "x": 0.0}]
+    if dim == 3:
+        mesh = box("hexahedra", (20, 1, 10), size=(LENGTH, 1.0, HEIGHT), comm=COMM)
+        held = [{"at": (LENGTH, y, 0.1), "x": 0.0} for y in (0.0, 1.0)] + [{"boundary": "front", "y": 0.0}]
+    layer = 2 * LAYER if dim == 3 else LAYER
+    fluid = {"boundary": "left", "level": level, "weight": WEIGHT, "enters": ["bottom"]}
+    return parse_scene(
+        {
+            "mesh": mesh,
+            "material": {"young": 1e8, "poisson": 0.0, "grading": f"1e-4 if x[{axis}] < {layer + 1e-7} else 1"},
+            "body_force": {"xyz"[axis]: -heavy / (LENGTH * HEIGHT)},
+            "fluid": fluid,
+            "contact": {"boundary": "bottom", "gap": gap or f"0.01 if x[0] < {notch} else 0"},
+            "displacement": held,
+        }
+        | more
+    )
+
+
+def crack(heavy, level=3.0, arm=LAYER):
+    """How far the base is open: the effective stress is linear from zero there, Navier, and its resultant, the weight
+    without the full uplift, acts a third of what is closed from the toe.
+    """
+    pressure = WEIGHT * level
+    thrust = pressure * HEIGHT - WEIGHT * HEIGHT**2 / 2
+    turning = pressure * HEIGHT**2 / 2 - WEIGHT * HEIGHT**3 / 3 - thrust * arm
+    pressed = heavy - pressure * LENGTH
+    place = (heavy * LENGTH / 2 + turning - pressure * LENGTH**2 / 2) / pressed
+    return LENGTH - 3 * (LENGTH - place)
+
+
+def along(state, values):
+    """Values at the contact points along x[0]."""
+    rows = gather_rows(COMM, np.column_stack((state.boundary.x[:, 0], values)))
+    return rows[np.argsort(rows[:, 0], kind="stable")].T
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    ("heavy", "solver"),
+    [
+        (75.0, {}),
+        (80.0, {"algorithm": "alm"}),
+        (80.0, {"algorithm": "path-following"}),
+        (75.0, {"linear_algebra": "full"}),
+    ],
+)
+def test_a_crack_under_a_dam(heavy, solver):
+    """The base opens as far as Navier's formula says, to one cell, and the fluid follows it by one point."""
+    solution = solve(dam(heavy, solver=solver), COMM)
+    state = solution.contact
+    x, wet = along(state, state.fluid)
+    _, open_ = along(state, state.pressure == 0.0)
+    assert solution.certificate.holds
+    assert solution.safety is None
+    assert x[open_ > 0].max() == pytest.approx(crack(heavy), abs=0.05)
+    assert np.array_equal(np.flatnonzero(wet), np.arange(open_.sum() + 1))
+    assert wet[wet > 0] == pytest.approx(30.0)
+    # What it carries is the weight without the uplift under what is wet.
+    at = solution.resultants.of("bottom")
+    assert at.acts == ("contact", "fluid in contact")
+    assert at.force == pytest.approx([0.0, heavy], abs=1e-6)
+    assert state.forces[0][1] == pytest.approx(heavy - 30.0 * (0.05 * wet[wet > 0].size - 0.025), rel=1e-9)
+
+
+def test_in_space():
+    """The same block, one wide, on a Krylov method: the coarser mesh knows the crack to its cells."""
+    scene = dam(75.0, dim=3, solver={"linear_algebra": "krylov"})
+    state = (solution := solve(scene, COMM)).contact
+    assert solution.certificate.holds
+    x, open_ = along(state, state.pressure == 0.0)
+    assert x[open_ > 0].max() == pytest.approx(crack(75.0, arm=0.1), abs=0.1)
+    assert solution.resultants.of("bottom").force[2] == pytest.approx(75.0)
+
+
+def test_what_stays_closed_stays_dry():
+    """A heavy block presses more than the water: only the open joint at its heel is wet.  An opening that is not
+    connected with the water is dry.
+    """
+    gap = "0.01 if x[0] < 0.11 or 1.0 < x[0] < 1.2 else 0"
+    solution = solve(dam(120.0, gap=gap), COMM)
+    x, wet = along(solution.contact, solution.contact.fluid)
+    _, open_ = along(solution.contact, solution.contact.pressure == 0.0)
+    assert solution.certificate.holds
+    assert x[wet > 0] == pytest.approx([0.0, 0.05, 0.1, 0.15])
+    assert x[open_ > 0] == pytest.approx([0.0, 0.05, 0.1, 1.05, 1.1, 1.15])
+
+
+def test_rising_and_falling_water():
+    """The crack grows with the level and closes with it; at last the block tips or floats, which is a named outcome."""
+    level = "3 if 1.5 < t < 2.5 else 3.6 if t > 3.5 else 2"
+    scene = dam(75.0, level, load_steps={"times": [1.0, 2.0, 3.0, 4.0]})
+    solution = solve(scene, COMM, check=False)
+    rows = [along(step.contact, step.contact.fluid) for step in solution.steps[:3]]
+    ends = [x[wet > 0].max() for x, wet in rows]
+    assert [step.status for step in solution.steps[:3]] == [Status.CONVERGED] * 3
+    assert ends == pytest.approx([0.15, crack(75.0) + 0.02, 0.15], abs=0.04)
+    assert solution.status in (Status.TIPS, Status.OPEN)
+
+
+def test_two_bodies():
+    """Between two blocks the fluid presses on both: under the joint its pressure is on the lower one as well."""
+    part = {"generator": "rectangle", "parameters": {"length": 2.0, "height": 0.5, "nx": 10, "ny": 2}}
+    scene = parse_scene(
+        {
+            "body": [
+                {"name": "lower", "mesh": part | {"parameters": part["parameters"] | {"nx": 14}}},
+                {"name": "upper", "mesh": part, "shift": (0.0, 0.5)},
+            ],
+            "material": {"young": 1e5, "poisson": 0.0},
+            "displacement": [
+                {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+                {"boundary": "upper.right", "x": 0.0},
+            ],
+            "traction": {"boundary": "upper.top", "y": -50.0},
+            "fluid": {"boundary": "upper.left", "level": 2.5, "weight": 10.0, "enters": ["upper.bottom"]},
+            "contact": {
+                "boundary": "upper.bottom",
+                "against": "lower.top",
+                "distance": "nominal",
+                "gap": "0.01 if x[0] < 0.61 else 0",
+            },
+        }
+    )
+    solution = solve(scene, COMM)
+    x, wet = along(solution.contact, solution.contact.fluid)
+    assert solution.certificate.holds
+    assert x[wet > 0] == pytest.approx([0.0, 0.2, 0.4, 0.6, 0.8])
+    below = solution.resultants.of("lower.bottom").force[1]
+    assert below == pytest.approx(100.0)  # the foundation carries all that presses on the upper block
+    assert solution.resultants.of("lower.top").force[1] == pytest.approx(-100.0)
+
+
+def test_friction_is_that_of_the_effective_pressure():
+    """A block that is dragged: the pressure of the contact rubs, and that of the fluid does not."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 0.2, "nx": 10, "ny": 2}},
+            "material": {"young": 1e6, "poisson": 0.0},
+            "displacement": [{"boundary": "top", "x": 0.05}],
+            "traction": {"boundary": "top", "y": -40.0},
+            "fluid": {"boundary": "left", "level": 3.0, "weight": 10.0, "enters": ["bottom"]},
+            "contact": {
+                "boundary": "bottom",
+                "gap": "0.01 if x[0] < 0.61 else 0",
+                "friction": {"law": "coulomb", "coefficient": 0.5},
+            },
+        }
+    )
+    solution = solve(scene, COMM)
+    normal, friction = solution.contact.forces
+    uplift = np.dot(solution.contact.fluid, solution.contact.boundary.weight)
+    assert uplift == pytest.approx(30.0 * 0.9)  # five points, the first of them half
+    assert normal[1] == pytest.approx(80.0 - uplift)
+    assert friction[0] == pytest.approx(-0.5 * (80.0 - uplift), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "lie",
+    [
+        lambda q: np.where(np.arange(q.size) < 2, 0.0, q),  # dry although it is open and connected
+        lambda q: 1.1 * q,  # another pressure
+        lambda q: np.where(np.arange(q.size) == q.size - 5, 30.0, q),  # wet although nothing leads there
+        lambda q: 0.0 * q,
+    ],
+)
+def test_a_certificate_that_does_not_hold(lie):
+    """Pressures that are not those of a fluid that has entered."""
+    scene = dam(120.0)
+    solution = solve(scene, COMM)
+    tractions = Tractions.of(solution.contact)
+    order = np.argsort(solution.contact.boundary.x[:, 0])
+    told = np.zeros(order.size)
+    told[order] = lie(tractions.fluid[order])
+    discretisation = solution.discretisation
+    law = Law(solution.parameters["gamma_n"], solution.parameters["gamma_t"])
+    arguments = scene, discretisation.tagged, solution.displacement
+    assert certify(*arguments, tractions, law=law).holds
+    assert certify(*arguments, replace(tractions, fluid=told), law=law).equilibrium == np.inf
+
+
+WATER = {"boundary": "left", "level": 3.0, "weight": 10.0}
+
+
+@pytest.mark.parametrize(
+    ("changes", "match"),
+    [
+        ({"fluid": WATER | {"enters": ["top"]}}, "enters: 'top' is no boundary in contact; these are: 'bottom'"),
+        ({"fluid": WATER | {"boundary": "top", "enters": ["bottom"]}}, "enters: boundary 'top' does not meet 'bottom'"),
+        ({"fluid": WATER | {"enters": "bottom"}}, "enters"),
+        ({"contact": {"boundary": "bottom", "kind": "bilateral"}}, "enters: contact of 'bottom' cannot open"),
+        ({"solver": {"algorithm": "exact"}}, "solver.algorithm: exact is not possible yet where a fluid enters"),
+        ({"accuracy": {"target": 0.1}}, "accuracy: a requested accuracy is not possible yet where a fluid enters"),
+    ],
+)
+def test_bad_values(changes, match):
+    """One error each."""
+    with pytest.raises(SceneError, match=match) as caught:
+        solve(dam(80.0, **changes), COMM)
+    assert len(caught.value.problems) == 1
