@@ -1,6 +1,7 @@
 """Random scenes, judged by a program that shares no code with the package.
 
-    ./env python3 -m stability.oracle [--plane N] [--space N] [--bodies N] [--first SEED] [--jobs N]      (make oracle)
+    ./env python3 -m stability.oracle [--plane N] [--space N] [--bodies N] [--effects N]
+                                              [--first SEED] [--jobs N]      (make oracle)
     ./env python3 -m stability.oracle --only plane SEED      one scene, with its file and every figure
     ./env python3 -m stability.oracle --only space SEED --same-units      the same in units of the body
 
@@ -39,6 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--space", type=int, metavar="N", help="how many scenes in space (1000); one of these alone: no others"
     )
     parser.add_argument("--bodies", type=int, metavar="N", help="how many scenes of two and three bodies (1000)")
+    parser.add_argument("--effects", type=int, metavar="N", help="how many scenes with further effects (1000)")
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first one's number (0)")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (1)")
     parser.add_argument("--limit", type=float, default=180.0, metavar="S", help="wall seconds for one scene (180)")
@@ -52,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _one(given.only[0], int(given.only[1]), given.out, own=given.same_units)
     counts = {where: getattr(given, where) for where in _SHOWN}
     if all(count is None for count in counts.values()):
-        counts = {"plane": 2000, "space": 1000, "bodies": 1000}
+        counts = {"plane": 2000, "space": 1000, "bodies": 1000, "effects": 1000}
     begin, rows = time.monotonic(), list[Row]()
     for where, count in counts.items():
         rows += _examined(where, given, count or 0)
@@ -75,7 +77,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return int(bool(told))
 
 
-_SHOWN = {"plane": "in the plane", "space": "in space", "bodies": "of several bodies, in the plane and in space"}
+_SHOWN = {
+    "plane": "in the plane",
+    "space": "in space",
+    "bodies": "of several bodies, in the plane and in space",
+    "effects": "in the plane with further effects",
+}
 
 
 def _examined(where: str, given: argparse.Namespace, count: int) -> list[Row]:

@@ -11,7 +11,8 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import pdist
 
-from stability.oracle import elements
+from stability.oracle import effects, elements
+from stability.oracle.effects import listed
 from stability.oracle.elements import Array, Ints, at_points
 
 
@@ -47,12 +48,6 @@ class Side:
         return np.stack([-self.normal[:, 1], self.normal[:, 0]], axis=1)
 
 
-def listed(scene: dict[str, Any], key: str) -> list[dict[str, Any]]:
-    """The tables of a key; a single one may stand without a list."""
-    found = scene.get(key, [])
-    return [found] if isinstance(found, dict) else found
-
-
 class Body:
     """Nodes, stiffness, loads and supports of a scene (as its TOML says it) on a mesh."""
 
@@ -65,8 +60,9 @@ class Body:
             raise ValueError("curved cells need elements of degree 2")
         self.corners: Ints = mesh.cells[:, :corners]
         self._number_nodes()
+        self._forces: dict[tuple[str, int], Array] = {}
         lists = [e["factors"] for key in ("displacement", "traction") for e in listed(scene, key) if "factors" in e]
-        lists += [e["factors"] for e in listed(scene, "body_force") if "factors" in e]
+        lists += [e["factors"] for k in ("body_force", *effects.LOADS) for e in listed(scene, k) if "factors" in e]
         self.steps = len(lists[0]) if lists else 1
 
     def _number_nodes(self) -> None:
@@ -106,8 +102,8 @@ class Body:
         """Lame parameters of each cell; the first one is reduced for plane stress."""
         first, second = np.full(len(self.cells), np.nan), np.full(len(self.cells), np.nan)
         for material in listed(self.scene, "material"):
-            young, poisson = float(material["young"]), float(material["poisson"])
             where = self.mesh.regions[material["region"]] if "region" in material else np.arange(len(self.cells))
+            young, poisson = material["young"] * effects.graded(self, material)[where], float(material["poisson"])
             shear = young / 2 / (1 + poisson)
             plane_stress = material.get("hypothesis", "plane strain") == "plane stress"
             first[where] = 2 * shear * poisson / (1 - poisson if plane_stress else 1 - 2 * poisson)
@@ -166,7 +162,21 @@ class Body:
         dofs = (2 * self.cells[:, :, None] + np.arange(2)).reshape(len(self.cells), -1)
         rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
         size = 2 * len(self.x)
-        return coo_array((total.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)).tocsr()
+        elastic = coo_array((total.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)).tocsr()
+        return elastic + self.springs if self.scene.get("springs") else elastic
+
+    @cached_property
+    def springs(self) -> csr_array:
+        """The part of a(., .) of springs."""
+        return effects.springs(self)
+
+    def of_materials(self, key: str) -> Array:
+        """A number of the material of each cell."""
+        found = np.zeros(len(self.cells))
+        for material in listed(self.scene, "material"):
+            where = self.mesh.regions[material["region"]] if "region" in material else np.arange(len(self.cells))
+            found[where] = material[key]
+        return found
 
     def _cell_matrices(self, rule: tuple[Array, Array], first: Array, second: Array) -> Array:
         """The stiffness matrix of every cell by a rule."""
@@ -175,7 +185,7 @@ class Body:
         nodes = self.cells.shape[1]
         total = np.zeros((len(self.cells), 2 * nodes, 2 * nodes))
         for point, weight in enumerate(weights):
-            jacobian = self._jacobian(xi[point : point + 1])[:, 0]
+            jacobian = self.jacobian(xi[point : point + 1])[:, 0]
             size = np.abs(np.linalg.det(jacobian)) * weight
             g = np.einsum("kj,cji->cki", slopes[point], np.linalg.inv(jacobian))
             block = np.einsum("c,cai,cbj->caibj", first * size, g, g)
@@ -186,7 +196,7 @@ class Body:
             total += block.reshape(len(self.cells), 2 * nodes, 2 * nodes)
         return total
 
-    def _jacobian(self, xi: Array) -> Array:
+    def jacobian(self, xi: Array) -> Array:
         """D x_i / d xi_j in every cell at the points xi, shape (cells, points, 2, 2)."""
         _, slopes = elements.shape(self.mesh.cells.shape[1], xi)
         return np.einsum("cki,pkj->cpij", self.mesh.points[self.mesh.cells], slopes)
@@ -242,11 +252,16 @@ class Body:
             values, _ = elements.shape(self.cells.shape[1], xi)
             place, _ = elements.shape(self.mesh.cells.shape[1], xi)
             x = np.einsum("cki,pk->cpi", self.mesh.points[self.mesh.cells], place)
-            size = np.abs(np.linalg.det(self._jacobian(xi))) * weights
+            size = np.abs(np.linalg.det(self.jacobian(xi))) * weights
             force = np.stack(
                 [at_points(load.get(k, 0.0), x.reshape(-1, 2)).reshape(size.shape) * size for k in "xy"], axis=2
             )
             np.add.at(total, self.cells, np.einsum("cpi,pk->cki", force, values) * factor_of(load, step))
+        for key in effects.LOADS:
+            for number, load in enumerate(listed(self.scene, key)):
+                if (key, number) not in self._forces:
+                    self._forces[key, number] = effects.forces(self, key, load)
+                total += self._forces[key, number] * factor_of(load, step)
         return total.ravel()
 
     def prescribed(self, step: int) -> Array:
@@ -283,6 +298,8 @@ class Body:
             nodes = np.unique(facets)
             weight = np.linalg.norm(moments[nodes], axis=1)
             normals = moments[nodes] / weight[:, None]
+            if "foundation" in effect:
+                _, normals = effects.from_shape(effect["foundation"], self.x[nodes])
             if "direction" in effect:
                 direction = np.array(effect["direction"], dtype=float)
                 normals = np.tile(direction / np.linalg.norm(direction), (len(nodes), 1))

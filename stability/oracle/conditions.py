@@ -10,6 +10,7 @@ import numpy.typing as npt
 from scipy.sparse.linalg import splu
 
 from stability.oracle.body import Body, listed
+from stability.oracle.effects import from_shape
 from stability.oracle.elements import Array, Ints, at_points
 
 # Relative to the largest force, stress and length of the deformation at hand.
@@ -33,6 +34,7 @@ class Contact:
         coefficient: coefficient of Coulomb friction.
         cap: largest bound of Coulomb friction.
         bilateral: whether the contact cannot open.
+        cohesive: whether the given bound is that of a cohesion, which open nodes have not.
     """
 
     part: Ints
@@ -44,6 +46,7 @@ class Contact:
     coefficient: Array
     cap: Array
     bilateral: npt.NDArray[np.bool_]
+    cohesive: npt.NDArray[np.bool_]
 
     @property
     def tangent(self) -> Array:
@@ -53,17 +56,18 @@ class Contact:
     def bound(self, pressure: Array) -> Array:
         """The largest shear at a contact pressure."""
         acting = np.where(self.bilateral, np.abs(pressure), np.maximum(pressure, 0.0))
-        return self.given + np.minimum(self.coefficient * acting, self.cap)
+        bound = np.minimum(self.given + self.coefficient * acting, self.cap)
+        return np.where(self.cohesive & (pressure == 0), 0.0, bound)
 
     @property
     def has_friction(self) -> bool:
         """Whether a law can transmit any shear."""
-        return bool(np.any(self.given > 0) or np.any((self.coefficient > 0) & (self.cap > 0)))
+        return bool(np.any(((self.given > 0) | (self.coefficient > 0)) & (self.cap > 0)))
 
     @property
     def follows_pressure(self) -> bool:
         """Whether a bound depends on the solution."""
-        return bool(np.any(self.coefficient > 0))
+        return bool(np.any(self.coefficient > 0) or np.any(self.cohesive))
 
     def forces(self, pressure: Array, shear: Array, size: int) -> Array:
         """What the contact tractions take from the body, a force per dof: w (lambda n + mu t)."""
@@ -84,8 +88,10 @@ def contact_of(body: Body) -> Contact:
         columns["nodes"].append(side.nodes)
         columns["weight"].append(side.weight)
         columns["normal"].append(side.normal)
-        columns["gap"].append(at_points(effect.get("gap", 0.0), x))
-        columns["given"].append(at_points(friction["bound"] if tresca else 0.0, x))
+        distance = from_shape(effect["foundation"], x)[0] if "foundation" in effect else 0.0
+        columns["gap"].append(at_points(effect.get("gap", 0.0), x) + distance)
+        columns["given"].append(at_points(friction["bound"] if tresca else friction.get("cohesion", 0.0), x))
+        columns["cohesive"].append(np.full(count, "cohesion" in friction))
         columns["coefficient"].append(at_points(friction["coefficient"] if coulomb else 0.0, x))
         capped = coulomb and "cap" in friction
         columns["cap"].append(at_points(friction["cap"], x) if capped else np.full(count, np.inf))

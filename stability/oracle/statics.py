@@ -15,7 +15,11 @@ def free_motions(body: Body, step: int) -> Array:
     """Rigid motions of the pieces that the supports allow, a column each."""
     fixed = ~free_dofs(body, step)
     rigid = body.rigid
-    return rigid @ null_space(rigid[fixed], rcond=1e-9) if fixed.any() else rigid
+    motions = rigid @ null_space(rigid[fixed], rcond=1e-9) if fixed.any() else rigid
+    if not body.scene.get("springs") or motions.shape[1] == 0:
+        return motions
+    energies, turned = np.linalg.eigh(motions.T @ (body.springs @ motions))
+    return np.asarray(motions @ turned[:, energies <= 1e-9 * energies.max()])
 
 
 def held(body: Body, contact: Contact, step: int) -> bool:
@@ -28,7 +32,7 @@ def held(body: Body, contact: Contact, step: int) -> bool:
     if motions.shape[1] == 0:
         return True
     moves = motions.reshape(-1, 2, motions.shape[1])[contact.nodes]
-    sticks = (contact.given > 0) | ((contact.coefficient > 0) & (contact.cap > 0))
+    sticks = ((contact.given > 0) | (contact.coefficient > 0)) & (contact.cap > 0)
     rows = [np.einsum("nik,ni->nk", moves, contact.normal)]
     rows.append(np.einsum("nik,ni->nk", moves, contact.tangent)[sticks])
     values = np.linalg.svd(np.concatenate(rows), compute_uv=False)
@@ -59,7 +63,7 @@ def slack(body: Body, contact: Contact, step: int) -> tuple[float, Array]:
     balance[:, nodes:-1] = np.einsum("nik,ni->kn", moves, contact.tangent)
     given = contact.weight * contact.given / scale
     cap = contact.weight * contact.cap / scale
-    rubs = (contact.given > 0) | ((contact.coefficient > 0) & (contact.cap > 0))
+    rubs = ((contact.given > 0) | (contact.coefficient > 0)) & (contact.cap > 0)
     rows, limits = [], []
     for node in np.flatnonzero(~contact.bilateral):
         row = np.zeros(2 * nodes + 1)
@@ -70,17 +74,13 @@ def slack(body: Body, contact: Contact, step: int) -> tuple[float, Array]:
         for sign in (1.0, -1.0):
             row = np.zeros(2 * nodes + 1)
             row[nodes + node], row[-1] = sign, share[node]
-            if contact.given[node] > 0:
-                rows.append(row)
-                limits.append(given[node])
-                continue
             if np.isfinite(cap[node]):
                 rows.append(row.copy())
                 limits.append(cap[node])
-            if not contact.bilateral[node]:
+            if not contact.bilateral[node] or contact.coefficient[node] == 0:
                 row[node] = -contact.coefficient[node]
                 rows.append(row)
-                limits.append(0.0)
+                limits.append(given[node])
     bounds = [(None, None)] * nodes + [(None, None) if rub else (0.0, 0.0) for rub in rubs] + [(None, 1.0)]
     cost = np.zeros(2 * nodes + 1)
     cost[-1] = -1.0

@@ -16,13 +16,20 @@ import numpy.typing as npt
 
 # Dimension of each value of a scene: powers of length and of stress.
 _LENGTH, _STRESS, _PER_VOLUME, _STIFFNESS, _SOFTNESS = (1, 0), (0, 1), (-1, 1), (-1, 1), (1, -1)
-_VALUES = {
-    "material": {"young": _STRESS},
+_VALUES: dict[str, dict[str, tuple[float, int]]] = {
+    # An acceleration has no unit here, so that times are those that make it so.
+    "material": {"young": _STRESS, "density": _PER_VOLUME, "grading": (0, 0)},
+    "force": {"x": (1, 1), "y": (1, 1), "spread": (0, 0)},
+    "fluid": {"level": _LENGTH, "weight": _PER_VOLUME},
+    "rotation": {"speed": (-0.5, 0), "about": _LENGTH},
+    "temperature": {"change": (0, 0)},
+    "springs": dict.fromkeys(("normal", "tangential", "x", "y"), _STIFFNESS),
+    "foundation": dict.fromkeys(("point", "centre", "radius"), _LENGTH),
     "displacement": dict.fromkeys(("x", "y", "z", "normal"), _LENGTH),
     "traction": dict.fromkeys(("x", "y", "z", "pressure"), _STRESS),
     "body_force": dict.fromkeys(("x", "y", "z"), _PER_VOLUME),
     "contact": {"gap": _LENGTH},
-    "friction": {"bound": _STRESS, "cap": _STRESS, "coefficient": (0, 0)},
+    "friction": {"bound": _STRESS, "cap": _STRESS, "cohesion": _STRESS, "coefficient": (0, 0)},
     "solver": dict.fromkeys(("gamma_n", "gamma_t", "gamma_first"), _STIFFNESS) | {"sigma": _SOFTNESS},
     "parameters": dict.fromkeys(
         (
@@ -58,7 +65,7 @@ class Units:
         """A stress of 1."""
         return self.force / self.length ** (self.dimension - 1)
 
-    def of(self, dimension: tuple[int, int]) -> float:
+    def of(self, dimension: tuple[float, int]) -> float:
         """The unit of a value with these powers of length and of stress."""
         lengths, stresses = dimension
         return float(self.length**lengths * self.stress**stresses)
@@ -87,6 +94,8 @@ class Units:
         """A number or an expression of the position, in these units."""
         if unit == self.length == 1.0:
             return value
+        if isinstance(value, list):
+            return [item * unit for item in value]
         if not isinstance(value, str):
             return value * unit
         place = re.sub(r"x\[(\d)\]", lambda found: f"({found[0]}/{self.length!r})", value)

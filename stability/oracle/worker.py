@@ -17,7 +17,7 @@ from typing import Any
 
 from signorini_fx.errors import SignoriniError
 from stability.oracle import judge as plane
-from stability.oracle import scenes
+from stability.oracle import more_scenes, scenes
 from stability.oracle.bodies import judge as bodies
 from stability.oracle.bodies import scenes as bodies_scenes
 from stability.oracle.judge import CRASHED, REFUSED, REFUSED_WRONGLY, Verdict
@@ -30,17 +30,18 @@ from stability.oracle.units import Units, same
 # The scenes of a seed, and the verdict, by their names; several bodies by turns in the plane and in space.
 TRIAL: dict[str, Callable[..., Trial]] = {
     "plane": scenes.trial,
+    "effects": more_scenes.more,
     "space": space_scenes.trial,
     "bodies": lambda seed, units=None: bodies_scenes.trial(seed, dimension_of("bodies", seed), units),
 }
-JUDGE = {"plane": plane.judge, "space": space.judge, "bodies": bodies.judge}
+JUDGE = {"plane": plane.judge, "effects": plane.judge, "space": space.judge, "bodies": bodies.judge}
 # Libraries print too: the messages are the lines that begin like this.
 MARK = "\x1e"
 
 
 def dimension_of(where: str, seed: int) -> int:
     """Of a scene."""
-    return {"plane": 2, "space": 3}.get(where, 2 + seed % 2)
+    return {"plane": 2, "effects": 2, "space": 3}.get(where, 2 + seed % 2)
 
 
 def same_units(where: str, seed: int) -> Units:
