@@ -103,6 +103,22 @@ def test_graded_cylinder():
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
 
 
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_curved_cells(cell):
+    """The modulus is that in the middle of the corners, for the solver and the certificate alike."""
+    mesh = {"generator": "half_disk", "parameters": {"size": 0.4, "contact_size": 0.2, "order": 2, "cell": cell}}
+    given = parse_scene(
+        {
+            "mesh": mesh,
+            "element": {"degree": 2},
+            "material": {"young": YOUNG, "poisson": 0.3, "grading": "0.6 + 0.3*sin(5*x[0])"},
+            "displacement": {"boundary": "top", "x": 0.0, "y": -1e-3},
+            "contact": {"boundary": "arc"},
+        }
+    )
+    assert solve(given, COMM).certificate.holds
+
+
 @pytest.mark.mpi
 @pytest.mark.parametrize("grading", [None, "where(x[0] < 1, 1, 0.25)"])
 @pytest.mark.parametrize(("cells", "degree"), [("quadrilateral", 2), ("triangle", 1), ("hexahedra", 1)])

@@ -19,6 +19,7 @@ from dolfinx import fem, la
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_nodes
 from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.node_positions import node_positions
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.scene.model import Scene
@@ -62,7 +63,7 @@ class EnteringFluid:
         self, scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, boundary: ContactBoundary, place: float
     ) -> None:
         self._space, self._boundary, self._entrances = space, boundary, list[_Entrance]()
-        x, nodes = space.tabulate_dof_coordinates()[:, : boundary.x.shape[1]], space.dofmap.index_map
+        x, nodes = node_positions(space)[:, : boundary.x.shape[1]], space.dofmap.index_map
         parts = {contact.boundary: part for part, contact in enumerate(scene.contact)}
         problems = []
         for number, fluid in enumerate(scene.fluids):
@@ -114,17 +115,17 @@ class EnteringFluid:
             found[here] = np.maximum(found[here], there)
         return found
 
-    def _spread(self, entrance: _Entrance, passes: Flags, wet: Flags) -> Flags:
+    def _spread(self, entrance: _Entrance, passes: Flags, begun: Flags) -> Flags:
         """The nodes that a fluid reaches from others through points of its contact, shape (nodes,)."""
         here = self._boundary.part == entrance.part
-        passing = np.zeros(wet.size, dtype=bool)
-        passing[self._boundary.nodes[here]] = passes[here]
-        passing, facets = self._over_ranks(passing) & (entrance.pressure > 0), entrance.facets
+        wet, open_ = begun, np.zeros(begun.size, dtype=bool)
+        open_[self._boundary.nodes[here]] = passes[here]
+        passing, facets = self._over_ranks(open_) & (entrance.pressure > 0), entrance.facets
         while True:
             before = wet
             while True:
                 full = facets @ (wet & passing).astype(np.float64) > 0
-                more: Flags = np.asarray(wet | (facets.T @ full.astype(np.float64) > 0))
+                more = np.asarray(wet | (facets.T @ full.astype(np.float64) > 0), dtype=np.bool_)
                 if np.array_equal(more, wet):
                     break
                 wet = more

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import basix
 import numpy as np
 import numpy.typing as npt
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 
-from signorini_fx import parallel
+from signorini_fx import compat, parallel
 from signorini_fx.effects.material import LinearElastic
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
@@ -84,7 +85,10 @@ def poisson_of(material: LinearElastic, tagged: TaggedMesh, cells: npt.NDArray[n
 
 
 def _in_the_middle(value: Any, tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
-    middle = dmesh.compute_midpoints(tagged.mesh, tagged.dimension, cells) if cells.size else np.zeros((0, 3))
+    """A value in the middle of the corners of cells: that of all nodes of curved ones depends on how these are drawn."""
+    mesh = tagged.mesh
+    corners = len(basix.geometry(getattr(basix.CellType, mesh.topology.cell_name())))
+    middle = mesh.geometry.x[compat.geometry_cells(mesh)[cells, :corners]].mean(axis=1)
     return sample(value, middle.T.astype(np.float64))
 
 
