@@ -203,7 +203,7 @@ def test_a_certificate_that_does_not_hold(lie):
     law = Law(solution.parameters["gamma_n"], solution.parameters["gamma_t"])
     arguments = scene, discretisation.tagged, solution.displacement
     assert certify(*arguments, tractions, law=law).holds
-    assert certify(*arguments, replace(tractions, fluid=told), law=law).equilibrium == np.inf
+    assert certify(*arguments, replace(tractions, fluid=told), law=law).equilibrium > 1e-3
 
 
 WATER = {"boundary": "left", "level": 3.0, "weight": 10.0}

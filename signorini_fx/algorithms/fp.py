@@ -87,7 +87,7 @@ def _change(newton: SemismoothNewton, data: RegularisedData, g: Nodal, augmentat
 
 def _missed(newton: SemismoothNewton, data: RegularisedData, law: FrictionLaw) -> float:
     """Largest difference of the friction bound from that of the law at the pressure found, relative to the largest
-    pressure or shear that the body feels; collective.
+    pressure or shear that the body feels, or if it feels none, that there is; collective.
     """
     pressure, shear = newton.multipliers()
     points, following = newton.problem.points, law.bound(pressure)
@@ -95,5 +95,7 @@ def _missed(newton: SemismoothNewton, data: RegularisedData, law: FrictionLaw) -
     # The bound of a bond is infinite.
     away = np.abs(np.subtract(following, bound, out=np.zeros_like(bound), where=np.isfinite(following)))
     felt = np.maximum(points.felt(pressure, shear), points.felt(shear, pressure))
-    largest, size = (parallel.global_max(points.comm, parallel.local_max(values)) for values in (away, felt))
+    each = (parallel.local_max(values) for values in (away, felt, np.abs(pressure)))
+    largest, size, any_size = (parallel.global_max(points.comm, value) for value in each)
+    size = size or any_size
     return largest / size if size > 0 else 0.0

@@ -64,8 +64,7 @@ REPORTED = ("displacement", "penetration", "complementarity", "stick_slip")
 _ROUND_OFF = 1e-8
 # Units in the last place of displacements and loads that an evaluation of their nodal forces may lose.
 _LOST_UNITS = 100.0
-# What stresses are relative to is at most this times the mean stress in bodies that are not without stress: what a
-# penalty makes of round-off may be 0.1 % of it.
+# What a penalty makes of round-off may be 0.1 % of the mean stress in bodies that are not without stress.
 _ABOVE_THE_MEAN = 1e3
 # Contact stresses below this share of the mean stress in the body cannot be distinguished from zero.
 _FAINT = 1e-3
@@ -81,8 +80,7 @@ class Certificate:
 
     Attributes:
         equilibrium: residual of (3.3a) in the free unknowns, of all together and of the worst contact node as a stress;
-            of a mixed element also that of its change of volume, relative to the mean strain;
-            infinite where the pressure of a fluid in the contact is not one that has entered.
+            of a mixed element also that of its change of volume, relative to the mean strain.
         supports: largest difference from a prescribed displacement.
         negative_pressure: largest -lambda.
         friction_cone: largest |mu| - F g.
@@ -189,15 +187,11 @@ def certify(
         dilation=forces.dilation(displacement) if mixed else None,
     )
     sides = sides_of(scene, tagged, space, pairs)
-    wrong = False
     if tractions is not None and tractions.fluid is not None:
-        from signorini_fx.results.entered_fluid import astray, forces_of_fluid
+        from signorini_fx.results.entered_fluid import forces_entered
 
-        balance = replace(balance, external=balance.external + forces_of_fluid(forces, sides, tractions))
-        wrong = astray(forces, tractions, step)
+        balance = replace(balance, external=balance.external + forces_entered(forces, sides, tractions, step))
     found = judged(displacement, balance, sides, tractions, law=law, before=before, tools=tools)
-    if wrong:
-        found = replace(found, equilibrium=np.inf)
     if tools and tractions is not None:
         nodes = ContactNodes.of(forces, sides, tractions)
         left = unbalanced(scene, nodes, tools, step, scale, _FAINT * scales.stress(found.strain_energy) * nodes.area)
@@ -353,8 +347,7 @@ def equilibrium(balance: Balance, y: Nodal, nodes: ContactNodes | None, units: _
         np.add.at(residual, reached, contact_forces)
     residual = supports.left(residual)
     digits = _LOST_UNITS * np.finfo(float).eps
-    if nodes is not None:
-        force = max(force, units.penalty * _norm(comm, area))
+    force = force if nodes is None else max(force, units.penalty * _norm(comm, area))
     whole = _share(_norm(comm, residual) - digits * least / _ROUND_OFF, force)
     if nodes is None:
         return whole

@@ -32,6 +32,12 @@ def forces_of_fluid(forces: NodalForces, sides: Sequence[ContactSide], tractions
     return found
 
 
+def forces_entered(forces: NodalForces, sides: Sequence[ContactSide], tractions: Tractions, place: float) -> Array:
+    """The same of a pressure that has entered; of one that has not there are none: they leave the body unbalanced."""
+    found = forces_of_fluid(forces, sides, tractions)
+    return np.zeros_like(found) if astray(forces, tractions, place) else found
+
+
 def astray(forces: NodalForces, tractions: Tractions, place: float) -> bool:
     """Whether a pressure of fluids is not that of fluids that have entered; collective.
 
