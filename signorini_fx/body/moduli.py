@@ -85,7 +85,7 @@ def poisson_of(material: LinearElastic, tagged: TaggedMesh, cells: npt.NDArray[n
 
 
 def _in_the_middle(value: Any, tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
-    """A value in the middle of the corners of cells: that of all nodes of curved ones depends on how these are drawn."""
+    """A value in the middle of the corners of cells, whose other nodes depend on how curves are drawn."""
     mesh = tagged.mesh
     corners = len(basix.geometry(getattr(basix.CellType, mesh.topology.cell_name())))
     middle = mesh.geometry.x[compat.geometry_cells(mesh)[cells, :corners]].mean(axis=1)
