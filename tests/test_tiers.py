@@ -16,12 +16,6 @@ def test_slow_tests_are_there(pytestconfig):
     assert pytestconfig.stash[NOT_THERE] == []
 
 
-def test_files_of_tests_on_ranks(request):
-    """The Makefile finds them by a word."""
-    files = {item.path for item in request.session.items if item.get_closest_marker("mpi")}
-    assert [file.name for file in files if "mark.mpi" not in file.read_text(encoding="utf-8")] == []
-
-
 def test_what_notices_a_mistake_is_quick():
     """docs/mutants.md says which tests notice which mistake."""
     slow = tiers.listed()
