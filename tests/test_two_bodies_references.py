@@ -6,7 +6,19 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from test_fits import share_found
-from two_bodies import assembled, facets, facets_of_cells, facets_of_piece, forms, grid, held, on, per_cell, stress_of
+from two_bodies import (
+    KINDS,
+    assembled,
+    facets,
+    facets_of_cells,
+    facets_of_piece,
+    forms,
+    grid,
+    held,
+    on,
+    per_cell,
+    stress_of,
+)
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Pair, Status
 
@@ -254,3 +266,100 @@ def test_hertz_of_two_bodies_in_space():
     assert state.pressure.max() == pytest.approx(3 * force / (2 * np.pi * half**2), rel=0.03)
     touching = np.hypot(*state.boundary.x[state.pressure > 0, :2].T).max()
     assert touching == pytest.approx(half, rel=0.12)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_narrow_block_on_a_wide_one(kind, degree):
+    """A pressure on the top of a block and beside it on the wider one below: both have this stress, exactly (as in
+    SSNP121 and SSNP170 of the Code_Aster manuals, with 1e5 and 25).
+    """
+    dim = KINDS[kind]
+    pressed = {2: 1e5, 3: 25.0}[dim]
+    deep = (2,) * (dim - 2), (3,) * (dim - 2)
+    narrow = grid(kind, (4, *deep[1], 2), (0.0,) * dim, (1.0,) * dim)
+    wide = grid(kind, (9, *deep[0], 2), (-1.0, *(0.0,) * (dim - 2), -1.0), (2.0, *(1.0,) * (dim - 2), 0.0))
+    mesh = assembled(kind, narrow, wide)
+    young, poisson, last = 1e4 * pressed, 0.3, dim - 1
+    space, a, v = forms(mesh, degree, per_cell(mesh, lambda x: young), poisson)
+
+    def at_joint(inside):
+        return facets_of_piece(mesh, lambda x: np.isclose(x[last], 0), inside)
+
+    upper = at_joint(lambda x: x[last] > 0)
+    lower = at_joint(lambda x: (x[last] < 0) & (abs(x[0] - 0.5) < 0.5))
+    beside = at_joint(lambda x: (x[last] < 0) & (abs(x[0] - 0.5) > 0.5))
+    top = facets(mesh, lambda x: np.isclose(x[last], 1))
+    load = -pressed * v[last] * on(mesh, np.concatenate((top, beside)))
+    # Nothing strains through the depth, as in plane strain.
+    widening, shortening = poisson * (1 + poisson) * pressed / young, (1 - poisson**2) * pressed / young
+    bcs = [held(space, facets(mesh, lambda x: np.isclose(x[last], -1)), last, shortening)]
+    bcs.append(held(space, facets_of_piece(mesh, lambda x: np.isclose(x[0], 0), lambda x: x[last] > 0), 0))
+    bcs.append(held(space, facets(mesh, lambda x: np.isclose(x[0], -1)), 0, -widening))
+    if dim == 3:
+        bcs.append(held(space, facets(mesh, lambda x: np.isclose(x[1], 0) | np.isclose(x[1], 1)), 1))
+    problem = ContactProblem(a, load, bcs, contact=Pair(upper, lower), algorithm="alm", tolerance=1e-12)
+    problem.solve()
+    x = space.tabulate_dof_coordinates()[:, :dim]
+    exact = np.zeros_like(x)
+    exact[:, 0], exact[:, last] = widening * x[:, 0], -shortening * x[:, last]
+    np.testing.assert_allclose(problem.u.x.array.reshape(-1, dim), exact, rtol=0, atol=1e-9 * shortening)
+    np.testing.assert_allclose(problem.state.pressure, pressed, rtol=1e-8)
+
+
+@pytest.mark.long
+def test_cattaneo_and_mindlin_of_two_balls():
+    """Paraboloids of one material, pressed and pushed: a circle of radius c = a (1 - Q / F P)^(1/3) sticks, and the
+    shear is the difference of two of Hertz's distributions.  The surfaces are nearly flat, since the shear is that in
+    the tangent plane of one of them; nodes on the plane of symmetry are left out, as their support takes a part of it.
+    """
+    young, poisson, radius, coefficient, size = 200.0, 0.3, 40.0, 0.3, 3.0
+
+    def half(sign, fine, through):
+        """Cells of 0.8 / fine beside the contact."""
+        at = np.concatenate((np.linspace(0, 0.8, fine, endpoint=False), 0.8 + 2.2 * np.linspace(0, 1, 5) ** 1.5))
+        last = len(at) - 1
+        cells, x = grid("hexahedron", (2 * last, last, through), (-last, 0, 0), (last, last, 1))
+        x = np.column_stack(
+            [np.sign(y) * np.interp(np.abs(y), range(last + 1), at) for y in x.T[:2]] + [size * x[:, 2] ** 1.7]
+        )
+        face = (x[:, 0] ** 2 + x[:, 1] ** 2) / (2 * radius)
+        return cells, np.column_stack((x[:, :2], sign * (face + (size - face) * x[:, 2] / size)))
+
+    mesh = assembled("hexahedron", half(1.0, 9, 7), half(-1.0, 8, 6))
+    space, a, v = forms(mesh, 1, per_cell(mesh, lambda x: young), poisson)
+    sides = [
+        facets_of_piece(
+            mesh,
+            lambda x, s=s: np.isclose(x[2], s * (x[0] ** 2 + x[1] ** 2) / (2 * radius)),
+            lambda x, s=s: s * x[2] > 0,
+        )
+        for s in (1.0, -1.0)
+    ]
+    ends = [facets(mesh, lambda x, z=z: np.isclose(x[2], z)) for z in (size, -size)]
+    bcs = [held(space, facets(mesh, lambda x: np.isclose(x[1], 0.0)), 1)]
+    bcs += [held(space, ends[0], k, value) for k, value in ((0, 0.0036), (2, -0.016))]
+    bcs += [held(space, ends[1], k) for k in (0, 2)]
+    problem = ContactProblem(a, nothing(mesh, v), bcs, contact=Pair(*sides, friction=Coulomb(coefficient)))
+    problem.solve()
+    state = problem.state
+    force = 2 * np.abs(np.sum(state.forces, axis=0))
+    share = force[0] / (coefficient * force[2])
+    assert 0.5 < share < 0.85
+    stiffness = young / (2 * (1 - poisson**2))
+    contact = (3 * force[2] * (radius / 2) / (4 * stiffness)) ** (1 / 3)
+    stick = contact * (1 - share) ** (1 / 3)
+    shear, distance = np.linalg.norm(state.shear, axis=1), np.hypot(*state.boundary.x[:, :2].T)
+    sticks = shear < (1 - 1e-6) * coefficient * state.pressure
+    cell = np.sqrt(state.boundary.weight[distance < contact].max())
+    found = np.sqrt(2 * state.boundary.weight[sticks].sum() / np.pi)
+    assert found == pytest.approx(stick, abs=cell / 2)
+    aside = state.boundary.x[:, 1] > 1e-9
+    assert not sticks[aside & (distance > stick + cell)].any()
+    assert sticks[aside & (distance < stick - cell)].all()
+    root = [np.sqrt(np.maximum(0.0, 1 - (distance / edge) ** 2)) for edge in (contact, stick)]
+    expected = coefficient * 3 * force[2] / (2 * np.pi * contact**2) * (root[0] - stick / contact * root[1])
+    weight = state.boundary.weight * aside
+    assert np.sqrt(weight @ (shear - expected) ** 2 / (weight @ expected**2)) < 0.15
+    inside = aside & (distance < stick - cell)
+    assert np.abs(shear - expected)[inside].max() < 0.1 * expected.max()
