@@ -67,9 +67,9 @@ class LoadedReader:
 
 def serve(line: socket.socket) -> None:
     """Fork for each request, one after the other, and answer how the fork ended."""
-    with contextlib.suppress(ImportError):
+    with contextlib.suppress(ImportError, OSError):
         importlib.import_module("gmsh")
-    with contextlib.suppress(ImportError):
+    with contextlib.suppress(ImportError, OSError):
         importlib.import_module("meshio")
         importlib.import_module("h5py")
     line.send(b"loaded")
