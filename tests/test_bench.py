@@ -13,6 +13,7 @@ from mpi4py import MPI
 BENCH = Path(__file__).parent.parent / "bench"
 sys.path.insert(0, str(BENCH))
 
+import bodies_rivals  # noqa: E402
 import calculix  # noqa: E402
 import contestants  # noqa: E402
 import example1  # noqa: E402
@@ -184,6 +185,21 @@ def test_every_row_is_written(groups, tmp_path):
         ran = {row["contestant"] for row in csv.DictReader(file)}
     assert ran == (set(contestants.ALL) if groups == GROUPS else {"tresca", "mumps", "cholmod"})
     assert (tmp_path / "performance.png").stat().st_size > 10_000
+
+
+@pytest.mark.long
+def test_getfem_comes_to_the_same_forces_of_two_bodies():
+    """They differ by the discretisation of contact, less than a wrong friction or material makes; what is not there is
+    passed over with a word.
+    """
+    pytest.importorskip("getfem")
+    rows = list(bodies_rivals.rows([10], ["coulomb"], "", "no such program", "condensed"))
+    cells = {row.split("|")[3].strip(): [cell.strip() for cell in row.split("|")] for row in rows[2:]}
+    across, down = (float(word) for word in cells["GetFEM"][4].split(", "))
+    assert across == pytest.approx(0.1861, rel=0.02)  # the package
+    assert down == pytest.approx(0.6577, rel=0.02)
+    assert float(cells["GetFEM"][5].split()[0]) < 2.0
+    assert cells["CalculiX"][-2] == "not installed"
 
 
 def test_the_deck_for_calculix(tmp_path, capsys, monkeypatch):
