@@ -53,7 +53,7 @@ bench:      ## measure time and memory (results/bench)
 stability:  ## try to make the solver fail, and report the results (results/stability)
 	./env python3 -m stability
 
-oracle:     ## check 4,000 random scenes with a program that shares no code with the package (results/oracle, half an hour)
+oracle:     ## check 5,000 random scenes with a program that shares no code with the package (results/oracle, half an hour)
 	./env python3 -m stability.oracle --jobs 2
 
 mutants:    ## put small mistakes into copies of the package, and report which of them no test notices (docs/mutants.md)

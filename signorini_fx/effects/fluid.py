@@ -50,6 +50,8 @@ class Fluid(Force):
                 yield here, f"{name!r} is no boundary in contact; these are: {', '.join(map(repr, contacts)) or 'none'}"
             elif contacts[name].kind != "unilateral":
                 yield here, f"contact of {name!r} cannot open: a fluid enters unilateral contact"
+            elif contacts[name].points == "against":
+                yield here, f"the contact points of {name!r} are on the other body: exchange boundary and against"
         for wrong, key, reason in (
             (scene.axisymmetric, ("material", 0, "hypothesis"), "axisymmetric"),
             (bool(scene.tools), here, "a foundation that force, moment or prescribed moves"),
