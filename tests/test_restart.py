@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -529,16 +530,18 @@ def test_another_scene(tmp_path):
     assert solve(renamed, MPI.COMM_SELF, checkpoint=tmp_path, restart=True).converged
 
 
-def test_a_mesh_file_that_has_changed(tmp_path):
+@pytest.mark.parametrize("of", ["mesh", "temperature[0]"])
+def test_a_file_that_has_changed(tmp_path, of):
     """It is known by its content."""
-    file = tmp_path / "mesh.msh"
-    file.write_text("one mesh")
-    text = "\n".join(line for line in PUSHED.splitlines() if not line.startswith("mesh"))
-    given = scene(f"mesh = {{ file = {str(file)!r} }}\n{text}")
+    file = tmp_path / "some.msh"
+    file.write_text("one text")
+    text = "\n".join(line for line in PUSHED.splitlines() if of != "mesh" or not line.startswith("mesh"))
+    table = "mesh" if of == "mesh" else "temperature"
+    given = scene(f"{table} = {{ file = {str(file)!r} }}\n{text}".replace("poisson =", "expansion = 1e-5, poisson ="))
     told = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=False)
     told._begin()
-    file.write_text("another mesh")
-    with pytest.raises(SceneError, match=r"mesh\.content"):
+    file.write_text("another text")
+    with pytest.raises(SceneError, match=rf"{re.escape(of)}\.content"):
         Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=True)
 
 
@@ -551,6 +554,15 @@ def test_a_mesh_file_that_has_changed(tmp_path):
         ),
         (PUSHED + "[accuracy]\ntarget = 0.1\n", "a run with a requested accuracy has no checkpoint to go on from"),
         (PUSHED.partition("[[contact]]")[0], "a scene without contact has no checkpoint"),
+        (
+            PUSHED.replace("0.3 }\n", '"0.3 + 0.01 * t" }\n').replace('poisson = "0.3 + 0.01 * t"', "poisson = 0.3"),
+            "friction that",
+        ),
+        (PUSHED + '[element]\ndegree = 2\nvolumetric = "mixed"\n', "a scene with a mixed element has no checkpoint"),
+        (
+            PUSHED + '[[fluid]]\nboundary = "left"\nlevel = 0.5\nweight = 1.0\nenters = ["bottom"]\n',
+            "a scene with a fluid",
+        ),
     ],
 )
 def test_nothing_to_go_on_from(tmp_path, text, message):

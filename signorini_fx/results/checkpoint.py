@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
+from pydantic import BaseModel
 from scipy.spatial import cKDTree
 
 from signorini_fx import manifest, parallel
@@ -29,7 +30,7 @@ from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.errors import OutputError, SceneError, cannot_be_written
 from signorini_fx.results.files import describe
 from signorini_fx.results.folder import CHECKPOINT, reserve
-from signorini_fx.scene.model import MeshFile, Scene
+from signorini_fx.scene.model import Scene
 
 Nodal = npt.NDArray[np.float64]
 Figures = dict[str, Any]
@@ -313,18 +314,32 @@ def _size_of(displacement: fem.Function) -> float:
 
 
 def _described(scene: Scene) -> dict[str, Any]:
-    """The scene as JSON with all defaults, its mesh file by content; the title is nothing that changes a result."""
+    """The scene as JSON with all defaults, its files by content; the title is nothing that changes a result."""
     told: dict[str, Any] = json.loads(json.dumps(describe(scene)))
     told.pop("title", None)
-    several = [(body.mesh, entry["mesh"]) for body, entry in zip(scene.body, told["body"], strict=True)]
-    for mesh, said in [(scene.mesh, told["mesh"]), *several]:
-        if isinstance(mesh, MeshFile):
-            try:
-                with Path(mesh.file).open("rb") as file:
-                    said["content"] = hashlib.file_digest(file, "sha256").hexdigest()
-            except OSError:
-                said["content"] = "unreadable"
+    _add_contents(scene, told)
     return told
+
+
+def _add_contents(given: Any, told: Any) -> None:
+    """Add to every table that names a file, of a mesh, a shape or a temperature, what tells its content.
+
+    Args:
+        given: the scene, or a part of it.
+        told: the same as JSON, where of a file there is the name alone.
+    """
+    if isinstance(told, list):
+        for one, entry in zip(given, told, strict=True):
+            _add_contents(one, entry)
+    elif isinstance(told, dict) and isinstance(given, BaseModel):
+        if isinstance(path := getattr(given, "file", None), Path):
+            try:
+                with path.open("rb") as file:
+                    told["content"] = hashlib.file_digest(file, "sha256").hexdigest()
+            except OSError:
+                told["content"] = "unreadable"
+        for key, entry in told.items():
+            _add_contents(getattr(given, key, None), entry)
 
 
 def _differences(before: Any, now: Any, key: str = "") -> Iterator[tuple[str, str, str]]:

@@ -124,11 +124,6 @@ def solve_contact(
         _Progress(start),
         (discretisation, task),
     )
-    scene = discretisation.scene
-    if scene.fluids_enter or any(effect.friction.timed for effect in scene.contact):
-        kept = None  # what a fluid has reached is not stored, nor is the law of a load step
-    if discretisation.mixed is not None:
-        kept = None  # load steps are stored without the pressure
 
     def renew(d: Discretisation) -> Task:
         with timings.phase("condense"):
