@@ -48,6 +48,11 @@ def known_generators(name: str | None = None) -> dict[str, EntryPoint]:
     return dict(sorted(generators.items()))
 
 
+# Made here, because pydantic keeps the frame that makes it where that is one of a function: if a solve imports a
+# generator, that frame keeps the solve with its meshes.
+_validated = validate_call(config=ConfigDict(arbitrary_types_allowed=True))
+
+
 def generator(
     *,
     counts: Sequence[str] = (),
@@ -68,7 +73,7 @@ def generator(
     """
 
     def decorate(generate: Generate) -> Generate:
-        checked: Any = validate_call(config=ConfigDict(arbitrary_types_allowed=True))(generate)
+        checked: Any = _validated(generate)
         defaults = {name: given.default for name, given in inspect.signature(generate).parameters.items()}
 
         def coarser(parameters: Mapping[str, Any], factor: float) -> dict[str, Any]:
