@@ -24,7 +24,7 @@ from once import stopwatch
 from row import Row, Say, Sizes
 from space import Run
 
-from signorini_fx import solve
+from signorini_fx import compat, solve
 from signorini_fx.body import paired_points
 from signorini_fx.mesh import tagged as meshes
 from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
@@ -58,8 +58,8 @@ def generate(comm: MPI.Comm, /, *, nx: int = 30, other: int = 24, dimension: int
         points.append(x)
     every = [np.concatenate(part) if comm.rank == 0 else part[0][:0] for part in (cells, points)]
     element = basix.ufl.element("Lagrange", ("quadrilateral", "hexahedron")[dimension - 2], 1, shape=(dimension,))
-    shared = dmesh.create_cell_partitioner(dmesh.GhostMode.shared_facet)
-    mesh = dmesh.create_mesh(comm, every[0].astype(np.int64), every[1], ufl.Mesh(element), partitioner=shared)
+    shared = compat.shared_facet_partitioner()
+    mesh = dmesh.create_mesh(comm, every[0].astype(np.int64), x=every[1], e=ufl.Mesh(element), partitioner=shared)
     heights = {"bottom": -1.0, "lower": 0.0, "upper": _APART, "top": 1.0 + _APART}
     marks: dict[str, Any] = {name: lambda x, y=y: np.abs(x[z] - y) < 1e-9 for name, y in heights.items()}
     marks |= {name: lambda x, y=y: np.abs(x[0] - y) < 1e-9 for name, y in (("left", 0.0), ("right", 3.0))}

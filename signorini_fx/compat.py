@@ -69,6 +69,12 @@ def topology(holder: mesh.Mesh | mesh.MeshTags) -> Any:
     return getattr(found, "_cpp_object", found)
 
 
+def shared_facet_partitioner() -> Any:
+    """Distributes cells, those beside facets of other ranks as ghosts; it asks for the cells of a facet since 0.11."""
+    cells = (2,) if VERSION >= (0, 11) else ()
+    return mesh.create_cell_partitioner(mesh.GhostMode.shared_facet, *cells)
+
+
 def has_vtx() -> bool:
     """Whether fields can be written with ADIOS2 (VTXWriter)."""
     return bool(common.has_adios2)
@@ -83,5 +89,6 @@ __all__ = [
     "gmsh_model_to_mesh",
     "has_vtx",
     "interpolation_points",
+    "shared_facet_partitioner",
     "topology",
 ]

@@ -191,11 +191,13 @@ def test_points_of_a_sweep_are_short():
 def test_signature_of_a_table():
     """Keys and defaults, as help and a notebook show them."""
     shown = (
-        "(*, boundary, against=None, distance='geometry', gap=0.0, direction=None, foundation=None, "
+        "(*, boundary, against=None, points='auto', distance='geometry', gap=0.0, direction=None, foundation=None, "
         "friction=NoFriction(law='none'), kind='unilateral')"
     )
     assert str(inspect.signature(sfx.UnilateralContact)) == shown
-    assert str(inspect.signature(sfx.LinearElastic)).startswith("(*, young, poisson, grading=None, hypothesis=")
+    assert str(inspect.signature(sfx.LinearElastic)).startswith(
+        "(*, young, poisson, grading=None, poisson_grading=None, hypothesis="
+    )
 
 
 def test_plot(tmp_path, monkeypatch):

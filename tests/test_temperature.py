@@ -276,7 +276,7 @@ def quarter_ring(inside, outside, n):
     angle = np.pi / 2 * x[:, 1]
     points = np.column_stack((x[:, 0] * np.cos(angle), x[:, 0] * np.sin(angle)))
     element = basix.ufl.element("Lagrange", "quadrilateral", 2, shape=(2,))
-    mesh = dmesh.create_mesh(MPI.COMM_SELF, space.dofmap.list.astype(np.int64), points, ufl.Mesh(element))
+    mesh = dmesh.create_mesh(MPI.COMM_SELF, space.dofmap.list.astype(np.int64), x=points, e=ufl.Mesh(element))
     return tag_boundaries(mesh, {"right": lambda x: np.abs(x[1]) < 1e-9, "left": lambda x: np.abs(x[0]) < 1e-9})
 
 

@@ -7,6 +7,8 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from signorini_fx import compat
+
 # Of a cube with the corners numbered x first, six tetrahedra along a diagonal.
 TETRAHEDRA = ((0, 1, 3, 7), (0, 1, 7, 5), (0, 5, 7, 4), (0, 3, 2, 7), (0, 6, 4, 7), (0, 2, 6, 7))
 TRIANGLES = ((0, 1, 3), (0, 3, 2))
@@ -35,7 +37,7 @@ def assembled(kind, *bodies, comm=MPI.COMM_SELF):
     element = basix.ufl.element("Lagrange", kind, 1, shape=(x.shape[1],))
     if comm.rank:  # the first rank has all of it
         cells, x = cells[:0], x[:0]
-    shared = dmesh.create_cell_partitioner(dmesh.GhostMode.shared_facet)
+    shared = compat.shared_facet_partitioner()
     return dmesh.create_mesh(comm, cells=cells.astype(np.int64), x=x, e=ufl.Mesh(element), partitioner=shared)
 
 
