@@ -113,6 +113,21 @@ def test_what_stays_closed_stays_dry():
     assert x[open_ > 0] == pytest.approx([0.0, 0.05, 0.1, 1.05, 1.1, 1.15])
 
 
+def test_where_the_fluid_may_not_be_proves_nothing():
+    """A dam that friction holds slides as soon as F times the weight without the uplift is less than the thrust: with
+    one wet point fewer it held, so no region ahead of the fluid has been judged.
+    """
+    bottom = {"boundary": "bottom", "gap": "0.01 if x[0] < 0.11 else 0"}
+    bottom["friction"] = {"law": "coulomb", "coefficient": 0.6}
+    scene = dam(75.0, contact=bottom, displacement=[], material={"young": 1e6, "poisson": 0.3})
+    solution = solve(scene, COMM, check=False)
+    x, wet = along(solution.contact, solution.contact.fluid)
+    thrust, end = 30.0 - 5.0, x[wet > 0].max() + 0.025
+    assert solution.status is Status.SLIDES
+    assert 0.6 * (75.0 - 30.0 * end) < thrust
+    assert 0.6 * (75.0 - 30.0 * (end - 0.05)) >= thrust
+
+
 def test_rising_and_falling_water():
     """The crack grows with the level and closes with it; at last the block tips or floats, which is a named outcome."""
     level = "3 if 1.5 < t < 2.5 else 3.6 if t > 3.5 else 2"

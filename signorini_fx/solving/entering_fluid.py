@@ -42,14 +42,24 @@ def solve_with_fluid(d: Discretisation, task: Task, start: Start, most: int) -> 
     assert d.boundary is not None
     fluid, number = EnteringFluid(d.scene, d.tagged, d.space, d.boundary, start.place), len(d.applied) - 1
     dry = np.zeros(d.boundary.size, dtype=bool)
-    wet = before = fluid.grown(dry if start.multipliers is None else start.multipliers[0] <= 0)
-    ahead, recedes = 1, True
+    entrance, newton = fluid.grown(dry), task.iterate.newton
+    wet = before = entrance if start.multipliers is None else fluid.grown(start.multipliers[0] <= 0)
+    ahead, recedes, guessed = 1, True, not within(d.comm, wet, entrance)
     while True:
-        pressure = fluid.pressure(wet)
+        pressure, begun = fluid.pressure(wet), newton.checkpoint()
         task.system.set_case(number, _case(d, pressure))
         outcome = solve_task(task, start, most)
         if outcome.status is not Status.CONVERGED:
-            return outcome, pressure
+            # Of what it has not reached, ahead of it or in the step before, a failure proves nothing.
+            if not within(d.comm, wet, before):
+                wet, ahead = before, 1
+            elif guessed:
+                wet, before, ahead, recedes, guessed = entrance, entrance, 1, False, False
+            else:
+                return outcome, pressure
+            task.history.add(f"{outcome.status.value}: with the fluid where it may not be: it is put on fewer points")
+            newton.restore(begun)
+            continue
         multipliers = outcome.newton.multipliers()
         kept = [one & other for one, other in zip(wet, fluid.grown(multipliers[0] <= 0), strict=True)]
         found = fluid.grown(multipliers[0] <= 0, before)
