@@ -20,7 +20,6 @@ from signorini_fx.scene.reading import parse_scene, read_scene
 from signorini_fx.scene.rigid_shape import names, read_shape, shape_class
 
 COMM = MPI.COMM_WORLD
-RNG = np.random.default_rng(8)
 HILL = ((-1.5, 0.0), (-1.0, 0.5), (0.0, 0.2), (1.0, 0.6), (1.5, 0.0))
 LOOP = ((-1.0, 0.0), (0.0, -1.0), (1.0, 0.0), (0.2, 0.8), (-1.0, 0.0))
 # Rotations and shifts among them.
@@ -83,7 +82,7 @@ def cube(x):
 
 def on_the_surface(shape, dim, count=5_000):
     """Points where the signed distance is zero, found by steps along its gradient from anywhere."""
-    x = RNG.uniform(-3, 3, (count, dim))
+    x = np.random.default_rng(8).uniform(-3, 3, (count, dim))
     for _ in range(40):
         signed, normal = shape.distance(x)
         x = x - signed[:, None] * normal
@@ -98,7 +97,7 @@ def test_distance_and_normal(table):
     """The gradient has the length one and is the normal; no point of the surface is closer, and one is as close."""
     shape = read_shape(table)
     dim = 2 if table in PLANE else 3
-    x = RNG.uniform(-1.5, 1.5, (300, dim))
+    x = np.random.default_rng(8).uniform(-1.5, 1.5, (300, dim))
     signed, normal = shape.distance(x)
     assert np.linalg.norm(normal, axis=1) == pytest.approx(1.0, abs=1e-13)
     step = 1e-6
@@ -118,10 +117,27 @@ def test_distance_and_normal(table):
     assert (signed < 0).any()
 
 
+def test_spline_near_its_centres_of_curvature():
+    """Where the distance is as good as flat along the line, its gradient is still the normal."""
+    points = [[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.2, 0.8], [-1.0, 0.0]]
+    shape = read_shape({"shape": "spline", "points": points, "hollow": True})
+    # The lower centres of curvature lie near (0, -0.24), those of the sides near (-0.44, -0.05) and (0.35, -0.03).
+    x = np.random.default_rng(8).normal(size=(3, 3000, 2)) * 0.03 + [[[0.01, -0.24]], [[-0.44, -0.05]], [[0.35, -0.03]]]
+    x = x.reshape(-1, 2)
+    normal = shape.distance(x)[1]
+    step = 1e-6
+    around = [[shape.distance(x + way * step * e) for way in (1, -1)] for e in np.eye(2)]
+    slope = np.stack([(ahead[0] - behind[0]) / (2 * step) for ahead, behind in around], axis=1)
+    # Elsewhere the gradient jumps, or changes so fast that differences over this step do not tell it.
+    smooth = np.all([np.linalg.norm(one[1] - normal, axis=1) < 1e-4 for pair in around for one in pair], axis=0)
+    assert np.mean(smooth) > 0.9
+    assert slope[smooth] == pytest.approx(normal[smooth], abs=1e-7)
+
+
 @pytest.mark.parametrize("name", ["cube.stl", "cube.step"])
 def test_surfaces_of_files(files, name):
     """The distance from a cube, on its faces, edges and corners, placed and turned."""
-    x = RNG.uniform(-2, 2, (500, 3))
+    x = np.random.default_rng(8).uniform(-2, 2, (500, 3))
     shape = read_shape({"shape": "surface", "file": files / name, "scale": 0.5})
     signed, normal = shape.distance(x)
     assert signed == pytest.approx(cube(2 * x) / 2, abs=1e-14)
@@ -144,7 +160,7 @@ def test_a_plane_mesh_is_a_shape(tmp_path):
     cells[0], cells[3] = cells[0][::-1], cells[3][::-1]
     meshio.write(tmp_path / "frame.vtu", meshio.Mesh(np.column_stack((x, 0 * x[:, 0])), {"quad": np.array(cells)}))
     shape = read_shape({"shape": "surface", "file": tmp_path / "frame.vtu"})
-    at = RNG.uniform(-1, 4, (400, 2))
+    at = np.random.default_rng(8).uniform(-1, 4, (400, 2))
 
     def square(x, half):
         beyond = np.abs(x - 1.5) - half

@@ -9,10 +9,10 @@ import numpy as np
 from signorini_fx.scene.rigid_shape import Array
 from signorini_fx.shapes.polyline import Line, nearest
 
-# Pieces between two points to begin with, and Newton steps from there.
-_BETWEEN, _STEPS = 16, 12
-# Share of the square of the slope that the second derivative of half the squared distance has at least.
-_CONVEX = 0.1
+# Pieces between two points to begin with, and pieces to each side of the closest of them that are searched.
+_BETWEEN, _AROUND = 16, 4
+# Steps of that search at most, and the last one as a share of a piece.
+_STEPS, _LAST = 80, 1e-15
 
 
 class Spline(Line):
@@ -41,16 +41,28 @@ class Spline(Line):
         chosen, on = nearest(x, corners[:-1], chords / length[:, None], first, last)
         place = fine[chosen] + on / length[chosen] * np.diff(fine)[chosen]
         inside = np.clip(place, fine[0], fine[-1])
-        low, high = inside - np.diff(fine).max(), inside + np.diff(fine).max()
+        # Near a centre of curvature the distance is flat, and the line of pieces may be closest some pieces away.
+        piece = np.diff(fine).max()
+        low, high = inside - _AROUND * piece, inside + _AROUND * piece
         if not self.closed:
             low[place <= fine[0]], high[place >= fine[-1]] = -np.inf, np.inf
+        moving = np.arange(len(x))
         for _ in range(_STEPS):
-            position, slope, bend = self._at(curve, place)
+            position, slope, bend = self._at(curve, place[moving])
+            rise = np.einsum("nd,nd->n", position - x[moving], slope)
+            high[moving] = np.where(rise > 0, place[moving], high[moving])
+            low[moving] = np.where(rise < 0, place[moving], low[moving])
             square = np.einsum("nd,nd->n", slope, slope)
-            curvature = square + np.einsum("nd,nd->n", position - x, bend)
-            # Where the distance is not convex, as beyond a centre of curvature, a step of Gauss and Newton.
-            rate = np.where(curvature > _CONVEX * square, curvature, square)
-            place = np.clip(place - np.einsum("nd,nd->n", position - x, slope) / rate, low, high)
+            curvature = square + np.einsum("nd,nd->n", position - x[moving], bend)
+            # Newton's step; near and beyond a centre of curvature, where it leads away, the bracket is halved.
+            ahead = place[moving] - rise / np.where(curvature > 0, curvature, square)
+            between = (curvature > 0) & (ahead > low[moving]) & (ahead < high[moving])
+            halved = np.where(np.isfinite(high - low)[moving], (low[moving] + high[moving]) / 2, ahead)
+            ahead = np.where(between, ahead, halved)
+            moved, place[moving] = np.abs(ahead - place[moving]), ahead
+            moving = moving[(moved > _LAST * piece) & (rise != 0)]
+            if not moving.size:
+                break
         position, slope, _ = self._at(curve, place)
         left = np.column_stack((-slope[:, 1], slope[:, 0])) / np.linalg.norm(slope, axis=1)[:, None]
         return np.einsum("nd,nd->n", x - position, left), left
