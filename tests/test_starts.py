@@ -120,3 +120,19 @@ def test_the_start_is_the_same_on_every_number_of_ranks():
     ours, theirs = solve(lug(0.06), MPI.COMM_WORLD), alone(lug(0.06))
     assert ours.history.linear_solves == theirs.history.linear_solves
     np.testing.assert_allclose(ours.contact.forces, theirs.contact.forces, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("distance", [1e4, 1e5, 1e6, 1e7])
+def test_a_foundation_far_away_costs_no_digits(distance):
+    """The first solve reaches for the foundation, and the next one comes back with round-off of that displacement."""
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}},
+        "material": {"young": 1.0, "poisson": 0.3, "hypothesis": "plane stress"},
+        "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "top", "y": 0.0}],
+        "traction": {"boundary": "right", "x": 1e-2},
+        "contact": {"boundary": "bottom", "gap": distance * 1e-2, "friction": {"law": "none"}},
+        "solver": {"initial_contact": "all"},
+    }
+    solution = solve(parse_scene(scene))
+    assert solution.certificate.holds
+    assert solution.table.columns["u_n"] == pytest.approx(-3e-3, rel=1e-9)  # poisson * traction / young

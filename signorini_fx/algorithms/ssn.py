@@ -34,6 +34,9 @@ RESIDUAL_TOLERANCE = 1e-8
 _RENEW, _KEEP = -2, -1
 # While the sets repeat and directions of slip change, the residual of the law must be halved in this many steps.
 _TURNS = 6
+# A step from as far away as this many times the solution leaves that many times its round-off: above this share of the
+# forces, another step follows.
+_FAR, _REFINED = 1e3, 1e-12
 _SNES = PETSc.SNES.ConvergedReason
 # Reasons of a failed linear solve other than a zero pivot: none of the preconditioner (Krylov), or its memory.
 _NOT_SINGULAR = (PETSc.PC.FailedReason.NOERROR, PETSc.PC.FailedReason.FACTOR_OUTMEMORY)
@@ -358,7 +361,8 @@ class SemismoothNewton:
                 balanced = problem.accept(self.x, problem.next.trial, snes.getTolerances()[0])
                 return int(_SNES.CONVERGED_FNORM_RELATIVE) if balanced else self._stop(Status.CYCLING)
             if self._settled(residual, law):
-                return int(_SNES.CONVERGED_FNORM_RELATIVE)
+                from_afar = norms[1] > _FAR * norms[0] and residual > _REFINED and k < snes.getTolerances()[3]
+                return int(_SNES.CONVERGED_ITERATING if from_afar else _SNES.CONVERGED_FNORM_RELATIVE)
             # The sets are right.  Either the linear solve was not exact, which the next step with the same sets
             # corrects, or directions of slip still change.
             self._stalls.append(max(residual, law))
