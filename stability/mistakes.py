@@ -600,10 +600,19 @@ MUTANTS = (
     Mutant("ssn", "fingerprint in self._seen", "False", "cycles are not seen", tests=("outcomes", "fall_backs")),
     Mutant(
         "ssn",
-        "if self._settled(residual, law):\n    return int(_SNES.CONVERGED_FNORM_RELATIVE)",
+        "if self._settled(residual, law):\n"
+        "    from_afar = norms[1] > _FAR * norms[0] and residual > _REFINED and k < snes.getTolerances()[3]\n"
+        "    return int(_SNES.CONVERGED_ITERATING if from_afar else _SNES.CONVERGED_FNORM_RELATIVE)",
         "return int(_SNES.CONVERGED_FNORM_RELATIVE)",
         "residual of repeated sets is not looked at",
         tests=("inexact",),
+    ),
+    Mutant(
+        "ssn",
+        "_SNES.CONVERGED_ITERATING if from_afar else _SNES.CONVERGED_FNORM_RELATIVE",
+        "_SNES.CONVERGED_FNORM_RELATIVE",
+        "no other step follows one from far away",
+        tests=("starts::test_a_foundation_far_away_costs_no_digits",),
     ),
     Mutant(
         "ssn",
