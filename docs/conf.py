@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import re
 import sys
+from dataclasses import is_dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pydantic
+import sphinx.util.typing as sphinx_typing
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
 from myst_parser.parsers.sphinx_ import MystParser
@@ -50,8 +53,10 @@ autodoc_mock_imports = [
 ]
 autodoc_mock_imports += ["signorini_fx.compat"]  # it refuses other versions of dolfinx
 autodoc_member_order = "bysource"
-autodoc_class_signature = "separated"
-autodoc_typehints = "none"
+autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented_params"
+autodoc_typehints_format = "short"
+autodoc_preserve_defaults = True
 napoleon_use_ivar = True
 # Without mpi4py the arguments of a generator cannot be validated.
 pydantic.validate_call = lambda **_: lambda function: function
@@ -89,6 +94,42 @@ def _parameters(_app: Any, _page: str, text: list[str]) -> None:
     if comment in text[0]:
         links = re.sub(r"\[(\w+)\]\(\.\./meshes/\w+\.py\)", r"{py:mod}`\1 <signorini_fx.meshes.\1>`", text[0])
         text[0] = links.replace(comment, f"```{{eval-rst}}\n{shown}```")
+
+
+def _hints(of: Any, *args: Any, **options: Any) -> dict[str, Any]:
+    """The types of the fields of a class.
+
+    Those of a dataclass are as they are written, because some are imported for type checking only.
+    """
+    written = {
+        name: hint for one in reversed(of.__mro__) for name, hint in vars(one).get("__annotations__", {}).items()
+    }
+    known = written if is_dataclass(of) else _get_type_hints(of, *args, **options)
+    values = {
+        name: re.sub(r"\w*Value\b", "number or expression", str(hint))
+        for name, hint in written.items()
+        if "Value" in str(hint)
+    }
+    return known | values
+
+
+def _readable(annotation: Any, *args: Any, **options: Any) -> str:
+    """A type without the modules of the package, and without what numpy's types are made of."""
+    text = re.sub(r"~?\bsignorini_fx\.(?:\w+\.)*", "", _stringify(annotation, *args, **options))
+    text = re.sub(r"(?:~?numpy\.)?ndarray\[tuple\[[^\]]*\], (?:~?numpy\.)?dtype\[[^\]]*\]\]", "ndarray", text)
+    text = re.sub(r"_Buffer \|.*?\bstr\]", "ArrayLike", text)
+    return re.sub(r"npt\.NDArray\[[^\]]*\]|\b(?:Array|Floats|Nodal)\b", "ndarray", text)
+
+
+def _inline(docstring: Any) -> tuple[str, list[str]]:
+    """The docstring of a property, whose first colon does not end a type."""
+    return "", docstring._dedent(docstring._consume_to_end())
+
+
+_get_type_hints, _stringify = sphinx_typing.get_type_hints, sphinx_typing.stringify_annotation
+sphinx_typing.get_type_hints, sphinx_typing.stringify_annotation = _hints, _readable
+napoleon = import_module("sphinx.ext.napoleon.docstring")  # which takes both by name
+napoleon.GoogleDocstring._consume_inline_attribute = _inline
 
 
 def _formula(writer: Any, node: nodes.Element) -> None:

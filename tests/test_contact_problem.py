@@ -640,7 +640,8 @@ def test_prices_are_those_of_a_scene():
     assert found[2].pressure > 0.01
     for ours, theirs in zip(found[:-1], expected, strict=False):
         for name in ("h", "energy", "pressure", "force", "zone", "peak", "regularisation"):
-            assert getattr(ours, name) == pytest.approx(getattr(theirs, name), rel=1e-6, abs=1e-12), name
+            known = getattr(theirs, name)  # None where it cannot be estimated yet, which pytest.approx need not take
+            assert getattr(ours, name) == (known and pytest.approx(known, rel=1e-6, abs=1e-12)), name
     assert all(row.seconds > 0 and row.linear_solves > 0 for row in found)
 
 

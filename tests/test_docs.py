@@ -534,6 +534,27 @@ def test_public_names():
         assert set(signorini_fx.__all__) - words == set(), pages
 
 
+def test_returned_classes():
+    """The API reference has each class that what it has returns, and that a solution has as an attribute."""
+    page = (DOCS / "api.md").read_text(encoding="utf-8")
+    listed = re.findall(r"auto\w+:: signorini_fx\.([\w.]+)", page)
+    package = Path(signorini_fx.__file__).parent
+    ours = {name for file in package.rglob("*.py") for name in re.findall(r"(?m)^class (\w+)", file.read_text())}
+    inner = {"Discretisation", "StressRecovery"}  # what the solver works with
+    for entry in listed:
+        module, _, name = entry.rpartition(".")
+        shown = getattr(importlib.import_module(f"signorini_fx.{module}") if module else signorini_fx, name)
+        members = (
+            [member for key, member in vars(shown).items() if key[0] != "_"] if inspect.isclass(shown) else [shown]
+        )
+        plain = [getattr(member, "fget", None) or getattr(member, "func", member) for member in members]
+        returned = [getattr(member, "__annotations__", {}).get("return", "") for member in plain]
+        if name in ("Solution", "StepResult"):
+            returned += shown.__annotations__.values()
+        named = set(re.findall(r"[A-Z]\w+", " ".join(map(str, returned))))
+        assert named & ours - inner - {one.rpartition(".")[2] for one in listed} == set(), entry
+
+
 # --- results ---------------------------------------------------------------------------------------------------------
 
 

@@ -102,7 +102,7 @@ class Resultants:
     Attributes:
         scene: the scene.
         tagged: its mesh.
-        displacement: y.
+        displacement: y, length.
         contact: the contact boundary of this rank; None without contact.
         place: of the load step in the lists of factors, see ``scene.load_steps``.
         pairs: bodies in contact as the solver has paired them, see ``sides_of``.

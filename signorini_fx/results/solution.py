@@ -46,7 +46,7 @@ class StepResult:
         time: its time.
         name: its name; "": it has none.
         status: how it ended.
-        displacement: y.
+        displacement: y, length.
         contact: nodal state of the contact boundary of this rank, None for a scene without contact.
         certificate: the check of the conditions of the step.
         deformation: how much the body is deformed.
