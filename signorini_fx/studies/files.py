@@ -37,25 +37,25 @@ def write_study(study: Study, folder: Path) -> None:
 
 
 def draw(stem: Path, study: Study, quantity: str) -> None:
-    """Error against time: the Pareto front of all methods on the left, the families beside it."""
+    """Error against time: the Pareto front of all methods at the top, the families below it."""
     errors = lasting_errors(study.rows, quantity)
     points = [(row, e) for row, e in zip(study.rows, errors, strict=True) if e and row["seconds"]]
     if not points:
         return
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(11.0, 5.6), layout="constrained")
-        grid = figure.add_gridspec(2, 4, width_ratios=(1.75, 1, 1, 1))
-        large = figure.add_subplot(grid[:, 0])
+        figure = Figure(figsize=(7.2, 10.2), layout="constrained")
+        grid = figure.add_gridspec(4, 2, height_ratios=(1.35, 1, 1, 1))
+        large = figure.add_subplot(grid[0, :])
         small: list[Axes] = []
         for k in range(6):
             shared = small[0] if small else None
-            small.append(figure.add_subplot(grid[k // 3, 1 + k % 3], sharex=large, sharey=shared))
+            small.append(figure.add_subplot(grid[1 + k // 2, k % 2], sharex=large, sharey=shared))
         times, values = [row["seconds"] for row, _ in points], [error for _, error in points]
-        large.set(xscale="log", yscale="log", xlim=(min(times) / 6, 1.6 * max(times)))
+        large.set(xscale="log", yscale="log", xlim=(min(times) / 8, 1.6 * max(times)))
         floor = study.floor[quantity]
         low = min(values) / 2
         large.set_ylim(low, 2 * max(values))
-        small[0].set(yscale="log", ylim=(low, 15 * max(values)))  # room for the names
+        small[0].set(yscale="log", ylim=(low / 3, 2 * max(values)))  # room for the names
         for axes in (large, *small[:5]):
             axes.plot(times, values, "o", color=RULE, markersize=2.5, zorder=1)
             axes.grid(visible=True, which="major", color=RULE, linewidth=0.35, zorder=0)
@@ -64,15 +64,15 @@ def draw(stem: Path, study: Study, quantity: str) -> None:
         _front(large, study, quantity)
         for axes, (family, title) in zip(small, FAMILIES.items(), strict=False):
             _family(axes, points, family)
-            axes.set_title(title, loc="left", fontsize=8)
-            axes.tick_params(labelleft=family in ("element", "linear algebra"))
+            axes.set_title(title, loc="left")
         large.set_title("The cheapest method for each accuracy", loc="left", fontweight="bold")
         large.set_ylabel(f"relative error: {QUANTITIES[quantity]}")
-        for axes in (large, small[3], small[4]):
+        for axes in (large, *small[3:5]):
             axes.set_xlabel("seconds for the whole solve")
-        small[2].set_xlabel("seconds for the whole solve")
+        for axes in small[0:5:2]:
+            axes.set_ylabel("relative error")
         small[5].set_axis_off()
-        small[5].text(0.0, 0.98, _how_to_read(study, floor, low), va="top", fontsize=7.5, transform=small[5].transAxes)
+        small[5].text(0.0, 0.98, _how_to_read(study, floor, low), va="top", fontsize=7, transform=small[5].transAxes)
         finish(figure, stem, f"What accuracy costs: {study.scene.title}")
 
 
@@ -102,9 +102,7 @@ def _family(axes: Axes, points: Sequence[tuple[Row, float]], family: str) -> Non
         own = sorted(((r["seconds"], e, coarseness(r)) for r, e in points if r["method"] == name), key=_coarsest)
         axes.plot(*zip(*((s, e) for s, e, _ in own), strict=True), f"-{marker}", color=colour, lw=1, ms=3, label=name)
     style = {"facecolor": "white", "framealpha": 0.85, "edgecolor": "none", "frameon": True}
-    long = len(names) > 6 and max(map(len, names)) > 15
-    small = {"fontsize": 5.2 if long else 6.2, "ncols": 2 if len(names) > 6 else 1, "columnspacing": 0.8}
-    axes.legend(loc="upper right", handlelength=1.3, labelspacing=0.2, handletextpad=0.5, **small, **style)
+    axes.legend(loc="lower left", fontsize=7, handlelength=1.3, labelspacing=0.2, handletextpad=0.5, **style)
 
 
 def _coarsest(point: tuple[float, float, float]) -> float:
@@ -112,7 +110,7 @@ def _coarsest(point: tuple[float, float, float]) -> float:
 
 
 def _how_to_read(study: Study, floor: float | None, low: float) -> str:
-    """The text beside the pictures."""
+    """The text beside the last picture."""
     lines = [
         "How to read this",
         "Each point is one method on one mesh; a line joins",
