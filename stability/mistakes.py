@@ -406,6 +406,27 @@ MUTANTS = (
     ),
     Mutant(
         "body/element_stress",
+        "ratios[numbers[parts[part]], 0]",
+        "0 * ratios[numbers[parts[part]], 0]",
+        "stress of forms and of orthotropic bodies: nothing out of the plane is recovered",
+        tests=("contact_problem::test_stresses_are_those_of_a_scene", "orthotropic::test_off_axis"),
+    ),
+    Mutant(
+        "body/orthotropic",
+        "(axes[:, i, b] * axes[:, j, a] if a != b else 0)",
+        "0",
+        "orthotropic material: shear along the axes counts once",
+        tests=("orthotropic",),
+    ),
+    Mutant(
+        "scene/orthotropic",
+        "not determinant > 0",
+        "False",
+        "orthotropic material: strains of negative energy are taken",
+        tests=("orthotropic::test_wrong_constants",),
+    ),
+    Mutant(
+        "body/element_stress",
         "degree == 1",
         "True",
         "stress of reduced elements constant in each cell",
@@ -2938,11 +2959,6 @@ MUTANTS = (
         for right, wrong, what in (
             ("(-1 if trial else 1)", "1", "springs push"),
             ("0.0 if k in numbers else residual[k]", "residual[k]", "supports are no reactions"),
-            (
-                "ratios[numbers[parts[part]], 0]",
-                "0 * ratios[numbers[parts[part]], 0]",
-                "nothing out of the plane is recovered",
-            ),
             ("np.isin(data.values, wanted)", "data.values >= 0", "tags are not looked at"),
         )
     ),

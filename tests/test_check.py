@@ -678,6 +678,7 @@ def test_what_is_switched_off_can_be_switched_on(line):
         "normal": ["x"],
         "friction": ["friction"],
         "at": ["boundary"],
+        "orthotropic": ["young", "poisson"],
         **axes,
     }
     instead = instead.get(key, [])

@@ -49,6 +49,7 @@ from signorini_fx.scene import model as scene
 from signorini_fx.scene import settings
 from signorini_fx.scene.generators import known_generators
 from signorini_fx.scene.load_steps import LoadSteps
+from signorini_fx.scene.orthotropic import Orthotropic
 from signorini_fx.scene.reading import parse_scene, read_scene
 from signorini_fx.scene.template import starting_scene
 
@@ -438,6 +439,7 @@ MODELS = {
     ("`[mesh]` from a file", "key"): [scene.MeshFile],
     ("`[element]`", "key"): [scene.Discretised],
     ("`[[material]]`", "key"): [material.LinearElastic],
+    ("`[[material]]`", "key of `orthotropic`"): [Orthotropic],
     ("`[[displacement]]`", "key"): [displacement.PrescribedDisplacement],
     ("Loads", "key"): [
         traction.SurfaceTraction,

@@ -153,6 +153,7 @@ class Problem:
             (kind == "quadrilateral" and degree > 1, "on quadrilaterals a guaranteed bound is for degree 1"),
             (d.tools is not None, "a guaranteed bound is for foundations that no force moves"),
             (d.mixed is not None, "a guaranteed bound is for elements without a pressure of their own"),
+            (d.moduli is not None, "an orthotropic material has no guaranteed bound"),
             (any(one.graded for one in d.scene.material), "graded moduli have no guaranteed bound"),
             (d.scene.several_steps, "a guaranteed bound is for one load step"),
             (any(load.timed for load in d.scene.loads), "loads that depend on the time have no guaranteed bound"),

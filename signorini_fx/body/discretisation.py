@@ -61,6 +61,7 @@ class Discretisation(ElasticBody):
         scene: the scene.
         tagged: the mesh.
         lame: Lame parameters as coefficients of the forms.
+        moduli: stiffness of each cell where a material is orthotropic, see ``body.orthotropic``; None: none is.
         reduced: quadrature degree of the volumetric term where it is reduced, else None.
         supports: the prescribed displacements, one component each; ``bcs`` with their effects.
         applied: the loads, by their load factors.
@@ -75,6 +76,7 @@ class Discretisation(ElasticBody):
     scene: Scene
     tagged: TaggedMesh
     lame: tuple[Any, Any]
+    moduli: fem.Function | None
     reduced: int | None
     supports: list[tuple[PrescribedDisplacement, fem.DirichletBC]]
     applied: tuple[AppliedLoad, ...]
@@ -189,9 +191,10 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisatio
 
 
 def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisation:
-    facets, lame, reduced, *_ = together(
+    facets, lame, stiffness, reduced, *_ = together(
         partial(boundary_facets, scene, tagged),
         partial(lame_coefficients, scene, tagged),
+        partial(_stiffness, scene, tagged),
         partial(reduced_degree, scene, tagged.mesh),
         partial(check_fits, scene, tagged),
         partial(check_strains, scene, tagged),
@@ -263,7 +266,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
     def elastic() -> Sequence[fem.Form]:
         if mixed is not None:
             return mixed.forms[:1]
-        return _elastic(space, lame, reduced, inventory, axisymmetric=scene.axisymmetric)
+        return _elastic(space, lame, stiffness, reduced, inventory, axisymmetric=scene.axisymmetric)
 
     return Discretisation(
         space=space,
@@ -282,6 +285,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         scene=scene,
         tagged=tagged,
         lame=lame,
+        moduli=stiffness,
         reduced=reduced,
         supports=supports,
         applied=tuple(applied),
@@ -294,14 +298,32 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
     )
 
 
+def _stiffness(scene: Scene, tagged: TaggedMesh) -> fem.Function | None:
+    if all(material.orthotropic is None for material in scene.material):
+        return None
+    from signorini_fx.body.orthotropic import cellwise_stiffness
+
+    return cellwise_stiffness(scene, tagged)
+
+
 def _elastic(
-    space: fem.FunctionSpace, lame: tuple[Any, Any], reduced: int | None, inventory: Inventory, *, axisymmetric: bool
+    space: fem.FunctionSpace,
+    lame: tuple[Any, Any],
+    stiffness: fem.Function | None,
+    reduced: int | None,
+    inventory: Inventory,
+    *,
+    axisymmetric: bool,
 ) -> list[fem.Form]:
     """The terms of a(., .) of the material, compiled; collective."""
     y, z, mesh = ufl.TrialFunction(space), ufl.TestFunction(space), space.mesh
     cell, element = mesh.topology.cell_name(), space.element.basix_element.degree
     degree = elastic_degree(cell, element, compat.geometry_degree(mesh), axisymmetric=axisymmetric)
     radius = ufl.SpatialCoordinate(mesh)[0] if axisymmetric else None
+    if stiffness is not None:
+        from signorini_fx.body.orthotropic import orthotropic_form
+
+        return [inventory.compile(_ELASTIC[0], lambda: fem.form(orthotropic_form(y, z, stiffness, degree, radius)))]
     terms = elastic_forms(y, z, *lame, degree, reduced, radius=radius)
     return [inventory.compile(name, partial(fem.form, term)) for name, term in zip(_ELASTIC, terms, strict=False)]
 

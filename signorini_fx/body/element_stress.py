@@ -14,7 +14,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 
-from signorini_fx import compat
+from signorini_fx import compat, parallel
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.initial_strains import initial_strain
 from signorini_fx.body.kinematics import AXISYMMETRIC, KINEMATICS, Kinematics
@@ -38,7 +38,7 @@ class ElementStress:
             stress out of the plane that belongs to them, shape (c, v).
         compliance: components tau of a difference of stresses -> C^-1 tau : tau.
         modulus: the largest normal stress per strain, lambda + 2 mu.
-        shear_modulus: mu; None: the body is not isotropic.
+        shear_modulus: mu, the mean one of an orthotropic material; None: the body is not known to be isotropic.
         hydrostatic: the pressure of a mixed element, which is a part of sigma; None: there is none.
         parts: the cells of each part within which the stress has no jumps, local numbers, ghosts included.
         radius: of an axisymmetric body, by which everything is weighted; None: it is not.
@@ -103,6 +103,8 @@ def element_stress(body: Discretisation, displacement: fem.Function, place: floa
     """
     if body.mixed is not None:
         return _mixed_stress(body, displacement)
+    if body.moduli is not None:
+        return _orthotropic_stress(body, displacement, body.moduli)
     (lame, mu), materials, mesh = body.lame, body.scene.material, body.tagged.mesh
     initial, move_to = initial_strain(body.scene, body.tagged, body.space, place)
     elastic, theta, radius = strain(displacement), ufl.tr(strain(displacement)), None
@@ -190,6 +192,85 @@ def _kept(value: Any, space: fem.FunctionSpace) -> tuple[fem.Function, fem.Expre
     with compiling():
         expression = fem.Expression(value, compat.interpolation_points(space.element), dtype=default_scalar_type)
     return fem.Function(space), expression
+
+
+def _orthotropic_stress(body: Discretisation, y: fem.Function, moduli: fem.Function) -> ElementStress:
+    """By the stiffness of each cell, see ``body.orthotropic``."""
+    from signorini_fx.body.orthotropic import strain_components
+
+    radius = ufl.SpatialCoordinate(body.tagged.mesh)[0] if body.scene.axisymmetric else None
+    components = moduli * strain_components(y, None if radius is None else hoop_strain(y, radius))
+    dim = len(y)
+    pairs = KINEMATICS[dim].pairs
+    at = {pair: k for k, (i, j) in enumerate(pairs) for pair in ((i, j), (j, i))}
+    return anisotropic_stress(
+        y,
+        ufl.as_matrix([[components[at[i, j]] for j in range(dim)] for i in range(dim)]),
+        components[len(pairs)] if len(components) > len(pairs) else None,
+        (moduli.x.array.reshape(-1, *moduli.ufl_shape), moduli.function_space.dofmap.list[:, 0]),
+        _materials(body),
+        shear_modulus=body.lame[1],
+        radius=radius,
+    )
+
+
+def anisotropic_stress(
+    y: fem.Function,
+    sigma: Any,
+    outward: Any,
+    moduli: tuple[_Floats, npt.NDArray[np.int32]],
+    parts: Sequence[npt.NDArray[np.int32]],
+    *,
+    shear_modulus: Any = None,
+    radius: Any = None,
+) -> ElementStress:
+    """That of moduli which are constant in each cell; collective.
+
+    Args:
+        y: the displacement.
+        sigma: see ``ElementStress``.
+        outward: see ``ElementStress``.
+        moduli: the components of the stress, see ``Kinematics.pairs``, and out of the plane if there is such a stress,
+            over those of the strain, of shear twice epsilon_ij, of each cell, shape (cells, rows, m), and the number
+            of each cell among them.
+        parts: see ``ElementStress``.
+        shear_modulus: see ``ElementStress``.
+        radius: see ``ElementStress``.
+
+    Raises:
+        numpy.linalg.LinAlgError: some strain has no stress, on all ranks.
+    """
+    mesh, (at_cells, numbers) = y.function_space.mesh, moduli
+    dim, m = int(mesh.geometry.dim), at_cells.shape[2]
+    inverse: Any = at_cells[:, :m]
+    error = None
+    try:
+        inverse = np.linalg.inv(inverse)
+    except np.linalg.LinAlgError as found:
+        error = found
+    parallel.raise_together(mesh.comm, error)
+    largest = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    largest.x.array[:] = at_cells[:, range(dim), range(dim)].max(axis=1)
+    flexibility = fem.Function(fem.functionspace(mesh, ("DG", 0, (m, m))))
+    flexibility.x.array[:] = inverse.ravel()
+    ratios = at_cells[:, m:] @ inverse
+
+    def outward_of(part: int, tau: _Floats) -> _Floats:
+        if radius is not None:
+            return tau[..., 3]
+        return np.asarray(np.einsum("cm,cvm->cv", ratios[numbers[parts[part]], 0], tau))
+
+    return ElementStress(
+        y,
+        sigma,
+        outward,
+        outward_of,
+        lambda tau: ufl.inner(ufl.dot(flexibility, tau), tau),
+        largest,
+        shear_modulus,
+        parts,
+        radius,
+    )
 
 
 def compliance(tau: Any, lame: Any, mu: Any, poisson: float = 0.5) -> Any:

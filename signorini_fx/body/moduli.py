@@ -65,7 +65,7 @@ def lame_coefficients(scene: Scene, tagged: TaggedMesh) -> tuple[Any, Any]:
     Raises:
         SceneError: see ``of_materials``; a grading is not between 0 and 1.
     """
-    share, lateral = (_graded(scene, tagged, key) for key in ("grading", "poisson_grading"))
+    share, lateral = (graded(scene, tagged, key) for key in ("grading", "poisson_grading"))
     if lateral is not None:
         young, poisson = of_materials(scene, tagged, lambda material: (material.young, material.poisson))
         young, poisson = young if share is None else _times(young, share), _times(poisson, lateral)
@@ -84,15 +84,19 @@ def poisson_of(material: LinearElastic, tagged: TaggedMesh, cells: npt.NDArray[n
     return material.poisson * _in_the_middle(material.poisson_grading, tagged, cells)
 
 
-def _in_the_middle(value: Any, tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
-    """A value in the middle of the corners of cells, whose other nodes depend on how curves are drawn."""
+def middles(tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
+    """The middles of the corners of cells, whose other nodes depend on how curves are drawn, shape (3, n)."""
     mesh = tagged.mesh
     corners = len(basix.geometry(getattr(basix.CellType, mesh.topology.cell_name())))
     middle = mesh.geometry.x[compat.geometry_cells(mesh)[cells, :corners]].mean(axis=1)
-    return sample(value, middle.T.astype(np.float64))
+    return np.asarray(middle.T, dtype=np.float64)
 
 
-def _graded(scene: Scene, tagged: TaggedMesh, key: str) -> fem.Function | None:
+def _in_the_middle(value: Any, tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
+    return sample(value, middles(tagged, cells))
+
+
+def graded(scene: Scene, tagged: TaggedMesh, key: str) -> fem.Function | None:
     """By what a modulus is multiplied in each cell; None: by nothing."""
     problems, mesh = [], tagged.mesh
     if all(getattr(material, key) is None for material in scene.material):
@@ -136,6 +140,7 @@ def reduced_degree(scene: Scene, mesh: dmesh.Mesh) -> int | None:
         message = f"linear {'triangles' if plane else 'tetrahedra'} have no reduced form: {cure}"
         raise SceneError([("element.volumetric", message)])
     nearly = any(material.locks for material in scene.material)
-    if requested in ("full", "mixed") or not has_form or (requested == "auto" and not nearly):
+    turned = any(material.orthotropic is not None for material in scene.material)
+    if requested in ("full", "mixed") or not has_form or turned or (requested == "auto" and not nearly):
         return None
     return 3 if degree == 2 and kind in ("quadrilateral", "hexahedron") else 1

@@ -151,7 +151,7 @@ def _forms(d: Discretisation) -> tuple[str, ...]:
 
 def _effects(d: Discretisation) -> list[Effect]:
     scene = d.scene
-    found = [_elasticity(d), *_materials(scene), _reduced(d), *_mixed(d), *_displacements(d)]
+    found = [_elasticity(d), *_materials(scene), *_orthotropic(scene), _reduced(d), *_mixed(d), *_displacements(d)]
 
     names = dict(zip(load_groups(scene), (load.names for load in d.applied), strict=False))
 
@@ -190,6 +190,14 @@ def _materials(scene: Scene) -> list[Effect]:
     if len(scene.material) == 1:
         return [Effect("several materials", False, "one [[material]]")]
     return [Effect("several materials", True, ", ".join(str(m.region) for m in scene.material))]
+
+
+def _orthotropic(scene: Scene) -> list[Effect]:
+    return [
+        Effect("orthotropic material", True, f"{one.region or 'everywhere'}: {one.orthotropic.said}")
+        for one in scene.material
+        if one.orthotropic is not None
+    ]
 
 
 def _reduced(d: Discretisation) -> Effect:

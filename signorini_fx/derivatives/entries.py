@@ -28,7 +28,8 @@ def default_entries(scene: Scene) -> list[str]:
         elif effect.friction.acts:
             found.append(f"contact[{number}].friction.bound")
         found.append(f"contact[{number}].gap")
-    found += [f"material[{number}].{key}" for number in range(len(scene.material)) for key in ("young", "poisson")]
+    isotropic = [number for number, material in enumerate(scene.material) if material.orthotropic is None]
+    found += [f"material[{number}].{key}" for number in isotropic for key in ("young", "poisson")]
     loads = [(path, effect) for path, effect in scene.listed() if isinstance(effect, Load) and effect.acts]
     return found + [path for path, effect in loads if not is_zero(*effect.given.values())]
 
@@ -45,6 +46,8 @@ def entry_of(scene: Scene, path: str, extent: float, dimension: int) -> tuple[fl
     Raises:
         SceneError: there is no such entry, or none that a derivative can be taken by.
     """
+    if path.startswith("material") and any(one.orthotropic is not None for one in scene.material):
+        raise SceneError([(path, "is not possible yet where a material is orthotropic")])
     if path.endswith("grading"):
         number = "poisson" if path.endswith("poisson_grading") else "young"
         raise SceneError([(path, f"is none that a derivative can be taken by: take {number}, which it multiplies")])

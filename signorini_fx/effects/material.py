@@ -1,22 +1,32 @@
-"""The constitutive law: isotropic linear elasticity in two and three dimensions."""
+"""The constitutive law: linear elasticity in two and three dimensions; see ``scene.orthotropic`` for that of wood."""
 
 from __future__ import annotations
 
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, ValidationInfo, field_validator
+from pydantic_core import PydanticKnownError
 
 from signorini_fx.scene.effect import Contradictions, Effect, InitialStrain
+from signorini_fx.scene.orthotropic import Orthotropic
 from signorini_fx.scene.values import Finite, NonNegative, Positive, SampledValue
 
 
+def _filled() -> Any:
+    """The default of what an orthotropic material fills in."""
+    return Field(default=None, validate_default=True)
+
+
 class LinearElastic(Effect):
-    """Isotropic linear elasticity.
+    """Linear elasticity, isotropic or orthotropic.
 
     Attributes:
-        young: Young's modulus E > 0, stress.
-        poisson: Poisson's ratio nu in (-1, 0.5); 0.5 too in plane stress, and where ``element.volumetric`` is mixed.
+        orthotropic: constants that depend on the direction, instead of ``young`` and ``poisson``; None: they do not.
+        young: Young's modulus E > 0, stress; of an orthotropic material its largest one.
+        poisson: Poisson's ratio nu in (-1, 0.5); 0.5 too in plane stress, and where ``element.volumetric`` is mixed; of
+            an orthotropic material a mean, which only settings follow.
         grading: between 0 and 1, by which ``young``, the largest, is multiplied: its value in the middle of each cell;
             None: 1 everywhere.
         poisson_grading: likewise, from 0 to 1, by which ``poisson``, the largest, is multiplied.
@@ -27,8 +37,9 @@ class LinearElastic(Effect):
         region: name of the part of the body that is made of this material; None: all of it.
     """
 
-    young: Positive
-    poisson: Annotated[float, Field(gt=-1, le=0.5, allow_inf_nan=False, strict=True)]
+    orthotropic: Orthotropic | None = None
+    young: Positive = _filled()
+    poisson: Annotated[float, Field(gt=-1, le=0.5, allow_inf_nan=False, strict=True)] = _filled()
     grading: SampledValue | None = None
     poisson_grading: SampledValue | None = None
     hypothesis: Literal["plane strain", "plane stress", "axisymmetric"] = "plane strain"
@@ -36,13 +47,30 @@ class LinearElastic(Effect):
     expansion: Finite | None = None
     region: str | None = None
 
+    @field_validator("young", "poisson", mode="before")
+    @classmethod
+    def _of_axes(cls, given: Any, info: ValidationInfo) -> Any:
+        if "orthotropic" not in info.data:  # which is wrong, and reported
+            return 0.1 if given is None else given
+        axes = info.data["orthotropic"]
+        if axes is None and given is None:
+            raise PydanticKnownError("missing")
+        if axes is None:
+            return given
+        if given is not None:
+            raise ValueError("is one of the constants in orthotropic: leave it out here")
+        first, second = axes.mean_lame
+        return max(axes.young) if info.field_name == "young" else first / (2 * (first + second))
+
     @property
     def lame(self) -> tuple[float, float]:
         """Lame parameters (lambda, mu) of section 2.1, stresses, before grading; lambda is the reduced one for plane
-        stress, and infinite elsewhere for nu = 1/2.
+        stress, and infinite elsewhere for nu = 1/2; means of an orthotropic material.
 
         Plane strain has those of three dimensions.
         """
+        if self.orthotropic is not None:
+            return self.orthotropic.mean_lame
         if self.poisson == 0.5 and self.hypothesis != "plane stress":
             return math.inf, self.young / (2 * (1 + self.poisson))
         return self.lame_of(self.young, self.poisson)
@@ -62,6 +90,9 @@ class LinearElastic(Effect):
     @property
     def hooke(self) -> tuple[float, float]:
         """(a, b) of Hooke's law sigma = a epsilon + b tr(epsilon) I, stresses, for the second opinion."""
+        if self.orthotropic is not None:
+            first, second = self.orthotropic.mean_lame
+            return 2 * second, first
         squeezed = 1 - self.poisson if self.hypothesis == "plane stress" else 1 - 2 * self.poisson
         return self.hooke_of(self.young, self.poisson) if squeezed > 0 else (self.young / (1 + self.poisson), math.inf)
 
@@ -70,6 +101,12 @@ class LinearElastic(Effect):
         a = young / (1 + poisson)
         squeezed = 1 - poisson if self.hypothesis == "plane stress" else 1 - 2 * poisson
         return a, a * poisson / squeezed
+
+    def stiffest(self, *, mixed: bool) -> float:
+        """The largest normal stress per strain, without the pressure of a ``mixed`` element."""
+        if self.orthotropic is not None:
+            return float(np.linalg.inv(self.orthotropic.compliance).diagonal().max())
+        return sum(self.hooke[: 1 if mixed else 2])
 
     @property
     def directions(self) -> int:
@@ -80,13 +117,18 @@ class LinearElastic(Effect):
 
     @property
     def plane_modulus(self) -> float:
-        """Stress per strain along a line without lateral stress: E / (1 - nu^2), in plane stress E."""
+        """Stress per strain along a line without lateral stress: E / (1 - nu^2), in plane stress E; at most this if
+        the material is orthotropic.
+        """
+        if self.orthotropic is not None:
+            return self.stiffest(mixed=False)
         return self.young if self.hypothesis == "plane stress" else self.young / (1 - self.poisson**2)
 
     @property
     def locks(self) -> bool:
         """Whether fully integrated elements lock visibly."""
-        return self.poisson >= LOCKING_POISSON and self.hypothesis != "plane stress"
+        isotropic = self.orthotropic is None
+        return isotropic and self.poisson >= LOCKING_POISSON and self.hypothesis != "plane stress"
 
     @property
     def friction_indication(self) -> float:
@@ -98,8 +140,10 @@ class LinearElastic(Effect):
         for uniqueness that is both proved and independent of the mesh is not known: a solution exists for every
         coefficient in two dimensions (Ballard and Iurlano, arXiv:2303.16298), the discrete one is unique below a bound
         that decreases to zero with the mesh size (Hild, Int. J. Appl. Math. Comput. Sci. 12 (2002) 41-50), and examples
-        with several solutions are known.
+        with several solutions are known.  For an orthotropic material there is no indication.
         """
+        if self.orthotropic is not None:
+            return math.inf
         nu = self.poisson / (1 + self.poisson) if self.hypothesis == "plane stress" else self.poisson
         return math.sqrt(3 - 4 * nu) / (2 - 2 * nu)
 
@@ -107,6 +151,8 @@ class LinearElastic(Effect):
         """See ``Effect``."""
         if self.hypothesis != scene.material[0].hypothesis:
             yield ("material", place), "all materials must have the same hypothesis"
+        if self.orthotropic is not None:
+            yield from _not_orthotropic(scene, place)
         if scene.element.volumetric == "mixed":
             if not self.poisson > 0:
                 yield ("material", place, "poisson"), "must be above 0 where element.volumetric = 'mixed'"
@@ -120,6 +166,27 @@ class LinearElastic(Effect):
                 yield ("accuracy", "of"), "has an estimate for energy only, where the body is axisymmetric"
             if scene.accuracy.refinement != "uniform":
                 yield ("accuracy", "refinement"), "must be 'uniform' where the body is axisymmetric"
+
+
+def _not_orthotropic(scene: Any, place: int) -> Contradictions:
+    """What an orthotropic material is not possible with."""
+    yet = "is not possible yet with an orthotropic material"
+    for wrong, path, reason in (
+        (scene.element.volumetric in ("reduced", "mixed"), ("element", "volumetric"), f"{yet}: take 'full'"),
+        (
+            any(one.acts for one in scene.of(InitialStrain)),
+            ("temperature",),
+            f"{yet}, whose expansion depends on the direction too",
+        ),
+        (
+            any(one.poisson_grading is not None for one in scene.material),
+            ("material", place, "orthotropic"),
+            "is not possible yet where a material has a poisson_grading",
+        ),
+        (scene.solver.error_bound, ("solver", "error_bound"), "is not known for an orthotropic material"),
+    ):
+        if wrong:
+            yield path, reason
 
 
 def _not_mixed(scene: Any) -> Contradictions:

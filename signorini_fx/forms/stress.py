@@ -12,10 +12,9 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
-from signorini_fx import parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery, squared_residual
 from signorini_fx.body.assembly import facet_nodes
-from signorini_fx.body.element_stress import ElementStress
+from signorini_fx.body.element_stress import ElementStress, anisotropic_stress
 from signorini_fx.body.kinematics import KINEMATICS
 from signorini_fx.errors import FormError
 from signorini_fx.records import Inventory
@@ -88,31 +87,15 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStres
     at_rest = law(fem.Function(y.function_space))
     columns = [law(field) - at_rest for field in strained]
     rows = [*pairs, *([(2, 2)] if outward is not None else [])]
-    m, shape = len(pairs), (len(rows), len(pairs))
     moduli = ufl.as_vector([column[i, j] for i, j in rows for column in columns])
     cellwise = interpolated(moduli, fem.functionspace(mesh, ("DG", 0, (len(moduli),))))
-    at_cells, numbers = cellwise.x.array.reshape(-1, *shape), cellwise.function_space.dofmap.list[:, 0]
-    inverse, error = at_cells[:, :m], None
+    at_cells = cellwise.x.array.reshape(-1, len(rows), len(pairs))
+    sigma = ufl.as_matrix([[whole[i, j] for j in range(dim)] for i in range(dim)])
     try:
-        inverse = np.linalg.inv(inverse)
+        numbers = cellwise.function_space.dofmap.list[:, 0]
+        return anisotropic_stress(y, sigma, outward, (at_cells, numbers), parts)
     except np.linalg.LinAlgError:
-        error = FormError([("stress", "is zero for some strain: nothing can be measured in its energy")])
-    parallel.raise_together(mesh.comm, error)
-    largest = fem.Function(fem.functionspace(mesh, ("DG", 0)))
-    largest.x.array[:] = at_cells[:, range(dim), range(dim)].max(axis=1)
-    compliance = fem.Function(fem.functionspace(mesh, ("DG", 0, (m, m))))
-    compliance.x.array[:] = inverse.ravel()
-    ratios = at_cells[:, m:] @ inverse
-    return ElementStress(
-        y,
-        ufl.as_matrix([[whole[i, j] for j in range(dim)] for i in range(dim)]),
-        outward,
-        lambda part, tau: np.einsum("cm,cvm->cv", ratios[numbers[parts[part]], 0], tau),
-        lambda tau: ufl.inner(ufl.dot(compliance, tau), tau),
-        largest,
-        None,
-        parts,
-    )
+        raise FormError([("stress", "is zero for some strain: nothing can be measured in its energy")]) from None
 
 
 def residual_of(

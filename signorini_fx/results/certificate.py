@@ -174,7 +174,7 @@ def certify(
     every = displacement.x.array.reshape(-1, tagged.dimension)
     scales = Scales.of(tagged.dimension, scene.young, tagged.size, axisymmetric=scene.axisymmetric)
     mixed = scene.element.volumetric == "mixed"  # whose forces are not those of a change of volume
-    stiffest = replace(scales, modulus=max(sum(one.hooke[: 1 if mixed else 2]) for one in scene.material))
+    stiffest = replace(scales, modulus=max(one.stiffest(mixed=mixed) for one in scene.material))
     balance = Balance(
         forces,
         forces.internal(displacement),

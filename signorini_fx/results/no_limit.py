@@ -157,7 +157,13 @@ def _where_materials_meet(body: Discretisation, place: Array, boundary: list[_Fa
     strained = bool(body.scene.of(InitialStrain))
 
     def kind_of(material: Any) -> tuple[Any, ...]:
-        return material.lame, material.grading, material.poisson_grading, strained and material.expansion
+        return (
+            material.orthotropic,
+            material.lame,
+            material.grading,
+            material.poisson_grading,
+            strained and material.expansion,
+        )
 
     kinds = [kind_of(material) for material in body.scene.material]
     (number,) = of_materials(body.scene, body.tagged, lambda one: (float(kinds.index(kind_of(one))),))

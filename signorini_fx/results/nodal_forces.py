@@ -252,8 +252,7 @@ class NodalForces(SurfaceQuadrature):
         """By what a modulus of the materials is multiplied, of all cells alike, shape (1,), or cell by cell."""
         if all(getattr(material, key) is None for material in self.scene.material):
             return np.ones(1)
-        corners = self._corners[:, : len(basix.geometry(self._cell))]
-        middle, found = in_space(self._x[corners].mean(axis=1)), np.ones(len(corners))
+        middle, found = self._middles(slice(None)), np.ones(len(self._corners))
         for material in self.scene.material:
             if getattr(material, key) is not None:
                 here = slice(None) if material.region is None else self.tagged.cells(material.region)
@@ -312,6 +311,8 @@ class NodalForces(SurfaceQuadrature):
             Both on this rank alone, forces with shape (nodes, d).
         """
         reduced = reduced_degree(self.scene, self.tagged.mesh)
+        if any(material.orthotropic is not None for material in self.scene.material):
+            return self._part_of_work(u, degree, np.zeros(1), np.zeros(1), initial, self._in_axes)
         a, b = self._hooke()
         if reduced is None:
             return self._part_of_work(u, degree, a, b, initial)
@@ -320,9 +321,15 @@ class NodalForces(SurfaceQuadrature):
         return first[0] + second[0], first[1] + second[1]
 
     def _part_of_work(
-        self, u: Array, degree: int, a: Array, b: Array, initial: Callable[[Facets], Array] | None
+        self,
+        u: Array,
+        degree: int,
+        a: Array,
+        b: Array,
+        initial: Callable[[Facets], Array] | None,
+        law: Callable[[Indices, Array, Array | None], tuple[Array, Array | None]] | None = None,
     ) -> tuple[Array, float]:
-        """That of the stress a epsilon + b tr(epsilon) I, see ``_stress_work``."""
+        """That of the stress a epsilon + b tr(epsilon) I, or by another ``law``, see ``_stress_work``."""
         axis_count, energy = self.scene.material[0].directions, 0.0
         points, weight = basix.make_quadrature(self._cell, degree)
         table, total, axes = self._table(points), self._zero(), range(self.dimension)
@@ -339,7 +346,7 @@ class NodalForces(SurfaceQuadrature):
             size, forces = weight * np.abs(determinant), np.zeros_like(nodal)
             part = Facets(cells, table, np.empty(0))
             size = size * self._around(part)
-            own = 0.0 if initial is None else initial(part)
+            own, hoop = 0.0 if initial is None else initial(part), None
             if self.scene.axisymmetric:
                 radius = self.positions(part)[..., 0]
                 hoop = nodal[:, :, 0] @ table.shape.T / radius
@@ -347,11 +354,14 @@ class NodalForces(SurfaceQuadrature):
             if initial is not None:
                 dilation = dilation - axis_count * own
                 energy += float(np.sum(size * (first + axis_count * second) * axis_count * own**2)) / 2
-            if self.scene.axisymmetric:
-                forces[:, :, 0] += (size / radius * (first * hoop + second * dilation)) @ table.shape
+            around = None if hoop is None else first * hoop + second * dilation
             mean = second * dilation - first * own
             for i in axes:
                 stress[i, i] += mean
+            if law is not None:
+                stress, around = law(cells, gradient, hoop)
+            if around is not None:
+                forces[:, :, 0] += (size / radius * around) @ table.shape
             flux = size * np.einsum("ijcq,kjcq->ikcq", stress, inverse)
             for i in axes:
                 for k in axes:
@@ -360,6 +370,27 @@ class NodalForces(SurfaceQuadrature):
                 added = np.bincount((nodes - lowest).ravel(), forces[:, :, i].ravel())
                 total[lowest : lowest + added.size, i] += added
         return total, energy
+
+    def _in_axes(self, cells: Indices, gradient: Array, hoop: Array | None) -> tuple[Array, Array | None]:
+        """The stress where a material is orthotropic, shape (d, d, f, q), and that along the circumference."""
+        from signorini_fx.results.orthotropic_law import stress_in_axes
+
+        dim, strain = self.dimension, np.zeros((*gradient.shape[2:], 3, 3))
+        strain[..., :dim, :dim] = np.moveaxis(gradient + gradient.swapaxes(0, 1), (0, 1), (2, 3)) / 2
+        if hoop is not None:
+            strain[..., 2, 2] = hoop
+        middle, stress = self._middles(cells), np.zeros_like(strain)
+        for material in self.scene.material:
+            one = len(self.scene.material) == 1
+            here = np.ones(len(cells), bool) if one else np.isin(cells, self.tagged.cells(str(material.region)))
+            stress[here] = stress_in_axes(material, middle[:, here], strain[here])
+        share = self._grading("grading")
+        stress *= (share if share.size == 1 else share[cells])[:, None, None, None]
+        return np.moveaxis(stress[..., :dim, :dim], (2, 3), (0, 1)), None if hoop is None else stress[..., 2, 2]
+
+    def _middles(self, cells: Indices | slice) -> Array:
+        """The middles of the corners of cells, shape (3, n)."""
+        return in_space(self._x[self._corners[cells, : len(basix.geometry(self._cell))]].mean(axis=1))
 
     def _pressed(self, displacement: fem.Function) -> tuple[Array, Array, Array]:
         """(p, div z) of a mixed element, shape (nodes, d), and the rest of ``dilation``, on this rank alone."""

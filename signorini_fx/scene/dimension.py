@@ -31,6 +31,10 @@ def _everywhere(scene: Scene, dimension: int) -> Iterator[tuple[str, str]]:
             given = getattr(effect, key)
             if given is not None and len(given) != dimension:
                 yield f"{path}.{key}", f"{where}: give {dimension} numbers, not {len(given)}"
+    for index, material in enumerate(scene.material):
+        if material.orthotropic is not None:
+            for key, reason in material.orthotropic.problems(dimension):
+                yield f"material[{index}].orthotropic.{key}", reason
     for index, effect in enumerate(scene.contact):
         if effect.foundation is not None:
             for key, reason in effect.foundation.contradictions(dimension):

@@ -32,6 +32,8 @@ def scene_schema() -> dict[str, Any]:
     for name in ("NoFriction", "TrescaFriction", "CoulombFriction"):
         definition = schema["$defs"][name]
         definition["required"] = ["law", *definition.get("required", [])]
+    material = schema["$defs"]["LinearElastic"]
+    material["anyOf"] = [{"required": ["young", "poisson"]}, {"required": ["orthotropic"]}]
     schema["$defs"]["MeshGenerator"]["properties"]["generator"]["enum"] = list(known_generators())
     schema["required"].remove("mesh")  # where there are bodies
     for name, field in model.model_fields.items():

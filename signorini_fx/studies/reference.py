@@ -50,6 +50,8 @@ def on_mesh(scene: Scene, factor: float, element: str, settings: dict[str, Any])
     """
     if scene.element.volumetric == "mixed":
         raise SceneError([("element.volumetric", "a study compares elements without a pressure: leave 'mixed' out")])
+    if any(one.orthotropic is not None for one in scene.material):
+        raise SceneError([("material", "a study is not possible yet with an orthotropic material")])
     if not isinstance(scene.mesh, MeshGenerator):
         raise SceneError([("mesh", "a study needs a mesh from a generator, which can make coarser and finer ones")])
     mesh = scene_on(scene, factor).mesh
