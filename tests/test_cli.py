@@ -53,11 +53,11 @@ def read_rows(path):
 
 def test_result_folder(tmp_path):
     """Everything that the README promises is there, and the files agree with each other."""
-    process = run(tmp_path)
+    process = run(tmp_path, "--pdf")
     assert process.returncode == 0, process.stderr
     assert "small: converged" in process.stdout
     files = {path.name for path in (tmp_path / "out").iterdir()}
-    assert files >= {"summary.json", "contact.csv", "history.csv", "outer.csv", "deformed.png", "profiles.png"}
+    assert files >= {"summary.json", "contact.csv", "history.csv", "outer.csv", "deformed.png", "profiles.pdf"}
     summary = read_summary(tmp_path)
     assert summary["contact_force"][1] == pytest.approx(20.0, rel=1e-9)
     rows = read_rows(tmp_path / "out" / "contact.csv")

@@ -164,9 +164,11 @@ def test_fields_are_the_same_on_any_number_of_ranks():
 
 @pytest.mark.parametrize("scene", [lambda: example1(nx=6, ny=2), lambda: block(4)], ids=["plane", "space"])
 def test_only_what_is_asked_for_is_drawn(tmp_path, monkeypatch, scene):
-    """As PNG and PDF; a later run takes the pictures away; without a field of the stress the tensor is not computed."""
+    """As PNG, and as PDF if wanted; a later run takes them away; without a field of the stress the tensor is not
+    computed.
+    """
     solution = alone(scene())
-    write_results(solution, tmp_path, fields=False, pictures=["principal", "displacement"])
+    write_results(solution, tmp_path, fields=False, pictures=["principal", "displacement"], pdf=True)
     assert sorted(path.name for path in tmp_path.glob("field_*")) == [
         f"field_{name}.{kind}" for name in ("displacement", "principal") for kind in ("pdf", "png")
     ]
@@ -175,7 +177,8 @@ def test_only_what_is_asked_for_is_drawn(tmp_path, monkeypatch, scene):
     assert sorted(path.name for path in tmp_path.glob("field_*.png")) == ["field_density.png", "field_displacement.png"]
     write_results(solution, tmp_path, fields=False)
     assert not list(tmp_path.glob("field_*"))
-    assert (tmp_path / "deformed.pdf").exists()
+    assert (tmp_path / "deformed.png").exists()
+    assert not list(tmp_path.glob("*.pdf"))
 
 
 def test_fields_that_are_none(tmp_path, capsys):

@@ -83,7 +83,7 @@ def folders(tmp_path_factory):
     found = {}
     for name, scene in SCENES.items():
         found[name] = tmp_path_factory.mktemp("space") / name
-        write_results(alone(scene()), found[name], fields=False)
+        write_results(alone(scene()), found[name], fields=False, pdf=name == "coulomb")
         page.write_report(found[name])
     return found
 
@@ -108,7 +108,8 @@ def test_files(folder):
     """All are there, of a size to look at, none is blank, and none of those of a plane scene."""
     assert not (folder / "profiles.png").exists()
     for name in ("deformed", "section", "contact_surface", "history"):
-        assert (folder / f"{name}.pdf").stat().st_size > 5000
+        if folder.name == "coulomb":
+            assert (folder / f"{name}.pdf").stat().st_size > 5000
         with Image.open(folder / f"{name}.png") as image:
             assert 400 < image.width < 1600
             assert 300 < image.height < 3000

@@ -101,7 +101,7 @@ def solve(options: argparse.Namespace) -> int:
                 line.erase()
             progress.solved = True
             pictures = False if options.no_pictures else options.picture or True
-            summary = files.write_results(solution, folder, fields=fields, pictures=pictures)
+            summary = files.write_results(solution, folder, fields=fields, pictures=pictures, pdf=options.pdf)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(str(progress)) from None
     if not options.quiet:

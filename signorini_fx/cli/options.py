@@ -80,7 +80,9 @@ def parser() -> argparse.ArgumentParser:
         help="format of the fields for ParaView: vtx (ADIOS2; default where dolfinx has it) or vtu",
     )
     fields.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
-    solve.add_argument("--no-pictures", action="store_true", help="draw no pictures")
+    pictures = solve.add_mutually_exclusive_group()
+    pictures.add_argument("--no-pictures", action="store_true", help="draw no pictures")
+    pictures.add_argument("--pdf", action="store_true", help="draw each picture as a PDF, for print, beside the PNG")
     solve.add_argument(
         "--picture",
         action="append",

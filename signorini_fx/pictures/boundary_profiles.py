@@ -20,13 +20,13 @@ from matplotlib.patches import Patch
 from signorini_fx.csv_text import Table
 from signorini_fx.pictures.style import (
     BLUE,
-    BOTH,
     LIMIT,
     MOTION,
     MULTIPLIER,
     MUTED,
     ORANGE,
     RULE,
+    SCREEN,
     STYLE,
     Floats,
     decimal_power,
@@ -222,7 +222,7 @@ def boundary_profiles(
     *,
     title: str = "",
     sides: Sequence[str] = SIDES,
-    suffixes: Sequence[str] = BOTH,
+    suffixes: Sequence[str] = SCREEN,
 ) -> None:
     """Draw the curves along the contact boundary, one block per boundary.
 

@@ -21,15 +21,16 @@ from signorini_fx.csv_text import Table
 from signorini_fx.pictures import view
 from signorini_fx.pictures.boundary_profiles import STATES, ContactColumns, state_patches
 from signorini_fx.pictures.style import (
-    BOTH,
     INK,
     MUTED,
+    SCREEN,
     STYLE,
     VALUES,
     Floats,
     decimal_power,
     finish,
     largest_of,
+    lay_out,
     math_number,
     plain,
     readable,
@@ -135,7 +136,7 @@ def contact_surface(
     *,
     title: str = "",
     panels: Sequence[str] = PANELS,
-    suffixes: Sequence[str] = BOTH,
+    suffixes: Sequence[str] = SCREEN,
 ) -> None:
     """Draw each contact boundary of a body in space, seen along its outward normal through the body.
 
@@ -203,7 +204,7 @@ def contact_figure(table: Table, facets: Rows, shown: Sequence[str] = PANELS) ->
     if seen:
         patches = state_patches(seen)
         figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), handlelength=1.6)
-    figure.draw_without_rendering()  # the layout needs a second pass if equal axes do not fill their place
+    lay_out(figure)  # the layout needs a second pass if equal axes do not fill their place
     return figure
 
 

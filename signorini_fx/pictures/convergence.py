@@ -17,14 +17,14 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from signorini_fx.csv_text import Table
-from signorini_fx.pictures.style import BLUE, BOTH, INK, MUTED, ORANGE, RULE, STYLE, Floats, finish
+from signorini_fx.pictures.style import BLUE, INK, MUTED, ORANGE, RULE, SCREEN, STYLE, Floats, finish
 
 
 def iteration_history(
     path_stem: str | Path,
     rows: Sequence[Mapping[str, Any]] | Table,
     *,
-    suffixes: Sequence[str] = BOTH,
+    suffixes: Sequence[str] = SCREEN,
     dimension: int = 2,
 ) -> None:
     """Draw the convergence history over the linear solves: sizes of the active sets, changed nodes, residual.
@@ -113,7 +113,7 @@ _QUANTITIES = {
 
 
 def errors_and_costs(
-    path_stem: str | Path, rows: Sequence[Mapping[str, Any]], *, title: str = "", suffixes: Sequence[str] = BOTH
+    path_stem: str | Path, rows: Sequence[Mapping[str, Any]], *, title: str = "", suffixes: Sequence[str] = SCREEN
 ) -> None:
     """Estimated errors against the unknowns, and against the time: one point per mesh, open the next one, predicted.
 

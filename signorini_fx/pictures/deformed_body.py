@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.pictures.fields import FIELDS, Field
 from signorini_fx.pictures.marks import draw_lengths, mark_largest
-from signorini_fx.pictures.style import BOTH, INK, MUTED, STYLE, Floats, finish, math_number, readable
+from signorini_fx.pictures.style import INK, MUTED, SCREEN, STYLE, Floats, finish, math_number, readable
 from signorini_fx.pictures.tiling import Tiling, refined
 from signorini_fx.pictures.tones import Tones, draw_principal, upper_tone
 from signorini_fx.units import bracketed
@@ -146,7 +146,7 @@ def deformed_mesh(
     top: float | None = None,
     frame: tuple[Floats, Floats] | None = None,
     title: str = "",
-    suffixes: Sequence[str] = BOTH,
+    suffixes: Sequence[str] = SCREEN,
 ) -> None:
     """Draw the deformed mesh on its foundation, a field in colours.
 

@@ -17,24 +17,25 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from signorini_fx.csv_text import Table
 from signorini_fx.pictures.boundary_profiles import Boundary, boundaries_of, finish_panel, state_patches, state_strip
 from signorini_fx.pictures.style import (
-    BOTH,
     LIMIT,
     MOTION,
     MULTIPLIER,
     MUTED,
     ORANGE,
     RULE,
+    SCREEN,
     STYLE,
     decimal_power,
     finish,
     largest_of,
+    lay_out,
     plain,
     unit_of,
 )
 from signorini_fx.records import Status
 
 
-def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] = BOTH) -> None:
+def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] = SCREEN) -> None:
     """Draw the forces of the foundation on the body step by step, and the friction force against the motion.
 
     Args:
@@ -79,7 +80,7 @@ def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] =
             ylabel=f"{friction.replace('_', ' ')}{unit_of(power, 'force')}",
         )
         lower.locator_params(axis="x", nbins=6)
-        figure.draw_without_rendering()  # the layout, for the width of the names
+        lay_out(figure)  # for the width of the names
         rows = _mark_names(upper, steps)
         room = mpl.rcParams["legend.borderaxespad"] + rows * _ROW / mpl.rcParams["legend.fontsize"]
         upper.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=room)

@@ -10,7 +10,7 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from signorini_fx.pictures.style import MOTION, MULTIPLIER, ORANGE, STYLE, finish, plain, unit_of
+from signorini_fx.pictures.style import MOTION, MULTIPLIER, ORANGE, PRINT, STYLE, finish, plain, unit_of
 
 # One panel each: what stands at the axis, the quantity whose unit it has, and columns with their labels.
 _PANELS = (
@@ -46,4 +46,4 @@ def draw(path_stem: str | Path, parameter: str, rows: Sequence[Mapping[str, Any]
             if len(columns) > 1 or without:
                 axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
         figure.supxlabel(plain(parameter), fontsize="medium")
-        finish(figure, path_stem, plain(title))
+        finish(figure, path_stem, plain(title), PRINT)

@@ -38,6 +38,7 @@ class ResultPictures:
         volume: the cells of a body in space, if it has no more than can be drawn, for a section.
         units: for labels, see ``signorini_fx.units``.
         tools: of each boundary that a rigid tool may touch, how the tool has moved at points of shape (n, d).
+        suffixes: of the files to write, except the animation.
     """
 
     title: str
@@ -50,6 +51,7 @@ class ResultPictures:
     volume: Volume | None = None
     units: Mapping[str, str] = field(default_factory=dict)
     tools: Mapping[str, Callable[[Array], Array]] = field(default_factory=dict)
+    suffixes: Sequence[str] = (".png",)
 
     def draw(
         self,
@@ -82,19 +84,19 @@ class ResultPictures:
 
         title = plain(self.title)
         if self.history:
-            iteration_history(folder / "history", self.history, dimension=self.dimension)
+            iteration_history(folder / "history", self.history, dimension=self.dimension, suffixes=self.suffixes)
         if self.prices:
-            errors_and_costs(folder / "price_list", self.prices, title=title)
+            errors_and_costs(folder / "price_list", self.prices, title=title, suffixes=self.suffixes)
         if contact is not None and steps is not None:
-            load_steps(folder / "load_steps", steps)
+            load_steps(folder / "load_steps", steps, suffixes=self.suffixes)
         if contact is not None and self.dimension == 2:
             from signorini_fx.pictures.boundary_profiles import boundary_profiles
 
-            boundary_profiles(folder / "profiles", contact, title=title)
+            boundary_profiles(folder / "profiles", contact, title=title, suffixes=self.suffixes)
         elif contact is not None and facets is not None:
             from signorini_fx.pictures.contact_surface import contact_surface
 
-            contact_surface(folder / "contact_surface", contact, facets, title=title)
+            contact_surface(folder / "contact_surface", contact, facets, title=title, suffixes=self.suffixes)
         if self.body is not None and self.dimension == 2:
             self._draw_in_the_plane(self.body, contact, folder, title)
         elif self.body is not None:
@@ -129,6 +131,7 @@ class ResultPictures:
                 stress=body.stress_in_the_middle() if name == "principal" else None,
                 foundation=foundation,
                 title=title,
+                suffixes=self.suffixes,
             )
         if self.moments:
             moving_body(folder / "deformed.gif", body, self.moments, foundation=foundation, title=title)
@@ -150,6 +153,7 @@ class ResultPictures:
                 foundations=foundations,
                 seen=seen,
                 title=title,
+                suffixes=self.suffixes,
             )
         if self.moments:
             moving_solid(folder / "deformed.gif", body, self.moments, foundations=foundations, title=title)
@@ -174,7 +178,17 @@ class ResultPictures:
             force @ np.column_stack([contact[f"{name}{axis}"] for axis in "xyz"]) / force.sum() for name in ("", "n_")
         )
         seen = telling_view(skin)
-        section(folder / "section", skin, volume, origin, across, foundations=foundations, seen=seen, title=title)
+        section(
+            folder / "section",
+            skin,
+            volume,
+            origin,
+            across,
+            foundations=foundations,
+            seen=seen,
+            title=title,
+            suffixes=self.suffixes,
+        )
 
 
 def _grounded(contact: Table) -> npt.NDArray[np.bool_]:

@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Annotation, Text
 
 from signorini_fx.pictures.marks import draw_lengths
-from signorini_fx.pictures.style import BLUE, BOTH, INK, MUTED, ORANGE, STYLE, Floats, finish, math_number, plain
+from signorini_fx.pictures.style import BLUE, INK, MUTED, ORANGE, SCREEN, STYLE, Floats, finish, math_number, plain
 from signorini_fx.pictures.tones import thinned
 from signorini_fx.units import bracketed, labelled, unit
 
@@ -97,7 +97,7 @@ class Setup:
         """2 or 3."""
         return int(self.polygons.shape[2])
 
-    def draw(self, path_stem: str | Path, suffixes: Sequence[str] = BOTH) -> None:
+    def draw(self, path_stem: str | Path, suffixes: Sequence[str] = SCREEN) -> None:
         """Write the picture.
 
         Boundaries have the colour of what acts on them: orange contact, blue loads, green supports.  Arrows are loads

@@ -22,7 +22,7 @@ from signorini_fx.pictures.fields import FIELDS, Field, values_of
 from signorini_fx.pictures.foundation import FoundationSurface, normals_of
 from signorini_fx.pictures.marks import draw_lengths
 from signorini_fx.pictures.solid import Cut, Lines, Solid
-from signorini_fx.pictures.style import BLUE, BOTH, ORANGE, STYLE, Floats, finish, math_number
+from signorini_fx.pictures.style import BLUE, ORANGE, SCREEN, STYLE, Floats, finish, math_number
 from signorini_fx.pictures.tones import STROKES, Tones, strokes, thinned
 
 Rows = npt.NDArray[np.int64]
@@ -94,7 +94,7 @@ class Skin:
 
 
 def deformed_solid(
-    path_stem: str | Path, skin: Skin, *, title: str = "", suffixes: Sequence[str] = BOTH, **options: Any
+    path_stem: str | Path, skin: Skin, *, title: str = "", suffixes: Sequence[str] = SCREEN, **options: Any
 ) -> None:
     """Write the picture that ``solid_figure`` draws.
 
@@ -192,7 +192,7 @@ def section(
     foundations: Sequence[FoundationSurface] = (),
     seen: view.View,
     title: str = "",
-    suffixes: Sequence[str] = BOTH,
+    suffixes: Sequence[str] = SCREEN,
 ) -> None:
     """Draw the von Mises stress within a body that is cut by a coordinate plane.
 

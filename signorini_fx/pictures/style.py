@@ -1,9 +1,9 @@
 """The style of all pictures, and how they are written: ``with mpl.rc_context(STYLE)`` gives other pictures the same.
 
-Every picture is written twice, ``stem.png`` for screens and ``stem.pdf`` for print, unless ``suffixes`` names others,
-as the report does with ``.svg``.  Pictures are readable in black and white: line styles and lightness differ as well,
-and in every field the lighter colour is the larger value, as in most programs.  Lettering has 9 points in pictures of
-at most 5 to 7 inches, so that it can still be read where a telephone shows them with a width of 9 cm.
+A picture is written as ``stem.png``, unless ``suffixes`` names others: ``.pdf`` for print, which takes longer than all
+the rest, or ``.svg`` as in the report.  Pictures are readable in black and white: line styles and lightness differ as
+well, and in every field the lighter colour is the larger value, as in most programs.  Lettering has 9 points in
+pictures of at most 5 to 7 inches, so that it can still be read where a telephone shows them with a width of 9 cm.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
+from matplotlib.backend_bases import get_registered_canvas_class
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
@@ -25,8 +26,9 @@ from signorini_fx.units import bracketed, unit
 
 Floats = npt.NDArray[np.float64]
 _PNG_DPI = 200
-_PDF_DPI = 300  # of what is rasterised in the PDF
-BOTH = (".png", ".pdf")
+_RASTER_DPI = 300  # of what is an image in a PDF or SVG
+_POINTS = 72  # to an inch: the unit in which PDF and SVG measure
+SCREEN, PRINT = (".png",), (".png", ".pdf")
 INK, MUTED, RULE = "#1a1a1a", "#6b6b6b", "#c8c8c8"
 # Perceptually uniform, from dark to light; without the darkest colours, on which neither light nor lines would be seen.
 VALUES = ListedColormap(mpl.colormaps["viridis"](np.linspace(0.15, 1.0, 256)), name="values")
@@ -137,17 +139,33 @@ def _entitle(figure: Figure, title: str) -> None:
     text.set_text("\n".join([*lines, *(f"({part}" for part in remark)]))
 
 
-def finish(figure: Figure, path_stem: str | Path, title: str, suffixes: Sequence[str] = BOTH) -> None:
-    """Title the figure and write it; without dates, so that the same data give the same files."""
-    if title:
-        _entitle(figure, title)
+def lay_out(figure: Figure, suffix: str = ".png") -> None:
+    """Give everything in a figure its place, as measured by what will write it."""
+    get_registered_canvas_class(suffix[1:])(figure)
+    figure.set_dpi(_PNG_DPI if suffix == ".png" else _POINTS)
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
+
+
+def finish(figure: Figure, path_stem: str | Path, title: str, suffixes: Sequence[str] = SCREEN) -> None:
+    """Title the figure and write it; without dates, so that the same data give the same files.
+
+    ``Figure.savefig`` would draw all of it once more for each file, to find the places of things: here this is done
+    once, and for all files as for the first one.
+    """
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
         if type(axis.get_major_formatter()) is ScalarFormatter:
             axis.set_major_formatter(_Digits())
     stem = Path(path_stem)
     stem.parent.mkdir(parents=True, exist_ok=True)
     dateless = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
+    if title:
+        _entitle(figure, title)
     for suffix in suffixes:
-        dpi = _PNG_DPI if suffix == ".png" else _PDF_DPI
-        figure.savefig(stem.with_name(f"{stem.name}{suffix}"), dpi=dpi, metadata=dateless.get(suffix))
-        figure.set_layout_engine("none")  # all files are laid out as the first one
+        if suffix == suffixes[0]:
+            lay_out(figure, suffix)
+            figure.set_layout_engine("none")
+        canvas = get_registered_canvas_class(suffix[1:])(figure)
+        figure.set_dpi(_PNG_DPI if suffix == ".png" else _RASTER_DPI)
+        write = getattr(canvas, f"print_{suffix[1:]}")
+        write(stem.with_name(f"{stem.name}{suffix}"), metadata=dateless.get(suffix))

@@ -71,6 +71,7 @@ def write_results(
     *,
     fields: bool | str = True,
     pictures: bool | Sequence[str] = True,
+    pdf: bool = False,
 ) -> dict[str, Any]:
     """Write the result folder; collective.
 
@@ -81,6 +82,7 @@ def write_results(
         pictures: draw the deformed body with the von Mises stress, the contact boundary and the iteration history; a
             list of names, such as ``["principal", "displacement"]``: draw the deformed body with these fields too
             (``pressure``, ``principal``, ``displacement``, ``density``).
+        pdf: write each picture as a PDF, for print, beside the PNG.
 
     Returns:
         The summary.
@@ -101,13 +103,13 @@ def write_results(
         if wrong := unknown(pictures):
             raise ValueError(f"no picture of {', '.join(map(repr, wrong))}: there are {', '.join(FIELDS)}")
     with folder if isinstance(folder, ResultFolder) else ResultFolder(solution.comm, folder, FILES) as claimed:
-        summary = _write(solution, claimed, fields=kind, pictures=pictures)
+        summary = _write(solution, claimed, fields=kind, pictures=pictures, pdf=pdf)
         claimed.commit()
     return summary
 
 
 def _write(
-    solution: Solution, folder: ResultFolder, *, fields: str | None, pictures: bool | Sequence[str]
+    solution: Solution, folder: ResultFolder, *, fields: str | None, pictures: bool | Sequence[str], pdf: bool
 ) -> dict[str, Any]:
     """Write everything into the hidden part of a claimed folder; collective."""
     comm, part = solution.comm, folder.part
@@ -124,7 +126,7 @@ def _write(
         summary["fields"] = _together(comm, folder, lambda: write_fields(solution, part, fields))
         summary["stress"] = solution.stress.as_dict()
     along_steps = _contact_by_step(solution) if steps and table is not None else []
-    drawn = gather_pictures(solution, asked) if pictures is not False else None
+    drawn = gather_pictures(solution, asked, pdf=pdf) if pictures is not False else None
     facets = None if plane else _contact_facets(solution)
     other = None
     if solution.contact is not None and solution.scene.sides[1] is not None:

@@ -14,7 +14,7 @@ from signorini_fx.units import names_of
 MOST_CELLS = 200_000  # of a section: they take seconds, and 100 MB on the first rank
 
 
-def gather_pictures(solution: Solution, asked: Sequence[str] = ()) -> ResultPictures:
+def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool = False) -> ResultPictures:
     """Of a solution, with fields beside the von Mises stress; collective."""
     fields = tuple(dict.fromkeys(("von_mises", *asked)))
     dimension = solution.discretisation.tagged.dimension
@@ -30,6 +30,7 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = ()) -> ResultPict
         _volume(solution) if dimension == 3 and gather is not None else None,
         names_of(solution.scene.model_dump(include={"units", "material"}), dimension),
         {tool.boundary: tool.at for tool in solution.last_step.tools},
+        (".png", ".pdf") if pdf else (".png",),
     )
 
 

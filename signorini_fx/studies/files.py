@@ -10,7 +10,7 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from signorini_fx.pictures.style import INK, RULE, STYLE, finish
+from signorini_fx.pictures.style import INK, PRINT, RULE, STYLE, finish
 from signorini_fx.results.files import write_csv
 from signorini_fx.studies.conclusions import advice, cheapest_front, coarseness, lasting_errors, quantities_with_errors
 from signorini_fx.studies.methods import FAMILIES
@@ -73,7 +73,7 @@ def draw(stem: Path, study: Study, quantity: str) -> None:
             axes.set_ylabel("relative error")
         small[5].set_axis_off()
         small[5].text(0.0, 0.98, _how_to_read(study, floor, low), va="top", fontsize=7, transform=small[5].transAxes)
-        finish(figure, stem, f"What accuracy costs: {study.scene.title}")
+        finish(figure, stem, f"What accuracy costs: {study.scene.title}", PRINT)
 
 
 def _front(axes: Axes, study: Study, quantity: str) -> None:
