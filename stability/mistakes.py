@@ -1710,6 +1710,27 @@ MUTANTS = (
         tests=("pairs::test_identities",),
     ),
     Mutant(
+        "body/mirrored_points",
+        "found[node] += np.outer(across, across)",
+        "pass",
+        "two bodies: points on a plane of symmetry carry shear across it",
+        tests=("planes_of_symmetry::test_half_a_model",),
+    ),
+    Mutant(
+        "body/supports",
+        "return np.asarray(fixed & (given.ravel()[: fixed.size] == 0))",
+        "return fixed",
+        "two bodies: supports that move one past the other are a plane of symmetry",
+        tests=("planes_of_symmetry::test_supports_that_move",),
+    ),
+    Mutant(
+        "results/contact_nodes",
+        "max(defect(claim, self.evaluation.space), not_held(claim, held, y))",
+        "defect(claim, self.evaluation.space)",
+        "two bodies: the certificate does not ask for the supports at planes of symmetry",
+        tests=("planes_of_symmetry::test_the_certificate_asks_for_the_supports",),
+    ),
+    Mutant(
         "pairs/search",
         "facing & (across <= beyond) & (np.abs(along) <= reach + beyond)",
         "(across <= beyond) & (np.abs(along) <= reach + beyond)",

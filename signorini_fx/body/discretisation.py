@@ -31,7 +31,14 @@ from signorini_fx.body.mixed import MIXED_FORMS, MixedPressure
 from signorini_fx.body.moduli import lame_coefficients, reduced_degree
 from signorini_fx.body.pieces import find_pieces
 from signorini_fx.body.rigid_tools import RigidTools
-from signorini_fx.body.supports import check_overlap, dirichlet_conditions, prescribed, skew_supports, turned_nodes
+from signorini_fx.body.supports import (
+    at_rest,
+    check_overlap,
+    dirichlet_conditions,
+    prescribed,
+    skew_supports,
+    turned_nodes,
+)
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.effects.contact import BilateralContact, BondedContact, CoulombFriction, TrescaFriction
@@ -129,7 +136,8 @@ class Discretisation(ElasticBody):
         """``boundary``, ``data`` and ``law`` of another scene that differs in its contact only; collective."""
         foundations = _foundations(scene, self.space, boundary_facets(scene, self.tagged), Inventory())
         shapes = foundations.shapes()
-        boundary = foundations.boundary(shapes, self.fixed, self.turned)
+        rests = at_rest(self.space, self.supports, self.turned, self.fixed)
+        boundary = foundations.boundary(shapes, self.fixed, self.turned, rests)
         data, law = foundations.problem(
             boundary, foundations.data(shapes), Settings.of(scene.solver), self.scales.gamma
         )
@@ -236,7 +244,8 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         assert len(foundations.forms) == len(on)
     with timings.phase("assemble"):
         shapes = foundations.shapes()
-        boundary = foundations.boundary(shapes, fixed, turned) if on else None
+        rests = at_rest(space, supports, turned, fixed) if scene.sides[1] is not None else None
+        boundary = foundations.boundary(shapes, fixed, turned, rests) if on else None
         tools = RigidTools.of(scene.contact, tagged.dimension, tagged.size, axisymmetric=scene.axisymmetric)
         if boundary is not None and tools is not None:
             boundary = tools.on(boundary)
@@ -356,7 +365,7 @@ def pairs_of(scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace) -> dict
     fixed = prescribed(space, [support for _, support in supports])[0][:owned]
     turned = turned_nodes(scene, space, supports, skew_supports(scene, space, facets, tagged), fixed)
     foundations = _foundations(scene, space, facets, Inventory())
-    foundations.boundary(foundations.shapes(), fixed, turned)
+    foundations.boundary(foundations.shapes(), fixed, turned, at_rest(space, supports, turned, fixed))
     return foundations.pairs
 
 

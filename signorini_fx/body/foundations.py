@@ -227,7 +227,11 @@ class Foundations:
         return found
 
     def boundary(
-        self, shapes: Sequence[Shape], fixed: npt.NDArray[np.bool_], turned: TurnedNodes | None = None
+        self,
+        shapes: Sequence[Shape],
+        fixed: npt.NDArray[np.bool_],
+        turned: TurnedNodes | None = None,
+        at_rest: npt.NDArray[np.bool_] | None = None,
     ) -> ContactBoundary:
         """Weights, frames and positions of the points.
 
@@ -235,11 +239,12 @@ class Foundations:
             shapes: see ``shapes``.
             fixed: which owned dofs are prescribed, shape (owned dofs,).
             turned: nodes for which ``fixed`` is told in their own frames; None: there are none.
+            at_rest: see ``at_rest``, ghosts may be included; None: none.
         """
         parts = []
         for k, (shape, (form, function)) in enumerate(zip(shapes, self.forms, strict=True)):
             if k in self._masters:
-                parts.append(self._paired(k, fixed, turned))
+                parts.append(self._paired(k, fixed, turned, at_rest))
                 continue
             if function is not None and shape.factor is not None:
                 function.x.array.reshape(-1, self._dimension)[:, 0] = np.nan_to_num(shape.factor)
@@ -250,7 +255,17 @@ class Foundations:
             parts.append(part)
         return join(parts)
 
-    def _paired(self, number: int, fixed: npt.NDArray[np.bool_], turned: TurnedNodes | None) -> ContactBoundary:
+    def at_rest(self, fixed: npt.NDArray[np.bool_], values: Array) -> npt.NDArray[np.bool_]:
+        """Which dofs are prescribed to be zero, if pairs are there, which alone take notice of it."""
+        return np.asarray(fixed & (values == 0) & bool(self._masters))
+
+    def _paired(
+        self,
+        number: int,
+        fixed: npt.NDArray[np.bool_],
+        turned: TurnedNodes | None,
+        at_rest: npt.NDArray[np.bool_] | None,
+    ) -> ContactBoundary:
         """The points of a pair; of a node that two contacts share an earlier pair, or a foundation, has the point."""
         from signorini_fx.body.paired_points import PairedSides
 
@@ -260,7 +275,8 @@ class Foundations:
         taken = [self.facets[k] for k in first if k != number]
         sides = self.facets[number], self._masters[number]
         flags = fixed.reshape(-1, self._dimension)
-        found = PairedSides.of(space, pair, sides, f"contact[{number}]", flags, taken, turned)
+        rests = None if at_rest is None else at_rest.reshape(-1, self._dimension)[: len(flags)]
+        found = PairedSides.of(space, pair, sides, f"contact[{number}]", flags, taken, turned, rests)
         self._pairs[number] = found
         return found.boundary(space, self.facets[number], number, flags)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import basix
@@ -17,6 +17,7 @@ from signorini_fx.body.assembly import adjugates, facet_entities
 from signorini_fx.body.averages import Averages, from_owners
 from signorini_fx.body.contact_boundary import ContactBoundary, segments_of
 from signorini_fx.body.foundation import Pair
+from signorini_fx.body.mirrored_points import mirrored
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.errors import FormError
@@ -97,12 +98,14 @@ class PairedSides:
         master: the other one.
         coupling: of both.
         by_geometry: whether the gap is the distance of both sides.
+        axes: the frame of each point that supports hold it in, shape (n, d, d); None: the axes of space.
     """
 
     slave: Side
     master: Side
     coupling: Coupling
     by_geometry: bool
+    axes: Array | None = None
 
     @classmethod
     def of(
@@ -114,6 +117,7 @@ class PairedSides:
         fixed: npt.NDArray[np.bool_],
         taken: Sequence[Indices],
         turned: TurnedNodes | None = None,
+        at_rest: npt.NDArray[np.bool_] | None = None,
     ) -> PairedSides:
         """Pair two parts of the boundary; collective.
 
@@ -125,6 +129,7 @@ class PairedSides:
             fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
             taken: facets of other contacts, whose nodes carry no points of this one.
             turned: nodes for which ``fixed`` is told in their own frames; None: there are none.
+            at_rest: which of the components ``fixed`` are zero at all times, shape (owned nodes, d); None: none.
 
         Raises:
             FormError: the sides do not fit together, or are curved and the displacement is linear.
@@ -137,17 +142,25 @@ class PairedSides:
         for others in (*taken, facets[1]):
             there = fem.locate_dofs_topological(space, dim - 1, others)
             taken_nodes[there[there < owned]] = True
-        known = [fixed, taken_nodes]
-        if turned is not None:
-            known.append(turned.frames_at(np.arange(owned)).reshape(owned, -1))
-        there = from_owners(np.column_stack(known).astype(np.float64), slave.nodes, comm)
-        normals = slave.surface.nodal_normals
-        if turned is not None:
-            normals = np.einsum("nij,ni->nj", there[:, dim + 1 :].reshape(-1, dim, dim), normals)
-        normals = np.abs(normals)
-        unable = np.where(there[:, :dim] > 0, 0.0, normals).max(axis=1) <= _ALONG
+        at_rest = np.zeros_like(fixed) if at_rest is None else at_rest
+        known = np.column_stack((fixed, at_rest, taken_nodes)).astype(np.float64)
+
+        def told(side: Side) -> tuple[Array, npt.NDArray[np.bool_]]:
+            """Frames of the nodes of a side, shape (N, d, d), and what is known there, shape (N, 2 d + 1)."""
+            frames: Array = np.tile(np.eye(dim), (side.nodes.size, 1, 1))
+            if turned is not None:
+                own = turned.frames_at(np.arange(owned)).reshape(owned, -1)
+                frames = from_owners(own, side.nodes, comm).reshape(frames.shape)
+            return frames, from_owners(known, side.nodes, comm) > 0
+
+        (frames, here), (axes, there) = told(slave), told(master)
+        rests = (frames, here[:, dim:-1]), (axes, there[:, dim:-1])
+        across = mirrored(slave.surface, master.surface, rests)
+        slave = replace(slave, surface=replace(slave.surface, across=across))
+        normals = np.abs(np.einsum("nij,ni->nj", frames, slave.surface.nodal_normals))
+        unable = np.where(here[:, :dim], 0.0, normals).max(axis=1) <= _ALONG
         unable[~normals.any(axis=1)] = False  # nodes that no point belongs to
-        unable |= there[:, dim] > 0
+        unable |= here[:, -1]
         first, last = space.dofmap.index_map.local_range
         mine = (slave.nodes >= first) & (slave.nodes < last)
         try:
@@ -156,7 +169,21 @@ class PairedSides:
             )
         except PairingError as error:
             raise FormError([(name, str(error))]) from None
-        return cls(slave, master, found, not pair.bonded and isinstance(pair.gap, str))
+        turns = None if turned is None else frames[found.nodes]
+        return cls(slave, master, found, not pair.bonded and isinstance(pair.gap, str), turns)
+
+    @property
+    def across(self) -> Array:
+        """Projectors onto the directions across planes of symmetry at the points, shape (n, d, d)."""
+        assert self.slave.surface.across is not None
+        return np.asarray(self.slave.surface.across[self.coupling.nodes])
+
+    @property
+    def planes(self) -> dict[int, Array]:
+        """The same by the global numbers of all nodes of the slave on such planes."""
+        across = self.slave.surface.across
+        assert across is not None
+        return {int(self.slave.nodes[k]): across[k] for k in np.flatnonzero(across.any(axis=(1, 2)))}
 
     @cached_property
     def reached(self) -> npt.NDArray[np.int64]:
@@ -168,11 +195,16 @@ class PairedSides:
         return np.unique(np.concatenate((self.slave.nodes[own], self.master.nodes[others])))
 
     def shares(self) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
-        """D and M of ``Coupling``, shape (n, m), and the turning, shape (n d, m d), from the nodes ``reached``."""
-        found = self.coupling
+        """D and M of ``Coupling``, shape (n, m), and the rest of the relative displacement, shape (n d, m d), from the
+        nodes ``reached``: the turning, and what ``mirrored`` leaves out.
+        """
+        found, each = self.coupling, sp.eye_array(self.slave.surface.dimension)
         own, others = (side.columns(self.reached) for side in (self.slave, self.master))
-        turning = found.turning @ sp.kron(others, sp.eye_array(self.slave.surface.dimension))
-        return sp.csr_array(found.slave @ own), sp.csr_array(found.master @ others), sp.csr_array(turning)
+        slave, master = sp.csr_array(found.slave @ own), sp.csr_array(found.master @ others)
+        turning = sp.csr_array(found.turning @ sp.kron(others, each))
+        if self.across.any():
+            turning = turning - sp.block_diag(self.across) @ (sp.kron(slave - master, each) + turning)
+        return slave, master, sp.csr_array(turning)
 
     def boundary(
         self, space: fem.FunctionSpace, facets: Indices, index: int, fixed: npt.NDArray[np.bool_]
@@ -195,6 +227,9 @@ class PairedSides:
         lift = sp.csr_array(self.slave.columns(self.reached).T @ found.lift(self.slave.surface))
         moved = sp.csr_array(own - others)
         averages = Averages(moved, self.reached, there[:, :dim], there[:, dim:] > 0, turning, centre, lift)
+        free = averages.any_of(~averages.fixed) if self.axes is None else np.ones(centre.shape, dtype=bool)
+        axes = np.tile(np.eye(dim), (nodes.size, 1, 1)) if self.axes is None else self.axes
+        free &= np.einsum("nji,njk,nki->ni", axes, self.across, axes) < 0.5
         return ContactBoundary(
             comm=space.mesh.comm,
             nodes=local,
@@ -202,10 +237,11 @@ class PairedSides:
             weight=found.weight,
             normal=found.normal,
             part=np.full(nodes.size, index, dtype=np.int32),
-            free=averages.any_of(~averages.fixed),
+            free=free,
             segments=segments_of(space, facets, index, vertices=len(self.slave.surface.tests.places) < self._width),
             global_nodes=nodes,
             averages=averages,
+            axes=self.axes,
         )
 
     @property

@@ -173,6 +173,28 @@ def turned_nodes(
     return turned
 
 
+def at_rest(
+    space: fem.FunctionSpace,
+    supports: Sequence[tuple[PrescribedDisplacement, fem.DirichletBC]],
+    turned: TurnedNodes | None,
+    fixed: npt.NDArray[np.bool_],
+) -> npt.NDArray[np.bool_]:
+    """Which of the prescribed dofs are zero at all times, shape (owned dofs,); of turned nodes in their frames."""
+    values = prescribed(space, [support for _, support in supports])[1]
+    for effect, support in supports:
+        if effect.timed:
+            values[support.dof_indices()[0]] = np.nan
+    dim = space.mesh.geometry.dim
+    given = values.reshape(-1, dim)
+    if turned is not None:
+        still = (given[turned.nodes] == 0).all(axis=1)
+        for one in turned.supports:
+            moves = one.nodes[(one.values != 0) | one.effect.timed]
+            still &= ~np.isin(turned.nodes, moves)
+        given[turned.nodes] = np.where(still, 0.0, np.nan)[:, None]
+    return np.asarray(fixed & (given.ravel()[: fixed.size] == 0))
+
+
 def check_overlap(
     scene: Scene, boundary: ContactBoundary, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
 ) -> None:

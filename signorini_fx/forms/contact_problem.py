@@ -332,7 +332,7 @@ class ContactProblem:
         shapes, fixed = self._foundations.shapes(), self._elastic.fixed
         boundary = self._boundary
         if any(one.factor is not None or one.direction is not None for one in shapes):
-            boundary = self._foundations.boundary(shapes, fixed)
+            boundary = self._foundations.boundary(shapes, fixed, at_rest=self._foundations.at_rest(*self._prescribed))
         settings, gamma = Settings.of(self.settings), self._scales.gamma
         data, law = self._foundations.problem(boundary, self._foundations.data(shapes), settings, gamma)
         values = prescribed(self._space, conditions_of(self.bcs, self._space))[1][: fixed.size]
@@ -382,7 +382,8 @@ class ContactProblem:
         self._prescribed = fixed, values = prescribed(space, conditions_of(self.bcs, space))
         shapes = self._foundations.shapes()
         geometry = [values for one in shapes for values in (one.factor, one.direction) if values is not None]
-        known = digest(self._a, fixed, *geometry), digest(self._L, values)
+        at_rest = self._foundations.at_rest(fixed, values)
+        known = digest(self._a, fixed, at_rest, *geometry), digest(self._L, values)
         last, self._known = self._known, None  # until all that follows has gone well
         if last is None or parallel.any_rank(comm, known[0] != last[0]):
             self._set_up(shapes)
@@ -398,7 +399,8 @@ class ContactProblem:
         space, (fixed, values) = self._space, self._prescribed
         free_unused(space.mesh)
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        boundary = self._foundations.boundary(shapes, fixed[:owned])
+        at_rest = self._foundations.at_rest(fixed, values)
+        boundary = self._foundations.boundary(shapes, fixed[:owned], at_rest=at_rest)
         counts = np.bincount(boundary.part[~boundary.points.immovable], minlength=len(shapes))
         for k, count in enumerate(parallel.global_sum(space.mesh.comm, counts)):
             if count == 0:

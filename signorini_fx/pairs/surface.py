@@ -95,12 +95,15 @@ class Surface:
         x: positions of all nodes, length, shape (N, d).
         functions: of each facet.
         sign: +1 where the outward normal is (dx/ds x dx/dt), in the plane dx/ds turned clockwise; else -1, shape (f,).
+        across: projectors onto the directions across planes of symmetry at all nodes, shape (N, d, d); None: there are
+            none.
     """
 
     nodes: Indices
     x: Array
     functions: Lagrange
     sign: Array
+    across: Array | None = None
 
     @property
     def dimension(self) -> int:
@@ -166,10 +169,12 @@ class Surface:
 
     @cached_property
     def nodal_normals(self) -> Array:
-        """Outward unit normals at the nodes with test functions, means of those around them, shape (N, d); zero
-        elsewhere.
+        """Outward unit normals at the nodes with test functions, means of those around them, with their mirror images
+        where a plane of symmetry cuts the surface, shape (N, d); zero elsewhere.
         """
         moment = self._integrals[1]
+        if self.across is not None:
+            moment = moment - np.einsum("nij,nj->ni", self.across, moment)
         size = np.linalg.norm(moment, axis=1, keepdims=True)
         return np.divide(moment, size, out=np.zeros_like(moment), where=size > 0)
 

@@ -83,7 +83,7 @@ class Certificate:
             of a mixed element also that of its change of volume, relative to the mean strain.
         supports: largest difference from a prescribed displacement.
         negative_pressure: largest -lambda.
-        friction_cone: largest |mu| - F g.
+        friction_cone: largest |mu| - F g, or shear across a plane of symmetry of two bodies.
         wrong_way_slip: slip against mu, in space also perpendicular to it, excluded by (2.3e'): the smaller of the slip
             and the part of the shear that does not point along it.
         entered: largest tau_N y - d beyond what the law allows for.
@@ -288,7 +288,7 @@ def judged(
         left = equilibrium(balance, y, None, _Units(length, far, 0.0))
         return Certificate(equilibrium=max(left, volume), **found)
     nodes = ContactNodes.of(forces, sides, tractions)
-    found["coupling"] = nodes.coupling_error()
+    found["coupling"] = nodes.coupling_error(supports, y / (far or 1.0))
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
     inside = _FAINT * scales.stress(strained)
     finest = -parallel.global_max(comm, parallel.local_max(-scales.side(nodes.weight), -np.inf))
@@ -401,7 +401,7 @@ def contact_conditions(
     astray = np.linalg.norm(shear - np.maximum(along, 0.0)[:, None] * way, axis=1)
     figures = {
         "negative_pressure": (-pressure[~bilateral], stress),
-        "friction_cone": (sheared - nodes.bound, stress),
+        "friction_cone": (np.maximum(sheared - nodes.bound, np.linalg.norm(nodes.shear_across, axis=1)), stress),
         "wrong_way_slip": (_smaller(slipped, length, astray, stress), 1.0),
         "entered": (np.where(bilateral, np.abs(entered), entered), length),
         "pressure_at_distance": (_smaller(distance, length, pressure, stress), 1.0),

@@ -133,6 +133,9 @@ class ContactNodes:
                 gap = _averaged(forces, spread[-1], side.gap)[nodes] / weight[nodes]
             else:
                 gap = side.gap(nodes)
+            if side.claim is not None and not unmatched:
+                normal = normal - np.einsum("nij,nj->ni", side.claim.across, normal)
+                normal /= np.linalg.norm(normal, axis=1, keepdims=True)
             if side.claim is not None and side.by_geometry:
                 gap = gap + side.claim.gap(normal)
             bound, bilateral = side.bound(nodes, pressure), np.full(nodes.size, side.bilateral)
@@ -247,13 +250,28 @@ class ContactNodes:
             found[part] = vectors[part] * claim.moved(supports.movable())
         return found
 
-    def coupling_error(self) -> float:
-        """The largest error of what the solver says of pairs of bodies."""
+    def coupling_error(self, supports: Supports, y: Nodal) -> float:
+        """The largest error of what the solver says of pairs of bodies.
+
+        Args:
+            supports: what is prescribed.
+            y: displacements of the owned nodes relative to the largest one, shape (owned nodes, d).
+        """
         if self.claims is None:
             return 0.0
-        from signorini_fx.results.paired_sides import defect
+        from signorini_fx.results.paired_sides import defect, not_held
 
-        return max(defect(claim, self.evaluation.space) for claim, _ in self._paired())
+        free = [supports.left(np.tile(axis, (len(y), 1))) for axis in np.eye(y.shape[1])]
+        held = np.eye(y.shape[1]) - np.stack(free, axis=2)
+        return max(max(defect(claim, self.evaluation.space), not_held(claim, held, y)) for claim, _ in self._paired())
+
+    @property
+    def shear_across(self) -> Nodal:
+        """The shear across planes of symmetry, of which there is none, stress, shape (n, d)."""
+        found = np.zeros_like(self.shear)
+        for claim, part in self._paired():
+            found[part] = np.einsum("nij,nj->ni", claim.across, self.shear[part])
+        return found
 
     def _paired(self) -> list[tuple[Claim, slice]]:
         """The pairs of bodies, and which points are theirs."""

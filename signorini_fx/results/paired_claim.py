@@ -27,4 +27,6 @@ def claim_of(pair: PairedSides, space: fem.FunctionSpace) -> Claim:
         found.covered,
         found.hats,
         found.reach,
+        pair.across,
+        pair.planes,
     )

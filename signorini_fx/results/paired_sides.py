@@ -11,6 +11,7 @@ slave is cut by each master in turn, and polygons are integrated by collapsed ru
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -54,6 +55,9 @@ class Claim:
         covered: area of the overlap, of all ranks.
         hats: whether functions are the hats of the vertices themselves.
         reach: distance beyond which facets are no partners, length.
+        across: projectors onto the directions across planes of symmetry, of which ``operator``, traction and normal
+            have no component, shape (n, d, d).
+        planes: the same by the global numbers of all nodes of the slave on such planes.
     """
 
     comm: MPI.Comm
@@ -70,6 +74,8 @@ class Claim:
     covered: float
     hats: bool
     reach: float
+    across: Array
+    planes: Mapping[int, Array]
 
     def gap(self, normal: Array) -> Array:
         """The distance of both sides along normals at the points, length, shape (n,)."""
@@ -102,6 +108,37 @@ class Claim:
         """Whether a node that a point depends on has a flag, from shape (owned nodes, d) to shape (n, d)."""
         there = from_owners(flags.astype(np.float64), self.reached, self.comm)
         return np.asarray((abs(self.own) + abs(self.others)) @ there > 0)
+
+
+def not_held(claim: Claim, held: Array, y: Array) -> float:
+    """How far the directions across planes of symmetry are from being held where they are at the nodes of the points,
+    and for each at some node of the other side that a point sees; collective.
+
+    Args:
+        claim: what is claimed.
+        held: projectors onto the directions that supports prescribe, shape (owned nodes, d, d).
+        y: displacements of the owned nodes relative to the largest one, shape (owned nodes, d).
+    """
+    if not parallel.any_rank(claim.comm, bool(claim.across.any())):
+        return 0.0
+    known = np.column_stack((held.reshape(len(held), -1), y))
+    there, dim, worst = from_owners(known, claim.reached, claim.comm), y.shape[1], 0.0
+    for point in np.flatnonzero(claim.across.any(axis=(1, 2))):
+        nodes = claim.others.indices[claim.others.indptr[point] : claim.others.indptr[point + 1]]
+        rows = [known[claim.points[[point]]], there[nodes]]
+        values, ways = np.linalg.eigh(claim.across[point])
+        for way in ways[:, values > 0.5].T:
+            worst = max(
+                worst,
+                *(
+                    np.min(
+                        np.linalg.norm(one[:, :-dim].reshape(-1, dim, dim) @ way - way, axis=1)
+                        + abs(one[:, -dim:] @ way)
+                    )
+                    for one in rows
+                ),
+            )
+    return parallel.global_max(claim.comm, float(worst))
 
 
 def defect(claim: Claim, space: fem.FunctionSpace) -> float:
@@ -154,6 +191,9 @@ def _sampled(claim: Claim, space: fem.FunctionSpace) -> float:
     normals = None
     if dim == 2:
         normals = interpolated_normals([slave[k] for k in slave.around(slave.nodes[numbers].ravel())])
+        for node in normals.keys() & claim.planes.keys():
+            normal = normals[node] - claim.planes[node] @ normals[node]
+            normals[node] = normal / np.linalg.norm(normal)
     facets = {int(number): slave[number] for number in numbers}
     known = {
         number: pieces_of(facet, [master[k] for k in master.near(facet, claim.reach)], claim.reach, normals)

@@ -1,0 +1,62 @@
+"""Contact points of two bodies on a plane across which supports hold both: a plane of symmetry.
+
+The half that is not modelled is the mirror image of the one that is.  With both, the function of a point on the plane
+is even across it, whereas the relative displacement across the plane is odd, and their product integrates to zero; the
+half alone would meet what the other body moves beside the plane, and the point a shear that nothing determines, as the
+node of the slave cannot follow it.  So at such a point the relative displacement has no component across the plane,
+which leaves no traction across it, and the normal, the mean of those on both halves, is in the plane.  A model of one
+half is then that of both.  Where one body alone is held, or is moved by its support, the point keeps all components.
+(Multipliers where Dirichlet conditions meet a mortar interface: Wohlmuth, SIAM J. Numer. Anal. 38 (2000) 989-1012;
+Puso and Laursen, Comput. Methods Appl. Mech. Engrg. 193 (2004) 601-629.)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from signorini_fx.pairs.surface import Surface
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+# Largest component across the plane of a normal that is the mean over the facets of one half of a smooth surface:
+# half of the angle between facets.  Surfaces that are more askew to the plane have an edge there.
+SMOOTH = 0.2
+# Directions are the same, and positions in a plane as a share of the size of a facet, within this.
+_SAME = 1e-6
+
+
+def mirrored(slave: Surface, master: Surface, at_rest: tuple[tuple[Array, Flags], tuple[Array, Flags]]) -> Array:
+    """Projectors onto the directions across planes of symmetry at the nodes of the slave, shape (N, d, d).
+
+    Args:
+        slave: the side with the points.
+        master: the other side.
+        at_rest: of both sides a frame at each node, one direction per column, shape (N, d, d), and along which of them
+            supports hold it where it is, shape (N, d).
+    """
+    (frames, held), (axes, others) = at_rest
+    found = np.zeros_like(frames)
+    holding = np.flatnonzero(others.any(axis=1))
+    on_slave, on_master = (np.zeros(len(side.x), dtype=bool) for side in (slave, master))
+    on_slave[slave.points], on_master[master.nodes] = True, True
+    held = held & on_slave[:, None]
+    if not held.any() or not holding.size:
+        return found
+    projectors = np.einsum("nik,nk,njk->nij", axes[holding], others[holding].astype(np.float64), axes[holding])
+    size = max(float(np.linalg.norm(np.ptp(side.corners, axis=1), axis=1).max()) for side in (slave, master))
+    nearest = cKDTree(master.x[on_master])
+    for node, k in np.argwhere(held):
+        across = frames[node, :, k]
+        if abs(slave.nodal_normals[node] @ across) > SMOOTH:
+            continue
+        apart = master.x[holding] - slave.x[node]
+        in_plane = (np.abs(apart @ across) < _SAME * size) & (
+            np.linalg.norm(projectors @ across - across, axis=1) < _SAME
+        )
+        reach = size + nearest.query(slave.x[node])[0]
+        if (in_plane & (np.linalg.norm(apart, axis=1) <= reach)).any():
+            found[node] += np.outer(across, across)
+    return found
