@@ -96,6 +96,15 @@ def _parameters(_app: Any, _page: str, text: list[str]) -> None:
         text[0] = links.replace(comment, f"```{{eval-rst}}\n{shown}```")
 
 
+def _broad(_app: Any, tree: nodes.document, page: str) -> None:
+    """Pictures with lettering that a telephone would make too small are marked, see narrow.css."""
+    for image in () if page in ("README", "docs/index") else tree.findall(nodes.image):
+        file = _ROOT / image["uri"]
+        if file.suffix == ".png" and file.exists():
+            width = int.from_bytes(file.read_bytes()[16:20], "big")
+            image["classes"] += ["broad"] if width > 1000 else []
+
+
 def _hints(of: Any, *args: Any, **options: Any) -> dict[str, Any]:
     """The types of the fields of a class.
 
@@ -146,6 +155,7 @@ def setup(app: Any) -> None:
     """Let Sphinx read the demos and the docstrings."""
     app.connect("autodoc-process-docstring", _escape)
     app.connect("source-read", _parameters)
+    app.connect("doctree-resolved", _broad)
     app.add_html_math_renderer("mathml", (_formula, None), (_formula, None))
     app.add_source_suffix(".py", "percent")
     app.add_source_parser(DemoParser)
