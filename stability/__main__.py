@@ -15,7 +15,7 @@ from pathlib import Path
 from stability import report
 from stability.case import RED, Row
 from stability.groups import GROUPS, ranks_of
-from stability.runner import run_group
+from stability.runner import Runner
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -29,13 +29,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if unknown := set(groups) - set(GROUPS):
         parser.error(f"no group {', '.join(sorted(unknown))}")
     rows: list[Row] = []
-    for group in groups:
-        own: list[Row] = []
-        for ranks in ranks_of(group):
-            own += run_group(group, ranks, short=given.short, show=_say)
-        _say("")
-        print(report.table(own), end="\n\n", flush=True)
-        rows += own
+    with Runner(short=given.short, show=_say) as runner:
+        for group in groups:
+            own = [row for ranks in ranks_of(group, short=given.short) for row in runner.group(group, ranks)]
+            _say("")
+            print(report.table(own), end="\n\n", flush=True)
+            rows += own
     print(report.tally(rows))
     report.write(given.out, rows)
     report.picture(given.out, rows)

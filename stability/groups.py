@@ -24,11 +24,12 @@ GROUPS = {
 }
 # Groups whose cases run on several numbers of ranks name them here.
 _RANKS: dict[str, tuple[int, ...]] = {"ranks": (1, 2, 3, 5)}
+_IN_SHORT: dict[str, tuple[int, ...]] = {"ranks": (2,)}
 
 
-def ranks_of(group: str) -> tuple[int, ...]:
+def ranks_of(group: str, *, short: bool) -> tuple[int, ...]:
     """The numbers of ranks that cases of the group run on."""
-    return _RANKS.get(group, (1,))
+    return (_IN_SHORT if short else _RANKS).get(group, (1,))
 
 
 def cases_of(group: str, *, short: bool) -> list[Case]:
@@ -42,6 +43,6 @@ def cases_of(group: str, *, short: bool) -> list[Case]:
     names = [case.name for case in cases]
     if twice := {name for name in names if names.count(name) > 1}:
         raise ValueError(f"group {group!r} has two cases named {', '.join(sorted(twice))}")
-    if lost := {case.ranks for case in cases} - set(ranks_of(group)):
+    if lost := {case.ranks for case in cases} - set(ranks_of(group, short=short)):
         raise ValueError(f"group {group!r} has cases on {lost} ranks, which nothing runs")
     return cases

@@ -21,19 +21,35 @@ from stability.worker import MARK
 _START_SECONDS = 120.0
 
 
-def run_group(group: str, ranks: int, *, short: bool, show: Callable[[str], None] = lambda text: None) -> Iterator[Row]:
-    """The rows of one group for one number of ranks; a worker that hangs is killed and replaced."""
-    done = 0
-    while True:
-        with _Worker(group, ranks, done, short) as worker:
-            names: list[list[Any]] = []
+class Runner(contextlib.AbstractContextManager["Runner"]):
+    """Runs groups one after the other, those of one number of ranks in one worker as long as that lives.
+
+    Args:
+        short: only the few cheap cases that the tests run.
+        show: is told the current case.
+    """
+
+    def __init__(self, *, short: bool, show: Callable[[str], None] = lambda text: None) -> None:
+        self._short, self._show = short, show
+        self._worker: _Worker | None = None
+
+    def group(self, group: str, ranks: int) -> Iterator[Row]:
+        """The rows of one group for one number of ranks; a worker that hangs is killed and replaced."""
+        done = 0
+        while True:
+            if self._worker is None or self._worker.ranks != ranks:
+                self._end()
+                self._worker = _Worker(ranks, self._short)
+            worker = self._worker
+            worker.begin(group, done)
             message = worker.next(_START_SECONDS)
             if message is None or isinstance(message, str):
                 yield _lost(group, "(start)", ranks, message or TOO_LONG, _START_SECONDS, worker.complaint())
+                self._end()
                 return
             names = message["cases"]
             for name, seconds in names[done:]:
-                show(f"{group}: {name}")
+                self._show(f"{group}: {name}")
                 message = worker.next(seconds)
                 while isinstance(message, dict) and "row" not in message:
                     message = worker.next(seconds)
@@ -42,23 +58,33 @@ def run_group(group: str, ranks: int, *, short: bool, show: Callable[[str], None
                     yield Row.from_json(message["row"])
                 else:
                     yield _lost(group, name, ranks, message or TOO_LONG, seconds, worker.complaint())
+                    self._end()
                     break
-        if done >= len(names):
-            return
+            if done >= len(names):
+                return
+
+    def _end(self) -> None:
+        if self._worker is not None:
+            self._worker.end()
+            self._worker = None
+
+    def __exit__(self, *_: object) -> None:
+        self._end()
 
 
 class _Worker:
     """A worker process and its messages."""
 
-    def __init__(self, group: str, ranks: int, skip: int, short: bool) -> None:
+    def __init__(self, ranks: int, short: bool) -> None:
+        self.ranks = ranks
         launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-        command = [*launcher, sys.executable, "-m", "stability.worker", group, str(ranks), str(skip)]
+        command = [*launcher, sys.executable, "-m", "stability.worker", str(ranks)]
         self._errors = tempfile.TemporaryFile(mode="w+", encoding="utf-8", errors="replace")  # noqa: SIM115
         self._process = subprocess.Popen(
             [*command, *(["--short"] if short else [])],
             stdout=subprocess.PIPE,
             stderr=self._errors,
-            stdin=subprocess.DEVNULL,
+            stdin=subprocess.PIPE,
             text=True,
             errors="replace",
             start_new_session=True,
@@ -66,6 +92,13 @@ class _Worker:
         self._lines: queue.Queue[str | None] = queue.Queue()
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
+
+    def begin(self, group: str, skip: int) -> None:
+        """Ask for the cases of a group except the first ones; a worker that has ended will say nothing."""
+        assert self._process.stdin is not None
+        with contextlib.suppress(OSError):
+            self._process.stdin.write(f"{group} {skip}\n")
+            self._process.stdin.flush()
 
     def _read(self) -> None:
         assert self._process.stdout is not None
@@ -92,10 +125,11 @@ class _Worker:
         code = self._process.poll()
         return "; ".join([*([f"exit code {code}"] if code else []), *lines[-1:]])
 
-    def __enter__(self) -> _Worker:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def end(self) -> None:
+        """End the process."""
+        assert self._process.stdin is not None
+        with contextlib.suppress(OSError):
+            self._process.stdin.close()
         # mpirun ends its ranks when it is terminated; otherwise it is killed.
         self._process.terminate()
         try:

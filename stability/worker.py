@@ -1,6 +1,8 @@
-"""Runs the cases of one group for one number of ranks and reports each on standard output; started by ``runner``.
+"""Runs the cases of groups for one number of ranks and reports each on standard output; started by ``runner``.
 
-[mpirun -n RANKS] python3 -m stability.worker GROUP RANKS SKIP [--short]
+[mpirun -n RANKS] python3 -m stability.worker RANKS [--short]
+
+Each line of standard input is a group, and how many of its cases to leave out.
 """
 
 from __future__ import annotations
@@ -23,11 +25,18 @@ MARK = "\x1e"
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Run the cases except the first SKIP."""
-    group, ranks, skip, *rest = arguments
-    cases = [case for case in cases_of(group, short="--short" in rest) if case.ranks == int(ranks)]
+    """Run what is asked for, until there is no more."""
+    ranks, *rest = arguments
+    while line := MPI.COMM_WORLD.bcast(sys.stdin.readline() if MPI.COMM_WORLD.rank == 0 else None):
+        group, skip = line.split()
+        _run(group, int(ranks), int(skip), short="--short" in rest)
+
+
+def _run(group: str, ranks: int, skip: int, *, short: bool) -> None:
+    """Run the cases of a group except the first ones."""
+    cases = [case for case in cases_of(group, short=short) if case.ranks == ranks]
     _say({"cases": [[case.name, case.seconds] for case in cases]})
-    for case in cases[int(skip) :]:
+    for case in cases[skip:]:
         _say({"begin": case.name})
         begin = time.process_time()
         try:

@@ -13,7 +13,7 @@ sys.path.insert(0, str(ROOT))
 from stability.case import GOOD, RED, REPORTED  # noqa: E402
 from stability.groups import GROUPS, cases_of  # noqa: E402
 from stability.report import table, tally  # noqa: E402
-from stability.runner import run_group  # noqa: E402
+from stability.runner import Runner  # noqa: E402
 
 # Groups whose cases are the tests themselves: tests/test_faults.py.
 RUN_BY_TESTS = {"faults"}
@@ -38,7 +38,8 @@ def test_the_short_form(tmp_path):
 
 def test_what_is_wrong_is_red():
     """A hang, a crash, an error, a wrong answer, a lie: each is a red row, and the cases after it run."""
-    rows = list(run_group("broken", 1, short=False))
+    with Runner(short=False) as runner:
+        rows = list(runner.group("broken", 1))
     verdicts = {row.case: row.verdict for row in rows}
     expected = {
         "good": GOOD,
