@@ -23,7 +23,7 @@ from dolfinx import jit
 from hypothesis import given, settings
 from hypothesis.strategies import none
 from loaded_reader import LoadedReader
-from tiers import slow_on
+from tiers import costly, slow_on
 
 from signorini_fx.mesh.files import reading
 
@@ -61,7 +61,8 @@ def pytest_collection_modifyitems(config, items):
     for name in slow & there.keys():
         there[name].add_marker("slow")
     files = set() if any("::" in one for one in config.args) else {name.partition("::")[0] for name in there}
-    config.stash[NOT_THERE] = sorted(name for name in slow - there.keys() if name.partition("::")[0] in files)
+    every = there.keys() | {name.partition("[")[0] for name in there}
+    config.stash[NOT_THERE] = sorted(name for name in (slow | costly()) - every if name.partition("::")[0] in files)
 
 
 def pytest_collection_finish():

@@ -5,8 +5,11 @@
 
 A test is slow if it takes more than ``DEAR`` seconds, or what stays of its function more than ``TOGETHER``, if another
 set of parameters of its function stays, and if the tests that stay run every line of the package that it runs.  What
-notices a mistake of docs/mutants.md stays, and so do the tables of the paper.  On two ranks the first set of parameters
-of a function stays, on three the last one.
+notices a mistake of docs/mutants.md stays, and so do the tables of the paper.
+
+On several ranks stays what notices a mistake there; on two also the first set of parameters of each function, unless it
+takes more than ``COSTLY`` seconds on one rank; on three the last test of each file, and the last set of parameters of
+each function of the files that are about ranks.
 """
 
 from __future__ import annotations
@@ -28,6 +31,8 @@ MEASURED = ROOT / "build" / "tiers"
 PACKAGE = f"{ROOT / 'signorini_fx'}/"
 # CPU seconds above which a test may be slow, and above which one of a function with many sets of parameters may be.
 DEAR, TOGETHER = 0.3, 1.0
+# CPU seconds on one rank above which a function is slow on two; it is listed behind this mark.
+COSTLY, ON_TWO = 2.0, "on two ranks: "
 # What is never slow, beside what notices a mistake.
 ALWAYS = {"test_paper.py", "test_paper_tables.py"}
 _IN_A_FUNCTION = 1  # CO_OPTIMIZED: not the lines of modules and classes, which run when they are imported
@@ -59,21 +64,32 @@ class Test:
 
 def slow_on(names: Sequence[str], ranks: int) -> set[str]:
     """Which of some tests, in the order of their files, are slow on a number of ranks."""
-    slow, there = listed(), set()
+    slow = listed()
     if ranks > 1:
+        there = costly() if ranks == 2 else set()
         notice = {name for count, name in noticing() if count == ranks}
         for name in names if ranks == 2 else reversed(names):
-            function = name.partition("[")[0]
-            if name not in slow and function in there and not {name, function, name.partition("::")[0]} & notice:
+            file, function = name.partition("::")[0], name.partition("[")[0]
+            one = function if ranks == 2 or "ranks" in file else file
+            if name not in slow and one in there and not {name, function, file} & notice:
                 slow.add(name)
             elif name not in slow:
-                there.add(function)
+                there.add(one)
     return slow
 
 
 def listed() -> set[str]:
-    """The tests of ``slow_tests.txt``."""
-    return {line for line in LIST.read_text(encoding="utf-8").splitlines() if not line.startswith("#")}
+    """The tests of ``slow_tests.txt`` that are slow on any number of ranks."""
+    return {line for line in _lines() if not line.startswith(ON_TWO)}
+
+
+def costly() -> set[str]:
+    """The functions of ``slow_tests.txt`` that are slow on two ranks."""
+    return {line.removeprefix(ON_TWO) for line in _lines() if line.startswith(ON_TWO)}
+
+
+def _lines() -> list[str]:
+    return [line for line in LIST.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
 
 
 def noticing() -> set[tuple[int, str]]:
@@ -179,7 +195,9 @@ def main(command: str, *files: str) -> int:
     slow, files = set(chosen(tests, noticing())), {test.name.partition("::")[0] for test in tests}
     head = [line for line in LIST.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
     every = sorted(slow | {name for name in listed() if name.partition("::")[0] not in files})
-    LIST.write_text("\n".join([*head, *every, ""]), encoding="utf-8")
+    on_two = {test.function for test in tests if test.on_ranks and test.seconds > COSTLY and test.name not in slow}
+    on_two |= {name for name in costly() if name.partition("::")[0] not in files}
+    LIST.write_text("\n".join([*head, *every, *(ON_TWO + name for name in sorted(on_two)), ""]), encoding="utf-8")
     total, saved = (sum(test.seconds for test in tests if all_ or test.name in slow) for all_ in (True, False))
     print(f"slow: {len(slow)} of {len(tests)} tests of {len(files)} files, {saved:.0f} of {total:.0f} CPU seconds")
     return 0
