@@ -14,7 +14,6 @@ from dolfinx import fem
 
 from signorini_fx import compat, parallel
 from signorini_fx.body.elastic import ElasticBody
-from signorini_fx.body.foundation import Coulomb, Foundation, Pair, Tresca
 from signorini_fx.body.foundations import Foundations
 from signorini_fx.body.initial_strains import check_strains
 from signorini_fx.body.loads import (
@@ -31,6 +30,7 @@ from signorini_fx.body.mixed import MIXED_FORMS, MixedPressure
 from signorini_fx.body.moduli import lame_coefficients, reduced_degree
 from signorini_fx.body.pieces import find_pieces
 from signorini_fx.body.rigid_tools import RigidTools
+from signorini_fx.body.scene_contact import foundations_of
 from signorini_fx.body.supports import (
     at_rest,
     check_overlap,
@@ -41,7 +41,6 @@ from signorini_fx.body.supports import (
 )
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
-from signorini_fx.effects.contact import BilateralContact, BondedContact, CoulombFriction, TrescaFriction
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.material import elastic_degree, elastic_forms
 from signorini_fx.errors import FormError, MeshError, SceneError, together
@@ -52,7 +51,6 @@ from signorini_fx.mesh.tagged import TaggedMesh, check_fits
 from signorini_fx.method import Settings
 from signorini_fx.records import Inventory, Timings
 from signorini_fx.scales import Scales
-from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.model import Scene
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON
 
@@ -367,42 +365,6 @@ def pairs_of(scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace) -> dict
     foundations = _foundations(scene, space, facets, Inventory())
     foundations.boundary(foundations.shapes(), fixed, turned, at_rest(space, supports, turned, fixed))
     return foundations.pairs
-
-
-def foundations_of(
-    scene: Scene, facets: Sequence[npt.NDArray[np.int32]], masters: Mapping[int, npt.NDArray[np.int32]]
-) -> list[Foundation | Pair]:
-    """The contact of a scene as foundations, on the facets of each, and as pairs, by their places the masters."""
-    found: list[Foundation | Pair] = []
-    for place, (effect, on) in enumerate(zip(scene.contact, facets, strict=True)):
-        friction: Coulomb | Tresca | None = None
-        match effect.friction if effect.friction.acts else None:
-            case TrescaFriction(bound=bound):
-                friction = Tresca(_evaluable(bound))
-            case CoulombFriction(coefficient=coefficient, cap=cap, cohesion=cohesion):
-                others = (None if value is None else _evaluable(value) for value in (cap, cohesion))
-                friction = Coulomb(_evaluable(coefficient), *others)
-        bilateral = isinstance(effect, BilateralContact)
-        if place in masters:
-            gap = _evaluable(effect.gap)
-            nominal, bonded = effect.distance == "nominal", isinstance(effect, BondedContact)
-            choice = {"gap": gap} if nominal else {"allowance": gap}
-            found.append(Pair(on, masters[place], friction=friction, bilateral=bilateral, bonded=bonded, **choice))
-            continue
-        gap, shape, bonded = _evaluable(effect.gap), effect.surface, isinstance(effect, BondedContact)
-        around = _circumference if scene.axisymmetric else None
-        found.append(Foundation(on, gap, effect.direction, friction, bilateral, around, shape, bonded))
-    return found
-
-
-def _circumference(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """2 pi r at points of shape (3, n); on the axis r may be below zero by round-off."""
-    return np.asarray(2 * np.pi * np.maximum(x[0], 0.0))
-
-
-def _evaluable(value: Any) -> Any:
-    """A value of a scene as a foundation takes it."""
-    return value if isinstance(value, int | float) else partial(sample, value)
 
 
 _ELASTIC = ("elasticity", "reduced volumetric elasticity")

@@ -1,0 +1,51 @@
+"""The contact of a scene as foundations and pairs, which forms of a user's own have too."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.body.foundation import Coulomb, Foundation, Pair, Tresca
+from signorini_fx.effects.contact import BilateralContact, BondedContact, CoulombFriction, TrescaFriction
+from signorini_fx.scene.expressions import sample
+from signorini_fx.scene.model import Scene
+
+
+def foundations_of(
+    scene: Scene, facets: Sequence[npt.NDArray[np.int32]], masters: Mapping[int, npt.NDArray[np.int32]]
+) -> list[Foundation | Pair]:
+    """The contact of a scene as foundations, on the facets of each, and as pairs, by their places the masters."""
+    found: list[Foundation | Pair] = []
+    for place, (effect, on) in enumerate(zip(scene.contact, facets, strict=True)):
+        friction: Coulomb | Tresca | None = None
+        match effect.friction if effect.friction.acts else None:
+            case TrescaFriction(bound=bound):
+                friction = Tresca(_evaluable(bound))
+            case CoulombFriction(coefficient=coefficient, cap=cap, cohesion=cohesion):
+                others = (None if value is None else _evaluable(value) for value in (cap, cohesion))
+                friction = Coulomb(_evaluable(coefficient), *others)
+        bilateral = isinstance(effect, BilateralContact)
+        if place in masters:
+            gap = _evaluable(effect.gap)
+            nominal, bonded = effect.distance == "nominal", isinstance(effect, BondedContact)
+            choice = {"gap": gap} if nominal else {"allowance": gap}
+            found.append(Pair(on, masters[place], friction=friction, bilateral=bilateral, bonded=bonded, **choice))
+            continue
+        gap, shape, bonded = _evaluable(effect.gap), effect.surface, isinstance(effect, BondedContact)
+        around = _circumference if scene.axisymmetric else None
+        found.append(Foundation(on, gap, effect.direction, friction, bilateral, around, shape, bonded))
+    return found
+
+
+def _circumference(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """2 pi r at points of shape (3, n); on the axis r may be below zero by round-off."""
+    return np.asarray(2 * np.pi * np.maximum(x[0], 0.0))
+
+
+def _evaluable(value: Any) -> Any:
+    """A value of a scene as a foundation takes it."""
+    return value if isinstance(value, int | float) else partial(sample, value)
