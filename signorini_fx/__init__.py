@@ -26,6 +26,7 @@ _PUBLIC = {
     "effects.force": ("TotalForce",),
     "effects.gravity": ("Gravity",),
     "effects.material": ("LinearElastic",),
+    "effects.preload": ("Preload",),
     "effects.rotation": ("Rotation",),
     "effects.springs": ("Springs",),
     "effects.temperature": ("TemperatureChange",),

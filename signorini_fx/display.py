@@ -87,6 +87,11 @@ def friction_in_use(safety: dict[str, Any]) -> list[str]:
     return [f"friction may give way before{share}"]
 
 
+def preload_in_words(row: dict[str, Any]) -> str:
+    """The force through a section that is tightened, from a row of a summary."""
+    return f"{row['name'].removeprefix('preload ')}: force {row['force']:.6g}, shortened by {row['shortening']:.6g}"
+
+
 def tool_in_words(tool: dict[str, Any]) -> str:
     """How a foundation that forces move has moved, and what the body does to it, from a row of a summary."""
 

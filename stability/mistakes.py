@@ -2834,6 +2834,20 @@ MUTANTS = (
         tests=("tools::test_multigrid_takes_as_many_steps_as_for_a_prescribed_motion",),
     ),
     Mutant(
+        "body/section_loads",
+        "-sum((assemble(form) for form in forms), np.zeros(owned))",
+        "sum((assemble(form) for form in forms), np.zeros(owned))",
+        "a preload loosens the bolt",
+        tests=("preload::test_a_clamped_bar_has_one_stress_everywhere",),
+    ),
+    Mutant(
+        "results/nodal_forces",
+        "own / 2 - beyond.strained(step, scale)[0]",
+        "own / 2",
+        "energy: heat does no work on a preload",
+        tests=("preload::test_a_clamped_bar_has_one_stress_everywhere",),
+    ),
+    Mutant(
         "solving/restart",
         'd.begin_driven(every, np.array(figures["tools"]), task.rest)',
         'd.begin_driven(every, np.array(figures["tools"]), None)',

@@ -679,11 +679,16 @@ def test_what_is_switched_off_can_be_switched_on(line):
         "friction": ["friction"],
         "at": ["boundary"],
         "orthotropic": ["young", "poisson"],
+        "section": ["point", "axis"],
+        "force": ["shortening"],
+        "locked_after": ["shortening"],
         **axes,
     }
     instead = instead.get(key, [])
     if key in ("about", "axis"):  # they go with a rotation
         text = text.replace("#rotation =", "rotation =", 1)
+    if key == "locked_after":  # that of a force
+        text = text.replace("#force =", "force =", 1)
     table = before.rfind("\n[") + 1
     kept = [row for row in text[table:].splitlines() if row == line[1:] or row.split(" = ")[0] not in instead]
     end = next((n for n, row in enumerate(kept) if n > 0 and row.startswith("[")), len(kept))
@@ -814,6 +819,7 @@ def test_the_schema_knows_every_class():
         "VectorForce",
         "InitialStrain",
         "Resistance",
+        "SectionJump",
         "Contact",
         "Friction",
     }

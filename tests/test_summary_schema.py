@@ -77,6 +77,13 @@ def tool(dimension=2):
     )
 
 
+def preloaded():
+    """A block without contact, shortened across its middle."""
+    preload = {"point": [0.5, 0.0], "axis": [1.0, 0.0], "shortening": 0.01}
+    scene = linear()
+    return parse_scene(scene.model_dump(include={"mesh", "material", "displacement"}) | {"preload": preload})
+
+
 COULOMB = {"law": "coulomb", "coefficient": 0.3}
 SCENES = {
     "plane": lambda: example1(bound=1.5, nx=12, ny=4),
@@ -90,6 +97,7 @@ SCENES = {
     "linear": linear,
     "tool": tool,
     "tool in space": lambda: tool(3),
+    "preload": preloaded,
     "slides": lambda: standing(0.5, COULOMB),
     "opens": lambda: standing(0.0, COULOMB, press=-1.0),
     "stopped": lambda: example1(coefficient=0.3, nx=12, ny=4, max_iterations=1, fallbacks=False),
@@ -122,6 +130,7 @@ def test_every_key_is_used(written):
         "contact_boundaries": written["plane"]["contact_boundaries"][0],
         "resultants": written["plane"]["resultants"][0],
         "tools": written["tool"]["tools"][0],
+        "preloads": written["preload"]["preloads"][0],
         "pieces": written["plane"]["pieces"][0],
         "price_list": written["levels"]["price_list"][0],
         "findings": written["slides"]["findings"][0],

@@ -12,8 +12,9 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from signorini_fx import compat, parallel
+from signorini_fx import parallel
 from signorini_fx.body.elastic import ElasticBody
+from signorini_fx.body.elastic_terms import ELASTIC_FORMS, elastic_terms
 from signorini_fx.body.foundations import Foundations
 from signorini_fx.body.initial_strains import check_strains
 from signorini_fx.body.loads import (
@@ -42,7 +43,6 @@ from signorini_fx.body.supports import (
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.effects.displacement import PrescribedDisplacement
-from signorini_fx.effects.material import elastic_degree, elastic_forms
 from signorini_fx.errors import FormError, MeshError, SceneError, together
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.elasticity import LoadCase
@@ -51,6 +51,7 @@ from signorini_fx.mesh.tagged import TaggedMesh, check_fits
 from signorini_fx.method import Settings
 from signorini_fx.records import Inventory, Timings
 from signorini_fx.scales import Scales
+from signorini_fx.scene.effect import SectionJump
 from signorini_fx.scene.model import Scene
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON
 
@@ -211,9 +212,10 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         scene = with_chosen_sides(scene, tagged, facets, lame[1])
     pieces = find_pieces(tagged.mesh)
     space = fem.functionspace(tagged.mesh, ("Lagrange", scene.element.degree, (tagged.dimension,)))
-    names = MIXED_FORMS if scene.element.volumetric == "mixed" else _ELASTIC[: 1 if reduced is None else 2]
+    names = MIXED_FORMS if scene.element.volumetric == "mixed" else ELASTIC_FORMS[: 1 if reduced is None else 2]
     inventory = Inventory(list(names))
     z = ufl.TestFunction(space)
+    terms = partial(elastic_terms, space, lame=lame, stiffness=stiffness, reduced=reduced, around=scene.axisymmetric)
     with timings.phase("compile"):
         supports = dirichlet_conditions(scene, space, facets, tagged)
         owned = space.dofmap.index_map.size_local * tagged.dimension
@@ -248,6 +250,11 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         if boundary is not None and tools is not None:
             boundary = tools.on(boundary)
             applied += [tool_load(tools, number, scene, space) for number in range(tools.parts.size)]
+        if scene.of(SectionJump):
+            from signorini_fx.body.section_loads import holds, section_loads
+
+            held = partial(holds, fixed=fixed, turned=turned, boundary=boundary)
+            applied += section_loads(scene, tagged, space, terms, inventory, held)
         if boundary is not None and scene.fluids_enter:
             from signorini_fx.body.entering_fluid import EnteringFluid
 
@@ -273,7 +280,10 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
     def elastic() -> Sequence[fem.Form]:
         if mixed is not None:
             return mixed.forms[:1]
-        return _elastic(space, lame, stiffness, reduced, inventory, axisymmetric=scene.axisymmetric)
+        found = terms(ufl.TrialFunction(space), z)
+        return [
+            inventory.compile(name, partial(fem.form, one)) for name, one in zip(ELASTIC_FORMS, found, strict=False)
+        ]
 
     return Discretisation(
         space=space,
@@ -313,28 +323,6 @@ def _stiffness(scene: Scene, tagged: TaggedMesh) -> fem.Function | None:
     return cellwise_stiffness(scene, tagged)
 
 
-def _elastic(
-    space: fem.FunctionSpace,
-    lame: tuple[Any, Any],
-    stiffness: fem.Function | None,
-    reduced: int | None,
-    inventory: Inventory,
-    *,
-    axisymmetric: bool,
-) -> list[fem.Form]:
-    """The terms of a(., .) of the material, compiled; collective."""
-    y, z, mesh = ufl.TrialFunction(space), ufl.TestFunction(space), space.mesh
-    cell, element = mesh.topology.cell_name(), space.element.basix_element.degree
-    degree = elastic_degree(cell, element, compat.geometry_degree(mesh), axisymmetric=axisymmetric)
-    radius = ufl.SpatialCoordinate(mesh)[0] if axisymmetric else None
-    if stiffness is not None:
-        from signorini_fx.body.orthotropic import orthotropic_form
-
-        return [inventory.compile(_ELASTIC[0], lambda: fem.form(orthotropic_form(y, z, stiffness, degree, radius)))]
-    terms = elastic_forms(y, z, *lame, degree, reduced, radius=radius)
-    return [inventory.compile(name, partial(fem.form, term)) for name, term in zip(_ELASTIC, terms, strict=False)]
-
-
 def _mixed(scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, inventory: Inventory) -> MixedPressure | None:
     """The pressure of the mixed element; None: the element has the displacement alone."""
     if scene.element.volumetric != "mixed":
@@ -365,9 +353,6 @@ def pairs_of(scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace) -> dict
     foundations = _foundations(scene, space, facets, Inventory())
     foundations.boundary(foundations.shapes(), fixed, turned, at_rest(space, supports, turned, fixed))
     return foundations.pairs
-
-
-_ELASTIC = ("elasticity", "reduced volumetric elasticity")
 
 
 def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[np.int32]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import basix
@@ -22,6 +22,7 @@ from signorini_fx.body.mixed import hydrostatic_of
 from signorini_fx.body.moduli import poisson_of
 from signorini_fx.effects.material import hoop_strain, strain
 from signorini_fx.machine.compilation import compiling
+from signorini_fx.scene.effect import SectionJump
 
 _Floats = npt.NDArray[np.float64]
 
@@ -89,12 +90,12 @@ class ElementStress:
 def element_stress(body: Discretisation, displacement: fem.Function, place: float = 0.0) -> ElementStress:
     """Sigma = 2 mu epsilon + lambda theta I, with the volumetric strain theta as the stiffness sees it.
 
-    Both are without the initial strain.  Without reduced integration theta is tr(epsilon).  A reduced volumetric term
-    sees tr(epsilon) at the points of its rule only.  Between them it may have any value, and lambda times it is any
-    multiple of the true stress if Poisson's ratio is near 1/2.  There theta is interpolated between these points:
-    constant in a cell with one point, bilinear or trilinear with two along each axis.  This is the pressure of the
-    mixed method that reduced integration is equivalent to (Malkus and Hughes, Comput. Methods Appl. Mech. Engrg. 15
-    (1978) 63-81).
+    Both are without the initial strain, and with the jumps across sections.  Without reduced integration theta is
+    tr(epsilon).  A reduced volumetric term sees tr(epsilon) at the points of its rule only.  Between them it may have
+    any value, and lambda times it is any multiple of the true stress if Poisson's ratio is near 1/2.  There theta is
+    interpolated between these points: constant in a cell with one point, bilinear or trilinear with two along each
+    axis.  This is the pressure of the mixed method that reduced integration is equivalent to (Malkus and Hughes,
+    Comput. Methods Appl. Mech. Engrg. 15 (1978) 63-81).
 
     Args:
         body: the scene.
@@ -104,14 +105,15 @@ def element_stress(body: Discretisation, displacement: fem.Function, place: floa
     if body.mixed is not None:
         return _mixed_stress(body, displacement)
     if body.moduli is not None:
-        return _orthotropic_stress(body, displacement, body.moduli)
+        return _orthotropic_stress(body, displacement, body.moduli, place)
     (lame, mu), materials, mesh = body.lame, body.scene.material, body.tagged.mesh
     initial, move_to = initial_strain(body.scene, body.tagged, body.space, place)
-    elastic, theta, radius = strain(displacement), ufl.tr(strain(displacement)), None
+    moved, jump_to = _moved(body, displacement, place)
+    elastic, theta, radius = strain(moved), ufl.tr(strain(moved)), None
     across = 0  # the elastic strain out of the plane
     if body.scene.axisymmetric:
         radius = ufl.SpatialCoordinate(mesh)[0]
-        across = hoop_strain(displacement, radius)
+        across = hoop_strain(moved, radius)
         theta += across
     if initial is not None:
         elastic -= initial * ufl.Identity(len(displacement))
@@ -134,6 +136,7 @@ def element_stress(body: Discretisation, displacement: fem.Function, place: floa
 
     def refresh(place: float) -> None:
         move_to(place)
+        jump_to(place)
         for function, expression in kept:
             function.interpolate(expression)
 
@@ -194,16 +197,27 @@ def _kept(value: Any, space: fem.FunctionSpace) -> tuple[fem.Function, fem.Expre
     return fem.Function(space), expression
 
 
-def _orthotropic_stress(body: Discretisation, y: fem.Function, moduli: fem.Function) -> ElementStress:
+def _moved(body: Discretisation, y: fem.Function, place: float) -> tuple[Any, Callable[[float], None]]:
+    """The displacement with the jumps across sections, UFL, and what moves these to a place in the lists of factors."""
+    if not body.scene.of(SectionJump):
+        return y, lambda place: None
+    from signorini_fx.body.section_loads import jump_of
+
+    jump, move_to = jump_of(body.scene, body.tagged, body.space, place)
+    return y if jump is None else y + jump, move_to
+
+
+def _orthotropic_stress(body: Discretisation, y: fem.Function, moduli: fem.Function, place: float) -> ElementStress:
     """By the stiffness of each cell, see ``body.orthotropic``."""
     from signorini_fx.body.orthotropic import strain_components
 
     radius = ufl.SpatialCoordinate(body.tagged.mesh)[0] if body.scene.axisymmetric else None
-    components = moduli * strain_components(y, None if radius is None else hoop_strain(y, radius))
+    moved, jump_to = _moved(body, y, place)
+    components = moduli * strain_components(moved, None if radius is None else hoop_strain(moved, radius))
     dim = len(y)
     pairs = KINEMATICS[dim].pairs
     at = {pair: k for k, (i, j) in enumerate(pairs) for pair in ((i, j), (j, i))}
-    return anisotropic_stress(
+    found = anisotropic_stress(
         y,
         ufl.as_matrix([[components[at[i, j]] for j in range(dim)] for i in range(dim)]),
         components[len(pairs)] if len(components) > len(pairs) else None,
@@ -212,6 +226,7 @@ def _orthotropic_stress(body: Discretisation, y: fem.Function, moduli: fem.Funct
         shear_modulus=body.lame[1],
         radius=radius,
     )
+    return replace(found, refresh=jump_to)
 
 
 def anisotropic_stress(

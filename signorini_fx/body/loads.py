@@ -26,7 +26,7 @@ from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.scales import Scales
-from signorini_fx.scene.effect import Effect, Force, InitialStrain, Load, Resistance
+from signorini_fx.scene.effect import Effect, Force, InitialStrain, Load, Resistance, SectionJump
 from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.magnitudes import LARGEST
@@ -50,6 +50,8 @@ class AppliedLoad:
             depend on the time.
         driven: what drives tools; None: nothing.
         balanced: whether its forces balance each other in each cell, as those of initial strains do.
+        section: the section whose shortening multiplies it in place of factors; None: there is none.
+        amount: that shortening, length, at a place in the lists of factors.
     """
 
     factors: tuple[float, ...]
@@ -61,9 +63,13 @@ class AppliedLoad:
     again: Callable[[float], AppliedLoad] | None = None
     driven: Driven | None = None
     balanced: bool = False
+    section: SectionJump | None = None
+    amount: Callable[[float], float] | None = None
 
     def factor(self, place: float) -> float:
         """Its factor at a place in the lists of factors."""
+        if self.amount is not None:
+            return self.amount(place)
         return factor_at(self.factors, place) if self.grows else 1.0
 
     def at(self, place: float) -> AppliedLoad:
@@ -262,10 +268,10 @@ Group = tuple[tuple[float, ...], bool, bool, bool]
 
 
 def load_groups(scene: Scene) -> dict[Group, list[Load]]:
-    """The loads of the scene by what they share; zero loads are left out."""
+    """The loads of the scene by what they share; zero loads are left out, and sections, see ``section_loads``."""
     groups: dict[Group, list[Load]] = {}
     for load in scene.loads:
-        if load.acts:
+        if load.acts and not isinstance(load, SectionJump):
             groups.setdefault(group_of(scene, load), []).append(load)
     return groups
 

@@ -30,7 +30,7 @@ from signorini_fx.linalg.options import refuse_mistyped
 from signorini_fx.mesh.hierarchy import coarser_scenes
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, Timings
-from signorini_fx.scene.effect import Force, Load
+from signorini_fx.scene.effect import Force, Load, SectionJump
 from signorini_fx.scene.model import Scene
 
 # What ``stress_recovery.StressRecovery`` compiles.
@@ -156,6 +156,8 @@ def _effects(d: Discretisation) -> list[Effect]:
     names = dict(zip(load_groups(scene), (load.names for load in d.applied), strict=False))
 
     def form_of(effect: Any) -> tuple[str, ...]:
+        if isinstance(effect, SectionJump):
+            return next(load.names for load in d.applied if load.section is effect)
         return names[group_of(scene, effect)] if isinstance(effect, Load) else (d.resisting,)
 
     for key, entries in scene.effects.items():

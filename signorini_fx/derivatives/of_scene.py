@@ -28,7 +28,7 @@ from signorini_fx.derivatives.quantities import ContactForce, LargestPressure, O
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
-from signorini_fx.scene.effect import InitialStrain, Resistance
+from signorini_fx.scene.effect import InitialStrain, Resistance, SectionJump
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving.one_mesh import solve_mesh
 
@@ -141,6 +141,7 @@ def _check(scene: Scene) -> None:
             "derivatives are not possible yet with a pressure of its own: leave 'mixed' out",
         ),
         (scene.fluids_enter, "fluid", "derivatives are not possible yet where a fluid enters contact"),
+        (scene.tightens_at(0), "preload", "derivatives are not possible yet with a preload by force"),
         (scene.solver.levels > 1, "solver.levels", "derivatives are those of one mesh: leave it out"),
         (scene.accuracy is not None, "accuracy", "derivatives are those of one mesh: leave it out"),
     ):
@@ -201,7 +202,8 @@ def _evaluated(
             data = replace(_unchanged(d), boundary=now["boundary"], gap=now["data"].gap, law=now["law"])
             return explicit(ready, data, quantities)
         if path.startswith("material") and key in ("young", "poisson"):
-            loads = _loads(prepare(scene, d.tagged, Timings())) if scene.of(InitialStrain) else {}
+            strained = any(isinstance(one, InitialStrain | SectionJump) for _, one in scene.listed())
+            loads = _loads(prepare(scene, d.tagged, Timings())) if strained else {}
             with _lame(d, scene):
                 return explicit(ready, replace(_unchanged(d), **loads), quantities)
         other = prepare(scene, d.tagged, Timings())

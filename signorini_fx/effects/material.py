@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 from pydantic_core import PydanticKnownError
 
-from signorini_fx.scene.effect import Contradictions, Effect, InitialStrain
+from signorini_fx.scene.effect import Contradictions, Effect, InitialStrain, SectionJump
 from signorini_fx.scene.orthotropic import Orthotropic
 from signorini_fx.scene.values import Finite, NonNegative, Positive, SampledValue
 
@@ -202,6 +202,7 @@ def _not_mixed(scene: Any) -> Contradictions:
         ),
         (several, element, f"{yet} for several or graded materials, between which the pressure jumps"),
         (bool(scene.of(InitialStrain)), element, f"{yet} with a temperature, whose strain changes the volume"),
+        (bool(scene.of(SectionJump)), element, f"{yet} with a preload"),
         (any(one.against is not None for one in scene.contact), element, f"{yet} for the contact of two bodies"),
         (bool(scene.tools), element, f"{yet} where a force moves a foundation: both add unknowns"),
         (

@@ -10,7 +10,6 @@ only a compiled form can integrate them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import basix
@@ -26,8 +25,9 @@ from signorini_fx.body.moduli import reduced_degree
 from signorini_fx.effects.material import elastic_degree
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
+from signorini_fx.results.quadrature_points import QuadraturePoints
 from signorini_fx.results.surface_quadrature import Facets, SurfaceQuadrature
-from signorini_fx.scene.effect import Effect, Force, InitialStrain, Points, Resistance
+from signorini_fx.scene.effect import Effect, Force, InitialStrain, Points, Resistance, SectionJump
 from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.model import Scene
 
@@ -40,72 +40,6 @@ _CHUNK = 4096
 _ROUND_OFF = 1e-12
 
 
-@dataclass(frozen=True)
-class QuadraturePoints:
-    """Points of quadrature in cells or on facets with the same places in their reference cell, ``scene.effect.Points``.
-
-    Attributes:
-        forces: of the body.
-        part: the cells.
-        size: length, area or volume that each point stands for, shape (f, q).
-        y: nodal displacements with ghosts, shape (nodes, d).
-        whole: the integral of ``Effect.weighting`` of the effect that is integrated.
-    """
-
-    forces: NodalForces
-    part: Facets
-    size: Array
-    y: Array
-    whole: float = np.nan
-
-    @property
-    def position(self) -> Array:
-        """X, shape (f, q, d)."""
-        return self.forces.positions(self.part)
-
-    @property
-    def density(self) -> Array:
-        """Mass per volume, shape (f, 1)."""
-        return self._of_material("density")
-
-    @property
-    def expansion(self) -> Array:
-        """Coefficient of thermal expansion, shape (f, 1)."""
-        return self._of_material("expansion")
-
-    def _of_material(self, key: str) -> Array:
-        (found,) = self.forces.of_materials(lambda material: (getattr(material, key) or 0.0,))
-        return found[:, None] if found.size == 1 else found[self.part.cells, None]
-
-    def inside(self, region: str | None) -> Array:
-        """Whether the cells are in a region, shape (f, 1)."""
-        if region is None:
-            return np.ones((len(self.part.cells), 1))
-        return np.isin(self.part.cells, self.forces.tagged.cells(region)).astype(np.float64)[:, None]
-
-    def total(self, effect: Effect) -> float:
-        """See ``Coefficients``."""
-        return self.whole
-
-    @property
-    def normal(self) -> Array:
-        """Outward unit normal, shape (f, q, d)."""
-        return self.part.moment / self.size[:, :, None]
-
-    @property
-    def displacement(self) -> Array:
-        """y, shape (f, q, d)."""
-        return np.asarray(self.part.table.shape @ self.y[self.forces.space.dofmap.list[self.part.cells]])
-
-    def value(self, value: Any) -> Array:
-        """A number, an expression, or a callable, which the discretisation interpolates at nodes, shape (f, q)."""
-        return self.forces.values(value, self.part)
-
-    def vector(self, values: tuple[Any, ...]) -> Array:
-        """Values along the axes, shape (f, q, d)."""
-        return np.stack([self.value(value) for value in values[: self.forces.dimension]], axis=2)
-
-
 class NodalForces(SurfaceQuadrature):
     """Forces on the nodes of a Lagrange space, from a scene and its mesh alone; all methods are collective.
 
@@ -113,13 +47,17 @@ class NodalForces(SurfaceQuadrature):
         scene: the scene.
         tagged: its mesh.
         space: the vector Lagrange space of the displacement.
+        cells: those that count in what is integrated over the body, ascending; None: all.
     """
 
-    def __init__(self, scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
+    def __init__(
+        self, scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, cells: Indices | None = None
+    ) -> None:
         super().__init__(space)
         self.scene = scene
         self.tagged = tagged
-        self._own_cells = int(space.mesh.topology.index_map(self.dimension).size_local)
+        owned = int(space.mesh.topology.index_map(self.dimension).size_local)
+        self._own = np.arange(owned, dtype=np.int32) if cells is None else cells[cells < owned]
 
     def facets(self, boundary: str) -> Indices:
         """Those of a boundary of the mesh, by its name."""
@@ -132,9 +70,15 @@ class NodalForces(SurfaceQuadrature):
         """
         y = displacement.x.array.reshape(-1, self.dimension)
         if self.scene.element.volumetric != "mixed":
-            return self.over_ranks(self._stress_work(y, self._degree)[0])
+            return self.of_stress(y)
         deviatoric, *_ = self._part_of_work(y, self._degree, *self._shearing, None)
         return self.over_ranks(deviatoric - self._pressed(displacement)[0])
+
+    def of_stress(self, y: Array) -> Array:
+        """a(y, .) of nodal displacements with ghosts, shape (nodes, d), forces, shape (owned nodes, d); not of a mixed
+        element.
+        """
+        return self.over_ranks(self._stress_work(y, self._degree)[0])
 
     @property
     def _degree(self) -> int:
@@ -160,9 +104,31 @@ class NodalForces(SurfaceQuadrature):
         return _over_ranks(residual, space), _over_ranks(volume, space)
 
     def initial(self, step: float, scale: float = 1.0) -> tuple[Array, float]:
-        """Forces of the stress that initial strains of a load step times ``scale`` cause where they are prevented,
-        shape (owned nodes, d), and its energy.
+        """Forces of the stress that initial strains and shortened sections of a load step times ``scale`` cause where
+        they are prevented, shape (owned nodes, d), and its energy.
         """
+        found, energy = self.strained(step, scale)
+        for effect, beyond, jump in self.sections():
+            jump = scale * effect.shortening_at(self.scene, step) * jump
+            own = beyond.of_stress(jump)
+            work = np.sum((own / 2 - beyond.strained(step, scale)[0]) * jump[: self.owned])
+            found, energy = found - own, energy + float(parallel.global_sum(self.tagged.mesh.comm, np.array(work)))
+        return found, energy
+
+    def sections(self) -> Iterator[tuple[SectionJump, NodalForces, Array]]:
+        """The sections that are shortened: the forces of the cells beyond each alone, and the jump J of these cells for
+        a shortening of one, at the nodes with ghosts, shape (nodes, d).
+        """
+        for path, effect in self.scene.listed():
+            if isinstance(effect, SectionJump) and effect.acts:
+                from signorini_fx.body.section import section_of
+
+                section = section_of(effect, path, self.tagged, self.space)
+                jump = np.where(section.nodes[:, None], -section.axis, 0.0)
+                yield effect, NodalForces(self.scene, self.tagged, self.space, section.cells), jump
+
+    def strained(self, step: float, scale: float = 1.0) -> tuple[Array, float]:
+        """``initial`` of initial strains alone."""
         strains = [strain for strain in self.scene.of(InitialStrain) if strain.acts]
         if not strains:
             return np.zeros((self.owned, self.dimension)), 0.0
@@ -262,8 +228,8 @@ class NodalForces(SurfaceQuadrature):
     # --- how ---------------------------------------------------------------------------------------------------------
 
     def _chunks(self) -> Iterator[Indices]:
-        for first in range(0, self._own_cells, _CHUNK):
-            yield np.arange(first, min(first + _CHUNK, self._own_cells), dtype=np.int32)
+        for first in range(0, self._own.size, _CHUNK):
+            yield self._own[first : first + _CHUNK]
 
     def _integral(self, effect: Effect, density: Callable[[Points], Array], y: Array) -> Array:
         """A force per volume or area, integrated with the shape functions on this rank alone, shape (nodes, d)."""

@@ -26,10 +26,12 @@ from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.safety import Safety, safety_of
 from signorini_fx.results.stresses import Stresses
 from signorini_fx.results.tool_motion import ToolMotion
+from signorini_fx.scene.effect import SectionJump
 from signorini_fx.scene.model import Scene
 
 if TYPE_CHECKING:
     from signorini_fx.accuracy.error_bound import ErrorBound
+    from signorini_fx.results.sections import SectionForce
     from signorini_fx.results.uniqueness import Uniqueness
 
 # A body that moves away although nothing would let it do so without a load.
@@ -221,6 +223,15 @@ class Solution:
         """Forces and moments on the body through each boundary; with load steps, of the last one."""
         d = self.discretisation
         return Resultants(self.scene, d.tagged, self.displacement, self.contact, self._place, d.pairs)
+
+    @cached_property
+    def preloads(self) -> list[SectionForce]:
+        """The forces through sections that are tightened; with load steps, in the last one; collective."""
+        if not self.scene.of(SectionJump):
+            return []
+        from signorini_fx.results.sections import section_forces
+
+        return section_forces(self.scene, self.discretisation.tagged, self.displacement, self._place)
 
     @cached_property
     def contact_figures(self) -> list[ContactFigures]:

@@ -17,7 +17,7 @@ from signorini_fx.accuracy import price_list
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.pieces import extent
-from signorini_fx.display import clean, results_of, safety_in_words, tool_in_words
+from signorini_fx.display import clean, preload_in_words, results_of, safety_in_words, tool_in_words
 from signorini_fx.machine.terminal import Line
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, Record, StepRecord
 from signorini_fx.report.digits import between, estimated_errors, figure, percent
@@ -64,6 +64,7 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
         "pieces": solution.discretisation.motions.pieces.as_rows(),
         "findings": [asdict(finding) for finding in solution.findings],
         "resultants": solution.resultants.as_rows(),
+        **({"preloads": [one.as_dict() for one in solution.preloads]} if solution.preloads else {}),
     }
     if solution.contact is not None and table is not None:
         summary |= _contact_summary(solution, table)
@@ -267,7 +268,8 @@ def lines_of(summary: dict[str, Any]) -> list[Line]:
             *_contact_boundaries(summary),
             *_labelled("foundation", [tool_in_words(tool) for tool in summary.get("tools", ())]),
         ]
-    lines += _resultants(summary)
+    told = [preload_in_words(row) for row in summary.get("preloads", ())]
+    lines += _labelled("preload", told) + _resultants(summary)
     lines.append(_row("strain energy", _digits(summary["strain_energy"], errors.get("strain_energy"))))
     if "stress" in summary:
         lines.append(_row("von Mises stress", _largest(summary)))

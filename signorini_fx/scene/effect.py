@@ -1,9 +1,9 @@
 """What the effects of a scene have in common, and how they are found: by the names of the files in ``effects/``.
 
 An effect is a ``Force`` (a load in the body or on a boundary), an ``InitialStrain`` (a strain without stress), a
-``Resistance`` (forces that grow with the displacement), another ``Load`` (something that load steps multiply), or none
-of these.  All that assembles, judges and
-tells of a scene asks the methods of these classes, and nowhere for a particular effect.
+``SectionJump`` (a section that is tightened), a ``Resistance`` (forces that grow with the displacement), another
+``Load`` (something that load steps multiply), or none of these.  All that assembles, judges and tells of a scene asks
+the methods of these classes, and nowhere for a particular effect.
 """
 
 from __future__ import annotations
@@ -250,6 +250,22 @@ class InitialStrain(Load):
 
     def strain_at(self, at: BodyPoints) -> Array:
         """The same for the second opinion, shape (f, q)."""
+        raise NotImplementedError
+
+
+class SectionJump(Load):
+    """A shortening of the body across one of its sections: what is beyond it moves towards what is before it."""
+
+    def shortening_at(self, scene: Any, place: float) -> float:
+        """By how much, at a place in the lists of factors, length."""
+        raise NotImplementedError
+
+    def force_at(self, scene: Any, place: float) -> float | None:
+        """The force through the section that determines it there; None: it is given."""
+        return None
+
+    def tightened(self, place: float, shortening: float) -> Self:
+        """The same with the shortening that its force has led to at a place."""
         raise NotImplementedError
 
 

@@ -19,7 +19,16 @@ from typing import Annotated, Any, Literal, Self, TypeVar, get_origin
 from pydantic import BaseModel, BeforeValidator, Field, InstanceOf, field_validator, model_validator
 
 from signorini_fx.scene.base import Table, refused
-from signorini_fx.scene.effect import Effect, Entries, Load, OneEntry, described, keys, with_every_effect
+from signorini_fx.scene.effect import (
+    Effect,
+    Entries,
+    Load,
+    OneEntry,
+    SectionJump,
+    described,
+    keys,
+    with_every_effect,
+)
 from signorini_fx.scene.load_steps import LoadSteps, factor_at
 from signorini_fx.scene.settings import Accuracy, SolverSettings, Units
 from signorini_fx.scene.values import Finite, Positive, Selection, kind_of
@@ -280,6 +289,10 @@ class Scene(Table):
     def fluids_enter(self) -> bool:
         """Whether a fluid enters contact that opens."""
         return any(fluid.enters for fluid in self.fluids)
+
+    def tightens_at(self, place: float) -> bool:
+        """Whether a force tightens a section at a place in the lists of factors."""
+        return any(one.force_at(self, place) is not None for one in self.of(SectionJump))
 
     def driving(self, tool: Any, place: float) -> tuple[float, float]:
         """The factor of what drives a tool at a place in the lists of factors, see ``now``, and the time there."""

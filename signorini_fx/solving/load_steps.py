@@ -87,6 +87,10 @@ def load_step(
                 from signorini_fx.solving.entering_fluid import solve_with_fluid
 
                 outcome, fluid = solve_with_fluid(d, problem, here, path.allowed)
+            elif scene.tightens_at(place):
+                from signorini_fx.solving.preload import solve_tightened
+
+                (d, here, outcome), fluid = solve_tightened(d, problem, here, path.allowed), None
             else:
                 outcome, fluid = solve_task(problem, here, path.allowed), None
         result = _certified(d, problem, here, outcome, earlier, timings, fluid)

@@ -126,6 +126,8 @@ def sweep(
         raise SceneError([("sweep", "needs a scene with contact and one load step")])
     if scene.fluids_enter:
         raise SceneError([("sweep", "is not possible yet where a fluid enters contact: solve each scene")])
+    if scene.tightens_at(0):
+        raise SceneError([("sweep", "is not possible yet with a preload by force: give its shortening")])
     if coefficients is not None and not scene.has_coulomb:
         raise SceneError([("sweep", "coefficients need a scene with Coulomb friction")])
     discretisation = discretise(scene, load_mesh(scene, comm), Timings())

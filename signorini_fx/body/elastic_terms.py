@@ -1,0 +1,45 @@
+"""The terms of a(., .) of the materials of a scene."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import ufl
+from dolfinx import fem
+
+from signorini_fx import compat
+from signorini_fx.effects.material import elastic_degree, elastic_forms
+
+# Their names.
+ELASTIC_FORMS = ("elasticity", "reduced volumetric elasticity")
+
+
+def elastic_terms(
+    space: fem.FunctionSpace,
+    y: Any,
+    z: Any,
+    *,
+    lame: tuple[Any, Any],
+    stiffness: fem.Function | None,
+    reduced: int | None,
+    around: bool,
+) -> tuple[Any, ...]:
+    """a(y, z), as terms to be compiled one by one.
+
+    Args:
+        space: of the displacement.
+        y: trial function, or any displacement.
+        z: test function.
+        lame: Lame parameters as coefficients.
+        stiffness: of orthotropic materials, see ``body.orthotropic``; None: there are none.
+        reduced: quadrature degree of the volumetric term where it is reduced, else None.
+        around: whether the body is axisymmetric.
+    """
+    mesh, element = space.mesh, space.element.basix_element.degree
+    degree = elastic_degree(mesh.topology.cell_name(), element, compat.geometry_degree(mesh), axisymmetric=around)
+    radius = ufl.SpatialCoordinate(mesh)[0] if around else None
+    if stiffness is not None:
+        from signorini_fx.body.orthotropic import orthotropic_form
+
+        return (orthotropic_form(y, z, stiffness, degree, radius),)
+    return elastic_forms(y, z, *lame, degree, reduced, radius=radius)

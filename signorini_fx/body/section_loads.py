@@ -1,0 +1,106 @@
+"""Shortened sections as loads: the forces that keep the displacement continuous, and the jump that the stress sees."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import default_scalar_type, fem
+
+from signorini_fx import parallel
+from signorini_fx.body.assembly import assemble
+from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.loads import AppliedLoad
+from signorini_fx.body.section import Section, section_of, unit_jump
+from signorini_fx.body.turned_supports import TurnedNodes
+from signorini_fx.errors import SceneError
+from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.records import Inventory
+from signorini_fx.scene.effect import SectionJump
+from signorini_fx.scene.model import Scene
+
+# A direction has a component along the axis if it is larger than this.
+_ALONG = 1e-8
+
+
+def section_loads(
+    scene: Scene,
+    tagged: TaggedMesh,
+    space: fem.FunctionSpace,
+    elastic: Callable[[Any, Any], tuple[Any, ...]],
+    inventory: Inventory,
+    held: Callable[[Section], bool],
+) -> list[AppliedLoad]:
+    """-a(J, .) of the jump J of each section, whose factor is its shortening; collective.
+
+    Args:
+        scene: the scene.
+        tagged: its mesh.
+        space: of the displacement.
+        elastic: the terms of a(., .).
+        inventory: where forms are compiled.
+        held: whether something on this rank holds nodes of a section along its axis, see ``holds``.
+
+    Raises:
+        SceneError: see ``section_of``; or contact or supports hold its nodes.
+    """
+    z, found = ufl.TestFunction(space), []
+    for path, effect in scene.listed():
+        if not isinstance(effect, SectionJump) or not effect.acts:
+            continue
+        section = section_of(effect, path, tagged, space)
+        if parallel.any_rank(space.mesh.comm, held(section)):
+            raise SceneError([(path, "contact or a support holds nodes of the section along its axis: move it")])
+        terms = elastic(unit_jump(section, space), z)
+        names = (effect.name, f"reduced volumetric {effect.name}")[: len(terms)]
+        forms = tuple(inventory.compile(name, partial(fem.form, term)) for name, term in zip(names, terms, strict=True))
+        owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+        forces = -sum((assemble(form) for form in forms), np.zeros(owned))
+        amount = partial(effect.shortening_at, scene)
+        ones, none = (1.0,) * scene.steps, fem.Function(space)
+        found.append(AppliedLoad(ones, names, forms, forces, none, balanced=True, section=effect, amount=amount))
+    return found
+
+
+def holds(
+    section: Section, fixed: npt.NDArray[np.bool_], turned: TurnedNodes | None, boundary: ContactBoundary | None
+) -> bool:
+    """Whether contact or prescribed displacements hold nodes of a section on this rank along its axis.
+
+    They would see the displacement on one of its sides alone.
+    """
+    dim = section.axis.size
+    nodes = np.flatnonzero(section.nodes[: fixed.size // dim])
+    frames = np.eye(dim)[None] if turned is None else turned.frames_at(nodes)
+    along = np.abs(np.einsum("nij,i->nj", frames, section.axis)) > _ALONG
+    if (fixed.reshape(-1, dim)[nodes] & along).any():
+        return True
+    if boundary is None:
+        return False
+    normal = boundary.normal[section.nodes[boundary.nodes]]
+    return bool((np.abs(normal @ section.axis) > _ALONG).any())
+
+
+def jump_of(
+    scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, place: float
+) -> tuple[Any, Callable[[float], None]]:
+    """The jumps of all sections together, UFL, and what moves them to a place in the lists of factors.
+
+    Returns:
+        None in place of the jump where there is none.
+    """
+    effects = [(path, one) for path, one in scene.listed() if isinstance(one, SectionJump) and one.acts]
+    amounts = [fem.Constant(tagged.mesh, default_scalar_type(0.0)) for _ in effects]
+
+    def move_to(place: float) -> None:
+        for constant, (_, effect) in zip(amounts, effects, strict=True):
+            constant.value = effect.shortening_at(scene, place)
+
+    move_to(place)
+    jumps = [unit_jump(section_of(effect, path, tagged, space), space) for path, effect in effects]
+    terms = [amount * jump for amount, jump in zip(amounts, jumps, strict=True)]
+    return sum(terms[1:], terms[0]) if terms else None, move_to

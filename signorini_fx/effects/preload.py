@@ -1,0 +1,143 @@
+"""Preload of a bolt: a section across it is tightened by a force, and its length is kept from then on."""
+
+from __future__ import annotations
+
+from typing import Any, Self
+
+import numpy as np
+from pydantic import PrivateAttr, model_validator
+
+from signorini_fx.scene.effect import Contradictions, SectionJump, text
+from signorini_fx.scene.expressions import sample
+from signorini_fx.scene.rigid_motion import Timed
+from signorini_fx.scene.values import Count, Direction, Vector
+
+
+class Preload(SectionJump):
+    """A section across a bolt, whose two sides are moved towards each other along one direction, and else are joined.
+
+    In Abaqus and CalculiX it is a ``*PRE-TENSION SECTION``.
+
+    Attributes:
+        section: name of facets inside the mesh that cut the bolt through in a plane; None: a plane does.
+        region: instead: name of the part of the mesh that a plane cuts; None: all of the body.
+        point: of that plane, length.
+        axis: across that plane, along which the sides move, any length.
+        force: tension through the section, force; a number or an expression of the time t.
+        shortening: instead, how far the sides are moved towards each other, length; of the same kinds.
+        locked_after: number of the factors, from 1, after which the length that the force has led to is kept.
+        factors: one number per load step, by which force or shortening are multiplied; None: 1 in every step.
+    """
+
+    section: str | None = None
+    region: str | None = None
+    point: Vector | None = None
+    axis: Direction | None = None
+    force: Timed | None = None
+    shortening: Timed | None = None
+    locked_after: Count = 1
+
+    # The shortenings that forces have led to, by their places in the lists of factors.
+    _found: dict[float, float] = PrivateAttr(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Self:
+        plane = self.point is not None and self.axis is not None
+        if (self.section is None) != plane or (self.section is not None and (self.region or self.point or self.axis)):
+            raise ValueError("give either section, a name of facets inside the mesh, or point and axis of a plane")
+        if (self.force is None) == (self.shortening is None):
+            raise ValueError("give either force or shortening")
+        if isinstance(self.force, float) and self.force <= 0:
+            raise ValueError("force must be positive: a tension; give shortening for anything else")
+        if self.force is None and "locked_after" in self.model_fields_set:
+            raise ValueError("locked_after is that of a force, which is missing")
+        return self
+
+    @property
+    def place(self) -> str:
+        """Which section it is, in words."""
+        if self.section is not None:
+            return self.section
+        return f"at ({', '.join(f'{x:g}' for x in self.point or ())})" if self.region is None else self.region
+
+    @property
+    def name(self) -> str:
+        """See ``Effect``."""
+        return f"{self.label} {self.place}"
+
+    @property
+    def vectors(self) -> tuple[str, ...]:
+        """See ``Effect``."""
+        return ("point", "axis")
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """See ``Effect``."""
+        key = "shortening" if self.force is None else "force"
+        return {key: getattr(self, key)}
+
+    @property
+    def said(self) -> str:
+        """See ``Effect``."""
+        words = ", ".join(f"{key} = {text(value)}" for key, value in self.given.items())
+        return words if self.force is None else f"{words}, locked_after = {self.locked_after}"
+
+    def contradictions(self, scene: Any, place: int) -> Contradictions:
+        """See ``Effect``."""
+        here = ("preload", place)
+        if scene.axisymmetric and self.axis is not None and self.axis[0] != 0:
+            yield (*here, "axis"), "must be along x[1] where the body is axisymmetric"
+        if self.force is None:
+            return
+        if not scene.contact:
+            yield (*here, "force"), "needs contact: without it give shortening, which the force is proportional to"
+        if self.factors is not None and min(self.factors[: self.locked_after]) <= 0:
+            yield (*here, "factors"), "must be positive while the force acts"
+        for wrong, reason in (
+            (scene.fluids_enter, "a fluid that enters a contact"),
+            (any(one.timed for one in scene.contact), "contact that depends on the time"),
+        ):
+            if wrong:
+                yield (*here, "force"), f"is not possible yet with {reason}: give shortening"
+
+    def force_at(self, scene: Any, place: float) -> float | None:
+        """See ``SectionJump``."""
+        if self.force is None or place > self.locked_after - 1:
+            return None
+        return self._now(scene, place)
+
+    def shortening_at(self, scene: Any, place: float) -> float:
+        """See ``SectionJump``; of a force zero until it is found."""
+        if self.force is not None:
+            places = [one for one in self._found if one <= place]
+            return self._found[max(places)] if places else 0.0
+        return self._now(scene, place)
+
+    def _now(self, scene: Any, place: float) -> float:
+        """What is given, at a place in the lists of factors."""
+        factor, now = scene.now(self, place)
+        (value,) = now.given.values()
+        return float(factor * sample(value, np.zeros((3, 1)))[0])
+
+    def tightened(self, place: float, shortening: float) -> Self:
+        """The same with the shortening that its force has led to at a place."""
+        found = self.model_copy()
+        found._found = {**self._found, place: shortening}
+        return found
+
+
+Entry = Preload
+
+# How ``signorini-fx new`` explains it.
+EXAMPLE = """
+# Preload of bolts: a section across each is tightened.  As many [[preload]] as you like.
+[[preload]]
+point = [0.5, 0.5]                         # of a plane across the bolt, length
+axis = [1.0, 0.0]                          # across that plane
+#region = "bolt"                           # the part of the mesh that the plane cuts; without: all of the body
+#section = "cut"                           # instead of these three: the name of facets inside the mesh
+shortening = 0.0                           # how far the sides are moved towards each other, length; may depend on t
+#force = 1000.0                            # instead: tension, force; may depend on t
+#locked_after = 1                          # the factors, by number, after which the length that force led to is kept
+#factors = [0.5, 1.0]                      # load steps, as above
+"""

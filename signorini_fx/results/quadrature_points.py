@@ -1,0 +1,80 @@
+"""Values of a scene at points of quadrature, for what is integrated without any compiled form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.results.surface_quadrature import Facets
+from signorini_fx.scene.effect import Effect
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class QuadraturePoints:
+    """Points of quadrature in cells or on facets with the same places in their reference cell, ``scene.effect.Points``.
+
+    Attributes:
+        forces: ``NodalForces`` of the body.
+        part: the cells.
+        size: length, area or volume that each point stands for, shape (f, q).
+        y: nodal displacements with ghosts, shape (nodes, d).
+        whole: the integral of ``Effect.weighting`` of the effect that is integrated.
+    """
+
+    forces: Any
+    part: Facets
+    size: Array
+    y: Array
+    whole: float = np.nan
+
+    @property
+    def position(self) -> Array:
+        """X, shape (f, q, d)."""
+        return self.forces.positions(self.part)
+
+    @property
+    def density(self) -> Array:
+        """Mass per volume, shape (f, 1)."""
+        return self._of_material("density")
+
+    @property
+    def expansion(self) -> Array:
+        """Coefficient of thermal expansion, shape (f, 1)."""
+        return self._of_material("expansion")
+
+    def _of_material(self, key: str) -> Array:
+        (found,) = self.forces.of_materials(lambda material: (getattr(material, key) or 0.0,))
+        return found[:, None] if found.size == 1 else found[self.part.cells, None]
+
+    def inside(self, region: str | None) -> Array:
+        """Whether the cells are in a region, shape (f, 1)."""
+        if region is None:
+            return np.ones((len(self.part.cells), 1))
+        return np.isin(self.part.cells, self.forces.tagged.cells(region)).astype(np.float64)[:, None]
+
+    def total(self, effect: Effect) -> float:
+        """See ``Coefficients``."""
+        return self.whole
+
+    @property
+    def normal(self) -> Array:
+        """Outward unit normal, shape (f, q, d)."""
+        return self.part.moment / self.size[:, :, None]
+
+    @property
+    def displacement(self) -> Array:
+        """y, shape (f, q, d)."""
+        return np.asarray(self.part.table.shape @ self.y[self.forces.space.dofmap.list[self.part.cells]])
+
+    def value(self, value: Any) -> Array:
+        """A number, an expression, or a callable, which the discretisation interpolates at nodes, shape (f, q)."""
+        return self.forces.values(value, self.part)
+
+    def vector(self, values: tuple[Any, ...]) -> Array:
+        """Values along the axes, shape (f, q, d)."""
+        return np.stack([self.value(value) for value in values[: self.forces.dimension]], axis=2)

@@ -1,0 +1,52 @@
+"""The force through each section that is shortened, without any compiled form.
+
+With the jump J of a shortening of one, which is that of the cells beyond the section alone, the force through it is the
+work of the stress there on J without that of the loads in these cells, a tension.  Loads on the surface of these cells
+do not count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+
+from signorini_fx import parallel
+from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.scene.effect import Force
+from signorini_fx.scene.model import Scene
+
+
+@dataclass(frozen=True)
+class SectionForce:
+    """A shortened section in a result.
+
+    Attributes:
+        name: which one.
+        force: tension through it, force.
+        shortening: by how much its sides have moved towards each other, length.
+    """
+
+    name: str
+    force: float
+    shortening: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """A row of the summary."""
+        return asdict(self)
+
+
+def section_forces(scene: Scene, tagged: TaggedMesh, displacement: fem.Function, step: float) -> list[SectionForce]:
+    """What goes through each section that a scene shortens; collective."""
+    nodal, y = NodalForces(scene, tagged, displacement.function_space), displacement.x.array
+    inside, found = [load for load in scene.of(Force) if load.where is None], []
+    for effect, beyond, jump in nodal.sections():
+        shortening = effect.shortening_at(scene, step)
+        left = beyond.of_stress(y.reshape(jump.shape) + shortening * jump)
+        left = left - beyond.external(step, some=inside) - beyond.strained(step)[0]
+        force = parallel.global_sum(tagged.mesh.comm, np.array(np.sum(left * jump[: beyond.owned])))
+        found.append(SectionForce(effect.name, float(force), shortening))
+    return found

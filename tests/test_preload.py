@@ -1,0 +1,365 @@
+"""Preload of bolts against springs in series and in parallel, by force and by shortening, in the plane and in space."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from signorini_fx import SceneError, solve
+from signorini_fx.check.checks import check_scene
+from signorini_fx.check.text import render
+from signorini_fx.mesh.tagged import gmsh_mesh, tag_boundaries
+from signorini_fx.results.sections import section_forces
+from signorini_fx.scene.reading import parse_scene
+
+COMM = MPI.COMM_WORLD
+CELLS = {
+    "triangle": dmesh.CellType.triangle,
+    "quadrilateral": dmesh.CellType.quadrilateral,
+    "tetrahedron": dmesh.CellType.tetrahedron,
+    "hexahedron": dmesh.CellType.hexahedron,
+}
+YOUNG, HEIGHT, SHANK, SLEEVES, TIGHT, PULL = 1000.0, 4.0, 1.0, 2.0, 20.0, 6.0
+BOLT, SLEEVE = YOUNG * SHANK / HEIGHT, YOUNG * SLEEVES / HEIGHT  # stiffnesses; the thickness is 1
+MORE = BOLT / (BOLT + SLEEVE)  # the share of an external load that the bolt takes
+
+
+def bodies(cell, length):
+    """A shank with a head, and a sleeve with the same height, both standing at x[1] = 0."""
+    plane = cell in ("triangle", "quadrilateral")
+    make, deep = (dmesh.create_rectangle, []) if plane else (dmesh.create_box, [length])
+
+    def block(low, high, parts):
+        corners = [np.array([*(length * np.array(low)), *(0.0 for _ in deep)]), [*(length * np.array(high)), *deep]]
+        return make(COMM, corners, (*parts, *(2 for _ in deep)), CELLS[cell])
+
+    whole = block((-2.0, 0.0), (2.0, 5.0), (8, 10))
+    dim = whole.topology.dim
+    middle = dmesh.compute_midpoints(whole, dim, np.arange(whole.topology.index_map(dim).size_local, dtype=np.int32))
+    kept = (np.abs(middle[:, 0]) < 0.5 * length) | (middle[:, 1] > HEIGHT * length)
+    bolt = dmesh.create_submesh(whole, dim, np.flatnonzero(kept).astype(np.int32))[0]
+    foot = {"foot": lambda x: np.isclose(x[1], 0.0, atol=1e-9 * length)}
+    under = {"under": lambda x: np.isclose(x[1], HEIGHT * length) & (np.abs(x[0]) > 0.49 * length)}
+    top = {"top": lambda x: np.isclose(x[1], HEIGHT * length)}
+    over = {"over": lambda x: np.isclose(x[1], 5.0 * length)}
+    return tag_boundaries(bolt, foot | under | over), tag_boundaries(
+        block((0.0, 0.0), (1.0, HEIGHT), (3, 4)), foot | top
+    )
+
+
+def clamped(
+    cell="quadrilateral",
+    *,
+    degree=1,
+    unit=(1.0, 1.0),
+    solver=None,
+    friction=None,
+    gap=0.0,
+    poisson=0.0,
+    stiff=1.0,
+    more=None,
+    **preload,
+):
+    """A bolt between two sleeves, all of which stand on the ground; in the second step its head is pulled; ``stiff``:
+    by how much the head is stiffer than the rest.
+    """
+    (length, force), plane = unit, cell in ("triangle", "quadrilateral")
+    stress = force / length**2
+    axes, (bolt, sleeve) = "xy" if plane else "xyz", bodies(cell, length)
+    still, at = dict.fromkeys(axes, 0.0), [0.0] * (len(axes) - 2)
+    section = {"region": "bolt", "point": [0.0, 1.8 * length, *at], "axis": [0.0, -3.0, *at]}
+    soft = {"young": YOUNG * stress, "poisson": poisson}
+    head = soft
+    if stiff != 1.0:
+        head = soft | {"young": stiff * soft["young"], "grading": f"{1 / stiff} if x[1] < {HEIGHT * length} else 1"}
+    under = {"against": "bolt.under", "gap": gap * length, "friction": friction or {"law": "none"}}
+    return parse_scene(
+        {
+            "body": [
+                {"name": "bolt", "mesh": bolt},
+                {"name": "left", "mesh": sleeve, "shift": [-2.0 * length, 0.0, *at]},
+                {"name": "right", "mesh": sleeve, "shift": [1.0 * length, 0.0, *at]},
+            ],
+            "element": {"degree": degree},
+            "material": [{"region": "bolt", **head}, {"region": "left", **soft}, {"region": "right", **soft}],
+            "displacement": [{"boundary": name, **still} for name in ("bolt.foot", "left.foot", "right.foot")],
+            "force": {"boundary": "over", "y": PULL * force, "factors": [0.0, 1.0]},
+            "contact": [{"boundary": f"{side}.top", **under} for side in ("left", "right")],
+            "preload": {**section, **(preload or {"force": TIGHT * force})},
+            "solver": {"gamma_n": 1e7 * stress / length, "gamma_t": 1e7 * stress / length, **(solver or {})},
+            **(more or {}),
+        }
+    )
+
+
+def figures(solution, step, unit=(1.0, 1.0)):
+    """Bolt force, clamp force and shortening of a load step, in units of force and length."""
+    scene, tagged, result = solution.scene, solution.discretisation.tagged, solution.steps[step]
+    (section,) = section_forces(scene, tagged, result.displacement, result.place)
+    clamp = np.linalg.norm(result.contact.forces[0])
+    return section.force / unit[1], clamp / unit[1], section.shortening / unit[0]
+
+
+WAYS = [
+    ("quadrilateral", 1, {"linear_algebra": "full"}, (1.0, 1.0)),
+    ("triangle", 2, {"linear_algebra": "condensed"}, (1e-3, 1e6)),
+    ("quadrilateral", 2, {"linear_algebra": "condensed", "algorithm": "alm"}, (1.0, 1.0)),
+    ("hexahedron", 1, {"linear_algebra": "krylov"}, (1.0, 1.0)),
+    ("tetrahedron", 1, {"linear_algebra": "full"}, (1.0, 1e-6)),
+]
+
+
+@pytest.mark.parametrize(("cell", "degree", "solver", "unit"), WAYS)
+def test_statics(cell, degree, solver, unit):
+    """Tightened, locked and pulled: the bolt takes its preload, and then what clamps the sleeves and what pulls."""
+    solution = solve(clamped(cell, degree=degree, solver=solver, unit=unit, poisson=0.3))
+    assert solution.converged
+    exact = 1e-7 if solver["linear_algebra"] == "krylov" else 1e-9
+    bolt, clamp, shortening = figures(solution, 0, unit)
+    assert abs(bolt - TIGHT) < 1e-9 * TIGHT
+    assert abs(clamp - TIGHT) < exact * TIGHT
+    bolt, clamp, kept = figures(solution, 1, unit)
+    assert kept == shortening
+    assert bolt > TIGHT
+    assert abs(bolt - clamp - PULL) < exact * TIGHT
+    assert all(step.certificate.worst < 1e-7 for step in solution.steps)
+
+
+@pytest.mark.parametrize("cell", ["quadrilateral", "hexahedron"])
+def test_springs(cell):
+    """Under a stiff head bolt and sleeves are springs: in series when tightened, in parallel when pulled."""
+    solution = solve(clamped(cell, stiff=1e6, solver={"linear_algebra": "full"}))
+    bolt, clamp, shortening = figures(solution, 0)
+    assert np.isclose(shortening, TIGHT / BOLT + TIGHT / SLEEVE, rtol=1e-4)
+    bolt, clamp, _ = figures(solution, 1)
+    assert np.isclose(bolt, TIGHT + MORE * PULL, rtol=1e-4)
+    assert np.isclose(clamp, TIGHT - (1 - MORE) * PULL, rtol=1e-4)
+
+
+def test_force_and_the_shortening_that_it_causes_give_the_same():
+    forced = solve(clamped(poisson=0.3, degree=2, friction=FRICTION, gap=0.01))
+    _, _, shortening = figures(forced, 0)
+    given = solve(clamped(poisson=0.3, degree=2, friction=FRICTION, gap=0.01, shortening=shortening))
+    for one, other in zip(forced.steps, given.steps, strict=True):
+        far, off = np.abs(one.displacement.x.array), np.abs(one.displacement.x.array - other.displacement.x.array)
+        assert COMM.allreduce(off.max(initial=0.0), op=MPI.MAX) < 1e-6 * COMM.allreduce(
+            far.max(initial=0.0), op=MPI.MAX
+        )
+        assert np.isclose(one.strain_energy, other.strain_energy, rtol=1e-6)
+
+
+FRICTION = {"law": "coulomb", "coefficient": 0.2}
+
+
+def test_two_bolts():
+    """Each is tightened by its own force, through one head, with friction between it and the sleeve; then both are
+    locked.
+    """
+    whole = dmesh.create_rectangle(COMM, [[-2.0, 0.0], [2.0, 5.0]], (8, 10), CELLS["quadrilateral"])
+    x = dmesh.compute_midpoints(whole, 2, np.arange(whole.topology.index_map(2).size_local, dtype=np.int32))
+    kept = (np.abs(x[:, 0]) > 1.0) | (x[:, 1] > HEIGHT)
+    mesh = dmesh.create_submesh(whole, 2, np.flatnonzero(kept).astype(np.int32))[0]
+    cells = np.arange(mesh.topology.index_map(2).size_local + mesh.topology.index_map(2).num_ghosts, dtype=np.int32)
+    x = dmesh.compute_midpoints(mesh, 2, cells)
+    kind = np.where(x[:, 1] > HEIGHT, 3, np.where(x[:, 0] < 0, 1, 2)).astype(np.int32)
+    sides = {
+        "foot": lambda x: np.isclose(x[1], 0.0),
+        "under": lambda x: np.isclose(x[1], HEIGHT) & (np.abs(x[0]) < 1.1),
+    }
+    frame = replace(
+        tag_boundaries(mesh, sides),
+        cell_tags=dmesh.meshtags(mesh, 2, cells, kind),
+        regions={"left": 1, "right": 2, "head": 3},
+    )
+    _, sleeve = bodies("quadrilateral", 1.0)
+    plane = {"point": [0.0, 1.8], "axis": [0.0, 1.0]}
+    scene = parse_scene(
+        {
+            "body": [{"name": "frame", "mesh": frame}, {"name": "sleeve", "mesh": sleeve, "shift": [-0.5, 0.0]}],
+            "material": [{"region": name, "young": YOUNG, "poisson": 0.3} for name in ("frame", "sleeve")],
+            "displacement": [{"boundary": f"{name}.foot", "x": 0.0, "y": 0.0} for name in ("frame", "sleeve")],
+            "contact": {"boundary": "top", "against": "under", "friction": FRICTION},
+            "preload": [
+                {"region": "frame.left", **plane, "force": 20.0, "factors": [1.0, 3.0]},
+                {"region": "frame.right", **plane, "force": "6 * t", "locked_after": 2},
+            ],
+        }
+    )
+    solution = solve(scene)
+    first, second = (
+        section_forces(solution.scene, frame_of(solution), step.displacement, step.place) for step in solution.steps
+    )
+    assert np.allclose([one.force for one in first], [20.0, 6.0], rtol=1e-6)
+    assert np.isclose(second[1].force, 12.0, rtol=1e-6)
+    assert second[0].shortening == first[0].shortening
+    assert np.isclose(-solution.contact.forces[0][1], sum(one.force for one in second), rtol=1e-7)
+
+
+def frame_of(solution):
+    """The mesh of a solution."""
+    return solution.discretisation.tagged
+
+
+def bar(cell, degree=1, *, preload=None, volumetric="full", heat=0.0, **more):
+    """A bar of length 3 and section 1, held at both ends without Poisson's effect."""
+    plane = cell in ("triangle", "quadrilateral")
+    size = {"length": 3.0, "height": 1.0, "nx": 7, "ny": 2} if plane else {"length": 3.0, "nx": 7, "ny": 2, "nz": 2}
+    at = [1.37, *([0.0] * (1 if plane else 2))]
+    axis = [1.0, *([0.0] * (1 if plane else 2))]
+    law = {"hypothesis": "plane stress"} if plane else {}
+    given = {"point": at, "axis": axis, "shortening": 0.03}
+    slides = [{"boundary": "bottom", "xyz"[len(axis) - 1]: 0.0}, *([] if plane else [{"boundary": "front", "y": 0.0}])]
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle" if plane else "box", "parameters": {**size, "cell": cell}},
+            "element": {"degree": degree, "volumetric": volumetric},
+            "material": {"young": YOUNG, "poisson": 0.0, "expansion": 1e-3, **law},
+            "displacement": [*({"boundary": name, "x": 0.0} for name in ("left", "right")), *slides],
+            "preload": preload or given,
+            **({"temperature": {"change": heat}} if heat else {}),
+            **more,
+        }
+    )
+
+
+@pytest.mark.parametrize("heat", [0.0, 4.0])
+@pytest.mark.parametrize(("cell", "degree"), [("quadrilateral", 1), ("quadrilateral", 2), ("tetrahedron", 2)])
+def test_a_clamped_bar_has_one_stress_everywhere(cell, degree, heat):
+    """Also in the cells beside the section, whose own displacement is not that of their nodes; heat lets it go."""
+    solution = solve(bar(cell, degree, heat=heat))
+    wanted, area = YOUNG * (0.03 / 3.0 - 1e-3 * heat), 1.0
+    (section,) = solution.preloads
+    assert np.isclose(section.force, wanted * area, rtol=1e-10)
+    assert np.isclose(solution.last_step.strain_energy, wanted**2 / (2 * YOUNG) * 3.0, rtol=1e-10)
+    assert solution.certificate.holds
+    assert solution.certificate.worst < 1e-10
+
+
+@pytest.mark.parametrize(("cell", "degree"), [("triangle", 1), ("tetrahedron", 1), ("hexahedron", 2)])
+def test_a_plane_that_cuts_cells_askew(cell, degree):
+    """The section is a staircase then, and the stress is uniform all the same."""
+    dim = 2 if cell == "triangle" else 3
+    preload = {"point": [1.3, *[0.4] * (dim - 1)], "axis": [1.0, *[0.0] * (dim - 1)], "shortening": 0.03}
+    solution = solve(bar(cell, degree, preload=preload))
+    (section,) = solution.preloads
+    assert np.isclose(section.force, YOUNG * 0.03 / 3.0, rtol=1e-10)
+    assert np.isclose(solution.last_step.strain_energy, YOUNG * 0.01**2 / 2 * 3.0, rtol=1e-10)
+    assert np.isclose(solution.stress.largest().value, YOUNG * 0.01, rtol=1e-8)
+    assert np.isclose(solution.stress.smallest("von_mises", 0).value, YOUNG * 0.01, rtol=1e-8)
+
+
+@pytest.mark.parametrize("cell", ["quadrilateral", "hexahedron"])
+def test_an_orthotropic_bar(cell):
+    """Only its modulus along the bar counts, with free sides."""
+    wood = {"young": [YOUNG, 70.0, 40.0], "poisson": [0.4, 0.3, 0.5], "shear": [60.0, 50.0, 5.0]}
+    material = {"orthotropic": wood} | ({"hypothesis": "plane stress"} if cell == "quadrilateral" else {})
+    solution = solve(bar(cell, material=material))
+    assert np.isclose(solution.preloads[0].force, YOUNG * 0.01, rtol=1e-10)
+    assert np.isclose(solution.stress.largest().value, YOUNG * 0.01, rtol=1e-8)
+    assert solution.certificate.worst < 1e-10
+
+
+def test_axisymmetric():
+    """A round bar: the force is that of the whole section."""
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": {"length": 0.5, "height": 3.0, "nx": 3, "ny": 7}},
+        "material": {"young": YOUNG, "poisson": 0.0, "hypothesis": "axisymmetric"},
+        "displacement": [{"boundary": "bottom", "y": 0.0}, {"boundary": "top", "y": 0.0}],
+        "preload": {"point": [0.0, 1.3], "axis": [0.0, 1.0], "shortening": 0.03},
+    }
+    solution = solve(parse_scene(scene))
+    assert np.isclose(solution.preloads[0].force, np.pi * 0.25 * YOUNG * 0.01, rtol=1e-10)
+    assert np.isclose(solution.stress.largest().value, YOUNG * 0.01, rtol=1e-8)
+    with pytest.raises(SceneError, match="axis: must be along"):
+        parse_scene(scene | {"preload": scene["preload"] | {"axis": [1.0, 1.0]}})
+
+
+def drawn(comm, dim, *, whole=True):
+    """A bar of two halves, or a plate with a crack line that ends inside, with the facets between them."""
+
+    def draw(gmsh):
+        occ = gmsh.model.occ
+        if dim == 2:
+            parts = [(2, occ.addRectangle(0, 0, 0, 1.2, 1)), (2, occ.addRectangle(1.2, 0, 0, 1.8, 1))]
+        else:
+            parts = [(3, occ.addBox(0, 0, 0, 1.2, 1, 1)), (3, occ.addBox(1.2, 0, 0, 1.8, 1, 1))]
+        if not whole:
+            parts = [parts[0], (1, occ.addLine(occ.addPoint(0.6, 0, 0), occ.addPoint(0.6, 0.5, 0)))]
+        occ.fragment(parts[:1], parts[1:])
+        occ.synchronize()
+        at = 1.2 if whole else 0.6
+        groups = {"left": 0.0, "cut": at, "right": 3.0 if whole else 1.2}
+        for name, x in groups.items():
+            box = (x - 0.01, -0.01, -0.01, x + 0.01, 1.01, 1.01)
+            sides = [tag for _, tag in gmsh.model.getEntitiesInBoundingBox(*box, dim - 1)]
+            gmsh.model.setPhysicalName(dim - 1, gmsh.model.addPhysicalGroup(dim - 1, sides), name)
+        every = [tag for _, tag in gmsh.model.getEntities(dim)]
+        gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, every), "body")
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.4)
+        gmsh.model.mesh.generate(dim)
+
+    return gmsh_mesh(comm, draw, "bar")
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_section_of_named_facets(dim):
+    still = dict.fromkeys("xyz"[:dim], 0.0)
+    scene = {
+        "mesh": drawn(COMM, dim),
+        "material": {"young": YOUNG, "poisson": 0.0},
+        "displacement": [{"boundary": "left", **still}, {"boundary": "right", "x": 0.0}],
+        "preload": {"section": "cut", "shortening": 0.03},
+    }
+    (section,) = solve(parse_scene(scene)).preloads
+    assert np.isclose(section.force, YOUNG * 0.03 / 3.0, rtol=1e-10)
+    assert section.name == "preload cut"
+
+
+MISTAKES = {
+    "no section": ({"section": "nowhere", "shortening": 0.1}, "preload[0].section: the mesh has no facets 'nowhere'"),
+    "outside": ({"section": "left", "shortening": 0.1}, "preload[0].section: 'left' has no facets inside the mesh"),
+    "beside": ({"point": [9.0, 0.0], "axis": [1.0, 0.0], "shortening": 0.1}, "the plane does not cut the mesh"),
+    "at a support": ({"point": [0.2, 0.0], "axis": [1.0, 0.0], "shortening": 0.1}, "holds nodes of the section"),
+    "three": ({"point": [1.0, 0.0, 0.0], "axis": [1.0, 0.0], "shortening": 0.1}, "give 2 numbers, not 3"),
+    "both": ({"point": [1.0, 0.0], "axis": [1.0, 0.0], "shortening": 0.1, "force": 1.0}, "give either force or"),
+    "neither": ({"section": "cut"}, "give either force or shortening"),
+    "nowhere": ({"point": [1.0, 0.0], "shortening": 0.1}, "give either section"),
+    "pushes": ({"section": "cut", "force": -1.0}, "force must be positive"),
+    "no contact": ({"section": "cut", "force": 1.0}, "preload.force: needs contact"),
+    "field": ({"section": "cut", "shortening": "x[0]"}, "a number or an expression of the time t is expected"),
+    "locks": ({"section": "cut", "shortening": 1.0, "locked_after": 2}, "locked_after is that of a force"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_mistakes(name):
+    preload, words = MISTAKES[name]
+    with pytest.raises(SceneError) as raised:
+        solve(bar("triangle", preload=preload))
+    assert words in str(raised.value).replace("\n", " ")
+
+
+def test_a_section_that_ends_inside():
+    scene = {
+        "mesh": drawn(COMM, 2, whole=False),
+        "material": {"young": YOUNG, "poisson": 0.3},
+        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+        "preload": {"section": "cut", "shortening": 0.03},
+    }
+    with pytest.raises(SceneError, match="ends inside the body"):
+        solve(parse_scene(scene))
+
+
+def test_check_tells():
+    told = render(check_scene(clamped()))
+    assert "preload bolt" in told
+    assert "force = 20, locked_after = 1" in told
+
+
+def test_zero_is_nothing():
+    """A shortening of zero compiles nothing, and a scene without a preload does not import it."""
+    none = solve(bar("triangle", preload={"point": [1.0, 0.0], "axis": [1.0, 0.0], "shortening": 0.0}))
+    assert not none.preloads
+    assert none.discretisation.inventory.forms == ["elasticity"]
