@@ -177,7 +177,8 @@ def _distances(axes: Axes, judged: Sequence[Row]) -> None:
         marker, at = ("o", share) if share < _FARTHEST else (">", _FARTHEST)
         axes.plot(at, place, marker, color=_INK, markerfacecolor=_INK if reached else "white", markersize=5)
         value = f"{row.value:.2f} ({'>=' if row.at_least else '<='} {row.target:g})"
-        axes.text(0.017, place, value, va="center", fontsize=6.5, color=_MUTED)
+        white = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
+        axes.text(0.017, place, value, va="center", fontsize=6.5, color=_MUTED, bbox=white)
     axes.set_xscale("log")
     axes.axvline(1.0, color=_MUTED, linewidth=0.8)
     axes.grid(axis="y", color="#e4e4e4", linewidth=0.5)

@@ -174,7 +174,7 @@ def test_forces_at_nodes(tmp_path, capsys):
         "SOLID SECTION: the thickness 0.5: forces are per unit of it",
         f"CLOAD: forces at nodes, {NY + 1} along x in all ({NY + 1} nodes): on 'WALL' evenly",
         "CLOAD: moments at nodes",
-        "CLOAD: forces at nodes, 2 along y in all (1 nodes): give a force on a boundary",
+        "CLOAD: forces at nodes, 2 along y in all (1 node): give a force on a boundary",
     ]
 
 

@@ -101,8 +101,8 @@ class Setup:
         """Write the picture.
 
         Boundaries have the colour of what acts on them: orange contact, blue loads, green supports.  Arrows are loads
-        by their size, and prescribed displacements that are not nought; triangles point along the components
-        that are held, and strokes say that all are.
+        by their size, and prescribed displacements that are not nought, pale on hidden sides; triangles point along the
+        components that are held, and strokes say that all are.
 
         Args:
             path_stem: where to write, without suffix.
@@ -212,9 +212,8 @@ class Setup:
             rows = thinned(flat(at), side / _ARROWS) if len(at) > _FEW else np.arange(len(at))
             for vectors, most, colour in ((one.load, largest, BLUE), (one.moved, farthest, _COLOURS["displacement"])):
                 if most > 0:
-                    self._arrows(
-                        axes, flat, at[rows], normals[rows], np.asarray(vectors[front][rows] / most), size, colour
-                    )
+                    arrows = np.asarray(vectors[front][rows] / most)
+                    self._arrows(axes, flat, at[rows], normals[rows], arrows, size, colour, hidden=hidden)
             if one.held and not hidden and not one.moved.any():
                 rows = thinned(flat(at), side / _SUPPORTS)
                 _supports(axes, flat, at[rows], normals[rows], one.held, size)
@@ -231,8 +230,15 @@ class Setup:
         vectors: Floats,
         size: float,
         colour: str,
+        *,
+        hidden: bool,
     ) -> None:
-        """Of vectors of length 1 at most; those into the body end at it, and the others begin there."""
+        """Of vectors of length 1 at most; those into the body end at it, and the others begin there.
+
+        Those on a hidden boundary are pale with hollow heads, because they are drawn on what hides it.
+        """
+        style = {"arrowstyle": "-|>", "linewidth": 1.1, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 8}
+        style |= {"edgecolor": colour, "facecolor": "white" if hidden else colour, "alpha": 0.6 if hidden else 1.0}
         into = np.einsum("ij,ij->i", vectors, normals) < -1e-12
         along = np.abs(np.einsum("ij,ij->i", vectors, normals)) < 0.3 * np.linalg.norm(vectors, axis=1)
         at = at + _BESIDE * size * along[:, None] * normals
@@ -240,9 +246,7 @@ class Setup:
             if np.linalg.norm(vector) < _VISIBLE * _LONGEST * size:
                 continue
             start, end = (place - vector, place) if inwards else (place, place + vector)
-            style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.1, "shrinkA": 0, "shrinkB": 0}
-            arrow = {**style, "mutation_scale": 8}
-            axes.annotate("", flat(end), flat(start), arrowprops=arrow, annotation_clip=False, zorder=6)
+            axes.annotate("", flat(end), flat(start), arrowprops=style, annotation_clip=False, zorder=6)
 
     def _name(
         self,

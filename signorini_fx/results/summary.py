@@ -303,7 +303,8 @@ def _outcome(summary: dict[str, Any]) -> list[Line]:
         lines.append(_row("what to do", summary["advice"], "advice"))
     if "safety" in summary:
         lines.append(_row("safety factor", safety_in_words(summary["safety"])))
-    solves = f"{summary['linear_solves']} linear solves, {summary['factorisations']} factorisations"
+    counts = (summary["linear_solves"], "linear solve"), (summary["factorisations"], "factorisation")
+    solves = ", ".join(f"{count} {what}{'s' * (count != 1)}" for count, what in counts)
     return [
         *lines,
         _row("algorithm", f"{summary['algorithm']}, {solves}"),

@@ -198,7 +198,7 @@ def read_forces(deck: Deck, block: Block) -> None:
             continue
         total = 0.0 if abs(total) < _ALIKE**2 * abs(factor) * sum(map(abs, group.values)) else total
         where, own = deck.boundary(group.name), deck.rows(group.nodes)
-        said = f"forces at nodes, {total:g} along {axis} in all ({len(group.nodes)} nodes)"
+        said = f"forces at nodes, {total:g} along {axis} in all ({len(group.nodes)} node{'s' * (len(group.nodes) > 1)})"
         turned = not deck.turned.isdisjoint(map(int, own))
         if where is None or turned or not total or deck.hypothesis == "axisymmetric":
             deck.leave_out(block, f"{said}: give a force on a boundary")

@@ -262,13 +262,14 @@ def _gap(deck: Deck, where: str, rigid: str, tool: str) -> list[str]:
     if tool:
         shape = f'shape = "plane", point = {middle.tolist()}, normal = {(-toward + 0.0).tolist()}'
         return [f"foundation = {{ {shape}{driven} }}"]
-    at = float(middle @ toward)
+    at, toward = float(middle @ toward), toward + 0.0  # without negative zeros
     terms = "".join(
         f" {'-' if share > 0 else '+'} {'' if abs(share) == 1 else f'{abs(share)!r}*'}x[{k}]"
         for k, share in enumerate(map(float, toward))
         if share
     )
-    return [f'gap = "{at!r}{terms}"', f"direction = {toward.tolist()}"]
+    distance = f"{at!r}{terms}" if at else terms.removeprefix(" + ").lstrip()
+    return [f'gap = "{distance}"', f"direction = {toward.tolist()}"]
 
 
 def _outwards(deck: Deck, where: str, normal: Floats) -> Floats:
