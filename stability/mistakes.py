@@ -419,6 +419,20 @@ MUTANTS = (
         tests=("orthotropic",),
     ),
     Mutant(
+        "body/contact_boundary",
+        "self._axes / self.ellipse.scale",
+        "self._axes",
+        "friction ellipse: slips in space by the tangents of forces",
+        tests=("elliptic_friction",),
+    ),
+    Mutant(
+        "results/contact_nodes",
+        "self.ratio**power - 1",
+        "0 * self.ratio",
+        "second opinion: a disc in place of the friction ellipse",
+        tests=("elliptic_friction",),
+    ),
+    Mutant(
         "scene/orthotropic",
         "not determinant > 0",
         "False",
@@ -1201,8 +1215,8 @@ MUTANTS = (
     ),
     Mutant(
         "solving/restart",
-        "_along(origin, tangents) - rest_t",
-        "_along(origin, tangents)",
+        "_along(origin, boundary.tangents) - rest_t",
+        "_along(origin, boundary.tangents)",
         "restart: slip counted from the resting place twice",
         tests=("restart::test_from_the_resting_place",),
     ),
@@ -2414,8 +2428,8 @@ MUTANTS = (
     ),
     Mutant(
         "body/contact_state",
-        "weight @ self.tangential(self.u_t)",
-        "self.tangential(self.u_t).sum(axis=0)",
+        "weight @ self.displaced(self.u_t)",
+        "self.displaced(self.u_t).sum(axis=0)",
         "mean displacement without weights",
         tests=("quantities::test_mean_tangential_displacement",),
     ),

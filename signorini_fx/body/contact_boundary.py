@@ -24,6 +24,7 @@ from signorini_fx import compat, parallel
 from signorini_fx.body import forms
 from signorini_fx.body.assembly import assemble, facet_nodes, measure
 from signorini_fx.body.averages import Averages, AveragingForms, averaged_points
+from signorini_fx.body.elliptic_friction import Ellipse
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.contact.laws import Nodal
@@ -76,6 +77,7 @@ class ContactBoundary:
         axes: the frame of each point that ``free`` is told in, one direction per column, shape (n, d, d); None: the
             axes of space.
         moving: foundations whose motion is an unknown; None: there are none.
+        ellipse: the friction ellipses; None: friction has no direction.
     """
 
     comm: MPI.Comm
@@ -90,6 +92,7 @@ class ContactBoundary:
     averages: Averages | None = None
     axes: Nodal | None = None
     moving: MovingFoundation | None = None
+    ellipse: Ellipse | None = None
 
     @property
     def size(self) -> int:
@@ -116,8 +119,22 @@ class ContactBoundary:
 
     @cached_property
     def tangents(self) -> Nodal:
-        """Orthonormal tangents T_i, one per column, shape (n, d, d - 1), see ``tangents_of``; where a component
-        perpendicular to the normal is prescribed, one of them is along it.
+        """Tangents T_i, one per column, shape (n, d, d - 1): orthonormal, unless friction depends on the direction, see
+        ``elliptic_friction``.
+        """
+        return self._axes if self.ellipse is None else self._axes * self.ellipse.scale
+
+    @cached_property
+    def cotangents(self) -> Nodal:
+        """Their dual basis, shape (n, d, d - 1), with which components of displacements along the tangents make a
+        vector; that of forces is made with the tangents.
+        """
+        return self._axes if self.ellipse is None else self._axes / self.ellipse.scale
+
+    @cached_property
+    def _axes(self) -> Nodal:
+        """Orthonormal tangents, see ``tangents_of``; where a component perpendicular to the normal is prescribed, one
+        of them is along it; those of friction ellipses along their axes.
         """
         tangents = tangents_of(self.normal)
         if self.normal.shape[1] == 2:
@@ -128,7 +145,7 @@ class ContactBoundary:
             if self.axes is not None:
                 along = self.axes[here, :, axis]
             tangents[here] = np.stack((along, np.cross(self.normal[here], along)), axis=2)
-        return tangents
+        return tangents if self.ellipse is None else self.ellipse.axes(self.normal, tangents)
 
     @property
     def frames(self) -> Nodal:
@@ -137,8 +154,9 @@ class ContactBoundary:
 
     @property
     def frames_in_axes(self) -> Nodal:
-        """``frames`` in the components that ``free`` is told in, shape (n, d, d)."""
-        return self.frames if self.axes is None else np.einsum("nji,njk->nik", self.axes, self.frames)
+        """Orthonormal ``frames`` in the components that ``free`` is told in, shape (n, d, d)."""
+        frames = np.concatenate((self.normal[:, :, None], self._axes), axis=2)
+        return frames if self.axes is None else np.einsum("nji,njk->nik", self.axes, frames)
 
     @property
     def _components(self) -> Nodal:
@@ -202,7 +220,8 @@ class ContactBoundary:
         nodes = np.split(order, np.flatnonzero(np.diff(self.nodes[order])) + 1)
         pairs = [pair for same in nodes for pair in permutations((int(point) for point in same), 2)]
         here, beside = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-        return SharedNodes(here, beside, np.einsum("nji,nj->ni", self.frames[here], self.normal[beside]))
+        coframes = np.concatenate((self.normal[:, :, None], self.cotangents), axis=2)
+        return SharedNodes(here, beside, np.einsum("nji,nj->ni", coframes[here], self.normal[beside]))
 
     def traces(self, y: Nodal) -> tuple[Nodal, Nodal]:
         """(tau_N y, tau_T y), shapes (n,) and (n, d - 1), from nodal displacements of shape (n, d)."""
@@ -247,7 +266,16 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
         **fields,
         averages=Averages.joined([one for one in averages if one is not None]) if any(averages) else None,
         axes=np.concatenate(axes) if axes else None,
+        ellipse=_joined_ellipses(parts),
     )
+
+
+def _joined_ellipses(parts: list[ContactBoundary]) -> Ellipse | None:
+    """Those of several boundaries; None: no friction has a direction."""
+    if all(part.ellipse is None for part in parts):
+        return None
+    every = [part.ellipse or Ellipse.disc(part.size) for part in parts]
+    return Ellipse(np.concatenate([one.along for one in every]), np.concatenate([one.ratio for one in every]))
 
 
 def unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.int32], factor: Any = None) -> fem.Form:

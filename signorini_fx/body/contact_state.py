@@ -57,14 +57,18 @@ class ContactState(PointState):
         collective.
         """
         weight = self.boundary.weight
-        sums = parallel.global_sum(self.boundary.comm, np.append(weight @ self.tangential(self.u_t), weight.sum()))
+        sums = parallel.global_sum(self.boundary.comm, np.append(weight @ self.displaced(self.u_t), weight.sum()))
         mean: Nodal = sums[:-1] / sums[-1]
         return float(mean[0]) if mean.size == 1 else mean
 
     def tangential(self, vectors: Nodal) -> Nodal:
-        """Tangential vectors, shape (n, d - 1), as in tables: in the plane along the tangent, shape (n, 1), in space as
+        """Shears, shape (n, d - 1), as in tables: in the plane along the tangent, shape (n, 1), in space as
         vectors with three components, shape (n, 3), which do not depend on the choice of tangents.
         """
         if vectors.shape[1] == 1:
             return vectors
         return np.asarray(np.einsum("ijk,ik->ij", self.boundary.tangents, vectors))
+
+    def displaced(self, vectors: Nodal) -> Nodal:
+        """The same for tangential displacements and slips."""
+        return vectors if vectors.shape[1] == 1 else np.einsum("ijk,ik->ij", self.boundary.cotangents, vectors)

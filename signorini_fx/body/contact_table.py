@@ -130,9 +130,9 @@ def contact_table(
     vectors = {
         "x": boundary.x,
         "n": boundary.normal,
-        "u_t": contact.tangential(contact.u_t),
+        "u_t": contact.displaced(contact.u_t),
         "shear": contact.tangential(contact.shear),
-        "slip": contact.tangential(contact.slip_length),
+        "slip": contact.displaced(contact.slip_length),
     }
     rows = parallel.gather_rows(boundary.comm, np.column_stack((*scalars.values(), *vectors.values())))
     x = rows[:, len(scalars) : len(scalars) + dim]

@@ -15,11 +15,16 @@ class Coulomb:
             Function.
         cap: the largest bound, stress, of the same kinds; None: unlimited.
         cohesion: c, stress, not negative, of the same kinds; None: zero.
+        ratio: in space, that of the friction across ``along`` to the friction along it, of the same kinds, see
+            ``body.elliptic_friction``; None: friction is the same in all directions.
+        along: a vector, of the kinds of ``Foundation.direction``; None: along x[0].
     """
 
     coefficient: Any
     cap: Any = None
     cohesion: Any = None
+    ratio: Any = None
+    along: Any = None
 
 
 @dataclass(frozen=True)
@@ -29,9 +34,13 @@ class Tresca:
     Attributes:
         bound: g, stress, not negative: a number, a callable f(x) of points of shape (3, n), a UFL expression, or a
             Function.
+        ratio: see ``Coulomb``.
+        along: see ``Coulomb``.
     """
 
     bound: Any
+    ratio: Any = None
+    along: Any = None
 
 
 @dataclass(frozen=True)

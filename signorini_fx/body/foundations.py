@@ -15,6 +15,7 @@ from dolfinx import fem
 from signorini_fx import parallel
 from signorini_fx.body.averages import averaging, averaging_forms, from_owners
 from signorini_fx.body.contact_boundary import ContactBoundary, contact_part, join, unit_contact_form
+from signorini_fx.body.elliptic_friction import Ellipse, check_axes, check_supports, ellipse_of
 from signorini_fx.body.foundation import Coulomb, Foundation, Pair, Tresca
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.body.values import NodalValues
@@ -39,10 +40,12 @@ class Shape:
     Attributes:
         factor: of the surface measure, shape (nodes,); None: 1.
         direction: n, of length one, shape (nodes, d); None: the outward normal.
+        ellipse: of its friction; None: it has no direction.
     """
 
     factor: Array | None
     direction: Array | None
+    ellipse: Ellipse | None = None
 
 
 @dataclass(frozen=True)
@@ -209,7 +212,11 @@ class Foundations:
         found = []
         for k, (one, at) in enumerate(zip(self._contact, self._values, strict=True)):
             factor = direction = None
+            ellipse = ellipse_of(one.friction, at, f"contact[{k}].friction", self._space)
             if isinstance(one, Pair):
+                if ellipse is not None:
+                    why = "friction that depends on the direction is not possible yet between two bodies"
+                    raise FormError([(f"contact[{k}].friction.ratio", why)])
                 found.append(Shape(None, None))
                 continue
             if one.measure is not None:
@@ -223,7 +230,7 @@ class Foundations:
                 if parallel.any_rank(self._space.mesh.comm, bool((size == 0).any())):
                     raise FormError([(f"contact[{k}].direction", "is zero somewhere")])
                 direction = direction / size
-            found.append(Shape(factor, direction))
+            found.append(Shape(factor, direction, ellipse))
         return found
 
     def boundary(
@@ -252,6 +259,11 @@ class Foundations:
             part = contact_part(self._space, form, self.facets[k], k, fixed, turned, least)
             if shape.direction is not None:
                 part = replace(part, normal=shape.direction[part.nodes])
+            if shape.ellipse is not None:
+                own = Ellipse(shape.ellipse.along[part.nodes], shape.ellipse.ratio[part.nodes])
+                check_axes(part.normal, own, f"contact[{k}].friction", part.comm)
+                part = replace(part, ellipse=own)
+                check_supports(part.points.movable, f"contact[{k}].friction", part.comm)
             parts.append(part)
         return join(parts)
 

@@ -22,12 +22,14 @@ def foundations_of(
     found: list[Foundation | Pair] = []
     for place, (effect, on) in enumerate(zip(scene.contact, facets, strict=True)):
         friction: Coulomb | Tresca | None = None
+        ratio = effect.friction.ratio
+        directed = {} if ratio is None else {"ratio": _evaluable(ratio), "along": effect.friction.vectors}
         match effect.friction if effect.friction.acts else None:
             case TrescaFriction(bound=bound):
-                friction = Tresca(_evaluable(bound))
+                friction = Tresca(_evaluable(bound), **directed)
             case CoulombFriction(coefficient=coefficient, cap=cap, cohesion=cohesion):
                 others = (None if value is None else _evaluable(value) for value in (cap, cohesion))
-                friction = Coulomb(_evaluable(coefficient), *others)
+                friction = Coulomb(_evaluable(coefficient), *others, **directed)
         bilateral = isinstance(effect, BilateralContact)
         if place in masters:
             gap = _evaluable(effect.gap)

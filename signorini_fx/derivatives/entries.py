@@ -48,6 +48,8 @@ def entry_of(scene: Scene, path: str, extent: float, dimension: int) -> tuple[fl
     """
     if path.startswith("material") and any(one.orthotropic is not None for one in scene.material):
         raise SceneError([(path, "is not possible yet where a material is orthotropic")])
+    if ".friction.ratio" in path or ".friction.along" in path:
+        raise SceneError([(path, "is none that a derivative can be taken by")])
     if path.endswith("grading"):
         number = "poisson" if path.endswith("poisson_grading") else "young"
         raise SceneError([(path, f"is none that a derivative can be taken by: take {number}, which it multiplies")])

@@ -5,16 +5,41 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, Tag
+import numpy as np
+from pydantic import Discriminator, Field, Tag, model_validator
 
-from signorini_fx.scene.base import Table
-from signorini_fx.scene.effect import Contradictions, Effect, text
+from signorini_fx.scene.base import Table, refused
+from signorini_fx.scene.effect import Array, Contradictions, Effect, text
+from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.rigid_shape import Distance, OneShape
 from signorini_fx.scene.values import Direction, NonNegativeTimedValue, SampledValue, shown
 
+VectorField = Annotated[tuple[SampledValue, ...], Field(min_length=3, max_length=3)]
+
 
 class Friction(Table):
-    """A friction law."""
+    """A friction law.  In space it may depend on the direction, see ``body.elliptic_friction``."""
+
+    @model_validator(mode="after")
+    def _both(self) -> Self:
+        if getattr(self, "along", None) is not None and getattr(self, "ratio", None) is None:
+            raise refused(type(self).__name__, [(("along",), "needs a ratio, of the friction across it")])
+        return self
+
+    def vectors(self, x: Array) -> Array:
+        """``along`` at points, both with shape (3, n)."""
+        return np.array([sample(value, x) for value in getattr(self, "along", None) or (1.0, 0.0, 0.0)])
+
+    def ellipse(self, x: Array) -> tuple[Array, Array]:
+        """For the second opinion: ``along``, shape (n, 3), and ``ratio``, shape (n,), at points of shape (3, n)."""
+        return self.vectors(x).T, sample(getattr(self, "ratio", 1.0), x)
+
+    @property
+    def directions_said(self) -> str:
+        """Its ratio in words."""
+        along = ", ".join(text(value) for value in getattr(self, "along", None) or (1.0, 0.0, 0.0))
+        ratio = getattr(self, "ratio", None)
+        return "" if ratio is None else f", ratio = {text(ratio)} across ({along})"
 
     @property
     def acts(self) -> bool:
@@ -45,6 +70,11 @@ class NoFriction(Friction):
 
     law: Literal["none"] = "none"
 
+    @property
+    def ratio(self) -> None:
+        """None: it has no direction."""
+        return
+
 
 class TrescaFriction(Friction):
     """Tresca friction: |mu| <= bound (2.3d').
@@ -52,10 +82,14 @@ class TrescaFriction(Friction):
     Attributes:
         law: its name.
         bound: largest shear, stress.
+        ratio: that of the friction across ``along`` to the friction along it; None: it is the same in all directions.
+        along: a vector, whose part in the tangent plane counts; None: along x[0].
     """
 
     law: Literal["tresca"] = "tresca"
     bound: NonNegativeTimedValue
+    ratio: SampledValue | None = None
+    along: VectorField | None = None
 
     @property
     def acts(self) -> bool:
@@ -65,7 +99,7 @@ class TrescaFriction(Friction):
     @property
     def said(self) -> str:
         """See ``Friction``."""
-        return f"tresca, bound = {text(self.bound)}" + ("" if self.acts else ": frictionless")
+        return f"tresca, bound = {text(self.bound)}{self.directions_said}" + ("" if self.acts else ": frictionless")
 
 
 class CoulombFriction(Friction):
@@ -76,12 +110,16 @@ class CoulombFriction(Friction):
         coefficient: F, without unit.
         cap: largest shear that the contact can transmit, stress; None: no such limit.
         cohesion: shear that it transmits without pressure, stress, until it opens; None: none.
+        ratio: that of the friction across ``along`` to the friction along it; None: it is the same in all directions.
+        along: a vector, whose part in the tangent plane counts; None: along x[0].
     """
 
     law: Literal["coulomb"] = "coulomb"
     coefficient: NonNegativeTimedValue
     cap: NonNegativeTimedValue | None = None
     cohesion: NonNegativeTimedValue | None = None
+    ratio: SampledValue | None = None
+    along: VectorField | None = None
 
     @property
     def acts(self) -> bool:
@@ -93,7 +131,7 @@ class CoulombFriction(Friction):
         """See ``Friction``."""
         given = [(key, getattr(self, key)) for key in ("coefficient", "cohesion", "cap")]
         said = "".join(f", {key} = {text(value)}" for key, value in given if value is not None)
-        return f"coulomb{said}" + ("" if self.acts else ": frictionless")
+        return f"coulomb{said}{self.directions_said}" + ("" if self.acts else ": frictionless")
 
 
 class Contact(Effect):
@@ -127,6 +165,8 @@ class Contact(Effect):
                     yield key, f"{reason} is not possible yet where {what}"
         if self.tool is not None:
             yield from _not_with_tools(scene, place)
+        if self.friction.ratio is not None:
+            yield from self._not_with_directions(scene, place)
         if self.against is None:
             for word, given in (("distance", self.distance == "nominal"), ("points", self.points != "auto")):
                 if given:
@@ -148,6 +188,22 @@ class Contact(Effect):
             yield ("accuracy", "refinement"), message + "one would not be divided: use 'uniform'"
         if scene.axisymmetric:
             yield ("material", 0, "hypothesis"), "axisymmetric is not possible yet where two bodies are in contact"
+
+    def _not_with_directions(self, scene: Any, place: int) -> Contradictions:
+        """What friction that depends on the direction is not possible with."""
+        here = ("contact", place, "friction", "ratio")
+        for wrong, path, reason in (
+            (self.against is not None, here, "is not possible yet between two bodies"),
+            (self.tool is not None, here, "is not possible yet where a force moves the foundation"),
+            (
+                scene.solver.algorithm == "exact",
+                ("solver", "algorithm"),
+                "exact ties one unknown for each constraint, which friction with a ratio scales: take 'alm'",
+            ),
+            (scene.accuracy is not None, ("accuracy",), "is not possible yet for friction with a ratio"),
+        ):
+            if wrong:
+                yield path, reason
 
     @property
     def surface(self) -> Any:

@@ -75,7 +75,7 @@ def _side(data: Data, space: fem.FunctionSpace) -> ContactSide:
         found = np.minimum(found, data.cap[nodes])
         return np.where(pressure == 0, 0.0, found) if data.cohesive else found
 
-    claim, along = None, data.shape.direction
+    claim, along, ellipse = None, data.shape.direction, data.shape.ellipse
     if data.pair is not None:
         from signorini_fx.results.paired_claim import claim_of
 
@@ -89,4 +89,5 @@ def _side(data: Data, space: fem.FunctionSpace) -> ContactSide:
         data.shape.factor,
         claim,
         data.pair is not None and data.pair.by_geometry,
+        None if ellipse is None else lambda nodes: (ellipse.along[nodes], ellipse.ratio[nodes]),
     )

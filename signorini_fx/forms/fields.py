@@ -49,12 +49,12 @@ class ContactFields:
             here: the points to take, shape (n,); None: all.  Of a node of two contacts the later one is taken.
         """
         where = slice(None) if here is None else here
-        tangents = state.boundary.tangents
+        tangents, cotangents = state.boundary.tangents, state.boundary.cotangents
         values = {
             "pressure": state.pressure[:, None],
             "shear": np.einsum("ijk,ik->ij", tangents, state.shear),
             "gap": (state.gap - state.u_n)[:, None],
-            "slip": np.einsum("ijk,ik->ij", tangents, state.slip_length),
+            "slip": np.einsum("ijk,ik->ij", cotangents, state.slip_length),
         }
         for name, found in values.items():
             function: fem.Function = getattr(self, name)

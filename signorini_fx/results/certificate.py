@@ -305,7 +305,7 @@ def judged(
         slip, origin = slip - last.traces(so_far, before.tools)[1], last.shear
         if before.elastic_slip is not None and not np.isfinite(law.gamma_t):
             elastic = replace(before.tractions, shear=before.elastic_slip)
-            slip = slip + ContactNodes.of(forces, sides, elastic).shear
+            slip = slip + nodes.rounded(ContactNodes.of(forces, sides, elastic).shear, power=-2)
         if before.moved is not None:  # slip is relative to the foundation, and shear along it
             moved = ContactNodes.of(forces, sides, replace(before.tractions, shear=before.moved)).shear
             slip, origin = (
@@ -321,7 +321,7 @@ def judged(
     # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
     still = _FAINT * scales.deflection(stress)
     units = _Units(max(length, still), max(far, still), stress, penalty)
-    found |= contact_conditions(nodes, u_n, slip, origin, law, supports, units)
+    found |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, supports, units)
     return Certificate(equilibrium=max(equilibrium(balance, y, nodes, units), volume), **found)
 
 
@@ -379,14 +379,14 @@ def contact_conditions(
     Args:
         nodes: the contact points with the tractions at them, n of them.
         u_n: tau_N y, shape (n,).
-        slip: what tau_T y adds to the previous step, shape (n, d).
-        origin: shear at its end, shape (n, d).
+        slip: what tau_T y adds to the previous step, shape (n, d), see ``ContactNodes.rounded``.
+        origin: shear at its end, shape (n, d), likewise.
         law: the contact law that the method promises.
         supports: what is prescribed.
         units: what stresses and lengths are relative to.
     """
-    comm, pressure, shear, bilateral = nodes.evaluation.space.mesh.comm, nodes.pressure, nodes.shear, nodes.bilateral
-    length, far, stress = units.length, units.far, units.stress
+    pressure, shear, bilateral = nodes.pressure, nodes.rounded(nodes.shear, -1), nodes.bilateral
+    comm, length, far, stress = nodes.evaluation.space.mesh.comm, units.length, units.far, units.stress
     overlap, sheared = u_n - nodes.gap, np.linalg.norm(shear, axis=1)
     entered = overlap - pressure / law.gamma_n
     xi = slip - (shear - origin) / law.gamma_t

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -47,6 +47,8 @@ class ContactSide:
         factor: of the measure, see ``SurfaceQuadrature.moments``.
         claim: what the solver says of both sides of a pair; None: the foundation is rigid.
         by_geometry: whether the distance of both sides of a pair along the normal is added to the gap.
+        ellipse: nodes -> the vector along which friction is that of ``bound``, shape (n, d), and the ratio of that
+            across it, shape (n,); None: friction has no direction.
     """
 
     boundary: Any
@@ -57,6 +59,7 @@ class ContactSide:
     factor: Nodal | None = None
     claim: Claim | None = None
     by_geometry: bool = False
+    ellipse: Callable[[npt.NDArray[np.integer[Any]]], tuple[Nodal, Nodal]] | None = None
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,8 @@ class ContactNodes:
             None for a pair; None where points do not average.
         counts: number of points of each contact boundary.
         claims: of each contact boundary, see ``ContactSide``; None where all foundations are rigid.
+        across: e, the unit vector across which friction has a ratio to that along, shape (n, d); None: it has none.
+        ratio: r, of the friction along e, shape (n,).
     """
 
     evaluation: SurfaceQuadrature
@@ -91,6 +96,8 @@ class ContactNodes:
     spread: list[Any] | None
     counts: list[int]
     claims: list[Claim | None] | None = None
+    across: Nodal | None = None
+    ratio: Nodal | None = None
 
     @classmethod
     def of(cls, forces: SurfaceQuadrature, sides: Sequence[ContactSide], tractions: Tractions) -> ContactNodes:
@@ -147,7 +154,25 @@ class ContactNodes:
         weight, normal, gap, bound, bilateral, pressure, shear = rest
         held = spread or None
         claims = [side.claim for side in sides] if any(side.claim is not None for side in sides) else None
-        return cls(forces, nodes, weight, normal, gap, bound, bilateral, pressure, shear, held, counts, claims)
+        found = cls(forces, nodes, weight, normal, gap, bound, bilateral, pressure, shear, held, counts, claims)
+        if all(side.ellipse is None for side in sides):
+            return found
+        across, ratio = np.zeros_like(normal), np.ones(nodes.size)
+        for side, points in zip(sides, found._parts(), strict=True):
+            if side.ellipse is not None:
+                along, ratio[points] = side.ellipse(nodes[points])
+                across[points] = np.cross(normal[points], along)
+                across[points] /= np.linalg.norm(across[points], axis=1, keepdims=True)
+        return replace(found, across=across, ratio=ratio)
+
+    def rounded(self, vectors: Nodal, power: int) -> Nodal:
+        """Tangential vectors, shape (n, d), with their part across the direction of friction times r^power: with -1
+        admissible shears fill a disc, and with 1 slips that are normal to the ellipse are normal to that.
+        """
+        if self.across is None or self.ratio is None:
+            return vectors
+        part = np.sum(vectors * self.across, axis=1) * (self.ratio**power - 1)
+        return np.asarray(vectors + part[:, None] * self.across)
 
     @property
     def traction(self) -> Nodal:
@@ -362,6 +387,9 @@ def sides_of(
             2 * np.pi * np.maximum(x[:, 0], 0.0) if scene.axisymmetric else None,
             claim=claims.get(place),
             by_geometry=not bonded and effect.distance == "geometry",
+            ellipse=None
+            if effect.friction.ratio is None
+            else lambda nodes: effect.friction.ellipse(in_space(x[nodes])),
         )
 
     return [side(place, effect) for place, effect in enumerate(scene.contact)]

@@ -34,23 +34,27 @@ def carried(
     if turns and rest is not None:
         wrong = "its directions cannot change between the steps of a loop where contact alone holds the body"
         raise FormError([("contact", wrong)])
-    rotation = np.einsum("nij,nik->njk", after.tangents, before.tangents)
+    rotation = np.einsum("nij,nik->njk", after.cotangents, before.tangents)
 
-    def turned(vectors: Array | None) -> Any:
-        return None if vectors is None else np.einsum("njk,nk->nj", rotation, vectors)
+    def turned(shear: Array) -> Any:
+        return np.einsum("njk,nk->nj", rotation, shear)
 
-    data, multipliers, origin = start.data, start.multipliers, turned(start.data.slip_origin)
+    def moved(slip: Array | None) -> Any:
+        return None if slip is None else np.einsum("nij,nik,nk->nj", after.tangents, before.cotangents, slip)
+
+    data, multipliers, origin = start.data, start.multipliers, moved(start.data.slip_origin)
     if turns and origin is not None:
         relative = np.column_stack((normal, np.asarray(start.data.slip_origin)))
-        relative = np.einsum("nki,nkj,nj->ni", after.frames, before.frames, relative)
+        coframes = np.concatenate((before.normal[:, :, None], before.cotangents), axis=2)
+        relative = np.einsum("nki,nkj,nj->ni", after.frames, coframes, relative)
         normal, origin = relative[:, 0], relative[:, 1:]
     begun = replace(
         start,
         data=replace(data, mu_hat=turned(data.mu_hat), slip_origin=origin),
         multipliers=None if multipliers is None else (multipliers[0], turned(multipliers[1])),
-        elastic_slip=turned(start.elastic_slip),
+        elastic_slip=moved(start.elastic_slip),
     )
-    return begun, None if rest is None else replace(rest, u_t=turned(rest.u_t)), normal
+    return begun, None if rest is None else replace(rest, u_t=moved(rest.u_t)), normal
 
 
 def relative_to(before: Before, boundary: ContactBoundary, moved: Array) -> Before:

@@ -59,7 +59,7 @@ def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets,
         bound = np.where(np.isfinite(bound), bound, 0.0)  # where nothing slips
         far, most = ((share * values[:, :, 0]).sum(axis=1) for values in (slipped, bound))
         turning[here] = np.divide(most, far, out=np.zeros_like(far), where=far > 0)
-    turned = np.einsum("ijk,ij->ik", fine.tangents, direction)
+    turned = np.einsum("ijk,ij->ik", fine.cotangents, direction)
     slip = length(turned) > 0
     sets = ActiveSets.of(contact, np.where(slip[:, None], unit(turned), 0.0), turning)
-    return sets, (pressure, np.einsum("ijk,ij->ik", fine.tangents, shear))
+    return sets, (pressure, np.einsum("ijk,ij->ik", fine.cotangents, shear))

@@ -14,6 +14,7 @@ import numpy as np
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.task import Outcome, Start, Task
+from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, unit
 from signorini_fx.problem.exact import ExactProblem
@@ -104,7 +105,7 @@ class Kept:
         """
         problem, history, boundary = outcome.problem, task.history, d.boundary
         assert boundary is not None
-        tangents, sets = boundary.tangents, problem.sets
+        tangents, cotangents, sets = boundary.tangents, boundary.cotangents, problem.sets
         nodal: dict[str, Nodal] = {
             "contact": sets.contact.astype(np.float64),
             "direction": _in_space(sets.direction, tangents),
@@ -119,7 +120,7 @@ class Kept:
                 f"{name}.{key}": values for key in ("bound", "coupling") if (values := getattr(data, key)) is not None
             }
             if data.slip_origin is not None:
-                nodal[f"{name}.slip_origin"] = _in_space(data.slip_origin + rest_t, tangents)
+                nodal[f"{name}.slip_origin"] = _in_space(data.slip_origin + rest_t, cotangents)
             parameters[name] = [data.gamma_n, data.gamma_t, data.sigma]
         solves, problems, events = marks
         figures = {
@@ -164,13 +165,13 @@ class Kept:
         every = d.unknowns(displacement)
         if d.tools is not None:
             d.begin_driven(every, np.array(figures["tools"]), task.rest)
-        x, tangents = task.system.unknowns(every), d.boundary.tangents
-        direction = _along(nodal["direction"], tangents)
+        x, boundary = task.system.unknowns(every), d.boundary
+        direction = _along(nodal["direction"], boundary.cotangents)
         slipping = np.linalg.norm(direction, axis=1) > 0.5
         direction = np.where(slipping[:, None], unit(direction), 0.0)
         sets = ActiveSets.of(nodal["contact"].ravel() > 0, direction, nodal["turning"].ravel())
         given, solved = (
-            _data(task, start, name, nodal, figures["parameters"][name], tangents) for name in ("given", "solved")
+            _data(task, start, name, nodal, figures["parameters"][name], boundary) for name in ("given", "solved")
         )
         newton = task.iterate.newton
         # The regularised problem is where the next load step begins, also where this one has no regularisation.
@@ -200,7 +201,7 @@ class Kept:
 
 
 def _data(
-    task: Task, start: Start, name: str, nodal: Mapping[str, Nodal], parameters: list[Any], tangents: Nodal
+    task: Task, start: Start, name: str, nodal: Mapping[str, Nodal], parameters: list[Any], boundary: ContactBoundary
 ) -> RegularisedData:
     """The data of a problem, as they were stored under a name."""
 
@@ -217,18 +218,18 @@ def _data(
         gamma_t=gamma_t,
         sigma=sigma,
         lambda_hat=nodal[f"{name}.lambda_hat"].ravel(),
-        mu_hat=_along(nodal[f"{name}.mu_hat"], tangents),
+        mu_hat=_along(nodal[f"{name}.mu_hat"], boundary.cotangents),
         bound=values("bound"),
         coupling=values("coupling"),
-        slip_origin=None if origin is None else _along(origin, tangents) - rest_t,
+        slip_origin=None if origin is None else _along(origin, boundary.tangents) - rest_t,
     )
 
 
 def _in_space(vectors: Nodal, tangents: Nodal) -> Nodal:
-    """Tangential vectors, shape (n, d - 1), in the axes of space, shape (n, d)."""
+    """Components, shape (n, d - 1), as vectors, shape (n, d): shears with the tangents, slips with their dual basis."""
     return np.einsum("ijk,ik->ij", tangents, vectors)
 
 
 def _along(vectors: Nodal, tangents: Nodal) -> Nodal:
-    """Their components along the tangents, the inverse of ``_in_space``."""
+    """The inverse of ``_in_space``, with the dual basis."""
     return np.einsum("ijk,ij->ik", tangents, vectors)

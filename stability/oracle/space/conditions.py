@@ -45,6 +45,7 @@ class Contact:
         coefficient: coefficient of Coulomb friction.
         cap: largest bound of Coulomb friction.
         bilateral: whether the contact cannot open.
+        stretch: by what the part of a slip across the direction of friction counts more, see ``rounded``, a vector.
         between: whether some points are between two bodies.
     """
 
@@ -58,13 +59,24 @@ class Contact:
     coefficient: Array
     cap: Array
     bilateral: npt.NDArray[np.bool_]
+    stretch: Array
     between: bool
 
     @cached_property
     def tangents(self) -> Array:
-        """D - 1 orthonormal vectors across the normal of each point, shape (points, d - 1, d)."""
+        """D - 1 vectors across the normal of each point, shape (points, d - 1, d), orthonormal but for ``rounded``: the
+        work of friction is the bound times the length of the slip along them, and their multiples in a disc are the
+        admissible shears.
+        """
         _, _, rows = np.linalg.svd(self.normal[:, None, :])
-        return rows[:, 1:, :]
+        return np.stack([self.rounded(rows[:, k], 1) for k in range(1, rows.shape[1])], axis=1)
+
+    def rounded(self, vectors: Array, power: int) -> Array:
+        """Vectors whose parts across the direction of friction are multiplied by the ratio to a power."""
+        ratio = np.linalg.norm(self.stretch, axis=1)
+        across = self.stretch / np.where(ratio > 0, ratio, 1.0)[:, None]
+        part = (vectors * across).sum(axis=1) * (np.where(ratio > 0, ratio, 1.0) ** power - 1)
+        return np.asarray(vectors + part[:, None] * across)
 
     def across(self, vectors: Array) -> Array:
         """Vectors at the points without their normal parts."""
@@ -131,6 +143,12 @@ def contact_of(body: Body, points: Callable[[Body, int], Points] | None = None) 
         capped = coulomb and "cap" in friction
         columns["cap"].append(at_points(friction["cap"], x) if capped else np.full(count, np.inf))
         columns["bilateral"].append(np.full(count, kind != "unilateral"))
+        stretch = np.zeros_like(x)
+        if "ratio" in friction:
+            along = np.stack([at_points(value, x) for value in friction.get("along", [1.0, 0.0, 0.0])], axis=1)
+            stretch = np.cross(normal, along)
+            stretch *= (at_points(friction["ratio"], x) / np.linalg.norm(stretch, axis=1))[:, None]
+        columns["stretch"].append(stretch)
     operator = csr_array(vstack(columns.pop("operator")))
     between = any("against" in effect for effect in listed(body.scene, "contact"))
     return Contact(
@@ -211,9 +229,10 @@ class Origin:
         """The origin of the first load step."""
         return cls(*np.zeros((3, *contact.x.shape)))
 
-    def after(self, u_t: Array, shear: Array, compliance: float) -> Origin:
+    def after(self, u_t: Array, shear: Array, compliance: float, contact: Contact) -> Origin:
         """The origin of the next load step, where this one kept to a law with 1 / gamma_2 = ``compliance``."""
-        return Origin(u_t, shear, self.elastic + compliance * (shear - self.shear) if compliance > 0 else 0 * u_t)
+        added = compliance * contact.rounded(shear - self.shear, -2)
+        return Origin(u_t, shear, self.elastic + added if compliance > 0 else 0 * u_t)
 
     def slip_from(self, compliance: float) -> Array:
         """The origin of the slip: without regularisation there is no elastic slip."""
@@ -312,18 +331,20 @@ def violations(
     figures["pressure below zero"] = _most(-pressure[one]) / faint
     figures["pressure at a distance"] = _most(np.minimum(pressure / faint, -entered / near)[one])
     figures["state of contact"] = _most(pressure[one & (said.state == "open")]) / faint
-    bound, size = contact.bound(pressure), np.linalg.norm(shear, axis=1)
+    bound, sheared = contact.bound(pressure), contact.rounded(shear, -1)
+    size = np.linalg.norm(sheared, axis=1)
     figures["shear along the normal"] = _most(np.abs((shear * contact.normal).sum(axis=1))) / faint
     figures["friction cone"] = _most((size - bound)[judged_t]) / faint
     if not contact.rubs.any():
         return figures
-    xi = u_t - origin.slip_from(compliance[1]) - compliance[1] * (shear - origin.shear)
+    xi = contact.rounded(u_t - origin.slip_from(compliance[1]), 1)
+    xi -= compliance[1] * (sheared - contact.rounded(origin.shear, -1))
     slipped = np.linalg.norm(xi, axis=1)
     # The law as one equation, mu = P(mu + xi) with the projection P onto the disc, in units of what is tolerated.
-    trial = shear / faint + xi / near
+    trial = sheared / faint + xi / near
     with np.errstate(over="ignore"):
         excess = np.maximum(np.linalg.norm(trial, axis=1) / np.maximum(bound / faint, 1e-300), 1.0)
-    figures["law of friction"] = _most(np.linalg.norm(shear / faint - trial / excess[:, None], axis=1)[judged_t])
+    figures["law of friction"] = _most(np.linalg.norm(sheared / faint - trial / excess[:, None], axis=1)[judged_t])
     figures["state of stick"] = _most(slipped[(said.state == "stick") & judged_t]) / near
     sliding = (said.state == "slip") & judged_t & (bound > 0)
     figures["state of slip"] = _most((bound - size)[sliding]) / faint

@@ -157,7 +157,7 @@ def minimise(
     stiff = float(np.abs(np.diag(reduced.stiffness)).max())
     length = max(length, float(np.abs(reduced.load).max()) / stiff)
     gap = (contact.gap - (shift * contact.normal).sum(axis=1)) / length
-    start = origin.slip_from(compliance[1]) - compliance[1] * origin.shear - shift
+    start = origin.slip_from(compliance[1]) - compliance[1] * contact.rounded(origin.shear, -2) - shift
     begin = np.einsum("nti,ni->nt", contact.tangents, start) / length
     soft_n, soft_t = (np.sqrt(c * stiff / contact.weight) for c in compliance)
     # Rows without unknowns are no condition.

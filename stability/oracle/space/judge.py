@@ -105,7 +105,7 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
             if answer.regularisation_error is not None and body.steps == 1 and not contact.follows_pressure:
                 worse(_left_by_gamma(body, contact, u, origin, answer.regularisation_error))
         before = float(np.abs(u).max())
-        origin = origin.after(contact.across(contact.of(u)), said.shear, law[1])
+        origin = origin.after(contact.across(contact.of(u)), said.shear, law[1], contact)
     kind = RIGHT if all(value <= 1 for value in figures.values()) else WRONG
     return Verdict(kind, answer.outcome, figures, compared, "; ".join(notes))
 
