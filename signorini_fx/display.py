@@ -87,6 +87,12 @@ def friction_in_use(safety: dict[str, Any]) -> list[str]:
     return [f"friction may give way before{share}"]
 
 
+def effort_in_words(summary: dict[str, Any]) -> str:
+    """How many linear solves and factorisations a solve took."""
+    counts = (summary["linear_solves"], "linear solve"), (summary["factorisations"], "factorisation")
+    return ", ".join(f"{count} {what}{'s' * (count != 1)}" for count, what in counts)
+
+
 def preload_in_words(row: dict[str, Any]) -> str:
     """The force through a section that is tightened, from a row of a summary."""
     return f"{row['name'].removeprefix('preload ')}: force {row['force']:.6g}, shortened by {row['shortening']:.6g}"

@@ -17,7 +17,7 @@ from signorini_fx.accuracy import price_list
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.pieces import extent
-from signorini_fx.display import clean, preload_in_words, results_of, safety_in_words, tool_in_words
+from signorini_fx.display import clean, effort_in_words, preload_in_words, results_of, safety_in_words, tool_in_words
 from signorini_fx.machine.terminal import Line
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, Record, StepRecord
 from signorini_fx.report.digits import between, estimated_errors, figure, percent
@@ -303,11 +303,9 @@ def _outcome(summary: dict[str, Any]) -> list[Line]:
         lines.append(_row("what to do", summary["advice"], "advice"))
     if "safety" in summary:
         lines.append(_row("safety factor", safety_in_words(summary["safety"])))
-    counts = (summary["linear_solves"], "linear solve"), (summary["factorisations"], "factorisation")
-    solves = ", ".join(f"{count} {what}{'s' * (count != 1)}" for count, what in counts)
     return [
         *lines,
-        _row("algorithm", f"{summary['algorithm']}, {solves}"),
+        _row("algorithm", f"{summary['algorithm']}, {effort_in_words(summary)}"),
         *_events(summary["events"]),
         _row("unknowns", f"{summary['dofs']} on {summary['ranks']} rank{'s' * (summary['ranks'] > 1)}"),
         _row("linear algebra", summary["linear_algebra"]),
