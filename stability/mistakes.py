@@ -3446,6 +3446,20 @@ MUTANTS = (
         tests=("error_bound::test_every_part_counts",),
     ),
     Mutant(
+        "accuracy/error_bound",
+        "v.moved.sum() > _LITTLE * distance.sum()",
+        "v.moved.sum() < 0",
+        "error bound: hat functions take out what a regularisation lets enter",
+        tests=("error_bound::test_many_nodes_enter_a_little",),
+    ),
+    Mutant(
+        "accuracy/divided_cells",
+        "self._follow @ displacement[:, :, None] - self._give @ forces[:, :, None]",
+        "self._follow @ displacement[:, :, None] + self._give @ forces[:, :, None]",
+        "equilibrated stress: body forces move the inside of a cell the other way",
+        tests=("error_bound::test_eliminating_inside_cells_changes_nothing",),
+    ),
+    Mutant(
         "accuracy/mean_displacement",
         "float(share @ (mean @ direction)) + outside - inside",
         "float(share @ (mean @ direction)) + outside",

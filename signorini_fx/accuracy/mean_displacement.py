@@ -13,13 +13,12 @@ whose last term is at most |tau - C eps(w)| times the bound (W. Prager and J. L.
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 from dolfinx import fem
-from scipy.sparse.linalg import splu
 
-from signorini_fx.accuracy.equilibrated_stress import Loads, equilibrate
+from signorini_fx.accuracy.equilibrated_stress import Loads
 from signorini_fx.accuracy.error_bound import ROUND_OFF, Bounded, apart
-from signorini_fx.accuracy.triangles import Array, Triangles, free_motions
+from signorini_fx.accuracy.linear_displacement import Given, smallest_energy
+from signorini_fx.accuracy.triangles import Array, free_motions
 from signorini_fx.accuracy.triangulated import Refused
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
@@ -65,7 +64,7 @@ class _Mean(Bounded):
         unit = np.zeros((len(t.edges), 2, 2))
         free = np.eye(2) - self.held[edges]
         unit[edges] = np.einsum("eij,j->ei", free, direction)[:, None] / t.length[edges].sum()
-        stress = equilibrate(t, Loads(np.zeros((len(t.corners), 3, 2)), unit, self.held), np.zeros_like(unit))
+        stress = self.equilibration.stress(Loads(np.zeros((len(t.corners), 3, 2)), unit), np.zeros_like(unit))
         w = self._dual(unit)
         middle = w[t.edges].mean(axis=1)
         strain = t.strain_at_corners(w, middle)
@@ -85,26 +84,11 @@ class _Mean(Bounded):
             traction: at both ends of each edge, stress, shape (e, 2, 2).
         """
         t = self.t
-        closed = [np.flatnonzero(np.einsum("eii->e", self.held) > 0), *(one.edges for one in self.contacts)]
-        free = np.setdiff1d(np.arange(len(t.x)), t.edges[np.concatenate(closed)])
-        matrix, dofs = _stiffness(t), (2 * free[:, None] + [0, 1]).ravel()
         load = np.zeros((len(t.x), 2))
         for k in (0, 1):
             np.add.at(load, t.edges[:, k], t.length[:, None] * (2 * traction[:, k] + traction[:, 1 - k]) / 6)
-        w = np.zeros(2 * len(t.x))
-        if dofs.size:
-            w[dofs] = splu(matrix[dofs][:, dofs].tocsc()).solve(load.ravel()[dofs])
-        return w.reshape(-1, 2)
-
-
-def _stiffness(t: Triangles) -> sp.csr_matrix:
-    """Of displacements linear on triangles, force per length, shape (2 v, 2 v)."""
-    strain = np.zeros((len(t.corners), 6, 3))
-    for i in range(3):
-        gx, gy = t.gradients[:, i].T
-        strain[:, 2 * i, 0], strain[:, 2 * i, 2] = gx, gy / 2
-        strain[:, 2 * i + 1, 1], strain[:, 2 * i + 1, 2] = gy, gx / 2
-    local = np.einsum("n,nik,njk->nij", t.area, t.stress(strain), strain * [1.0, 1.0, 2.0])
-    dofs = (2 * t.corners[:, :, None] + [0, 1]).reshape(-1, 6)
-    rows, columns = np.repeat(dofs, 6, axis=1).ravel(), np.tile(dofs, (1, 6)).ravel()
-    return sp.csr_matrix((local.ravel(), (rows, columns)), shape=(2 * len(t.x), 2 * len(t.x)))
+        closed = np.zeros_like(self.held)
+        closed[np.flatnonzero(self.held.any(axis=(1, 2)))] = np.eye(2)
+        for one in self.contacts:
+            closed[one.edges] = np.eye(2)
+        return smallest_energy(t, Given.of_edges(t, closed, np.zeros(2)), load)[0]

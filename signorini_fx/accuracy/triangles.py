@@ -25,18 +25,21 @@ class Triangles:
         x: vertices, length, shape (v, 2).
         corners: of each triangle, counterclockwise, shape (n, 3).
         lame: lambda and mu of each triangle, stresses, shape (n, 2).
+        parts: how many similar triangles a cell is divided into, 1 or 4: those of the i-th of m cells are i, i + m and
+            so on, with corners in the order of its own, the last one between the others.
     """
 
     x: Array
     corners: Ints
     lame: Array
+    parts: int = 1
 
     @cached_property
     def _edges(self) -> tuple[Ints, Ints]:
         """Vertices of each edge, ascending, shape (e, 2); edges of each triangle, edge i opposite corner i, (n, 3)."""
-        ends = np.sort(self.corners[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2), axis=1)
-        edges, inverse = np.unique(ends, axis=0, return_inverse=True)
-        return edges, inverse.reshape(-1, 3)
+        ends = self.corners[:, [[1, 2], [2, 0], [0, 1]]]
+        keys, inverse = np.unique(ends.min(axis=2) * len(self.x) + ends.max(axis=2), return_inverse=True)
+        return np.column_stack(np.divmod(keys, len(self.x))), inverse.reshape(-1, 3)
 
     @property
     def edges(self) -> Ints:
@@ -168,9 +171,9 @@ def divide(t: Triangles, y: Array, middle: Array) -> tuple[Triangles, Array, Arr
     """
     first, count = len(t.x), len(t.x) + len(t.edges)
     c, m = t.corners, t.of_triangle + first
-    corners = [np.column_stack((c[:, i], m[:, (i + 2) % 3], m[:, (i + 1) % 3])) for i in range(3)]
+    corners = [np.column_stack([c[:, i] if j == i else m[:, 3 - i - j] for j in range(3)]) for i in range(3)]
     found = Triangles(
-        np.concatenate((t.x, t.x[t.edges].mean(axis=1))), np.concatenate((*corners, m)), np.tile(t.lame, (4, 1))
+        np.concatenate((t.x, t.x[t.edges].mean(axis=1))), np.concatenate((*corners, m)), np.tile(t.lame, (4, 1)), 4
     )
     keys = found.edges @ [count, 1]
     between = np.zeros((len(found.edges), 2))

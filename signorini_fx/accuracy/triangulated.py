@@ -12,7 +12,7 @@ from dolfinx import fem
 from scipy.spatial import cKDTree
 
 from signorini_fx import compat
-from signorini_fx.accuracy.equilibrated_stress import constant_forces
+from signorini_fx.accuracy.local_stress import constant_forces
 from signorini_fx.accuracy.triangles import GAUSS, Array, Triangles, divide
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.contact_state import ContactState
@@ -328,15 +328,19 @@ class Problem:
         place = place[np.argsort(np.argsort(edges))]
         back = (near[:, 0] > near[:, 1])[place, None]
 
-        def linear(nodal: Array) -> Array:
-            """Linear functions on the edges with the moments of the nodal rule."""
+        def linear(nodal: Array, *, positive: bool = False) -> Array:
+            """Linear functions on the edges with the moments of the nodal rule, or not negative with its resultants."""
             found = nodal[rows]
             if rows.shape[1] == 3:
                 found = found @ _LINEAR.T
+                if positive:  # with the resultant of each facet, of which a thin body takes notice
+                    cut = found.clip(min=0.0)
+                    share = found @ [0.25, 0.5, 0.25] / np.maximum(cut @ [0.25, 0.5, 0.25], np.finfo(float).tiny)
+                    found = cut * share.clip(0.0, 1.0)[:, None]
             found = np.stack((found[:, :-1], found[:, 1:]), axis=2).reshape(-1, 2)[place]
             return np.where(back, found[:, ::-1], found)
 
-        pressure = linear(contact.pressure).clip(min=0.0)
+        pressure = linear(contact.pressure, positive=True).clip(min=0.0)
         gauss = self.along(edges, GAUSS[0])
         match effect.friction if effect.friction.acts else None:
             case TrescaFriction(bound=bound):

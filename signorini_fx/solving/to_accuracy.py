@@ -274,7 +274,7 @@ class Meshes:
         self._regularised = self._given
         settings = self._given.solver
         automatic = (settings.algorithm, settings.gamma_n, settings.gamma_t) == ("auto", "auto", "auto")
-        if goal.of == "pressure" and automatic:
+        if (goal.of == "pressure" or goal.certified) and automatic:
             # The regularisation smears the pressure at a corner over a length that hardly depends on the mesh.
             solver = settings.model_copy(update={"algorithm": "exact"})
             self._given = self._given.model_copy(update={"solver": solver})

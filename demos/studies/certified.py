@@ -1,0 +1,90 @@
+"""What a certified accuracy costs beside an estimated one, in processor seconds of whole solves.
+
+    ./env python3 demos/studies/certified.py [--accuracy 0.01 0.001] [block hertz example1 ...]
+
+Prints the rows of the table in docs/accuracy.md.  A first solve, which compiles, is not counted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+from mpi4py import MPI
+
+from signorini_fx.errors import SignoriniError
+from signorini_fx.results.solution import ConvergenceError
+from signorini_fx.scene.model import Scene
+from signorini_fx.scene.reading import parse_scene, read_scene
+from signorini_fx.scene.settings import Accuracy
+from signorini_fx.solving.solver import solve
+
+SCENES = Path(__file__).parent.parent / "scenes"
+# A run that takes longer ends by name.
+BUDGET = 120.0
+
+
+def on_a_rectangle(length: float, height: float, nx: int, ny: int, young: float, **more: object) -> Scene:
+    """A block of triangles on rollers at its left side."""
+    mesh = {
+        "generator": "rectangle",
+        "parameters": {"length": length, "height": height, "nx": nx, "ny": ny, "cell": "triangle"},
+    }
+    material, held = {"young": young, "poisson": 0.3}, {"boundary": "left", "x": 0.0}
+    return parse_scene({"mesh": mesh, "material": material, "displacement": held, **more})
+
+
+def scenes() -> dict[str, Scene]:
+    """Block on a table, Hertz, a plate that a pressure bends onto its foundation, examples of the paper."""
+    jump = {"boundary": "top", "y": "where(x[0] < 1.0, -1.0, -0.1)"}
+    table = {"boundary": "bottom", "friction": {"law": "tresca", "bound": 0.05}}
+    down, round_ = {"boundary": "top", "y": -0.2}, {"boundary": "bottom", "gap": "x[0]**2/16"}
+    bent, below = {"boundary": "top", "y": -1e-3}, {"boundary": "bottom", "gap": 0.02}
+    plate = on_a_rectangle(4.0, 0.4, 40, 4, 200.0, traction=bent, contact=below)
+    clamped = plate.displacement[0].model_copy(update={"y": 0.0})
+    return {
+        "block": on_a_rectangle(2.0, 1.0, 16, 8, 1000.0, traction=jump, contact=table),
+        "hertz": on_a_rectangle(10.0, 5.0, 40, 20, 200.0, traction=down, contact=round_),
+        "plate": plate.model_copy(update={"displacement": (clamped,)}),
+        "example1": read_scene(SCENES / "example1_tresca.toml"),
+        "example2": read_scene(SCENES / "example2_tresca.toml"),
+    }
+
+
+def measured(scene: Scene, target: float, *, certified: bool) -> tuple[float, str]:
+    """Processor seconds, and a description of the run."""
+    asked = scene.model_copy(update={"accuracy": Accuracy(target=target, certified=certified, seconds=BUDGET)})
+    begin, ended = time.process_time(), ""
+    try:
+        solution = solve(asked, MPI.COMM_SELF)
+    except ConvergenceError as failed:
+        solution, ended = failed.solution, f" ({failed.solution.status.value})"
+    seconds = time.process_time() - begin
+    bound = solution.error_bound
+    shown = "none" if bound is None or isinstance(bound, str) else f"{100 * bound.relative:.2g} %"
+    return seconds, f"{solution.levels[-1].dofs:,}, {seconds:.2f}, {shown}{ended}"
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", choices=[*scenes(), []], help="scenes; all of them if none is given")
+    parser.add_argument("--accuracy", nargs="*", type=float, default=[0.01, 0.001])
+    given = parser.parse_args()
+    print("| scene | asked | estimated: unknowns, s, bound | certified: unknowns, s, bound | ratio |")
+    print("|---|---|---|---|---|")
+    for name, scene in scenes().items():
+        if given.names and name not in given.names:
+            continue
+        try:
+            measured(scene, 0.05, certified=True)
+            for target in given.accuracy:
+                (before, one), (after, two) = (measured(scene, target, certified=kind) for kind in (False, True))
+                print(f"| {name} | {100 * target:g} % | {one} | {two} | {after / before:.1f} |", flush=True)
+        except SignoriniError as failed:
+            print(f"| {name} | {str(failed).splitlines()[0]} | | | |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
