@@ -433,6 +433,13 @@ MUTANTS = (
         tests=("elliptic_friction",),
     ),
     Mutant(
+        "scene/point_values",
+        "found[far(at)] = np.nan",
+        "pass",
+        "temperature of a mesh: also where its hull covers the body, and no cell does",
+        tests=("temperature::test_a_mesh_around_the_body_does_not_cover_it",),
+    ),
+    Mutant(
         "scene/orthotropic",
         "not determinant > 0",
         "False",

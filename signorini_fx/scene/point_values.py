@@ -1,4 +1,4 @@
-"""Values at points from a table, interpolated between them."""
+"""Values at points from a table or a mesh, interpolated between them."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.errors import SceneError
+from signorini_fx.scene.mesh_values import SUFFIXES, nodal_values
 
 Array = npt.NDArray[np.float64]
 # A point outside the convex hull of those of the table is moved towards their middle by these shares of its distance:
@@ -20,10 +21,11 @@ _OUTSIDE = (1e-9, 0.02)
 
 @dataclass(frozen=True)
 class PointValues:
-    """A function of the position from a .csv with the columns x, y, in space z, and a value, linear between its points.
+    """A function of the position from a .csv with the columns x, y, in space z, and a value, or from nodal values of a
+    mesh, see ``mesh_values``; linear between the points, whose triangulation is that of Delaunay.
 
     Attributes:
-        file: the table.
+        file: the table, or the mesh.
         column: of the value.
     """
 
@@ -39,15 +41,17 @@ class PointValues:
         """Values at points of shape (3, n), shape (n,).
 
         Raises:
-            SceneError: the table cannot be read, or a point is not among those of the table.
+            SceneError: the file cannot be read, or a point is not among those of the file: outside of their hull, or
+                further from them than a cell of its mesh is long.
         """
         changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
-        middle, function = _table(self.file, self.column, changed)
+        middle, function, far = _table(self.file, self.column, changed)
         at = x[: middle.size].T
         found = np.asarray(function(at), dtype=np.float64)
         for share in _OUTSIDE:
             outside = np.isnan(found)
             found[outside] = function(middle + (1 - share) * (at[outside] - middle))
+        found[far(at)] = np.nan
         if np.isnan(found).any():
             place = ", ".join(f"{c:g}" for c in at[np.argmax(np.isnan(found))])
             raise _wrong(self.file, f"has no points around ({place}) of the body; check its unit of lengths")
@@ -55,11 +59,28 @@ class PointValues:
 
 
 @lru_cache(maxsize=8)
-def _table(file: Path, column: str, _changed: int) -> tuple[Array, Any]:
-    """The middle of the points, shape (d,), and the interpolation."""
+def _table(file: Path, column: str, _changed: int) -> tuple[Array, Any, Any]:
+    """The middle of the points, shape (d,), the interpolation, and which of other points are far from all of them."""
     from scipy.interpolate import LinearNDInterpolator
-    from scipy.spatial import QhullError
+    from scipy.spatial import QhullError, cKDTree
 
+    reach = np.inf
+    if file.suffix.lower() in SUFFIXES:
+        try:
+            points, values, reach = nodal_values(file, column)
+        except ValueError as error:
+            raise _wrong(file, str(error)) from None
+    else:
+        points, values = _rows(file, column)
+    try:
+        function, tree = LinearNDInterpolator(points, values), cKDTree(points)
+    except (QhullError, ValueError):
+        raise _wrong(file, "has points that span no area, in space no volume") from None
+    return points.mean(axis=0), function, lambda at: np.asarray(tree.query(at)[0] > reach)
+
+
+def _rows(file: Path, column: str) -> tuple[Array, Array]:
+    """The points of a table and the values at them, shapes (n, d) and (n,)."""
     try:
         head, *rows = [line.split(",") for line in file.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
     except (OSError, UnicodeDecodeError, ValueError) as error:
@@ -74,12 +95,7 @@ def _table(file: Path, column: str, _changed: int) -> tuple[Array, Any]:
         raise _wrong(file, "has a row that is not one number for each column") from None
     if not np.isfinite(table).all():
         raise _wrong(file, "has numbers that are not finite")
-    points = table[:, :-1]
-    try:
-        function = LinearNDInterpolator(points, table[:, -1])
-    except (QhullError, ValueError):
-        raise _wrong(file, "has points that span no area, in space no volume") from None
-    return points.mean(axis=0), function
+    return table[:, :-1], table[:, -1]
 
 
 def _wrong(file: Path, message: str) -> SceneError:
