@@ -274,6 +274,12 @@ LOOSE = {
         "no static equilibrium",
         Status.SLIDES,
     ),
+    "a force": (
+        block(traction=[], force={"boundary": "top", "x": 30.0, "y": -60.0}, **FREE, **coulomb(0.3)),
+        "force",
+        "no static equilibrium",
+        Status.SLIDES,
+    ),
     "beyond given friction": (
         block(traction={"boundary": "top", "x": 2.0, "y": -20.0}, **FREE, **tresca(1.9)),
         "traction, body_force",

@@ -112,7 +112,7 @@ def _equilibrium_of(
         proved = _proved(surface, lambda whole: all(excluded(whole, nearest(contact, w).motion, w) for w in driven))
         return Finding(
             "warning",
-            "traction, body_force",
+            scene.forces_at,
             f"{when}there is no static equilibrium{of_it}: the loads {drives} {names}, {cannot}: "
             f"{cure}, or prescribe a displacement; {proved}",
         )
@@ -124,7 +124,7 @@ def _equilibrium_of(
     stuck = np.linalg.matrix_rank((given * contact.tangential).reshape(-1, free.shape[1])) == free.shape[1]
     if not any(load.any() for load in loads) and not (stuck or without_load or contact.bilateral.any()):
         message = f"{text}, but no load presses {it} on its foundation: its position is not determined"
-        return Finding("warning", "traction, body_force", message)
+        return Finding("warning", scene.forces_at, message)
     pressed = "it is squeezed without a load" if without_load else "the loads press the body on"
     text = f"{text}, and {pressed}"
     if not all(nearest(contact, load).balanced for load in loads if load.any()):

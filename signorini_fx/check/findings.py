@@ -307,14 +307,14 @@ def _odd_displacements(body: Discretisation, moved: float) -> list[Finding]:
             f"loads and prescribed displacements move the body by about {moved:.1g} (an estimate) only, its size is "
             f"{size:.3g}: are E and the loads in the same units, such as MPa?"
         )
-        return [Finding("note", "material, traction, body_force, displacement", message)]
+        return [Finding("note", f"material, {body.scene.forces_at}, displacement", message)]
     if moved < size:
         return []
     message = (
         f"loads and prescribed displacements move the body by about {moved:.1g} (an estimate), its size is {size:.3g}: "
         "the deformation is not small; check the units of E and of the loads"
     )
-    return [Finding("warning", "material, traction, body_force, displacement", message)]
+    return [Finding("warning", f"material, {body.scene.forces_at}, displacement", message)]
 
 
 def _acts(body: Discretisation) -> bool:

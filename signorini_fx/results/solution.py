@@ -153,7 +153,7 @@ class Solution:
         Of a body that moves away, the warning that names its motion; of a ramp, between which loads it ended.
         """
         settings, last, failed = self.scene.solver, self.last_step, self.steps[-1]
-        path = {Status.NOT_HELD: "displacement"} | dict.fromkeys(_LEAVES, "traction, body_force")
+        path = {Status.NOT_HELD: "displacement"} | dict.fromkeys(_LEAVES, self.scene.forces_at)
         if self.status in path:
             wanted = ("warning", path[self.status])
             named = (found.message for found in self.findings if (found.level, found.path) == wanted)

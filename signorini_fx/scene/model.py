@@ -22,6 +22,7 @@ from signorini_fx.scene.base import Table, refused
 from signorini_fx.scene.effect import (
     Effect,
     Entries,
+    Force,
     Load,
     OneEntry,
     SectionJump,
@@ -257,6 +258,12 @@ class Scene(Table):
     def loads(self) -> tuple[Load, ...]:
         """All that load steps multiply."""
         return self.of(Load)
+
+    @property
+    def forces_at(self) -> str:
+        """The keys of its forces, for messages; ``traction, body_force`` where it lists no others."""
+        listed = [key for key, entries in self.effects.items() if any(isinstance(one, Force) for one in entries)]
+        return ", ".join(listed) if {*listed} - {"traction", "body_force"} else "traction, body_force"
 
     @property
     def generated(self) -> bool:
