@@ -2883,9 +2883,16 @@ MUTANTS = (
         tests=("tools::test_derivatives",),
     ),
     Mutant(
+        "forms/elasticity",
+        "elastic.case(forces, function, driven)",
+        "elastic.case(forces, function)",
+        "forms: nothing drives a tool",
+        tests=("tools_in_forms::test_steps_with_friction",),
+    ),
+    Mutant(
         "results/tools",
-        "scale * factor * prescribed * lever",
-        "scale * factor * prescribed",
+        "prescribed * lever",
+        "prescribed",
         "certificate: a rotation of tools is a length",
         tests=("tools::test_the_certificate_knows_each_component_in_any_unit",),
     ),

@@ -285,7 +285,7 @@ def test_only_what_changes_is_assembled(monkeypatch):
         act()
         with (
             counted(monkeypatch, contact_problem, "elastic_body") as stiffness,
-            counted(monkeypatch, contact_problem, "assemble") as loads,
+            counted(monkeypatch, contact_problem, "case_of") as loads,
         ):
             y = problem.solve().x.array.copy()
         assert (len(stiffness), len(loads)) == expected, name

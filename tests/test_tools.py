@@ -20,7 +20,7 @@ from signorini_fx.records import Status
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.tool_motion import ToolMotion
-from signorini_fx.results.tools import unbalanced
+from signorini_fx.results.tools import given_in, unbalanced
 from signorini_fx.scene.reading import parse_scene, read_scene
 from signorini_fx.solving.sweep import sweep
 
@@ -435,7 +435,7 @@ def test_the_certificate_knows_each_component_in_any_unit(unit):
 def test_the_certificate_knows_a_moment_that_nothing_balances():
     nothing = SimpleNamespace(resultant=lambda *_: (np.zeros(3), 0.0, 1.0))
     tool = ToolMotion(0, "top", np.zeros(2), np.zeros(2), np.zeros(1))
-    assert unbalanced(block(moment=1e-3), nothing, [tool], 0, 1.0, 0.0) == 1.0
+    assert unbalanced(nothing, given_in(block(moment=1e-3), [tool], 0, 1.0), 0.0) == 1.0
 
 
 def test_motions_are_rigid():

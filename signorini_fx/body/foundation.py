@@ -59,8 +59,10 @@ class Foundation:
             ones; points at which it is zero carry no contact.  None: 1.
         shape: the foundation as a thing, such as ``signorini_fx.shapes.sphere.Sphere(...)``: any object with
             ``distance(x)``, see ``scene.rigid_shape.Shape``, or a table as a scene has it.  It determines the
-            direction, and ``gap`` is added to its distance.  None: gap and direction say where it is.
-        bonded: whether the boundary is tied to it as it lies, whatever gap and friction are; in scenes alone.
+            direction, and ``gap`` is added to its distance.  With a force, a moment or prescribed components it is a
+            rigid tool, which they move.  None: gap and direction say where it is.
+        bonded: whether the boundary is tied to it as it lies, whatever gap and friction are; then ``shape`` has a
+            force, a moment, or prescribed components.
     """
 
     facets: Any

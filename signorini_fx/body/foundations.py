@@ -23,6 +23,7 @@ from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.method import Settings
 from signorini_fx.records import Inventory
+from signorini_fx.scene.rigid_motion import RigidMotion
 from signorini_fx.scene.rigid_shape import Distance, distance_from
 
 if TYPE_CHECKING:
@@ -136,21 +137,32 @@ class Foundations:
             raise FormError(problems)
         return found
 
-    def refuse_driven(self) -> None:
-        """Refuse shapes that forces move, and bonds to foundations, which only scenes know.
+    @property
+    def driven(self) -> list[Any]:
+        """The shape of each contact that forces move; None: it stands still."""
+        shapes = [getattr(self._distances.get(k), "shape", None) for k in range(len(self._contact))]
+        return [one if getattr(one, "driven", False) else None for one in shapes]
+
+    def check_driven(self, algorithm: str) -> None:
+        """Refuse what foundations that forces move are not possible with, and bonds to others.
 
         Raises:
-            FormError: there is one.
+            FormError: there is something.
         """
-        driven = [k for k, one in self._distances.items() if getattr(one.shape, "driven", False)]
-        if driven:
-            what = "a foundation that force, moment or prescribed moves is possible in scenes alone"
-            raise FormError([(f"contact[{k}].shape", what) for k in driven])
-        bonded = [k for k, one in enumerate(self._contact) if isinstance(one, Foundation) and one.bonded]
-        if bonded:
-            raise FormError(
-                [(f"contact[{k}].bonded", "a bond to a rigid body is possible in scenes alone") for k in bonded]
-            )
+        problems = []
+        for k, (one, shape) in enumerate(zip(self._contact, self.driven, strict=True)):
+            if isinstance(one, Pair):
+                continue
+            tool = "where a force moves the foundation"
+            for wrong, key, what in (
+                (one.bonded and not shape, "bonded", "needs a shape that force, moment or prescribed moves"),
+                (shape and one.measure is not None, "measure", f"is not possible yet {tool}"),
+                (shape and algorithm == "exact", "shape", f"exact is not possible {tool}"),
+                (shape and (shape.timed or shape.driven_in_time), "shape", "depends on t: give numbers, and place()"),
+            ):
+                problems += [(f"contact[{k}].{key}", what)] if wrong else []
+        if problems:
+            raise FormError(problems)
 
     def place(self, number: int, placement: Mapping[str, Any]) -> None:
         """Turn and move the shape of a foundation from where it is initially.
@@ -162,6 +174,8 @@ class Foundations:
         distance = self._distances.get(number)
         if distance is None or not hasattr(distance.shape, "placed"):
             raise FormError([(path, "this foundation has no shape that can be placed")])
+        if self.driven[number] is not None and (wrong := set(placement) - set(RigidMotion.model_fields)):
+            raise FormError([(f"{path}.{key}", "stays: this foundation is moved by what drives it") for key in wrong])
         try:
             self._distances[number] = distance_from(distance.shape.placed(**placement), self._dimension)
         except SceneError as error:
@@ -173,7 +187,7 @@ class Foundations:
 
     def moved(self, boundary: ContactBoundary) -> Array | None:
         """How far the shapes have moved at the points since they have settled, shape (n, d); None: they have not."""
-        moved = [k for k, one in self._distances.items() if one.shape != self._settled[k].shape]
+        moved = [k for k, one in self._distances.items() if not self.driven[k] and one.shape != self._settled[k].shape]
         if not moved:
             return None
         found = np.zeros_like(boundary.x)

@@ -8,6 +8,7 @@ the matrix.  Contact conditions, weights, normals and the forces of contact trac
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,10 +19,11 @@ from signorini_fx.body.assembly import action, assemble
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.foundations import Data
 from signorini_fx.results.certificate import Balance, Certificate, judged
-from signorini_fx.results.contact_nodes import ContactSide
+from signorini_fx.results.contact_nodes import ContactNodes, ContactSide
 from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.results.supports import Supports
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
+from signorini_fx.results.tools import Driving, unbalanced
 from signorini_fx.scales import Scales
 
 Nodal = npt.NDArray[np.float64]
@@ -38,6 +40,7 @@ def certify(
     state: ContactState,
     law: Law,
     before: Before | None,
+    tools: Sequence[Driving],
 ) -> Certificate:
     """Check the conditions of a problem from the displacement and the contact tractions alone; collective.
 
@@ -52,6 +55,7 @@ def certify(
         state: the contact tractions.
         law: the contact law that the method promises.
         before: the end of the previous step; None: there is none.
+        tools: how rigid tools have moved, and what drives them.
     """
     space = displacement.function_space
     dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
@@ -66,7 +70,13 @@ def certify(
     external, nothing = assemble(L).reshape(-1, dim), np.zeros_like(internal)
     balance = Balance(SurfaceQuadrature(space), internal, external, supports, scales, scales, nothing)
     sides = [_side(one, space) for one in data]
-    return judged(displacement, balance, sides, Tractions.of(state), law=law, before=before)
+    tractions = Tractions.of(state)
+    moved = tuple(tool for tool, _ in tools)
+    found = judged(displacement, balance, sides, tractions, law=law, before=before, tools=moved)
+    if not tools:
+        return found
+    left = unbalanced(ContactNodes.of(balance.surface, sides, tractions), tools, 0.0)
+    return replace(found, equilibrium=max(found.equilibrium, left))
 
 
 def _side(data: Data, space: fem.FunctionSpace) -> ContactSide:

@@ -14,13 +14,12 @@ from dolfinx.mesh import MeshTags
 from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.accuracy.data_error import DataError
-from signorini_fx.accuracy.error_estimates import Errors, combined
-from signorini_fx.accuracy.level_results import compliance_of, level_result
+from signorini_fx.accuracy.error_estimates import Errors
+from signorini_fx.accuracy.level_results import level_result
 from signorini_fx.accuracy.price_list import LevelResult, Price, peak_memory, price_list
 from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.algorithms.task import Outcome, Start, Task
-from signorini_fx.body.assembly import assemble, facet_entities
+from signorini_fx.body.assembly import assemble
 from signorini_fx.body.averages import averaging
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
@@ -28,6 +27,7 @@ from signorini_fx.body.contact_table import contact_table
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.foundation import Coulomb, Foundation, Pair
 from signorini_fx.body.foundations import Foundations, Shape
+from signorini_fx.body.rigid_tools import RigidTools
 from signorini_fx.body.supports import prescribed
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
 from signorini_fx.derivatives.gradient import Data as ProblemData
@@ -36,9 +36,11 @@ from signorini_fx.errors import FormError
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, facets_of, foundations_of, parts_of, settings_of, space_of
 from signorini_fx.forms.certificate import certify
-from signorini_fx.forms.elasticity import Array, digest, elastic_body, scales_of
+from signorini_fx.forms.elasticity import Array, case_of, digest, elastic_body, scales_of
 from signorini_fx.forms.fields import ContactFields
 from signorini_fx.forms.gradient import Gradient, checked, gradient, quantity_of
+from signorini_fx.forms.levels import errors_of
+from signorini_fx.forms.rigid_tools import driven_by, driving_of, motions_of, tools_of, values_of
 from signorini_fx.forms.stress import law_of, stresses_of
 from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.machine.compilation import compiling
@@ -50,6 +52,7 @@ from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.step_frames import carried, relative_to
 from signorini_fx.results.stresses import RawStresses
+from signorini_fx.results.tool_motion import ToolMotion
 from signorini_fx.scales import Scales
 
 
@@ -85,6 +88,7 @@ class ContactProblem:
         pressure, shear, gap, slip: of all foundations, see ``ContactFields``.
         history: every linear solve of all solves so far.
         status: how the last solve ended; None before the first one.
+        tools: how the foundations that forces move have moved in the last solution.
         certificate: the check of the last solution against the conditions of the problem; None before the first solve.
 
     Raises:
@@ -127,7 +131,9 @@ class ContactProblem:
         self._stresses: RawStresses | None = None
         self._names = [f"contact {k}" for k in range(len(facets))]
         self._foundations = Foundations(space, self.contact, facets, self._names, Inventory(), masters)
-        self._foundations.refuse_driven()
+        self._foundations.check_driven(self.settings.algorithm)
+        self._tools: RigidTools | None = None
+        self.tools: tuple[ToolMotion, ...] = ()
         self._memory, self._marks, self._cost = peak_memory(space.mesh.comm), 0, (0.0, 0.0)
         fields = self._fields = ContactFields.on(space, self._degree)
         self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
@@ -179,16 +185,12 @@ class ContactProblem:
             RuntimeError: the problem was given no ``stress``.
             FormError: see ``stress``; or the forms are multiplied by a measure, which the estimate does not know.
         """
-        stress, state, outcome, mesh = self.stress, self.state, self._outcome, self._space.mesh
+        stress, outcome = self.stress, self._outcome
         if any(getattr(one, "measure", None) is not None for one in self.contact):
             raise FormError([("stress", "there is no error estimate where the forms are multiplied by a measure")])
         assert outcome is not None
-        squares = stress.recovery().squares(self.u.x.array)
-        none = np.zeros(squares.size)
-        cells = facet_entities(mesh, np.concatenate(self._foundations.facets))[:, 0]
-        blur = compliance_of(outcome, mesh.comm) * self._scales.modulus
-        table = contact_table(state, self._names)
-        return combined(state.boundary, table, cells, squares, DataError(none, none, 0.0), stress.energy(), blur)
+        facets = self._foundations.facets
+        return errors_of(stress, self.u, self.state, facets, self._names, outcome, self._scales.modulus)
 
     def price_list(self, *coarser: ContactProblem) -> list[Price]:
         """Errors and costs of the last solve here and on coarser meshes, and those expected of the next finer mesh, see
@@ -297,7 +299,7 @@ class ContactProblem:
         law = Law(*self._task.promised(self._outcome))
         self._start = replace(self._outcome.next_step(self._begun), place=0.0)
         self._normal = self._outcome.problem.traces(self._outcome.newton.x)[0]
-        self._before = Before.of(self.u.copy(), Tractions.of(self.state), law, self._relative)
+        self._before = Before.of(self.u.copy(), Tractions.of(self.state), law, self._relative, self.tools)
         self._foundations.settle()
 
     def gradient(self, of: Any, by: Any) -> Gradient:
@@ -316,8 +318,9 @@ class ContactProblem:
         """
         if self._outcome is None or self.status is not Status.CONVERGED:
             raise RuntimeError("there is no solution to differentiate")
-        if self._start is not None:
-            raise RuntimeError("derivatives are those of one step: after advance() the earlier ones would matter too")
+        if self.tools or self._start is not None:
+            after = "derivatives are those of one step: after advance() the earlier ones would matter too"
+            raise RuntimeError("derivatives by what moves a foundation are those of scenes" if self.tools else after)
         quantity, constants = quantity_of(of, self.u, len(self.contact)), checked(by)
         _, law = self._point_data(self._foundations.shapes())
         return gradient(
@@ -342,11 +345,12 @@ class ContactProblem:
         """Turn and move a foundation that has a shape, for the next solve and those after it.
 
         Gap and normals are those of the new place.  After ``advance`` friction acts on the slip relative to the
-        foundation, which moves with its points.
+        foundation, which moves with its points.  One that forces move is driven by others instead.
 
         Args:
             number: of the foundation in ``contact``.
-            placement: its shift, rotation and pivot, see ``scene.rigid_shape.Shape``; what is left out stays.
+            placement: its shift, rotation and pivot, or its force, moment and prescribed components, see
+                ``scene.rigid_shape.Shape``; what is left out stays.
 
         Raises:
             FormError: it has no shape, or the placement is wrong.
@@ -359,6 +363,7 @@ class ContactProblem:
         if self._task.rest is not None:
             self.u.x.array[:] += self._fallen
         self._outcome, self._stresses = outcome, None
+        self.tools = motions_of(self._tools, self._names, self._elastic, outcome.displacement(), self._task.rest)
         state = self._state = self._elastic.state(self._task, outcome, self._begun)
         self._fields.take(self._space, state)
         self.certificate = certify(
@@ -371,6 +376,7 @@ class ContactProblem:
             state,
             Law(*self._task.promised(outcome)),
             self._relative,
+            driving_of(self._tools, self.tools),
         )
         self.status = outcome.status
         if outcome.status is Status.CONVERGED and not self.certificate.holds:
@@ -383,7 +389,9 @@ class ContactProblem:
         shapes = self._foundations.shapes()
         geometry = [values for one in shapes for values in (one.factor, one.direction) if values is not None]
         at_rest = self._foundations.at_rest(fixed, values)
-        known = digest(self._a, fixed, at_rest, *geometry), digest(self._L, values)
+        self._tools = tools_of(self._foundations.driven, space.mesh)
+        held, driven = values_of(self._tools)
+        known = digest(self._a, fixed, at_rest, *geometry, *held), digest(self._L, values, *driven)
         last, self._known = self._known, None  # until all that follows has gone well
         if last is None or parallel.any_rank(comm, known[0] != last[0]):
             self._set_up(shapes)
@@ -401,6 +409,7 @@ class ContactProblem:
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         at_rest = self._foundations.at_rest(fixed, values)
         boundary = self._foundations.boundary(shapes, fixed[:owned], at_rest=at_rest)
+        boundary = boundary if self._tools is None else self._tools.on(boundary)
         counts = np.bincount(boundary.part[~boundary.points.immovable], minlength=len(shapes))
         for k, count in enumerate(parallel.global_sum(space.mesh.comm, counts)):
             if count == 0:
@@ -432,17 +441,8 @@ class ContactProblem:
         self._task = replace(task, rest=rest)
 
     def _case(self, values: Array) -> LoadCase:
-        """The right-hand side of L and of prescribed displacements, ghosts included, shape (dofs,); collective.
-
-        Raises:
-            FormError: one of them is not finite.
-        """
-        function, forces = fem.Function(self._space), assemble(self._L)
-        function.x.array[:] = values
-        for name, given in (("bcs", values), ("L", forces)):
-            if parallel.any_rank(self._space.mesh.comm, not np.isfinite(given).all()):
-                raise FormError([(name, "is not finite somewhere")])
-        return self._elastic.case(forces, function)
+        """See ``case_of``."""
+        return case_of(self._elastic, self._L, values, driven_by(self._tools))
 
     def _point_data(self, shapes: Sequence[Shape]) -> tuple[RegularisedData, FrictionLaw | None]:
         """Gap, friction and regularisation at the contact points, as they are now; collective."""

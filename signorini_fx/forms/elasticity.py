@@ -13,11 +13,13 @@ from dolfinx import mesh as dmesh
 from petsc4py import PETSc
 
 from signorini_fx import compat, parallel
-from signorini_fx.body.assembly import facet_entities
+from signorini_fx.body.assembly import assemble, facet_entities
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.pieces import find_pieces
+from signorini_fx.body.rigid_tools import Driven
 from signorini_fx.errors import FormError, SceneError
+from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.records import Inventory
 from signorini_fx.scales import Scales
 from signorini_fx.scene.settings import SolverSettings
@@ -66,12 +68,31 @@ def elastic_body(
         stiffness = body.stiffness
     except SceneError as error:
         raise FormError([("algorithm", message) for _, message in error.problems]) from None
-    check_energy(stiffness)
+    check_energy(stiffness, fixed.size)
     return body
 
 
-def check_energy(matrix: PETSc.Mat) -> None:
+def case_of(elastic: ElasticBody, L: fem.Form, values: Array, driven: Driven | None) -> LoadCase:
+    """The right-hand side of L, of prescribed displacements, ghosts included, shape (dofs,), and of what drives tools;
+    collective.
+
+    Raises:
+        FormError: one of them is not finite.
+    """
+    function, forces = fem.Function(elastic.space), assemble(L)
+    function.x.array[:] = values
+    for name, given in (("bcs", values), ("L", forces)):
+        if parallel.any_rank(elastic.comm, not np.isfinite(given).all()):
+            raise FormError([(name, "is not finite somewhere")])
+    return elastic.case(forces, function, driven)
+
+
+def check_energy(matrix: PETSc.Mat, owned: int) -> None:
     """Whether a(x, y) = a(y, x) for two random vectors, and a(z, z) > 0 for each basis function z; collective.
+
+    Args:
+        matrix: of the form.
+        owned: its unknowns on this rank, before those of rigid tools.
 
     Raises:
         FormError: the form is not symmetric, not positive, or not finite.
@@ -88,7 +109,8 @@ def check_energy(matrix: PETSc.Mat) -> None:
         raise FormError([("a", "its matrix is not finite: check its coefficients")])
     if abs(forces.dot(y) - others.dot(x)) > _ASYMMETRY * size:
         raise FormError([("a", "is not symmetric: a(y, z) and a(z, y) differ; friction is what contact= adds")])
-    if parallel.any_rank(matrix.comm.tompi4py(), bool((matrix.getDiagonal().getArray(readonly=True) <= 0).any())):
+    diagonal = matrix.getDiagonal().getArray(readonly=True)[:owned]
+    if parallel.any_rank(matrix.comm.tompi4py(), bool((diagonal <= 0).any())):
         raise FormError([("a", "is not positive: a(z, z) is not for some basis function z; check its sign")])
 
 

@@ -37,7 +37,7 @@ from signorini_fx.results.promised_law import UNREGULARISED, Before, Law, Tracti
 from signorini_fx.results.supports import Supports
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.tool_motion import ToolMotion
-from signorini_fx.results.tools import unbalanced
+from signorini_fx.results.tools import given_in, unbalanced
 from signorini_fx.scales import Scales
 from signorini_fx.scene.model import Scene
 
@@ -193,8 +193,8 @@ def certify(
         balance = replace(balance, external=balance.external + forces_entered(forces, sides, tractions, step))
     found = judged(displacement, balance, sides, tractions, law=law, before=before, tools=tools)
     if tools and tractions is not None:
-        nodes = ContactNodes.of(forces, sides, tractions)
-        left = unbalanced(scene, nodes, tools, step, scale, _FAINT * scales.stress(found.strain_energy) * nodes.area)
+        nodes, given = ContactNodes.of(forces, sides, tractions), given_in(scene, tools, step, scale)
+        left = unbalanced(nodes, given, _FAINT * scales.stress(found.strain_energy) * nodes.area)
         found = replace(found, equilibrium=max(found.equilibrium, left))
     return found
 

@@ -5,38 +5,56 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from signorini_fx.results.contact_nodes import ContactNodes
 from signorini_fx.results.tool_motion import ToolMotion
 from signorini_fx.scene.model import Scene
 
+Array = npt.NDArray[np.float64]
 
-def unbalanced(
-    scene: Scene, nodes: ContactNodes, tools: Sequence[ToolMotion], step: float, scale: float, least: float
-) -> float:
+
+def given_in(scene: Scene, tools: Sequence[ToolMotion], step: float, scale: float) -> list[Driving]:
+    """What drives the tools of a scene.
+
+    Args:
+        scene: the scene.
+        tools: their motions.
+        step: the load step, from 0, or a place between two.
+        scale: factor of all loads and prescribed displacements.
+    """
+    found = []
+    for tool in tools:
+        shape = scene.contact[tool.part].tool
+        factor, time = scene.driving(shape, step)
+        given, prescribed = shape.drive(tool.reference.size, time)
+        if scene.axisymmetric:
+            prescribed[[0, 2]] = 0.0  # radial motion and rotation
+        found.append((tool, (scale * factor * given, scale * factor * prescribed)))
+    return found
+
+
+# A tool, with force and moment on it, and the components that are prescribed, nan where they are free.
+Driving = tuple[ToolMotion, tuple[Array, Array]]
+
+
+def unbalanced(nodes: ContactNodes, tools: Sequence[Driving], least: float) -> float:
     """The largest force or moment on a free component of a tool that the contact tractions do not balance, and the
     largest miss of a prescribed one, as a share of the forces at the tool, or of its motion; collective.
 
     Args:
-        scene: the scene.
         nodes: the contact points with the tractions at them.
-        tools: their motions.
-        step: the load step, from 0, or a place between two.
-        scale: factor of all loads and prescribed displacements.
+        tools: their motions, and what drives them.
         least: a force that is round-off.
     """
     found = 0.0
-    for tool in tools:
-        dim, shape = tool.reference.size, scene.contact[tool.part].tool
-        factor, time = scene.driving(shape, step)
-        given, prescribed = shape.drive(dim, time)
-        if scene.axisymmetric:
-            prescribed[[0, 2]] = 0.0  # radial motion and rotation
+    for tool, (given, prescribed) in tools:
+        dim = tool.reference.size
         free, motion = np.isnan(prescribed), np.append(tool.translation, tool.rotation)
         taken, size, reach = nodes.resultant(tool.part, tool.reference)
         # Moments as forces and rotations as lengths at this lever, so that neither depends on units.
         lever = np.append(np.ones(dim), np.full(motion.size - dim, reach or 1.0))
-        given, motion, prescribed = scale * factor * given / lever, motion * lever, scale * factor * prescribed * lever
+        given, motion, prescribed = given / lever, motion * lever, prescribed * lever
         rest = given + taken / lever
         size = max(size, float(np.abs(given).max()), least)
         missed, far = (

@@ -1,0 +1,73 @@
+"""The rigid tools of a ``ContactProblem``: foundations that force, moment or prescribed components move."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import mesh as dmesh
+from petsc4py import PETSc
+
+from signorini_fx import parallel
+from signorini_fx.body.elastic import ElasticBody
+from signorini_fx.body.rigid_tools import Driven, RigidTools
+from signorini_fx.contact.resting_place import Rest
+from signorini_fx.results.tool_motion import ToolMotion
+from signorini_fx.results.tools import Driving
+
+Array = npt.NDArray[np.float64]
+
+
+def tools_of(shapes: Sequence[Any], mesh: dmesh.Mesh) -> RigidTools | None:
+    """The tools among the contacts; None: there are none; collective.
+
+    Args:
+        shapes: of each contact the shape that is moved; None: it has none.
+        mesh: of the body, whose size makes lengths of rotations.
+    """
+    dim = mesh.geometry.dim
+    bounds = parallel.global_bounds(mesh.comm, mesh.geometry.x[:, :dim].astype(np.float64))
+    contacts = [SimpleNamespace(tool=shape) for shape in shapes]
+    return RigidTools.of(contacts, dim, float(np.linalg.norm(np.ptp(bounds, axis=0))))
+
+
+def driven_by(tools: RigidTools | None) -> Driven | None:
+    """What drives all of them together now."""
+    count = 0 if tools is None else tools.parts.size
+    return None if tools is None else Driven.together([(1.0, tools.driven(k, 0.0)) for k in range(count)])
+
+
+def values_of(tools: RigidTools | None) -> tuple[list[npt.NDArray[Any]], list[npt.NDArray[Any]]]:
+    """What decides about the matrix, and about its right-hand side."""
+    driven = driven_by(tools)
+    return ([], []) if tools is None or driven is None else ([tools.fixed], [driven.forces, driven.motion])
+
+
+def motions_of(
+    tools: RigidTools | None, names: Sequence[str], elastic: ElasticBody, x: PETSc.Vec, rest: Rest | None
+) -> tuple[ToolMotion, ...]:
+    """How they have moved in a displacement that is counted from the resting place; collective.
+
+    Args:
+        tools: None: there are none.
+        names: of the contacts.
+        elastic: the body.
+        x: the displacement.
+        rest: see ``ElasticBody.driven``.
+    """
+    if tools is None:
+        return ()
+    dim, motions = tools.dimension, tools.motions(elastic.driven(x, rest))
+    return tuple(
+        ToolMotion(part, names[part], tools.centre[k], motions[k, :dim], motions[k, dim:])
+        for k, part in enumerate(map(int, tools.parts))
+    )
+
+
+def driving_of(tools: RigidTools | None, motions: Sequence[ToolMotion]) -> list[Driving]:
+    """The motions, and what drives them."""
+    shapes = [] if tools is None else tools.shapes
+    return [(one, shape.drive(one.reference.size, 0.0)) for one, shape in zip(motions, shapes, strict=True)]
