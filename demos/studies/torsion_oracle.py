@@ -9,6 +9,7 @@ and on the base a shear of at most the bound q that acts against v.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -36,6 +37,18 @@ def torsion(shear_modulus, height, bound, turned, nr=60, nz=40):
 
     Bilinear elements; nodal forces m of at most the bound times the area of a node from the dual quadratic programme.
     """
+    r, areas, root, per_turn = _condensed(shear_modulus, height, nr, nz)
+    load = per_turn * turned
+    most = bound * areas[1:]
+    # min over |m| <= most of (load - m) S^-1 (load - m) / 2; v = S^-1 (load - m).
+    friction = lsq_linear(root, root @ load, (-most, most), method="bvls", tol=1e-13).x
+    sticking = areas[0] + areas[1:][np.abs(friction) < (1 - 1e-9) * most].sum()
+    return Torsion(float(friction @ r[1:]), float(np.sqrt(sticking / np.pi)), r[1:], friction / areas[1:])
+
+
+@cache
+def _condensed(shear_modulus, height, nr, nz):
+    """Radii of the base and their areas, L^-1 of its stiffness S = L L^T, and the load on it by a turn of 1."""
     r, z = np.linspace(0.0, 1.0, nr + 1), height * np.linspace(0.0, 1.0, nz + 1) ** 1.5
     number = np.arange((nr + 1) * (nz + 1)).reshape(nz + 1, nr + 1)
     matrix = np.zeros((number.size, number.size))
@@ -54,7 +67,7 @@ def torsion(shear_modulus, height, bound, turned, nr=60, nz=40):
     base, top, axis = number[0, 1:], number[-1], number[:, 0]
     inner = np.setdiff1d(number.ravel(), np.concatenate((base, top, axis)))
     given = np.zeros(number.size)
-    given[top] = turned * r
+    given[top] = r
     factor = cho_factor(matrix[np.ix_(inner, inner)])
     coupling = matrix[np.ix_(inner, base)]
     stiffness = matrix[np.ix_(base, base)] - coupling.T @ cho_solve(factor, coupling)
@@ -66,9 +79,4 @@ def torsion(shear_modulus, height, bound, turned, nr=60, nz=40):
         a, b = r[j], r[j + 1]
         areas[j] += 2 * np.pi * (b - a) * (2 * a + b) / 6
         areas[j + 1] += 2 * np.pi * (b - a) * (a + 2 * b) / 6
-    most = bound * areas[1:]
-    # min over |m| <= most of (load - m) S^-1 (load - m) / 2; v = S^-1 (load - m).
-    root = np.linalg.inv(cholesky(stiffness, lower=True))
-    friction = lsq_linear(root, root @ load, (-most, most), method="bvls", tol=1e-13).x
-    sticking = areas[0] + areas[1:][np.abs(friction) < (1 - 1e-9) * most].sum()
-    return Torsion(float(friction @ r[1:]), float(np.sqrt(sticking / np.pi)), r[1:], friction / areas[1:])
+    return r, areas, np.linalg.inv(cholesky(stiffness, lower=True)), load
