@@ -1752,6 +1752,13 @@ MUTANTS = (
         tests=("planes_of_symmetry::test_the_certificate_asks_for_the_supports",),
     ),
     Mutant(
+        "pairs/overlap",
+        "kept = near[pair]",
+        "kept = near[pair] | True",
+        "two bodies: facets out of reach are partners",
+        tests=("pairs::test_facets_out_of_reach",),
+    ),
+    Mutant(
         "pairs/search",
         "facing & (across <= beyond) & (np.abs(along) <= reach + beyond)",
         "(across <= beyond) & (np.abs(along) <= reach + beyond)",

@@ -140,6 +140,13 @@ def test_gap_between_arcs():
         np.testing.assert_allclose(found.normal, radial, atol=0.1)
 
 
+def test_facets_out_of_reach():
+    """Facets are partners where their mean distance is within reach, which does not depend on points of quadrature."""
+    slave = curve("P1", 10, lambda s: [s, 0.0], (0, -1))
+    master = curve("P1", 10, lambda s: [s, -0.1 - 0.5 * s], (0, 1))
+    assert coupled(slave, master, reach=0.41).covered == pytest.approx(0.6)
+
+
 def test_sides_that_do_not_fit():
     """They overlap nowhere, are far apart, face the same way, or lie over each other twice: each is said."""
     slave, master = both("P1", "P1", False)

@@ -129,6 +129,7 @@ def couple(
     ends = len(slave.nodes) * comm.rank // comm.size, len(slave.nodes) * (comm.rank + 1) // comm.size
     some = np.arange(*ends)
     overlap = (plane_overlap if slave.dimension == 2 else space_overlap)(slave, master, reach, some)
+    overlap = overlap.within(reach, slave, master)
     found_here = np.bincount(overlap.slave, overlap.weight.sum(axis=1), minlength=len(slave.nodes))
     area: Array = parallel.global_sum(comm, found_here.astype(np.float64))
     covered = np.flatnonzero(area)

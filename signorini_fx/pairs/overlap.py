@@ -33,3 +33,13 @@ class Overlap:
     def distance(self, slave: Surface, master: Surface) -> Array:
         """From each slave point to the master point over it, length, shape (p, q, d)."""
         return master.positions(self.master, self.over) - slave.positions(self.slave, self.at)
+
+    def within(self, reach: float, slave: Surface, master: Surface) -> Overlap:
+        """The pieces of the pairs of facets whose mean distance, of all pieces, is at most ``reach``, length."""
+        _, pair = np.unique(np.column_stack((self.slave, self.master)), axis=0, return_inverse=True)
+        pair = pair.ravel()  # whose shape differs between versions of NumPy
+        moment = np.einsum("pq,pqd->pd", self.weight, self.distance(slave, master))
+        mean = np.stack([np.bincount(pair, column) for column in moment.T], axis=1)
+        near = np.linalg.norm(mean, axis=1) <= reach * np.bincount(pair, self.weight.sum(axis=1))
+        kept = near[pair]
+        return Overlap(*(one[kept] for one in (self.slave, self.master, self.at, self.over, self.weight)))

@@ -54,9 +54,7 @@ def plane_overlap(slave: Surface, master: Surface, reach: float, some: Indices) 
     over = _over(master, master.corners[there], x, normal)
     size = np.linalg.norm(slave.normals(here, at[..., None]), axis=2)
     weight = size * weights / 2 * width[:, None]
-    found = Overlap(here, there, at[..., None], over[..., None], weight)
-    near = np.linalg.norm(found.distance(slave, master), axis=2).min(axis=1) <= reach
-    return Overlap(here[near], there[near], found.at[near], found.over[near], weight[near])
+    return Overlap(here, there, at[..., None], over[..., None], weight)
 
 
 def patches(side: Surface, some: Indices) -> Patches:

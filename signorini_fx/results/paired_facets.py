@@ -224,7 +224,7 @@ def pieces_of(
     Args:
         facet: of the slave.
         masters: those of the other side that are near.
-        reach: distance beyond which facets are no partners, length.
+        reach: mean distance beyond which facets are no partners, length.
         normals: in the plane the normals of the slave at its nodes, which are interpolated.
     """
     outward = facet.normal(facet.middle)[0]
@@ -235,15 +235,13 @@ def pieces_of(
         if facet.kind == "interval":
             assert normals is not None
             at_nodes = np.array([normals[int(node)] for node in facet.nodes])
-            found += _in_plane(facet, master, at_nodes)
+            pieces = _in_plane(facet, master, at_nodes)
         else:
-            found += _in_space(facet, master)
-    return [piece for piece in found if _near(facet, piece, reach)]
-
-
-def _near(facet: Facet, piece: Piece, reach: float) -> bool:
-    apart = piece.master.place(piece.over) - facet.place(piece.at)
-    return bool(np.linalg.norm(apart, axis=1).min() <= reach)
+            pieces = _in_space(facet, master)
+        moment = sum(piece.weight @ (master.place(piece.over) - facet.place(piece.at)) for piece in pieces)
+        if pieces and np.linalg.norm(moment) <= reach * sum(piece.weight.sum() for piece in pieces):
+            found += pieces
+    return found
 
 
 def _in_plane(facet: Facet, master: Facet, normals: Array) -> list[Piece]:
