@@ -173,7 +173,7 @@ def octant(count, layers, inner, outer):
     return np.array(cells), points
 
 
-@pytest.mark.parametrize(("degree", "counts", "error"), [(1, (8, 11), 0.03), (2, (5, 8), 0.02)])
+@pytest.mark.parametrize(("degree", "counts", "error"), [(1, (8, 11), 0.03), (2, (5, 8), 0.025)])
 def test_hollow_balls_in_each_other(degree, counts, error):
     """Radii 20, 30, 40 under 25 inside: Lame's pressure 4.894180 between them (SSNP173 of the Code_Aster manuals)."""
     bodies = octant(counts[0], 3, 20.0, 30.0), octant(counts[1], 3, 30.0, 40.0)
