@@ -101,9 +101,14 @@ BLOCKS = [block for page in (README, *MANUAL) for block in blocks_of(page)]
 
 
 def each_block(language):
-    """All blocks of a language that are to be run."""
+    """All blocks of a language that are to be run; each has the name of its page and its number there, since the list
+    of slow tests has these names, and lines change with every edit.
+    """
     wanted = [block for block in BLOCKS if block.language == language and block.reason is None]
-    return pytest.mark.parametrize("block", wanted, ids=str)
+    names = [
+        f"{one.page.name} {[other for other in BLOCKS if other.page == one.page].index(one) + 1}" for one in wanted
+    ]
+    return pytest.mark.parametrize("block", wanted, ids=names)
 
 
 @pytest.fixture(scope="module")
