@@ -3,6 +3,7 @@
 import inspect
 import pydoc
 import tempfile
+from dataclasses import replace
 from importlib import import_module
 from pkgutil import iter_modules
 from typing import get_args
@@ -137,7 +138,7 @@ def test_wrong_kinds_in_a_scene(what):
         (lambda: sfx.tag_boundaries(TAGGED, {}), "a mesh of dolfinx is expected, not TaggedMesh"),
         (lambda: sfx.tag_boundaries(DOLFINX_MESH, {"left": 3}), "boundary 'left'"),
         (lambda: sfx.write_results("a", "b"), "a Solution and a folder, not str"),
-        (lambda: sfx.LinearElastic(5000.0, 0.3), "keyword arguments: young, poisson"),
+        (lambda: sfx.LinearElastic(5000.0, 0.3), "keyword arguments: orthotropic, young, poisson"),
     ],
 )
 def test_wrong_kinds_of_arguments(call, told):
@@ -156,6 +157,8 @@ def test_short_forms():
     assert "&lt;b&gt;" in shown
     assert "converged" in shown
     assert solution.table._repr_html_().count("<tr>") == 1 + 13
+    table = replace(solution.table, columns={"x": np.array([-1e-18, 1.0]), "u_n": np.array([-1e-18, 1e-20])})
+    assert "<td>0</td><td>-1e-18</td>" in table._repr_html_()  # only positions have a scale
 
 
 def test_numbers_of_numpy_in_settings():
@@ -196,7 +199,7 @@ def test_signature_of_a_table():
     )
     assert str(inspect.signature(sfx.UnilateralContact)) == shown
     assert str(inspect.signature(sfx.LinearElastic)).startswith(
-        "(*, young, poisson, grading=None, poisson_grading=None, hypothesis="
+        "(*, orthotropic=None, young=None, poisson=None, grading=None, poisson_grading=None, hypothesis="
     )
 
 

@@ -13,7 +13,7 @@ from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import chains, in_line
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.contact.laws import length
-from signorini_fx.display import html_table
+from signorini_fx.display import clean, html_table
 
 # Rows of a table that a notebook shows.
 _SHOWN_ROWS = 20
@@ -46,8 +46,11 @@ class ContactTable:
         return f"<ContactTable: {len(self.columns['x'])} nodes, columns {', '.join(self.columns)}>"
 
     def _repr_html_(self) -> str:
-        """A table for notebooks: the first rows."""
-        rows = list(zip(*(column[:_SHOWN_ROWS].tolist() for column in self.columns.values()), strict=True))
+        """A table for notebooks: the first rows, without round-off in positions."""
+        x = [self.columns[axis] for axis in "xyz" if axis in self.columns]
+        extent = max((float(np.ptp(column)) for column in x if column.size), default=0.0)
+        first = {name: column[:_SHOWN_ROWS].tolist() for name, column in self.columns.items()}
+        rows = list(zip(*(clean(c, extent) if name in "xyz" else c for name, c in first.items()), strict=True))
         return html_table(tuple(self.columns), rows, f"{len(self.columns['x'])} contact nodes, the first {len(rows)}")
 
     @property
