@@ -112,6 +112,17 @@ def drawn(seed):
     return parse_scene(scene)
 
 
+def pressed(seed):
+    """A random block whose top is moved down and aside onto its foundation, with loads: its forces are not those of
+    statics."""
+    chance, scene = np.random.default_rng([seed, 2]), drawn(seed)
+    size = float(np.abs(scene.material[0].young)) * 1e-3
+    down, aside = 4e-3 * float(chance.uniform(0.5, 1.5)), 1e-3 * float(chance.normal())
+    held = scene.displacement[0].model_copy(update={"boundary": "top", "normal": None, "x": aside, "y": -down})
+    side = scene.traction[0].model_copy(update={"boundary": "right", "x": size * float(chance.normal()), "y": 0.0})
+    return scene.model_copy(update={"displacement": (held,), "traction": (side,)})
+
+
 def of_several_materials(scene, seed):
     """The scene with two or three materials: in layers, beside each other, or any one in each cell; in half of the
     scenes one of them has nu = 0.49."""

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from error_bounds import drawn, effectivity, energy_of_difference, of_several_materials, on_finer_mesh, problem
+from error_bounds import drawn, effectivity, energy_of_difference, of_several_materials, on_finer_mesh, pressed, problem
 from scenes import alone, example1
 
 from signorini_fx.accuracy.equilibrated_stress import Equilibration, Loads
@@ -339,6 +339,58 @@ def test_a_mean_displacement_without_contact():
     assert "supports hold the body" in alone(example1(nx=12, ny=4)).mean_displacement_bounds("top", (0.0, 1.0))
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3, 4, 5, 6])
+def test_a_force(seed):
+    """Those of a fine solution are between the bounds, normal and tangential, of the contact and of the support."""
+    scene = pressed(seed)
+    solution, fine = alone(scene), on_finer_mesh(scene)
+    weight, contact = fine.contact.boundary.weight, fine.contact
+    exact = np.array([-weight @ contact.shear[:, 0], weight @ contact.pressure])
+    case = problem(fine)
+    still = [case.work(np.tile(one, (len(case.t.x), 1)), np.tile(one, (len(case.t.edges), 1))) for one in np.eye(2)]
+    assert exact[1] > 0
+    for name, force in (("bottom", exact), ("top", -exact - still)):
+        for direction in (np.array([0.0, 1.0]), np.array([0.8, -0.6])):
+            low, high = solution.force_bounds(name, tuple(direction))
+            assert low < force @ direction < high
+            assert high - low < 2 * np.linalg.norm(force)
+
+
+def test_forces_of_a_uniform_state():
+    """A block between two walls: the side force is nu / (1 - nu) of the pressure; what statics determines is exact."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 4, "ny": 2}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": 0.0}],
+            "traction": {"boundary": "top", "y": -1.0},
+            "contact": {"boundary": "bottom"},
+            "solver": {"algorithm": "exact"},
+        }
+    )
+    solution = alone(scene)
+    for name, direction, exact in (
+        ("left", (1.0, 0.0), 0.3 / 0.7),
+        ("right", (1.0, 0.0), -0.3 / 0.7),
+        ("bottom", (0.0, 1.0), 2.0),
+    ):
+        low, high = solution.force_bounds(name, direction)
+        assert low <= exact <= high
+        assert high - low < 1e-5
+    held = solution.scene.displacement[0].model_copy(update={"y": 0.0})
+    clamped = alone(scene.model_copy(update={"displacement": (held,)}))
+    assert "shares a corner" in clamped.force_bounds("bottom", (0.0, 1.0))
+    assert "neither a support nor a contact" in clamped.force_bounds("top", (0.0, 1.0))
+    # Rollers on one side: the load decides, with any mesh, where it jumps and the stress is not known.
+    loads = (scene.traction[0].model_copy(update={"y": Expression("where(x[0] < 0.7, -5, -1)"), "x": 1.0}),)
+    jumps = scene.model_copy(update={"displacement": (scene.displacement[0],), "traction": loads})
+    sheared = alone(jumps)
+    assert sheared.error_bound.relative > 0.01
+    low, high = sheared.force_bounds("left", (1.0, 0.0))
+    assert high - low < 1e-6
+    assert (low + high) / 2 == pytest.approx(-2.0, abs=1e-6)
+
+
 def test_what_has_no_bound():
     """Reasons, in the summary and as an error of the scene that wants a certified accuracy."""
     scene = example1(bound=1.5, nx=12, ny=4, error_bound=True)
@@ -391,7 +443,10 @@ def test_every_part_counts(monkeypatch):
     bound = error_bound(solution.discretisation, nothing, solution.contact)
     (t, found) = stresses[-1]
     s = found.stress
-    energy = (t.area[:, None] / 36 * (t.compliance_square(s).sum(axis=2) + t.compliance_square(s.sum(axis=2)))).sum()
+    nodal = np.einsum("ab,ntbk->ntak", np.eye(3) + 1, s)  # the mass matrix of a third is this over 12 times its area
+    first, second = t.lame[0]
+    hooke = np.array([[first + 2 * second, first, 0], [first, first + 2 * second, 0], [0, 0, second]])
+    energy = np.einsum("n,ntak,kl,ntal", t.area / 36, s, np.linalg.inv(hooke), nodal)
     low = t.outer[t.x[t.edges[t.outer]][:, :, 1].max(axis=1) < 1e-9]
     pressure = np.abs(found.tractions[low, :, 1])
     along = (np.arange(400) + 0.5) / 400

@@ -24,8 +24,9 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.accuracy.equilibrated_stress import Equilibration, Loads
+from signorini_fx.accuracy.equilibrated_stress import Equilibrated, Equilibration, Loads
 from signorini_fx.accuracy.linear_displacement import Given, smallest_energy
+from signorini_fx.accuracy.stress_products import from_strain, square
 from signorini_fx.accuracy.triangles import GAUSS, Array, Triangles, free_motions
 from signorini_fx.accuracy.triangulated import SAME, FacetsInContact, Problem, Refused, on_bernstein, on_line, quadratic
 from signorini_fx.body.contact_state import ContactState
@@ -97,7 +98,7 @@ class ErrorBound:
 
 
 @dataclass(frozen=True)
-class _Admissible:
+class Admissible:
     """A displacement that does not enter the foundation.
 
     Attributes:
@@ -118,6 +119,55 @@ class _Admissible:
     def squares(self) -> Array:
         """What it adds to the square of the bound, shape (n,)."""
         return self.contact + self.moved
+
+
+@dataclass(frozen=True)
+class Enclosure:
+    """A displacement without penetration and a stress in equilibrium, with what is known of the solution between them.
+
+    Attributes:
+        v: the displacement.
+        duality: gap of the functionals with the strain of the computed displacement, energies, shape (n,).
+        stress: in equilibrium.
+        data: squares of the bounds of what the stress does not hold of the loads, shape (n,).
+        round_off: bound of the work of what sums leave, per unit of the energy norm.
+        size: energy norm of the computed displacement.
+        t: the triangles.
+    """
+
+    v: Admissible
+    duality: Array
+    stress: Equilibrated
+    data: Array
+    round_off: float
+    size: float
+    t: Triangles
+
+    @cached_property
+    def difference(self) -> Array:
+        """The stress in equilibrium less that of the displacement, on thirds, shape (n, 3, 3, 3)."""
+        return self.stress.stress - from_strain(self.t, self.v.strain)
+
+    @cached_property
+    def gap(self) -> float:
+        """Of the functionals, twice, energy per thickness."""
+        return float((self.v.contact + square(self.t, self.difference)).sum())
+
+    @property
+    def missed(self) -> float:
+        """Bound of the work of what is not in equilibrium with the loads per unit of the energy norm."""
+        return float(np.sqrt(self.data.sum())) + self.round_off
+
+    @property
+    def distance(self) -> float:
+        """Bound of the energy norm of v - u: A^2 + B^2 <= gap + 2 missed A, where B is the distance of the stress."""
+        return self.missed + float(np.hypot(np.sqrt(self.gap), self.missed))
+
+    @property
+    def radius(self) -> float:
+        """Bound of the distance of the stress of the solution from the mean of both stresses."""
+        contact = float(self.v.contact.sum())
+        return float(np.sqrt((self.gap - contact) / 4 + contact / 2 + self.missed * self.distance))
 
 
 def error_bound(
@@ -145,8 +195,9 @@ class Bounded(Problem):
         """The system of its stresses."""
         return Equilibration(self.t, self.held)
 
-    def bound(self) -> ErrorBound:
-        """The bound of the error."""
+    @cached_property
+    def enclosure(self) -> Enclosure:
+        """Displacement and stress that enclose the solution."""
         t = self.t
         computed = t.strain_at_corners(self.y, self.middle)
         self._balance()
@@ -156,26 +207,29 @@ class Bounded(Problem):
             traction[one.edges] += np.einsum("eij,eaj->eai", free, one.traction)
         bubble = 2 / 3 * (self.middle - self.y[t.edges].mean(axis=1))
         stress = self.equilibration.stress(Loads(self.body, traction), self.y[t.edges] + bubble[:, None])
-        distance = apart(t, computed, stress.stress)
+        between = square(t, from_strain(t, computed) - stress.stress)
         v = self._beside(self._admissible(np.zeros_like(self.y)), computed)
-        if v.moved.sum() > _LITTLE * distance.sum():
+        if v.moved.sum() > _LITTLE * between.sum():
             # The first one is cheap; the second one is better where the regularisation lets many nodes enter.
             v = min(v, self._beside(self._admissible(self._entered()), computed), key=lambda one: one.squares.sum())
-        y, middle, strain, contact, moved = v.y, v.middle, v.strain, v.contact, v.moved
-        duality = contact + distance
-        data = self._data()
         size = float(np.sqrt(_energy(t, computed).sum()))
-        parts = [float(np.sqrt(squares.sum())) for squares in (duality, data, moved)]
-        round_off = stress.missing + ROUND_OFF * size
-        total = (np.hypot(parts[0], parts[2]) + parts[1] + round_off) * (1 + ROUND_OFF * np.sqrt(len(t.corners)))
+        return Enclosure(v, v.contact + between, stress, self._data(), stress.missing + ROUND_OFF * size, size, t)
+
+    def bound(self) -> ErrorBound:
+        """The bound of the error."""
+        t, found = self.t, self.enclosure
+        v, data = found.v, found.data
+        duality, missed, moved = (float(np.sqrt(squares.sum())) for squares in (found.duality, data, v.moved))
+        total = (np.hypot(duality, moved) + missed + found.round_off) * (1 + ROUND_OFF * np.sqrt(len(t.corners)))
         squares: Array = np.zeros(len(self.cells))
-        np.add.at(squares, self.owner, duality + data + moved)
+        np.add.at(squares, self.owner, found.duality + data + v.moved)
         work = None
         if not any(one.bound.any() for one in self.contacts):
-            gap = float(np.sqrt((contact + apart(t, strain, stress.stress)).sum()))
-            above = (gap + 2 * (parts[1] + round_off)) ** 2 / 2
-            work = self._work(_energy(t, strain).sum() / 2 - self.work(y, middle), above, size, total)
-        return ErrorBound(float(total), size, parts[0], parts[1], parts[2], round_off, squares, self.assumed, work)
+            above = (float(np.sqrt(found.gap)) + 2 * found.missed) ** 2 / 2
+            energy = _energy(t, v.strain).sum() / 2 - self.work(v.y, v.middle)
+            work = self._work(energy, above, found.size, total)
+        round_off = found.round_off
+        return ErrorBound(float(total), found.size, duality, missed, moved, round_off, squares, self.assumed, work)
 
     def _work(self, energy: float, above: float, size: float, error: float) -> tuple[float, float]:
         """Bounds of the work of the loads, which is a(u, u) / 2 less the smallest energy.
@@ -272,13 +326,13 @@ class Bounded(Problem):
             for end in (0, 1):
                 one.pressure[:, end], one.shear[:, end] = next(parts), next(parts)
 
-    def _beside(self, v: tuple[Array, Array], computed: Array) -> _Admissible:
+    def _beside(self, v: tuple[Array, Array], computed: Array) -> Admissible:
         """What a displacement without penetration adds to the bound, given the strain of the computed one."""
         t, strain = self.t, self.t.strain_at_corners(*v)
         contact = np.zeros(len(t.corners))
         for one in self.contacts:
             np.add.at(contact, t.sides[one.edges].max(axis=1), 2 * self._on_contact(one, *v))
-        return _Admissible(*v, strain, contact, _energy(t, strain - computed))
+        return Admissible(*v, strain, contact, _energy(t, strain - computed))
 
     def _entered(self) -> Array:
         """Of least energy with what the vertices enter the foundation, and slip where they stick; zero at supports."""
@@ -372,17 +426,6 @@ def _energy(t: Triangles, strain: Array) -> Array:
     total = strain.sum(axis=1)
     stress = t.stress(strain)
     return np.asarray(t.area / 12 * (_product(stress, strain).sum(axis=1) + _product(stress.sum(axis=1), total)))
-
-
-def apart(t: Triangles, strain: Array, stress: Array) -> Array:
-    """Squares of the distances of stresses on thirds from those of linear strains at corners, by triangle."""
-    own = t.stress(strain)
-    centre = own.mean(axis=1)
-    difference = -stress
-    for i in range(3):
-        difference[:, i] += np.stack((own[:, (i + 1) % 3], own[:, (i + 2) % 3], centre), axis=1)
-    parts = t.compliance_square(difference).sum(axis=2) + t.compliance_square(difference.sum(axis=2))
-    return np.asarray(t.area / 36 * parts.sum(axis=1))
 
 
 def _product(stress: Array, strain: Array) -> Array:

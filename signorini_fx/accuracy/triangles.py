@@ -123,13 +123,6 @@ class Triangles:
             axis=-1,
         )
 
-    def compliance_square(self, stress: Array) -> Array:
-        """The product sigma : C^-1 sigma, shape (n, ...)."""
-        first, second = (self.lame[:, k].reshape(-1, *[1] * (stress.ndim - 2)) for k in (0, 1))
-        trace = stress[..., 0] + stress[..., 1]
-        square = stress[..., 0] ** 2 + stress[..., 1] ** 2 + 2 * stress[..., 2] ** 2
-        return np.asarray((square - first / (2 * (first + second)) * trace**2) / (2 * second))
-
     @property
     def softest(self) -> Array:
         """Alpha with sigma(w) : eps(w) >= alpha |eps(w)|^2, stress, shape (n,)."""

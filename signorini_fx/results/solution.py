@@ -263,11 +263,26 @@ class Solution:
             boundary: its name.
             direction: any vector; a unit one gives a length.
         """
-        from signorini_fx.accuracy.mean_displacement import mean_displacement
+        from signorini_fx.accuracy.quantity_bounds import mean_displacement
 
         if not self.converged:
             return "there is no solution"
         return mean_displacement(self.discretisation, self.displacement, self.contact, boundary, direction, self._place)
+
+    def force_bounds(self, boundary: str, direction: tuple[float, float]) -> tuple[float, float] | str:
+        """Guaranteed bounds of the force of a support or contact on the body, per thickness; or why there are none.
+
+        Collective.
+
+        Args:
+            boundary: its name.
+            direction: any vector; a unit one gives the force along it.
+        """
+        from signorini_fx.accuracy.quantity_bounds import force
+
+        if not self.converged:
+            return "there is no solution"
+        return force(self.discretisation, self.displacement, self.contact, boundary, direction, self._place)
 
     @cached_property
     def safety(self) -> Safety | None:

@@ -1,0 +1,182 @@
+"""Two-sided bounds of the mean displacement of a boundary, and of the force of a support or a contact.
+
+Let v be a displacement that does not enter the foundation and tau a stress in equilibrium, as for the bound of the
+error.  The stress of the solution is within rho of their mean, (C eps(v) + tau) / 2, with
+
+    rho^2 = |C eps(v) - tau|^2 / 4 + int p (d - v_n) + int (g |v_t| - mu v_t)
+
+(the hypercircle of W. Prager and J. L. Synge, Quart. Appl. Math. 5 (1947) 241-269).  A mean displacement Q and a force
+R along c follow from a stress tau' and a displacement w or z that their dual problem approximates
+(R. Becker and R. Rannacher, Acta Numerica 10 (2001) 1-102):
+
+    Q(u) = Q(v) + L(w) - a(v, w) + int (tau' - C eps(w)) : eps(u - v),
+    R(u) = a(u, z) - L(z) = a(v, z) - L(z) + int (C eps(z) - tau') : eps(u - v).
+
+For Q, tau' is in equilibrium with a unit load on the boundary, and w vanishes where forces of supports and contacts
+act.  For R, tau' has no load, and z is c on the boundary and vanishes where other forces of supports and contacts act.
+In both tau' has no traction on the contact boundary, because nothing is assumed of u - v there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from dolfinx import fem
+
+from signorini_fx.accuracy.equilibrated_stress import Loads
+from signorini_fx.accuracy.error_bound import ROUND_OFF, Bounded
+from signorini_fx.accuracy.linear_displacement import Given, smallest_energy
+from signorini_fx.accuracy.stress_products import from_strain, product, square
+from signorini_fx.accuracy.triangles import Array, free_motions
+from signorini_fx.accuracy.triangulated import SAME, Refused
+from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.scene.effect import Force
+
+
+def mean_displacement(
+    d: Discretisation,
+    y: fem.Function,
+    contact: ContactState | None,
+    boundary: str,
+    direction: tuple[float, float],
+    place: float = 0.0,
+) -> tuple[float, float] | str:
+    """Bounds of the mean of u . direction over a boundary, a length; or why there are none.
+
+    What they rest on is what the bound of the error rests on.
+
+    Args:
+        d: the discretised scene.
+        y: the displacement.
+        contact: the contact nodes.
+        boundary: its name.
+        direction: any vector; a unit one gives a length.
+        place: of the load step in the lists of factors.
+    """
+    try:
+        return _Quantity(d, y, contact, place).mean(boundary, np.asarray(direction, dtype=np.float64))
+    except Refused as refused:
+        return str(refused)
+
+
+def force(
+    d: Discretisation,
+    y: fem.Function,
+    contact: ContactState | None,
+    boundary: str,
+    direction: tuple[float, float],
+    place: float = 0.0,
+) -> tuple[float, float] | str:
+    """Bounds of the force on the body along a direction of a support or of a contact; or why there are none.
+
+    They rest on what the bound of the error rests on.  Where statics determines the force they are equal.
+
+    Args:
+        d: the discretised scene.
+        y: the displacement.
+        contact: the contact nodes.
+        boundary: of a support or of a contact.
+        direction: any vector; a unit one gives a force per thickness.
+        place: of the load step in the lists of factors.
+    """
+    try:
+        return _Quantity(d, y, contact, place).force(boundary, np.asarray(direction, dtype=np.float64))
+    except Refused as refused:
+        return str(refused)
+
+
+class _Quantity(Bounded):
+    """A problem with what bounds quantities of its solution."""
+
+    def mean(self, boundary: str, direction: Array) -> tuple[float, float]:
+        """See ``mean_displacement``."""
+        t, edges = self.t, self._edges(boundary)
+        if free_motions(t, self.held).size:
+            raise Refused("a mean displacement has bounds where supports hold the body without its contact")
+        unit = np.zeros((len(t.edges), 2, 2))
+        free = np.eye(2) - self.held[edges]
+        unit[edges] = np.einsum("eij,j->ei", free, direction)[:, None] / t.length[edges].sum()
+        stress = self.equilibration.stress(Loads(np.zeros((len(t.corners), 3, 2)), unit), np.zeros_like(unit))
+        load = np.zeros((len(t.x), 2))
+        for k in (0, 1):
+            np.add.at(load, t.edges[:, k], t.length[:, None] * (2 * unit[:, k] + unit[:, 1 - k]) / 6)
+        w = smallest_energy(t, self._closed(np.zeros((len(t.edges), 2))), load)[0]
+        y, middle = self.enclosure.v.y, self.enclosure.v.middle
+        share = t.length[edges] / t.length[edges].sum()
+        mean = float(share @ ((y[t.edges[edges]].sum(axis=1) + 4 * middle[edges]) / 6 @ direction))
+        residual, size = self._residual(w)
+        low, high = self._within(stress.stress - from_strain(t, self._strain(w)), stress.missing, size)
+        return mean + residual + low, mean + residual + high
+
+    def force(self, boundary: str, direction: Array) -> tuple[float, float]:
+        """See ``force``."""
+        t, edges = self.t, self._edges(boundary)
+        names = [effect.boundary for effect in self._d.scene.contact]
+        support = boundary not in names
+        if support and not self.held[edges].any(axis=(1, 2)).all():
+            raise Refused(f"{boundary!r} is neither a support nor a contact")
+        if support and any(
+            np.isin(self._edges(load.where), edges).any() for load in self._d.scene.of(Force) if load.where is not None
+        ):
+            raise Refused(f"loads act on the support {boundary!r}: its own force is not known apart from them")
+        value = np.zeros((len(t.edges), 2))
+        value[edges] = direction
+        given = self._closed(value)
+        if not given.fixes(t):
+            raise Refused("a force has bounds where supports and contacts hold the body")
+        z, missed = smallest_energy(t, given)
+        if missed > SAME * np.abs(direction).max():
+            raise Refused(
+                f"the force on {boundary!r} has no bounds: it shares a corner with another support or contact"
+            )
+        difference, missing = from_strain(t, self._strain(z)), 0.0
+        if support:
+            none = np.zeros((len(t.edges), 2, 2))
+            unloaded = Loads(np.zeros((len(t.corners), 3, 2)), none)
+            stress = self.equilibration.stress(unloaded, np.stack((value, value), axis=1))
+            difference, missing = difference - stress.stress, stress.missing
+        residual, size = self._residual(z)
+        low, high = self._within(difference, missing, size)
+        return low - residual, high - residual
+
+    def _closed(self, value: Array) -> Given:
+        """Components where forces of supports and contacts act; without friction there is none along a contact.
+
+        Args:
+            value: of the displacement on edges, shape (e, 2).
+        """
+        t, parts = self.t, [Given.of_edges(self.t, self.held, value)]
+        for one in self.contacts:
+            slips = not (one.bound.any() or one.least.any())
+            projectors = np.zeros_like(self.held)
+            projectors[one.edges] = one.normal[:, :, None] * one.normal[:, None] if slips else np.eye(2)
+            parts.append(Given.of_edges(t, projectors, value))
+        return Given.joined(*parts)
+
+    def _strain(self, w: Array) -> Array:
+        """Of a displacement that is linear on triangles, at corners, shape (n, 3, 3)."""
+        return self.t.strain_at_corners(w, w[self.t.edges].mean(axis=1))
+
+    def _residual(self, w: Array) -> tuple[float, float]:
+        """The work L(w) - a(v, w), and the size of what is summed up."""
+        t = self.t
+        # The strain of w is constant: the mean of that of v is enough.
+        own = t.stress(self.enclosure.v.strain.mean(axis=1)[:, None])[:, 0]
+        parts = t.area * (own * self._strain(w)[:, 0] * [1.0, 1.0, 2.0]).sum(axis=1)
+        outside = self.work(w, w[t.edges].mean(axis=1))
+        return float(outside - parts.sum()), float(abs(outside) + np.abs(parts).sum())
+
+    def _within(self, stress: Array, missing: float, size: float) -> tuple[float, float]:
+        """Bounds of the integral of a stress times eps(u - v).
+
+        Args:
+            stress: on the thirds at their corners, shape (n, 3, 3, 3).
+            missing: what of it is not in equilibrium, ``Equilibrated.missing``.
+            size: of other sums that are added.
+        """
+        t, found = self.t, self.enclosure
+        centre = float(product(t, stress, found.difference).sum()) / 2
+        norm = float(np.sqrt(square(t, stress).sum()))
+        half = found.radius * norm + found.distance * missing
+        half += ROUND_OFF * len(t.corners) ** 0.5 * (size + norm * (found.radius + found.size))
+        return centre - half, centre + half
