@@ -88,7 +88,7 @@ def test_pressed_cylinder(cells, degree, linear_algebra):
     assert recovery.energy(solution.displacement.x.array) == pytest.approx(strained, rel=1e-8)
 
 
-TOP = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0], "pivot": [0.0, 1.0]}
+TOP = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0]}
 
 
 @pytest.mark.parametrize(

@@ -641,6 +641,9 @@ def test_check_says_what_moves():
     assert "force = [1, -20], prescribed = {rotation = 0}" in line
     assert "+2" in line.split()
     assert "the foundation of contact[0] in translations" in found
+    every = {"prescribed": {"x": 0.0, "y": -0.01, "rotation": 0.0}}
+    moving, still = (check_scene(block(2, "coulomb", **given), COMM) for given in (pressed(2, "coulomb"), every))
+    assert moving.cost.unknowns == still.cost.unknowns + 2
 
 
 def test_the_wheel_of_the_gallery():

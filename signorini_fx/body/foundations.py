@@ -130,7 +130,7 @@ class Foundations:
             if one.direction is not None:
                 problems.append((f"contact[{k}].direction", "is that of the closest point of shape: leave it out"))
             try:
-                found[k] = distance_from(one.shape, self._dimension)
+                found[k] = distance_from(one.shape, self._dimension, turns=one.measure is None)
             except SceneError as error:
                 problems += [(f"contact[{k}].shape.{key}".rstrip("."), reason) for key, reason in error.problems]
         if problems:

@@ -40,7 +40,7 @@ class Cost:
     """A rough estimate, good to a factor of about three, for one core of a machine of the 2020s.
 
     Attributes:
-        unknowns: displacement components that are not prescribed.
+        unknowns: displacement components that are not prescribed, of the body and of rigid tools.
         contact_nodes: nodes of all contact boundaries.
         linear_algebra: ``full``, ``krylov`` or ``condensed``, and why.
         linear_solves: from and to, of all load steps.
@@ -113,6 +113,8 @@ def estimated_cost(d: Discretisation) -> Cost:
     else:
         once, each = 0.0, factorisation
     free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~d.fixed))))
+    if d.boundary is not None and d.boundary.moving is not None:
+        free += int(np.count_nonzero(~d.boundary.moving.fixed))
     return Cost(
         unknowns=free,
         contact_nodes=nodes,

@@ -37,7 +37,8 @@ def _everywhere(scene: Scene, dimension: int) -> Iterator[tuple[str, str]]:
                 yield f"material[{index}].orthotropic.{key}", reason
     for index, effect in enumerate(scene.contact):
         if effect.foundation is not None:
-            for key, reason in effect.foundation.contradictions(dimension):
+            turning = () if scene.axisymmetric else effect.foundation.turning_contradictions(dimension)
+            for key, reason in (*effect.foundation.contradictions(dimension), *turning):
                 yield f"contact[{index}].foundation.{key}", reason
         for other in scene.displacement:
             if other.boundary == effect.boundary and None not in other.components[:dimension]:

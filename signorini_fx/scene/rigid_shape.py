@@ -89,6 +89,9 @@ class Shape(RigidMotion):
         if self.rotation is not None and isinstance(self.rotation, tuple) != (dimension == 3):
             yield "rotation", f"{where}: give " + ("an angle" if dimension == 2 else "three numbers, the axis")
         yield from self.motion_contradictions(dimension)
+
+    def turning_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
+        """Keys that are missing where it may turn, and why."""
         turning = COMPONENTS[dimension][dimension:]
         if self.driven and self.pivot is None and any(getattr(self.prescribed, key, None) != 0.0 for key in turning):
             yield "pivot", "give the point where the force acts, about which the foundation turns"
@@ -244,8 +247,13 @@ class Distance:
         return signed, normal
 
 
-def distance_from(given: Any, dimension: int) -> Distance:
+def distance_from(given: Any, dimension: int, *, turns: bool = True) -> Distance:
     """The distance from a shape, from the table of one, or from any object with a method ``distance``.
+
+    Args:
+        given: any of these.
+        dimension: of space.
+        turns: whether one that forces move may turn: not on the axis of an axisymmetric body.
 
     Raises:
         SceneError: it is none of these, or does not fit the dimension of space.
@@ -256,8 +264,10 @@ def distance_from(given: Any, dimension: int) -> Distance:
         raise SceneError(problems_of(error, given, shape_class(given["shape"]))) from None
     except ValueError as error:
         raise SceneError([("", str(error))]) from None
-    if isinstance(shape, Shape) and (problems := list(shape.contradictions(dimension))):
-        raise SceneError(problems)
+    if isinstance(shape, Shape):
+        problems = [*shape.contradictions(dimension), *(shape.turning_contradictions(dimension) if turns else ())]
+        if problems:
+            raise SceneError(problems)
     return Distance(shape, 0.0, dimension)
 
 
