@@ -1,7 +1,7 @@
 """Random scenes, judged by a program that shares no code with the package.
 
     ./env python3 -m stability.oracle [--plane N] [--space N] [--bodies N] [--effects N]
-                                              [--first SEED] [--jobs N]      (make oracle)
+                                              [--space-effects N] [--first SEED] [--jobs N]      (make oracle)
     ./env python3 -m stability.oracle --only plane SEED      one scene, with its file and every figure
     ./env python3 -m stability.oracle --only space SEED --same-units      the same in units of the body
 
@@ -41,6 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--bodies", type=int, metavar="N", help="how many scenes of two and three bodies (1000)")
     parser.add_argument("--effects", type=int, metavar="N", help="how many scenes with further effects (1000)")
+    parser.add_argument("--space-effects", type=int, metavar="N", help="how many of these in space (1000)")
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first one's number (0)")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (1)")
     parser.add_argument("--limit", type=float, default=180.0, metavar="S", help="wall seconds for one scene (180)")
@@ -52,9 +53,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("no CVXOPT (Debian: python3-cvxopt): conditions are judged, no programme is solved", file=sys.stderr)
     if given.only is not None:
         return _one(given.only[0], int(given.only[1]), given.out, own=given.same_units)
-    counts = {where: getattr(given, where) for where in _SHOWN}
+    counts = {where: getattr(given, where.replace("-", "_")) for where in _SHOWN}
     if all(count is None for count in counts.values()):
-        counts = {"plane": 2000, "space": 1000, "bodies": 1000, "effects": 1000}
+        counts = {"plane": 2000, "space": 1000, "bodies": 1000, "effects": 1000, "space-effects": 1000}
     begin, rows = time.monotonic(), list[Row]()
     for where, count in counts.items():
         rows += _examined(where, given, count or 0)
@@ -82,6 +83,7 @@ _SHOWN = {
     "space": "in space",
     "bodies": "of several bodies, in the plane and in space",
     "effects": "in the plane with further effects",
+    "space-effects": "in space with further effects",
 }
 
 

@@ -19,17 +19,25 @@ _LENGTH, _STRESS, _PER_VOLUME, _STIFFNESS, _SOFTNESS = (1, 0), (0, 1), (-1, 1), 
 _VALUES: dict[str, dict[str, tuple[float, int]]] = {
     # An acceleration has no unit here, so that times are those that make it so.
     "material": {"young": _STRESS, "density": _PER_VOLUME, "grading": (0, 0)},
-    "force": {"x": (1, 1), "y": (1, 1), "spread": (0, 0)},
+    "orthotropic": {"young": _STRESS, "shear": _STRESS, "direction": (0, 0), "second": (0, 0)},
+    "force": {"x": (1, 1), "y": (1, 1), "z": (1, 1), "spread": (0, 0)},  # per thickness in the plane
     "fluid": {"level": _LENGTH, "weight": _PER_VOLUME},
     "rotation": {"speed": (-0.5, 0), "about": _LENGTH},
     "temperature": {"change": (0, 0)},
-    "springs": dict.fromkeys(("normal", "tangential", "x", "y"), _STIFFNESS),
+    "springs": dict.fromkeys(("normal", "tangential", "x", "y", "z"), _STIFFNESS),
     "foundation": dict.fromkeys(("point", "centre", "radius"), _LENGTH),
     "displacement": dict.fromkeys(("x", "y", "z", "normal"), _LENGTH),
     "traction": dict.fromkeys(("x", "y", "z", "pressure"), _STRESS),
     "body_force": dict.fromkeys(("x", "y", "z"), _PER_VOLUME),
     "contact": {"gap": _LENGTH},
-    "friction": {"bound": _STRESS, "cap": _STRESS, "cohesion": _STRESS, "coefficient": (0, 0)},
+    "friction": {
+        "bound": _STRESS,
+        "cap": _STRESS,
+        "cohesion": _STRESS,
+        "coefficient": (0, 0),
+        "ratio": (0, 0),
+        "along": (0, 0),
+    },
     "solver": dict.fromkeys(("gamma_n", "gamma_t", "gamma_first"), _STIFFNESS) | {"sigma": _SOFTNESS},
     "parameters": dict.fromkeys(
         (
@@ -83,7 +91,9 @@ class Units:
         found = {}
         for key, item in value.items():
             if key in kinds:
-                found[key] = self._value(item, self.of(kinds[key]))
+                lengths, stresses = kinds[key]
+                lengths += self.dimension - 2 if name == "force" and stresses else 0
+                found[key] = self._value(item, self.of((lengths, stresses)))
             elif key == "initial_contact":
                 found[key] = self._value(item, 1.0)
             else:
@@ -95,7 +105,7 @@ class Units:
         if unit == self.length == 1.0:
             return value
         if isinstance(value, list):
-            return [item * unit for item in value]
+            return [self._value(item, unit) for item in value]
         if not isinstance(value, str):
             return value * unit
         place = re.sub(r"x\[(\d)\]", lambda found: f"({found[0]}/{self.length!r})", value)

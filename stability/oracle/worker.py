@@ -24,6 +24,7 @@ from stability.oracle.judge import CRASHED, REFUSED, REFUSED_WRONGLY, Verdict
 from stability.oracle.package import answer_of, mesh_of, solution_of
 from stability.oracle.scenes import Trial
 from stability.oracle.space import judge as space
+from stability.oracle.space import more_scenes as more_in_space
 from stability.oracle.space import scenes as space_scenes
 from stability.oracle.units import Units, same
 
@@ -31,17 +32,19 @@ from stability.oracle.units import Units, same
 TRIAL: dict[str, Callable[..., Trial]] = {
     "plane": scenes.trial,
     "effects": more_scenes.more,
+    "space-effects": more_in_space.more,
     "space": space_scenes.trial,
     "bodies": lambda seed, units=None: bodies_scenes.trial(seed, dimension_of("bodies", seed), units),
 }
 JUDGE = {"plane": plane.judge, "effects": plane.judge, "space": space.judge, "bodies": bodies.judge}
+JUDGE["space-effects"] = space.judge
 # Libraries print too: the messages are the lines that begin like this.
 MARK = "\x1e"
 
 
 def dimension_of(where: str, seed: int) -> int:
     """Of a scene."""
-    return {"plane": 2, "effects": 2, "space": 3}.get(where, 2 + seed % 2)
+    return {"plane": 2, "effects": 2, "space": 3, "space-effects": 3}.get(where, 2 + seed % 2)
 
 
 def same_units(where: str, seed: int) -> Units:

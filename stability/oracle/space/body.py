@@ -16,7 +16,7 @@ from scipy.spatial.distance import pdist
 from stability.oracle import elements as plane
 from stability.oracle.body import Mesh, factor_of, listed
 from stability.oracle.elements import Array, Ints, at_points
-from stability.oracle.space import elements
+from stability.oracle.space import effects, elements
 
 # Directions at a node that are closer to dependent than this are one direction.
 _INDEPENDENT = 1e-6
@@ -49,8 +49,9 @@ class Body:
             raise ValueError("curved cells need elements of degree 2")
         self.corners: Ints = mesh.cells[:, :corners]
         self.x, self.cells = self._numbered()
-        effects = [*listed(scene, "displacement"), *listed(scene, "traction"), *listed(scene, "body_force")]
-        self.steps = max([1, *(len(effect["factors"]) for effect in effects if "factors" in effect)])
+        loads = [e for key in ("displacement", "traction", "body_force", *effects.LOADS) for e in listed(scene, key)]
+        self.steps = max([1, *(len(effect["factors"]) for effect in loads if "factors" in effect)])
+        self._forces: dict[tuple[str, int], Array] = {}
 
     def _numbered(self) -> tuple[Array, Ints]:
         """Nodes of the displacement: the mesh's own, or with degree 2 on straight cells middles as well."""
@@ -76,7 +77,7 @@ class Body:
 
     @cached_property
     def lame(self) -> tuple[Array, Array]:
-        """Lame parameters of each cell."""
+        """Lame parameters of each cell; of no meaning where a material is orthotropic."""
         first, second = np.full(len(self.cells), np.nan), np.full(len(self.cells), np.nan)
         for material in listed(self.scene, "material"):
             young, poisson = float(material["young"]), float(material["poisson"])
@@ -90,7 +91,8 @@ class Body:
     @cached_property
     def young(self) -> float:
         """The largest Young's modulus."""
-        return max(float(material["young"]) for material in listed(self.scene, "material"))
+        materials = listed(self.scene, "material")
+        return max(float(material.get("young") or max(material["orthotropic"]["young"])) for material in materials)
 
     @cached_property
     def size(self) -> float:
@@ -101,7 +103,7 @@ class Body:
     def reduced(self) -> bool:
         """Whether the volumetric term is integrated with the reduced rule."""
         wanted = self.scene.get("element", {}).get("volumetric", "full")
-        if self.cells.shape[1] == 4 or wanted == "full":
+        if self.cells.shape[1] == 4 or wanted == "full" or effects.is_orthotropic(self):
             return False
         return wanted == "reduced" or any(m["poisson"] >= 0.45 for m in listed(self.scene, "material"))
 
@@ -109,20 +111,36 @@ class Body:
     def stiffness(self) -> csr_array:
         """a(., .), dofs 3 n, 3 n + 1, 3 n + 2 at node n, nothing eliminated."""
         rule = elements.cell_rule(self.cells.shape[1], self.geometry_degree)
-        first, second = self.lame
-        total = self._cell_matrices(rule, 0 * first if self.reduced else first, second)
-        if self.reduced:
-            total += self._cell_matrices(elements.reduced_rule(self.cells.shape[1]), first, 0 * second)
+        if effects.is_orthotropic(self):
+            total = effects.orthotropic_matrices(self, rule)
+        else:
+            first, second = self.lame
+            total = self._cell_matrices(rule, 0 * first if self.reduced else first, second)
+            if self.reduced:
+                total += self._cell_matrices(elements.reduced_rule(self.cells.shape[1]), first, 0 * second)
         dofs = (3 * self.cells[:, :, None] + np.arange(3)).reshape(len(self.cells), -1)
         rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
         size = 3 * len(self.x)
-        return coo_array((total.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)).tocsr()
+        return coo_array((total.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)).tocsr() + self.springs
+
+    @cached_property
+    def springs(self) -> csr_array:
+        """That part of the stiffness which resists rigid motions too."""
+        return effects.springs(self)
+
+    def of_materials(self, key: str) -> Array:
+        """A number of the materials in each cell."""
+        found = np.zeros(len(self.cells))
+        for material in listed(self.scene, "material"):
+            where = self.mesh.regions[material["region"]] if "region" in material else np.arange(len(self.cells))
+            found[where] = float(material[key])
+        return found
 
     def _cell_matrices(self, rule: tuple[Array, Array], first: Array, second: Array) -> Array:
         """The stiffness matrix of every cell by a rule."""
         xi, weights = rule
         _, slopes = elements.shape(self.cells.shape[1], xi)
-        jacobians = self._jacobian(xi)
+        jacobians = self.jacobian(xi)
         count, nodes = self.cells.shape
         total = np.zeros((count, nodes, 3, nodes, 3))
         for point, weight in enumerate(weights):
@@ -137,7 +155,7 @@ class Body:
                 total[:, :, i, :, i] += dot
         return total.reshape(count, 3 * nodes, 3 * nodes)
 
-    def _jacobian(self, xi: Array) -> Array:
+    def jacobian(self, xi: Array) -> Array:
         """D x_i / d xi_j in every cell at the points xi, shape (cells, points, 3, 3)."""
         _, slopes = elements.shape(self.mesh.cells.shape[1], xi)
         return np.einsum("cki,pkj->cpij", self.mesh.points[self.mesh.cells], slopes)
@@ -172,7 +190,7 @@ class Body:
         outward = np.einsum("fi,fi->f", normal.mean(axis=1), x.mean(axis=1) - inside)
         return np.einsum("fki,pk->fpi", x, values), normal * np.sign(outward)[:, None, None]
 
-    def _rule(self, points: int) -> tuple[Array, Array]:
+    def rule(self, points: int) -> tuple[Array, Array]:
         """A rule on a facet: exact on triangles, so many points along each side of a quadrilateral."""
         return plane.triangle(points) if self.corners.shape[1] == 4 else plane.square(points)
 
@@ -182,7 +200,7 @@ class Body:
         for load in listed(self.scene, "traction"):
             # A traction that varies may jump within a facet; the rule for it is a part of the discretisation.
             varies = any(isinstance(load.get(k), str) for k in ("x", "y", "z", "pressure"))
-            xi, weights = self._rule(11 if varies else self.degree + 2)
+            xi, weights = self.rule(11 if varies else self.degree + 2)
             facets = self.facets(load["boundary"])
             values, _ = plane.shape(facets.nodes.shape[1], xi)
             x, normal = self.frames(facets, xi)
@@ -196,11 +214,16 @@ class Body:
             values, _ = elements.shape(self.cells.shape[1], xi)
             place, _ = elements.shape(self.mesh.cells.shape[1], xi)
             x = np.einsum("cki,pk->cpi", self.mesh.points[self.mesh.cells], place)
-            size = np.abs(np.linalg.det(self._jacobian(xi))) * weights
+            size = np.abs(np.linalg.det(self.jacobian(xi))) * weights
             force = np.stack(
                 [at_points(load.get(k, 0.0), x.reshape(-1, 3)).reshape(size.shape) * size for k in "xyz"], axis=2
             )
             np.add.at(total, self.cells, np.einsum("cpi,pk->cki", force, values) * factor_of(load, step))
+        for key in effects.LOADS:
+            for number, load in enumerate(listed(self.scene, key)):
+                if (key, number) not in self._forces:
+                    self._forces[key, number] = effects.forces(self, key, load)
+                total += self._forces[key, number] * factor_of(load, step)
         return total.ravel()
 
     # ---- supports

@@ -18,6 +18,7 @@ from scipy.sparse import coo_array, csr_array, eye_array, kron, vstack
 from stability.oracle import elements as plane
 from stability.oracle.body import listed
 from stability.oracle.conditions import LEAST, TOLERANCE
+from stability.oracle.effects import from_shape
 from stability.oracle.elements import Array, Ints, at_points
 from stability.oracle.space.body import Body
 
@@ -45,6 +46,7 @@ class Contact:
         coefficient: coefficient of Coulomb friction.
         cap: largest bound of Coulomb friction.
         bilateral: whether the contact cannot open.
+        cohesive: whether the given bound is that of a cohesion, which open nodes have not.
         stretch: by what the part of a slip across the direction of friction counts more, see ``rounded``, a vector.
         between: whether some points are between two bodies.
     """
@@ -59,6 +61,7 @@ class Contact:
     coefficient: Array
     cap: Array
     bilateral: npt.NDArray[np.bool_]
+    cohesive: npt.NDArray[np.bool_]
     stretch: Array
     between: bool
 
@@ -85,7 +88,8 @@ class Contact:
     def bound(self, pressure: Array) -> Array:
         """The largest shear at a contact pressure."""
         acting = np.where(self.bilateral, np.abs(pressure), np.maximum(pressure, 0.0))
-        return self.given + np.minimum(self.coefficient * acting, self.cap)
+        bound = np.minimum(self.given + self.coefficient * acting, self.cap)
+        return np.where(self.cohesive & (pressure == 0), 0.0, bound)
 
     @property
     def rubs(self) -> npt.NDArray[np.bool_]:
@@ -95,7 +99,7 @@ class Contact:
     @property
     def follows_pressure(self) -> bool:
         """Whether a bound depends on the solution."""
-        return bool(np.any(self.coefficient > 0))
+        return bool(np.any(self.coefficient > 0) or np.any(self.cohesive))
 
     def forces(self, pressure: Array, shear: Array) -> Array:
         """What the contact tractions take from the body, a force per dof."""
@@ -125,6 +129,8 @@ def contact_of(body: Body, points: Callable[[Body, int], Points] | None = None) 
     for part, effect in enumerate(listed(body.scene, "contact")):
         here = (points or points_of)(body, part)
         x, count, normal = here.x, len(here.x), here.normal
+        if "foundation" in effect:
+            _, normal = from_shape(effect["foundation"], x)
         if "direction" in effect:
             direction = np.array(effect["direction"], dtype=float)
             normal = np.tile(direction / np.linalg.norm(direction), (count, 1))
@@ -137,7 +143,8 @@ def contact_of(body: Body, points: Callable[[Body, int], Points] | None = None) 
         columns["weight"].append(here.weight)
         columns["normal"].append(normal)
         columns["gap"].append(here.gap)
-        given = np.inf if kind == "bonded" else friction["bound"] if tresca else 0.0
+        given = np.inf if kind == "bonded" else friction["bound"] if tresca else friction.get("cohesion", 0.0)
+        columns["cohesive"].append(np.full(count, "cohesion" in friction))
         columns["given"].append(at_points(given, x))
         columns["coefficient"].append(at_points(friction["coefficient"] if coulomb else 0.0, x))
         capped = coulomb and "cap" in friction
@@ -192,6 +199,8 @@ def points_of(body: Body, part: int) -> Points:
         reached = np.unique(shares.indices)
         gap = np.zeros(len(body.x))
         gap[reached] = at_points(effect.get("gap", 0.0), body.x[reached])
+        if "foundation" in effect:
+            gap[reached] += from_shape(effect["foundation"], body.x[reached])[0]
         return Points(body.x[vertices], csr_array(kron(shares, eye_array(3))), weight, normals, shares @ gap)
 
     if not averaged:
@@ -252,6 +261,8 @@ def null_motions(body: Body) -> Array:
     """Rigid motions of the pieces that the supports allow, a column each."""
     rigid = body.rigid.reshape(*body.x.shape, -1)
     resisted = np.einsum("nij,njk->nik", body.held, rigid).reshape(-1, rigid.shape[2])
+    if listed(body.scene, "springs"):
+        resisted = np.concatenate((resisted, np.asarray(body.springs @ body.rigid)))
     return body.rigid @ null_space(resisted, rcond=1e-9) if resisted.any() else body.rigid
 
 
