@@ -93,8 +93,11 @@ def test_errors_that_are_none_are_not_shown(tmp_path):
     rows = [
         row("simple", size, 1 / size, size * 1e-2, force=1e-9, families="; ".join(methods.FAMILIES)) for size in (1, 2)
     ]
-    write_study(Study(example1(bound=1.0), rows, dict.fromkeys(work_precision.QUANTITIES), "it", 1.0), tmp_path)
-    assert sorted(file.name for file in tmp_path.glob("*.png")) == ["work_precision_pressure.png"]
+    study = Study(example1(bound=1.0), rows, dict.fromkeys(work_precision.QUANTITIES), "it", 1.0)
+    write_study(study, tmp_path, pdf=True)
+    assert sorted(file.name for file in tmp_path.glob("*.p[nd][gf]")) == [
+        f"work_precision_pressure.{kind}" for kind in ("pdf", "png")
+    ]
 
 
 @pytest.mark.parametrize(("cell", "degree"), [("triangle", 1), ("quadrilateral", 1), ("quadrilateral", 2)])

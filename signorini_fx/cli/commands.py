@@ -160,7 +160,7 @@ def work_precision(options: argparse.Namespace) -> int:
     with ResultFolder(comm, path, FILES) as folder:  # fail early if it cannot be written
         study = run_study(scene, quick=options.quick, report=partial(parallel.log_on_root, comm))
         try:
-            write_study(study, folder.part)
+            write_study(study, folder.part, pdf=options.pdf)
         except OSError as error:
             raise cannot_be_written(path, error) from None
         folder.commit()

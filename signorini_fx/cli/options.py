@@ -138,6 +138,7 @@ def parser() -> argparse.ArgumentParser:
         "--out", type=named_path, metavar="DIR", help="folder (default: results/work_precision_NAME of the scene file)"
     )
     study.add_argument("--quick", action="store_true", help="few methods, two coarse meshes, no repeats")
+    study.add_argument("--pdf", action="store_true", help="draw each picture as a PDF, for print, beside the PNG")
     new = commands.add_parser("new", help="write a scene file to start from, with every key explained")
     new.add_argument(
         "file",

@@ -10,7 +10,7 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from signorini_fx.pictures.style import INK, PRINT, RULE, STYLE, finish
+from signorini_fx.pictures.style import INK, PRINT, RULE, SCREEN, STYLE, finish
 from signorini_fx.results.files import write_csv
 from signorini_fx.studies.conclusions import advice, cheapest_front, coarseness, lasting_errors, quantities_with_errors
 from signorini_fx.studies.methods import FAMILIES
@@ -25,18 +25,18 @@ _COLOURS = ("#1a1a1a", "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#
 _MARKERS = "os^Dv<>PX"
 
 
-def write_study(study: Study, folder: Path) -> None:
-    """Write work_precision.csv, reference.csv, advice.txt and one picture per quantity."""
+def write_study(study: Study, folder: Path, *, pdf: bool = False) -> None:
+    """Write work_precision.csv, reference.csv, advice.txt and one picture per quantity, also as a PDF if wanted."""
     folder.mkdir(parents=True, exist_ok=True)
     write_csv(folder / "work_precision.csv", study.rows)
     rows = [{"quantity": name, "may_be_wrong_by": error, "is": study.reference} for name, error in study.floor.items()]
     write_csv(folder / "reference.csv", rows)
     (folder / "advice.txt").write_text(advice(study) + "\n", encoding="utf-8")
     for quantity in quantities_with_errors(study):
-        draw(folder / f"work_precision_{quantity}", study, quantity)
+        draw(folder / f"work_precision_{quantity}", study, quantity, PRINT if pdf else SCREEN)
 
 
-def draw(stem: Path, study: Study, quantity: str) -> None:
+def draw(stem: Path, study: Study, quantity: str, suffixes: Sequence[str] = SCREEN) -> None:
     """Error against time: the Pareto front of all methods at the top, the families below it."""
     errors = lasting_errors(study.rows, quantity)
     points = [(row, e) for row, e in zip(study.rows, errors, strict=True) if e and row["seconds"]]
@@ -73,7 +73,7 @@ def draw(stem: Path, study: Study, quantity: str) -> None:
             axes.set_ylabel("relative error")
         small[5].set_axis_off()
         small[5].text(0.0, 0.98, _how_to_read(study, floor, low), va="top", fontsize=7, transform=small[5].transAxes)
-        finish(figure, stem, f"What accuracy costs: {study.scene.title}", PRINT)
+        finish(figure, stem, f"What accuracy costs: {study.scene.title}", suffixes)
 
 
 def _front(axes: Axes, study: Study, quantity: str) -> None:
