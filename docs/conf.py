@@ -97,12 +97,12 @@ def _parameters(_app: Any, _page: str, text: list[str]) -> None:
 
 
 def _broad(_app: Any, tree: nodes.document, page: str) -> None:
-    """Pictures with lettering that a telephone would make too small are marked, see narrow.css."""
+    """Plots whose letters a telephone would make too small are marked, see narrow.css; bodies have larger letters."""
     for image in () if page in ("README", "docs/index") else tree.findall(nodes.image):
         file = _ROOT / image["uri"]
-        if file.suffix == ".png" and file.exists():
+        if file.suffix == ".png" and file.exists() and not file.stem.endswith(("_body", "foot", "setup")):
             width = int.from_bytes(file.read_bytes()[16:20], "big")
-            image["classes"] += ["broad"] if width > 1000 else []
+            image["classes"] += ["broad"] if width >= 900 else []
 
 
 def _hints(of: Any, *args: Any, **options: Any) -> dict[str, Any]:
