@@ -467,6 +467,17 @@ def test_coulomb_friction_says_what_it_assumes():
     assert "Tresca problem with the computed friction bound" in str(bound)
 
 
+def test_coulomb_friction_before_its_fixed_point():
+    """With another friction bound than that of the law the solution with Tresca friction of this bound is enclosed."""
+    solution = alone(example1(coefficient=0.3, nx=12, ny=4, cell="triangle", degree=2, algorithm="exact"))
+    state = replace(solution.contact, bound=np.full_like(solution.contact.bound, 12.0))
+    found = error_bound(solution.discretisation, solution.displacement, state)
+    own = solution.error_bound
+    fine = on_finer_mesh(example1(bound=12.0, nx=12, ny=4, cell="triangle"))
+    true = energy_of_difference(solution, fine)
+    assert own.error < true < found.error < 4 * true
+
+
 def test_no_key_without_asking():
     """Nothing is computed for a scene that does not ask."""
     solution = alone(example1(bound=1.5, nx=12, ny=4))

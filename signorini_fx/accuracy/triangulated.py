@@ -354,8 +354,8 @@ class Problem:
                 least = linear(contact.bound).clip(min=0.0)
                 bounds = on_line(least, GAUSS[0])
                 self.assumed = (
-                    "of the Tresca problem with the computed friction bound: that the fixed point of the bound is "
-                    "reached is assumed"
+                    "of the Tresca problem with the computed friction bound, converged or not: that this is the bound "
+                    "of the exact solution is assumed"
                 )
             case _:
                 least, bounds = np.zeros_like(pressure), np.zeros((len(edges), len(GAUSS[0])))
