@@ -2890,6 +2890,13 @@ MUTANTS = (
         tests=("tools::test_derivatives",),
     ),
     Mutant(
+        "body/contact_map",
+        "every - behind - last",
+        "every - last",
+        "contact takes a pressure of the element for the motion of a tool",
+        tests=("tools::test_an_incompressible_body_under_a_tool",),
+    ),
+    Mutant(
         "forms/elasticity",
         "elastic.case(forces, function, driven)",
         "elastic.case(forces, function)",

@@ -157,6 +157,31 @@ def test_a_force_and_the_motion_that_it_causes_give_the_same(dimension, law, alg
     assert forced.certificate.worst < 1e-9
 
 
+@pytest.mark.parametrize(
+    ("dimension", "algebra", "poisson"), [(2, "condensed", 0.49), (2, "full", 0.5), (3, "full", 0.5)]
+)
+def test_an_incompressible_body_under_a_tool(dimension, algebra, poisson):
+    """The mixed element, whose pressure stands behind the unknowns of the tool: force, statics and motion agree."""
+
+    def made(**tool):
+        cell = {2: "triangle", 3: "tetrahedron"}[dimension]
+        scene = block(dimension, "coulomb", algebra, degree=2, cell=cell, parts=(3, 3, 2), **tool)
+        rubber = scene.material[0].model_copy(update={"poisson": poisson})
+        element = scene.element.model_copy(update={"volumetric": "mixed"})
+        return scene.model_copy(update={"material": (rubber,), "element": element})
+
+    given = pressed(dimension, "coulomb")
+    forced = solve(made(**given))
+    (tool,) = forced.last_step.tools
+    row = tool.as_dict(forced.contact, forced.scene.contact[0])
+    assert np.allclose(row["force"], -np.array(given["force"]), atol=1e-9 * 20.0)
+    assert forced.certificate.worst < 1e-9
+    driven = solve(made(**prescribed(tool)))
+    assert apart(forced, driven) < 1e-10
+    hydrostatic = [one.displacement.hydrostatic.x.array for one in (forced, driven)]
+    assert np.abs(hydrostatic[0] - hydrostatic[1]).max(initial=0.0) < 1e-8 * np.abs(hydrostatic[1]).max(initial=1e-300)
+
+
 KRYLOV = [
     (2, "coulomb", {"degree": 2, "cell": "triangle"}),
     (3, "coulomb", {"cell": "tetrahedron"}),

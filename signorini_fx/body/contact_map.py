@@ -24,6 +24,7 @@ def contact_map(
     matrix: PETSc.Mat,
     rotation: PETSc.Mat | None,
     dimension: int,
+    behind: int = 0,
 ) -> ContactMap:
     """B from the unknowns of the stiffness; collective.
 
@@ -33,6 +34,7 @@ def contact_map(
         matrix: the stiffness, for the layout of x.
         rotation: Q, where displacements are y = Q x; None: they are x.
         dimension: of space.
+        behind: how many unknowns stand behind those of foundations that move, which no point reaches.
     """
     (columns, _), _ = (matrix if rotation is None else rotation).getSizes()
     if boundary is None:
@@ -61,15 +63,17 @@ def contact_map(
     # What a tangent or a normal has of a component across it is round-off, and gamma makes a shear of it: it is zero.
     found = found.after(rotation, fixed)
     found.operator.chop(_ROUND_OFF)
-    return found if boundary.moving is None else _relative_to_foundations(found, boundary, boundary.moving)
+    return found if boundary.moving is None else _relative_to_foundations(found, boundary, boundary.moving, behind)
 
 
-def _relative_to_foundations(contact: ContactMap, boundary: ContactBoundary, moving: MovingFoundation) -> ContactMap:
-    """[I, -R]: the map with the motion of foundations, whose k unknowns are the last ones of the system; collective."""
+def _relative_to_foundations(
+    contact: ContactMap, boundary: ContactBoundary, moving: MovingFoundation, behind: int
+) -> ContactMap:
+    """[I, -R]: the map with the motion of foundations; after their k unknowns come ``behind`` others; collective."""
     (rows, _), (columns, every) = contact.operator.getSizes()
     (_, last), entries = moving.modes.shape[1:], -np.einsum("nij,nik->njk", boundary.frames, moving.modes)
     csr = sp.csr_array(entries.reshape(rows, last))
-    indices = (every - last + csr.indices).astype(PETSc.IntType)
+    indices = (every - behind - last + csr.indices).astype(PETSc.IntType)
     more = PETSc.Mat().createAIJ(
         ((rows, None), (columns, None)), csr=(csr.indptr.astype(PETSc.IntType), indices, csr.data), comm=boundary.comm
     )

@@ -159,7 +159,7 @@ class ElasticBody:
         if aligned and boundary is not None and (found := boundary.aligned()) is not None:
             frames.append(found)
         stiffness = _sum_of(self.forms, [] if frames else self.bcs)
-        rotation, fixed = None, self.prescribed if self.mixed is None else self.fixed
+        rotation, fixed = None, self._held
         if frames:
             rotation = block_rotation(stiffness, frames)
             stiffness = stiffness.ptap(rotation)
@@ -176,7 +176,7 @@ class ElasticBody:
         values[fixed] = parallel.global_max(self.comm, parallel.local_max(values)) or 1.0
         stiffness.setDiagonal(diagonal)
         if self.mixed is not None:
-            joined = self.mixed.joined(stiffness, rotation, self.fixed)
+            joined = self.mixed.joined(stiffness, rotation, fixed)
             embedding = self.mixed.embedding(stiffness, rotation, joined)
             return joined, embedding, embedding
         stiffness.setOption(PETSc.Mat.Option.SPD, True)
@@ -185,16 +185,22 @@ class ElasticBody:
     @property
     def _rigid(self) -> int:
         """How many unknowns of this rank are those of tools."""
-        return 0 if self.mixed is not None else self.prescribed.size - self.fixed.size
+        return self._held.size - self.fixed.size
 
     @property
-    def prescribed(self) -> npt.NDArray[np.bool_]:
-        """Which unknowns of the stiffness this rank has prescribed: ``fixed``, and on the last one those of tools."""
-        if self.mixed is not None:
-            return np.concatenate((self.fixed, np.zeros(self.mixed.count, dtype=bool)))
+    def _held(self) -> npt.NDArray[np.bool_]:
+        """``prescribed`` without the pressure of a mixed element."""
         if self.boundary is None or self.boundary.moving is None or self.comm.rank < self.comm.size - 1:
             return self.fixed
         return np.concatenate((self.fixed, self.boundary.moving.fixed))
+
+    @property
+    def prescribed(self) -> npt.NDArray[np.bool_]:
+        """Which unknowns of the stiffness this rank has prescribed: ``fixed``, on the last one those of tools, and of a
+        pressure none.
+        """
+        pressure = np.zeros(0 if self.mixed is None else self.mixed.count, dtype=bool)
+        return np.concatenate((self._held, pressure)) if pressure.size else self._held
 
     @property
     def stiffness(self) -> PETSc.Mat:
@@ -216,7 +222,8 @@ class ElasticBody:
     @cached_property
     def contact(self) -> ContactMap:
         """B from the unknowns of the stiffness."""
-        return contact_map(self.boundary, self.prescribed, self.stiffness, self.rotation, self.dimension)
+        behind = 0 if self.mixed is None else self.comm.bcast(self.mixed.count, root=self.comm.size - 1)
+        return contact_map(self.boundary, self.prescribed, self.stiffness, self.rotation, self.dimension, behind)
 
     def level(self, coarser: MeshLevel | None = None, solved: fem.Function | None = None) -> MeshLevel:
         """Its mesh over coarser ones, of which those are left out that are hardly coarser, or far too coarse."""
@@ -260,10 +267,10 @@ class ElasticBody:
             start.getArray()[~self.prescribed] = free[~self.prescribed]
         load, fixed = self.vector(lifted), self.prescribed
         if self.mixed is not None:
-            load.getArray()[self.fixed.size :] = self.mixed.lifted(prescribed)
+            load.getArray()[self._held.size :] = self.mixed.lifted(prescribed)
         if driven is not None:
-            start.getArray()[self.fixed.size :] = driven.motion[: fixed.size - self.fixed.size]
-            load.getArray()[self.fixed.size :] = driven.forces[: fixed.size - self.fixed.size]
+            tools = slice(self.fixed.size, self._held.size)
+            start.getArray()[tools], load.getArray()[tools] = driven.motion[: self._rigid], driven.forces[: self._rigid]
         diagonal = self.stiffness.getDiagonal().getArray(readonly=True)
         load.getArray()[fixed] = (diagonal * start.getArray(readonly=True))[fixed]
         working = forces if pushing is None else pushing
@@ -329,7 +336,7 @@ class ElasticBody:
     def function(self, x: PETSc.Vec, name: str = "displacement") -> fem.Function:
         """The finite element function with the unknowns ``x``."""
         if self.mixed is not None:
-            function = self.mixed.displacement(x.getArray(readonly=True)[self.fixed.size :], name)
+            function = self.mixed.displacement(x.getArray(readonly=True)[self._held.size :], name)
         else:
             function = fem.Function(self.space, name=name)
         if self.rotation is not None:
@@ -344,7 +351,7 @@ class ElasticBody:
         """The unknowns of tools in a displacement that is counted from the resting place, shape (k,); collective."""
         assert self.boundary is not None
         count = 0 if self.boundary.moving is None else self.boundary.moving.fixed.size
-        own = np.array(x.getArray(readonly=True)[self.fixed.size :])
+        own = np.array(x.getArray(readonly=True)[self.fixed.size : self._held.size])
         found: Array = self.comm.bcast(own, root=self.comm.size - 1)
         if rest is not None and count:
             assert self.motions.foundations is not None
@@ -356,7 +363,7 @@ class ElasticBody:
         if rest is not None:
             assert self.motions.foundations is not None
             driven = driven - self.motions.foundations @ rest.motion
-        x.getArray()[self.fixed.size :] = driven[: self._rigid]
+        x.getArray()[self.fixed.size : self._held.size] = driven[: self._rigid]
 
     def energy_norm(self, x: PETSc.Vec) -> float:
         """Sqrt(a(y, y)) of a displacement, with what is prescribed; collective."""
@@ -371,7 +378,7 @@ class ElasticBody:
         """The unknowns x of a finite element function, the inverse of ``function``."""
         x = self.vector(function.x.array)
         if self.mixed is not None:
-            x.getArray()[self.fixed.size :] = self.mixed.unknowns(function)
+            x.getArray()[self._held.size :] = self.mixed.unknowns(function)
         return x
 
     def vector(self, values: Array) -> PETSc.Vec:

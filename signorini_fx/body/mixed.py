@@ -135,7 +135,7 @@ class MixedPressure:
         Args:
             stiffness: A, prescribed rows and columns empty but for the diagonal.
             rotation: from the unknowns of A to displacements; None: they are the same.
-            fixed: the prescribed unknowns of this rank.
+            fixed: the prescribed unknowns of A of this rank.
 
         Raises:
             InstallationError: PETSc has no MUMPS.
@@ -158,6 +158,7 @@ class MixedPressure:
             starts = np.arange(rows[0] + 1, dtype=PETSc.IntType)
             columns, values = first + starts[:-1], np.ones(rows[0])
         else:
+            rows = rotation.getSizes()[0]
             starts, columns, values = rotation.getValuesCSR()  # Q turns the nodes of each rank within it
         csr = (starts, (columns + joined.getOwnershipRange()[0] - first).astype(PETSc.IntType), values)
         return PETSc.Mat().createAIJ((rows, joined.getSizes()[1]), csr=csr, comm=stiffness.comm)

@@ -204,7 +204,6 @@ def _not_mixed(scene: Any) -> Contradictions:
         (bool(scene.of(InitialStrain)), element, f"{yet} with a temperature, whose strain changes the volume"),
         (bool(scene.of(SectionJump)), element, f"{yet} with a preload"),
         (any(one.against is not None for one in scene.contact), element, f"{yet} for the contact of two bodies"),
-        (bool(scene.tools), element, f"{yet} where a force moves a foundation: both add unknowns"),
         (
             scene.solver.linear_algebra == "krylov",
             ("solver", "linear_algebra"),
