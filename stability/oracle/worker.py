@@ -15,6 +15,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import mpi4py.MPI  # noqa: F401  # before dolfinx: in its wheels only mpi4py finds MPI
+
 from signorini_fx.errors import SignoriniError
 from stability.oracle import judge as plane
 from stability.oracle import more_scenes, scenes
