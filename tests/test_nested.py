@@ -129,7 +129,9 @@ def test_neighbours_at_the_same_distance():
     def at(x):
         count = len(x)
         tangents = np.broadcast_to(plane, (count, 3, 2))
-        return SimpleNamespace(part=np.zeros(count), x=x, tangents=tangents, size=count, comm=MPI.COMM_SELF)
+        return SimpleNamespace(
+            part=np.zeros(count), x=x, tangents=tangents, cotangents=tangents, size=count, comm=MPI.COMM_SELF
+        )
 
     def of(order):
         values = np.array(order) + 1.0

@@ -70,16 +70,19 @@ class RelativeUnknowns:
         )
         lift.eliminate_zeros()
         points, fixed = np.diff(lift.indptr) > 0, contact.fixed
-        own, free = (sp.diags_array(flags.astype(np.float64)) for flags in (points, ~fixed))
+        # Across a plane of symmetry there is no relative displacement, see ``body.mirrored_points``.
+        there = abs(operator).sum(axis=1) > _ROUND_OFF
+        moving = abs(lift) @ there > 0
+        own, free = (sp.diags_array(flags.astype(np.float64)) for flags in (moving, ~fixed))
         every = sp.csr_array(lift @ operator)
-        if own.sum() != lift.shape[1] or abs(own @ every @ own - own).max() > _ROUND_OFF:
+        if own.sum() != there.sum() or abs(own @ every @ own - own).max() > _ROUND_OFF:
             return None
         others = every - every @ own
         sums = sp.csr_array(free @ others)
         # A prescribed component of a node with a point cannot be replaced: there contact reaches what it did.
         left = sp.csr_array(operator @ own @ (own + others - sums))
         left.eliminate_zeros()
-        reached = np.bincount(left.indices, minlength=points.size) > 0
+        reached = points | (np.bincount(left.indices, minlength=points.size) > 0)
         stay, gone = np.flatnonzero(reached), np.flatnonzero(~reached)
         changed = _changed(dense, sp.csr_array(sums @ free)[points][:, ~points], points)
         try:
