@@ -227,10 +227,13 @@ def test_from_the_resting_place(tmp_path, method):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("method", ["fp", "exact", "newton"])
+@pytest.mark.parametrize("method", ["fp", "exact", "newton", "fp with an ellipse"])
 def test_in_space(tmp_path, method):
     """Directions of slip are kept as vectors, which do not depend on the choice of tangents."""
-    folder, given = shared(tmp_path), scene(IN_SPACE, **METHODS[method])
+    text = IN_SPACE
+    if method.endswith("ellipse"):
+        text = text.replace("coefficient = 0.3", "coefficient = 0.3, ratio = 0.4, along = [0.8, 0.6, 0.0]")
+    folder, given = shared(tmp_path), scene(text, **METHODS[method.split()[0]])
     interrupted(given, MPI.COMM_WORLD, folder, 3)
     solution = solve(given, checkpoint=folder, restart=True)
     assert solution.history.events[0].startswith("restart: 2 complete load steps")
