@@ -203,7 +203,9 @@ class PairedSides:
         slave, master = sp.csr_array(found.slave @ own), sp.csr_array(found.master @ others)
         turning = sp.csr_array(found.turning @ sp.kron(others, each))
         if self.across.any():
-            turning = turning - sp.block_diag(self.across) @ (sp.kron(slave - master, each) + turning)
+            at = np.arange(len(self.across) + 1)
+            across = sp.bsr_array((self.across, at[:-1], at))
+            turning = turning - across @ (sp.kron(slave - master, each) + turning)
         return slave, master, sp.csr_array(turning)
 
     def boundary(
