@@ -77,22 +77,18 @@ def draw(stem: Path, study: Study, quantity: str, suffixes: Sequence[str] = SCRE
 
 
 def _front(axes: Axes, study: Study, quantity: str) -> None:
-    """The front as a staircase; a name where the method changes, in the empty corner below it."""
+    """The front as a staircase; a name where the method changes, in the empty corner below it and above it in turn."""
     front = cheapest_front(study.rows, quantity, study.floor[quantity])
     seconds, errors = [row["seconds"] for row, _ in front], [error for _, error in front]
     axes.step(seconds, errors, where="post", color=INK, linewidth=1.2, zorder=3)
     axes.plot(seconds, errors, "o", color=INK, markersize=4, zorder=4)
-    for k, (row, error) in enumerate(front):
-        if k + 1 < len(front) and front[k + 1][0]["method"] == row["method"]:
-            continue
-        place: dict[str, Any] = {
-            "xytext": (-5, -3),
-            "textcoords": "offset points",
-            "ha": "right",
-            "va": "top",
-            "fontsize": 7,
-        }
-        axes.annotate(f"{row['method']}\n{row['dofs']} unknowns", (row["seconds"], error), **place, zorder=5)
+    last = [k for k, (row, _) in enumerate(front) if k + 1 == len(front) or front[k + 1][0]["method"] != row["method"]]
+    for number, (row, error) in enumerate(front[k] for k in last):
+        place: dict[str, Any] = {"xytext": (-5, -3), "ha": "right", "va": "top"}
+        if number % 2:
+            place = {"xytext": (5, 3), "ha": "left", "va": "bottom"}
+        name = f"{row['method']}\n{row['dofs']} unknowns"
+        axes.annotate(name, (row["seconds"], error), **place, textcoords="offset points", fontsize=7, zorder=5)
 
 
 def _family(axes: Axes, points: Sequence[tuple[Row, float]], family: str) -> None:
