@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,31 +11,44 @@ from stability.oracle.effects import listed
 from stability.oracle.scenes import SIDES, Dice, Trial, drawn_units, trial
 from stability.oracle.units import Units
 
-# The scenes begin with this seed of those in the plane.
-_FIRST = 100_000
+# The scenes begin with this seed of those without further effects.
+FIRST = 100_000
 _CHANCE = 0.3
 
 
 def more(seed: int, units: Units | None = None) -> Trial:
     """The scene of a seed with further effects, in its own units or in given ones."""
-    drawn, dice = trial(_FIRST + seed), Dice(seed, 2, 2)
-    scene = drawn.scene | {"title": f"effects {seed}"}
+    kinds = (_graded, _gravity, _rotation, _temperature, _force, _fluid, _springs, _cohesion, _shape)
+    return with_more(seed, units, 2, f"effects {seed}", trial(FIRST + seed), SIDES, kinds)
+
+
+def with_more(
+    seed: int,
+    units: Units | None,
+    dim: int,
+    title: str,
+    drawn: Trial,
+    every: Sequence[str],
+    kinds: Sequence[Callable[..., int]],
+) -> Trial:
+    """A scene with further effects, at least one of ``kinds``; ``every``: the sides of a mesh without its own names."""
+    dice, scene = Dice(seed, dim, 2), drawn.scene | {"title": title}
     contacts = [effect["boundary"] for effect in scene["contact"]]
     named = [effect["boundary"] for key in ("traction", "displacement") for effect in listed(scene, key)]
-    sides = [side for side in (SIDES if drawn.mesh is not None else dict.fromkeys(named)) if side not in contacts]
+    sides = [side for side in (every if drawn.mesh is not None else dict.fromkeys(named)) if side not in contacts]
     steps = max((len(e["factors"]) for key in scene for e in _tables(scene, key) if "factors" in e), default=1)
-    scale, kinds = dice.power(-4, -2), 0
+    scale, added = dice.power(-4, -2), 0
 
     def stepped(load: dict[str, Any]) -> dict[str, Any]:
         if steps > 1 and dice.chance(0.4):
             return load | {"factors": [round(dice.between(-0.5, 1.0), 3) for _ in range(steps)]}
         return load
 
-    while not kinds:
-        for draw in (_graded, _gravity, _rotation, _temperature, _force, _fluid, _springs, _cohesion, _shape):
+    while not added:
+        for draw in kinds:
             if dice.chance(_CHANCE):
-                kinds += draw(dice, scene, sides, scale, stepped, drawn)
-    return Trial(seed, scene, drawn.mesh, units or drawn_units(_FIRST + seed, 2))
+                added += draw(dice, scene, sides, scale, stepped, drawn)
+    return Trial(seed, scene, drawn.mesh, units or drawn_units(FIRST + seed, dim))
 
 
 def _tables(scene: dict[str, Any], key: str) -> list[dict[str, Any]]:
@@ -47,7 +61,8 @@ def _wave(dice: Dice) -> str:
     return f"0.625 + 0.375*sin({dice.between(1, 6)!r}*x[{dice.whole(0, 1)}] + {dice.between(0, 6)!r})"
 
 
-def _all_have(dice: Dice, scene: dict[str, Any], key: str, low: float, high: float) -> None:
+def all_have(dice: Dice, scene: dict[str, Any], key: str, low: float, high: float) -> None:
+    """Give all materials a number, unless they have it."""
     scene["material"] = [one | {key: one.get(key, dice.between(low, high))} for one in scene["material"]]
 
 
@@ -59,13 +74,13 @@ def _graded(dice: Dice, scene: dict[str, Any], *_: Any) -> int:
 
 
 def _gravity(dice: Dice, scene: dict[str, Any], sides: list[str], scale: float, stepped: Any, _: Any) -> int:
-    _all_have(dice, scene, "density", 0.5, 2.0)
+    all_have(dice, scene, "density", 0.5, 2.0)
     scene["gravity"] = [stepped({"x": scale * dice.between(-0.5, 0.5), "y": -scale * dice.between(0, 1)})]
     return 1
 
 
 def _rotation(dice: Dice, scene: dict[str, Any], sides: list[str], scale: float, stepped: Any, _: Any) -> int:
-    _all_have(dice, scene, "density", 0.5, 2.0)
+    all_have(dice, scene, "density", 0.5, 2.0)
     found: dict[str, Any] = {"speed": float(np.sqrt(scale * dice.between(0.1, 1.0)))}
     if dice.chance(0.6):
         found["about"] = [dice.between(-2, 2), dice.between(-2, 2)]
@@ -74,7 +89,7 @@ def _rotation(dice: Dice, scene: dict[str, Any], sides: list[str], scale: float,
 
 
 def _temperature(dice: Dice, scene: dict[str, Any], sides: list[str], scale: float, stepped: Any, drawn: Trial) -> int:
-    _all_have(dice, scene, "expansion", 0.3, 1.5)
+    all_have(dice, scene, "expansion", 0.3, 1.5)
     change = scale * dice.between(-1, 1)
     value = dice.one_of(change, f"{change!r}*(1 + {dice.between(-1, 1)!r}*x[{dice.whole(0, 1)}])")
     found = {"change": value}

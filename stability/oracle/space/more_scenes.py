@@ -7,36 +7,16 @@ from typing import Any
 import numpy as np
 
 from stability.oracle.effects import listed
-from stability.oracle.scenes import Dice, Trial, drawn_units
+from stability.oracle.more_scenes import FIRST, all_have, with_more
+from stability.oracle.scenes import Dice, Trial
 from stability.oracle.space.scenes import SIDES, trial
 from stability.oracle.units import Units
-
-# The scenes begin with this seed of those in space.
-_FIRST = 100_000
-_CHANCE = 0.3
 
 
 def more(seed: int, units: Units | None = None) -> Trial:
     """The scene of a seed with further effects, in its own units or in given ones."""
-    drawn, dice = trial(_FIRST + seed), Dice(seed, 3, 2)
-    scene = drawn.scene | {"title": f"effects in space {seed}"}
-    contacts = [effect["boundary"] for effect in scene["contact"]]
-    named = [effect["boundary"] for key in ("traction", "displacement") for effect in listed(scene, key)]
-    sides = [side for side in (SIDES if drawn.mesh is not None else dict.fromkeys(named)) if side not in contacts]
-    every = [e for key in ("traction", "displacement", "body_force") for e in listed(scene, key)]
-    steps = max((len(e["factors"]) for e in every if "factors" in e), default=1)
-    scale, kinds = dice.power(-4, -2), 0
-
-    def stepped(load: dict[str, Any]) -> dict[str, Any]:
-        if steps > 1 and dice.chance(0.4):
-            return load | {"factors": [round(dice.between(-0.5, 1.0), 3) for _ in range(steps)]}
-        return load
-
-    while not kinds:
-        for draw in (_orthotropic, _ellipse, _gravity, _temperature, _force, _springs, _cohesion, _shape):
-            if dice.chance(_CHANCE):
-                kinds += draw(dice, scene, sides, scale, stepped, drawn)
-    return Trial(seed, scene, drawn.mesh, units or drawn_units(_FIRST + seed, 3))
+    kinds = (_orthotropic, _ellipse, _gravity, _temperature, _force, _springs, _cohesion, _shape)
+    return with_more(seed, units, 3, f"effects in space {seed}", trial(FIRST + seed), SIDES, kinds)
 
 
 def _vector(dice: Dice) -> list[float]:
@@ -88,12 +68,8 @@ def _ellipse(dice: Dice, scene: dict[str, Any], sides: list[str], scale: float, 
     return found
 
 
-def _all_have(dice: Dice, scene: dict[str, Any], key: str, low: float, high: float) -> None:
-    scene["material"] = [one | {key: one.get(key, dice.between(low, high))} for one in scene["material"]]
-
-
 def _gravity(dice: Dice, scene: dict[str, Any], sides: list[str], scale: float, stepped: Any, _: Any) -> int:
-    _all_have(dice, scene, "density", 0.5, 2.0)
+    all_have(dice, scene, "density", 0.5, 2.0)
     scene["gravity"] = [stepped(dict(zip("xyz", (scale * value for value in _vector(dice)), strict=True)))]
     return 1
 
@@ -101,7 +77,7 @@ def _gravity(dice: Dice, scene: dict[str, Any], sides: list[str], scale: float, 
 def _temperature(dice: Dice, scene: dict[str, Any], sides: list[str], scale: float, stepped: Any, _: Any) -> int:
     if any("orthotropic" in material for material in scene["material"]):
         return 0
-    _all_have(dice, scene, "expansion", 0.3, 1.5)
+    all_have(dice, scene, "expansion", 0.3, 1.5)
     change = scale * dice.between(-1, 1)
     value = dice.one_of(change, f"{change!r}*(1 + {dice.between(-1, 1)!r}*x[{dice.whole(0, 2)}])")
     scene["temperature"] = [stepped({"change": value})]
