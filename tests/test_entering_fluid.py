@@ -11,6 +11,8 @@ from signorini_fx import SceneError
 from signorini_fx.parallel import gather_rows
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import certify
+from signorini_fx.results.entered_fluid import astray
+from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import Law, Tractions
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
@@ -224,6 +226,10 @@ def test_a_certificate_that_does_not_hold(lie):
     arguments = scene, discretisation.tagged, solution.displacement
     assert certify(*arguments, tractions, law=law).holds
     assert certify(*arguments, replace(tractions, fluid=told), law=law).equilibrium > 1e-3
+    # A displacement in equilibrium with such pressures would not help.
+    forces = NodalForces(scene, discretisation.tagged, solution.displacement.function_space)
+    assert not astray(forces, tractions, 0)
+    assert astray(forces, replace(tractions, fluid=told), 0)
 
 
 WATER = {"boundary": "left", "level": 3.0, "weight": 10.0}

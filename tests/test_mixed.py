@@ -513,3 +513,27 @@ def test_what_it_costs():
     assert tuple(solution.discretisation.inventory.forms) == told.forms
     assert sorted(solution.discretisation.inventory.matrices) == ["compressibility", "divergence", "stiffness"]
     assert solution.discretisation.stiffness.getSize()[0] == 2 * 25 + 9
+
+
+@pytest.mark.parametrize("length", [1.0, 1e-6])
+@pytest.mark.parametrize("cell", ["triangle", "tetrahedra"])
+def test_weight_of_an_enclosed_body(cell, length):
+    """An incompressible body in a box does not move under its weight: it has a pressure, and strains of round-off."""
+    tagged = uneven(cell, length=length)
+    dim = tagged.dimension
+    height = "xyz"[dim - 1]
+    scene = {
+        "mesh": tagged,
+        "element": MIXED,
+        "material": {"young": 10.0, "poisson": 0.5},
+        "body_force": {height: -1.0 / length},
+        "displacement": [{"boundary": f"{side}{k}", "xyz"[k]: 0.0} for k in range(dim - 1) for side in ("low", "high")],
+        "contact": {"boundary": f"low{dim - 1}"},
+        "solver": {"algorithm": "alm"},
+    }
+    solution = alone(parse_scene(scene))
+    assert solution.converged
+    assert np.abs(solution.displacement.x.array).max() < 1e-12 * length
+    columns = solution.table.columns
+    weight = 3.0 * length ** (dim - 1)  # the largest face has as many units of area
+    assert np.isclose(np.sum(columns["weight"] * columns["pressure"]), weight, rtol=1e-9)

@@ -268,8 +268,7 @@ def judged(
     comm, dim = forces.space.mesh.comm, forces.dimension
     every = displacement.x.array.reshape(-1, dim)
     y, x = every[: forces.owned], forces.at_nodes[: forces.owned, :dim]
-    every_force = (balance.internal, balance.resisted, balance.external, balance.initial)
-    works = [np.sum(force * y) for force in every_force]
+    works = [np.sum(force * y) for force in (balance.internal, balance.resisted, balance.external, balance.initial)]
     energy, stored, work, expanding = map(float, parallel.global_sum(comm, np.array(works)))
     strained = max(0.0, energy / 2)
     strain_energy = left_over(strained, balance.prevented - expanding)
@@ -345,9 +344,9 @@ def equilibrium(balance: Balance, y: Nodal, nodes: ContactNodes | None, units: _
     if nodes is not None:
         reached, contact_forces, area = nodes.forces()
         np.add.at(residual, reached, contact_forces)
+        force = max(force, units.penalty * _norm(comm, area))
     residual = supports.left(residual)
     digits = _LOST_UNITS * np.finfo(float).eps
-    force = force if nodes is None else max(force, units.penalty * _norm(comm, area))
     whole = _share(_norm(comm, residual) - digits * least / _ROUND_OFF, force)
     if nodes is None:
         return whole
@@ -359,14 +358,15 @@ def equilibrium(balance: Balance, y: Nodal, nodes: ContactNodes | None, units: _
 
 
 def _change_of_volume(balance: Balance, far: float, strain_energy: float) -> float:
-    """How far the volume of a mixed element changes otherwise than its pressure says, relative to the mean strain;
-    ``far``: the largest displacement; ``strain_energy``: of the strains; collective.
+    """How far the volume of a mixed element changes otherwise than its pressure says, relative to the mean strain, or
+    to what loads may cause (in an enclosed body a pressure, and no strain); ``far``: largest displacement; collective.
     """
     if balance.dilation is None:
         return 0.0
     (residual, volume), comm, scales = balance.dilation, balance.surface.space.mesh.comm, balance.scales
+    loads = parallel.global_sum(comm, np.sum(np.linalg.norm(balance.external, axis=1))) / scales.surface
+    strain = max(scales.stress(strain_energy), _FAINT * loads) / scales.modulus
     spacing = scales.spacing(balance.surface.space.dofmap.index_map.size_global)
-    strain = scales.stress(strain_energy) / scales.modulus
     lost = _LOST_UNITS * np.finfo(float).eps * far / spacing
     return _share(_norm(comm, residual) - lost * _norm(comm, volume), strain * _norm(comm, volume))
 
