@@ -11,8 +11,10 @@ from signorini_fx import SceneError, solve
 from signorini_fx.check.checks import check_scene
 from signorini_fx.check.text import render
 from signorini_fx.mesh.tagged import gmsh_mesh, tag_boundaries
+from signorini_fx.records import StepRecord
 from signorini_fx.results.sections import section_forces
 from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.sweep import sweep
 
 COMM = MPI.COMM_WORLD
 CELLS = {
@@ -195,6 +197,79 @@ def test_two_bolts():
     assert np.isclose(second[1].force, 12.0, rtol=1e-6)
     assert second[0].shortening == first[0].shortening
     assert np.isclose(-solution.contact.forces[0][1], sum(one.force for one in second), rtol=1e-7)
+
+
+@pytest.mark.parametrize("steps", [None, 2])
+def test_restart(tmp_path, steps):
+    """A run that ends after the step that tightened goes on with the shortening that was found, and does not solve it
+    again.
+    """
+    scene = clamped(poisson=0.3, friction=FRICTION, more={"load_steps": {"steps": steps}}, force=TIGHT, locked_after=1)
+    whole = solve(scene)
+
+    def ends(event):
+        if isinstance(event, StepRecord) and event.step == 2:
+            raise KeyboardInterrupt
+
+    folder = COMM.bcast(tmp_path)
+    with pytest.raises(KeyboardInterrupt):
+        solve(scene, observers=[ends], checkpoint=folder)
+    again = solve(scene, checkpoint=folder, restart=True)
+    assert again.history.events[0].startswith("restart: 1 complete load step")
+    assert not any("solved again" in str(event) for event in again.history.events)
+    assert again.steps[0].linear_solves == whole.steps[0].linear_solves
+    assert again.history.linear_solves == whole.history.linear_solves
+    for step in range(len(whole.steps)):
+        assert figures(again, step) == pytest.approx(figures(whole, step), rel=1e-12)
+    assert abs(figures(again, 0)[0] - TIGHT) < 1e-6 * TIGHT
+    assert figures(again, -1)[2] == figures(again, 0)[2]
+
+
+@pytest.mark.parametrize("friction", [None, FRICTION])
+def test_sweep(friction):
+    """Each multiple of all loads, and each coefficient, against its own solve; the force is met in each."""
+    scene = clamped(poisson=0.3, friction=friction).model_copy(update={"force": ()})
+    if friction is None:
+        points = sweep(scene, loads=[0.5, 2.0])
+        own = [clamped(poisson=0.3, force=load * TIGHT).model_copy(update={"force": ()}) for load in (0.5, 2.0)]
+        wanted = [0.5 * TIGHT, 2.0 * TIGHT]
+    else:
+        points = sweep(scene, coefficients=[0.1, 0.4])
+        own = [
+            clamped(poisson=0.3, friction=FRICTION | {"coefficient": value}).model_copy(update={"force": ()})
+            for value in (0.1, 0.4)
+        ]
+        wanted = [TIGHT, TIGHT]
+    for point, one, force in zip(points, own, wanted, strict=True):
+        (found,), (alone,) = point.preloads(), solve(one).preloads
+        assert np.isclose(found.force, force, rtol=1e-6)
+        assert np.isclose(found.shortening, alone.shortening, rtol=1e-6)
+        assert point.certificate().holds
+    assert not np.isclose(points[0].preloads()[0].shortening, points[1].preloads()[0].shortening, rtol=1e-4)
+
+
+def test_levels():
+    """Coarser meshes first: each meets the force; the stiffness of the last is that of the mesh alone."""
+    scene = seated(nx=16)
+    alone, nested = solve(scene), solve(seated(nx=16, solver={"levels": 3}))
+    assert len(nested.levels) == 3
+    assert np.isclose(nested.preloads[0].force, 5.0, rtol=1e-9)
+    assert np.isclose(nested.preloads[0].shortening, alone.preloads[0].shortening, rtol=1e-7)
+
+
+def seated(nx, **more):
+    """A bar that is held on the left, and tightened by a force against a plane on the right."""
+    size = {"length": 3.0, "height": 1.0, "nx": nx, "ny": 4}
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": size},
+            "material": {"young": YOUNG, "poisson": 0.3},
+            "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}],
+            "contact": {"boundary": "right", "direction": [-1.0, 0.0], "kind": "bilateral"},
+            "preload": {"point": [1.37, 0.0], "axis": [1.0, 0.0], "force": 5.0},
+            **more,
+        }
+    )
 
 
 def frame_of(solution):

@@ -39,14 +39,16 @@ class SectionForce:
         return asdict(self)
 
 
-def section_forces(scene: Scene, tagged: TaggedMesh, displacement: fem.Function, step: float) -> list[SectionForce]:
-    """What goes through each section that a scene shortens; collective."""
+def section_forces(
+    scene: Scene, tagged: TaggedMesh, displacement: fem.Function, step: float, scale: float = 1.0
+) -> list[SectionForce]:
+    """What goes through each section that a scene shortens, with all loads times ``scale``; collective."""
     nodal, y = NodalForces(scene, tagged, displacement.function_space), displacement.x.array
     inside, found = [load for load in scene.of(Force) if load.where is None], []
     for effect, beyond, jump in nodal.sections():
-        shortening = effect.shortening_at(scene, step)
+        shortening = scale * effect.shortening_at(scene, step)
         left = beyond.of_stress(y.reshape(jump.shape) + shortening * jump)
-        left = left - beyond.external(step, some=inside) - beyond.strained(step)[0]
+        left = left - beyond.external(step, scale, inside) - beyond.strained(step, scale)[0]
         force = parallel.global_sum(tagged.mesh.comm, np.array(np.sum(left * jump[: beyond.owned])))
         found.append(SectionForce(effect.name, float(force), shortening))
     return found

@@ -184,6 +184,7 @@ def recalled_step(
     begun = task.iterate.newton.checkpoint()
     with timings.phase("restart"):
         d, problem, begin, earlier = _placed(place, discretisation, task, start, last, renew)
+        d = kept.tightened(d, start.step)
         recalled = kept.recall(d, problem, begin)
     if recalled is None:
         return None

@@ -7,6 +7,7 @@ its state.  The contact problem is solved for one s after the other, by the meth
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -36,7 +37,14 @@ def tightened_at(d: Discretisation, place: float) -> list[int]:
     return [k for k, one in found if one is not None and one.force_at(d.scene, place) is not None]
 
 
-def solve_tightened(d: Discretisation, task: Task, start: Start, most: int) -> tuple[Discretisation, Start, Outcome]:
+def shortenings(d: Discretisation, place: float) -> list[float]:
+    """Those that forces have led to at a place, in the order of ``tightened_at``, length."""
+    return [d.applied[k].factor(place) for k in tightened_at(d, place)]
+
+
+def solve_tightened(
+    d: Discretisation, task: Task, start: Start, most: int, scale: float = 1.0
+) -> tuple[Discretisation, Start, Outcome]:
     """Solve a load step; collective.
 
     Args:
@@ -44,24 +52,26 @@ def solve_tightened(d: Discretisation, task: Task, start: Start, most: int) -> t
         task: its contact problem.
         start: where the load step starts.
         most: linear solves allowed for each shortening.
+        scale: factor of all loads, these forces included.
 
     Returns:
-        The scene with the shortenings that were found, where the load step starts with them, and how it ended.
+        The scene with the shortenings that were found, over ``scale``, where the load step starts with them, and how it
+        ended.
     """
     loads, place, newton = tightened_at(d, start.place), start.place, task.iterate.newton
     of_all = [k for k, load in enumerate(d.applied) if load.section is not None]
     here = [of_all.index(k) for k in loads]
-    wanted = np.array([_section(d, k).force_at(d.scene, place) for k in loads], dtype=np.float64)
-    before = np.array([d.applied[k].factor(place) for k in loads])
+    wanted = scale * np.array([_section(d, k).force_at(d.scene, place) for k in loads], dtype=np.float64)
+    before = scale * np.array(shortenings(d, place))
     s = np.where(before > 0, before, wanted / d.scales.stiffness(d.scales.size))
     slope, last, best, loose = np.empty((0, 0)), (s, s), np.inf, 0
     for _ in range(_MOST):
-        d = with_shortenings(d, loads, place, s)
-        start, begun = replace(start, factors=d.factors(place)), newton.checkpoint()
+        d = with_shortenings(d, loads, place, s / scale)
+        start, begun = replace(start, factors=scale * d.factors(place)), newton.checkpoint()
         outcome, force = solve_task(task, start, most), np.zeros_like(s)
         if outcome.status is Status.CONVERGED:
             y = d.from_rest(task.rest, outcome.displacement())
-            force = np.array([one.force for one in section_forces(d.scene, d.tagged, y, place)])[here]
+            force = np.array([one.force for one in section_forces(d.scene, d.tagged, y, place, scale)])[here]
         elif slope.size or loose == _LOOSE:
             return d, start, outcome
         missing = float(np.abs(wanted - force).max() / wanted.max())
@@ -93,18 +103,20 @@ def _section(d: Discretisation, number: int) -> SectionJump:
     return found
 
 
-def with_shortenings(d: Discretisation, loads: list[int], place: float, shortenings: Array) -> Discretisation:
+def with_shortenings(
+    d: Discretisation, loads: list[int], place: float, found: Sequence[float] | Array
+) -> Discretisation:
     """The same with shortenings that were found at a place; nothing is assembled again."""
     sections = [_section(d, k) for k in loads]
-    found = {id(one): one.tightened(place, float(s)) for one, s in zip(sections, shortenings, strict=True)}
+    tight = {id(one): one.tightened(place, float(s)) for one, s in zip(sections, found, strict=True)}
     changed = {
-        key: tuple(found.get(id(one), one) for one in entries)
+        key: tuple(tight.get(id(one), one) for one in entries)
         for key, entries in d.scene.effects.items()
-        if any(id(one) in found for one in entries)
+        if any(id(one) in tight for one in entries)
     }
     scene, applied = d.scene.model_copy(update=changed), []
     for load in d.applied:
-        one = load.section and found.get(id(load.section), load.section)
+        one = load.section and tight.get(id(load.section), load.section)
         applied.append(load if one is None else replace(load, section=one, amount=partial(one.shortening_at, scene)))
     same = replace(d, scene=scene, applied=tuple(applied))
     vars(same).update({name: value for name, value in vars(d).items() if name not in vars(same)})

@@ -76,6 +76,16 @@ class Kept:
         figures = self.checkpoint.figures(self.level, step)
         return None if figures is None else float(figures["place"])
 
+    def tightened(self, d: Discretisation, step: int) -> Discretisation:
+        """The discretised scene with the shortenings that forces have led to in a load step, from 0, which is there."""
+        figures = self.checkpoint.figures(self.level, step)
+        if figures is None or "shortenings" not in figures:
+            return d
+        from signorini_fx.solving.preload import tightened_at, with_shortenings
+
+        place = float(figures["place"])
+        return with_shortenings(d, tightened_at(d, place), place, figures["shortenings"])
+
     def forget(self, step: int) -> None:
         """Remove a load step, from 0, that turned out to be no solution, and all later ones."""
         self.checkpoint.forget(self.level, step)
@@ -138,6 +148,10 @@ class Kept:
         }
         if d.tools is not None:
             figures["tools"] = d.driven(outcome.displacement(), task.rest).tolist()
+        if d.scene.tightens_at(start.place):
+            from signorini_fx.solving.preload import shortenings
+
+            figures["shortenings"] = shortenings(d, start.place)
         self.checkpoint.write(self.level, start.step, result.displacement, boundary, nodal, figures)
 
     def recall(self, d: Discretisation, task: Task, start: Start) -> Recalled | None:

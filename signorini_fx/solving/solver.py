@@ -135,8 +135,6 @@ def _checkpoint(
         without = "a scene with one load step on one mesh"
     elif scene.fluids_enter:  # what it has reached is not stored
         without = "a scene with a fluid that enters a contact"
-    elif scene.tightens_at(0):  # nor what its force leads to
-        without = "a scene with a preload by force"
     elif any(effect.friction.timed for effect in scene.contact):  # nor is the law of a load step
         without = "a scene with friction that depends on the time"
     elif scene.element.volumetric == "mixed":  # nor its pressure

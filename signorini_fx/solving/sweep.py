@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from dolfinx import fem
@@ -12,6 +13,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.algorithms.strategy import solve_task
+from signorini_fx.attempts import step_limit
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation, discretise
 from signorini_fx.body.mesh_levels import MeshLevel
@@ -26,11 +28,15 @@ from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Law, Tractions
 from signorini_fx.results.tool_motion import ToolMotion, motions_of
+from signorini_fx.scene.effect import SectionJump
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import as_scene
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.solver import refuse_other_than_comm
+
+if TYPE_CHECKING:
+    from signorini_fx.results.sections import SectionForce
 
 
 @dataclass(frozen=True, repr=False)
@@ -69,6 +75,14 @@ class SweepPoint:
         """How rigid tools have moved; collective."""
         d = self._discretisation
         return () if d.tools is None else motions_of(d.tools, self._scene, d.driven(self._unknowns(), self._rest))
+
+    def preloads(self) -> list[SectionForce]:
+        """The forces through sections that are tightened; collective."""
+        if not self._scene.of(SectionJump):
+            return []
+        from signorini_fx.results.sections import section_forces
+
+        return section_forces(self._scene, self._discretisation.tagged, self.displacement(), 0, self._load)
 
     def _unknowns(self) -> PETSc.Vec:
         system = self._problem.system
@@ -126,8 +140,8 @@ def sweep(
         raise SceneError([("sweep", "needs a scene with contact and one load step")])
     if scene.fluids_enter:
         raise SceneError([("sweep", "is not possible yet where a fluid enters contact: solve each scene")])
-    if scene.tightens_at(0):
-        raise SceneError([("sweep", "is not possible yet with a preload by force: give its shortening")])
+    if scene.tightens_at(0) and loads is not None and min(loads, default=1.0) <= 0:
+        raise SceneError([("sweep", "loads must be positive where a force tightens a section")])
     if coefficients is not None and not scene.has_coulomb:
         raise SceneError([("sweep", "coefficients need a scene with Coulomb friction")])
     discretisation = discretise(scene, load_mesh(scene, comm), Timings())
@@ -141,16 +155,18 @@ def sweep(
         start = replace(begin, factors=load * discretisation.factors(0))
         if coefficients is not None and law is not None:
             start = replace(start, law=replace(law, coefficient=np.where(law.coefficient > 0, value, 0.0)))
-        outcome = solve_task(task, start)
-        contact, promised = discretisation.state(task, outcome, start), Law(*task.promised(outcome))
+        d = discretisation
+        if scene.tightens_at(0):
+            from signorini_fx.solving.preload import solve_tightened
+
+            d, start, outcome = solve_tightened(d, task, start, step_limit(scene.solver.max_iterations), load)
+        else:
+            outcome = solve_task(task, start)
+        contact, promised = d.state(task, outcome, start), Law(*task.promised(outcome))
         x = outcome.newton.x.copy()
         solves, problem = history.linear_solves - before, outcome.problem
-        own = scene if coefficients is None else _with_coefficient(scene, value)
-        points.append(
-            SweepPoint(
-                value, outcome.status, contact, solves, own, promised, discretisation, problem, x, load, task.rest
-            )
-        )
+        own = d.scene if coefficients is None else _with_coefficient(d.scene, value)
+        points.append(SweepPoint(value, outcome.status, contact, solves, own, promised, d, problem, x, load, task.rest))
         if outcome.status is Status.CONVERGED:
             begin = begin.begin_from(problem.sets, outcome.newton.multipliers())
     return points
