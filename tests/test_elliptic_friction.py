@@ -20,6 +20,7 @@ from signorini_fx.check.checks import check_scene
 from signorini_fx.contact.laws import RegularisedData, multipliers, natural_sets, tangent
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import certify
+from signorini_fx.results.contact_boundaries import _largest_resultant
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
@@ -77,6 +78,7 @@ def test_critical_slope(law, angle):
     assert held.converged
     force = -held.contact.forces[1][:2] / (PRESS * 4.0)
     np.testing.assert_allclose(force, 0.9999 * critical * np.array([np.cos(angle), np.sin(angle)]), rtol=1e-6)
+    assert held.contact_figures[0].friction_limit == pytest.approx(critical * PRESS * 4.0, rel=1e-6)
     assert alone(inclined(law, angle, 1.0001 * critical), check=False).status is Status.SLIDES
     safety = alone(inclined(law, angle, 0.5 * critical)).safety
     assert safety.factor == pytest.approx(2.0, rel=1e-8)
@@ -86,6 +88,17 @@ def test_critical_slope(law, angle):
     way = push / np.array([F1, F2]) ** 2
     told = np.array([float(word) for word in safety.motion.partition("(")[2].rstrip(")").split(",")])
     np.testing.assert_allclose(in_axes(told), way / np.linalg.norm(way), atol=6e-3)  # as it is rounded
+
+
+def test_limit_of_ellipses_that_cross():
+    """Two ellipses across each other transmit more together than twice what one does in the direction between them."""
+    ratio, between = 0.1, np.array([1.0, 1.0, 0.0])
+    crossed = np.array([[[1.0, 0], [0, ratio], [0, 0]], [[0, ratio], [1.0, 0], [0, 0]]])
+    found = _largest_resultant(crossed, np.array([0.5, 0.5]), 3.0 * between, MPI.COMM_SELF)
+    assert found == pytest.approx(np.sqrt((1 + ratio**2) / 2))
+    alike = _largest_resultant(crossed[:1], np.ones(1), 3.0 * between, MPI.COMM_SELF)
+    assert alike == pytest.approx(np.sqrt(2 / (1 + ratio**-2)))
+    assert _largest_resultant(crossed, np.array([0.5, 1.5]), 0 * between, MPI.COMM_SELF) == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -364,7 +364,7 @@ def _change_of_volume(balance: Balance, far: float, strain_energy: float) -> flo
     if balance.dilation is None:
         return 0.0
     (residual, volume), comm, scales = balance.dilation, balance.surface.space.mesh.comm, balance.scales
-    loads = parallel.global_sum(comm, np.sum(np.linalg.norm(balance.external, axis=1))) / scales.surface
+    loads = float(parallel.global_sum(comm, np.linalg.norm(balance.external, axis=1).sum())) / scales.surface
     strain = max(scales.stress(strain_energy), _FAINT * loads) / scales.modulus
     spacing = scales.spacing(balance.surface.space.dofmap.index_map.size_global)
     lost = _LOST_UNITS * np.finfo(float).eps * far / spacing

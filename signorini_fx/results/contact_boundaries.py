@@ -6,6 +6,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 import numpy.typing as npt
+from mpi4py import MPI
+from scipy.optimize import minimize
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_state import ContactState
@@ -30,7 +32,8 @@ class ContactFigures:
         max_pressure: largest nodal pressure, stress.
         tangential_force: magnitude of the resultant of the shear.
         friction_limit: integral of the friction bound, a force: F N for Coulomb friction with one coefficient, the
-            bound times the area for Tresca friction, which acts on open nodes too; infinite for a bond.
+            bound times the area for Tresca friction, which acts on open nodes too; infinite for a bond.  Of friction
+            ellipses the largest resultant in the direction of this one; in any direction, if there is none.
     """
 
     boundary: str
@@ -63,6 +66,9 @@ def contact_figures(scene: Scene, contact: ContactState) -> list[ContactFigures]
         tangential = float(np.linalg.norm(total[4:]))
         if tangential <= _ROUND_OFF * max(abs(normal), limit if np.isfinite(limit) else 0.0):
             tangential = 0.0
+        if boundary.ellipse is not None and 0 < limit < np.inf:
+            reached = total[4:] if tangential else np.zeros(3)
+            limit = _largest_resultant(boundary.tangents[here], weight * contact.bound[here], reached, comm)
         found.append(
             ContactFigures(
                 boundary=effect.boundary,
@@ -76,3 +82,37 @@ def contact_figures(scene: Scene, contact: ContactState) -> list[ContactFigures]
             )
         )
     return found
+
+
+def _largest_resultant(tangents: Array, bound: Array, resultant: Array, comm: MPI.Comm) -> float:
+    """The largest force in the direction of the resultant that points with friction ellipses transmit; collective.
+
+    The forces that they transmit together fill a convex set.  In the direction d it is bounded by its support function
+    at every n with n . d = 1, and the least of these bounds is reached.
+
+    Args:
+        tangents: the semi-axes of each point for a bound of one, shape (n, 3, 2).
+        bound: force, shape (n,).
+        resultant: of the shear, force, shape (3,); zero: the largest force in any direction of the axes is meant.
+        comm: the ranks.
+    """
+
+    def support(normal: Array) -> tuple[float, Array]:
+        """The support function and its gradient."""
+        along = np.einsum("nij,i->nj", tangents, normal)
+        lengths = np.linalg.norm(along, axis=1)
+        units = along / np.where(lengths > 0, lengths, 1.0)[:, None]
+        sums = parallel.global_sum(comm, np.append(np.einsum("n,nij,nj->i", bound, tangents, units), bound @ lengths))
+        return float(sums[-1]), sums[:-1]
+
+    if not resultant.any():
+        return float(parallel.global_sum(comm, bound @ np.linalg.norm(tangents, axis=1).max(axis=1)))
+    way = resultant / np.linalg.norm(resultant)
+    across = np.linalg.svd(way[None])[2][1:]
+    scale = support(way)[0]
+
+    def bounded(turn: Array) -> tuple[float, Array]:
+        value, gradient = support(way + turn @ across)
+        return value / scale, np.asarray(across @ gradient / scale)
+
+    return scale * float(minimize(bounded, np.zeros(2), jac=True, options={"gtol": 1e-10}).fun)
