@@ -1731,6 +1731,13 @@ MUTANTS = (
         tests=("pairs::test_identities",),
     ),
     Mutant(
+        "pairs/overlap_space",
+        "(mixed <= _PARALLEL * np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1)).all()",
+        "(mixed <= _PARALLEL * np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1)).any()",
+        "two bodies: one parallelogram counts for all quadrilaterals",
+        tests=("pairs::test_parallelograms_and_other_quadrilaterals",),
+    ),
+    Mutant(
         "body/mirrored_points",
         "found[node] += np.outer(across, across)",
         "pass",

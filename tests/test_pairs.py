@@ -7,6 +7,7 @@ from surfaces import ELEMENTS, both, curve, sheet
 from signorini_fx.pairs.coupling import PairingError, couple
 from signorini_fx.pairs.functions import carried
 from signorini_fx.pairs.overlap_space import clip
+from signorini_fx.pairs.surface import Surface
 
 PAIRS = [(2, a, b) for a in ELEMENTS[2] for b in ELEMENTS[2]] + [
     (3, "P1", "P1"),
@@ -108,6 +109,40 @@ def test_functions_of_a_whole_facet():
             vertices, mids = slave.nodes[0][:3], slave.nodes[0][3:]
             np.testing.assert_allclose(row[vertices], [2 / 15, -1 / 15, -1 / 15], atol=1e-12)
             np.testing.assert_allclose(row[mids], [-1 / 15, 1 / 5, 1 / 5], atol=1e-12)
+
+
+def along(slave, master):
+    """Integrals over a line of dual functions times the hats of another grid, exactly, shape (n, m)."""
+    cuts = np.unique(np.concatenate((slave, master[(master > slave[0]) & (master < slave[-1])])))
+    at, weights = np.polynomial.legendre.leggauss(3)
+    x = ((cuts[:-1, None] + cuts[1:, None]) / 2 + np.diff(cuts)[:, None] / 2 * at).ravel()
+    weights = (np.diff(cuts)[:, None] / 2 * weights).ravel()
+    own, others = (np.array([np.interp(x, grid, row) for row in np.eye(len(grid))]) for grid in (slave, master))
+    return (np.where(own > 0, 3 * own - 1, 0) * weights) @ others.T  # 2 N_1 - N_2 with N_2 = 1 - N_1
+
+
+def test_parallelograms_and_other_quadrilaterals():
+    """On parallelograms M is a product of integrals along both edges, with few points; on others points are many."""
+    from signorini_fx.pairs.overlap_space import space_overlap
+
+    grids = np.linspace(0.0, 1.0, 5), np.linspace(-0.03, 1.03, 8)
+
+    def tilted(s, t):
+        return [s + 0.3 * t, 0.2 * s, t]
+
+    slave = sheet("Q1", (4, 4), tilted, (0, -1, 0))
+    master = sheet("Q1", (7, 7), lambda s, t: tilted(1.06 * s - 0.03, 1.06 * t - 0.03), (0, 1, 0))
+    found = coupled(slave, master)
+    assert found.overlap.at.shape[1] == 6
+    edges = along(*grids)
+    wanted = np.kron(edges, edges)
+    wanted /= wanted.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(found.master.toarray(), wanted[found.nodes], rtol=0, atol=1e-13)
+    for moved in (0, 1):  # a node of one side in its plane: the facets around it are parallelograms no more
+        sides = [Surface(one.nodes, one.x.copy(), one.functions, one.sign) for one in (slave, master)]
+        middle = np.linalg.norm(sides[moved].x - sides[moved].x.mean(axis=0), axis=1).argmin()
+        sides[moved].x[middle, 2] += 0.02
+        assert space_overlap(*sides, 1.0, np.arange(16)).at.shape[1] == 16
 
 
 @pytest.mark.parametrize(("dimension", "element", "other"), PAIRS)

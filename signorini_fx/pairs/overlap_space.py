@@ -15,20 +15,24 @@ import numpy.typing as npt
 
 from signorini_fx.pairs.overlap import Overlap
 from signorini_fx.pairs.search import Patches, candidates
-from signorini_fx.pairs.surface import Surface
+from signorini_fx.pairs.surface import Lagrange, Surface
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
-# Degree of the quadrature on each triangle, by the degree of the functions; rational integrands on quadrilaterals.
+# Degree of the quadrature on each triangle, by the degree of the functions; on quadrilaterals integrands are rational,
+# but bilinear functions on parallelograms are polynomials.
 _DEGREES = {1: 2, 2: 4}
 _RATIONAL = 8
+_PARALLELOGRAMS = 4
+# Difference of opposite edges, as a share of the size, below which a quadrilateral counts as a parallelogram.
+_PARALLEL = 1e-9
 # Share of the area of a part below which an overlap is round-off.
 _NOTHING = 1e-10
 # Steps of Newton's method that invert a map, at most.
 _STEPS = 12
-# A step of a place in a reference facet that is round-off.
-_PLACE = 1e-14
+# A step of a place in a reference facet that is round-off, and one after which the next one is, as steps square errors.
+_PLACE, _LAST = 1e-14, 1e-9
 
 
 @dataclass(frozen=True)
@@ -83,7 +87,7 @@ def space_overlap(slave: Surface, master: Surface, reach: float, some: Indices) 
     flat, flat_master, polygon, centre, axes = (one[kept] for one in (flat, flat_master, polygon, centre, axes))
     triangles, pair = _fan(polygon, count)
     both = slave.functions, master.functions
-    degree = max(_DEGREES[one.degree] for one in both) if all(one.simplex for one in both) else _RATIONAL
+    degree = _degree(both, (own.patches.corners[here], other.patches.corners[there]))
     points, weights = basix.make_quadrature(basix.CellType.triangle, degree)
     first, second = (triangles[:, k] - triangles[:, 0] for k in (1, 2))
     p = triangles[:, :1] + points[:, :1] * first[:, None] + points[:, 1:] * second[:, None]
@@ -96,6 +100,22 @@ def space_overlap(slave: Surface, master: Surface, reach: float, some: Indices) 
         p = np.einsum("mqd,mkd->mqk", slave.positions(own.facet[here], at) - centre[pair][:, None], axes[pair])
         over = _projected(master, other.facet[there], over, p, centre[pair], axes[pair])
     return Overlap(own.facet[here], other.facet[there], at, over, area * true / projected)
+
+
+def _degree(both: tuple[Lagrange, Lagrange], corners: tuple[Array, Array]) -> int:
+    """Of the quadrature on each triangle; ``corners``: of the parts of both sides, shape (m, c, 3)."""
+    if all(one.simplex for one in both):
+        return max(_DEGREES[one.degree] for one in both)
+    linear = all(one.degree == 1 for one in both)
+    return _PARALLELOGRAMS if linear and all(map(_parallelograms, corners)) else _RATIONAL
+
+
+def _parallelograms(corners: Array) -> bool:
+    """Whether maps from the reference part are affine; ``corners``: shape (m, c, 3)."""
+    if corners.shape[1] == 3:
+        return True
+    mixed = np.linalg.norm(corners[:, 0] - corners[:, 1] + corners[:, 2] - corners[:, 3], axis=1)
+    return bool((mixed <= _PARALLEL * np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1)).all())
 
 
 def _projected(side: Surface, facets: Indices, at: Array, p: Array, centre: Array, axes: Array) -> Array:
@@ -202,7 +222,10 @@ def _back(flat: Array, reference: Array, p: Array) -> tuple[Array, Array]:
     for _ in range(_STEPS if flat.shape[1] == 4 else 1):
         place, first, second = maps(flat)
         left, determinant = p - place, _cross(first, second)
-        s = s + np.stack((_cross(left, second), _cross(first, left)), axis=-1) / determinant[..., None]
+        step = np.stack((_cross(left, second), _cross(first, left)), axis=-1) / determinant[..., None]
+        s = s + step
+        if np.abs(step).max(initial=0.0) < _LAST:
+            break
     _, first, second = maps(flat)
     inside, own_first, own_second = maps(reference)
     return inside, np.abs(_cross(first, second) / _cross(own_first, own_second))

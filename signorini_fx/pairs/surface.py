@@ -50,11 +50,13 @@ class Lagrange:
 
     def _monomials(self, at: Array, along: int | None = None) -> Array:
         """The monomials at points of shape (..., d - 1), or their derivatives along one direction, shape (..., k)."""
-        factors = []
+        found: Array = np.ones(1)
         for axis, power in enumerate(self._exponents.T):
             s = at[..., axis, None]
-            factors.append(power * s ** np.maximum(power - 1, 0) if axis == along else s**power)
-        return np.asarray(np.prod(factors, axis=0))
+            one = np.ones_like(s)
+            powers = (0.0 * s, one, 2.0 * s) if axis == along else (one, s, s * s)
+            found = found * np.concatenate(powers, axis=-1)[..., power]
+        return np.asarray(found)
 
     def values(self, at: Array) -> Array:
         """At points of shape (..., d - 1), shape (..., k)."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -60,18 +60,17 @@ class Facets:
         names = space.dofmap.index_map.local_to_global(nodes.ravel()).reshape(nodes.shape)
         rows = numbers, names, x[nodes], x[of_cells].mean(axis=1)
         self._numbers, self.nodes, self._x, self._inside = (parallel.gather_rows(comm, one) for one in rows)
+        self._made: dict[int, Facet] = {}
         self._middle = self._x.mean(axis=1)
         self._radius = np.linalg.norm(self._x - self._middle[:, None], axis=2).max(axis=1)
 
     def __getitem__(self, k: Any) -> Facet:
-        return Facet(
-            self._element,
-            int(self._numbers[k]),
-            self._closures[self._numbers[k]],
-            self.nodes[k],
-            self._x[k],
-            self._inside[k],
-        )
+        if k not in self._made:
+            closure = self._closures[self._numbers[k]]
+            self._made[k] = Facet(
+                self._element, int(self._numbers[k]), closure, self.nodes[k], self._x[k], self._inside[k]
+            )
+        return self._made[k]
 
     def around(self, nodes: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
         """The facets that have some of these nodes."""
@@ -80,7 +79,7 @@ class Facets:
     def near(self, facet: Facet, reach: float) -> npt.NDArray[np.int64]:
         """The facets that may be over or under another one within a distance, as it sees them along its normal."""
         apart = self._middle - facet.bounds[0] / 2 - facet.bounds[1] / 2
-        along = apart @ facet.normal(facet.middle)[0]
+        along = apart @ facet.outward
         beyond = self._radius + facet.size
         across = np.sqrt(np.maximum(np.sum(apart**2, axis=1) - along**2, 0.0))
         return np.flatnonzero((np.abs(along) <= reach + beyond) & (across <= beyond + _TURNING * np.abs(along)))
@@ -162,11 +161,19 @@ class Facet:
         """The place in the middle of the reference facet, shape (1, d - 1)."""
         return np.full((1, len(self._along)), 1.0 / 3.0 if self.kind == "triangle" else 0.5)
 
+    @cached_property
+    def _sign(self) -> float:
+        return float(np.sign(self._across(self.middle)[0] @ (self.place(self.middle)[0] - self._inside)))
+
     def normal(self, at: Array) -> Array:
         """Outward unit normals, shape (q, d)."""
         across = self._across(at)
-        sign = np.sign(np.sum(self._across(self.middle)[0] * (self.place(self.middle)[0] - self._inside)))
-        return np.asarray(sign * across / np.linalg.norm(across, axis=1, keepdims=True))
+        return np.asarray(self._sign * across / np.linalg.norm(across, axis=1, keepdims=True))
+
+    @cached_property
+    def outward(self) -> Array:
+        """The normal in the middle, shape (d,)."""
+        return np.asarray(self.normal(self.middle)[0])
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
@@ -198,6 +205,46 @@ class Facet:
             listed = [((s, t), (S, t), (S, T), (s, T)) for s, S in spans for t, T in spans]  # type: ignore[misc]
         return [np.array(corners) for corners in listed]
 
+    @cached_property
+    def placed_parts(self) -> list[tuple[Array, Array]]:
+        """The linear parts, and the positions of their corners, length, shape (c, 3) each."""
+        return [(part, self.place(part)) for part in self.linear_parts]
+
+    @cached_property
+    def flat_parts(self) -> list[FlatPart]:
+        """The linear parts in their planes."""
+        return [FlatPart.of(part, corners) for part, corners in self.placed_parts]
+
+
+@dataclass(frozen=True)
+class FlatPart:
+    """A linear part of a facet in space, projected onto the plane through its centre.
+
+    Attributes:
+        part: its corners in the reference facet, shape (c, 2).
+        centre: shape (3,).
+        axes: of the plane, shape (2, 3).
+        flat: the projected corners, length, shape (c, 2).
+    """
+
+    part: Array
+    centre: Array
+    axes: Array
+    flat: Array
+
+    @classmethod
+    def of(cls, part: Array, corners: Array) -> FlatPart:
+        """From the corners in the reference facet and their positions."""
+        centre = corners.mean(axis=0)
+        normal = np.cross(corners[2] - corners[0], corners[-1] - corners[1])  # of a triangle: two of its sides
+        axes = np.linalg.svd(normal[None] / np.linalg.norm(normal))[2][1:]
+        return cls(part, centre, axes, (corners - centre) @ axes.T)
+
+    @property
+    def size(self) -> float:
+        """Length of the diagonal."""
+        return float(np.linalg.norm(np.ptp(self.flat, axis=0)))
+
 
 @dataclass(frozen=True)
 class Piece:
@@ -227,10 +274,9 @@ def pieces_of(
         reach: mean distance beyond which facets are no partners, length.
         normals: in the plane the normals of the slave at its nodes, which are interpolated.
     """
-    outward = facet.normal(facet.middle)[0]
     found: list[Piece] = []
     for master in masters:
-        if outward @ master.normal(master.middle)[0] >= _FACING:
+        if facet.outward @ master.outward >= _FACING:
             continue
         if facet.kind == "interval":
             assert normals is not None
@@ -270,7 +316,7 @@ def _in_plane(facet: Facet, master: Facet, normals: Array) -> list[Piece]:
 
     passed = [value for value in (0.0, 1.0) if lowest + _NOTHING < value < highest - _NOTHING]
     cuts = sorted({0.0, 1.0, *(float(brentq(beyond, 0.0, 1.0, (value,), xtol=_PLACE)) for value in passed)})
-    nodes, weights = np.polynomial.legendre.leggauss(_POINTS["interval"])
+    nodes, weights = _gauss(_POINTS["interval"])
     found = []
     for first, last in pairwise(cuts):
         at = first + (last - first) * (nodes + 1) / 2
@@ -284,29 +330,30 @@ def _in_plane(facet: Facet, master: Facet, normals: Array) -> list[Piece]:
 def _in_space(facet: Facet, master: Facet) -> list[Piece]:
     """The linear parts of the slave, each cut by those of the master in its plane."""
     found = []
-    for part in facet.linear_parts:
-        corners = facet.place(part)
-        centre = corners.mean(axis=0)
-        normal = np.cross(corners[2] - corners[0], corners[-1] - corners[1])  # of a triangle: two of its sides
-        normal /= np.linalg.norm(normal)
-        axes = np.linalg.svd(normal[None])[2][1:]
-        flat = (corners - centre) @ axes.T
-        size = float(np.linalg.norm(np.ptp(flat, axis=0)))
-        for other in master.linear_parts:
-            window = (master.place(other) - centre) @ axes.T
+    for own in facet.flat_parts:
+        part, centre, axes, flat = own.part, own.centre, own.axes, own.flat
+        for other, corners in master.placed_parts:
+            window = (corners - centre) @ axes.T
             if (window.min(axis=0) > flat.max(axis=0)).any() or (window.max(axis=0) < flat.min(axis=0)).any():
                 continue
             polygon = _cut(_positive(flat), _positive(window))
             if len(polygon) < 3:
                 continue
             p, weight = _collapsed(polygon, max(_POINTS[facet.kind], _POINTS[master.kind]))
-            if weight.sum() <= _NOTHING * size**2:
+            if weight.sum() <= _NOTHING * own.size**2:
                 continue
             at, unit = _place_in(part, flat, p)
             p = (facet.place(at) - centre) @ axes.T
             over = _under(master, _place_in(other, window, p)[0], p, centre, axes)
             found.append(Piece(master, at, over, weight * facet.areas(at) / unit))
     return found
+
+
+@cache
+def _gauss(count: int) -> tuple[Array, Array]:
+    """Points and weights of Gauss and Legendre's rule on [-1, 1]."""
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    return np.asarray(nodes), np.asarray(weights)
 
 
 def _signed(polygon: Array) -> float:
@@ -338,7 +385,7 @@ def _cut(polygon: Array, window: Array) -> Array:
 
 def _collapsed(polygon: Array, count: int) -> tuple[Array, Array]:
     """Points and weights on a polygon: triangles at its first corner, each a collapsed square."""
-    nodes, weights = np.polynomial.legendre.leggauss(count)
+    nodes, weights = _gauss(count)
     s, w = (nodes + 1) / 2, weights / 2
     u, v = (grid.ravel() for grid in np.meshgrid(s, s))
     both = np.outer(w, w).ravel() * u
@@ -391,7 +438,7 @@ def _under(facet: Facet, at: Array, p: Array, centre: Array, axes: Array) -> Arr
 
 def interpolated_normals(facets: Sequence[Facet]) -> dict[int, Array]:
     """The means of the normals around each node, of length one, between which the continuous normal interpolates."""
-    nodes, weights = np.polynomial.legendre.leggauss(_POINTS["interval"])
+    nodes, weights = _gauss(_POINTS["interval"])
     at = ((nodes + 1) / 2)[:, None]
     found: dict[int, Array] = defaultdict(lambda: np.zeros(2))
     for facet in facets:
