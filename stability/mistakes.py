@@ -2884,6 +2884,20 @@ MUTANTS = (
     ),
     Mutant(
         "solving/restart",
+        'with_shortenings(d, tightened_at(d, place), place, figures["shortenings"])',
+        "d",
+        "restart: a bolt that was tightened is loose again",
+        tests=("preload::test_restart",),
+    ),
+    Mutant(
+        "body/contact_boundary",
+        "self.free.any(axis=1)",
+        "True",
+        "tangents are off the plane across the normal where everything is prescribed",
+        tests=("space_effects::test_tangents_at_supports",),
+    ),
+    Mutant(
+        "solving/restart",
         'd.begin_driven(every, np.array(figures["tools"]), task.rest)',
         'd.begin_driven(every, np.array(figures["tools"]), None)',
         "restart: the motion of tools is from the initial position",

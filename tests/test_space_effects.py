@@ -269,3 +269,27 @@ def test_curved_cells():
     solution = alone(scene(2))
     assert solution.certificate.holds
     assert {"slip", "open"} <= set(solution.table.columns["state"])
+
+
+def test_tangents_at_supports():
+    """The normal of a curved surface is off the support's plane by round-off of its cells: a tangent is in that plane
+    all the same, but where nothing is free, and tractions may be large, it is across the normal.
+    """
+    tilt = 3e-10
+    free = np.array([[True, True, False], [False, False, False], [True, True, True]])
+    boundary = contact_boundary.ContactBoundary(
+        MPI.COMM_SELF,
+        nodes=np.arange(3, dtype=np.int32),
+        x=np.zeros((3, 3)),
+        weight=np.ones(3),
+        normal=np.tile([np.cos(0.3), np.sin(0.3), tilt], (3, 1)),
+        part=np.zeros(3, dtype=np.int32),
+        free=free,
+        segments=np.empty((0, 4), dtype=np.int64),
+        global_nodes=np.arange(3),
+    )
+    assert boundary.tangents[0, :, 0].tolist() == [0.0, 0.0, 1.0]
+    assert boundary.tangents[0, 2, 1] == 0.0
+    across = np.einsum("nij,ni->nj", boundary.tangents, boundary.normal)
+    assert np.isclose(across[0, 0], tilt)
+    assert np.abs(across[1:]).max() < 1e-15

@@ -135,12 +135,15 @@ class ContactBoundary:
     def _axes(self) -> Nodal:
         """Orthonormal tangents, see ``tangents_of``; where a component perpendicular to the normal is prescribed, one
         of them is along it; those of friction ellipses along their axes.
+
+        Normals of a curved surface are off a support's plane by round-off of its cells, and so is that tangent off the
+        plane across the normal.  Where nothing is free it need not be: the tractions there may be of any size.
         """
         tangents = tangents_of(self.normal)
         if self.normal.shape[1] == 2:
             return tangents
         for axis in range(3):
-            here = ~self.free[:, axis] & (self._components[:, axis] <= _ALONG)
+            here = ~self.free[:, axis] & self.free.any(axis=1) & (self._components[:, axis] <= _ALONG)
             along = np.broadcast_to(np.eye(3)[axis], (np.count_nonzero(here), 3))
             if self.axes is not None:
                 along = self.axes[here, :, axis]
