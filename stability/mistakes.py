@@ -2883,6 +2883,13 @@ MUTANTS = (
         tests=("preload::test_a_clamped_bar_has_one_stress_everywhere",),
     ),
     Mutant(
+        "mesh/files/abaqus_bolts",
+        "values[-1:] * (steps - until)",
+        "[0.0] * (steps - until)",
+        "deck: a bolt that is fixed is loose",
+        tests=("abaqus_decks::test_a_bolt_that_a_force_tightens",),
+    ),
+    Mutant(
         "solving/restart",
         'with_shortenings(d, tightened_at(d, place), place, figures["shortenings"])',
         "d",

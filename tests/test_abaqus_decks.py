@@ -9,6 +9,7 @@ from mpi4py import MPI
 from signorini_fx import cli
 from signorini_fx.mesh.files.cells import CELLS
 from signorini_fx.mesh.files.formats import read_file
+from signorini_fx.results.sections import section_forces
 from signorini_fx.scene.reading import read_scene
 from signorini_fx.solving.solver import solve
 
@@ -546,3 +547,65 @@ def test_only_decks(tmp_path, capsys):
     (tmp_path / "scene.toml").write_text("mine")
     assert cli.main(["convert", str(deck), str(tmp_path / "scene.toml")]) == 2
     assert (tmp_path / "scene.toml").read_text() == "mine"
+
+
+SMOOTH = [line for line in RIGID if line not in ("*FRICTION", "0.3")]
+BOLTED = [
+    *("*SURFACE, NAME=Cut", "4, S2", "12, S2", "20, S2", "28, S2", "*NODE, NSET=TIGHT", "2001, 9., 9."),
+    *("*SURFACE, NAME=RIGHT", "8, S2", "16, S2", "24, S2", "32, S2"),
+    "*PRE-TENSION SECTION, SURFACE=CUT, NODE=TIGHT",
+    "1., 0., 0.",
+    *("*NSET, NSET=FAR, GENERATE", f"{NX + 1}, {(NY + 1) * (NX + 1)}, {NX + 1}"),
+    *("*BOUNDARY", "WALL, XSYMM", "REF, 1, 6", "FAR, XSYMM"),
+]
+TIGHTENED = [
+    *("*STEP, NAME=half", "*STATIC", "*DSLOAD", "LID, P, 4.0", "*CLOAD", "TIGHT, 1, 2.0", "*END STEP"),
+    *("*STEP, NAME=whole", "*STATIC", "*CLOAD", "2001, 1, 3.0", "*END STEP"),
+    *("*STEP, NAME=work", "*STATIC", "*BOUNDARY, OP=MOD, FIXED", "TIGHT, 1, 1"),
+    *("*CLOAD, OP=NEW", "*DSLOAD", "LID, P, 9.0", "*END STEP"),
+]
+
+
+def test_a_bolt_that_a_force_tightens(tmp_path, capsys):
+    """*CLOAD at the node of a *PRE-TENSION SECTION tightens it, and *BOUNDARY, FIXED keeps its length."""
+    scene, data, said = drafted(tmp_path, [*block(), *MATERIAL, *SMOOTH, *BOLTED, *TIGHTENED], capsys)
+    assert data["preload"] == [{"section": "Cut", "force": 3.0, "locked_after": 2, "factors": [2.0 / 3.0, 1.0, 1.0]}]
+    assert not [line for line in lines_of(said) if "BOUNDARY" in line or "PRE-TENSION" in line or "CLOAD" in line]
+    ends = solve(read_scene(scene))
+    for step, force in zip(ends.steps, (2.0, 3.0), strict=False):
+        (section,) = section_forces(ends.scene, ends.discretisation.tagged, step.displacement, step.place)
+        assert np.isclose(section.force, force, rtol=1e-9)
+    (section,) = ends.preloads
+    assert np.isclose(ends.resultants.of("WALL").force[0], -section.force, rtol=1e-9)  # nothing else acts along x
+    assert np.isclose(ends.resultants.of("FAR").force[0], section.force, rtol=1e-9)
+    # A uniform state of plane strain between smooth walls: the lid presses with 4, then with 9, times nu / (1 - nu).
+    assert np.isclose(section.shortening, (3.0 + 4.0 / 3.0) * LENGTH * (1 - 0.25**2) / 1000.0, rtol=1e-9)
+    assert np.isclose(section.force, 3.0 - 5.0 / 3.0, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("rows", "wanted", "word"),
+    [
+        (["*STEP", "*STATIC", "*BOUNDARY", "TIGHT, 1, 1, 0.01", "*END STEP"], {"shortening": 0.01}, None),
+        (["*STEP", "*STATIC", "*CLOAD", "TIGHT, 1, -2.0", "*END STEP"], None, "give a positive force"),
+        (["*STEP", "*STATIC", "*CLOAD", "TIGHT, 2, 2.0", "*END STEP"], None, "has the first one only"),
+    ],
+)
+def test_what_tightens_bolts(tmp_path, capsys, rows, wanted, word):
+    _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *RIGID, *BOLTED, *rows], capsys)
+    assert data.get("preload") == (None if wanted is None else [{"section": "Cut", **wanted}])
+    assert word is None or word in said
+
+
+@pytest.mark.parametrize(
+    ("section", "word"),
+    [
+        ("*PRE-TENSION SECTION, SURFACE=NOWHERE, NODE=1001", "'NOWHERE' is no surface of faces"),
+        ("*PRE-TENSION SECTION, ELEMENT=7, NODE=1001", "preload of a beam"),
+        ("*PRE-TENSION SECTION, SURFACE=CUT, NODE=LEFT", "NODE is not a single node"),
+        ("*PRE-TENSION SECTION, SURFACE=CUT, NODE=1001\n0., 1., 0.", "it is taken across the section"),
+    ],
+)
+def test_sections_that_are_none(tmp_path, capsys, section, word):
+    _, _, said = drafted(tmp_path, [*block(), *MATERIAL, *RIGID, *BOLTED, section], capsys)
+    assert word in said

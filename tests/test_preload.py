@@ -10,7 +10,8 @@ from mpi4py import MPI
 from signorini_fx import SceneError, solve
 from signorini_fx.check.checks import check_scene
 from signorini_fx.check.text import render
-from signorini_fx.mesh.tagged import gmsh_mesh, tag_boundaries
+from signorini_fx.mesh.files.formats import read_file
+from signorini_fx.mesh.tagged import gmsh_mesh, load_mesh, tag_boundaries
 from signorini_fx.records import StepRecord
 from signorini_fx.results.sections import section_forces
 from signorini_fx.scene.reading import parse_scene
@@ -390,6 +391,41 @@ def test_a_section_of_named_facets(dim):
     (section,) = solve(parse_scene(scene)).preloads
     assert np.isclose(section.force, YOUNG * 0.03 / 3.0, rtol=1e-10)
     assert section.name == "preload cut"
+
+
+DRAWN = """
+SetFactory("Built-in");
+Point(1) = {0, 0, 0, 0.4}; Point(2) = {1.2, 0, 0, 0.4}; Point(3) = {3, 0, 0, 0.4};
+Point(4) = {3, 1, 0, 0.4}; Point(5) = {1.2, 1, 0, 0.4}; Point(6) = {0, 1, 0, 0.4};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 5}; Line(5) = {5, 6}; Line(6) = {6, 1};
+Line(7) = {2, 5};
+Curve Loop(1) = {1, 7, 5, 6}; Plane Surface(1) = {1};
+Curve Loop(2) = {2, 3, 4, -7}; Plane Surface(2) = {2};
+Physical Curve("left") = {6}; Physical Curve("right") = {3}; Physical Curve("cut") = {7};
+Physical Surface("bar") = {1, 2};
+"""
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_a_section_that_a_file_names(tmp_path, several):
+    """Facets inside the mesh, of a drawing, and of one of several bodies."""
+    file, mpi = COMM.bcast(tmp_path) / "bar.geo", COMM
+    if mpi.rank == 0:
+        file.write_text(DRAWN)
+    mpi.barrier()
+    name = "bar." if several else ""
+    scene = parse_scene(
+        {
+            **({"body": [{"name": "bar", "mesh": {"file": str(file)}}]} if several else {"mesh": {"file": str(file)}}),
+            "material": {"young": YOUNG, "poisson": 0.0},
+            "displacement": [{"boundary": f"{name}left", "x": 0.0, "y": 0.0}, {"boundary": f"{name}right", "x": 0.0}],
+            "preload": {"section": f"{name}cut", "shortening": 0.03},
+        }
+    )
+    assert np.isclose(solve(scene).preloads[0].force, YOUNG * 0.03 / 3.0, rtol=1e-10)
+    tagged = load_mesh(scene, COMM)
+    assert not COMM.allreduce(tagged.facets(f"{name}cut").size)  # nothing of the boundary
+    assert not read_file(file).boundaries["cut"].size  # nobody else stores them
 
 
 MISTAKES = {

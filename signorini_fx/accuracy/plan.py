@@ -110,7 +110,7 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
 def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) -> Plan:
     """Curved sides stay curved: all cells are divided then, because dolfinx bisects straight ones only."""
     drawn = file.file.suffix.lower() in DRAWN
-    tagged = load_file(file, comm, degree=2 if drawn else None)
+    tagged = load_file(file, comm, degree=2 if drawn else None, sections=scene.sections)
     curved = curvature(tagged) > STRAIGHT * tagged.size
     degree = compat.geometry_degree(tagged.mesh)
     simplices = tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")
@@ -122,7 +122,7 @@ def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) 
                 "would stay the polygon that they are; use 'uniform'"
             )
             raise SceneError([("accuracy.refinement", message)])
-        straight = load_file(file, comm, degree=1)
+        straight = load_file(file, comm, degree=1, sections=scene.sections)
         check_divisible(straight)
         divided = (_of_degree_2(scene) if better else scene).model_copy(update={"mesh": straight})
         return Plan(divided, True, divided.element != scene.element, polygonal=not drawn and degree == 1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -126,36 +126,35 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
         return TaggedMesh(
             **together(scene.body, [_of_body(scene, place, comm) for place in range(len(scene.body))], comm)
         )
-    tagged = _load_one(scene.mesh, scene.element.degree, comm)
-    check_dimension(tagged)
-    return tagged
+    return _load_one(scene.mesh, scene.element.degree, comm, scene.sections)
 
 
 def _of_body(scene: Scene, place: int, comm: MPI.Comm) -> TaggedMesh:
     """The mesh of one of several bodies; errors name it."""
     body = scene.body[place]
     try:
-        tagged = _load_one(body.mesh, scene.element.degree, comm)
-        check_dimension(tagged)
+        return _load_one(body.mesh, scene.element.degree, comm, scene.sections_of(body.name))
     except SceneError as error:
         raise SceneError([(f"body[{place}].{path}", message) for path, message in error.problems]) from None
     except MeshError as error:
         raise MeshError(f"body {body.name!r}: {error}") from None
-    return tagged
 
 
-def _load_one(given: Any, degree: int, comm: MPI.Comm) -> TaggedMesh:
-    """The mesh that a table ``mesh`` names, for elements of a degree; see ``load_mesh``."""
+def _load_one(given: Any, degree: int, comm: MPI.Comm, sections: Collection[str]) -> TaggedMesh:
+    """The mesh that a table ``mesh`` names, for elements of a degree, with sections; see ``load_mesh``."""
     match given:
         case TaggedMesh():
-            return given
+            tagged = given
         case MeshFile():
             # A drawing gets curved cells if the degree of the elements permits.
             curved = degree == 2 and given.file.suffix.lower() in DRAWN
-            return load_file(given, comm, degree=2 if curved else None)
+            tagged = load_file(given, comm, degree=2 if curved else None, sections=sections)
         case MeshGenerator(generator=name, parameters=parameters):
-            return generate_mesh(name, parameters, comm)
-    raise TypeError(f"no mesh: {given!r}")
+            tagged = generate_mesh(name, parameters, comm)
+        case _:
+            raise TypeError(f"no mesh: {given!r}")
+    check_dimension(tagged)
+    return tagged
 
 
 def check_fits(scene: Scene, tagged: TaggedMesh) -> None:
@@ -199,9 +198,11 @@ def check_dimension(tagged: TaggedMesh) -> None:
     raise MeshError("the mesh is a shell, a surface in space: a body in space has tetrahedra or hexahedra")
 
 
-def load_file(mesh: MeshFile, comm: MPI.Comm, halvings: int = 0, degree: int | None = None) -> TaggedMesh:
+def load_file(
+    mesh: MeshFile, comm: MPI.Comm, halvings: int = 0, degree: int | None = None, sections: Collection[str] = ()
+) -> TaggedMesh:
     """The mesh of a file with the names that a scene gives it; see ``read_mesh``."""
-    tagged = read_mesh(mesh.file, comm, mesh.boundaries, mesh.regions, mesh.data, halvings, degree, mesh.size)
+    tagged = read_mesh(mesh.file, comm, mesh.boundaries, mesh.regions, mesh.data, halvings, degree, mesh.size, sections)
     return replace(tagged, origin={"file": mesh.file.name})
 
 
@@ -279,6 +280,7 @@ def read_mesh(
     halvings: int = 0,
     degree: int | None = None,
     size: float | None = None,
+    sections: Collection[str] = (),
 ) -> TaggedMesh:
     """A mesh from a file, read on the first rank; ``formats.read_file`` has the formats.
 
@@ -292,6 +294,7 @@ def read_mesh(
         halvings: how often the sides of all cells are halved, for a drawing on the true shape.
         degree: degree of the geometry, as in ``formats.read_file``.
         size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
+        sections: names of the file whose facets inside the body are wanted, too.
 
     Raises:
         MeshError: there is no such file, it is not a mesh of that format, or no boundary has a name.
@@ -300,7 +303,7 @@ def read_mesh(
     arrays_on_root: list[tuple[MeshArrays, Ints, Ints]] = []
 
     def read() -> tuple[str, formats.Tags, formats.Tags, str]:
-        arrays = formats.read_file(file, boundaries, regions, data, halvings, degree, size)
+        arrays = formats.read_file(file, boundaries, regions, data, halvings, degree, size, sections)
         if not any(rows.size for rows in arrays.boundaries.values()):
             raise MeshError(
                 f"{file}: the mesh has no named boundary: name some in mesh.boundaries of the scene, "

@@ -254,7 +254,13 @@ class InitialStrain(Load):
 
 
 class SectionJump(Load):
-    """A shortening of the body across one of its sections: what is beyond it moves towards what is before it."""
+    """A shortening of the body across one of its sections: what is beyond it moves towards what is before it.
+
+    Attributes:
+        section: name of its facets inside the mesh; None: it has none.
+    """
+
+    section: str | None
 
     def shortening_at(self, scene: Any, place: float) -> float:
         """By how much, at a place in the lists of factors, length."""

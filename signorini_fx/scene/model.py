@@ -297,6 +297,15 @@ class Scene(Table):
         """Whether a fluid enters contact that opens."""
         return any(fluid.enters for fluid in self.fluids)
 
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """The names of facets inside its mesh that it uses."""
+        return tuple(one.section for one in self.of(SectionJump) if one.section is not None)
+
+    def sections_of(self, body: str) -> tuple[str, ...]:
+        """The same, as one of its bodies calls them."""
+        return tuple(name.removeprefix(f"{body}.") for name in self.sections)
+
     def tightens_at(self, place: float) -> bool:
         """Whether a force tightens a section at a place in the lists of factors."""
         return any(one.force_at(self, place) is not None for one in self.of(SectionJump))

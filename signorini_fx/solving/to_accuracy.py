@@ -403,6 +403,7 @@ class Meshes:
     def _scene(self) -> Scene:
         """The scene on the mesh with the current divisions."""
         if self._file is not None:
-            tagged = load_file(self._file, self._comm, halvings=self._halvings, degree=self._plan.geometry)
+            given, halvings, degree = self._given, self._halvings, self._plan.geometry
+            tagged = load_file(self._file, self._comm, halvings, degree, given.sections)
             return self._given.model_copy(update={"mesh": tagged})
         return scene_on(self._given, self._coarsest / self._divisions) if self._generated else self._given

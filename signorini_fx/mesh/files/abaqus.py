@@ -339,6 +339,7 @@ class Model:
         groups: line of a keyword -> what it says of single nodes and faces.
         undefined: name of a set -> how many of its members the file does not define.
         places: number of a node -> its row in the mesh.
+        surfaces: name of a surface -> its elements, each with a face from 1 on.
     """
 
     raw: RawMesh
@@ -346,6 +347,7 @@ class Model:
     groups: dict[int, list[Group]]
     undefined: dict[str, int]
     places: dict[int, int]
+    surfaces: dict[str, list[tuple[int, int]]]
 
 
 def read_model(file: Path) -> Model:
@@ -366,7 +368,7 @@ def read_model(file: Path) -> Model:
         mesh = reader.result()
         if reader.passed_over | reader.elements.keys() and all(kind.startswith("line") for kind, _ in mesh.blocks):
             raise ValueError("there is no body of solid or plane elements, but beams, springs or the like")
-    return Model(mesh, every, reader.groups, reader.undefined, reader.places)
+    return Model(mesh, every, reader.groups, reader.undefined, reader.places, reader.surfaces)
 
 
 def read(file: Path) -> RawMesh:

@@ -56,7 +56,8 @@ class Deck:
 
     ``temperatures`` has those of the nodes at the end of each step that changes them, and those at rest as step -1.
     ``movers`` has the reference node of each rigid surface, ``coupled`` sets of nodes of the body with theirs, and
-    ``turners`` the reference node for each node whose displacements are, in CalculiX, the rotations of a rigid body.
+    ``turners`` the reference node for each node whose displacements are, in CalculiX, the rotations of a rigid body;
+    ``bolts`` has the surface of each reference node of a *PRE-TENSION SECTION.
     """
 
     mesh: MeshArrays
@@ -84,6 +85,7 @@ class Deck:
     movers: dict[str, int] = field(default_factory=dict)
     coupled: list[tuple[str, int]] = field(default_factory=list)
     turners: dict[int, int] = field(default_factory=dict)
+    bolts: dict[int, str] = field(default_factory=dict)
     drawn: dict[str, list[list[str]]] = field(default_factory=dict)
     rough: set[str] = field(default_factory=set)
 
@@ -115,6 +117,10 @@ class Deck:
     def boundary(self, name: str) -> str | None:
         """The boundary of the mesh that a set or surface of the file is, whatever its case and its instance."""
         return _known(name, (own for own, facets in self.mesh.boundaries.items() if facets.size))
+
+    def surface(self, name: str) -> str | None:
+        """The surface of faces of the file with a name, also one inside the body."""
+        return _known(name, (own for own in self.model.surfaces if self.model.surfaces[own]))
 
     def region(self, name: str) -> str | None:
         """The same for a part of the body."""
@@ -159,8 +165,8 @@ class Deck:
 
     @cached_property
     def driven(self) -> set[int]:
-        """All nodes that move or turn rigid bodies."""
-        return {*self.movers.values(), *(node for _, node in self.coupled), *self.turners}
+        """All nodes that move or turn rigid bodies, or tighten bolts."""
+        return {*self.movers.values(), *(node for _, node in self.coupled), *self.turners, *self.bolts}
 
     def without_rigid(self, group: Group) -> Group:
         """What a keyword says of single nodes, without those that move rigid bodies."""

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh.files.abaqus import NO_BODY, read_model
 from signorini_fx.mesh.files.abaqus_blocks import Block, real
+from signorini_fx.mesh.files.abaqus_bolts import read_section
 from signorini_fx.mesh.files.abaqus_content import Deck, plain_name
 from signorini_fx.mesh.files.abaqus_loads import read_body_forces, read_boundary, read_forces, read_surface_loads
 from signorini_fx.mesh.files.abaqus_temperatures import read_temperatures
@@ -23,7 +25,17 @@ _SILENT = {
     *("ENDINSTANCE", "PREPRINT", "RESTART", "OUTPUT", "NODEOUTPUT", "ELEMENTOUTPUT", "CONTACTOUTPUT", "FIELDOUTPUT"),
     *("HISTORYOUTPUT", "NODEPRINT", "ELPRINT", "NODEFILE", "ELFILE", "CONTACTPRINT", "PRINT", "CONTACTFILE"),
     *("ENERGYOUTPUT", "ENERGYPRINT", "MONITOR", "FILEFORMAT", "CONTROLS", "ENDSTEP", "HOURGLASSSTIFFNESS", "MASS"),
-    *("TIMEPOINTS", "SECTIONPRINT", "FACEPRINT", "ORIENTATION", "AMPLITUDE", "TRANSFORM", "DENSITY", "RIGIDBODY"),
+    *(
+        "TIMEPOINTS",
+        "SECTIONPRINT",
+        "PRE-TENSIONSECTION",
+        "FACEPRINT",
+        "ORIENTATION",
+        "AMPLITUDE",
+        "TRANSFORM",
+        "DENSITY",
+        "RIGIDBODY",
+    ),
 }
 _POINTS = re.compile("MASS|ROTARYI|HEATCAP")  # elements without stiffness
 _STRESS = re.compile(r"CPS|STRI|M3D|S\d")  # plane stress, if they are a plane body
@@ -52,13 +64,17 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
         deck.leave_out(None, f"members of the set {name!r} that are not defined, or no part of the body: {missing}")
     _find_rigid(deck)
     for block in deck.model.blocks:
+        if block.keyword == "PRE-TENSIONSECTION":
+            with _placed(file, block):
+                read_section(deck, block)
+    for block in deck.model.blocks:
         if block.keyword == "AMPLITUDE":
             deck.amplitudes[block.parameters["NAME"].upper()] = block
         elif block.keyword == "TRANSFORM":
             deck.turned.update(map(int, deck.nodes(block.parameters["NSET"])))
     material = interaction = ""
     for block in _kept(deck):
-        try:
+        with _placed(file, block):
             match block.keyword:
                 case "ELASTIC" | "EXPANSION" | "FRICTION" | "SURFACEBEHAVIOR" if deck.steps:
                     deck.leave_out(block, "a change within a step: what holds at the beginning is taken")
@@ -76,11 +92,18 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
                     _behaviour(deck, block, interaction)
                 case _:
                     _read(deck, block)
-        except (ValueError, IndexError) as error:
-            raise MeshError(f"{file}: line {block.line}, *{block.name}: {error}") from None
-        except KeyError as error:
-            raise MeshError(f"{file}: line {block.line}, *{block.name}: {error} is missing") from None
     return deck
+
+
+@contextmanager
+def _placed(file: Path, block: Block) -> Iterator[None]:
+    """Add the place in the file to an error."""
+    try:
+        yield
+    except (ValueError, IndexError) as error:
+        raise MeshError(f"{file}: line {block.line}, *{block.name}: {error}") from None
+    except KeyError as error:
+        raise MeshError(f"{file}: line {block.line}, *{block.name}: {error} is missing") from None
 
 
 def _kept(deck: Deck) -> Iterator[Block]:

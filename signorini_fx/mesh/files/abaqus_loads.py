@@ -10,6 +10,7 @@ import numpy as np
 
 from signorini_fx.mesh.files.abaqus import Group
 from signorini_fx.mesh.files.abaqus_blocks import ROTATIONS, Block, components, real
+from signorini_fx.mesh.files.abaqus_bolts import drive, hold
 from signorini_fx.mesh.files.abaqus_content import Deck, Load, plain_name
 from signorini_fx.mesh.files.cells import completed
 from signorini_fx.mesh.files.shape import Ints, nodal_measures
@@ -24,8 +25,11 @@ _POINTS = 12
 def read_boundary(deck: Deck, block: Block) -> None:
     """Prescribed displacements, *BOUNDARY: of sets, and of single nodes that fill whole facets."""
     _forget(deck, block)
+    if "FIXED" in block.parameters:
+        hold(deck, block)
+        return
     kind = block.parameters.get("TYPE", "DISPLACEMENT").upper()
-    if kind != "DISPLACEMENT" or block.parameters.keys() & {"SUBMODEL", "USER", "FIXED"}:
+    if kind != "DISPLACEMENT" or block.parameters.keys() & {"SUBMODEL", "USER"}:
         deck.leave_out(block, "what is prescribed is no displacement that the file gives")
         return
     factor = share_of(deck, block)
@@ -70,6 +74,9 @@ def read_boundary(deck: Deck, block: Block) -> None:
 
 def _drive(deck: Deck, block: Block, kind: str, node: int, component: int, value: float) -> None:
     """What moves a rigid body, at its reference node, or at the node that turns it."""
+    if node in deck.bolts:
+        drive(deck, block, kind, node, component, value)
+        return
     if node in deck.turners:
         node, component = deck.turners[node], component + 3
     name = _AXES.get(component, "")

@@ -13,6 +13,7 @@ import numpy as np
 
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh.files.abaqus_blocks import real
+from signorini_fx.mesh.files.abaqus_bolts import preload_tables
 from signorini_fx.mesh.files.abaqus_content import Deck, Load, plain_name
 from signorini_fx.mesh.files.abaqus_deck import read_deck
 from signorini_fx.mesh.files.abaqus_temperatures import temperature_changes
@@ -49,6 +50,7 @@ def _written(deck: Deck, file: Path, target: Path, files: dict[Path, str]) -> st
     tables = [("[element]", ["degree = 2"])] if deck.mesh.degree == 2 else []
     heat = _heat(deck, steps, target, files)
     tables += [*_materials(deck, bool(heat)), *_tables(deck, steps), *heat]
+    tables += [("[[preload]]", lines) for lines in preload_tables(deck, steps)]
     tables += [("[[contact]]", lines) for lines in _contacts(deck, steps)]
     every = [line for _, lines in tables for line in lines]
     timed = any(line.startswith("foundation") and " if t < " in line for line in every)
@@ -115,7 +117,7 @@ def _tables(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
     """Supports and loads; those of a boundary that have the same course over the steps share a table."""
     merged: dict[tuple[Any, ...], dict[str, float]] = {}
     for load in deck.loads.values():
-        if load.table == "tool":
+        if load.table in ("tool", "preload"):
             continue
         values = _courses(deck, load, steps)
         largest = max(values, key=abs)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -38,7 +38,8 @@ class MeshArrays:
         points: positions of the nodes, each of which belongs to a cell, shape (n, d).
         kind: a kind of cell of ``CELLS``, of d dimensions.
         cells: nodes of each cell in the order of its kind, shape (m, k).
-        facets: nodes of each exterior facet in the order of its kind, shape (f, l).
+        facets: nodes of each exterior facet in the order of its kind, shape (f, l); after them facets inside the body
+            that belong to sections.
         boundaries: name -> rows of ``facets``, sorted; boundaries may overlap.
         regions: name -> rows of ``cells``, sorted; regions may overlap.
         note: what was made of the cells of the file; empty if they are as they were.
@@ -89,6 +90,7 @@ def from_raw(
     boundaries: Mapping[str, Selection] | None = None,
     regions: Mapping[str, Selection] | None = None,
     data: str | None = None,
+    sections: Collection[str] = (),
 ) -> MeshArrays:
     """The cells of a raw mesh with their exterior facets and all names.
 
@@ -102,6 +104,7 @@ def from_raw(
             vertices satisfy it (true or positive).
         regions: the same for cells and all their vertices.
         data: the cell data that numbers refer to; None: the only one that has any.
+        sections: names of sets of the file whose facets inside the body are wanted, too.
 
     Raises:
         MeshError: there are no cells, or cells of several kinds; they are a surface in space, folded or flat; or a node
@@ -119,8 +122,10 @@ def from_raw(
     corners = cells[:, : len(cell.corners)]
     check_shape(points, cells, cell, name)
     _check_twice(corners, name)
-    facets = _exterior(cells, cell, name)
     width = len(CELLS[cell.facet].corners)
+    facets = _exterior(cells, cell, name)
+    if any(label in raw.sets for label in sections):
+        facets = np.concatenate((facets, _inside(raw, sections, renumber, sides_of(cells, cell), facets, width)))
     named = [n for n, (k, nodes) in enumerate(raw.blocks) if _corners_of(k) == width and n not in body]
     given = [renumber[raw.blocks[n][1][:, :width]] for n in named]
     ends = np.cumsum([len(rows) for rows in given])[:-1]
@@ -346,6 +351,29 @@ def _exterior(cells: Ints, cell: Cell, name: str) -> Ints:
     if counts.min() > 1:
         raise MeshError(f"{name}: the body has no boundary: every facet belongs to two cells")
     return sides[np.sort(first[counts == 1])]
+
+
+def _inside(raw: RawMesh, sections: Collection[str], renumber: Ints, sides: Ints, facets: Ints, width: int) -> Ints:
+    """The facets inside the body that some sets of a raw mesh have, each once.
+
+    Args:
+        raw: the mesh.
+        sections: names of the sets.
+        renumber: the number of each of its points here.
+        sides: see ``sides_of``.
+        facets: the exterior facets.
+        width: how many corners each has.
+    """
+    members = [
+        renumber[raw.blocks[block][1][rows][:, :width]]
+        for label in sections
+        for block, rows in enumerate(raw.sets.get(label, ()))
+        if _corners_of(raw.blocks[block][0]) == width
+    ]
+    wanted = np.concatenate([np.empty((0, width), dtype=np.int64), *members])
+    wanted = wanted[rows_of(wanted, facets[:, :width]) < 0]
+    found = rows_of(wanted, sides[:, :width])
+    return sides[np.unique(found[found >= 0])]
 
 
 def _numbers(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> list[Ints] | None:

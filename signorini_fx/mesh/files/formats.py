@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +39,7 @@ def read_file(
     halvings: int = 0,
     degree: int | None = None,
     size: float | None = None,
+    sections: Collection[str] = (),
 ) -> MeshArrays:
     """A mesh in the plane or in space from a file, the format by its suffix.
 
@@ -54,6 +55,7 @@ def read_file(
         degree: of the geometry: 1: straight sides; 2 (drawings only): nodes between the corners as well, if there are
             curves; None: as the file has it, 1 for a drawing of a CAD program.
         size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
+        sections: names of the file whose facets inside the body are wanted, too.
 
     Raises:
         MeshError: there is no such file, it cannot be read, or it is not a mesh of one kind of cell.
@@ -73,10 +75,10 @@ def read_file(
         )
     if file.suffix.lower() in gmsh_files.DRAWN:
         raw = gmsh_files.read_gmsh(file, halvings, degree, size)
-        drawn = from_raw(raw, str(file), boundaries, regions, data)
+        drawn = from_raw(raw, str(file), boundaries, regions, data, sections)
         # Nodes between the corners are for curves.
         return straightened(drawn) if degree == 2 and is_straight(drawn.points, drawn.cells, drawn.cell) else drawn
-    mesh = from_raw(reader(file), str(file), boundaries, regions, data)
+    mesh = from_raw(reader(file), str(file), boundaries, regions, data, sections)
     if degree == 1:
         mesh = straightened(mesh)
     for _ in range(halvings):

@@ -1,0 +1,112 @@
+"""*PRE-TENSION SECTION of an Abaqus or CalculiX input file, as the preload of a scene.  No dolfinx here.
+
+Its reference node has one component: *CLOAD gives the tension through the section, *BOUNDARY the shortening, and with
+FIXED keeps the one that has been reached.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from signorini_fx.mesh.files.abaqus_blocks import Block, components, real
+from signorini_fx.mesh.files.abaqus_content import Deck, Load, dimension
+from signorini_fx.mesh.files.shape import Floats
+
+# The cosine to its surface beyond which a given normal is along that of the surface.
+_ALONG = 1.0 - 1e-6
+
+
+def read_section(deck: Deck, block: Block) -> None:
+    """The section of a reference node."""
+    node, name = deck.single(block.parameters["NODE"]), block.parameters.get("SURFACE", "")
+    if not name:
+        deck.leave_out(block, "the preload of a beam or truss, which is no part of the body")
+        return
+    own = deck.surface(name)
+    if node is None or own is None:
+        what = f"{name!r} is no surface of faces" if own is None else "NODE is not a single node"
+        deck.leave_out(block, f"the preload: {what}")
+        return
+    normal = _normal(deck, own)
+    given = [real(word) for row in block.rows[:1] for word in row]
+    if any(given) and normal is not None and abs(normal @ given) < _ALONG * np.linalg.norm(given):
+        deck.leave_out(block, "the direction of the preload: it is taken across the section")
+    if normal is None:
+        deck.leave_out(block, f"the preload: the surface {name!r} is not in one plane: give point and axis of one")
+        return
+    deck.bolts[node] = own
+
+
+def _normal(deck: Deck, name: str) -> Floats | None:
+    """The normal of a surface that is in a plane, with as many components as the file gives; None: it is in none."""
+    raw, dim = deck.model.raw, deck.mesh.dim
+    nodes = [
+        np.unique(block[rows])
+        for (kind, block), rows in zip(raw.blocks, raw.sets[name], strict=False)
+        if dimension(kind) == dim - 1
+    ]
+    x = np.zeros((sum(map(len, nodes)), 3))
+    x[:, : raw.points.shape[1]] = raw.points[np.concatenate(nodes)]
+    _, sizes, axes = np.linalg.svd(x[:, :dim] - x[:, :dim].mean(axis=0))
+    if len(x) < dim or sizes[dim - 1] > (1 - _ALONG) * sizes[0]:
+        return None
+    return np.pad(axes[dim - 1], (0, 3 - dim))
+
+
+def hold(deck: Deck, block: Block) -> None:
+    """*BOUNDARY, FIXED: sections keep the length that has been reached."""
+    for name, *words in block.rows:
+        node = deck.mover(name)
+        if node in deck.bolts:
+            drive(deck, block, "fixed", node, min(components(words)), 1.0)
+        else:
+            deck.leave_out(block, f"{name!r} keeps the displacement that has been reached")
+
+
+def drive(deck: Deck, block: Block, kind: str, node: int, component: int, value: float) -> None:
+    """What a reference node is given: force, shortening (``prescribed``), or that it is ``fixed``."""
+    if component != 1:
+        deck.leave_out(block, f"component {component} of node {node}: that of a preload has the first one only")
+        return
+    key = ("preload", str(node), kind)
+    deck.loads.setdefault(key, Load("preload", str(node), (kind,), keyword=block.keyword)).values[deck.step] = value
+
+
+def preload_tables(deck: Deck, steps: int) -> list[list[str]]:
+    """The lines of each [[preload]]."""
+    courses: dict[int, dict[str, list[float | None]]] = {}
+    for load in deck.loads.values():
+        if load.table == "preload":
+            courses.setdefault(int(load.target), {})[load.keys[0]] = load.by_step(steps)
+    found = []
+    for node, given in courses.items():
+        none: list[float | None] = [None] * steps
+        force, fixed, moved = (given.get(key, none) for key in ("force", "fixed", "prescribed"))
+        said = f"preload of {deck.bolts[node]!r}"
+        tight = next((k for k in range(steps) if force[k]), None)
+        if tight is None:
+            values = [value or 0.0 for value in moved]
+            if any(values):
+                found.append(_table(deck, node, "shortening", values, []))
+            continue
+        until = next((k for k in range(steps) if fixed[k] or moved[k] is not None), steps)
+        if until == 0 or not all(force[k] and float(force[k] or 0.0) > 0 for k in range(until)):
+            deck.leave_out(None, f"{said}: give a positive force in each step until it is fixed, or a shortening")
+            continue
+        if any(value is not None for value in moved):
+            deck.leave_out(None, f"{said}: prescribed after a force: the length that the force leads to is kept")
+        # What comes after the section is fixed does not matter.
+        values = [float(value or 0.0) for value in force[:until]]
+        values += values[-1:] * (steps - until)
+        share = deck.thickness if deck.mesh.dim == 2 else 1.0
+        values = [value / share for value in values]
+        found.append(_table(deck, node, "force", values, [f"locked_after = {until}"] * (until > 1)))
+    return found
+
+
+def _table(deck: Deck, node: int, key: str, values: list[float], more: list[str]) -> list[str]:
+    largest = max(values, key=abs)
+    factors = [value / largest for value in values]
+    name = deck.bolts[node].replace("\\", "\\\\").replace('"', '\\"')
+    lines = [f'section = "{name}"', f"{key} = {largest!r}", *more]
+    return lines + ([f"factors = {factors}"] if set(factors) != {1.0} else [])
