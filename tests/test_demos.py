@@ -199,3 +199,14 @@ def test_friction_from_slip(run):
     assert found["solves"] <= 10
     assert abs(found["coefficient"] - 0.3) <= 2 * found["deviation"]
     assert found["deviation"] < 0.01
+
+
+def test_joint_diagram(run):
+    """The share of the bolt is that of springs while the joint is closed; once it is open, the bolt takes all."""
+    found = run("joint_diagram", 1, drawn=False)
+    bolt, clamp, loads = found["bolt"], found["clamp"], found["LOADS"]
+    assert bolt - clamp == pytest.approx(loads, rel=1e-9, abs=1e-6)
+    assert bolt[0] == pytest.approx(found["PRELOAD"], rel=1e-9)
+    assert bolt[1] - bolt[0] == pytest.approx(found["share"] * loads[1], rel=0.02)
+    assert bolt[-1] == pytest.approx(loads[-1], rel=1e-9)
+    pictures("joint_diagram/joint_diagram")
