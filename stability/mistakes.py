@@ -2864,8 +2864,8 @@ MUTANTS = (
     Mutant(
         "linalg/rigid_unknowns",
         "np.column_stack((np.ones(nodes), found))",
-        "np.column_stack((np.ones(nodes), -found))",
-        "multigrid moves nodes against the tool that holds them",
+        "np.column_stack((np.ones(nodes), 0 * found))",
+        "multigrid moves a tool without the nodes that it holds",
         tests=("tools::test_multigrid_takes_as_many_steps_as_for_a_prescribed_motion",),
     ),
     Mutant(
