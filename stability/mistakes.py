@@ -3488,7 +3488,7 @@ MUTANTS = (
         tests=("quantities::test_stresses",),
     ),
     Mutant(
-        "accuracy/error_bound",
+        "accuracy/bounded_error",
         "(size + error) ** 2 / 2 - energy + above + tiny",
         "(size - error) ** 2 / 2 - energy + above + tiny",
         "error bound: the work of the loads is at most that of the smallest strain energy",
@@ -3507,6 +3507,27 @@ MUTANTS = (
         "v.moved.sum() < 0",
         "error bound: hat functions take out what a regularisation lets enter",
         tests=("error_bound::test_many_nodes_enter_a_little",),
+    ),
+    Mutant(
+        "accuracy/error_bound_in_space",
+        "size = np.linalg.norm(tangential, axis=2) @ values.T",
+        "size = np.linalg.norm(tangential, axis=2) @ values.T / 2",
+        "error bound in space: half of the work of friction",
+        tests=("error_bound_in_space::test_slip_in_an_oblique_direction_that_elements_hold",),
+    ),
+    Mutant(
+        "accuracy/stress_in_space",
+        "tractions = _balanced(t, loads, held, tractions)",
+        "tractions = tractions.copy()",
+        "error bound in space: conjugate gradients are trusted",
+        tests=("error_bound_in_space::test_the_stress_is_in_equilibrium",),
+    ),
+    Mutant(
+        "accuracy/error_bound_in_space",
+        "float(own[k, column]) if at_vertices else float(own[k, column]) / 2",
+        "float(own[k, column]) if at_vertices else 0.0",
+        "error bound in space: between the vertices the displacement may enter a curved foundation",
+        tests=("error_bound_in_space::test_what_is_admissible",),
     ),
     Mutant(
         "accuracy/divided_cells",

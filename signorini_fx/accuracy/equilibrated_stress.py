@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import breadth_first_order
 
+from signorini_fx.accuracy.carried import carried
 from signorini_fx.accuracy.divided_cells import DividedCells
 from signorini_fx.accuracy.local_stress import LocalStress, reference
 from signorini_fx.accuracy.triangles import Array, Triangles, free_motions
@@ -156,28 +156,17 @@ def _round_off(t: Triangles, loads: Loads, held: Array, tractions: Array, rest: 
     """Bound of the work of what is not in equilibrium, per unit of the energy norm.
 
     The forces and couples that a triangle misses are carried from triangle to triangle to a held edge, or to the last
-    triangle of a body without one, by tractions that are as large as their sum; the stress of each that balances these
-    is bounded by the norm of the map from tractions to stresses.
+    triangle of a body without one, by linear tractions: those with a resultant R and a couple M about the middle of an
+    edge of length l are at most R / l + 6 M / l^2.  The stress of each that balances these is bounded by the norm of
+    the map from tractions to stresses.
     """
-    count = len(t.corners)
     force = np.abs(tractions).max(axis=(1, 2)) * t.length
     own = force[t.of_triangle].max(axis=1) + np.abs(loads.body).sum(axis=(1, 2))
     missed = own * (rest + 32 * _EPS)
-    inner = np.flatnonzero((t.sides >= 0).all(axis=1))
-    graph = sp.csr_matrix((np.ones(inner.size), tuple(t.sides[inner].T)), shape=(count, count))
-    todo = np.ones(count, dtype=bool)
     start = t.outer[np.einsum("eii->e", held)[t.outer] > 0]
-    start = t.sides[start].max(axis=1) if start.size else np.array([0])
-    # One more node joins all triangles that are held.
-    root = sp.csr_matrix((np.ones(start.size), (np.full(start.size, 0), start)), shape=(1, count))
-    whole = sp.bmat([[graph, None], [root, sp.csr_matrix((1, 1))]], format="csr")
-    order, before = breadth_first_order(whole, count, directed=False)
-    total = np.append(missed, 0.0)
-    for one in order[:0:-1]:
-        total[before[one]] += total[one]
-    todo[order[order < count]] = False
-    if todo.any():  # several pieces: each is summed up as if it were a path
-        total[:count][todo] = missed[todo].sum()
+    total, couple = carried(t.x[t.corners].mean(axis=1), t.sides, t.sides[start].max(axis=1), missed)
     shape = np.linalg.norm(t.jacobian, axis=(1, 2)) ** 2 / (2 * t.area)
     size = float(np.linalg.norm(reference()[0], 2))
-    return float(np.sqrt((((size * shape**2 * total[:count]) ** 2) / t.softest).sum()))
+    sides = t.length[t.of_triangle]
+    forces = total + 6 * (couple + total * sides.max(axis=1)) / sides.min(axis=1)
+    return float(np.sqrt((((size * shape**2 * forces) ** 2) / t.softest).sum()))

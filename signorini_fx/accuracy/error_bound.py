@@ -11,90 +11,33 @@ contact the gap of the dual functionals, I. Ekeland and R. Temam, Convex Analysi
 finite element solution without what it enters the foundation, w; with the solution itself in the first term only, the
 square of its error is at most the sum above plus that of |w|.  tau the stress of least complementary energy of
 ``equilibrated_stress`` with tractions made of the nodal pressures.  What the stress does not hold of the loads enters
-with explicit constants.  docs/theory.md lists what is assumed.  In the plane, straight cells, one rank.
+with explicit constants.  docs/theory.md lists what is assumed.  In the plane; ``error_bound_in_space`` has the same in
+space.  Straight cells, one rank.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.accuracy.bounded_error import ROUND_OFF, SAME, ErrorBound, out, work_of_loads
+from signorini_fx.accuracy.bounded_scene import Refused
 from signorini_fx.accuracy.equilibrated_stress import Equilibrated, Equilibration, Loads
 from signorini_fx.accuracy.linear_displacement import Given, smallest_energy
 from signorini_fx.accuracy.stress_products import from_strain, square
 from signorini_fx.accuracy.triangles import GAUSS, Array, Triangles, free_motions
-from signorini_fx.accuracy.triangulated import SAME, FacetsInContact, Problem, Refused, on_bernstein, on_line, quadratic
+from signorini_fx.accuracy.triangulated import FacetsInContact, Problem, on_bernstein, on_line, quadratic
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
 
-# Share of displacements and forces below which they are round-off.
-ROUND_OFF = 64 * float(np.finfo(float).eps)
 # Share of the square of the bound below which what is moved does not count.
 _LITTLE = 0.1
 # Attempts to balance a body that supports do not hold.
 _BALANCES = 200
-
-
-@dataclass(frozen=True, repr=False)
-class ErrorBound:
-    """A bound of the error of a computed displacement; energy norms are the square root of a(y, y).
-
-    Attributes:
-        error: bound of the energy norm of the error, everything included.
-        size: energy norm of the computed displacement.
-        duality: its share from the gap between both functionals, which ``moved`` enlarges as a sum of squares.
-        data: that of loads between what the stress holds of them.
-        moved: that of the displacement without penetration instead of the computed one.
-        round_off: that of sums and linear systems.
-        squares: contributions of the cells to the square of ``error``, shape (cells,).
-        assumed: what the statement rests on beside the data at points of quadrature; "": nothing.
-        work: bounds of the work of the loads, energies per thickness; None with friction.
-    """
-
-    error: float
-    size: float
-    duality: float
-    data: float
-    moved: float
-    round_off: float
-    squares: Array
-    assumed: str = ""
-    work: tuple[float, float] | None = None
-
-    @property
-    def relative(self) -> float:
-        """Bound of the error relative to the energy norm of the exact solution; infinite where it proves nothing."""
-        return self.error / (self.size - self.error) if self.error < self.size else np.inf
-
-    @property
-    def strain_energy(self) -> tuple[float, float]:
-        """Bounds of the strain energy of the exact solution, an energy per thickness."""
-        return max(self.size - self.error, 0.0) ** 2 / 2, (self.size + self.error) ** 2 / 2
-
-    def __str__(self) -> str:
-        """One sentence."""
-        if not np.isfinite(self.relative):
-            return "the bound of the error is larger than the solution"
-        low, high = self.strain_energy
-        said = f"at most {100 * self.relative:.3g} % in the energy norm; strain energy between {low:.6g} and {high:.6g}"
-        if self.work is not None:
-            said += f"; work of the loads between {self.work[0]:.6g} and {self.work[1]:.6g}"
-        return f"{said}; {self.assumed}" if self.assumed else said
-
-    def as_dict(self) -> dict[str, Any]:
-        """JSON-safe; null for a relative error without a bound."""
-        return {
-            "relative_error": self.relative if np.isfinite(self.relative) else None,
-            "strain_energy": list(self.strain_energy),
-            "work": None if self.work is None else list(self.work),
-            **{name: getattr(self, name) for name in ("error", "duality", "data", "moved", "round_off")},
-            "statement": str(self),
-        }
 
 
 @dataclass(frozen=True)
@@ -182,6 +125,10 @@ def error_bound(
         place: of the load step in the lists of factors.
     """
     try:
+        if d.tagged.dimension == 3:
+            from signorini_fx.accuracy.error_bound_in_space import BoundedInSpace
+
+            return BoundedInSpace(d, y, contact, place).bound()
         return Bounded(d, y, contact, place).bound()
     except Refused as refused:
         return str(refused)
@@ -227,24 +174,9 @@ class Bounded(Problem):
         if not any(one.bound.any() for one in self.contacts):
             above = (float(np.sqrt(found.gap)) + 2 * found.missed) ** 2 / 2
             energy = _energy(t, v.strain).sum() / 2 - self.work(v.y, v.middle)
-            work = self._work(energy, above, found.size, total)
+            work = work_of_loads(energy, above, found.size, total, len(t.corners))
         round_off = found.round_off
         return ErrorBound(float(total), found.size, duality, missed, moved, round_off, squares, self.assumed, work)
-
-    def _work(self, energy: float, above: float, size: float, error: float) -> tuple[float, float]:
-        """Bounds of the work of the loads, which is a(u, u) / 2 less the smallest energy.
-
-        Args:
-            energy: of the admissible displacement, loads included.
-            above: a bound of its distance from the smallest one.
-            size: energy norm of the computed displacement.
-            error: bound of that of its error.
-        """
-        tiny = ROUND_OFF * len(self.t.corners) ** 0.5 * (abs(energy) + size**2)
-        return (
-            float(max(size - error, 0.0) ** 2 / 2 - energy - tiny),
-            float((size + error) ** 2 / 2 - energy + above + tiny),
-        )
 
     def _data(self) -> Array:
         """Squares of the bounds of the work of what the stress does not hold of the loads, by triangle."""
@@ -336,7 +268,7 @@ class Bounded(Problem):
 
     def _entered(self) -> Array:
         """Of least energy with what the vertices enter the foundation, and slip where they stick; zero at supports."""
-        t, rows = self.t, [Given.of_edges(self.t, self.held, np.zeros(2))]
+        t, rows = self.t, [Given.of_facets(self.t.edges, self.held, np.zeros(2))]
         values, vectors = self._held_at_vertices()
         for one in self.contacts:
             for end, column in ((0, 0), (1, 2)):
@@ -385,9 +317,7 @@ class Bounded(Problem):
                 for k in np.flatnonzero(excess > -tiny):
                     wanted.setdefault(int(vertex[k]), []).append((one.normal[k], float(excess[k]) + tiny))
         for vertex, rows in wanted.items():
-            y[vertex] -= _out(
-                np.array([row[0] for row in rows]), np.array([row[1] for row in rows]), free[vertex], tiny
-            )
+            y[vertex] -= out(np.array([row[0] for row in rows]), np.array([row[1] for row in rows]), free[vertex], tiny)
         middle += (y - before)[t.edges].mean(axis=1)
         for one in self.contacts:
             a, b = (np.einsum("fd,fd->f", y[t.edges[one.edges, k]], one.normal) for k in (0, 1))
@@ -396,29 +326,10 @@ class Bounded(Problem):
             excess = 2 * (m - one.below[:, 1]) - (a + b - one.below[:, 0] - one.below[:, 2]) / 2
             for k in np.flatnonzero(excess > -tiny):
                 edge = one.edges[k]
-                middle[edge] -= _out(
+                middle[edge] -= out(
                     one.normal[k : k + 1], excess[k : k + 1] / 2 + tiny, np.eye(2) - self.held[edge], tiny
                 )
         return y, middle
-
-
-def _out(normals: Array, excess: Array, free: Array, tiny: float) -> Array:
-    """A small displacement in free directions, shape (2,), whose components along normals are at least an excess."""
-    along = normals @ free
-    size = np.linalg.norm(along, axis=1)
-    stuck = size <= SAME
-    if (excess[stuck] > 4 * tiny).any():
-        raise Refused("a support pushes the body into its foundation")
-    along, excess, normals = along[~stuck], excess[~stuck].clip(min=0.0), normals[~stuck]
-    if not len(along):
-        return np.zeros(2)
-    together = along.sum(axis=0)
-    if (along @ together).min() < 0.1 * float(together @ together) / len(along):
-        found = np.asarray(np.linalg.lstsq(along, excess, rcond=None)[0], dtype=np.float64)  # faces at a corner
-        if ((along @ found) < excess - tiny).any():
-            raise Refused("the faces of the foundation meet at too sharp a corner")
-        return found
-    return np.asarray(together * (excess / (along @ together)).max())
 
 
 def _energy(t: Triangles, strain: Array) -> Array:

@@ -1,17 +1,22 @@
-"""Displacements that are linear on triangles and have the smallest energy among those with given components."""
+"""Displacements that are linear on cells and have the smallest energy among those with given components."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
+import numpy.typing as npt
 import scipy.sparse as sp
 
+from signorini_fx.accuracy.tetrahedra import COLUMNS, ROWS, TWICE, Tetrahedra
 from signorini_fx.accuracy.triangles import Array, Ints, Triangles
 from signorini_fx.linalg.definite import Factor
 
 # Components along directions that are closer are one and the same; given ones may differ by as much.
 _SAME = 1e-9
+# Those of ``tetrahedra`` in the plane: (xx, yy, xy).
+_ROWS, _COLUMNS, _TWICE = np.array([0, 1, 0]), np.array([0, 1, 1]), np.array([1.0, 1.0, 2.0])
 
 
 @dataclass(frozen=True)
@@ -20,7 +25,7 @@ class Given:
 
     Attributes:
         vertex: where, shape (r,).
-        direction: unit vectors, shape (r, 2).
+        direction: unit vectors, shape (r, d).
         value: of the components, length, shape (r,).
     """
 
@@ -28,11 +33,14 @@ class Given:
     direction: Array
     value: Array
 
-    def fixes(self, t: Triangles) -> bool:
+    def fixes(self, t: Triangles | Tetrahedra) -> bool:
         """Whether they leave no rigid motion free."""
         arm = (t.x - t.x.mean(axis=0))[self.vertex] / np.ptp(t.x, axis=0).max()
-        turn = arm[:, 0] * self.direction[:, 1] - arm[:, 1] * self.direction[:, 0]
-        modes = np.column_stack((self.direction, turn))
+        turns = [
+            arm[:, i] * self.direction[:, j] - arm[:, j] * self.direction[:, i]
+            for i, j in combinations(range(arm.shape[1]), 2)
+        ]
+        modes = np.column_stack((self.direction, *turns))
         return float(np.linalg.eigvalsh(modes.T @ modes)[0]) > _SAME * len(modes)
 
     @staticmethod
@@ -45,42 +53,42 @@ class Given:
         )
 
     @staticmethod
-    def of_edges(t: Triangles, projectors: Array, value: Array) -> Given:
-        """Those of a vector in directions that edges hold.
+    def of_facets(facets: Ints, projectors: Array, value: Array) -> Given:
+        """Those of a vector in directions that facets hold.
 
         Args:
-            t: the triangles.
-            projectors: onto these directions, shape (e, 2, 2).
-            value: of the displacement, length, shape (2,) or (e, 2).
+            facets: vertices of edges or faces, shape (f, d).
+            projectors: onto these directions, shape (f, d, d).
+            value: of the displacement, length, shape (d,) or (f, d).
         """
-        edges = np.flatnonzero(projectors.any(axis=(1, 2)))
-        sizes, vectors = np.linalg.eigh(projectors[edges])
+        some, d = np.flatnonzero(projectors.any(axis=(1, 2))), facets.shape[1]
+        sizes, vectors = np.linalg.eigh(projectors[some])
         found = []
-        for k in (0, 1):
+        for k in range(d):
             kept = sizes[:, k] > 0.5
-            for end in (0, 1):
+            for corner in range(d):
                 direction = vectors[kept, :, k]
-                there = np.broadcast_to(value, (len(t.edges), 2))[edges[kept]]
-                found.append(Given(t.edges[edges[kept], end], direction, (direction * there).sum(axis=1)))
+                there = np.broadcast_to(value, facets.shape)[some[kept]]
+                found.append(Given(facets[some[kept], corner], direction, (direction * there).sum(axis=1)))
         return Given.joined(*found)
 
 
-def smallest_energy(t: Triangles, given: Given, load: Array | None = None) -> tuple[Array, float]:
+def smallest_energy(t: Triangles | Tetrahedra, given: Given, load: Array | None = None) -> tuple[Array, float]:
     """The displacement of least energy, loads included, with given components.
 
     Args:
-        t: the triangles.
+        t: the triangles or tetrahedra.
         given: the components; they leave no rigid motion free.
-        load: forces at vertices, shape (v, 2); None: there are none.
+        load: forces at vertices, shape (v, d); None: there are none.
 
     Returns:
-        The displacement at the vertices, length, shape (v, 2), and how far it is from what is given at most, length.
+        The displacement at the vertices, length, shape (v, d), and how far it is from what is given at most, length.
     """
-    count = len(t.x)
-    weight, value = np.zeros((count, 2, 2)), np.zeros((count, 2))
+    count, d = t.x.shape
+    weight, value = np.zeros((count, d, d)), np.zeros((count, d))
     np.add.at(weight, given.vertex, given.direction[:, :, None] * given.direction[:, None])
     np.add.at(value, given.vertex, given.direction * given.value[:, None])
-    turn, fixed, start = np.tile(np.eye(2), (count, 1, 1)), np.zeros((count, 2), dtype=bool), np.zeros((count, 2))
+    turn, fixed, start = np.tile(np.eye(d), (count, 1, 1)), np.zeros((count, d), dtype=bool), np.zeros((count, d))
     some = np.unique(given.vertex)
     sizes, vectors = np.linalg.eigh(weight[some])
     turn[some], fixed[some] = vectors, sizes > _SAME
@@ -90,26 +98,44 @@ def smallest_energy(t: Triangles, given: Given, load: Array | None = None) -> tu
     )
     missed = np.abs((start[given.vertex] * given.direction).sum(axis=1) - given.value).max(initial=0.0)
     matrix = stiffness(t)
-    force = (np.zeros((count, 2)) if load is None else load) - (matrix @ start.ravel()).reshape(-1, 2)
-    numbers = (2 * np.arange(count)[:, None, None] + [[[0], [1]]]).repeat(2, axis=2)
-    basis = sp.csr_matrix((turn.ravel(), (numbers.ravel(), numbers.transpose(0, 2, 1).ravel())), shape=matrix.shape)
-    basis = basis[:, np.flatnonzero(~fixed.ravel())]
+    force = (np.zeros((count, d)) if load is None else load) - (matrix @ start.ravel()).reshape(-1, d)
+    basis = free_basis(turn, fixed)
     if not basis.shape[1]:
         return start, float(missed)
     upper = sp.triu(basis.T @ matrix @ basis, format="csr")
     upper.sort_indices()
     found = basis @ Factor(upper).solve(basis.T @ force.ravel())
-    return start + found.reshape(-1, 2), float(missed)
+    return start + found.reshape(-1, d), float(missed)
 
 
-def stiffness(t: Triangles) -> sp.csr_matrix:
-    """Of displacements linear on triangles, force per length, shape (2 v, 2 v)."""
-    strain = np.zeros((len(t.corners), 6, 3))
-    for i in range(3):
-        gx, gy = t.gradients[:, i].T
-        strain[:, 2 * i, 0], strain[:, 2 * i, 2] = gx, gy / 2
-        strain[:, 2 * i + 1, 1], strain[:, 2 * i + 1, 2] = gy, gx / 2
-    local = t.area[:, None, None] * t.stress(strain) @ (strain * [1.0, 1.0, 2.0]).transpose(0, 2, 1)
-    dofs = (2 * t.corners[:, :, None] + [0, 1]).reshape(-1, 6)
-    rows, columns = np.repeat(dofs, 6, axis=1).ravel(), np.tile(dofs, (1, 6)).ravel()
-    return sp.csr_matrix((local.ravel(), (rows, columns)), shape=(2 * len(t.x), 2 * len(t.x)))
+def free_basis(turn: Array, fixed: npt.NDArray[np.bool_]) -> sp.csr_matrix:
+    """Displacements of v vertices from their free components, shape (d v, components).
+
+    Args:
+        turn: directions of components, one per column, shape (v, d, d).
+        fixed: which are not free, shape (v, d).
+    """
+    count, d = fixed.shape
+    numbers = (d * np.arange(count)[:, None, None] + np.arange(d)[:, None]).repeat(d, axis=2)
+    size = (d * count, d * count)
+    basis = sp.csr_matrix((turn.ravel(), (numbers.ravel(), numbers.transpose(0, 2, 1).ravel())), shape=size)
+    return sp.csr_matrix(basis[:, np.flatnonzero(~fixed.ravel())])
+
+
+def stiffness(t: Triangles | Tetrahedra) -> sp.csr_matrix:
+    """Of displacements linear on the cells, force per length, shape (d v, d v)."""
+    d = t.x.shape[1]
+    rows, columns, twice = (ROWS, COLUMNS, TWICE) if d == 3 else (_ROWS, _COLUMNS, _TWICE)
+    gradient = np.einsum("nci,kj->nckji", t.gradients, np.eye(d)).reshape(len(t.corners), -1, d, d)
+    strain = (gradient[:, :, rows, columns] + gradient[:, :, columns, rows]) / 2
+    size = t.volume if isinstance(t, Tetrahedra) else t.area
+    local = size[:, None, None] * t.stress(strain) @ (strain * twice).transpose(0, 2, 1)
+    return assembled(local, t.corners, len(t.x))
+
+
+def assembled(local: Array, corners: Ints, count: int) -> sp.csr_matrix:
+    """The sum of the matrices of cells, of unknowns at vertices, shape (d v, d v)."""
+    d = local.shape[1] // corners.shape[1]
+    dofs = (d * corners[:, :, None] + np.arange(d)).reshape(len(corners), -1)
+    rows, columns = np.repeat(dofs, dofs.shape[1], axis=1).ravel(), np.tile(dofs, (1, dofs.shape[1])).ravel()
+    return sp.csr_matrix((local.ravel(), (rows, columns)), shape=(d * count, d * count))

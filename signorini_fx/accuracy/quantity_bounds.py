@@ -22,12 +22,13 @@ from __future__ import annotations
 import numpy as np
 from dolfinx import fem
 
+from signorini_fx.accuracy.bounded_error import ROUND_OFF, SAME
+from signorini_fx.accuracy.bounded_scene import Refused
 from signorini_fx.accuracy.equilibrated_stress import Loads
-from signorini_fx.accuracy.error_bound import ROUND_OFF, Bounded
+from signorini_fx.accuracy.error_bound import Bounded
 from signorini_fx.accuracy.linear_displacement import Given, smallest_energy
 from signorini_fx.accuracy.stress_products import from_strain, product, square
 from signorini_fx.accuracy.triangles import Array, free_motions
-from signorini_fx.accuracy.triangulated import SAME, Refused
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.scene.effect import Force
@@ -145,12 +146,12 @@ class _Quantity(Bounded):
         Args:
             value: of the displacement on edges, shape (e, 2).
         """
-        t, parts = self.t, [Given.of_edges(self.t, self.held, value)]
+        t, parts = self.t, [Given.of_facets(self.t.edges, self.held, value)]
         for one in self.contacts:
             slips = not (one.bound.any() or one.least.any())
             projectors = np.zeros_like(self.held)
             projectors[one.edges] = one.normal[:, :, None] * one.normal[:, None] if slips else np.eye(2)
-            parts.append(Given.of_edges(t, projectors, value))
+            parts.append(Given.of_facets(t.edges, projectors, value))
         return Given.joined(*parts)
 
     def _strain(self, w: Array) -> Array:

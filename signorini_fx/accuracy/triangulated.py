@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import basix
 import numpy as np
@@ -12,18 +11,16 @@ from dolfinx import fem
 from scipy.spatial import cKDTree
 
 from signorini_fx import compat
+from signorini_fx.accuracy.bounded_error import SAME
+from signorini_fx.accuracy.bounded_scene import Points, Refused, refuse_unknown
 from signorini_fx.accuracy.local_stress import constant_forces
 from signorini_fx.accuracy.triangles import GAUSS, Array, Triangles, divide
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.effects.contact import CoulombFriction, TrescaFriction, UnilateralContact
 from signorini_fx.effects.displacement import PrescribedDisplacement
-from signorini_fx.effects.material import LinearElastic
-from signorini_fx.effects.traction import SurfaceTraction
-from signorini_fx.scene.effect import Effect, Force
-from signorini_fx.scene.expressions import in_space, sample
+from signorini_fx.scene.effect import Force
 from signorini_fx.scene.load_steps import factor_at
 
 # Places along a facet at which gaps and friction bounds are looked at; those between two of them are assumed to be
@@ -32,56 +29,8 @@ _ALONG: Array = np.arange(33) / 32
 # Values at both ends and in the middle of the linear function whose moments with linear ones are those that Simpson's
 # rule has from nodal values.
 _LINEAR: Array = np.array([[2.0, 2.0, -1.0], [0.5, 2.0, 0.5], [-1.0, 2.0, 2.0]]) / 3
-# Lengths below this share of the size of the body are equal; displacements that elements hold, by their largest.
-SAME, _HELD = 1e-9, 1e-9
-# Entries of a scene that are looked at; any other one could act on the body unseen.
-_KNOWN = (LinearElastic, BodyForce, SurfaceTraction, PrescribedDisplacement, UnilateralContact)
-
-
-class Refused(Exception):
-    """A problem that has no bound here, with the reason."""
-
-
-@dataclass(frozen=True)
-class Points:
-    """Points of quadrature, ``scene.effect.Points``.
-
-    Attributes:
-        x: shape (f, q, 2).
-        normal: outward, shape (f, q, 2).
-    """
-
-    x: Array
-    normal: Array
-
-    @property
-    def displacement(self) -> Array:
-        """Not known."""
-        raise Refused("a load that follows the displacement has no guaranteed bound")
-
-    @property
-    def position(self) -> Array:
-        """Of the points, shape (f, q, 2)."""
-        return self.x
-
-    @property
-    def density(self) -> Array:
-        """Not known."""
-        raise Refused("a load that follows the density has no guaranteed bound")
-
-    def total(self, effect: Effect) -> Array:
-        """Not known."""
-        raise Refused(f"{effect.label} has no guaranteed bound")
-
-    def value(self, value: Any) -> Array:
-        """Of a number, an expression or a callable, shape (f, q)."""
-        if hasattr(value, "ufl_shape"):
-            raise Refused("a load given as a form is not known between points of quadrature")
-        return sample(value, in_space(self.x.reshape(-1, 2))).reshape(self.x.shape[:2])
-
-    def vector(self, values: tuple[Any, ...]) -> Array:
-        """Values along the axes, shape (f, q, 2)."""
-        return np.stack([self.value(value) for value in values[:2]], axis=2)
+# Share of the largest displacement up to which elements hold one.
+_HELD = 1e-9
 
 
 @dataclass
@@ -125,7 +74,9 @@ class Problem:
 
     def __init__(self, d: Discretisation, y: fem.Function, contact: ContactState | None, place: float) -> None:
         self._d, self._place, self.assumed = d, place, ""
-        self._refuse()
+        refuse_unknown(d)
+        if d.tagged.dimension != 2:
+            raise Refused("in space the error alone has a guaranteed bound")
         self._triangulate(y)
         t = self.t
         self.held = np.zeros((len(t.edges), 2, 2))
@@ -139,36 +90,6 @@ class Problem:
             if contact is None
             else [self._contact(number, effect, contact) for number, effect in enumerate(d.scene.contact)]
         )
-
-    def _refuse(self) -> None:
-        """Raise where the scene has something that this proof does not know."""
-        d = self._d
-        mesh, degree = d.tagged.mesh, d.space.element.basix_element.degree
-        kind = mesh.topology.cell_name()
-        for wrong, reason in (
-            (d.comm.size > 1, "a guaranteed bound is computed on one rank"),
-            (d.tagged.dimension != 2, "a guaranteed bound is for bodies in the plane"),
-            (d.scene.axisymmetric, "a guaranteed bound is for bodies in the plane, not for axisymmetric ones"),
-            (compat.geometry_degree(mesh) > 1, "a guaranteed bound is for straight cells"),
-            (kind == "quadrilateral" and degree > 1, "on quadrilaterals a guaranteed bound is for degree 1"),
-            (d.tools is not None, "a guaranteed bound is for foundations that no force moves"),
-            (d.mixed is not None, "a guaranteed bound is for elements without a pressure of their own"),
-            (d.moduli is not None, "an orthotropic material has no guaranteed bound"),
-            (any(one.graded for one in d.scene.material), "graded moduli have no guaranteed bound"),
-            (d.scene.several_steps, "a guaranteed bound is for one load step"),
-            (any(load.timed for load in d.scene.loads), "loads that depend on the time have no guaranteed bound"),
-            (
-                any(one.boundary is None or one.rotation is not None for one in d.scene.of(PrescribedDisplacement)),
-                "a displacement at a point, or a rotation, has no guaranteed bound",
-            ),
-            (
-                any(type(one) is not UnilateralContact or one.against for one in d.scene.contact),
-                "a guaranteed bound is for unilateral contact with a rigid foundation",
-            ),
-            *((type(one) not in _KNOWN, f"{one.label} has no guaranteed bound") for _, one in d.scene.listed()),
-        ):
-            if wrong:
-                raise Refused(reason)
 
     def _triangulate(self, y: fem.Function) -> None:
         """Triangles of the cells, with degree 2 four of each, and the displacement at vertices and middles of edges."""

@@ -30,7 +30,7 @@ from signorini_fx.scene.effect import SectionJump
 from signorini_fx.scene.model import Scene
 
 if TYPE_CHECKING:
-    from signorini_fx.accuracy.error_bound import ErrorBound
+    from signorini_fx.accuracy.bounded_error import ErrorBound
     from signorini_fx.results.sections import SectionForce
     from signorini_fx.results.uniqueness import Uniqueness
 

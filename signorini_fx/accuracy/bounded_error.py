@@ -1,0 +1,109 @@
+"""The bound of an error with what follows from it, and steps of its proof that do not depend on the dimension."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from signorini_fx.accuracy.bounded_scene import Refused
+from signorini_fx.accuracy.triangles import Array
+
+# Share of displacements and forces below which they are round-off.
+ROUND_OFF = 64 * float(np.finfo(float).eps)
+# Lengths below this share of the size of the body are equal.
+SAME = 1e-9
+
+
+@dataclass(frozen=True, repr=False)
+class ErrorBound:
+    """A bound of the error of a computed displacement; energy norms are the square root of a(y, y).
+
+    Attributes:
+        error: bound of the energy norm of the error, everything included.
+        size: energy norm of the computed displacement.
+        duality: its share from the gap between both functionals, which ``moved`` enlarges as a sum of squares.
+        data: that of loads between what the stress holds of them.
+        moved: that of the displacement without penetration instead of the computed one.
+        round_off: that of sums and linear systems.
+        squares: contributions of the cells to the square of ``error``, shape (cells,).
+        assumed: what the statement rests on beside the data at points of quadrature; "": nothing.
+        work: bounds of the work of the loads, energies per thickness; None with friction.
+    """
+
+    error: float
+    size: float
+    duality: float
+    data: float
+    moved: float
+    round_off: float
+    squares: Array
+    assumed: str = ""
+    work: tuple[float, float] | None = None
+
+    @property
+    def relative(self) -> float:
+        """Bound of the error relative to the energy norm of the exact solution; infinite where it proves nothing."""
+        return self.error / (self.size - self.error) if self.error < self.size else np.inf
+
+    @property
+    def strain_energy(self) -> tuple[float, float]:
+        """Bounds of the strain energy of the exact solution, an energy per thickness."""
+        return max(self.size - self.error, 0.0) ** 2 / 2, (self.size + self.error) ** 2 / 2
+
+    def __str__(self) -> str:
+        """One sentence."""
+        if not np.isfinite(self.relative):
+            return "the bound of the error is larger than the solution"
+        low, high = self.strain_energy
+        said = f"at most {100 * self.relative:.3g} % in the energy norm; strain energy between {low:.6g} and {high:.6g}"
+        if self.work is not None:
+            said += f"; work of the loads between {self.work[0]:.6g} and {self.work[1]:.6g}"
+        return f"{said}; {self.assumed}" if self.assumed else said
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON-safe; null for a relative error without a bound."""
+        return {
+            "relative_error": self.relative if np.isfinite(self.relative) else None,
+            "strain_energy": list(self.strain_energy),
+            "work": None if self.work is None else list(self.work),
+            **{name: getattr(self, name) for name in ("error", "duality", "data", "moved", "round_off")},
+            "statement": str(self),
+        }
+
+
+def work_of_loads(energy: float, above: float, size: float, error: float, cells: int) -> tuple[float, float]:
+    """Bounds of the work of the loads, which is a(u, u) / 2 less the smallest energy.
+
+    Args:
+        energy: of the admissible displacement, loads included.
+        above: a bound of its distance from the smallest one.
+        size: energy norm of the computed displacement.
+        error: bound of that of its error.
+        cells: how many contributions are summed up.
+    """
+    tiny = ROUND_OFF * cells**0.5 * (abs(energy) + size**2)
+    return (
+        float(max(size - error, 0.0) ** 2 / 2 - energy - tiny),
+        float((size + error) ** 2 / 2 - energy + above + tiny),
+    )
+
+
+def out(normals: Array, excess: Array, free: Array, tiny: float) -> Array:
+    """A small displacement in free directions, shape (d,), whose components along normals are at least an excess."""
+    along = normals @ free
+    size = np.linalg.norm(along, axis=1)
+    stuck = size <= SAME
+    if (excess[stuck] > 4 * tiny).any():
+        raise Refused("a support pushes the body into its foundation")
+    along, excess, normals = along[~stuck], excess[~stuck].clip(min=0.0), normals[~stuck]
+    if not len(along):
+        return np.zeros(len(free))
+    together = along.sum(axis=0)
+    if (along @ together).min() < 0.1 * float(together @ together) / len(along):
+        found = np.asarray(np.linalg.lstsq(along, excess, rcond=None)[0], dtype=np.float64)  # faces at a corner
+        if ((along @ found) < excess - tiny).any():
+            raise Refused("the faces of the foundation meet at too sharp a corner")
+        return found
+    return np.asarray(together * (excess / (along @ together)).max())

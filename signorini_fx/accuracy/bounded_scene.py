@@ -1,0 +1,110 @@
+"""What a scene has to be like so that its error has a guaranteed bound, and its data at points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from signorini_fx import compat
+from signorini_fx.accuracy.triangles import Array
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.effects.body_force import BodyForce
+from signorini_fx.effects.contact import UnilateralContact
+from signorini_fx.effects.displacement import PrescribedDisplacement
+from signorini_fx.effects.material import LinearElastic
+from signorini_fx.effects.traction import SurfaceTraction
+from signorini_fx.scene.effect import Effect
+from signorini_fx.scene.expressions import in_space, sample
+
+# Entries of a scene that are looked at; any other one could act on the body unseen.
+_KNOWN = (LinearElastic, BodyForce, SurfaceTraction, PrescribedDisplacement, UnilateralContact)
+
+
+class Refused(Exception):
+    """A problem that has no bound here, with the reason."""
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points of quadrature, ``scene.effect.Points``.
+
+    Attributes:
+        x: shape (f, q, d).
+        normal: outward, shape (f, q, d).
+    """
+
+    x: Array
+    normal: Array
+
+    @property
+    def displacement(self) -> Array:
+        """Not known."""
+        raise Refused("a load that follows the displacement has no guaranteed bound")
+
+    @property
+    def position(self) -> Array:
+        """Of the points, shape (f, q, d)."""
+        return self.x
+
+    @property
+    def density(self) -> Array:
+        """Not known."""
+        raise Refused("a load that follows the density has no guaranteed bound")
+
+    def total(self, effect: Effect) -> Array:
+        """Not known."""
+        raise Refused(f"{effect.label} has no guaranteed bound")
+
+    def value(self, value: Any) -> Array:
+        """Of a number, an expression or a callable, shape (f, q)."""
+        if hasattr(value, "ufl_shape"):
+            raise Refused("a load given as a form is not known between points of quadrature")
+        return sample(value, in_space(self.x.reshape(-1, self.x.shape[2]))).reshape(self.x.shape[:2])
+
+    def vector(self, values: tuple[Any, ...]) -> Array:
+        """Values along the axes, shape (f, q, d)."""
+        return np.stack([self.value(value) for value in values[: self.x.shape[2]]], axis=2)
+
+
+def refuse_unknown(d: Discretisation) -> None:
+    """Raise where the scene has something that the proof does not know.
+
+    Raises:
+        Refused: with the reason.
+    """
+    mesh, degree = d.tagged.mesh, d.space.element.basix_element.degree
+    kind = mesh.topology.cell_name()
+    for wrong, reason in (
+        (d.comm.size > 1, "a guaranteed bound is computed on one rank"),
+        (d.scene.axisymmetric, "a guaranteed bound is for bodies in the plane, not for axisymmetric ones"),
+        (compat.geometry_degree(mesh) > 1, "a guaranteed bound is for straight cells"),
+        (kind == "quadrilateral" and degree > 1, "on quadrilaterals a guaranteed bound is for degree 1"),
+        (kind == "hexahedron", "in space a guaranteed bound is for tetrahedra"),
+        (d.tools is not None, "a guaranteed bound is for foundations that no force moves"),
+        (d.mixed is not None, "a guaranteed bound is for elements without a pressure of their own"),
+        (d.moduli is not None, "an orthotropic material has no guaranteed bound"),
+        (any(one.graded for one in d.scene.material), "graded moduli have no guaranteed bound"),
+        (d.scene.several_steps, "a guaranteed bound is for one load step"),
+        (any(load.timed for load in d.scene.loads), "loads that depend on the time have no guaranteed bound"),
+        (
+            any(one.boundary is None or one.rotation is not None for one in d.scene.of(PrescribedDisplacement)),
+            "a displacement at a point, or a rotation, has no guaranteed bound",
+        ),
+        (
+            any(type(one) is not UnilateralContact or one.against for one in d.scene.contact),
+            "a guaranteed bound is for unilateral contact with a rigid foundation",
+        ),
+        (
+            any(one.foundation is not None for one in d.scene.contact),
+            "a guaranteed bound is for a gap along given directions, not for a foundation with a shape",
+        ),
+        (
+            any(one.friction.ratio is not None for one in d.scene.contact),
+            "friction that depends on the direction has no guaranteed bound",
+        ),
+        *((type(one) not in _KNOWN, f"{one.label} has no guaranteed bound") for _, one in d.scene.listed()),
+    ):
+        if wrong:
+            raise Refused(reason)

@@ -1,0 +1,256 @@
+"""A symmetric stress in equilibrium with given tractions, on tetrahedra.
+
+The stress is that of ``macro_tetrahedra``; its tractions are those of least complementary energy.  Displacements on the
+faces, the multipliers of equal and opposite tractions, are the unknowns of one symmetric positive definite system
+(hybridisation), which conjugate gradients solve: the preconditioner has the blocks of the faces, and the displacements
+that are linear on the body.  What they leave out of equilibrium is carried away by tractions, so that no digit rests on
+their convergence.  Plain arrays, one rank.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import breadth_first_order, connected_components
+
+from signorini_fx.accuracy.carried import carried
+from signorini_fx.accuracy.linear_displacement import assembled, free_basis
+from signorini_fx.accuracy.macro_tetrahedra import MacroStress
+from signorini_fx.accuracy.tetrahedra import FACES, Tetrahedra, free_motions
+from signorini_fx.accuracy.triangles import Array
+from signorini_fx.linalg.definite import Factor
+
+# Pivots of motions that are free, relative.
+_FREE = 1e-10
+_EPS = float(np.finfo(float).eps)
+# Where conjugate gradients end: a share of the first residual, and a number of products.
+_ENOUGH, _MOST = 1e-7, 500
+
+
+@dataclass(frozen=True)
+class Loads:
+    """What acts on the tetrahedra.
+
+    Attributes:
+        body: force per volume in each of them, shape (n, 3).
+        traction: linear tractions at the vertices of each face of the boundary, zero elsewhere, stress, (f, 3, 3).
+    """
+
+    body: Array
+    traction: Array
+
+
+@dataclass(frozen=True)
+class Equilibrated:
+    """A stress in equilibrium.
+
+    Attributes:
+        stress: on each quarter of each tetrahedron at its corners, see ``MacroStress.stress``, shape (n, 4, 4, 6).
+        tractions: at the vertices of each face out of its first tetrahedron, stress, shape (f, 3, 3).
+        missing: bound of the work of what is not in equilibrium per unit of the energy norm.
+    """
+
+    stress: Array
+    tractions: Array
+    missing: float
+
+
+class _System:
+    """The system of the displacements on the faces of a body that is held in given directions."""
+
+    def __init__(self, t: Tetrahedra, local: MacroStress, held: Array) -> None:
+        count = len(t.faces)
+        self._free, self._compliance = np.eye(3) - held, local.compliance
+        self.places = (3 * local.places[..., None] + np.arange(3)).reshape(-1, 36)
+        blocks = np.zeros((count, 3, 3, 3, 3))
+        own = local.compliance.reshape(-1, 4, 3, 3, 4, 3, 3)
+        corner = local.places - 3 * t.of_tetrahedron[:, :, None]
+        for i in range(4):
+            for a in range(3):
+                for b in range(3):
+                    # A face has at most two tetrahedra: each of them adds to it once.
+                    for first in (True, False):
+                        k = np.flatnonzero((t.sign[:, i] > 0) == first)
+                        blocks[t.of_tetrahedron[k, i], corner[k, i, a], :, corner[k, i, b]] += own[k, i, a, :, i, b]
+        blocks = np.einsum("fij,fajbk,fkl->faibl", self._free, blocks, self._free)
+        unit = np.einsum("faiai->f", blocks) / 9 + np.einsum("faiai->", blocks) / (9e6 * count)
+        blocks += np.einsum("f,ab,fij->faibj", unit, np.eye(3), held)
+        self._blocks = np.linalg.inv(blocks.reshape(count, 9, 9))
+        self._linear(t, held)
+
+    def _linear(self, t: Tetrahedra, held: Array) -> None:
+        """The matrix for displacements that are linear on the body."""
+        gather = np.zeros((36, 12))
+        for row, corner in enumerate(FACES.ravel()):
+            gather[3 * row : 3 * row + 3, 3 * corner : 3 * corner + 3] = np.eye(3)
+        matrix = assembled(gather.T @ self._compliance @ gather, t.corners, len(t.x))
+        weight = np.zeros((len(t.x), 3, 3))
+        for k in range(3):
+            np.add.at(weight, t.faces[:, k], held)
+        sizes, vectors = np.linalg.eigh(weight)
+        basis = free_basis(vectors, sizes > _FREE)
+        # As many tied unknowns as there are free motions: loads in balance cause no force there.
+        left = basis.T @ free_motions(t, held)
+        pins = np.zeros(basis.shape[1])
+        for _ in range(left.shape[1]):
+            pin = int(np.argmax(np.linalg.norm(left, axis=1)))
+            along = left[pin] / np.linalg.norm(left[pin])
+            left -= np.outer(left @ along, along)
+            pins[pin] = float(matrix.diagonal().max())
+        upper = sp.triu(basis.T @ matrix @ basis + sp.diags_array(pins), format="csr")
+        upper.sort_indices()
+        self._factor = Factor(upper) if basis.shape[1] else None
+        rows = (3 * np.arange(t.faces.size)[:, None] + np.arange(3)).ravel()
+        columns = (3 * t.faces.reshape(-1, 1) + np.arange(3)).ravel()
+        onto = sp.csr_matrix((np.ones(rows.size), (rows, columns)), shape=(rows.size, t.x.size))
+        self._onto = sp.csr_matrix(onto @ basis)
+
+    def forces(self, u: Array) -> Array:
+        """Moments of each tetrahedron out of it from displacements (f, 3, 3), shape (n, 36)."""
+        return np.asarray((self._compliance @ u.ravel()[self.places][:, :, None])[:, :, 0])
+
+    def summed(self, moments: Array) -> Array:
+        """Those of both sides of the faces in free directions, shape (f, 3, 3)."""
+        found = np.bincount(self.places.ravel(), moments.ravel(), 9 * len(self._free)).reshape(-1, 3, 3)
+        return np.asarray(found @ self._free)
+
+    def _preconditioned(self, r: Array) -> Array:
+        found = (self._blocks @ r.reshape(-1, 9, 1)).reshape(r.shape) @ self._free
+        if self._factor is not None:
+            found += (self._onto @ self._factor.solve(self._onto.T @ r.ravel())).reshape(r.shape)
+        return found
+
+    def solve(self, u: Array, alone: Array) -> Array:
+        """Displacements with which moments are equal and opposite but for loads, from a start, shape (f, 3, 3).
+
+        Args:
+            u: start with prescribed components.
+            alone: moments without displacements less those of the loads, summed up, shape (f, 3, 3).
+        """
+        r = -alone - self.summed(self.forces(u))
+        z = p = self._preconditioned(r)
+        first = now = float((r * z).sum())
+        largest = max(first, float((alone * self._preconditioned(alone)).sum()))
+        for _ in range(_MOST):
+            if not now > _ENOUGH**2 * largest:
+                break
+            q = self.summed(self.forces(p))
+            step = now / float((p * q).sum())
+            u, r = u + step * p, r - step * q
+            z = self._preconditioned(r)
+            before, now = now, float((r * z).sum())
+            p = z + now / before * p
+        return u
+
+
+def equilibrated(t: Tetrahedra, held: Array, loads: Loads, start: Array) -> Equilibrated:
+    """The stress of nearly least complementary energy among those of this kind in equilibrium with loads.
+
+    From displacements on its faces each tetrahedron has balanced tractions of its own; those of the solution are equal
+    and opposite.  What the linear system misses of this is removed by ``_balanced``, and what sums miss is ``missing``.
+
+    Args:
+        t: the tetrahedra.
+        held: projector onto the directions in which each face is held, shape (f, 3, 3).
+        loads: what acts on the tetrahedra; its resultant on free motions must vanish.
+        start: displacements at the vertices of faces, with those prescribed in held directions, length, (f, 3, 3).
+    """
+    local = MacroStress(t, loads.body)
+    system = _System(t, local, held)
+    traction = loads.traction
+    moments = t.area[:, None, None] / 12 * (traction + traction.sum(axis=1, keepdims=True))
+    free = np.eye(3) - held
+    u = system.solve(start, system.summed(local.alone) - moments @ free)
+    own = (system.forces(u) + local.alone).reshape(-1, 4, 3, 3)
+    signed = (t.sign[:, :, None, None] * own).reshape(-1, 3)
+    summed = np.column_stack([np.bincount(local.places.ravel(), signed[:, k], 3 * len(t.faces)) for k in range(3)])
+    total = summed.reshape(-1, 3, 3) / ((t.sides >= 0).sum(axis=1) * t.area)[:, None, None]
+    tractions = 12 * total - 3 * total.sum(axis=1, keepdims=True)
+    tractions[t.outer] = traction[t.outer] @ free[t.outer] + tractions[t.outer] @ held[t.outer]
+    tractions = _balanced(t, loads, held, tractions)
+    stress, rest = local.stress(t.sign[:, :, None, None] * tractions.reshape(-1, 3)[local.places])
+    return Equilibrated(stress, tractions, _missing(t, loads, held, tractions, rest, local.energy))
+
+
+def _balanced(t: Tetrahedra, loads: Loads, held: Array, tractions: Array) -> Array:
+    """Tractions near given ones with which each tetrahedron is in equilibrium, (f, 3, 3).
+
+    A rigid motion of each piece, as a traction on its held faces, balances the piece; then forces and couples are
+    carried from one tetrahedron to the next, to the last one of the piece, where nothing is left.
+    """
+    count, centre = len(t.corners), t.x.mean(axis=0)
+    length = float(np.ptp(t.x, axis=0).max())
+    arm = (t.x - centre)[t.faces] / length
+
+    def resultants(traction: Array) -> Array:
+        """Force, and couple over a length, of linear tractions (f, 3, 3), shape (f, 6)."""
+        moments = t.area[:, None, None] / 12 * (traction + traction.sum(axis=1, keepdims=True))
+        return np.concatenate((moments.sum(axis=1), np.cross(arm, moments).sum(axis=1)), axis=1)
+
+    def left(faces: Array) -> Array:
+        """What tetrahedra have of resultants on faces and of loads, shape (n, 6)."""
+        return np.asarray((t.sign[:, :, None] * faces[t.of_tetrahedron]).sum(axis=1) + inside)
+
+    force = loads.body * t.volume[:, None]
+    inside = np.concatenate((force, np.cross((t.x[t.corners].mean(axis=1) - centre) / length, force)), axis=1)
+    between = np.flatnonzero(t.sides[:, 1] >= 0)
+    graph = sp.csr_matrix((np.ones(between.size), tuple(t.sides[between].T)), shape=(count, count))
+    pieces, piece = connected_components(graph, directed=False)
+    rest = left(resultants(tractions))
+    units = np.concatenate((np.broadcast_to(np.eye(3), (*arm.shape[:2], 3, 3)), -_cross_matrix(arm)), axis=3)
+    reactions = np.einsum("fij,fajk->faik", held, units)  # of a displacement and a rotation over the length
+    works = np.stack([resultants(reactions[..., k]) for k in range(6)], axis=2)
+    motion = np.zeros((pieces, 6))
+    for k in range(pieces):
+        here = t.outer[piece[t.sides[t.outer, 0]] == k]
+        motion[k] = np.linalg.lstsq(works[here].sum(axis=0), -rest[piece == k].sum(axis=0), rcond=1e-12)[0]
+    tractions = tractions.copy()
+    tractions[t.outer] += np.einsum("faik,fk->fai", reactions[t.outer], motion[piece[t.sides[t.outer, 0]]])
+    total = left(resultants(tractions))
+    keys = t.sides[between] @ [count, 1]
+    order = np.argsort(keys)
+    through, cells = [], []
+    for k in range(pieces):
+        path, before = breadth_first_order(graph, int(np.flatnonzero(piece == k)[0]), directed=False)
+        for one in path[:0:-1]:
+            total[before[one]] += total[one]
+        low, high = np.sort(np.column_stack((path[1:], before[path[1:]])), axis=1).T
+        through.append(between[order][np.searchsorted(keys[order], low * count + high)])
+        cells.append(path[1:])
+    face, cell = np.concatenate(through), np.concatenate(cells)
+    # Moments with these resultants about the centre of the face, the smallest ones.
+    middle, size = arm[face].mean(axis=1), np.sqrt(t.area[face]) / length
+    own = (arm[face] - middle[:, None]) / size[:, None, None]
+    map_ = np.concatenate((np.broadcast_to(np.eye(3), (*own.shape[:2], 3, 3)), _cross_matrix(own)), axis=2)
+    couple = (total[cell, 3:] - np.cross(middle, total[cell, :3])) / size[:, None]
+    wanted = np.concatenate((total[cell, :3], couple), axis=1)[:, :, None]
+    moments = np.linalg.pinv(map_.transpose(0, 2, 1, 3).reshape(-1, 6, 9)) @ -wanted
+    moments = moments.reshape(-1, 3, 3) * np.where(t.sides[face, 0] == cell, 1.0, -1.0)[:, None, None]
+    tractions[face] += (12 * moments - 3 * moments.sum(axis=1, keepdims=True)) / t.area[face, None, None]
+    return tractions
+
+
+def _cross_matrix(a: Array) -> Array:
+    """The matrices of b -> a x b, shape (..., 3, 3)."""
+    return np.stack([np.cross(a, np.eye(3)[k]) for k in range(3)], axis=-1)
+
+
+def _missing(t: Tetrahedra, loads: Loads, held: Array, tractions: Array, rest: Array, energy: Array) -> float:
+    """Bound of the work of what is not in equilibrium, per unit of the energy norm.
+
+    The forces and couples that a tetrahedron misses are carried from one to the next to a held face, or to the last
+    tetrahedron of a body without one, by linear tractions: those with a resultant R and a couple M about the centre of
+    a face are at most R / A + 12 M / (A h), with its area A and its least height h.  The stress of each tetrahedron
+    that balances these is bounded by the norm of the map from moments to stresses.
+    """
+    size = np.abs(tractions).max(axis=(1, 2)) * t.area
+    missed = (size[t.of_tetrahedron].max(axis=1) + np.abs(loads.body).sum(axis=1) * t.volume) * (rest + 32 * _EPS)
+    start = np.unique(t.sides[t.outer, 0][held[t.outer].any(axis=(1, 2))])
+    total, couple = carried(t.x[t.corners].mean(axis=1), t.sides, start, missed)
+    longest = np.linalg.norm(t.x[t.edges[:, 0]] - t.x[t.edges[:, 1]], axis=1)[t.edges_of].max(axis=1)
+    lowest = 2 * t.area[t.of_tetrahedron].min(axis=1) / longest
+    # Moments of 9 components on each of 4 faces, from forces and from their couples about its centre.
+    moments = 36 * (total + 12 * (couple + total * longest) / lowest)
+    return float(np.sqrt((energy * moments**2).sum()))
