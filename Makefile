@@ -5,7 +5,7 @@
 DEMOS := example1_tresca example1_coulomb
 REPORTS := $(addprefix demos/scenes/,example1_coulomb press_and_slide bracket) tests/data/three_feet
 SIDE_BY_SIDE := ./env python3 -m pytest -q -n auto --maxprocesses 8 --dist worksteal
-ON_RANKS := ./env mpirun -n $$n python3 -m pytest -q --color=no
+ON_RANKS := ./env mpirun -n $$n python3 -m pytest -q --color=no $$(grep -l mark.mpi tests/test_*.py)
 RUFF := build/ruff-0.17.5
 SPHINX := build/sphinx-9.0.4
 BUILD := build/build-1.6.1
@@ -18,11 +18,11 @@ demo:       ## solve Example 1 of the paper with Tresca and with Coulomb frictio
 
 test:       ## run the quick tests on one rank, side by side, and those marked mpi also on two and three
 	$(SIDE_BY_SIDE) tests
-	for n in 2 3; do $(ON_RANKS) -m "mpi and not slow and not long" tests || exit; done
+	for n in 2 3; do $(ON_RANKS) -m "mpi and not slow and not long" || exit; done
 
 test-slow:  ## run the slow tests, which repeat at other parameters what the quick ones show (tests/tiers.py)
 	$(SIDE_BY_SIDE) -m "slow and not long" tests
-	for n in 2 3; do $(ON_RANKS) -m "mpi and slow and not long" tests || exit; done
+	for n in 2 3; do $(ON_RANKS) -m "mpi and slow and not long" || exit; done
 
 test-long:  ## run the tests marked long
 	$(SIDE_BY_SIDE) -m long tests

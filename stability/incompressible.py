@@ -35,7 +35,7 @@ _OSCILLATION = 1e-2
 def cases(*, short: bool) -> Iterator[Case]:
     """Displacement at (1.5, 1), pressure and counts for every ratio; the locking elements are shown beside them."""
     for law in ("Tresca",) if short else ("Tresca", "Coulomb"):
-        for poisson in (0.3, 0.499999) if short else RATIOS:
+        for poisson in (0.499999,) if short else RATIOS:
             for name in ("Q1/P0",) if short else SOUND:
                 yield Case(
                     f"{law}, {name}, nu = {poisson}",

@@ -56,8 +56,8 @@ HARD = {
 
 def cases(*, short: bool) -> Iterator[Case]:
     """Batches, then the difficult scenes."""
-    for first in range(0, 60 if short else 2000, _BATCH):
-        last = min(first + _BATCH, 60) if short else first + _BATCH
+    for first in range(0, 20 if short else 2000, _BATCH):
+        last = min(first + _BATCH, 20) if short else first + _BATCH
         yield Case(
             f"scenes {first} to {last - 1}",
             partial(_batch, first, last),

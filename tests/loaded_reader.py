@@ -8,6 +8,7 @@ sandbox run the program itself, see ``test_foreign_files.py``.
 from __future__ import annotations
 
 import contextlib
+import gc
 import importlib
 import json
 import os
@@ -72,6 +73,9 @@ def serve(line: socket.socket) -> None:
     with contextlib.suppress(ImportError, OSError):
         importlib.import_module("meshio")
         importlib.import_module("h5py")
+    for name in ("gmsh_reader", "meshio_reader", "sandbox"):
+        importlib.import_module(f"signorini_fx.mesh.files.{name}")
+    gc.freeze()  # a collection would copy the pages that forks share
     line.send(b"loaded")
     while True:
         message, outputs, *_ = socket.recv_fds(line, _LONGEST, 1)

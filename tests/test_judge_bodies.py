@@ -18,7 +18,7 @@ from stability.oracle.judge import FAILURES, RIGHT, WRONG  # noqa: E402
 from stability.oracle.package import answer_of, solution_of  # noqa: E402
 from stability.oracle.worker import row_of  # noqa: E402
 
-SHORT = range(12)
+SHORT = range(5)
 # With Coulomb friction, in the plane and in space.
 SPOILT = (40, 9)
 

@@ -41,7 +41,7 @@ def test_a_plate_between_two_rails(aside):
 
 def test_what_was_reached_without_augmentation_is_not_lost(monkeypatch):
     """Where augmentation fails earlier, the ramp ends no lower than where it began again."""
-    case = limit_loads.corner(0.3, cells=3)
+    case = limit_loads.corner(0.3, cells=2)
     monkeypatch.setattr(
         strategy,
         "_augmented_first",
@@ -64,7 +64,7 @@ def test_every_case(name):
 
 def test_the_programme():
     """With the friction bounds of a load step near the limit it finds the limit that is known by hand."""
-    case = limit_loads.corner(0.3, cells=3)
+    case = limit_loads.corner(0.3, cells=2)
     solution = limit_loads.solve(case.scene, limit_loads.MPI.COMM_SELF, check=False)
     assert limit_loads.limit_by_programme(case, solution) == pytest.approx(case.limit, rel=0.01)
 
