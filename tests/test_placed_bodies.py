@@ -209,3 +209,28 @@ def test_what_is_refused(given, match):
     contact = {"contact": {"boundary": "bottom"}}
     with pytest.raises((SceneError, MeshError), match=match):
         solve(parse_scene({"material": MATERIAL, **contact, **given}), MPI.COMM_SELF)
+
+
+def test_pictures_of_nodes_that_coincide():
+    """Nodes of two bodies at the same place are two points, and apart by the relative displacement of the contact."""
+    from signorini_fx.results.outer_surface import gather_outer_surface
+
+    cube = {"generator": "box", "parameters": dict.fromkeys(("length", "width", "height"), 1.0)}
+    cube["parameters"] |= dict.fromkeys(("nx", "ny", "nz"), 2)
+    bodies = [{"name": "upper", "mesh": cube, "shift": [0.0, 0.0, 1.0]}, {"name": "lower", "mesh": cube}]
+    sides = ("upper.bottom", "lower.top", "lower.bottom", "upper.top")
+    solution = solve(scene("hexahedron", bodies, np.eye(3), sides, solver={"gamma_n": 1e4, "gamma_t": 1e3}), WORLD)
+    assert solution.converged
+    body, table = gather_outer_surface(solution), solution.table.columns
+    if WORLD.rank > 0:
+        return
+    assert set(table["boundary"]) == {"lower.top"}  # the points are on the softer body
+    nodes = np.column_stack([table[axis] for axis in "xyz"])
+    assert len(nodes) == 9
+    there = np.linalg.norm(body.points[None] - nodes[:, None], axis=2) < 1e-9
+    highest = [body.points[body.pieces == piece, 2].max() for piece in (0, 1)]
+    lower, upper = (np.argmax(there & (body.pieces == piece), axis=1) for piece in np.argsort(highest))
+    wanted = np.column_stack([table[f"u_t_{axis}"] for axis in "xy"])
+    assert np.abs(wanted).max() > 1e-4
+    apart = body.displacement[lower, :2] - body.displacement[upper, :2]
+    np.testing.assert_allclose(apart, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())

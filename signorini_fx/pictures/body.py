@@ -29,6 +29,7 @@ class Body:
             materials may have different values at the points that they share.
         recovered: whether the values are at points, the stress recovered.
         outline: in the plane pairs of points along the boundary of the body, shape (e, 2).
+        pieces: in space the connected piece that each point is of, shape (n,); None: there is one.
     """
 
     points: Floats
@@ -38,6 +39,7 @@ class Body:
     values: Mapping[str, Floats]
     recovered: bool
     outline: Rows | None = None
+    pieces: Rows | None = None
 
     @property
     def perimeters(self) -> Rows:

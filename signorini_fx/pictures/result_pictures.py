@@ -102,6 +102,12 @@ class ResultPictures:
         elif self.body is not None:
             foundations = [] if contact is None or facets is None else foundations_of(contact, facets, self.tools)
             self._draw_in_space(self.body, foundations, folder, title)
+            if contact is not None and not _grounded(contact).all():
+                from signorini_fx.pictures.exploded import exploded
+                from signorini_fx.pictures.solid_body import Skin
+
+                skin = Skin.of(self.body, "von_mises")
+                exploded(folder / "exploded", skin, contact, title=title, suffixes=self.suffixes)
             if contact is not None and self.volume is not None:
                 self._draw_section(self.body, self.volume, contact, foundations, folder, title)
 

@@ -47,6 +47,7 @@ class Skin:
         values: the field at their corners, shape (t, 3).
         perimeters: points along the perimeter of each facet, shape (m, k).
         at_points: whether the field varies within a facet.
+        pieces: the connected piece that each point is of, shape (n,); None: there is one.
     """
 
     points: Floats
@@ -55,6 +56,7 @@ class Skin:
     values: Floats
     perimeters: Rows
     at_points: bool
+    pieces: Rows | None = None
 
     @classmethod
     def of(cls, body: Body, field: str) -> Skin:
@@ -74,6 +76,7 @@ class Skin:
             at.reshape(-1, 3),
             body.perimeters,
             body.recovered,
+            body.pieces,
         )
 
     @property
@@ -175,7 +178,7 @@ def solid_figure(
             solid = replace(solid, edges=skin.edges)
         if stress is not None:
             solid = replace(solid, lines=_strokes(skin, at, stress, camera))
-        _show(axes, solid, camera, inch)
+        show(axes, solid, camera, inch)
         if solid is shown[0] or axes is grid[0]:
             draw_lengths(axes, skin.points, camera.flat)
     tones.bar(figure, list(grid))
@@ -228,14 +231,14 @@ def section(
             figsize=(max(2 * inch * camera.half[0], _NARROWEST), 2 * inch * camera.half[1] + 0.9), layout="constrained"
         )
         axes = figure.subplots()
-        _show(axes, solid, camera, inch)
+        show(axes, solid, camera, inch)
         tones.bar(figure, axes)
         at_plane = math_number(float(f"{clean(float(origin[axis]), skin.size):.4g}"))
         what = f"cut at ${'xyz'[axis]} = {at_plane}$, displacement $\\times\\,{math_number(factor)}$"
         finish(figure, path_stem, f"{title}   ({what})" if title else what, suffixes)
 
 
-def _show(axes: Axes, solid: Solid, camera: view.Camera, inch: float) -> None:
+def show(axes: Axes, solid: Solid, camera: view.Camera, inch: float) -> None:
     """The picture of a body in axes without ticks."""
     picture = offscreen.drawn(solid, camera, round(2 * inch * float(camera.half[0]) * _PIXELS))
     right, top = camera.half

@@ -119,6 +119,11 @@ _SOLID_BODY = (
 )
 
 
+_APART = (
+    "The bodies moved apart along the mean normal of their contact, or out of a fit, so that both faces can be seen."
+)
+
+
 def deformed(folder: ResultFiles, *, solid: bool = False) -> Markup:
     """The picture of the deformed body, and those of the other fields that were asked for."""
     data = folder.picture("deformed.png")
@@ -130,8 +135,9 @@ def deformed(folder: ResultFiles, *, solid: bool = False) -> Markup:
         return joined([*turned, tag("p", f"No picture: {reason}.", class_="note")])
     caption = _SOLID_BODY if solid else _PLANE_BODY
     whole = picture(data, "png", "deformed body on its foundation", caption)
-    cut = folder.picture("section.png")
+    cut, apart = folder.picture("section.png"), folder.picture("exploded.png")
     inside = [] if cut is None else [picture(cut, "png", "section through the body", _SECTION)]
+    inside += [] if apart is None else [picture(apart, "png", "bodies moved apart", _APART)]
     others = inside + [
         picture(data, "png", field.label, f"{field.label[0].upper()}{field.label[1:]}{field.remark}.")
         for name, field in FIELDS.items()

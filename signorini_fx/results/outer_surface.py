@@ -72,18 +72,26 @@ def gather_outer_surface(solution: Solution, fields: Sequence[str] = (), *, reco
     for rows in (x, u, *(values.values() if functions is not None else ())):
         rows[inwards] = rows[inwards][:, tiles.mirrored]
 
-    both = parallel.rows_on_root(comm, np.concatenate((x, u), axis=2).reshape(-1, 6))
+    of_piece = _repeated(solution.discretisation.motions.pieces.of_cell[cells], x)
+    both = parallel.rows_on_root(comm, np.concatenate((x, u, of_piece), axis=2).reshape(-1, 7))
     size = float(np.ptp(both[:, :3], axis=0).max()) if len(both) else 1.0
-    grid = np.round(both[:, :3] / (_SAME * size)).astype(np.int64)
+    # Bodies that touch have points of their own.
+    grid = np.round(np.column_stack((both[:, :3] / (_SAME * size), both[:, 6]))).astype(np.int64)
     _, first, number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
     return Body(
         both[first, :3],
         number.reshape(-1, len(tiles.points)).astype(np.int64),
         tiles,
-        both[first, 3:],
+        both[first, 3:6],
         {name: parallel.rows_on_root(comm, rows) for name, rows in values.items()},
         functions is not None,
+        pieces=both[first, 6].astype(np.int64),
     )
+
+
+def _repeated(pieces: npt.NDArray[np.int64], points: Floats) -> Floats:
+    """The piece of each cell at its points of shape (cells, points, d), shape (cells, points, 1)."""
+    return np.broadcast_to(pieces[:, None, None], (*points.shape[:2], 1)).astype(np.float64)
 
 
 def gather_volume(solution: Solution) -> Volume | None:
@@ -99,9 +107,11 @@ def gather_volume(solution: Solution) -> Volume | None:
     x = sampling.positions(solution, corners, cells)
     u = sampling.values_at(solution.displacement, corners, cells)
     values = sampling.values_within("von_mises", functions["von_mises"], corners, cells)
-    rows = parallel.rows_on_root(comm, np.concatenate((x, u, values[..., None]), axis=2).reshape(-1, 7))
-    size, top = (float(np.ptp(part, axis=0).max()) or 1.0 if len(rows) else 1.0 for part in (rows[:, :3], rows[:, 6:]))
-    grid = np.round(np.column_stack((rows[:, :3] / size, rows[:, 6] / top)) / _SAME).astype(np.int64)
+    of_piece = _repeated(solution.discretisation.motions.pieces.of_cell[cells], x)
+    rows = parallel.rows_on_root(comm, np.concatenate((x, u, values[..., None], of_piece), axis=2).reshape(-1, 8))
+    size, top = (float(np.ptp(part, axis=0).max()) or 1.0 if len(rows) else 1.0 for part in (rows[:, :3], rows[:, 6:7]))
+    places = np.column_stack((rows[:, :3] / size, rows[:, 6] / top)) / _SAME
+    grid = np.round(np.column_stack((places, rows[:, 7]))).astype(np.int64)
     _, first, number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
     number = number.reshape(-1, len(corners)).astype(np.int64)
     return Volume(rows[first, :3], rows[first, 3:6], rows[first, 6], number)

@@ -47,6 +47,8 @@ _PER_RESIDUAL = 100.0
 # Relative difference of what the table and the second program compute from the same displacement; between two bodies by
 # quadratures of rational functions, where cells are distorted.
 _TABLE, _TABLE_BETWEEN = 1e-9, 1e-6
+# Share of the stress by a displacement whose round-off is a bound where nothing presses.
+_FAINT = 1e-3
 
 
 def judge(scene: dict[str, Any], mesh: Mesh, answer: Answer) -> Verdict:
@@ -88,7 +90,7 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
         table = {name: np.asarray(column)[order] for name, column in step.table.items()}
         said = Tractions(table["pressure"], _vectors(table, "shear"), _states(table))
         u = step.displacement[nodes]
-        worse(_table(contact, table, u, origin, before))
+        worse(_table(contact, table, u, origin, before, body.young / body.size))
         law = _promised(body, answer, number, worse)
         worse(violations(body, contact, number, u, said, origin, law))
         if cvxopt is not None:
@@ -155,9 +157,11 @@ def _vectors(table: Mapping[str, Array], name: str) -> Array:
     return np.stack([-table["n_y"], table["n_x"]], axis=1) * table[name][:, None]
 
 
-def _table(contact: Contact, table: Mapping[str, Array], u: Array, origin: Origin, before: float) -> dict[str, float]:
+def _table(
+    contact: Contact, table: Mapping[str, Array], u: Array, origin: Origin, before: float, stiffness: float
+) -> dict[str, float]:
     """Columns of the contact table that say what the displacement and the scene say as well; ``before``: the largest
-    displacement at the end of the step before, whose round-off is in the slip.
+    displacement at the end of the step before, whose round-off is in the slip; ``stiffness``: stress per displacement.
     """
     at = contact.of(u)
     u_n, u_t = (at * contact.normal).sum(axis=1), contact.across(at)
@@ -176,7 +180,9 @@ def _table(contact: Contact, table: Mapping[str, Array], u: Array, origin: Origi
     rubs = contact.rubs & np.isfinite(contact.given)
     if rubs.any():
         bound = contact.bound(table["pressure"])
-        columns["bound"] = (table["bound"][rubs], bound[rubs], max(float(bound[rubs].max()), LEAST))
+        # Where nothing presses, the bound is round-off of the stress by the displacement.
+        pressing = max(float(bound[rubs].max()), _FAINT * stiffness * moved, LEAST)
+        columns["bound"] = (table["bound"][rubs], bound[rubs], pressing)
         columns["slip"] = (_vectors(table, "slip"), slip, max(moved, before))
         if "shear_x" in table:
             # Where nothing presses on the boundaries with friction, their shear is round-off of the pressure elsewhere.
