@@ -2509,8 +2509,8 @@ MUTANTS = (
     ),
     Mutant(
         "body/mixed",
-        "return -np.array(found.getArray(readonly=True))",
-        "return 0.0 * np.array(found.getArray(readonly=True))",
+        "-np.array(found.getArray(readonly=True))",
+        "0.0 * np.array(found.getArray(readonly=True))",
         "mixed element: prescribed displacements do not change its volume",
         tests=("mixed::test_rates_without_locking",),
     ),
@@ -2881,6 +2881,20 @@ MUTANTS = (
         "own / 2",
         "energy: heat does no work on a preload",
         tests=("preload::test_a_clamped_bar_has_one_stress_everywhere",),
+    ),
+    Mutant(
+        "effects/material",
+        "(1 + self.poisson) / self.poisson",
+        "3.0",
+        "mixed element: heat changes the volume by 3 e whatever Poisson's ratio",
+        tests=("mixed::test_heated_patch",),
+    ),
+    Mutant(
+        "results/nodal_forces",
+        "p[at] @ hat.T / 2 - mu * own",
+        "p[at] @ hat.T / 2",
+        "mixed element: the energy of heat that is prevented is forgotten",
+        tests=("mixed::test_heated_patch",),
     ),
     Mutant(
         "mesh/files/abaqus_bolts",

@@ -98,6 +98,86 @@ def test_patch(cell, poisson):
     assert solution.stress.error < 1e-4
 
 
+@pytest.mark.mpi
+@pytest.mark.parametrize("poisson", [0.3, 0.5])
+@pytest.mark.parametrize("cell", ["quadrilateral", "tetrahedra"])
+def test_heated_patch(cell, poisson):
+    """The same, heated: it expands freely but for plane strain, where E e is missing across the plane."""
+    tagged, e = uneven(cell, MPI.COMM_WORLD), 0.02
+    scene = pressed(tagged, poisson).model_dump(exclude_unset=True) | {
+        "mesh": tagged,
+        "material": {"young": 10.0, "poisson": poisson, "expansion": 2.0},
+        "temperature": [{"change": 0.75 * e / 2}, {"change": "0.25 * 0.02 / 2", "factors": [1.0]}],
+    }
+    solution = solve(parse_scene(scene))
+    plane = tagged.dimension == 2
+    outward = -poisson * 0.5 - 10.0 * e if plane else 0.0
+    stress = np.diag([0.0, -0.5, outward])
+    strain = ((1 + poisson) * stress - poisson * np.trace(stress) * np.eye(3)) / 10.0
+    at = solution.discretisation.space.tabulate_dof_coordinates()[:, : tagged.dimension]
+    found = solution.displacement.x.array.reshape(at.shape)
+    np.testing.assert_allclose(found, at * (np.diag(strain) + e)[: tagged.dimension], rtol=0, atol=1e-10)
+    tensor = solution.stress.tensor.x.array.reshape(-1, 3, 3)
+    np.testing.assert_allclose(tensor, np.broadcast_to(stress, tensor.shape), atol=1e-9)
+    recovered = solution.stress.recovered.tensor.x.array.reshape(-1, 3, 3)
+    np.testing.assert_allclose(recovered, np.broadcast_to(stress, recovered.shape), atol=2e-5)
+    np.testing.assert_allclose(solution.contact.pressure, 0.5, rtol=1e-8)
+    assert solution.certificate.worst < 1e-9
+    assert solution.last_step.strain_energy == pytest.approx(np.sum(stress * strain) / 2 * 3.0, rel=1e-9)
+    assert solution.stress.error < 1e-4
+
+
+def test_free_expansion_of_a_ring():
+    """Incompressible, axisymmetric: it is without stress, and stands on the ground without pressure."""
+    scene = {
+        "mesh": tag_boundaries(shifted_ring(), {"under": lambda x: np.isclose(x[1], 0.0)}),
+        "element": MIXED,
+        "material": {"young": 10.0, "poisson": 0.5, "hypothesis": "axisymmetric", "expansion": 1e-3},
+        "temperature": {"change": 20.0},
+        "contact": {"boundary": "under", "kind": "bilateral"},
+    }
+    solution = solve(parse_scene(scene))
+    at = solution.discretisation.space.tabulate_dof_coordinates()[:, :2]
+    np.testing.assert_allclose(solution.displacement.x.array.reshape(at.shape), 0.02 * at, rtol=0, atol=1e-11)
+    assert np.abs(solution.stress.tensor.x.array).max() < 1e-9
+    assert solution.last_step.strain_energy < 1e-12
+    assert solution.certificate.holds
+
+
+def shifted_ring():
+    """The section of a ring between the radii 1 and 2."""
+    mesh = rectangle(MPI.COMM_SELF, length=1.0, height=0.5, nx=4, ny=2).mesh
+    mesh.geometry.x[:, 0] += 1.0
+    return mesh
+
+
+@pytest.mark.parametrize("hypothesis", ["plane strain", "axisymmetric"])
+def test_uneven_heat_against_displacements(hypothesis):
+    """A field of temperatures in a held body with friction: forces, energy and stress are those of displacements."""
+
+    def block(element):
+        scene = {
+            "mesh": rectangle(MPI.COMM_SELF, length=3.0, height=1.0, nx=24, ny=8),
+            "element": element,
+            "material": {"young": 10.0, "poisson": 0.3, "expansion": 0.01, "hypothesis": hypothesis},
+            "displacement": {"boundary": "top", "x": 0.0, "y": 0.0},
+            "temperature": {"change": "x[0] - 0.5 * x[1]**2", "factors": [0.4, 1.0]},
+            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.2}},
+            "solver": {"algorithm": "alm"},
+        }
+        return alone(parse_scene(scene))
+
+    mixed, other = block(MIXED), block({"degree": 2})
+    force = other.resultants.of("bottom").force
+    assert mixed.resultants.of("bottom").force == pytest.approx(force, abs=1e-3 * np.linalg.norm(force))
+    for one, two in zip(mixed.steps, other.steps, strict=True):
+        assert one.strain_energy == pytest.approx(two.strain_energy, rel=2e-3)
+        assert one.certificate.worst < 1e-6
+    place = np.array([[1.5, 0.5, 0.0]])
+    assert mean_stress(mixed, place) == pytest.approx(mean_stress(other, place), rel=5e-3)
+    assert mixed.stress.error == pytest.approx(other.stress.error, rel=0.2)
+
+
 # --- a state that was made up ----------------------------------------------------------------------------------------
 
 AMPLITUDE, TENSION, E = 1e-2, 0.3, 10.0

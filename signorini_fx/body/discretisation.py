@@ -110,7 +110,10 @@ class Discretisation(ElasticBody):
     @cached_property
     def cases(self) -> tuple[LoadCase, ...]:
         """The right-hand sides of the applied loads, in their order; those of the first load step; collective."""
-        return tuple(self.case(load.forces, load.prescribed, load.driven, load.pushing) for load in self.applied)
+        return tuple(map(self._case, self.applied))
+
+    def _case(self, load: AppliedLoad) -> LoadCase:
+        return self.case(load.forces, load.prescribed, load.driven, load.pushing, load.swelling)
 
     def placed(self, place: float) -> Discretisation:
         """The same with foundations and friction of a place where they depend on the time; itself if none does;
@@ -162,8 +165,7 @@ class Discretisation(ElasticBody):
         """
         for number, load in enumerate(self.applied):
             if load.again is not None:
-                now = load.at(place)
-                system.set_case(number, self.case(now.forces, now.prescribed, now.driven, now.pushing))
+                system.set_case(number, self._case(load.at(place)))
         return self.factors(place)
 
 

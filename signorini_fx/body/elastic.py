@@ -245,7 +245,12 @@ class ElasticBody:
         return Elasticity(*of, definite=self.mixed is None, rigid=self._rigid)
 
     def case(
-        self, forces: Array, prescribed: fem.Function, driven: Driven | None = None, pushing: Array | None = None
+        self,
+        forces: Array,
+        prescribed: fem.Function,
+        driven: Driven | None = None,
+        pushing: Array | None = None,
+        swelling: Array | None = None,
     ) -> LoadCase:
         """The right-hand side of loads and prescribed displacements, which are lifted; collective.
 
@@ -254,6 +259,7 @@ class ElasticBody:
             prescribed: zero, with the prescribed displacements put in.
             driven: what drives tools; None: nothing.
             pushing: those of the forces that may do work on rigid motions; None: all of them.
+            swelling: see ``AppliedLoad``.
         """
         comm, dim = self.comm, self.dimension
         given, moved = prescribed.x.array[: forces.size], prescribed.x.array.reshape(-1, dim).any(axis=1)
@@ -267,7 +273,7 @@ class ElasticBody:
             start.getArray()[~self.prescribed] = free[~self.prescribed]
         load, fixed = self.vector(lifted), self.prescribed
         if self.mixed is not None:
-            load.getArray()[self._held.size :] = self.mixed.lifted(prescribed)
+            load.getArray()[self._held.size :] = self.mixed.lifted(prescribed, swelling)
         if driven is not None:
             tools = slice(self.fixed.size, self._held.size)
             start.getArray()[tools], load.getArray()[tools] = driven.motion[: self._rigid], driven.forces[: self._rigid]

@@ -103,7 +103,7 @@ def element_stress(body: Discretisation, displacement: fem.Function, place: floa
         place: of the initial strains, in the lists of factors.
     """
     if body.mixed is not None:
-        return _mixed_stress(body, displacement)
+        return _mixed_stress(body, displacement, place)
     if body.moduli is not None:
         return _orthotropic_stress(body, displacement, body.moduli, place)
     (lame, mu), materials, mesh = body.lame, body.scene.material, body.tagged.mesh
@@ -164,7 +164,7 @@ def element_stress(body: Discretisation, displacement: fem.Function, place: floa
     )
 
 
-def _mixed_stress(body: Discretisation, displacement: fem.Function) -> ElementStress:
+def _mixed_stress(body: Discretisation, displacement: fem.Function, place: float) -> ElementStress:
     """Sigma = 2 mu epsilon - p I of a mixed element; in plane strain -p is the stress out of the plane as well."""
     (_, mu), material, radius = body.lame, body.scene.material[0], None
     pressure, flat = hydrostatic_of(displacement), body.dimension < 3
@@ -173,9 +173,25 @@ def _mixed_stress(body: Discretisation, displacement: fem.Function) -> ElementSt
         radius = ufl.SpatialCoordinate(body.tagged.mesh)[0]
         outward += 2 * mu * hoop_strain(displacement, radius)
 
-    def outward_of(part: int, tau: _Floats) -> _Floats:
-        return np.asarray(tau[..., 3] if radius is not None else material.poisson * (tau[..., 0] + tau[..., 1]))
+    initial, move_to = initial_strain(body.scene, body.tagged, body.space, place)
+    prevented = None
+    if initial is not None and flat and radius is None:
+        prevented = _kept(material.young * initial, fem.functionspace(body.tagged.mesh, ("DG", 1)))
 
+    def refresh(place: float) -> None:
+        move_to(place)
+        if prevented is not None:
+            prevented[0].interpolate(prevented[1])
+
+    def outward_of(part: int, tau: _Floats) -> _Floats:
+        if radius is not None:
+            return tau[..., 3]
+        found = material.poisson * (tau[..., 0] + tau[..., 1])
+        if prevented is not None:
+            found -= prevented[0].x.array[prevented[0].function_space.dofmap.list]
+        return np.asarray(found)
+
+    refresh(place)
     return ElementStress(
         displacement,
         2 * mu * strain(displacement) - pressure * ufl.Identity(len(displacement)),
@@ -186,6 +202,7 @@ def _mixed_stress(body: Discretisation, displacement: fem.Function) -> ElementSt
         mu,
         _materials(body),
         radius,
+        refresh,
         hydrostatic=pressure,
     )
 

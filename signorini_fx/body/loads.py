@@ -21,7 +21,7 @@ from signorini_fx.body.moduli import lame_coefficients, of_materials, reduced_de
 from signorini_fx.body.rigid_tools import Driven, RigidTools
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.effects.displacement import PrescribedDisplacement
-from signorini_fx.effects.material import initial_strain_forms
+from signorini_fx.effects.material import initial_strain_forms, mixed_strain_form
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
@@ -52,6 +52,8 @@ class AppliedLoad:
         balanced: whether its forces balance each other in each cell, as those of initial strains do.
         section: the section whose shortening multiplies it in place of factors; None: there is none.
         amount: that shortening, length, at a place in the lists of factors.
+        swelling: of an initial strain its work at the owned unknowns of the pressure of a mixed element, volumes; None:
+            its forces say it.
     """
 
     factors: tuple[float, ...]
@@ -65,6 +67,7 @@ class AppliedLoad:
     balanced: bool = False
     section: SectionJump | None = None
     amount: Callable[[float], float] | None = None
+    swelling: npt.NDArray[np.float64] | None = None
 
     def factor(self, place: float) -> float:
         """Its factor at a place in the lists of factors."""
@@ -80,6 +83,11 @@ class AppliedLoad:
     def drives(self) -> bool:
         """Whether it drives tools."""
         return self.driven is not None and bool(self.driven.forces.any() or self.driven.motion.any())
+
+    @property
+    def acting(self) -> npt.NDArray[np.float64]:
+        """Its forces, or ``swelling``."""
+        return self.forces if self.swelling is None else self.swelling
 
     @property
     def pushing(self) -> npt.NDArray[np.float64]:
@@ -315,10 +323,14 @@ def _assembled(
     if turned is not None:
         turned.place(prescribed.x.array.reshape(-1, space.mesh.geometry.dim), loads)
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-    forces = sum((assemble(form) for form in forms), np.zeros(owned))
+    swelling = None
+    if balanced and on.scene.element.volumetric == "mixed":
+        forces, swelling = np.zeros(owned), assemble(forms[0])
+    else:
+        forces = sum((assemble(form) for form in forms), np.zeros(owned))
     # No function that refers to itself: such a cycle keeps the mesh until the garbage collector comes.
     again = partial(_assembled, group, loads, on, supports, names, forms) if timed else None
-    return AppliedLoad(factors, names, forms, forces, prescribed, grows, again, balanced=balanced)
+    return AppliedLoad(factors, names, forms, forces, prescribed, grows, again, balanced=balanced, swelling=swelling)
 
 
 def tool_load(tools: RigidTools, number: int, scene: Scene, space: fem.FunctionSpace, place: float = 0) -> AppliedLoad:
@@ -351,16 +363,21 @@ def _compiled_strains(
     strains: Sequence[InitialStrain], on: FormCoefficients, z: Any
 ) -> tuple[tuple[str, ...], tuple[fem.Form, ...]]:
     mesh, element = on.space.mesh, on.space.element.basix_element.degree
+    name, whole = " + ".join(strain.name for strain in strains), sum(strain.strain(on) for strain in strains)
+    degree, radius = strains[0].degree(element), on.position[0] if on.scene.axisymmetric else None
+    if on.scene.element.volumetric == "mixed":
+        q = ufl.TestFunction(fem.functionspace(mesh, ("Lagrange", 1)))
+        form = mixed_strain_form(q, whole, on.scene.material[0].swelling, degree, radius=radius)
+        return (name,), (on.inventory.compile(name, partial(fem.form, form)),)
     terms = initial_strain_forms(
         z,
-        sum(strain.strain(on) for strain in strains),
+        whole,
         *lame_coefficients(on.scene, on.tagged),
-        strains[0].degree(element),
+        degree,
         reduced_degree(on.scene, mesh),
         directions=on.scene.material[0].directions,
-        radius=on.position[0] if on.scene.axisymmetric else None,
+        radius=radius,
     )
-    name = " + ".join(strain.name for strain in strains)
     names = (name, f"reduced volumetric {name}")[: len(terms)]
     return names, tuple(
         on.inventory.compile(name, partial(fem.form, term)) for name, term in zip(names, terms, strict=True)
@@ -422,7 +439,7 @@ def check_finite(comm: MPI.Comm, loads: list[AppliedLoad]) -> None:
     where = f"an expression is not finite, or larger than {LARGEST:g}, somewhere on its boundary"
     if parallel.any_rank(comm, not all((np.abs(load.start) <= LARGEST).all() for load in loads)):
         problems.append(("displacement", where))
-    elif parallel.any_rank(comm, not all((np.abs(load.forces) <= LARGEST**2).all() for load in loads)):
+    elif parallel.any_rank(comm, not all((np.abs(load.acting) <= LARGEST**2).all() for load in loads)):
         problems.append(("traction, body_force", f"{where} or in the body"))  # stresses times lengths
     if problems:
         raise SceneError(problems)

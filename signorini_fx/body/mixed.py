@@ -2,10 +2,11 @@
 
 With the form of ``effects.material.mixed_forms`` the unknowns (y, p) of the body have
 
-    K = [A B^T; B -C],   b = [f; -B y_D],
+    K = [A B^T; B -C],   b = [f; -B y_D - s],
 
-with C = 0 for nu = 1/2 and the prescribed displacements y_D.  K is symmetric and indefinite.  Contact acts on the
-displacement alone, and what is left of K on its unknowns once all others are eliminated is positive semi-definite.
+with C = 0 for nu = 1/2, the prescribed displacements y_D, and the work s of initial strains.  K is symmetric and
+indefinite.  Contact acts on the displacement alone, and what is left of K on its unknowns once all others are
+eliminated is positive semi-definite.
 
 The unknowns of the pressure are multiples of Young's modulus over the spacing of the nodes.  So the three blocks have
 entries of one size in any units, which a factorisation that does not scale needs.
@@ -41,6 +42,7 @@ class MixedDisplacement(fem.Function):
 
     Attributes:
         hydrostatic: p = -lambda tr(epsilon), for nu = 1/2 minus the mean stress; a stress, positive in compression.
+            With initial strains see ``effects.material.mixed_strain_form``.
     """
 
     def __init__(self, space: fem.FunctionSpace, hydrostatic: fem.Function, name: str = "displacement") -> None:
@@ -163,12 +165,13 @@ class MixedPressure:
         csr = (starts, (columns + joined.getOwnershipRange()[0] - first).astype(PETSc.IntType), values)
         return PETSc.Mat().createAIJ((rows, joined.getSizes()[1]), csr=csr, comm=stiffness.comm)
 
-    def lifted(self, prescribed: fem.Function) -> _Floats:
-        """-B y_D of prescribed displacements, shape (count,)."""
+    def lifted(self, prescribed: fem.Function, swelling: _Floats | None = None) -> _Floats:
+        """-B y_D of prescribed displacements, with the ``swelling`` of a load, see ``AppliedLoad``, shape (count,)."""
         given, found = self.divergence.createVecs()
         given.getArray()[:] = prescribed.x.array[: given.getLocalSize()]
         self.divergence.mult(given, found)
-        return -np.array(found.getArray(readonly=True))
+        lifted = -np.array(found.getArray(readonly=True))
+        return lifted if swelling is None else lifted - self.unit * swelling
 
     def displacement(self, values: _Floats, name: str = "displacement") -> MixedDisplacement:
         """A displacement, zero so far, with the pressure whose owned unknowns are given, shape (count,)."""

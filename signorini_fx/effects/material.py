@@ -109,6 +109,13 @@ class LinearElastic(Effect):
         return sum(self.hooke[: 1 if mixed else 2])
 
     @property
+    def swelling(self) -> float:
+        """3 + 2 mu / lambda = (1 + nu) / nu: by which a strain in all directions enters the constraint of the mixed
+        element, see ``mixed_strain_form``.
+        """
+        return (1 + self.poisson) / self.poisson
+
+    @property
     def directions(self) -> int:
         """In how many directions a strain that is the same in all of them meets the Lame parameters: in plane stress
         it is free out of the plane.
@@ -201,7 +208,6 @@ def _not_mixed(scene: Any) -> Contradictions:
             "'mixed' is of no use in plane stress: nothing locks",
         ),
         (several, element, f"{yet} for several or graded materials, between which the pressure jumps"),
-        (bool(scene.of(InitialStrain)), element, f"{yet} with a temperature, whose strain changes the volume"),
         (bool(scene.of(SectionJump)), element, f"{yet} with a preload"),
         (any(one.against is not None for one in scene.contact), element, f"{yet} for the contact of two bodies"),
         (
@@ -340,6 +346,25 @@ def initial_strain_forms(
     if reduced is None:
         return ((2 * mu + directions * lame) * density * dx,)
     return 2 * mu * density * dx, directions * lame * density * ufl.dx(metadata={"quadrature_degree": reduced})
+
+
+def mixed_strain_form(q: Any, strain: Any, swelling: float, degree: int, *, radius: Any = None) -> Any:
+    """The work of an initial strain e I in the constraint of the mixed element, ((3 + 2 mu / lambda) e, q).
+
+    With the pressure p = 2 mu e - lambda (tr(epsilon) - 3 e) the stress is 2 mu epsilon - p I, as without the strain,
+    which enters the constraint alone: div y + p / lambda = (3 + 2 mu / lambda) e.
+
+    Args:
+        q: test function of the pressure.
+        strain: e, a number.
+        swelling: see ``LinearElastic.swelling``.
+        degree: quadrature degree.
+        radius: see ``elastic_forms``.
+    """
+    import ufl
+
+    around = 1 if radius is None else 2 * math.pi * radius
+    return swelling * strain * q * around * ufl.dx(metadata={"quadrature_degree": degree})
 
 
 def mixed_forms(

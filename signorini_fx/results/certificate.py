@@ -183,8 +183,8 @@ def certify(
         scales,
         stiffest,
         forces.resisted(every),
-        *forces.initial(step, scale),
-        dilation=forces.dilation(displacement) if mixed else None,
+        *forces.initial(step, scale, displacement),
+        dilation=forces.dilation(displacement, step, scale) if mixed else None,
     )
     sides = sides_of(scene, tagged, space, pairs)
     if tractions is not None and tractions.fluid is not None:
@@ -270,8 +270,8 @@ def judged(
     y, x = every[: forces.owned], forces.at_nodes[: forces.owned, :dim]
     works = [np.sum(force * y) for force in (balance.internal, balance.resisted, balance.external, balance.initial)]
     energy, stored, work, expanding = map(float, parallel.global_sum(comm, np.array(works)))
-    strained = max(0.0, energy / 2)
-    strain_energy = left_over(strained, balance.prevented - expanding)
+    strain_energy = max(0.0, left_over(half := energy / 2, balance.prevented - expanding))
+    strained = max(half, strain_energy if balance.dilation is not None else 0.0)  # or its pressure takes of it
     far = _largest(comm, np.linalg.norm(y, axis=1))
     drawn = max((float(np.linalg.norm(tool.translation)) for tool in tools), default=0.0)
     length = max(_deformation(comm, x, y), _ROUND_OFF * max(far, drawn))

@@ -92,8 +92,9 @@ class NodalForces(SurfaceQuadrature):
         (a,) = self.of_materials(lambda one: one.hooke[:1])
         return a, np.zeros(1)
 
-    def dilation(self, displacement: fem.Function) -> tuple[Array, Array]:
-        """The weak form of tr(epsilon) + p / lambda = 0 of a mixed element.
+    def dilation(self, displacement: fem.Function, step: float, scale: float = 1.0) -> tuple[Array, Array]:
+        """The weak form of tr(epsilon) + p / lambda = 0 of a mixed element, with the initial strains of a load step
+        times ``scale``, see ``effects.material.mixed_strain_form``.
 
         Returns:
             The residual with the functions of the pressure, and their integrals, volumes, both with shape (owned
@@ -101,12 +102,16 @@ class NodalForces(SurfaceQuadrature):
         """
         space = hydrostatic_of(displacement).function_space
         _, residual, volume = self._pressed(displacement)
-        return _over_ranks(residual, space), _over_ranks(volume, space)
+        return _over_ranks(residual - self._swollen(displacement, step, scale)[0], space), _over_ranks(volume, space)
 
-    def initial(self, step: float, scale: float = 1.0) -> tuple[Array, float]:
+    def initial(self, step: float, scale: float = 1.0, displacement: fem.Function | None = None) -> tuple[Array, float]:
         """Forces of the stress that initial strains and shortened sections of a load step times ``scale`` cause where
-        they are prevented, shape (owned nodes, d), and its energy.
+        they are prevented, shape (owned nodes, d), and its energy; of a mixed element none, and what strains add to
+        the energy of its ``displacement``.
         """
+        if self.scene.element.volumetric == "mixed":
+            more = 0.0 if displacement is None else self._swollen(displacement, step, scale)[1]
+            return self._zero()[: self.owned], float(parallel.global_sum(self.tagged.mesh.comm, np.array(more)))
         found, energy = self.strained(step, scale)
         for effect, beyond, jump in self.sections():
             jump = scale * effect.shortening_at(self.scene, step) * jump
@@ -129,18 +134,46 @@ class NodalForces(SurfaceQuadrature):
 
     def strained(self, step: float, scale: float = 1.0) -> tuple[Array, float]:
         """``initial`` of initial strains alone."""
+        strain, degree = self._strain(step, scale)
+        if strain is None:
+            return np.zeros((self.owned, self.dimension)), 0.0
+        forces, energy = self._stress_work(self._zero(), degree, strain)
+        return -self.over_ranks(forces), float(parallel.global_sum(self.tagged.mesh.comm, np.array(energy)))
+
+    def _strain(self, step: float, scale: float) -> tuple[Callable[[Facets], Array] | None, int]:
+        """What gives the initial strains of a load step times ``scale`` at points, shape (f, q), None without any, and
+        the degree of their quadrature.
+        """
         strains = [strain for strain in self.scene.of(InitialStrain) if strain.acts]
         if not strains:
-            return np.zeros((self.owned, self.dimension)), 0.0
-        degree = strains[0].degree(self.scene.element.degree)
+            return None, 0
         moved = [(scale * factor, now) for factor, now in (self.scene.now(strain, step) for strain in strains)]
 
         def strain(part: Facets) -> Array:
             points = QuadraturePoints(self, part, np.empty(0), self._zero())
             return sum((factor * now.strain_at(points) for factor, now in moved), np.zeros(1))
 
-        forces, energy = self._stress_work(self._zero(), degree, strain)
-        return -self.over_ranks(forces), float(parallel.global_sum(self.tagged.mesh.comm, np.array(energy)))
+        return strain, strains[0].degree(self.scene.element.degree)
+
+    def _swollen(self, displacement: fem.Function, step: float, scale: float) -> tuple[Array, float]:
+        """The work of the initial strains e in the constraint of a mixed element, k (e, q), shape (vertices,), and what
+        they add to a(y, y) / 2 for the energy of the stress, k (e, p) / 2 - mu k (e, e), on this rank alone.
+        """
+        pressure, material = hydrostatic_of(displacement), self.scene.material[0]
+        corners, p = pressure.function_space.dofmap.list, pressure.x.array
+        found, energy, (strain, degree) = np.zeros_like(p), 0.0, self._strain(step, scale)
+        if strain is None:
+            return found, energy
+        hat = basix.create_element(basix.ElementFamily.P, self._cell, 1).tabulate(
+            0, basix.make_quadrature(self._cell, degree)[0]
+        )[0, ..., 0]
+        mu = material.young / (2 * (1 + material.poisson))
+        for part, size in self._cells(degree):
+            own, at = strain(part), corners[part.cells]
+            weighted = material.swelling * size * self._around(part) * own
+            np.add.at(found, at, weighted @ hat)
+            energy += float(np.sum(weighted * (p[at] @ hat.T / 2 - mu * own)))
+        return found, energy
 
     def resisted(self, displacement: Array, some: Sequence[Resistance] | None = None) -> Array:
         """What resists nodal displacements with ghosts, shape (nodes, d), on the boundary: all of it, or some; forces,
@@ -159,7 +192,7 @@ class NodalForces(SurfaceQuadrature):
     def stored(self, displacement: fem.Function, step: float) -> float:
         """The energy of the stress, which is that of the strains without the initial ones, per thickness."""
         y = displacement.x.array.reshape(-1, self.dimension)
-        forces, energy = self.initial(step)
+        forces, energy = self.initial(step, displacement=displacement)
         strained = self.strain_energy(displacement)
         work = float(parallel.global_sum(self.tagged.mesh.comm, np.sum(forces * y[: self.owned])))
         return left_over(strained, energy - work)
@@ -404,4 +437,4 @@ def _over_ranks(values: Array, space: fem.FunctionSpace) -> Array:
 def left_over(strained: float, initial: float) -> float:
     """The energy of the stress from that of the strains and what initial strains take of it; round-off is none."""
     found = strained + initial
-    return found if found > _ROUND_OFF * strained or initial == 0.0 else 0.0
+    return found if found > _ROUND_OFF * abs(strained) or initial == 0.0 else 0.0
