@@ -1634,6 +1634,20 @@ MUTANTS = (
     ),
     Mutant(
         "solving/nested",
+        "side * sliding, side * sheared",
+        "sliding, sheared",
+        "slip and shear of the other side of a pair carried over with their sign",
+        tests=("accuracy_of_bodies::test_sides_that_change_between_levels",),
+    ),
+    Mutant(
+        "accuracy/contact_values",
+        "values[own] = np.where(distance < nearest[own], there, values[own])",
+        "values[own] = column[node]",
+        "pressures of meshes compared with those of the nearest node",
+        tests=("accuracy_of_bodies::test_pressures_are_compared_by_place",),
+    ),
+    Mutant(
+        "solving/nested",
         "np.divide(most, far, out=np.zeros_like(far), where=far > 0)",
         "np.divide(far, most, out=np.zeros_like(far), where=most > 0)",
         "space: slip over shear is carried over, not shear over slip",

@@ -130,7 +130,13 @@ def test_neighbours_at_the_same_distance():
         count = len(x)
         tangents = np.broadcast_to(plane, (count, 3, 2))
         return SimpleNamespace(
-            part=np.zeros(count), x=x, tangents=tangents, cotangents=tangents, size=count, comm=MPI.COMM_SELF
+            part=np.zeros(count),
+            x=x,
+            normal=np.tile([0.0, 0.0, 1.0], (count, 1)),
+            tangents=tangents,
+            cotangents=tangents,
+            size=count,
+            comm=MPI.COMM_SELF,
         )
 
     def of(order):

@@ -192,7 +192,10 @@ ONE = {"generator": "rectangle", "parameters": {"nx": 2, "ny": 2}}
         ({"body": [{"name": "a"}]}, r"body\[0\].mesh: is missing"),
         ({"body": {"name": "a", "mesh": {}}}, "body.mesh: give either file or generator"),
         ({"body": {"name": "a", "mesh": ONE, "turn": 1}}, "body.turn: unknown key"),
-        ({"body": {"name": "a", "mesh": ONE}, "accuracy": {"target": 0.1}}, "accuracy: is not possible yet"),
+        (
+            {"body": {"name": "a", "mesh": ONE}, "accuracy": {"target": 0.1, "refinement": "adaptive"}},
+            r"accuracy.refinement: is not possible for several \[\[body\]\]",
+        ),
         ({"body": {"name": "a", "mesh": ONE, "shift": [0, 0, 1]}}, r"body\[0\].shift: the mesh is plane: give 2"),
         ({"body": {"name": "a", "mesh": ONE, "rotation": [0, 0, 1]}}, r"body\[0\].rotation: the mesh is plane"),
         ({"body": {"name": "a", "mesh": {"generator": "blob"}}}, r"body\[0\].mesh.generator: no generator 'blob'"),

@@ -17,7 +17,8 @@ from tests.scenes import alone, example1
 def table(s, pressure):
     """A straight boundary with these pressures."""
     s, pressure = np.asarray(s, dtype=float), np.asarray(pressure, dtype=float)
-    return ContactTable({"s": s, "pressure": pressure, "weight": np.full(s.size, 1.0)}, [range(s.size)])
+    columns = {"s": s, "x": s, "y": np.zeros(s.size), "pressure": pressure, "weight": np.full(s.size, 1.0)}
+    return ContactTable(columns, [range(s.size)])
 
 
 def test_zone_ends_of_a_square_root_profile():

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 from mpi4py import MPI
 
 from signorini_fx import compat
-from signorini_fx.errors import SceneError
+from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.gmsh_files import DRAWN
 from signorini_fx.mesh.files.shape import STRAIGHT
 from signorini_fx.mesh.refinement import check_divisible
 from signorini_fx.mesh.tagged import (
+    TaggedMesh,
     curvature,
     curved_parameters,
     generated_cell,
@@ -62,8 +63,11 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
     if goal.refinement == "adaptive" and goal.of == "peak":
         message = "the largest pressure has no estimate on meshes that are divided in some places only: use 'uniform'"
         raise SceneError([("accuracy.refinement", message)])
+    given = goal
     if any(effect.against is not None for effect in scene.contact):  # see ``Contact.contradictions``
         goal = goal.model_copy(update={"refinement": "uniform"})
+    if scene.body:
+        return _planned_bodies(scene, given, comm)
     if isinstance(scene.mesh, MeshGenerator):
         return _planned_generator(scene, goal)
     if isinstance(scene.mesh, MeshFile):
@@ -74,6 +78,43 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
     if tagged.dimension == 3 or goal.refinement != "auto" or goal.of not in LOCAL:
         return Plan(scene, _divides(goal, tagged.dimension == 3), replaced=False, polygonal=True)
     return Plan(_of_degree_2(scene), adaptive=True, replaced=scene.element.degree != 2, polygonal=True)
+
+
+def _planned_bodies(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
+    """All cells of all bodies become smaller together; those of generators with arcs are as for one body.
+
+    Raises:
+        MeshError: a mesh from the caller cannot be divided; the message names the body.
+    """
+    for body in scene.body:
+        if isinstance(body.mesh, TaggedMesh):
+            try:
+                check_divisible(body.mesh)
+            except MeshError as error:
+                raise MeshError(f"body {body.name!r}: {error}") from None
+    polygonal = any(
+        isinstance(body.mesh, TaggedMesh)
+        or (isinstance(body.mesh, MeshFile) and body.mesh.file.suffix.lower() not in DRAWN)
+        for body in scene.body
+    )
+    better = _with_curved_bodies(scene) if goal.refinement == "auto" and goal.of in LOCAL else scene
+    replaced = (better.element, better.body) != (scene.element, scene.body)
+    return Plan(better, adaptive=False, replaced=replaced, polygonal=polygonal)
+
+
+def _with_curved_bodies(scene: Scene) -> Scene:
+    """In the plane with elements and cells of degree 2, if generators with arcs make all bodies; else as it is."""
+    curved = []
+    for body in scene.body:
+        if not isinstance(body.mesh, MeshGenerator):
+            return scene
+        name, given = body.mesh.generator, body.mesh.parameters
+        parameters = curved_parameters(name, given)
+        if parameters is None or generated_cell(name, given) in ("tetrahedron", "hexahedron"):
+            return scene
+        mesh = MeshGenerator(generator=name, parameters=parameters)
+        curved.append(body.model_copy(update={"mesh": mesh}))
+    return _of_degree_2(scene).model_copy(update={"body": tuple(curved)})
 
 
 def _divides(goal: Accuracy, able: bool) -> bool:

@@ -21,6 +21,7 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.contact_surface import ContactSurface
+from signorini_fx.accuracy.contact_values import interpolated, places
 from signorini_fx.accuracy.forecast import grown, powers
 from signorini_fx.accuracy.pressure_error import peak_of, roughness_at_peak
 from signorini_fx.body.contact_table import ContactTable, is_closed
@@ -275,10 +276,11 @@ def zone_change(coarse: ContactTable, fine: ContactTable) -> float | None:
             float(np.sum(table.columns["weight"][table.columns["pressure"] > 0])) for table in (coarse, fine)
         )
         return abs(after - before) / after if after > 0 else None
-    ends_c, ends_f = zone_ends(coarse), zone_ends(fine)
-    length = float(sum(abs(b - a) for a, b in zip(ends_f[::2], ends_f[1::2], strict=True)))
-    comparable = len(ends_c) == len(ends_f) > 0 and length > 0
-    return float(np.abs(np.subtract(ends_f, ends_c)).max()) / length if comparable else None
+    ends_c, ends_f = _ends(coarse), _ends(fine)
+    length = float(np.abs(np.diff(ends_f[:, :, 0])).sum())
+    if ends_c.shape != ends_f.shape or length == 0:
+        return None
+    return float(np.linalg.norm((ends_f - ends_c)[:, :, 1:], axis=2).max()) / length
 
 
 def border_of(table: ContactTable) -> float | None:
@@ -296,55 +298,40 @@ def border_of(table: ContactTable) -> float | None:
 def ends_of_zones(table: ContactTable) -> float | None:
     """In the plane: the longest interval in which the contact ends, relative to its length; None if it has no ends."""
     length = longest = 0.0
-    for s, _, start, stop in _zones(table):
+    for _, s, _, start, stop in _zones(table):
         length += s[stop] - s[start]
         beyond = [k for k in (start - 1, stop) if 0 <= k < len(s) - 1]
         longest = max([longest, *(float(s[k + 1] - s[k]) for k in beyond)])
     return longest / length if length > 0 and longest > 0 else None
 
 
-def _zones(table: ContactTable) -> Iterator[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], int, int]]:
-    """Arc length and pressure along the boundary of each contact zone with ends, and where among them these are."""
+def _zones(table: ContactTable) -> Iterator[tuple[Any, npt.NDArray[np.float64], npt.NDArray[np.float64], int, int]]:
+    """Rows, arc length and pressure along the boundary of each contact zone with ends, and where these are in them."""
     pressure = table.columns["pressure"]
     for path, first, last in table.runs(pressure > 0):
         if is_closed(path) and (pressure[path] > 0).all():
             continue
         rows, s, own = table.unrolled(path)
         start, stop = (own.start + int(np.flatnonzero(path == row)[0]) for row in (first, last))
-        yield s, pressure[rows], start, stop + (own.stop - own.start) * (stop < start)
-
-
-def interpolated(coarse: ContactTable, fine: ContactTable, name: str) -> npt.NDArray[np.float64]:
-    """A column of the coarse table at the nodes of the fine one, interpolated along each piece of the boundary."""
-    if fine.facets is not None:
-        return _interpolated_in_space(coarse, fine, name)
-    values = np.zeros(fine.columns["s"].size)
-    for rows, old in zip(fine.paths, coarse.paths, strict=False):
-        values[rows] = np.interp(fine.arc(rows), coarse.arc(old), coarse.columns[name][old])
-    return values
-
-
-def _interpolated_in_space(coarse: ContactTable, fine: ContactTable, name: str) -> npt.NDArray[np.float64]:
-    surface, c = ContactSurface.of(coarse), fine.columns
-    x = np.column_stack([c[axis] for axis in "xyz"])
-    values = np.zeros(len(x))
-    assert fine.nodes is not None
-    for part in np.unique(surface.part):
-        own = fine.nodes[:, 0] == part
-        values[own] = surface.at(x[own], coarse.columns[name][:, None], int(part))[:, 0]
-    return values
+        yield rows, s, pressure[rows], start, stop + (own.stop - own.start) * (stop < start)
 
 
 def zone_ends(table: ContactTable) -> list[float]:
-    """Ends of the contact zones along the boundary, length, start and end of each zone in turn.
+    """Ends of the contact zones along the boundary, length, start and end of each zone in turn."""
+    return [float(end) for end in _ends(table)[:, :, 0].ravel()]
+
+
+def _ends(table: ContactTable) -> npt.NDArray[np.float64]:
+    """Start and end of each contact zone: arc length and position there, length, shape (zones, 2, 3).
 
     Between the last node in contact and the next one the pressure falls like the square root of the distance to the
     end, so its square is extrapolated linearly.
     """
-    ends: list[float] = []
-    for s, p, start, stop in _zones(table):
-        ends += [_end(s, p, start, -1, stop), _end(s, p, stop, 1, start)]
-    return ends
+    found, x = [], places(table)
+    for rows, s, p, start, stop in _zones(table):
+        ends = [_end(s, p, start, -1, stop), _end(s, p, stop, 1, start)]
+        found.append([[end, *(np.interp(end, s, axis) for axis in x[rows].T)] for end in ends])
+    return np.array(found).reshape(-1, 2, 3)
 
 
 def _end(s: npt.NDArray[np.float64], p: npt.NDArray[np.float64], row: int, step: int, other: int) -> float:

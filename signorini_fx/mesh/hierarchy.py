@@ -1,12 +1,17 @@
-"""The meshes of one generator from coarse to fine: a scene on larger cells."""
+"""The meshes of a scene from coarse to fine: the scene on larger or smaller cells, those of all bodies alike."""
 
 from __future__ import annotations
 
 from itertools import pairwise
 from typing import Any
 
-from signorini_fx.mesh.tagged import coarser_parameters
-from signorini_fx.scene.model import MeshGenerator, Scene
+from mpi4py import MPI
+
+from signorini_fx.errors import MeshError
+from signorini_fx.mesh.files.gmsh_files import DRAWN
+from signorini_fx.mesh.refinement import refine
+from signorini_fx.mesh.tagged import coarser_parameters, load_file
+from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene
 
 
 def scene_on(scene: Scene, factor: float) -> Scene:
@@ -27,6 +32,34 @@ def _mesh_on(mesh: Any, factor: float) -> MeshGenerator:
     return MeshGenerator(
         generator=mesh.generator, parameters=coarser_parameters(mesh.generator, mesh.parameters, factor)
     )
+
+
+def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
+    """The scene with the sides of all cells of all of its bodies halved that many times; collective.
+
+    Generators and drawings make new cells on the true shape, cells of other files are divided on their own geometry,
+    and those of a mesh from the caller as ``refine`` does it.
+
+    Raises:
+        SceneError: a generator cannot make such a mesh.
+        MeshError: a mesh cannot be divided; the message names the body.
+    """
+    halved = []
+    for body in scene.body:
+        mesh: Any = body.mesh
+        if isinstance(mesh, MeshGenerator):
+            mesh = _mesh_on(mesh, 0.5**halvings)
+        elif isinstance(mesh, MeshFile):
+            curved = scene.element.degree == 2 and mesh.file.suffix.lower() in DRAWN  # as without a requested accuracy
+            mesh = load_file(mesh, comm, halvings, degree=2 if curved else None)
+        else:
+            try:
+                for _ in range(halvings):
+                    mesh = refine(mesh)
+            except MeshError as error:
+                raise MeshError(f"body {body.name!r}: {error}") from None
+        halved.append(body.model_copy(update={"mesh": mesh}))
+    return scene.model_copy(update={"body": tuple(halved)})
 
 
 def coarser_scenes(scene: Scene, levels: int) -> list[Scene]:

@@ -211,8 +211,11 @@ class Scene(Table):
         for place, name in enumerate(names):
             if name in names[:place]:
                 yield ("body", place, "name"), f"two bodies are called {name!r}"
-        if self.body and self.accuracy is not None:
-            yield ("accuracy",), "is not possible yet for several [[body]]: their meshes are not refined together"
+        if self.body and self.accuracy is not None and self.accuracy.refinement == "adaptive":
+            reason = (
+                "is not possible for several [[body]], each of which is made anew with smaller cells: use 'uniform'"
+            )
+            yield ("accuracy", "refinement"), reason
         if self.accuracy is not None and not self.contact:
             yield ("accuracy",), "needs a scene with contact"
         if len({len(load.factors) for load in self.loads if load.factors is not None}) > 1:

@@ -30,6 +30,7 @@ def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets,
         np.einsum("ijk,ik->ij", tangents, coarse.shear),
         length(coarse.slip_length),
         coarse.bound,
+        boundary.normal,
     ]
     dim = boundary.x.shape[1]
     rows = parallel.gather_rows(boundary.comm, np.column_stack(state))
@@ -47,8 +48,13 @@ def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets,
         distance, nearest = (a.reshape(-1, count) for a in places.query(fine.x[here], count))
         share = distance[:, ::-1] / np.maximum(distance.sum(axis=1, keepdims=True), 1e-300) if count == 2 else 1.0
         near = (distance <= MIDDLE_RATIO * distance[:, :1]) | (np.arange(count) == 0)
-        columns = np.cumsum((1, 1, dim, dim, 1))
-        touching, load, sliding, sheared, slipped, bound = np.split(there[nearest][:, :, 1 + dim :], columns, axis=2)
+        columns = np.cumsum((1, 1, dim, dim, 1, 1))
+        touching, load, sliding, sheared, slipped, bound, normal = np.split(
+            there[nearest][:, :, 1 + dim :], columns, axis=2
+        )
+        # Between two bodies the points may have changed sides, and what one does to the other has the other sign.
+        side = np.where(np.einsum("ijk,ik->ij", normal, fine.normal[here]) < 0, -1.0, 1.0)[:, :, None]
+        sliding, sheared = side * sliding, side * sheared
         contact[here] = (near & (touching[:, :, 0] > 0)).any(axis=1)
         sliding = np.where(near[:, :, None], sliding, sliding[:, :1])
         together = (np.einsum("ijk,ik->ij", sliding, sliding[:, 0]) > 0).all(axis=1)

@@ -177,6 +177,7 @@ def _solve_nested(
     state: ContactState | None = None
     coarser: MeshLevel | None = None
     levels: list[LevelResult] = []
+    sides: tuple[list[str], list[str | None] | None] | None = None
     for number, scene in enumerate(scenes):
         history.move(mesh=number + 1, meshes=len(scenes), dofs=0)
         if levels:
@@ -187,6 +188,10 @@ def _solve_nested(
         kept = None if stored is None else Kept(stored, number)
         solved = solve_level(scene, comm, history, state, number, coarser, kept)
         solution, state = solved.solution, None
+        if levels and solution.scene.sides != sides:
+            history.add("the price list begins here: on the coarser meshes the contact points are on other boundaries")
+            levels.clear()
+        sides = solution.scene.sides
         coarser = solution.discretisation.level(coarser, solution.displacement)
         if solution.converged:
             state = solution.steps[0].contact  # the next mesh begins with the same load step

@@ -33,7 +33,7 @@ from signorini_fx.algorithms.task import Outcome, Task
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.display import duration
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh.hierarchy import scene_on
+from signorini_fx.mesh.hierarchy import scene_on, with_halved_bodies
 from signorini_fx.mesh.refinement import cells_at, mark, refine
 from signorini_fx.mesh.tagged import (
     TaggedMesh,
@@ -41,7 +41,7 @@ from signorini_fx.mesh.tagged import (
 )
 from signorini_fx.records import Status
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene
+from signorini_fx.scene.model import MeshFile, Scene
 from signorini_fx.scene.settings import Accuracy
 from signorini_fx.tuned import (
     BULK,
@@ -131,7 +131,9 @@ def solve_to_accuracy(
             return replace(last, status=Status.OUT_OF_REACH)
         if level is None or task is None or outcome is None:
             return replace(solution, levels=tuple(levels))
-        if meshes.polygonal and not levels:
+        if not levels:
+            meshes.keep_sides(solution.scene)
+        if meshes.polygonal and (not levels or scene.body):  # with several bodies, some may be made anew on true arcs
             polygon = polygon_error(level.table, max(material.plane_modulus for material in scene.material))
         state = solution.steps[0].contact
         seconds = parallel.clock(comm) - before + meshes.seconds
@@ -274,13 +276,15 @@ class Meshes:
         self._regularised = self._given
         settings = self._given.solver
         automatic = (settings.algorithm, settings.gamma_n, settings.gamma_t) == ("auto", "auto", "auto")
-        if (goal.of == "pressure" or goal.certified) and automatic:
-            # The regularisation smears the pressure at a corner over a length that hardly depends on the mesh.
+        paired = scene.sides[1] is not None
+        if (goal.of == "pressure" or goal.certified) and automatic and not paired:
+            # The regularisation smears the pressure at a corner over a length that hardly depends on the mesh.  Between
+            # two bodies "exact" is not possible.
             solver = settings.model_copy(update={"algorithm": "exact"})
             self._given = self._given.model_copy(update={"solver": solver})
         self.degree: int = self._given.element.degree
         self.replaced: str = f"degree {self.degree}, {how}" if self._plan.replaced else ""
-        self._generated = isinstance(self._given.mesh, MeshGenerator)
+        self._generated = self._given.generated
         self.any_jump: bool = self._generated and not self.adaptive
         self._file = self._given.mesh if isinstance(self._given.mesh, MeshFile) else None
         self._coarsest, self._divisions, self._halvings = self._coarsest_factor(), 1, 0
@@ -297,11 +301,29 @@ class Meshes:
             factor /= 2
         return factor
 
+    def keep_sides(self, solved: Scene) -> None:
+        """Leave the contact points of pairs on the sides that were chosen on the first mesh: forces have their sign."""
+        if solved.sides[1] is None:
+            return
+        contacts = [
+            one if one.against is None else one.model_copy(update={"points": "boundary"}) for one in solved.contact
+        ]
+        kept = {"contact": tuple(contacts)}
+        self.scene, self._given, self._regularised = (
+            one.model_copy(update=kept) for one in (self.scene, self._given, self._regularised)
+        )
+
     def first(self, solve_on: Callable[[Scene, ContactState | None, int], Solved]) -> Solved:
-        """Solve on the coarsest mesh that has all boundaries of the scene's own mesh."""
+        """Solve on the coarsest mesh that has all boundaries of the scene's own mesh.
+
+        Straight facets of two bodies that fit each other may be so far apart on it that there is no solution.
+        """
         while True:
             try:
-                return solve_on(self.scene, None, 0)
+                solved = solve_on(self.scene, None, 0)
+                apart = solved.level is None and self._given.sides[1] is not None and not solved.solution.history.late
+                if not apart or not self._generated or self._coarsest <= 1:
+                    return solved
             except (SceneError, MeshError):
                 if not self._generated or self._coarsest <= 1:
                     raise
@@ -344,13 +366,13 @@ class Meshes:
     def refine(self, solved: Solved, excess: float, jump: float) -> None:
         """Make the next mesh."""
         begin = parallel.clock(self._comm)
-        if self._file is not None:
+        if self._file is not None or (self._given.body and not self._generated):
             self._halvings += 1
-            self.scene = self.scene.model_copy(update={"mesh": self._scene().mesh})
+            self._change_meshes()
         elif self.any_jump:
             # Whole multiples of the coarsest mesh keep its nodes, where loads may jump.
             self._divisions = max(ceil(self._divisions * jump - 1e-9), self._divisions + 1)
-            self.scene = self.scene.model_copy(update={"mesh": self._scene().mesh})
+            self._change_meshes()
         else:
             cells = None
             if self.adaptive:
@@ -400,10 +422,17 @@ class Meshes:
         solver = settings.model_copy(update=update)
         self.scene = self.scene.model_copy(update={"solver": solver})
 
+    def _change_meshes(self) -> None:
+        """Give the scene the mesh, or the bodies, with the current divisions."""
+        made = self._scene()
+        self.scene = self.scene.model_copy(update={"mesh": made.mesh, "body": made.body})
+
     def _scene(self) -> Scene:
         """The scene on the mesh with the current divisions."""
         if self._file is not None:
             given, halvings, degree = self._given, self._halvings, self._plan.geometry
             tagged = load_file(self._file, self._comm, halvings, degree, given.sections)
             return self._given.model_copy(update={"mesh": tagged})
-        return scene_on(self._given, self._coarsest / self._divisions) if self._generated else self._given
+        if self._generated:
+            return scene_on(self._given, self._coarsest / self._divisions)
+        return with_halved_bodies(self._given, self._halvings, self._comm) if self._given.body else self._given

@@ -16,7 +16,8 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from signorini_fx import compat
-from signorini_fx.accuracy.price_list import interpolated, zone_change
+from signorini_fx.accuracy.contact_values import interpolated
+from signorini_fx.accuracy.price_list import zone_change
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.element_stress import compliance, element_stress
 from signorini_fx.errors import SceneError

@@ -1,0 +1,207 @@
+"""A requested accuracy where several bodies have meshes of their own: all are made again, with smaller cells."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from signorini_fx import MeshError, SceneError, Status, solve
+from signorini_fx.accuracy.contact_values import interpolated
+from signorini_fx.accuracy.price_list import zone_change
+from signorini_fx.body.contact_table import ContactTable
+from signorini_fx.mesh.files.formats import read_file, write_file
+from signorini_fx.mesh.tagged import generate_mesh
+from signorini_fx.scene.reading import parse_scene
+
+WORLD = MPI.COMM_WORLD
+YOUNG, RADII = (200.0, 300.0), (8.0, 12.0)
+
+
+def cylinders(goal, *, length=1.0, force=1.0, friction=None, push=0.0, **more):
+    """Two cylinders of linear elements that are pressed together by 0.05, and pushed, in any units."""
+    stress = force / length**2
+    bodies = [
+        {
+            "name": name,
+            "mesh": {
+                "generator": "half_disk",
+                "parameters": {
+                    "radius": radius * length,
+                    "contact_size": size * length,
+                    "size": length,
+                    "contact_zone": 0.8 * length,
+                },
+            },
+            "rotation": turn,
+        }
+        for name, radius, size, turn in zip(("upper", "lower"), RADII, (0.1, 0.08), (0.0, 180.0), strict=True)
+    ]
+    return parse_scene(
+        {
+            "body": bodies,
+            "material": [
+                {"young": young * stress, "poisson": 0.3, "region": one["name"]}
+                for young, one in zip(YOUNG, bodies, strict=True)
+            ],
+            "displacement": [
+                {"boundary": "lower.top", "x": 0.0, "y": 0.0},
+                {"boundary": "upper.top", "x": push * length, "y": -0.05 * length},
+            ],
+            "contact": {"boundary": "upper.arc", "against": "lower.arc", "friction": friction or {"law": "none"}},
+            "accuracy": goal,
+            **more,
+        }
+    )
+
+
+def peak_of_hertz(force):
+    """The largest pressure of two cylinders by the formulae of half-spaces."""
+    stiffness, radius = 1 / sum((1 - 0.3**2) / young for young in YOUNG), 1 / sum(1 / one for one in RADII)
+    half = np.sqrt(4 * force * radius / (np.pi * stiffness))
+    return 2 * force / (np.pi * half)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("friction", [None, {"law": "tresca", "bound": 0.3}, {"law": "coulomb", "coefficient": 0.3}])
+def test_two_cylinders(friction):
+    """Curved cells of degree 2 on both, finer from mesh to mesh, up to Hertz's peak for the force; friction carries
+    what its law allows at most.
+    """
+    goal = {"target": 0.1, "of": "energy"}
+    found = solve(cylinders(goal, friction=friction, push=0.03 if friction else 0.0), WORLD)
+    assert found.status is Status.CONVERGED
+    assert found.scene.element.degree == 2
+    dofs = [level.dofs for level in found.levels]
+    assert dofs == sorted(set(dofs))
+    assert 1.4 * found.price_list[-2].energy <= 0.1
+    table = found.table.columns
+    assert table["pressure"].max() == pytest.approx(peak_of_hertz(abs(found.contact.forces[0][1])), rel=0.02)
+    most = 0.3 * (table["pressure"] if friction and friction["law"] == "coulomb" else np.ones_like(table["pressure"]))
+    assert (np.abs(table["shear"]) <= (0.0 if friction is None else 1.0001) * most + 1e-9).all()
+    assert (np.abs(table["shear"]).max() > 0.29) == (friction is not None)
+
+
+def test_units():
+    """The same meshes, errors and steps where lengths are micrometres and forces giganewtons."""
+    goal = {"target": 0.2, "of": "energy"}
+    one, other = (solve(cylinders(goal, length=a, force=b), MPI.COMM_SELF) for a, b in ((1.0, 1.0), (1e-6, 1e9)))
+    assert [level.dofs for level in one.levels] == [level.dofs for level in other.levels]
+    for name in ("energy", "pressure", "force", "zone", "peak"):
+        assert getattr(other.price_list[-2], name) == pytest.approx(getattr(one.price_list[-2], name), rel=1e-4)
+
+
+def block(count, **more):
+    return {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": count, "ny": count, **more}}
+
+
+def stacked(meshes, **more):
+    """Two blocks, the upper one on the lower one."""
+    lower, upper = meshes
+    return parse_scene(
+        {
+            "body": [{"name": "lower", "mesh": lower}, {"name": "upper", "mesh": upper, "shift": [0.0, 1.0]}],
+            "material": {"young": 100.0, "poisson": 0.3},
+            "displacement": [{"boundary": "lower.bottom", "y": 0.0}, {"boundary": "lower.left", "x": 0.0}],
+            "traction": [{"boundary": "upper.top", "y": -0.3}],
+            "contact": {"boundary": "lower.top", "against": "upper.bottom"},
+            **more,
+        }
+    )
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("kind", ["unilateral", "bonded"])
+def test_patch(kind):
+    """A uniform pressure has no error on any mesh."""
+    more = {"displacement": [{"boundary": "lower.bottom", "y": 0.0}]}
+    more["displacement"] += [{"boundary": name, "x": 0.0} for name in ("lower.left", "upper.left")]
+    more["contact"] = {"boundary": "lower.top", "against": "upper.bottom", "kind": kind}
+    more["solver"] = {"gamma_n": 1e9}
+    found = solve(stacked((block(8), block(12)), accuracy={"target": 0.01}, **more), WORLD)
+    assert [level.dofs for level in found.levels] == [2 * (9 + 16), 2 * (25 + 49)]
+    np.testing.assert_allclose(found.contact.pressure, 0.3, rtol=1e-6)
+    assert found.price_list[-2].energy < 1e-6
+    assert found.price_list[-2].pressure < 1e-6
+
+
+def test_bodies_of_different_origin(tmp_path):
+    """The cells of a file and of a mesh from the caller are halved where the generator of another body makes smaller
+    ones, and the names stay.
+    """
+    cells = {"cell": "triangle"}
+    written = generate_mesh("rectangle", {"nx": 2, "ny": 2, "length": 1.0, "height": 1.0, **cells}, MPI.COMM_SELF)
+    (tmp_path / "block.geo").write_text(BLOCK)
+    write_file(read_file(tmp_path / "block.geo"), tmp_path / "block.msh")
+    more = {
+        "displacement": [{"boundary": "lower.bottom", "x": 0.0, "y": 0.0}],
+        "contact": {"boundary": "lower.top", "against": "upper.bottom", "kind": "bonded"},
+        "accuracy": {"target": 0.2},
+    }
+    file = {"file": str(tmp_path / "block.msh")}
+    for meshes in ((written, block(3, **cells)), (block(2, **cells), file)):
+        found = solve(stacked(meshes, **more), MPI.COMM_SELF)
+        cells_of = [level.dofs for level in found.levels]
+        assert len(cells_of) >= 2
+        assert cells_of[1] > 2.5 * cells_of[0]
+        assert found.price_list[-2].energy < 0.2
+        assert found.discretisation.tagged.origin["bodies"].keys() == {"lower", "upper"}
+
+
+BLOCK = """Point(1) = {0, 0, 0}; Point(2) = {1, 0, 0}; Point(3) = {1, 1, 0}; Point(4) = {0, 1, 0};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
+Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
+Physical Curve("bottom") = {1}; Physical Curve("top") = {3}; Physical Surface("body") = {1};
+Mesh.MeshSizeMax = 0.3;
+"""
+
+
+def test_what_cannot_be_divided():
+    """Quadrilaterals from the caller are refused, with the name of the body, before anything is solved."""
+    own = generate_mesh("rectangle", {"nx": 2, "ny": 2}, MPI.COMM_SELF)
+    with pytest.raises(MeshError, match="body 'upper': only triangles can be refined"):
+        solve(stacked((block(2), own), accuracy={"target": 0.1}), MPI.COMM_SELF)
+    with pytest.raises(SceneError, match="use 'uniform'"):
+        stacked((block(2), block(2)), accuracy={"target": 0.1, "refinement": "adaptive"})
+
+
+@pytest.mark.mpi
+def test_sides_that_change_between_levels():
+    """With 5 and 6 cells the points are on one side, with 10 and 13 on the other: what is compared has one sign, and
+    the start is that of the right side, so that few solves are left.
+    """
+    more = {
+        "displacement": [{"boundary": "lower.bottom", "x": 0.0, "y": 0.0}],
+        "traction": [{"boundary": "upper.top", "x": 0.05, "y": "-0.3 * (1 + x[0])"}],
+        "contact": {
+            "boundary": "lower.top",
+            "against": "upper.bottom",
+            "friction": {"law": "coulomb", "coefficient": 0.3},
+        },
+    }
+    found = solve(stacked((block(10), block(13)), solver={"levels": 2}, **more), WORLD)
+    assert found.scene.contact[0].boundary == "upper.bottom"
+    assert not found.price_list
+    assert any("the price list begins here" in event for event in found.history.events)
+    assert found.levels[-1].linear_solves <= 3
+    goal = {"target": 0.2, "of": "energy"}
+    found = solve(stacked((block(10), block(13)), accuracy=goal, **more), WORLD)
+    forces = [level.force[1] for level in found.levels]
+    np.testing.assert_allclose(forces, forces[0], rtol=1e-6)
+
+
+def arc(count, first=0.0):
+    """A pressure around the lowest point of a circle of radius 8, from the angle ``first`` on, at so many nodes."""
+    angle = np.linspace(first, np.pi, count)
+    x, y = 8 * np.cos(angle), -8 * np.sin(angle)
+    steps = np.hypot(np.diff(x), np.diff(y))
+    pressure = np.sqrt(np.maximum(1 - (x / 2) ** 2, 0.0))
+    columns = {"x": x, "y": y, "s": np.append(0.0, np.cumsum(steps)), "pressure": pressure}
+    return ContactTable({**columns, "boundary": np.full(count, "arc"), "weight": np.ones(count)}, [range(count)])
+
+
+def test_pressures_are_compared_by_place():
+    """Where a piece begins elsewhere, and where a polygon is shorter than the next one, nothing moves."""
+    fine = arc(801)
+    for coarse in (arc(201), arc(201, first=0.3)):
+        away = interpolated(coarse, fine, "pressure") - fine.columns["pressure"]
+        assert np.sqrt(np.mean(away**2) / np.mean(fine.columns["pressure"] ** 2)) < 0.02
+        assert zone_change(coarse, fine) < 0.005
