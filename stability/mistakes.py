@@ -227,6 +227,20 @@ MUTANTS = (
         "derivatives: the bound does not follow the pressure",
         tests=("derivatives::test_in_the_plane",),
     ),
+    Mutant(
+        "derivatives/gradient",
+        "-self.compliance",
+        "0.0",
+        "derivatives: the next load step does not start from the shear",
+        tests=("derivatives_of_steps::test_in_the_plane",),
+    ),
+    Mutant(
+        "derivatives/gradient",
+        "contact.traces(_displaced(earlier, then, body))[1]",
+        "0.0",
+        "derivatives: what supports prescribe in a load step does not move the start of the next",
+        tests=("derivatives_of_steps::test_in_the_plane",),
+    ),
     Mutant("contact/laws", "contact | data.bilateral", "contact", "bilateral contact may open"),
     Mutant("contact/laws", "u_t - data.slip_origin", "u_t", "load steps: slip from zero", tests=("load_steps",)),
     # --- the data of a scene -----------------------------------------------------------------------------------------

@@ -187,14 +187,11 @@ def test_what_has_no_derivative(of, by, said):
 
 
 def test_scenes_without_derivatives():
-    """Several load steps, several meshes."""
+    """Several meshes, and without contact."""
     scene = plane(TRESCA)
     for update in ({"solver": scene.solver.model_copy(update={"levels": 2})}, {"contact": ()}):
         with pytest.raises(SceneError):
             sensitivity(scene.model_copy(update=update), "mean top y")
-    timed = tuple(one.model_copy(update={"factors": (0.5, 1.0)}) for one in scene.traction)
-    with pytest.raises(SceneError, match="one load step"):
-        sensitivity(scene.model_copy(update={"traction": timed}), "mean top y")
 
 
 def test_the_command(tmp_path, capsys):

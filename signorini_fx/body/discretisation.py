@@ -123,9 +123,7 @@ class Discretisation(ElasticBody):
         if scene is self.scene or self.boundary is None:
             return self
         if not any(effect.moves for effect in scene.contact):
-            facets = boundary_facets(scene, self.tagged)
-            law = _foundations(scene, self.space, facets, Inventory()).law(self.boundary)
-            found = replace(self, scene=scene, law=law)
+            found = replace(self, scene=scene, law=self.law_of(scene))
             vars(found).update({name: value for name, value in vars(self).items() if name not in vars(found)})
             return found
         found = replace(self, scene=scene, **self.contact_of(scene))
@@ -144,6 +142,11 @@ class Discretisation(ElasticBody):
             boundary, foundations.data(shapes), Settings.of(scene.solver), self.scales.gamma
         )
         return {"boundary": boundary, "data": data, "law": law}
+
+    def law_of(self, scene: Scene) -> FrictionLaw | None:
+        """``law`` of another scene that differs in its friction only; collective."""
+        assert self.boundary is not None
+        return _foundations(scene, self.space, boundary_facets(scene, self.tagged), Inventory()).law(self.boundary)
 
     def moved_since(self, earlier: Scene) -> npt.NDArray[np.float64]:
         """How far the foundations have moved at the contact points from where they are in another scene, length, shape

@@ -118,7 +118,7 @@ class ElasticBody:
             return motions
         if self.resists is None:
             return without_energy(motions, self.stiffness, self.vector)
-        matrix = _sum_of(self.resists, [])
+        matrix = sum_of(self.resists, [])
         return without_energy(motions, matrix, partial(vector_like, matrix))
 
     @cached_property
@@ -158,7 +158,7 @@ class ElasticBody:
         aligned = self.settings.algorithm == "exact"  # each component of a relative displacement must be an unknown
         if aligned and boundary is not None and (found := boundary.aligned()) is not None:
             frames.append(found)
-        stiffness = _sum_of(self.forms, [] if frames else self.bcs)
+        stiffness = sum_of(self.forms, [] if frames else self.bcs)
         rotation, fixed = None, self._held
         if frames:
             rotation = block_rotation(stiffness, frames)
@@ -413,7 +413,7 @@ def vector_like(matrix: PETSc.Mat, values: Array) -> PETSc.Vec:
     return x
 
 
-def _sum_of(forms: Sequence[fem.Form], bcs: Sequence[fem.DirichletBC]) -> PETSc.Mat:
+def sum_of(forms: Sequence[fem.Form], bcs: Sequence[fem.DirichletBC]) -> PETSc.Mat:
     """The matrix of a sum of bilinear forms, without the rows and columns of ``bcs``; collective."""
     matrix = fem_petsc.assemble_matrix(forms[0], list(bcs), 0.0)
     for form in forms[1:]:

@@ -64,9 +64,7 @@ def entry_of(scene: Scene, path: str, extent: float, dimension: int) -> tuple[fl
         unit = abs(value) if not isinstance(value, Expression) and value != 0.0 else force
     elif isinstance(value, Expression) or value == 0.0 or (root == "contact" and ".friction" not in path):
         unit = extent if root in ("contact", "displacement") else scene.young
-        if "rotation" in path or "direction" in path:
-            unit = 1.0
-        if ".friction.coefficient" in path:
+        if any(part in path for part in ("rotation", "direction", ".friction.coefficient", ".poisson")):
             unit = 1.0
     else:
         unit = abs(value)
@@ -122,7 +120,7 @@ def _changed(scene: Scene, value: Any, way: list[str | int], change: float, dime
         if isinstance(value, Load):
             return value.model_copy(update={"factors": tuple((1 + change) * one for one in scene.factors_of(value))})
         if isinstance(value, Expression):
-            return Expression(f"({value.text}) + ({change!r})", value.time, value.allows_time)
+            return Expression(f"({value.text}) + ({float(change)!r})", value.time, value.allows_time)
         return value + change
     key, *rest = way
     if isinstance(key, str) and isinstance(value, tuple) and len(value) == 1:

@@ -1,8 +1,13 @@
-"""The derivative of a quantity by one datum: the adjoint state, and the problem evaluated at two values of the datum.
+"""The derivative of a quantity by one datum: the adjoint states, and the problem evaluated at two values of the datum.
 
 What depends on the datum explicitly is evaluated for the displacement and the tractions of the solution, which stay:
 the difference of two residuals is exact but for round-off where the problem is linear in the datum, as it is in loads,
 in Young's modulus and in friction coefficients, and of second order elsewhere.  No solve takes part in it.
+
+A load step with friction begins with the tangential displacement tau_T y of the one before it, and, where it is
+regularised, with its shear mu: its slip counts from the place o = tau_T y - mu / gamma_2.  With z = D^T q in the
+tangential components of its adjoint state, what a quantity owes to the earlier step is sum of w z . o, a quantity of
+that step: one loop from the last step to the first finds all adjoint states.
 """
 
 from __future__ import annotations
@@ -15,6 +20,8 @@ import numpy.typing as npt
 from dolfinx import fem
 from petsc4py import PETSc
 
+from signorini_fx import parallel
+from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.assembly import action
 from signorini_fx.body.contact_boundary import ContactBoundary
@@ -23,84 +30,167 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.rigid_tools import Driven
 from signorini_fx.contact.laws import FrictionLaw, Nodal
+from signorini_fx.contact.map import ContactMap
 from signorini_fx.derivatives.adjoint import Adjoint, TransposedTangent
 from signorini_fx.derivatives.law import LinearisedLaw, linearised
 from signorini_fx.derivatives.quantities import Quantity
+from signorini_fx.linalg import ElasticSystem
 
 Array = npt.NDArray[np.float64]
+# A change of a datum, evaluated at a load step by its number.
+At = Callable[[float], Callable[[int], "Explicit"]]
 
 
 @dataclass(frozen=True)
 class Solved:
-    """A solution with all that its derivatives need.
+    """A load step with its solution, and all that its derivatives need.
 
     Attributes:
         body: the elastic body.
-        task: its contact problem.
-        outcome: how that ended.
-        start: where it started.
+        system: that it was solved with.
+        law: of contact and friction, linearised at the solution.
+        methods: whose factors may serve.
         state: the contact points.
         displacement: y, from the initial position.
-        law: of friction; None: there is none.
+        driven: the unknowns of tools, shape (k,).
+        compliance: 1 / gamma_2, length per stress; zero without regularisation.
     """
 
     body: ElasticBody
-    task: Task
-    outcome: Outcome
-    start: Start
+    system: ElasticSystem
+    law: LinearisedLaw
+    methods: Sequence[SemismoothNewton | None]
     state: ContactState
     displacement: fem.Function
-    law: FrictionLaw | None
+    driven: Array
+    compliance: float
 
-    @property
-    def linearised(self) -> LinearisedLaw:
-        """The law at the solution; collective."""
-        promised = self.task.promised(self.outcome)
-        exact = not all(np.isfinite(promised))
-        data = self.start.data if exact else self.outcome.problem.data
-        return linearised(
-            self.state, self.law, (data.gamma_n, data.gamma_t), exact=exact, before=self.start.data.mu_hat
+    @classmethod
+    def of(
+        cls,
+        body: ElasticBody,
+        task: Task,
+        outcome: Outcome,
+        start: Start,
+        state: ContactState,
+        displacement: fem.Function,
+        law: FrictionLaw | None,
+    ) -> Solved:
+        """A load step that has just been solved; collective.
+
+        Args:
+            body: the elastic body.
+            task: its contact problem.
+            outcome: how that ended.
+            start: where it started.
+            state: the contact points.
+            displacement: y, from the initial position.
+            law: of friction; None: there is none.
+        """
+        exact = not all(np.isfinite(task.promised(outcome)))
+        data = start.data if exact else outcome.problem.data
+        gamma = data.gamma_n, data.gamma_t
+        return cls(
+            body,
+            task.system,
+            linearised(state, law, gamma, exact=exact, before=start.data.mu_hat),
+            [outcome.newton, vars(task.iterate).get("unsymmetric_newton")],  # if it was used
+            state,
+            displacement,
+            body.driven(outcome.displacement(), task.rest) if state.boundary.moving is not None else np.zeros(0),
+            0.0 if exact else 1 / data.gamma_t,
         )
 
-    def adjoints_of(self, quantities: Sequence[Quantity], law: LinearisedLaw) -> list[Adjoint]:
-        """The adjoint states of quantities; collective."""
-        methods = [self.outcome.newton, vars(self.task.iterate).get("unsymmetric_newton")]  # if it was used
-        tangent, state, found = TransposedTangent(self.task.system, law, methods), self.state, []
-        for quantity in quantities:
-            row = quantity.by_displacement(self.displacement)
-            vector = self.body.vector(np.zeros(self.body.fixed.size) if row is None else row)
-            vector.getArray()[self.body.prescribed] = 0.0
-            kappa = quantity.by_traction(state.boundary, state.pressure, state.shear)
-            found.append(tangent.adjoint(vector, kappa))
-        return found
+    def quantity(self, of: Quantity) -> tuple[PETSc.Vec, Nodal]:
+        """J_x at the free unknowns of the stiffness, and J_t over the weight, shape (n, d); collective."""
+        row = of.by_displacement(self.displacement)
+        vector = self.body.vector(np.zeros(self.body.fixed.size) if row is None else row)
+        vector.getArray()[self.body.prescribed] = 0.0
+        return vector, of.by_traction(self.state.boundary, self.state.pressure, self.state.shear)
+
+    def handed_back(self, adjoint: Adjoint, earlier: Solved) -> tuple[PETSc.Vec, Nodal]:
+        """What a quantity with this adjoint state owes to the load step before, as ``quantity``; collective."""
+        body, boundary, slips = earlier.body, self.state.boundary, adjoint.tied[:, 1:]
+        contact = _map_to(boundary, body)
+        vector = body.vector(np.zeros(body.fixed.size))
+        contact.add_forces(np.zeros(len(slips)), slips, vector)
+        turned = -self.compliance * np.einsum("njk,nj->nk", _rotation(earlier.state.boundary, boundary), slips)
+        return vector, np.column_stack((np.zeros(len(slips)), turned))
+
+
+def adjoints_of(steps: Sequence[Solved], quantities: Sequence[tuple[int, Quantity]]) -> list[list[Adjoint | None]]:
+    """The adjoint states of quantities, at each load step those of all of them; collective.
+
+    Args:
+        steps: the load steps, from the first one.
+        quantities: each with the number of its load step.
+
+    Returns:
+        None where a quantity owes nothing to a load step.
+    """
+    found: list[list[Adjoint | None]] = [[None] * len(quantities) for _ in steps]
+    owed: list[tuple[PETSc.Vec, Nodal] | None] = [None] * len(quantities)
+    for k in range(len(steps) - 1, -1, -1):
+        step = steps[k]
+        owed = [step.quantity(of) if at == k else known for (at, of), known in zip(quantities, owed, strict=True)]
+        if not any(known is not None for known in owed):
+            continue
+        tangent = TransposedTangent(step.system, step.law, step.methods)
+        for number, known in enumerate(owed):
+            if known is None:
+                continue
+            adjoint = found[k][number] = tangent.adjoint(*known)
+            matters = parallel.any_rank(step.body.comm, bool(adjoint.tied[:, 1:].any()))
+            owed[number] = step.handed_back(adjoint, steps[k - 1]) if k and matters else None
+    return found
+
+
+def _map_to(boundary: ContactBoundary, body: ElasticBody) -> ContactMap:
+    """B of contact points from the unknowns of a body; collective."""
+    own = body.boundary
+    assert own is not None
+    same = boundary is own
+    if boundary.averages is own.averages and boundary.moving is own.moving:
+        same = same or np.array_equal(boundary.frames, own.frames)
+    if not parallel.any_rank(body.comm, not same):
+        return body.contact
+    return contact_map(boundary, body.prescribed, body.stiffness, body.rotation, body.dimension)
+
+
+def _rotation(before: ContactBoundary, after: ContactBoundary) -> Array:
+    """From the components of a shear in the frames of a load step to those of the next, shape (n, d - 1, d - 1)."""
+    return np.einsum("nij,nik->njk", after.cotangents, before.tangents)
 
 
 @dataclass(frozen=True)
 class Data:
-    """The problem at some value of a datum.
+    """A load step at some value of a datum.
 
     Attributes:
-        forms: terms of a(., .), with that value while it is evaluated.
+        forms: terms of a(., .), with that value while it is evaluated, or their matrix without supports; none where
+            what they give does not change.
         forces: L at the owned dofs.
         prescribed: the prescribed displacements at the owned dofs.
         boundary: the contact points.
         gap: d from the initial position, length, shape (n,).
         law: of friction; None: there is none.
         driven: what drives tools; None: there are none.
+        drift: how far foundations have moved in this load step, length, shape (n, d); None: they have not.
     """
 
-    forms: Sequence[fem.Form]
+    forms: Sequence[fem.Form] | PETSc.Mat
     forces: Array
     prescribed: Array
     boundary: ContactBoundary
     gap: Nodal
     law: FrictionLaw | None
     driven: Driven | None = None
+    drift: Nodal | None = None
 
 
 @dataclass(frozen=True)
 class Explicit:
-    """What of the problem depends on its data explicitly, for fixed displacement and tractions.
+    """What of a load step depends on the data explicitly, for fixed displacement and tractions.
 
     Attributes:
         values: of the quantities.
@@ -115,51 +205,90 @@ class Explicit:
     bound: Nodal
 
 
-def explicit(solved: Solved, data: Data, quantities: Sequence[Quantity]) -> Explicit:
-    """The problem with some data at the displacement and the tractions of a solution; collective."""
+def explicit(
+    solved: Solved, data: Data, quantities: Sequence[Quantity], before: tuple[Solved, Data] | None = None
+) -> Explicit:
+    """A load step with some data at the displacement and the tractions of its solution; collective.
+
+    Args:
+        solved: the load step.
+        data: of it.
+        quantities: that are evaluated.
+        before: the load step before it, with its data; None: there is none.
+    """
     body, state = solved.body, solved.state
-    x, fixed, given = body.unknowns(solved.displacement), body.prescribed, body.vector(data.prescribed)
-    if data.driven is not None:
-        body.begin_driven(x, body.driven(solved.outcome.displacement(), solved.task.rest), None)
-        body.begin_driven(given, data.driven.motion, None)
-    x.getArray()[fixed] = given.getArray(readonly=True)[fixed]
+    x, fixed = _displaced(solved, data, body), body.prescribed
     y = body.function(x)
-    nodes = np.arange(y.x.array.size // body.dimension, dtype=np.int32)
-    residual = body.vector(action(tuple(data.forms), y, nodes) - data.forces)
+    residual = body.vector(-data.forces)
+    if isinstance(data.forms, PETSc.Mat):
+        values, forces = data.forms.createVecs()
+        values.getArray()[:] = y.x.array[: values.getLocalSize()]
+        data.forms.mult(values, forces)
+        residual.axpy(1.0, body.vector(forces.getArray(readonly=True)))
+    elif data.forms:
+        nodes = np.arange(y.x.array.size // body.dimension, dtype=np.int32)
+        residual.axpy(1.0, body.vector(action(tuple(data.forms), y, nodes)))
     if data.driven is not None:
         body.begin_driven(residual, -data.driven.forces, None)
-    same = data.boundary is body.boundary
-    contact = body.contact if same else contact_map(data.boundary, fixed, body.stiffness, body.rotation, body.dimension)
+    contact = _map_to(data.boundary, body)
     contact.add_forces(state.pressure, state.shear, residual)
     residual.getArray()[fixed] = 0.0
     u_n, u_t = contact.traces(x)
+    if data.drift is not None:
+        u_t = u_t - np.einsum("nij,ni->nj", data.boundary.tangents, data.drift)
+    if before is not None:
+        earlier, then = before
+        u_t = u_t - contact.traces(_displaced(earlier, then, body))[1]
+        if solved.compliance and data.boundary is not then.boundary:
+            shear = np.einsum("njk,nk->nj", _rotation(then.boundary, data.boundary), earlier.state.shear)
+            u_t = u_t + solved.compliance * shear
     bound = np.zeros_like(u_n) if data.law is None else data.law.bound(state.pressure)
     bound = np.where(np.isfinite(bound), bound, 0.0)
     values = [one.value(y, data.boundary, state.pressure, state.shear) for one in quantities]
     return Explicit(values, residual, np.column_stack((u_n - data.gap, u_t)), bound)
 
 
+def _displaced(solved: Solved, data: Data, body: ElasticBody) -> PETSc.Vec:
+    """The displacement of a load step with what its data prescribe, in the unknowns of a body; collective."""
+    x, given = solved.body.unknowns(solved.displacement), solved.body.vector(data.prescribed)
+    if data.driven is not None:
+        solved.body.begin_driven(x, solved.driven, None)
+        solved.body.begin_driven(given, data.driven.motion, None)
+    fixed = solved.body.prescribed
+    x.getArray()[fixed] = given.getArray(readonly=True)[fixed]
+    if solved.body is body or solved.body.rotation is body.rotation:
+        return x
+    found = body.unknowns(solved.body.function(x))
+    if data.driven is not None:
+        body.begin_driven(found, solved.body.driven(x, None), None)
+    return found
+
+
 def derivatives(
-    adjoints: Sequence[Adjoint],
-    quantities: Sequence[Quantity],
-    at: Callable[[float], Explicit],
+    adjoints: Sequence[Sequence[Adjoint | None]],
+    quantities: Sequence[tuple[int, Quantity]],
+    at: At,
     step: float,
 ) -> list[float]:
     """The derivative of each quantity by one datum; collective.
 
     Args:
-        adjoints: the adjoint state of each quantity.
-        quantities: these.
-        at: ``explicit`` where the datum is larger by its argument.
+        adjoints: see ``adjoints_of``.
+        quantities: each with the number of its load step.
+        at: ``explicit`` where the datum is larger by its argument, then of a load step, with its quantities.
         step: by how much the datum is changed.
     """
-    more, less = at(step), at(-step)
-    residual = more.residual - less.residual
-    residual.scale(0.5 / step)
-    twice = np.float64(2 * step)
-    relative = np.asarray((more.relative - less.relative) / twice, dtype=np.float64)
-    bound = np.asarray((more.bound - less.bound) / twice, dtype=np.float64)
-    return [
-        one.derivative((high - low) / (2 * step), residual, relative, bound)
-        for one, high, low in zip(adjoints, more.values, less.values, strict=True)
-    ]
+    matter = [k for k, known in enumerate(adjoints) if any(one is not None for one in known)]
+    more, less = ({k: evaluated(k) for k in matter} for evaluated in (at(step), at(-step)))
+    found, twice = np.zeros(len(quantities)), np.float64(2 * step)
+    for k in matter:
+        residual = more[k].residual - less[k].residual
+        residual.scale(0.5 / step)
+        relative = np.asarray((more[k].relative - less[k].relative) / twice, dtype=np.float64)
+        bound = np.asarray((more[k].bound - less[k].bound) / twice, dtype=np.float64)
+        direct = iter(np.subtract(more[k].values, less[k].values) / twice)
+        for number, ((own, _), adjoint) in enumerate(zip(quantities, adjoints[k], strict=True)):
+            by_itself = float(next(direct)) if own == k else 0.0
+            if adjoint is not None:
+                found[number] += adjoint.derivative(by_itself, residual, relative, bound)
+    return found.tolist()

@@ -6,8 +6,9 @@ import math
 import shlex
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -17,23 +18,26 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from signorini_fx import parallel
-from signorini_fx.algorithms.task import Outcome
 from signorini_fx.body.assembly import assemble, measure
 from signorini_fx.body.discretisation import Discretisation, prepare
+from signorini_fx.body.elastic import sum_of
 from signorini_fx.body.moduli import lame_coefficients
 from signorini_fx.body.rigid_tools import Driven
 from signorini_fx.derivatives.entries import default_entries, entry_of, varied
-from signorini_fx.derivatives.gradient import Data, Explicit, Solved, derivatives, explicit
+from signorini_fx.derivatives.gradient import At, Data, Explicit, Solved, adjoints_of, derivatives, explicit
 from signorini_fx.derivatives.quantities import ContactForce, LargestPressure, OfDisplacement, Quantity
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.records import History, Timings
-from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
+from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scene.effect import InitialStrain, Resistance, SectionJump
 from signorini_fx.scene.model import Scene
+from signorini_fx.solving.load_steps import LoadStep
 from signorini_fx.solving.one_mesh import solve_mesh
 
 Array = npt.NDArray[np.float64]
 _POWER = 8.0
+# Assembling a matrix takes as long as applying its form to the displacements of so many load steps.
+_FEW = 2
 _KINDS = (
     "'force BOUNDARY AXIS' or 'moment BOUNDARY [AXIS]' of a contact, 'pressure BOUNDARY [POWER]', the largest one, "
     "'mean BOUNDARY AXIS', of the displacement, and 'displacement X,Y[,Z] AXIS', at a point"
@@ -99,8 +103,9 @@ def sensitivity(
     gamma and the choice of the contact sets do not change: derivatives are those of the discrete solution.
 
     Args:
-        scene: of one load step, on one mesh.
-        of: the result or several: see ``quantity_of``.
+        scene: on one mesh.
+        of: the result or several: see ``quantity_of``; of the last load step, or of another one with its number behind
+            it, as in ``force bottom x step 2``.
         by: paths of numbers of the scene, such as ``contact[0].friction.coefficient``; of an expression a term that is
             added to it; the path of a load itself, such as ``traction[0]``: a factor of all of it.  None: friction and
             gap of each contact, the materials, and each load as a whole.
@@ -111,30 +116,49 @@ def sensitivity(
         ConvergenceError: the scene has no solution.
     """
     _check(scene)
-    solved: list[tuple[Discretisation, Outcome]] = []
+    solved: list[_Step] = []
 
-    def keep(d: Discretisation, outcome: Outcome, step: StepResult) -> None:
-        solved.append((d, outcome))
+    def keep(step: LoadStep) -> None:
+        if step.result.step == 1:  # a ramp may begin again
+            solved.clear()
+        solved.append(_Step.of(step))
 
     begin = time.perf_counter()
-    solution, task, _ = solve_mesh(scene, comm, History(), None, keep)
+    solution, *_ = solve_mesh(scene, comm, History(), None, keep)
     seconds = parallel.global_max(comm, time.perf_counter() - begin)
     if not solution.converged:
         raise ConvergenceError(solution)
-    assert task is not None
-    ((d, outcome),) = solved
-    assert solution.contact is not None
-    state = solution.contact
-    ready = Solved(d, task, outcome, task.start, state, solution.displacement, d.law)
-    found = _sensitivities(ready, d, [of] if isinstance(of, str) else list(of), by, solution, seconds)
+    found = _sensitivities(solved, [of] if isinstance(of, str) else list(of), by, solution, seconds)
     return found[0] if isinstance(of, str) else found
+
+
+@dataclass(frozen=True)
+class _Step:
+    """A load step of a scene.
+
+    Attributes:
+        d: the scene with its foundations where they are in this step.
+        place: in the lists of factors.
+        solved: its solution.
+    """
+
+    d: Discretisation
+    place: float
+    solved: Solved
+
+    @classmethod
+    def of(cls, step: LoadStep) -> _Step:
+        """One that has just been solved; collective."""
+        d, state = step.discretisation, step.result.contact
+        assert state is not None
+        of = d, step.task, step.outcome, step.start, state, step.result.displacement, step.start.law
+        return cls(d, step.result.place, Solved.of(*of))
 
 
 def _check(scene: Scene) -> None:
     """Whether derivatives of the scene are known."""
     for wrong, path, reason in (
         (not scene.contact, "contact", "there is none: a problem without contact is linear"),
-        (scene.several_steps, "load_steps", "derivatives are those of one load step: give one"),
         (
             scene.element.volumetric == "mixed",
             "element.volumetric",
@@ -150,71 +174,127 @@ def _check(scene: Scene) -> None:
 
 
 def _sensitivities(
-    ready: Solved, d: Discretisation, of: list[str], by: Sequence[str] | None, solution: Solution, seconds: float
+    steps: list[_Step], of: list[str], by: Sequence[str] | None, solution: Solution, seconds: float
 ) -> list[Sensitivity]:
-    scene, comm = d.scene, d.comm
+    scene, d = solution.scene, steps[-1].d
     paths = tuple(default_entries(scene) if by is None else by)
     entries = [entry_of(scene, path, d.tagged.size, d.dimension) for path in paths]
     begin = time.perf_counter()
-    quantities = [quantity_of(d, text) for text in of]
-    law = ready.linearised
-    adjoints = ready.adjoints_of(quantities, law)
+    quantities = [_at_step(steps, text) for text in of]
+    adjoints = adjoints_of([step.solved for step in steps], quantities if paths else [])
     columns = [
-        derivatives(adjoints, quantities, _evaluated(ready, d, path, quantities), step)
+        derivatives(adjoints, quantities, _evaluated(scene, steps, path, quantities), step)
         for path, (_, step) in zip(paths, entries, strict=True)
     ]
     end = time.perf_counter()
-    state, y = ready.state, ready.displacement
     return [
         Sensitivity(
             text,
-            quantity.value(y, state.boundary, state.pressure, state.shear),
+            _value(steps[at].solved, quantity),
             paths,
             tuple(value for value, _ in entries),
             tuple(column[k] for column in columns),
-            law.between,
-            adjoints[k].solves,
-            parallel.global_max(comm, (end - begin)),
+            sum(step.solved.law.between for step in steps[: at + 1]),
+            sum(one.solves for known in adjoints for one in known[k : k + 1] if one is not None),
+            parallel.global_max(d.comm, (end - begin)),
             solution,
             seconds,
         )
-        for k, (text, quantity) in enumerate(zip(of, quantities, strict=True))
+        for k, (text, (at, quantity)) in enumerate(zip(of, quantities, strict=True))
     ]
 
 
-def _evaluated(
-    ready: Solved, d: Discretisation, path: str, quantities: Sequence[Quantity]
-) -> Callable[[float], Explicit]:
-    """``explicit`` with a number of the scene that is larger by some change."""
-    key = path.rpartition(".")[2]
+def _value(solved: Solved, quantity: Quantity) -> float:
+    state = solved.state
+    return quantity.value(solved.displacement, state.boundary, state.pressure, state.shear)
 
-    def at(change: float) -> Explicit:
-        scene = varied(d.scene, path, change, d.dimension)
-        if path.startswith("contact") and scene.tools:
-            other = prepare(scene, d.tagged, Timings())
-            assert other.data is not None
-            assert other.boundary is not None
-            loads = _loads(other)
-            data = replace(_unchanged(d), boundary=other.boundary, gap=other.data.gap, law=other.law, **loads)
-            return explicit(ready, data, quantities)
-        if path.startswith("contact"):
-            now = d.contact_of(scene)
-            data = replace(_unchanged(d), boundary=now["boundary"], gap=now["data"].gap, law=now["law"])
-            return explicit(ready, data, quantities)
-        if path.startswith("material") and key in ("young", "poisson"):
-            strained = any(isinstance(one, InitialStrain | SectionJump) for _, one in scene.listed())
-            loads = _loads(prepare(scene, d.tagged, Timings())) if strained else {}
-            with _lame(d, scene):
-                return explicit(ready, replace(_unchanged(d), **loads), quantities)
-        other = prepare(scene, d.tagged, Timings())
-        forms = other.forms if scene.of(Resistance) else d.forms
-        return explicit(ready, replace(_unchanged(d), forms=forms, **_loads(other)), quantities)
+
+def _at_step(steps: list[_Step], text: str) -> tuple[int, Quantity]:
+    """The number of the load step of a result, and the result."""
+    words = text.rpartition(" step ")
+    if not words[1]:
+        return len(steps) - 1, quantity_of(steps[-1].d, text)
+    number = int(words[2]) if words[2].strip().isdecimal() else 0
+    if not 1 <= number <= len(steps):
+        raise SceneError([(f"of {text!r}", f"there are load steps 1 to {len(steps)}")])
+    return number - 1, quantity_of(steps[number - 1].d, words[0])
+
+
+def _evaluated(scene: Scene, steps: list[_Step], path: str, quantities: Sequence[tuple[int, Quantity]]) -> At:
+    """``explicit`` with a number of the scene that is larger by some change."""
+    of_material = path.startswith("material") and path.rpartition(".")[2] in ("young", "poisson")
+
+    def at(change: float) -> Callable[[int], Explicit]:
+        other = varied(scene, path, change, steps[0].d.dimension)
+        data = cache(_material(other, steps) if of_material else _data(other, steps, path))
+
+        def evaluated(k: int) -> Explicit:
+            own = [quantity for number, quantity in quantities if number == k]
+            before = (steps[k - 1].solved, data(k - 1)) if k else None
+            with _lame(steps[k].d, other) if of_material else nullcontext():
+                return explicit(steps[k].solved, data(k), own, before)
+
+        return evaluated
 
     return at
 
 
-def _loads(d: Discretisation) -> dict[str, Any]:
-    applied = d.applied_at(0.0)
+def _material(scene: Scene, steps: list[_Step]) -> Callable[[int], Data]:
+    """The data of each load step with other moduli."""
+    strained = any(isinstance(one, InitialStrain | SectionJump) for _, one in scene.listed())
+    with _lame(steps[0].d, scene):
+        forms = steps[0].d.forms if len(steps) <= _FEW else sum_of(steps[0].d.forms, [])
+    other = prepare(scene, steps[0].d.tagged, Timings()) if strained else None
+
+    def data(k: int) -> Data:
+        d, place = steps[k].d, steps[k].place
+        return replace(_unchanged(d, place), forms=forms, **_loads(other or d, place))
+
+    return data
+
+
+def _data(scene: Scene, steps: list[_Step], path: str) -> Callable[[int], Data]:
+    """The data of each load step of a scene that differs in contact, loads, or supports."""
+    of_contact, of_friction = path.startswith("contact"), path.startswith("contact") and ".friction." in path
+    other = None if of_contact and not scene.tools else prepare(scene, steps[0].d.tagged, Timings())
+    placed = [scene.placed(step.place) for step in steps]
+
+    @cache
+    def contact(k: int) -> dict[str, Any]:
+        d, now = steps[k].d, placed[k]
+        if k and now is placed[k - 1]:
+            return contact(k - 1)
+        if of_friction:
+            return {"law": d.law_of(now)}
+        if other is not None:
+            there = other.placed(steps[k].place)
+            assert there.data is not None
+            return {"boundary": there.boundary, "gap": there.data.gap, "law": there.law}
+        found = d.contact_of(now)
+        moving = {"gap": found["data"].gap, "boundary": found["boundary"], "law": found["law"]}
+        if any(effect.moves for effect in now.contact):
+            there = replace(d, scene=now, boundary=found["boundary"])
+            moving["drift"] = there.moved_since(placed[k - 1] if k else now.placed(-1))
+        return moving
+
+    def data(k: int) -> Data:
+        d, place = steps[k].d, steps[k].place
+        found = replace(_unchanged(d, place), forms=())
+        if of_contact:
+            found = replace(found, **contact(k))
+        if other is None:
+            return found
+        loads = _loads(other, place)
+        same = not scene.of(Resistance) and np.array_equal(loads["prescribed"], found.prescribed)
+        if parallel.any_rank(d.comm, not same) or found.driven is not None:
+            found = replace(found, forms=other.forms if scene.of(Resistance) else d.forms)
+        return replace(found, **loads)
+
+    return data
+
+
+def _loads(d: Discretisation, place: float) -> dict[str, Any]:
+    applied = d.applied_at(place)
     none = np.zeros(d.fixed.size)
     return {
         "driven": Driven.together([(factor, load.driven) for factor, load in applied if load.driven is not None]),
@@ -223,10 +303,10 @@ def _loads(d: Discretisation) -> dict[str, Any]:
     }
 
 
-def _unchanged(d: Discretisation) -> Data:
+def _unchanged(d: Discretisation, place: float) -> Data:
     assert d.boundary is not None
     assert d.data is not None
-    return Data(forms=d.forms, boundary=d.boundary, gap=d.data.gap, law=d.law, **_loads(d))
+    return Data(forms=d.forms, boundary=d.boundary, gap=d.data.gap, law=d.law, **_loads(d, place))
 
 
 @contextmanager

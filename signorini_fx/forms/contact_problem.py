@@ -324,7 +324,7 @@ class ContactProblem:
         quantity, constants = quantity_of(of, self.u, len(self.contact)), checked(by)
         _, law = self._point_data(self._foundations.shapes())
         return gradient(
-            Solved(self._elastic, self._task, self._outcome, self._begun, self.state, self.u, law),
+            Solved.of(self._elastic, self._task, self._outcome, self._begun, self.state, self.u, law),
             self._data_now,
             quantity,
             constants,

@@ -15,7 +15,7 @@ from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.contact.laws import Nodal
-from signorini_fx.derivatives.gradient import Data, Solved, derivatives, explicit
+from signorini_fx.derivatives.gradient import Data, Explicit, Solved, adjoints_of, derivatives, explicit
 from signorini_fx.derivatives.quantities import ContactForce, LargestPressure, Quantity
 from signorini_fx.errors import FormError
 from signorini_fx.machine.compilation import compiling
@@ -135,21 +135,22 @@ def gradient(solved: Solved, data: Callable[[], Data], quantity: Quantity, by: S
         quantity: the result.
         by: the Constants.
     """
-    law = solved.linearised
-    (adjoint,) = solved.adjoints_of([quantity], law)
+    quantities = [(0, quantity)]
+    adjoints = adjoints_of([solved], quantities)
     found = []
     for constant in by:
         kept = constant.value.copy()
         step = _STEP * (abs(float(kept.ravel()[0])) or 1.0)
 
-        def at(change: float, constant: fem.Constant = constant, kept: Array = kept) -> Any:
+        def at(change: float, constant: fem.Constant = constant, kept: Array = kept) -> Callable[[int], Explicit]:
             try:
                 constant.value[...] = kept + change
-                return explicit(solved, data(), [quantity])
+                evaluated = explicit(solved, data(), [quantity])
             finally:
                 constant.value[...] = kept
+            return lambda k: evaluated
 
-        found += derivatives([adjoint], [quantity], at, step)
-    state = solved.state
+        found += derivatives(adjoints, quantities, at, step)
+    state, solves = solved.state, sum(one.solves for one in adjoints[0] if one is not None)
     value = quantity.value(solved.displacement, state.boundary, state.pressure, state.shear)
-    return Gradient(value, np.array(found), law.between, adjoint.solves)
+    return Gradient(value, np.array(found), solved.law.between, solves)

@@ -41,11 +41,11 @@ from signorini_fx.solving.nested import carry_over
 from signorini_fx.solving.restart import Kept
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
-# Called after a load step with its task, its outcome and its result.
-After = Callable[[Discretisation, Outcome, StepResult], object]
+# Called after a load step that has a solution.
+After = Callable[[LoadStep], object]
 
 
-def _nothing_more(discretisation: Discretisation, outcome: Outcome, step: StepResult) -> None:
+def _nothing_more(step: LoadStep) -> None:
     """Does nothing after a load step."""
 
 
@@ -151,7 +151,7 @@ def solve_contact(
             if path.bracket is not None:
                 history.add(f"the ramp ends: {path.bracket}")
             break
-        after(discretisation, step.outcome, step.result)
+        after(step)
         if not recalled:
             path.advance(step.result.linear_solves)
             if kept is not None:

@@ -15,11 +15,10 @@ from signorini_fx.accuracy.error_estimates import Errors, estimate_errors, worst
 from signorini_fx.accuracy.forecast import seconds_to_come
 from signorini_fx.accuracy.level_results import compliance_of, level_result
 from signorini_fx.accuracy.price_list import LevelResult, peak_memory, price_list
-from signorini_fx.algorithms.task import Outcome, Task
+from signorini_fx.algorithms.task import Task
 from signorini_fx.attempts import METHOD, for_mesh, step_limit, tried
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import contact_table
-from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.linalg import options
@@ -27,10 +26,11 @@ from signorini_fx.machine import signals
 from signorini_fx.mesh.hierarchy import coarser_scenes
 from signorini_fx.records import History, Progress
 from signorini_fx.results.checkpoint import Checkpoint
-from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
+from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import as_scene
 from signorini_fx.scene.values import kind_of
+from signorini_fx.solving.load_steps import LoadStep
 from signorini_fx.solving.one_mesh import solve_mesh
 from signorini_fx.solving.restart import Kept
 from signorini_fx.solving.to_accuracy import Solved, solve_to_accuracy
@@ -221,11 +221,12 @@ def solve_level(
     before = history.linear_solves
     found: list[Errors] = []
 
-    def estimate(d: Discretisation, outcome: Outcome, step: StepResult) -> None:
-        assert step.contact is not None
-        table = contact_table(step.contact, *d.scene.sides)
+    def estimate(step: LoadStep) -> None:
+        d, outcome, result = step.discretisation, step.outcome, step.result
+        assert result.contact is not None
+        table = contact_table(result.contact, *d.scene.sides)
         displacement, compliance = d.function(outcome.displacement()), compliance_of(outcome, comm)
-        found.append(estimate_errors(d, displacement, step.strain_energy, table, step.place, compliance))
+        found.append(estimate_errors(d, displacement, result.strain_energy, table, result.place, compliance))
 
     solution, task, outcome = solve_mesh(scene, comm, history, state, estimate, coarser, kept)
     if not solution.converged or task is None or outcome is None or not found:

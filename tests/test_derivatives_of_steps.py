@@ -1,0 +1,149 @@
+"""Derivatives of results of several load steps: against statics, central differences of solves, and other units."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from test_derivatives import COMM, COULOMB, TRESCA, agrees
+
+from signorini_fx import SceneError, sensitivity
+from signorini_fx.derivatives.adjoint import TransposedTangent
+from signorini_fx.scene.reading import parse_scene
+
+OF = ["force bottom x", "moment bottom step 3", "displacement 1.7,0.6 x step 2", "mean top y"]
+
+
+def plane(friction, length=1.0, stress=1.0, **solver):
+    """A block on a shallow bowl that is pushed to and fro, and lifted by and by: points stick, slip, turn back, and
+    open.
+    """
+    return parse_scene(
+        {
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"nx": 12, "ny": 4, "length": 3.0 * length, "height": length},
+            },
+            "material": {"young": 5000.0 * stress, "poisson": 0.33},
+            "displacement": [{"boundary": "left", "x": 0.0}],
+            "traction": [
+                {"boundary": "top", "y": -20.0 * stress, "factors": [1.0, 1.0, 0.9, 0.5]},
+                {"boundary": "top", "x": 4.0 * stress, "factors": [0.5, 1.5, -1.5, 0.2]},
+            ],
+            "contact": {
+                "boundary": "bottom",
+                "gap": f"{0.003 / length}*(x[0]-{1.5 * length})**2",
+                "friction": friction,
+            },
+            "solver": {"gamma_n": 1e7 * stress / length, "gamma_t": 1e7 * stress / length, **solver},
+        }
+    )
+
+
+def space(friction, **solver):
+    """A block on a sphere that moves and turns under it."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "box", "parameters": {"nx": 5, "ny": 2, "nz": 2, "cell": "hexahedron"}},
+            "material": {"young": 5000.0, "poisson": 0.33},
+            "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0}],
+            "traction": [
+                {"boundary": "top", "z": -20.0, "factors": [1.0, 0.8, 0.6]},
+                {"boundary": "top", "x": 1.0, "y": 3.0, "factors": [0.5, 1.5, -1.0]},
+            ],
+            "contact": {
+                "boundary": "bottom",
+                "foundation": {
+                    "shape": "sphere",
+                    "centre": [1.4, 0.55, -100.0],
+                    "radius": 100.0,
+                    "shift": ["3e-4*t", 0.0, "1e-4*t"],
+                    "rotation": [0.0, "1e-5*t*t", "0.002*t"],
+                },
+                "friction": friction,
+            },
+            "load_steps": {"times": [1.0, 2.0, 3.0]},
+            "solver": {"gamma_n": 1e7, "gamma_t": 1e7, **solver},
+        }
+    )
+
+
+DATA = ["contact.gap", "material.young", "traction[0]", "displacement[0].x"]
+WAYS = {
+    "tresca exact": (TRESCA, ["contact.friction.bound"], {"algorithm": "exact"}),
+    "fixed point": (COULOMB, ["contact.friction.coefficient"], {"coulomb": "fp"}),
+    "alm": (COULOMB, ["contact.friction.coefficient"], {"algorithm": "alm"}),
+}
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("way", WAYS)
+def test_in_the_plane(way):
+    """Each law, with regularisation and without, at the last load step and at earlier ones."""
+    friction, more, solver = WAYS[way]
+    found = agrees(plane(friction, **solver), OF, [*more, *DATA])
+    steps = [step.contact for step in found[0].solution.steps]
+    slips = [np.any(state.direction != 0, axis=1) for state in steps]
+    met = [
+        COMM.allreduce(bool(one.any()), op=MPI.LOR)
+        for one in (
+            slips[0] & (steps[0].shear[:, 0] * steps[2].shear[:, 0] < 0),
+            steps[0].in_contact & ~steps[3].in_contact,
+        )
+    ]
+    assert all(met), "some point turns back, and some point opens"
+
+
+@pytest.mark.mpi
+def test_in_space():
+    """On a foundation that moves, gap, normals and the slip in each load step follow its place."""
+    shape = ["contact.foundation.radius", "contact.foundation.shift[0]", "contact.foundation.rotation[2]"]
+    scene = space({"law": "coulomb", "coefficient": 0.2}, algorithm="alm")
+    agrees(scene, ["force bottom y", "force bottom x step 2", "mean top x"], shape)
+
+
+def test_a_block_that_has_slid_and_sticks():
+    """Pulled back by very little, a block keeps the friction of the first load step, F times the pressing force of 8,
+    less what the way back shears it by, which F does not change but for one corner that goes on slipping.
+    """
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "nx": 8, "ny": 4}},
+            "material": {"young": 1000.0, "poisson": 0.0},
+            "displacement": [{"boundary": "top", "x": 0.3, "factors": [1.0, 0.99999]}],
+            "traction": [{"boundary": "top", "y": -4.0}],
+            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.25}},
+        }
+    )
+    slides, sticks = sensitivity(scene, ["force bottom x step 1", "force bottom x"], ["contact.friction.coefficient"])
+    assert (slides.value, sticks.value > -1.99) == (pytest.approx(-2.0, rel=1e-9), True)
+    assert [slides.derivatives[0], sticks.derivatives[0]] == pytest.approx([-8.0, -8.0], rel=1e-5)
+
+
+def test_other_units():
+    """In millimetres and MPa the derivatives are the same numbers in these units."""
+    length, stress = 1e3, 1e-6
+    by = ["contact.friction.coefficient", "contact.gap", "material.young"]
+    here = sensitivity(plane(COULOMB), ["force bottom x", "mean top y"], by)
+    there = sensitivity(plane(COULOMB, length, stress), ["force bottom x", "mean top y"], by)
+    data = np.array([1.0, length, stress])
+    for one, other, unit in zip(here, there, (stress * length, length), strict=True):
+        assert np.array(other.derivatives) * data / unit == pytest.approx(one.derivatives, rel=1e-7, abs=1e-9)
+
+
+def test_steps_that_do_not_matter(monkeypatch):
+    """Without friction a load step owes nothing to the one before it; a ramp has its increments."""
+    seen, original = [], TransposedTangent.adjoint
+    monkeypatch.setattr(TransposedTangent, "adjoint", lambda *given: seen.append(1) or original(*given))
+    sensitivity(plane({"law": "none"}), ["force bottom y", "mean top y step 2"], ["traction[0]"])
+    assert len(seen) == 2
+    seen.clear()
+    ramp = plane(COULOMB)
+    ramp = ramp.model_copy(update={"load_steps": ramp.load_steps.model_copy(update={"steps": 2})})
+    sensitivity(ramp, "force bottom y step 3", ["traction[0]"])
+    assert len(seen) == 3
+
+
+@pytest.mark.parametrize("number", ["5", "0", "last"])
+def test_no_such_step(number):
+    """The load steps that there are."""
+    with pytest.raises(SceneError, match="there are load steps 1 to 4"):
+        sensitivity(plane(TRESCA), f"force bottom x step {number}", [])
