@@ -3572,6 +3572,13 @@ MUTANTS = (
         tests=("error_bound_in_space::test_what_is_admissible",),
     ),
     Mutant(
+        "results/fixed_point",
+        "np.where(slips, size, np.maximum(size, contact.bound))",
+        "contact.bound",
+        "fixed point: the friction bound is always that of the pressure",
+        tests=("fixed_point::test_a_bound_that_is_far_from_the_fixed_point",),
+    ),
+    Mutant(
         "accuracy/divided_cells",
         "self._follow @ displacement[:, :, None] - self._give @ forces[:, :, None]",
         "self._follow @ displacement[:, :, None] + self._give @ forces[:, :, None]",

@@ -31,6 +31,7 @@ from signorini_fx.scene.model import Scene
 
 if TYPE_CHECKING:
     from signorini_fx.accuracy.bounded_error import ErrorBound
+    from signorini_fx.results.fixed_point import FixedPoint
     from signorini_fx.results.sections import SectionForce
     from signorini_fx.results.uniqueness import Uniqueness
 
@@ -255,6 +256,17 @@ class Solution:
         if not self.converged:
             return None
         return error_bound(self.discretisation, self.displacement, self.contact, self._place)
+
+    @cached_property
+    def fixed_point(self) -> FixedPoint | None:
+        """The proved distance from the solution with Coulomb friction on the same mesh; None without this friction, or
+        if this is no solution; collective.
+        """
+        from signorini_fx.results.fixed_point import fixed_point
+
+        if self.contact is None or not self.converged or not self.scene.has_coulomb:
+            return None
+        return fixed_point(self.discretisation, self.contact)
 
     def mean_displacement_bounds(self, boundary: str, direction: tuple[float, float]) -> tuple[float, float] | str:
         """Guaranteed bounds of the mean of u . direction over a boundary, a length; or why there are none; collective.

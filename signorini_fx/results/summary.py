@@ -70,11 +70,12 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
         summary |= _contact_summary(solution, table)
     if solution.scene.solver.uniqueness and solution.uniqueness is not None:
         summary["uniqueness"] = solution.uniqueness.as_dict()
-    asked = solution.scene.solver.error_bound or (
-        solution.scene.accuracy is not None and solution.scene.accuracy.certified
-    )
+    goal = solution.scene.accuracy
+    asked = solution.scene.solver.error_bound or (goal is not None and goal.certified)
     if asked and (bound := solution.error_bound) is not None:
         summary["error_bound"] = {"statement": f"none: {bound}"} if isinstance(bound, str) else bound.as_dict()
+        if not isinstance(bound, str) and solution.fixed_point is not None:
+            summary["error_bound"] |= solution.fixed_point.beside(bound)
     if solution.functionals is not None:
         values = solution.functionals
         summary["functionals"] = {

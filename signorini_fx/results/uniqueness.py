@@ -50,6 +50,8 @@ _STARTS, _PATH, _ROUGH, _SOLVES = 24, 12, 8.0, 60
 # Conditions hold to this share of loads and displacements; solutions differ by more of them, and by less than that.
 _EXACT, _SAME, _AWAY = 1e-9, 1e-3, 1e6
 
+_FLUID = "the load of a fluid that enters the contact depends on what opens"
+
 # Which normal components are closed, and +1 or -1 where a tangential one slips, 0 where it sticks.
 _Sets = tuple[npt.NDArray[np.bool_], Nodal]
 
@@ -128,35 +130,42 @@ def uniqueness(d: Discretisation, contact: ContactState | None, *, search: bool 
     """
     law = d.law
     if d.scene.fluids_enter:
-        return Uniqueness(False, 0.0, reason="the load of a fluid that enters the contact depends on what opens")
+        return Uniqueness(False, 0.0, reason=_FLUID)
     # Without a coefficient the problem is the minimum of a convex functional.
     if law is None or not d.scene.has_coulomb:
         return Uniqueness(True, np.inf)
-    if d.tools is not None:
-        return Uniqueness(False, 0.0, reason="not tried where a force moves a foundation")
-    if law.cohesive is not None:
-        return Uniqueness(False, 0.0, reason="where a point with cohesion opens, its friction ends with a jump")
-    if d.comm.size > 1:
-        return Uniqueness(False, 0.0, reason="the proof is for one rank")
+    found = contact_stiffness(d)
+    if isinstance(found, str):
+        return Uniqueness(False, 0.0, reason=found)
+    return uniqueness_of(*found, law, contact, search=search)
+
+
+def contact_stiffness(d: Discretisation) -> tuple[Nodal, Nodal] | str:
+    """The stiffness and the contact map for ``uniqueness_of``, with Coulomb friction; or why there is no proof."""
+    law = d.law
+    assert law is not None
+    for wrong, reason in (
+        (d.scene.fluids_enter, _FLUID),
+        (d.tools is not None, "not tried where a force moves a foundation"),
+        (law.cohesive is not None, "where a point with cohesion opens, its friction ends with a jump"),
+        (d.comm.size > 1, "the proof is for one rank"),
+    ):
+        if wrong:
+            return reason
     elasticity = d.elasticity([])
     operator = elasticity.contact.operator
     starts, columns, values = operator.getValuesCSR()
     retained = np.unique(columns).astype(np.int32)
     if max(retained.size, len(starts) - 1) > _MOST_COMPONENTS:
-        return Uniqueness(
-            False,
-            0.0,
-            reason=f"there are {len(starts) - 1} components of contact points, the proof is "
-            f"for at most {_MOST_COMPONENTS}",
-        )
+        return f"there are {len(starts) - 1} components of contact points, the proof is for at most {_MOST_COMPONENTS}"
     free = ~elasticity.fixed[retained]
     rows = np.zeros((len(starts) - 1, retained.size))
     rows[np.repeat(np.arange(len(rows)), np.diff(starts)), np.searchsorted(retained, columns)] = values
     try:
         condensed = SchurComplement(elasticity.matrix, retained).dense[np.ix_(free, free)]
     except PETSc.Error:
-        return Uniqueness(False, 0.0, reason="a part of the body moves freely though its contact points are fixed")
-    return uniqueness_of(condensed, rows[:, free], law, contact, search=search)
+        return "a part of the body moves freely though its contact points are fixed"
+    return condensed, rows[:, free]
 
 
 def uniqueness_of(
@@ -171,10 +180,10 @@ def uniqueness_of(
         state: the solution; None: no other one is searched for.
         search: for other ones; None: where it is not proved to be the only one.
     """
-    found = _condensed(stiffness, operator, law)
+    found = components(stiffness, operator, law)
     if isinstance(found, str):
         return Uniqueness(False, 0.0, reason=found)
-    multiple, why = _critical(found, law.coefficient)
+    multiple, why, _ = critical(found, law.coefficient)
     acting = law.coefficient[np.unique(found.tangential)]
     acting = acting[acting > 0]
     same = acting.size and np.ptp(acting) <= _FREE * acting[0] and np.isfinite(multiple)
@@ -189,7 +198,7 @@ def uniqueness_of(
     return Uniqueness(proved, multiple, float(multiple * acting[0]) if same else None, tuple(others), starts, why)
 
 
-def _condensed(stiffness: Nodal, operator: Nodal, law: FrictionLaw) -> _Rough | str:
+def components(stiffness: Nodal, operator: Nodal, law: FrictionLaw) -> _Rough | str:
     """The stiffness of normal components and of tangential ones with friction; or why there is none."""
     coefficient, count = law.coefficient, law.coefficient.size
     moves = np.linalg.norm(operator, axis=1) > _FREE
@@ -225,13 +234,16 @@ def _condensed(stiffness: Nodal, operator: Nodal, law: FrictionLaw) -> _Rough | 
     return _Rough(schur, normal, tangential, beside, free)
 
 
-def _critical(rough: _Rough, coefficient: Nodal) -> tuple[float, str]:
-    """The multiple of the coefficients below which the solution is proved to be the only one; and why it is zero."""
+def critical(rough: _Rough, coefficient: Nodal, evaluations: int = _EVALUATIONS) -> tuple[float, str, Nodal]:
+    """The multiple of the coefficients below which the solution is proved to be the only one; why it is zero; and the
+    weights d of the tangential components, length per force, shape (m - n,).
+    """
     normal, count = rough.normal.size, len(rough.stiffness)
+    none = np.ones(count - normal)
     if not (coefficient[rough.tangential] > 0).any():
-        return np.inf, ""
+        return np.inf, "", none
     if np.abs(rough.free[normal:]).max(initial=0.0) > _FREE**0.5:
-        return 0.0, "nothing but friction holds the body along its foundation"
+        return 0.0, "nothing but friction holds the body along its foundation", none
     unit = float(np.abs(rough.stiffness).max())
     # In units of the stiffness, so that nodal compliance is of order one.
     stiffness = rough.stiffness / unit
@@ -277,15 +289,17 @@ def _critical(rough: _Rough, coefficient: Nodal) -> tuple[float, str]:
     nus = np.zeros(1 if rough.free.size else normal)
     best = np.concatenate((nus, first[1:]))
     spent, reached = 0, value(best)[0]
-    while spent < _EVALUATIONS:  # a search that leaves the weights with a proof ends early, and begins again
-        found = minimize(value, best, jac=True, method="L-BFGS-B", options={"maxfun": _EVALUATIONS - spent})
+    while spent < evaluations:  # a search that leaves the weights with a proof ends early, and begins again
+        found = minimize(value, best, jac=True, method="L-BFGS-B", options={"maxfun": evaluations - spent})
         spent += found.nfev
         if not found.fun < reached - _GAIN:
             break
         best, reached = found.x, found.fun
     left, right, _ = (*map(reduced, matrices(best)[:2]), None)
-    critical = 1.0 / float(eigh(right, left, eigvals_only=True, subset_by_index=(len(left) - 1, len(left) - 1))[0])
-    return (critical * _PROVED, "") if _definite(left - critical * _PROVED * right) else (0.0, "round-off hides it")
+    multiple = 1.0 / float(eigh(right, left, eigvals_only=True, subset_by_index=(len(left) - 1, len(left) - 1))[0])
+    if not _definite(left - multiple * _PROVED * right):
+        return 0.0, "round-off hides it", none
+    return multiple * _PROVED, "", np.exp(best[-sizes.size :]) / unit
 
 
 def _definite(matrix: Nodal) -> bool:
