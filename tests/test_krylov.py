@@ -299,6 +299,36 @@ def test_chosen_for_large_bodies_in_space(monkeypatch):
     assert [kind(scene) for scene in (plane, solid, rubber)] == ["krylov", "krylov", "krylov"]
 
 
+@pytest.mark.parametrize(
+    ("unknowns", "retained", "paired", "expected"),
+    [
+        (33_627, 2_400, True, "condensed"),
+        (33_627, 2_400, False, "krylov"),
+        (33_627, 3_100, True, "krylov"),  # 3100^3 / 3 > 8 * 33627^2
+        (40_000, 2_400, True, "krylov"),
+        (15_000, 1_000, True, "condensed"),
+    ],
+)
+def test_two_bodies_are_condensed_for_longer(unknowns, retained, paired, expected):
+    """By the unknowns, and by those that contact touches."""
+    size = choice.SystemSize(MPI.COMM_SELF, unknowns, 3, retained, held=True, compressible=True, paired=paired)
+    assert choice.choose_kind(size, "auto")[0] == expected
+
+
+def test_a_pair_is_known_by_its_points():
+    """Two boxes on each other are a pair, and one on a rigid plane is none."""
+    sides = {"length": 1.0, "width": 1.0, "height": 1.0, "nx": 1, "ny": 1, "nz": 1}
+    box = {"generator": "box", "parameters": sides}
+    held = {"boundary": "lower.bottom", "x": 0.0, "y": 0.0, "z": 0.0}
+    pair = {"boundary": "upper.bottom", "against": "lower.top"}
+    bodies = [{"name": "lower", "mesh": box}, {"name": "upper", "mesh": box, "shift": [0.0, 0.0, 1.0]}]
+    for contact, paired in ((pair, True), ({"boundary": "upper.top"}, False)):
+        data = {"body": bodies, "material": {"young": 1.0, "poisson": 0.3}, "displacement": held, "contact": contact}
+        scene = parse_scene(data)
+        found = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+        assert found.system_size.paired == paired
+
+
 RANKED = {
     "hexahedra": lambda comm: block(9, gamma=1e8, linear_algebra="krylov", comm=comm, **LAWS["tresca"]),
     "tetrahedra": lambda comm: block(6, "tetrahedra", gamma=1e8, linear_algebra="krylov", comm=comm, **LAWS["coulomb"]),

@@ -105,6 +105,11 @@ class ContactBoundary:
         return self.x if self.averages is None else self.averages.arm
 
     @property
+    def paired(self) -> bool:
+        """Whether points are those of two bodies."""
+        return self.averages is not None and self.averages.turning is not None
+
+    @property
     def selection(self) -> Averages:
         """Each point takes the displacement of its node: what others average, said alike."""
         itself = sp.eye_array(self.size, format="csr")
@@ -193,7 +198,7 @@ class ContactBoundary:
         for reason, here in (
             (
                 "contact of two bodies ties several unknowns to each other",
-                self.averages is not None and self.averages.turning is not None,
+                self.paired,
             ),
             (
                 "contact points of quadratic tetrahedra average over several nodes, of which none can be tied",

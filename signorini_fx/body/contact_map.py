@@ -56,8 +56,7 @@ def contact_map(
         values = np.ascontiguousarray(values)
         operator.setValuesRCV(rows.astype(PETSc.IntType), unknowns.astype(PETSc.IntType), values)
     operator.assemble()
-    paired = boundary.averages is not None and boundary.averages.turning is not None
-    found = ContactMap(operator, boundary.points, fixed, _lift(boundary, operator), paired)
+    found = ContactMap(operator, boundary.points, fixed, _lift(boundary, operator), boundary.paired)
     if rotation is None:
         return found
     # What a tangent or a normal has of a component across it is round-off, and gamma makes a shear of it: it is zero.

@@ -129,14 +129,14 @@ class ElasticBody:
     @property
     def system_size(self) -> SystemSize:
         """The figures that decide which kind of elastic system it gets."""
-        retained, held = 0, False
+        retained, held, paired = 0, False, False
         if self.boundary is not None and self.at_contact is not None:
             reached = np.array(np.unique(self.boundary.reached).size)
             retained = self.dimension * int(parallel.global_sum(self.comm, reached))
             everywhere: Any = self.boundary.points.everywhere
-            held = self.at_contact.held_by(everywhere, everywhere)
+            held, paired = self.at_contact.held_by(everywhere, everywhere), self.boundary.paired
         if self.mixed is None:
-            return SystemSize(self.comm, self.dofs, self.dimension, retained, held, self.compressible)
+            return SystemSize(self.comm, self.dofs, self.dimension, retained, held, self.compressible, paired=paired)
         touched = self.prescribed.copy()
         touched[_touched(self.contact)] = True
         enclosed = retained > 0 and self._encloses(touched)

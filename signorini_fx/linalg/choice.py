@@ -16,6 +16,7 @@ from signorini_fx.linalg.krylov import KrylovSystem
 from signorini_fx.tuned import (
     FEWEST_CONDENSED_UNKNOWNS,
     FEWEST_KRYLOV_UNKNOWNS,
+    FEWEST_KRYLOV_UNKNOWNS_OF_PAIRS,
     MOST_CONDENSED_UNKNOWNS,
     SPARSE_OPERATIONS,
 )
@@ -41,6 +42,7 @@ class SystemSize:
         compressible: whether the material is far enough from incompressible for multigrid.
         definite: whether the matrix is positive semi-definite.
         enclosed: whether what contact does not touch is singular: contact and supports enclose an incompressible body.
+        paired: whether two bodies are in contact.
     """
 
     comm: MPI.Comm
@@ -51,6 +53,7 @@ class SystemSize:
     compressible: bool
     definite: bool = True
     enclosed: bool = False
+    paired: bool = False
 
 
 def choose_system(elasticity: Elasticity, size: SystemSize, requested: str) -> tuple[ElasticSystem, str]:
@@ -117,7 +120,10 @@ def krylov_from(size: SystemSize, requested: str) -> float:
         return 0.0 if requested == "krylov" else math.inf
     if not size.compressible or any(options.user_sets(start) for start in ("pc_", "ksp_", "mat_")):
         return math.inf
-    return FEWEST_KRYLOV_UNKNOWNS.get(size.dimension, math.inf)
+    # Multigrid takes more steps for two bodies than for one.  A dense matrix of few contact points is cheap for longer.
+    condensed = size.paired and against_condensing(size) is None
+    fewest = FEWEST_KRYLOV_UNKNOWNS_OF_PAIRS if condensed else FEWEST_KRYLOV_UNKNOWNS
+    return fewest.get(size.dimension, math.inf)
 
 
 def against_condensing(size: SystemSize) -> str | None:
