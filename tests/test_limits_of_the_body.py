@@ -8,7 +8,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone
 from scipy.optimize import linprog
-from test_safety import COULOMB, ROUGH, TRESCA, block, groove
+from test_safety import COULOMB, FRICTION, ROUGH, TRESCA, block, groove
 
 from signorini_fx.body.limits import Surface, _arcs, balanced, excluded, factor_at_most, surface_of
 from signorini_fx.check.checks import check_scene
@@ -94,11 +94,18 @@ def test_given_friction_on_an_arc():
     assert high < 1.001 * exact
 
 
-def test_in_space():
-    """Flat walls with Coulomb friction are exact; given friction, which is spread over facets, is bounded above."""
-    safety = alone(groove()).safety
+@pytest.mark.parametrize("counts", [(2, 2, 1), (3, 2, 2), (6, 4, 2), (9, 4, 3)])
+def test_in_space(counts):
+    """Flat walls with Coulomb friction are exact to 1e-8 on each of four meshes, W F / sqrt(sin^2 - F^2 cos^2); given
+    friction, which is spread over facets, is bounded above.
+    """
+    sine, cosine = np.array([1.0, 2.0]) / np.sqrt(5)
+    exact = 4.5 * FRICTION / np.sqrt(sine**2 - (FRICTION * cosine) ** 2) / 0.15
+    safety = alone(groove(counts=counts)).safety
     assert safety.of_body
-    low, high = alone(groove(law="tresca")).safety.body
+    low, high = safety.body
+    assert exact * (1 - 1e-8) <= low <= exact <= high <= exact * (1 + 1e-8)
+    low, high = alone(groove(law="tresca", counts=counts)).safety.body
     assert (low, high) == (0.0, pytest.approx(0.1 * np.sqrt(5) * 3 / 0.15, rel=1e-9))
 
 

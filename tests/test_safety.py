@@ -192,7 +192,7 @@ UPRIGHT = np.eye(3)
 DOWN, ALONG = -UPRIGHT[2], UPRIGHT[0]
 
 
-def groove(*, comm=MPI.COMM_SELF, turn=UPRIGHT, length=1.0, stress=1.0, materials=1, law="coulomb"):
+def groove(*, comm=MPI.COMM_SELF, turn=UPRIGHT, length=1.0, stress=1.0, materials=1, law="coulomb", counts=(6, 4, 2)):
     """A wedge in a groove with walls of slope 2, pressed into it by its weight and pulled along it.
 
     Args:
@@ -202,8 +202,9 @@ def groove(*, comm=MPI.COMM_SELF, turn=UPRIGHT, length=1.0, stress=1.0, material
         stress: the unit of stress.
         materials: their number.
         law: of friction.
+        counts: cells along, across and upwards.
     """
-    mesh = dmesh.create_box(comm, [(0.0, -1.0, 0.0), (3.0, 1.0, 1.0)], (6, 4, 2), CELLS["hexahedra"])
+    mesh = dmesh.create_box(comm, [(0.0, -1.0, 0.0), (3.0, 1.0, 1.0)], counts, CELLS["hexahedra"])
     x = mesh.geometry.x
     x[:, 1] *= 0.5 + 0.5 * x[:, 2]
     ends = {"left": (ALONG, 0.0), "top": (-DOWN, 1.0)}
