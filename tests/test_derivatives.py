@@ -1,5 +1,7 @@
 """Derivatives of results by the data of a problem, against central differences of solves."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import ufl
@@ -13,13 +15,13 @@ from spaces import box
 from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError, cli, sensitivity
 from signorini_fx.derivatives.adjoint import TransposedTangent
 from signorini_fx.derivatives.entries import varied
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scene.reading import parse_scene, read_scene
 
 COMM = MPI.COMM_WORLD
 COULOMB = {"law": "coulomb", "coefficient": 0.3}
 TRESCA = {"law": "tresca", "bound": 1.5}
-PLANE = ["force bottom x", "moment bottom", "pressure bottom 6", "mean top y", "displacement 1.7,0.6 x"]
-SPACE = ["force bottom y", "moment bottom x", "pressure bottom", "displacement 1.7,0.6,0.4 x"]
+PLANE = ["force bottom x", "moment bottom", "pressure bottom 6", "area bottom", "mean top y", "displacement 1.7,0.6 x"]
+SPACE = ["force bottom y", "moment bottom x", "pressure bottom", "area bottom 1.5", "displacement 1.7,0.6,0.4 x"]
 
 
 def plane(friction, **solver):
@@ -141,6 +143,16 @@ def test_the_force_on_a_block_that_slides():
     assert found.derivatives == pytest.approx((-8.0, -2.0, 0.0), rel=1e-9, abs=1e-7)
 
 
+def test_the_area_of_hertz():
+    """Half of the contact under p0 sqrt(1 - x^2 / a^2) with a = 0.4 counts as 3 pi^2 / 32 a for the power 2; a is
+    proportional to the square root of load over modulus.
+    """
+    file = Path(__file__).parent.parent / "demos" / "scenes" / "hertz.toml"
+    found = sensitivity(read_scene(file), "area arc", ["traction[0]", "material[0].young"])
+    assert found.value == pytest.approx(3 * np.pi**2 / 32 * 0.4, rel=1e-2)
+    assert found.derivatives == pytest.approx((found.value / 2, -found.value / 2 / 200.0), rel=4e-2)  # 20 nodes
+
+
 def test_points_between_two_sets_are_counted():
     """A block that its foundation just touches: the load is zero, and so is every pressure."""
     scene = plane({"law": "none"})
@@ -165,7 +177,7 @@ def test_one_factor_serves(monkeypatch):
 @pytest.mark.parametrize(
     ("of", "by", "said"),
     [
-        ("area bottom", [], "zero or infinite"),
+        ("area bottom 1", [], "power must be above 1"),
         ("force top y", [], "is no contact boundary; there are: bottom"),
         ("force bottom z", [], "is no result; there are"),
         ("displacement 9,9 x", [], "outside of the body"),
@@ -227,7 +239,7 @@ def test_constants_of_forms(settings):
     problem = ContactProblem(hooke(y, z, young), load * z[1] * ds(1), bcs, contact=[foundation], **settings)
     problem.solve()
     by = [young, friction, load, gap, moved]
-    for of in (problem.u[1] * problem.u[1] * ds(1) + load * problem.u[0] * ds(1), "force 0 x", "moment 0"):
+    for of in (problem.u[1] * problem.u[1] * ds(1) + load * problem.u[0] * ds(1), "force 0 x", "area 0"):
         found = problem.gradient(of, by)
         for constant, slope in zip(by, found.derivatives, strict=True):
             kept, step, values = float(constant.value), 1e-5 * abs(float(constant.value)), []
@@ -255,7 +267,7 @@ def test_bad_arguments_of_gradient():
     problem.solve()
     for of, by, said in (
         ("force 1 y", [load], "is no result"),
-        ("pressure 0 1", [load], "is no result"),
+        ("area 0 1", [load], "is no result"),
         (z[0] * ufl.dx, [load], "without arguments|has arguments"),
         ("force 0 y", [1.0], "a Constant with one value"),
     ):

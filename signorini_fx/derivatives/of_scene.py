@@ -25,7 +25,7 @@ from signorini_fx.body.moduli import lame_coefficients
 from signorini_fx.body.rigid_tools import Driven
 from signorini_fx.derivatives.entries import default_entries, entry_of, varied
 from signorini_fx.derivatives.gradient import At, Data, Explicit, Solved, adjoints_of, derivatives, explicit
-from signorini_fx.derivatives.quantities import ContactForce, LargestPressure, OfDisplacement, Quantity
+from signorini_fx.derivatives.quantities import ContactArea, ContactForce, LargestPressure, OfDisplacement, Quantity
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import ConvergenceError, Solution
@@ -40,6 +40,7 @@ _POWER = 8.0
 _FEW = 2
 _KINDS = (
     "'force BOUNDARY AXIS' or 'moment BOUNDARY [AXIS]' of a contact, 'pressure BOUNDARY [POWER]', the largest one, "
+    "'area BOUNDARY [POWER]', that presses, "
     "'mean BOUNDARY AXIS', of the displacement, and 'displacement X,Y[,Z] AXIS', at a point"
 )
 
@@ -335,7 +336,8 @@ def quantity_of(d: Discretisation, text: str) -> Quantity:
     Args:
         d: the scene on its mesh.
         text: ``force BOUNDARY AXIS`` and ``moment BOUNDARY [AXIS]`` on the body at a contact boundary, a moment about
-            the origin, in space about an axis; ``pressure BOUNDARY [POWER]``, see ``LargestPressure``;
+            the origin, in space about an axis; ``pressure BOUNDARY [POWER]``, see ``LargestPressure``; ``area BOUNDARY
+            [POWER]``, see ``ContactArea``;
             ``mean BOUNDARY AXIS``, the mean displacement; ``displacement X,Y[,Z] AXIS`` at a point.
 
     Raises:
@@ -345,9 +347,6 @@ def quantity_of(d: Discretisation, text: str) -> Quantity:
         kind, *words = shlex.split(text)
     except ValueError:
         kind, words = text, []
-    if kind == "area":
-        reason = "a mesh knows it in steps of whole nodes: its derivative is zero or infinite; take pressure or force"
-        raise SceneError([(f"of {text!r}", reason)])
     try:
         return _NAMED[kind](d, *words)
     except (KeyError, TypeError, ValueError):
@@ -387,6 +386,13 @@ def _pressure(d: Discretisation, boundary: str, power: str = str(_POWER)) -> Qua
     return LargestPressure(_part(d, boundary), number)
 
 
+def _area(d: Discretisation, boundary: str, power: str = "2") -> Quantity:
+    number = float(power)
+    if not 1 < number <= 1000:
+        raise SceneError([(f"of area {boundary} {power}", "the power must be above 1, and 1000 at most")])
+    return ContactArea(_part(d, boundary), number)
+
+
 def _mean(d: Discretisation, boundary: str, axis: str) -> Quantity:
     z, component = ufl.TestFunction(d.space), _axis(d, axis)
     try:
@@ -416,6 +422,7 @@ _NAMED: dict[str, Callable[..., Quantity]] = {
     "force": _force,
     "moment": _moment,
     "pressure": _pressure,
+    "area": _area,
     "mean": _mean,
     "displacement": _displacement,
 }

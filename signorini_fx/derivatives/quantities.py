@@ -155,3 +155,48 @@ class LargestPressure:
             area = parallel.global_sum(boundary.comm, boundary.weight[here].sum())
             found[:, 0] = np.where(here, np.maximum(pressure, 0.0) / value, 0.0) ** (self.power - 1) / area
         return found
+
+
+@dataclass(frozen=True)
+class ContactArea:
+    """The area that presses at one contact boundary, in the plane a length, smoothed: (S^q / T)^(1 / (q - 1)) with S
+    the integral of lambda and T that of lambda^q.
+
+    It is the area where lambda is the same all over it, and else below it: by Hoelder's inequality
+    S^q <= area^(q - 1) T.
+
+    Attributes:
+        part: number of the contact.
+        power: q, above 1.
+    """
+
+    part: int
+    power: float
+
+    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
+        """See ``Quantity``."""
+        return self._sums(boundary, pressure)[0]
+
+    def _sums(self, boundary: ContactBoundary, pressure: Nodal) -> tuple[float, float, float, float]:
+        """The area, the largest pressure, and S and T relative to it; zeros where nothing presses."""
+        pushing = np.where(boundary.part == self.part, np.maximum(pressure, 0.0), 0.0)
+        largest = parallel.global_max(boundary.comm, parallel.local_max(pushing))
+        if largest == 0:
+            return 0.0, 0.0, 0.0, 0.0
+        shares = np.array([boundary.weight @ (pushing / largest) ** power for power in (1.0, self.power)])
+        once, more = map(float, parallel.global_sum(boundary.comm, shares))
+        return (once**self.power / more) ** (1 / (self.power - 1)), largest, once, more
+
+    def by_displacement(self, y: fem.Function) -> Array | None:
+        """See ``Quantity``."""
+        return None
+
+    def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
+        """See ``Quantity``."""
+        found, q = np.zeros((pressure.size, 1 + shear.shape[1])), self.power
+        area, largest, once, more = self._sums(boundary, pressure)
+        if largest > 0:
+            here = (boundary.part == self.part) & (pressure > 0)
+            share = np.where(here, pressure, 0.0) / largest
+            found[:, 0] = np.where(here, area * q / (q - 1) * (1 / once - share ** (q - 1) / more) / largest, 0.0)
+        return found

@@ -309,7 +309,7 @@ class ContactProblem:
 
         Args:
             of: a UFL form of ``u`` without arguments; or of the contact with a number ``"force 0 y"`` and ``"moment
-                0"`` (in space ``"moment 0 z"``) on the body, ``"pressure 0 8"``, see ``LargestPressure``.
+                0"`` (in space ``"moment 0 z"``) on the body, ``"pressure 0 8"`` and ``"area 0 2"``, see ``quantities``.
             by: Constants with one value in the forms, the conditions, or the foundations.
 
         Raises:

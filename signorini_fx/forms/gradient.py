@@ -16,7 +16,7 @@ from signorini_fx.body.assembly import assemble
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.derivatives.gradient import Data, Explicit, Solved, adjoints_of, derivatives, explicit
-from signorini_fx.derivatives.quantities import ContactForce, LargestPressure, Quantity
+from signorini_fx.derivatives.quantities import ContactArea, ContactForce, LargestPressure, Quantity
 from signorini_fx.errors import FormError
 from signorini_fx.machine.compilation import compiling
 
@@ -25,7 +25,7 @@ Array = npt.NDArray[np.float64]
 _STEP = 1e-5
 _KNOWN = (
     "a UFL form of u without arguments, 'force NUMBER AXIS' or 'moment NUMBER [AXIS]' of a contact, or "
-    "'pressure NUMBER [POWER]'"
+    "'pressure NUMBER [POWER]' or 'area NUMBER [POWER]'"
 )
 
 
@@ -104,10 +104,13 @@ def quantity_of(given: Any, u: fem.Function, contacts: int) -> Quantity:
         if kind == "moment":
             (axis,) = more
             return ContactForce(part, ("x", "y", "z")[: 3 if dimension == 3 else 0].index(axis), moment=True)
-        if kind == "pressure" and len(more) < 2:
-            power = float(*more) if more else 8.0
+        if kind in ("pressure", "area") and len(more) < 2:
+            kinds: dict[str, tuple[type[LargestPressure | ContactArea], float]]
+            kinds = {"pressure": (LargestPressure, 8.0), "area": (ContactArea, 2.0)}
+            made, usual = kinds[kind]
+            power = float(*more) if more else usual
             if 1 < power <= 1000:
-                return LargestPressure(part, power)
+                return made(part, power)
     except ValueError:
         pass
     raise FormError([("of", f"{given!r} is no result; there are: {_KNOWN}")])
