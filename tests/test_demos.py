@@ -201,6 +201,15 @@ def test_friction_from_slip(run):
     assert found["deviation"] < 0.01
 
 
+def test_crowned_profile(run):
+    """The largest pressure comes down to the mean one; the nodes at the edges of the punch have half a cell more."""
+    found = run("crowned_profile", 48)
+    least = 1.5 / (1.5 + 3.0 / 48)
+    assert found["before"] > 2.5
+    assert least - 1e-6 <= found["after"] < 1.02 * least
+    pictures("crowned_profile")
+
+
 def test_joint_diagram(run):
     """The share of the bolt is that of springs while the joint is closed; once it is open, the bolt takes all."""
     found = run("joint_diagram", 1, drawn=False)
