@@ -128,6 +128,27 @@ radius = 2.0
 shift = ["0.05 * (t - 1)", "-0.002 * t"]
 rotation = "0.03 * (t - 1)"
 """
+# A ball that is pressed into a block, shifted, and turned about an axis through its centre; friction has a direction.
+SPINNING = """
+mesh = { generator = "box", parameters = { length = 2.0, width = 2.0, height = 1.0, nx = 6, ny = 6, nz = 3 } }
+material = { young = 5000.0, poisson = 0.3 }
+load_steps = { times = [1.0, 2.0, 3.0] }
+[[displacement]]
+boundary = "bottom"
+x = 0.0
+y = 0.0
+z = 0.0
+[[contact]]
+boundary = "top"
+friction = { law = "coulomb", coefficient = 0.3, ratio = 0.4, along = [0.8, 0.6, 0.0] }
+[contact.foundation]
+shape = "sphere"
+centre = [0.9, 1.0, 3.98]
+radius = 3.0
+shift = ["0.02 * (t - 1)", 0.0, "-0.01 * t"]
+rotation = [0.0, "0.2 * (t - 1)", "2 * (t - 1)"]
+pivot = [0.9, 1.0, 3.98]
+"""
 METHODS = {
     "fp": {},
     "newton": {"coulomb": "newton"},
@@ -243,8 +264,8 @@ def test_in_space(tmp_path, method):
 @pytest.mark.mpi
 @pytest.mark.parametrize(
     ("text", "method"),
-    [(TOOL, "full"), (TOOL, "alm"), (MOVING, "fp"), (MOVING, "alm")],
-    ids=["tool", "tool, alm", "moving", "moving, alm"],
+    [(TOOL, "full"), (TOOL, "alm"), (MOVING, "fp"), (MOVING, "alm"), (SPINNING, "fp"), (SPINNING, "alm")],
+    ids=["tool", "tool, alm", "moving", "moving, alm", "spinning", "spinning, alm"],
 )
 def test_foundations_that_move(tmp_path, text, method):
     """By forces, where their motion is stored too, or with the time, where each load step has its own problem."""
