@@ -2925,6 +2925,13 @@ MUTANTS = (
         tests=("mixed::test_heated_patch",),
     ),
     Mutant(
+        "accuracy/data_error",
+        "away <= 0",
+        "away <= -across",
+        "data error: inside facets that a shape may reach nothing is looked at",
+        tests=("space_accuracy::test_far_from_a_shape_nothing_is_sampled_inside",),
+    ),
+    Mutant(
         "mesh/files/abaqus_bolts",
         "values[-1:] * (steps - until)",
         "[0.0] * (steps - until)",

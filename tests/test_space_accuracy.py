@@ -13,6 +13,7 @@ from test_ranks import same_on_all_ranks
 from test_space_manufactured import YOUNG, made_up, stress
 
 from signorini_fx import parallel
+from signorini_fx.accuracy import data_error as estimated_data
 from signorini_fx.accuracy.contact_surface import ContactSurface
 from signorini_fx.accuracy.data_error import data_error
 from signorini_fx.accuracy.pressure_error import interval_squares, polygon_error, roughness_at_peak
@@ -26,6 +27,7 @@ from signorini_fx.mesh.refinement import refine
 from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh
 from signorini_fx.records import History, Status
 from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scene.rigid_shape import Distance
 from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving.solver import _solve_nested, solve, solve_level
 from signorini_fx.studies.reference import Reference
@@ -449,3 +451,30 @@ def test_curved_bodies_from_files(tmp_path):
     polygon = solve(roller(straight, target=0.2, of="pressure"), MPI.COMM_SELF, check=False)
     assert polygon.status is Status.OUT_OF_REACH
     assert any("straight facets" in event for event in polygon.history.events)
+
+
+def test_far_from_a_shape_nothing_is_sampled_inside(monkeypatch):
+    """The data error is the same, but distances are asked for inside those facets only that the shape may reach."""
+    size = {"length": 2.0, "width": 2.0, "height": 1.0, "nx": 8, "ny": 8, "nz": 2}
+    scene = {
+        "mesh": {"generator": "box", "parameters": size},
+        "material": {"young": 200.0, "poisson": 0.3},
+        "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0, "z": 0.0},
+        "contact": {
+            "boundary": "top",
+            "foundation": {"shape": "sphere", "centre": [0.95, 1.05, 1.47], "radius": 0.5},
+            "friction": {"law": "coulomb", "coefficient": 0.3},
+        },
+    }
+    solution = solve(parse_scene(scene), MPI.COMM_SELF)
+    monkeypatch.setattr(estimated_data, "SMOOTH_LARGEST", 0.0)  # else all that it misses is smooth
+    asked, whole = [], Distance.__call__
+    monkeypatch.setattr(Distance, "__call__", lambda self, x: asked.append(x.shape[1]) or whole(self, x))
+    ours = data_error(solution.discretisation, solution.table, 0)
+    few = sum(asked)
+    monkeypatch.setattr(estimated_data, "_reached", lambda gap, table, surface, own: np.ones(own.size, dtype=bool))
+    theirs = data_error(solution.discretisation, solution.table, 0)
+    assert ours.squares.max() > 0
+    np.testing.assert_array_equal(ours.squares, theirs.squares)
+    np.testing.assert_array_equal(ours.forces, theirs.forces)
+    assert few < 0.5 * (sum(asked) - few)

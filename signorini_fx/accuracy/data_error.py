@@ -24,6 +24,7 @@ from signorini_fx.body.loads import measures
 from signorini_fx.effects.contact import CoulombFriction, TrescaFriction
 from signorini_fx.scene.effect import Force
 from signorini_fx.scene.expressions import sample
+from signorini_fx.scene.rigid_shape import Distance
 from signorini_fx.tuned import SMOOTH_LARGEST, SMOOTH_MEAN
 
 Floats = npt.NDArray[np.float64]
@@ -167,11 +168,13 @@ def _inside_pieces(d: Discretisation, table: ContactTable, surface: ContactSurfa
             points = sample(value, inside.reshape(3, -1)).reshape(inside.shape[1:])
             return nodal, points - nodal[corners] @ weights.T, surface.bends(nodal)[own]
 
-        nodal, away, bend = between(effect.gap_in(d.tagged.dimension))
-        pressed = c["pressure"][corners] != 0
-        room = np.maximum((nodal if effect.against is None else c["gap"]) - c["u_n"], 0.0)[corners] @ weights.T
-        missed = np.where(pressed.all(axis=1)[:, None], np.abs(away), -away - room).max(axis=1)
-        gaps[own] = np.maximum(missed - SMOOTH_LARGEST * bend, 0.0) ** 2 * np.sqrt(surface.area[own])
+        gap = effect.gap_in(d.tagged.dimension)
+        near = np.flatnonzero(_reached(gap, table, surface, own))
+        nodal, away, bend = between(gap, own[near], inside[:, near], corners[near])
+        pressed = c["pressure"][corners[near]] != 0
+        room = np.maximum((nodal if effect.against is None else c["gap"]) - c["u_n"], 0.0)[corners[near]] @ weights.T
+        missed = np.where(pressed.all(axis=1)[:, None], np.abs(away), -away - room).max(axis=1, initial=-np.inf)
+        gaps[own[near]] = np.maximum(missed - SMOOTH_LARGEST * bend, 0.0) ** 2 * np.sqrt(surface.area[own[near]])
         if isinstance(effect.friction, TrescaFriction | CoulombFriction):
             law = effect.friction
             _, away, bend = between(law.bound if isinstance(law, TrescaFriction) else law.coefficient)
@@ -180,3 +183,20 @@ def _inside_pieces(d: Discretisation, table: ContactTable, surface: ContactSurfa
             missed = np.maximum(np.abs(away).mean(axis=1) - SMOOTH_MEAN * bend, 0.0) * times * surface.area[own]
             friction[own] = np.where(sliding, missed, 0.0)
     return friction, gaps
+
+
+def _reached(
+    gap: Any, table: ContactTable, surface: ContactSurface, own: npt.NDArray[np.int64]
+) -> npt.NDArray[np.bool_]:
+    """Which pieces may miss some of a gap inside them.
+
+    A distance changes by no more than the way, and from any point of a piece that is at most D across the way to its
+    nearest corner is at most D / sqrt(3) (H. Jung, J. Reine Angew. Math. 123 (1901) 241-257).
+    """
+    if not isinstance(gap, Distance) or not isinstance(gap.added, float):
+        return np.ones(own.size, dtype=bool)
+    corners, c = surface.corners[own], table.columns
+    x = surface.x[corners]
+    across = np.max([np.linalg.norm(x - np.roll(x, k, axis=1), axis=2).max(axis=1) for k in (1, 2)], axis=0)
+    away = c["gap"][corners].min(axis=1) - c["u_n"][corners].max(axis=1) - across / np.sqrt(3)
+    return np.asarray((away <= 0) | (c["pressure"][corners] != 0).any(axis=1))
