@@ -181,6 +181,7 @@ def test_nothing_is_solved(monkeypatch):
     def refuse(*arguments, **options):
         raise AssertionError("check must not assemble or solve")
 
+    monkeypatch.setattr(dolfinx.fem, "assemble_matrix", refuse)
     monkeypatch.setattr(dolfinx.fem.petsc, "assemble_matrix", refuse)
     monkeypatch.setattr(PETSc, "SNES", refuse)
     monkeypatch.setattr(PETSc, "KSP", refuse)

@@ -63,7 +63,8 @@ class Spy:
         self.monkeypatch = monkeypatch
         # Everything that dolfinx compiles, forms and expressions, goes through here.
         self._watch(dolfinx.jit, "ffcx_jit", "jit")
-        self._watch(dolfinx.fem.petsc, "assemble_matrix", "matrix")
+        for module in (dolfinx.fem, dolfinx.fem.petsc):  # on one rank, on several
+            self._watch(module, "assemble_matrix", "matrix")
         for name in ("KSP", "SNES"):
             monkeypatch.setattr(PETSc, name, self._counting(getattr(PETSc, name), name.lower()))
 

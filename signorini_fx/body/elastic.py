@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
+from dolfinx import fem, la
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -414,7 +414,20 @@ def vector_like(matrix: PETSc.Mat, values: Array) -> PETSc.Vec:
 
 
 def sum_of(forms: Sequence[fem.Form], bcs: Sequence[fem.DirichletBC]) -> PETSc.Mat:
-    """The matrix of a sum of bilinear forms, without the rows and columns of ``bcs``; collective."""
+    """The matrix of a sum of bilinear forms, without the rows and columns of ``bcs``; collective.
+
+    On one rank dolfinx's matrix takes half the time of PETSc's, which then uses its entries as they are.
+    """
+    if forms[0].mesh.comm.size == 1:
+        entries = fem.create_matrix(forms[0], la.BlockMode.expanded)
+        for form in forms:
+            fem.assemble_matrix(entries, form, list(bcs), 0.0)  # type: ignore[arg-type]
+        rows, columns = (one.astype(PETSc.IntType, copy=False) for one in (entries.indptr, entries.indices))
+        space = forms[0].function_spaces[0].dofmap
+        size = space.index_map.size_local * space.index_map_bs
+        matrix = PETSc.Mat().createAIJWithArrays((size, size), (rows, columns, entries.data), comm=forms[0].mesh.comm)
+        matrix.setBlockSize(space.index_map_bs)
+        return matrix
     matrix = fem_petsc.assemble_matrix(forms[0], list(bcs), 0.0)
     for form in forms[1:]:
         matrix.assemble()
