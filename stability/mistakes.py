@@ -3559,10 +3559,10 @@ MUTANTS = (
     ),
     Mutant(
         "accuracy/error_bound_in_space",
-        "size = np.linalg.norm(tangential, axis=2) @ values.T",
-        "size = np.linalg.norm(tangential, axis=2) @ values.T / 2",
-        "error bound in space: half of the work of friction",
-        tests=("error_bound_in_space::test_slip_in_an_oblique_direction_that_elements_hold",),
+        "2 * self._on_contact(one, y, middle)",
+        "self._on_contact(one, y, middle)",
+        "error bound in space: half of what the contact adds",
+        tests=("error_bound_in_space::test_every_part_counts",),
     ),
     Mutant(
         "accuracy/stress_in_space",
