@@ -462,7 +462,7 @@ def test_far_from_a_shape_nothing_is_sampled_inside(monkeypatch):
         "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0, "z": 0.0},
         "contact": {
             "boundary": "top",
-            "foundation": {"shape": "sphere", "centre": [0.95, 1.05, 1.47], "radius": 0.5},
+            "foundation": {"shape": "sphere", "centre": [0.875, 1.125, 1.07], "radius": 0.1},  # between nodes
             "friction": {"law": "coulomb", "coefficient": 0.3},
         },
     }
