@@ -147,3 +147,14 @@ def test_no_such_step(number):
     """The load steps that there are."""
     with pytest.raises(SceneError, match="there are load steps 1 to 4"):
         sensitivity(plane(TRESCA), f"force bottom x step {number}", [])
+
+
+def test_friction_of_the_time_on_a_foundation_that_moves():
+    """A step has its friction coefficient, not that of the step before: where all slips, the shear is F(t) lambda."""
+    found = sensitivity(space({"law": "coulomb", "coefficient": "0.02*t"}), "force bottom x", [])
+    for number, step in enumerate(found.solution.steps, start=1):
+        state = step.contact
+        slips = np.any(state.direction != 0, axis=1) & state.in_contact
+        assert slips.any()
+        shear = np.linalg.norm(state.shear[slips], axis=1)
+        assert shear == pytest.approx(0.02 * number * state.pressure[slips], rel=1e-6)

@@ -156,6 +156,10 @@ def on_moved_foundations(
             task.iterate.x.getArray()[free] = x.getArray(readonly=True)[free]
         normal, tangential = moved.contact.traces(x)
         begun, _, _ = carried(start, None, normal, earlier.boundary, moved.boundary)
+        if moved.law is not None:  # its friction may depend on the time, too
+            assert start.multipliers is not None
+            bound = moved.law.bound(start.multipliers[0])
+            begun = replace(begun, law=moved.law, data=replace(begun.data, bound=bound))
     origin = tangential + np.einsum("nij,ni->nj", moved.boundary.tangents, drift)
     data = replace(begun.data, gap=task.start.data.gap, slip_origin=origin)
     return task, replace(begun, data=data), relative_to(last, moved.boundary, drift)
