@@ -233,7 +233,7 @@ def section(
         axes = figure.subplots()
         show(axes, solid, camera, inch)
         tones.bar(figure, axes)
-        at_plane = math_number(float(f"{clean(float(origin[axis]), skin.size):.4g}"))
+        at_plane = math_number(float(f"{clean([float(origin[axis])], skin.size)[0]:.4g}"))
         what = f"cut at ${'xyz'[axis]} = {at_plane}$, displacement $\\times\\,{math_number(factor)}$"
         finish(figure, path_stem, f"{title}   ({what})" if title else what, suffixes)
 
