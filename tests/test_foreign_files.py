@@ -91,11 +91,12 @@ def test_texts_that_are_no_names(tmp_path, text):
 
 
 @pytest.mark.skipif("seccomp" not in sandbox.available(), reason="the system has no seccomp")
-def test_attacks_on_the_sandbox(tmp_path):
-    """200 scripts that nobody has looked at do nothing in the sandbox; outside, many of them do."""
+@pytest.mark.parametrize("count", [200, 60])
+def test_attacks_on_the_sandbox(tmp_path, count):
+    """So many scripts that nobody has looked at do nothing in the sandbox; outside, many of them do."""
     attacks.prepare(tmp_path)
-    inside = run(tmp_path, 200, 1)
-    assert len(inside) == 200
+    inside = run(tmp_path, count, 1)
+    assert len(inside) == count
     assert [one for one in inside if one["left"]] == []
     if "Landlock" in sandbox.available():
         assert [one for one in inside if one["read"]] == []
