@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
 
 from signorini_fx import compat
 from signorini_fx.accuracy.triangles import Array
@@ -66,6 +68,15 @@ class Points:
     def vector(self, values: tuple[Any, ...]) -> Array:
         """Values along the axes, shape (f, q, d)."""
         return np.stack([self.value(value) for value in values[: self.x.shape[2]]], axis=2)
+
+
+def lame_of(d: Discretisation, owner: npt.NDArray[np.int64]) -> Array:
+    """The parameters of Lamé, lambda and mu, of the cells ``owner``, stress, shape (n, 2)."""
+    found = []
+    for part in d.lame:
+        by_cell = part.x.array[part.function_space.dofmap.list[:, 0]] if isinstance(part, fem.Function) else None
+        found.append(np.full(len(owner), float(part.value)) if by_cell is None else by_cell[owner])
+    return np.column_stack(found)
 
 
 def refuse_unknown(d: Discretisation) -> None:

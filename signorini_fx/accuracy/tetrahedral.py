@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from signorini_fx import compat
 from signorini_fx.accuracy.bounded_error import SAME
-from signorini_fx.accuracy.bounded_scene import Points, Refused, refuse_unknown
+from signorini_fx.accuracy.bounded_scene import Points, Refused, lame_of, refuse_unknown
 from signorini_fx.accuracy.tetrahedra import Tetrahedra
 from signorini_fx.accuracy.triangles import Array, Ints
 from signorini_fx.body.assembly import facet_entities
@@ -116,11 +116,7 @@ class ProblemInSpace:
         at[cells] = values[:, :4]
         turned = np.linalg.det(x[cells][:, 1:] - x[cells][:, :1]) < 0
         corners = np.where(turned[:, None], cells[:, [0, 1, 3, 2]], cells)
-        lame = []
-        for part in self._d.lame:
-            by_cell = part.x.array[part.function_space.dofmap.list[:, 0]] if isinstance(part, fem.Function) else None
-            lame.append(np.full(len(corners), float(part.value)) if by_cell is None else by_cell)
-        self.t = t = Tetrahedra(x, corners, np.column_stack(lame))
+        self.t = t = Tetrahedra(x, corners, lame_of(self._d, np.arange(len(corners))))
         middle: Array = at[t.edges].mean(axis=1)
         if values.shape[1] == 10:
             ends = np.sort(cells[:, np.array(basix.topology(basix.CellType.tetrahedron)[1])], axis=2)

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from signorini_fx import compat
 from signorini_fx.accuracy.bounded_error import SAME
-from signorini_fx.accuracy.bounded_scene import Points, Refused, refuse_unknown
+from signorini_fx.accuracy.bounded_scene import Points, Refused, lame_of, refuse_unknown
 from signorini_fx.accuracy.local_stress import constant_forces
 from signorini_fx.accuracy.triangles import GAUSS, Array, Triangles, divide
 from signorini_fx.body.assembly import facet_entities
@@ -114,11 +114,7 @@ class Problem:
         turned = np.linalg.det(p[:, 1:] - p[:, :1]) < 0
         order = np.where(turned[:, None], [0, 2, 1], [0, 1, 2])
         corners = np.take_along_axis(corners, order, axis=1)
-        lame = []
-        for part in self._d.lame:
-            by_cell = part.x.array[part.function_space.dofmap.list[:, 0]] if isinstance(part, fem.Function) else None
-            lame.append(np.full(len(corners), float(part.value)) if by_cell is None else by_cell[owner])
-        self.t = t = Triangles(x, corners, np.column_stack(lame))
+        self.t = t = Triangles(x, corners, lame_of(self._d, owner))
         middle: Array = at[t.edges].mean(axis=1)
         if quads:  # the middle of the diagonal is that of the cell
             half = len(cells)
