@@ -129,20 +129,18 @@ class ElasticBody:
     @property
     def system_size(self) -> SystemSize:
         """The figures that decide which kind of elastic system it gets."""
-        retained, held, paired = 0, False, False
+        retained, held, paired, across = 0, False, False, int(self.space.mesh.topology.dim)
         if self.boundary is not None and self.at_contact is not None:
             reached = np.array(np.unique(self.boundary.reached).size)
             retained = self.dimension * int(parallel.global_sum(self.comm, reached))
             everywhere: Any = self.boundary.points.everywhere
             held, paired = self.at_contact.held_by(everywhere, everywhere), self.boundary.paired
         if self.mixed is None:
-            return SystemSize(self.comm, self.dofs, self.dimension, retained, held, self.compressible, paired=paired)
+            return SystemSize(self.comm, self.dofs, across, retained, held, self.compressible, paired=paired)
         touched = self.prescribed.copy()
         touched[_touched(self.contact)] = True
         enclosed = retained > 0 and self._encloses(touched)
-        return SystemSize(
-            self.comm, self.dofs, self.dimension, retained, held, False, definite=False, enclosed=enclosed
-        )
+        return SystemSize(self.comm, self.dofs, across, retained, held, False, definite=False, enclosed=enclosed)
 
     def _encloses(self, held: npt.NDArray[np.bool_]) -> bool:
         """Whether an incompressible body cannot change its volume if these unknowns of this rank are held."""

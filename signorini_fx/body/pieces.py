@@ -107,6 +107,7 @@ def find_pieces(mesh: dmesh.Mesh) -> Pieces:
             "their nodes; merge coincident points (signorini-fx mesh-info counts them)"
         )
     of_cell = names[local]
+    dim = mesh.geometry.dim
     x, corners = mesh.geometry.x[:, :dim].astype(np.float64), compat.geometry_cells(mesh)
     numbers = np.empty(count, dtype=np.int64)
     bounds: npt.NDArray[np.float64] = np.empty((count, 2, dim))
@@ -178,6 +179,6 @@ def _pins(mesh: dmesh.Mesh, of_cell: _Labels) -> tuple[_Labels, npt.NDArray[np.f
     if rows.size:  # dolfinx divides by their number
         topology.create_connectivity(0, topology.dim)
         nodes = dmesh.entities_to_geometry(mesh, 0, rows[:, 0].astype(np.int32))
-    x = mesh.geometry.x[nodes.ravel(), : topology.dim].astype(np.float64)
+    x = mesh.geometry.x[nodes.ravel(), : mesh.geometry.dim].astype(np.float64)
     table = parallel.gather_rows(mesh.comm, np.column_stack((rows[:, 1:], x)))
     return table[:, :2].astype(np.int64), table[:, 2:]

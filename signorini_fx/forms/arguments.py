@@ -15,6 +15,7 @@ from dolfinx import mesh as dmesh
 from signorini_fx import compat, parallel
 from signorini_fx.body.foundation import Coulomb, Foundation, Pair, Tresca
 from signorini_fx.errors import FormError, SceneError
+from signorini_fx.forms.section import is_section
 from signorini_fx.scene.settings import SolverSettings
 from signorini_fx.scene.values import kind_of
 
@@ -58,17 +59,19 @@ def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:
 
 
 def _supported(space: fem.FunctionSpace) -> fem.FunctionSpace:
-    mesh, wanted = space.mesh, "a vector Lagrange space of degree 1 or 2 is needed, with one component per dimension"
+    mesh, wanted = space.mesh, "a vector Lagrange space of degree 1 or 2 is needed, with one component per coordinate"
     dim = mesh.topology.dim
     try:
         element = space.element.basix_element
         fits = element.family == basix.ElementFamily.P and not element.discontinuous and element.degree in (1, 2)
     except RuntimeError:  # a mixed element
         fits = False
-    if not fits or dim not in (2, 3) or mesh.geometry.dim != dim or space.dofmap.index_map_bs != dim:
+    if not fits or dim not in (2, 3) or space.dofmap.index_map_bs != mesh.geometry.dim:
         raise FormError([("a", f"its space is {space.ufl_element()}: {wanted}")])
     if mesh.topology.cell_name() not in ("triangle", "quadrilateral", "tetrahedron", "hexahedron"):
         raise FormError([("a", f"its mesh has {mesh.topology.cell_name()} cells, which are not supported")])
+    if is_section(mesh) and parallel.any_rank(mesh.comm, bool(mesh.geometry.x[:, 2].any())):
+        raise FormError([("a", "its mesh of plane cells in space must lie in the plane x[2] = 0")])
     return space
 
 
@@ -137,8 +140,11 @@ def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[l
 
     Raises:
         FormError: with all errors: facets that do not exist, are not exterior, or are those of points of one contact
-            and occur in another one; those of masters may be shared.
+            and occur in another one; those of masters may be shared.  Or a section has a pair.
     """
+    if is_section(mesh) and (wrong := [k for k, one in enumerate(contact) if isinstance(one, Pair)]):
+        text = "contact of two bodies is not possible yet on a plane mesh in space"
+        raise FormError([(f"contact[{k}]", text) for k in wrong])
     dim = mesh.topology.dim - 1
     mesh.topology.create_connectivity(dim, dim + 1)
     facet_map = mesh.topology.index_map(dim)

@@ -63,11 +63,11 @@ class ContactProblem:
         y = problem.solve()
 
     Constants and Functions in the forms, in the conditions and in the foundations may change between two solves: what
-    has not changed is neither assembled nor factorised again.  An own time loop calls ``advance`` after each step:
-    friction then acts on what the next step adds to the slip.
+    has not changed is neither assembled nor factorised again.  An own time loop calls ``advance`` after each step.
 
     Args:
-        a: a symmetric bilinear form on a vector Lagrange space of degree 1 or 2, UFL or compiled.
+        a: a symmetric bilinear form on a vector Lagrange space of degree 1 or 2, UFL or compiled; on a mesh of plane
+            cells in space, a section, too.
         L: a linear form on the same space.
         bcs: Dirichlet conditions as dolfinx makes them; where two meet the later one applies.
         contact: the foundations, and the pairs of bodies that can touch.

@@ -135,10 +135,10 @@ def scales_of(body: ElasticBody, boundary: ContactBoundary, facets: Sequence[npt
     along, across = mesh.h(dim - 1, listed), np.linalg.norm(across, axis=1)
     inverse, degree = 1 / across + across / along**2, space.element.basix_element.degree
     sums = fem.Function(space)
-    array = sums.x.array.reshape(-1, dim)
+    array = sums.x.array.reshape(-1, mesh.geometry.dim)
     for node in boundary.segments[:, 1:].T:
         local = space.dofmap.index_map.global_to_local(np.ascontiguousarray(node))
-        np.add.at(array, local, np.column_stack((inverse, np.ones(inverse.size), *np.zeros((dim - 2, inverse.size)))))
+        np.add.at(array[:, :2], local, np.column_stack((inverse, np.ones(inverse.size))))
     sums.x.scatter_reverse(la.InsertMode.add)
     total, count = array[boundary.nodes, :2].T
     moves = stiffness > 0
@@ -146,5 +146,5 @@ def scales_of(body: ElasticBody, boundary: ContactBoundary, facets: Sequence[npt
     weights, compliance = parallel.global_sum(
         boundary.comm, np.array([weight.sum(), weight @ (unit / stiffness[moves])])
     )
-    bounds = body.pieces.bounds.reshape(-1, dim)
+    bounds = body.pieces.bounds.reshape(-1, mesh.geometry.dim)
     return Scales(dim, float(weights / compliance), float(np.linalg.norm(np.ptp(bounds, axis=0))))

@@ -17,6 +17,7 @@ from signorini_fx.body.assembly import facet_nodes
 from signorini_fx.body.element_stress import ElementStress, anisotropic_stress
 from signorini_fx.body.kinematics import KINEMATICS
 from signorini_fx.errors import FormError
+from signorini_fx.forms.section import is_section
 from signorini_fx.records import Inventory
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.stresses import RawStresses
@@ -27,7 +28,13 @@ Law = Callable[[Any], Any]
 
 
 def law_of(stress: Any, u: fem.Function) -> Law | None:
-    """What ``ContactProblem`` is given, as a function of the displacement."""
+    """What ``ContactProblem`` is given, as a function of the displacement.
+
+    Raises:
+        FormError: the mesh is a section in space.
+    """
+    if stress is not None and is_section(u.function_space.mesh):
+        raise FormError([("stress", "stresses and their estimates are not possible yet on a plane mesh in space")])
     if stress is None or (callable(stress) and not hasattr(stress, "ufl_shape")):
         return stress
     return lambda y: ufl.replace(stress, {u: y, **dict.fromkeys(_arguments(stress), y)})

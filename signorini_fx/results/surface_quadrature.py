@@ -46,7 +46,7 @@ class Facets:
     Attributes:
         cells: cells of the facets, shape (f,).
         table: shape functions at the points.
-        moment: outward normal times the area (in the plane: length) of the point, shape (f, q, d).
+        moment: outward normal times the area (in the plane: length) of the point, shape (f, q, across).
     """
 
     cells: Indices
@@ -63,16 +63,18 @@ class SurfaceQuadrature:
     Attributes:
         space: of the displacement.
         owned: number of nodes that this rank owns.
-        dimension: d.
+        dimension: d, of displacements.
+        across: dimension of the cells; less than d of a section in space, which lies in x[2] = 0.
     """
 
     def __init__(self, space: fem.FunctionSpace) -> None:
         mesh = space.mesh
         self.space = space
         self.owned = int(space.dofmap.index_map.size_local)
-        self.dimension = int(mesh.topology.dim)
+        self.dimension = int(mesh.geometry.dim)
+        self.across = int(mesh.topology.dim)
         self._cell = getattr(basix.CellType, mesh.topology.cell_name())
-        self._facet = basix.cell.subentity_types(self._cell)[self.dimension - 1][0]
+        self._facet = basix.cell.subentity_types(self._cell)[self.across - 1][0]
         self._shapes = space.element.basix_element
         self._hats = None
         if self._cell == basix.CellType.tetrahedron and self._shapes.degree == 2:
@@ -80,7 +82,7 @@ class SurfaceQuadrature:
         self._geometry = compat.geometry_element(mesh)
         self._corners = compat.geometry_cells(mesh)
         self._nodes = space.dofmap.list
-        self._x = mesh.geometry.x[:, : self.dimension]
+        self._x = mesh.geometry.x[:, : self.across]
 
     @cached_property
     def at_nodes(self) -> Array:
@@ -106,14 +108,15 @@ class SurfaceQuadrature:
         """
         total, degree = self._zero(), self._shapes.degree
         rule = basix.make_quadrature(self._facet, forms.lumped_degree(degree, self._geometry.degree))
-        if self.dimension == 2 and (factor is None or degree > 1):  # the nodal rule, which has the same integrals
+        if self.across == 2 and (factor is None or degree > 1):  # the nodal rule, which has the same integrals
             places, weights = {
                 1: ([0.0, 1.0], [0.5, 0.5]),  # trapezoidal rule
                 2: ([0.0, 1.0, 0.5], [1 / 6, 1 / 6, 2 / 3]),  # Simpson's rule
             }[degree]
             rule = np.array(places)[:, None], np.array(weights)
         for facets in self._facets(boundary, rule[0], rule[1], factor):
-            np.add.at(total, self._nodes[facets.cells], _clean(facets.table.test).T @ facets.moment)
+            of_nodes = _clean(facets.table.test).T @ facets.moment
+            np.add.at(total[:, : self.across], self._nodes[facets.cells], of_nodes)
         return self.over_ranks(total)
 
     def products(self, boundary: Any, factor: Array | None = None) -> Any:
@@ -167,22 +170,22 @@ class SurfaceQuadrature:
         return Table(shape[0], shape[1:], geometry[0], geometry[1:], test)
 
     def _jacobian(self, cells: Indices, table: Table) -> Array:
-        """dx_i / dX_k at the points, shape (d (i), d (k), cells, q)."""
+        """dx_i / dX_k at the points, shape (across (i), across (k), cells, q)."""
         x = self._x[self._corners[cells]]
-        return np.array([[x[:, :, i] @ stretch.T for stretch in table.stretch] for i in range(self.dimension)])
+        return np.array([[x[:, :, i] @ stretch.T for stretch in table.stretch] for i in range(self.across)])
 
     def _facets(self, boundary: Any, places: Array, weight: Array, factor: Array | None = None) -> Iterator[Facets]:
-        """The facets of a boundary with points at ``places`` of the reference facet, shape (q, d - 1)."""
+        """The facets of a boundary with points at ``places`` of the reference facet, shape (q, across - 1)."""
         entities = facet_entities(self.space.mesh, self.facets(boundary))
         vertices = basix.geometry(self._cell)
-        for side, corner in enumerate(basix.topology(self._cell)[self.dimension - 1]):
+        for side, corner in enumerate(basix.topology(self._cell)[self.across - 1]):
             cells = entities[entities[:, 1] == side, 0]
             if cells.size == 0:
                 continue
-            start, *ends = vertices[corner[: self.dimension]]
+            start, *ends = vertices[corner[: self.across]]
             along = np.array(ends) - start
             table = self._table(start + places @ along)
-            across = np.array([along[0, 1], -along[0, 0]]) if self.dimension == 2 else np.cross(*along)
+            across = np.array([along[0, 1], -along[0, 0]]) if self.across == 2 else np.cross(*along)
             across *= np.sign(across @ (start - vertices.mean(axis=0)))
             # Where the facet is warped, the middle of a cell may be on its outer side: the reference cell tells.
             adjugate, determinant = adjugates(self._jacobian(cells, table))
