@@ -2390,6 +2390,21 @@ MUTANTS = (
         tests=("parts_on_ranks::test_certificate", "ranks::test_one_rank_or_many"),
     ),
     Mutant(
+        "body/quadrature",
+        "range(3, 2**dim)",
+        "range(3, 7)",
+        "hexahedra with one vertex in the wrong place are parallelepipeds",
+        tests=("quadrature::test_other_cells_get_more_points",),
+    ),
+    Mutant(
+        "body/quadrature",
+        "not parallel.any_rank(mesh.comm, not affine)",
+        "affine",
+        "each rank chooses the points of quadrature by its own cells",
+        ranks=2,
+        tests=("quadrature::test_ranks_agree",),
+    ),
+    Mutant(
         "results/surface_quadrature",
         "function.x.scatter_reverse(la.InsertMode.add)",
         "pass",

@@ -7,8 +7,8 @@ from typing import Any
 import ufl
 from dolfinx import fem
 
-from signorini_fx import compat
-from signorini_fx.effects.material import elastic_degree, elastic_forms
+from signorini_fx.body.quadrature import strain_degree
+from signorini_fx.effects.material import elastic_forms
 
 # Their names.
 ELASTIC_FORMS = ("elasticity", "reduced volumetric elasticity")
@@ -24,7 +24,7 @@ def elastic_terms(
     reduced: int | None,
     around: bool,
 ) -> tuple[Any, ...]:
-    """a(y, z), as terms to be compiled one by one.
+    """a(y, z), as terms to be compiled one by one; collective.
 
     Args:
         space: of the displacement.
@@ -35,9 +35,8 @@ def elastic_terms(
         reduced: quadrature degree of the volumetric term where it is reduced, else None.
         around: whether the body is axisymmetric.
     """
-    mesh, element = space.mesh, space.element.basix_element.degree
-    degree = elastic_degree(mesh.topology.cell_name(), element, compat.geometry_degree(mesh), axisymmetric=around)
-    radius = ufl.SpatialCoordinate(mesh)[0] if around else None
+    degree = strain_degree(space, axisymmetric=around)
+    radius = ufl.SpatialCoordinate(space.mesh)[0] if around else None
     if stiffness is not None:
         from signorini_fx.body.orthotropic import orthotropic_form
 

@@ -24,8 +24,9 @@ from dolfinx import default_scalar_type, fem
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
-from signorini_fx import compat, parallel
-from signorini_fx.effects.material import LinearElastic, elastic_degree, mixed_forms
+from signorini_fx import parallel
+from signorini_fx.body.quadrature import strain_degree
+from signorini_fx.effects.material import LinearElastic, mixed_forms
 from signorini_fx.errors import InstallationError
 from signorini_fx.linalg.full import has_package
 from signorini_fx.records import Inventory
@@ -102,12 +103,7 @@ class MixedPressure:
             mu,
             unit,
             compressibility,
-            elastic_degree(
-                mesh.topology.cell_name(),
-                space.element.basix_element.degree,
-                compat.geometry_degree(mesh),
-                axisymmetric=axisymmetric,
-            ),
+            strain_degree(space, axisymmetric=axisymmetric),
             radius=ufl.SpatialCoordinate(mesh)[0] if axisymmetric else None,
         )
         return tuple(

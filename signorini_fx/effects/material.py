@@ -259,12 +259,14 @@ def hoop_strain(y: Any, radius: Any) -> Any:
 
 
 def elastic_degree(cell: str, degree: int, geometry: int, *, axisymmetric: bool = False) -> int:
-    """Quadrature degree of a(., .) for elements of ``degree`` on cells whose geometry has degree ``geometry``.
+    """Quadrature degree of a(., .) for elements of ``degree`` on cells whose geometry has degree ``geometry``, which is
+    0 for quadrilaterals and hexahedra if their maps are affine (``body.quadrature``).
 
-    The degree of epsilon(y) : epsilon(z) times the Jacobian's determinant on simplices; on quadrilaterals and
-    hexahedra, where the integrand is rational, that of the products of all polynomials in it.  UFL estimates the same
-    in the plane; it is stated here because the certificate integrates without UFL.  The radius and the hoop strain of
-    axisymmetric bodies, which is rational, take two degrees more.
+    The degree of epsilon(y) : epsilon(z) times the Jacobian's determinant on simplices and along each axis of
+    parallelepipeds; on other quadrilaterals and hexahedra, where the integrand is rational, that of the products of all
+    polynomials in it.  UFL estimates the same on these in the plane; it is stated here because the certificate
+    integrates without UFL.  The radius and the hoop strain of axisymmetric bodies, which is rational, take two degrees
+    more.
     """
     if axisymmetric:
         return elastic_degree(cell, degree, geometry) + 2

@@ -10,6 +10,7 @@ only a compiled form can integrate them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 from typing import Any
 
 import basix
@@ -22,7 +23,7 @@ from signorini_fx.body.assembly import adjugates, assemble
 from signorini_fx.body.loads import FormCoefficients, compile_loads
 from signorini_fx.body.mixed import hydrostatic_of
 from signorini_fx.body.moduli import reduced_degree
-from signorini_fx.effects.material import elastic_degree
+from signorini_fx.body.quadrature import strain_degree
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.results.quadrature_points import QuadraturePoints
@@ -80,11 +81,10 @@ class NodalForces(SurfaceQuadrature):
         """
         return self.over_ranks(self._stress_work(y, self._degree)[0])
 
-    @property
+    @cached_property
     def _degree(self) -> int:
         """Of the quadrature of the stress."""
-        kind, element, geometry = self._cell.name, self.scene.element.degree, self._geometry.degree
-        return elastic_degree(kind, element, geometry, axisymmetric=self.scene.axisymmetric)
+        return strain_degree(self.space, axisymmetric=self.scene.axisymmetric)
 
     @property
     def _shearing(self) -> tuple[Array, Array]:

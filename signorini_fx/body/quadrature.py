@@ -1,0 +1,45 @@
+"""Quadrature degrees of products of two strains, which the solver and the certificate share."""
+
+from __future__ import annotations
+
+import numpy as np
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+
+from signorini_fx import compat, parallel
+from signorini_fx.effects.material import elastic_degree
+
+# Difference of opposite edges, as a share of the shortest edge, below which the map of a cell counts as affine.  What
+# the rule with fewer points neglects is of the order of its square.
+_PARALLEL = 1e-8
+
+
+def strain_degree(space: fem.FunctionSpace, *, axisymmetric: bool = False) -> int:
+    """Quadrature degree of a(., .) for displacements in ``space``, see ``elastic_degree``; collective."""
+    mesh, element = space.mesh, space.element.basix_element.degree
+    geometry = compat.geometry_degree(mesh)
+    if geometry == 1 and not axisymmetric and parallelepipeds(mesh):
+        geometry = 0
+    return elastic_degree(mesh.topology.cell_name(), element, geometry, axisymmetric=axisymmetric)
+
+
+def parallelepipeds(mesh: dmesh.Mesh) -> bool:
+    """Whether all cells of all ranks are quadrilaterals or hexahedra with affine maps: parallelograms in the plane.
+
+    Args:
+        mesh: with straight cells.
+    """
+    dim = mesh.topology.dim
+    cells, x = compat.geometry_cells(mesh), mesh.geometry.x[:, :dim]
+    if mesh.topology.cell_name() not in ("quadrilateral", "hexahedron"):
+        return False
+    first = x[cells[:, 0]]
+    edges = [x[cells[:, 2**k]] - first for k in range(dim)]  # vertices in the order of basix: along x[0] first
+    shortest = np.min([np.einsum("ci,ci->c", edge, edge) for edge in edges], axis=0)
+    affine = True
+    for vertex in range(3, 2**dim):
+        along = [edges[k] for k in range(dim) if vertex >> k & 1]
+        if len(along) > 1:
+            away = x[cells[:, vertex]] - first - sum(along)
+            affine &= bool((np.einsum("ci,ci->c", away, away) <= _PARALLEL**2 * shortest).all())
+    return not parallel.any_rank(mesh.comm, not affine)
