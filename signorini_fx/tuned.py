@@ -185,6 +185,9 @@ POLYGON_PEAK = 0.5
 FINER_FACTOR, GROWING_MESHES, GROWTH_POWER, LASTING_SHARE = 1.3, 2, 0.05, 0.6
 # An error that decreases by less than this from mesh to mesh is taken not to decrease at all.  Choice.
 SLOWEST_DECREASE = 0.95
+# A force that differs by more than this from that of the finest mesh says nothing about its error, between two bodies.
+# Fixed on two half balls, whose first mesh has a single node in contact.
+LARGEST_CHANGE = 0.5
 # Sparse factors, by dimension: in the plane time between n for all else and n^1.5, memory n log n; in space time
 # between n and n^2, memory n^(4/3).  Tuned by demos/studies/prediction.py, in space on the block of docs/accuracy.md.
 TIME_POWER, MEMORY_POWER = {2: 1.2, 3: 1.6}, {2: 1.1, 3: 1.3}

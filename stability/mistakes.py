@@ -2884,6 +2884,20 @@ MUTANTS = (
         tests=("closed_boundary",),
     ),
     Mutant(
+        "accuracy/force_error",
+        "(coarse.h, fine.h) if fine.paired else (coarse.inside, fine.inside)",
+        "(coarse.inside, fine.inside)",
+        "force between two bodies: the pressure at an edge is taken for its error",
+        tests=("accuracy_of_bodies::test_a_force_where_contact_ends_at_edges",),
+    ),
+    Mutant(
+        "accuracy/force_error",
+        "change * share / (1 - share)",
+        "change * share",
+        "force: the change from the coarse mesh is taken for its error",
+        tests=("accuracy_of_bodies",),
+    ),
+    Mutant(
         "accuracy/price_list",
         "not uniform or grows_for_ever(levels[: index + 1])",
         "grows_for_ever(levels[: index + 1])",

@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.error_estimates import Errors
-from signorini_fx.accuracy.price_list import LevelResult
+from signorini_fx.accuracy.mesh_level import LevelResult
 from signorini_fx.algorithms.path_following import path_model
 from signorini_fx.algorithms.task import Outcome, Task
 from signorini_fx.body.contact_state import ContactState
@@ -80,4 +80,5 @@ def level_result(
         table=table,
         force=np.concatenate([np.concatenate(contact.forces) for contact in contacts]),
         krylov_from=krylov_from(body.system_size, body.settings.linear_algebra),
+        paired=body.boundary is not None and body.boundary.paired,
     )

@@ -22,7 +22,9 @@ from mpi4py import MPI
 from signorini_fx import parallel
 from signorini_fx.accuracy.contact_surface import ContactSurface
 from signorini_fx.accuracy.contact_values import interpolated, places
+from signorini_fx.accuracy.force_error import force_error
 from signorini_fx.accuracy.forecast import grown, powers
+from signorini_fx.accuracy.mesh_level import LevelResult, MeshCost
 from signorini_fx.accuracy.pressure_error import peak_of, roughness_at_peak
 from signorini_fx.body.contact_table import ContactTable, is_closed
 from signorini_fx.tuned import (
@@ -37,71 +39,8 @@ from signorini_fx.tuned import (
     POLLUTION,
     POLYGON_ERRORS,
     POLYGON_PEAK,
-    SLOWEST_DECREASE,
     SMOOTH_RATE,
 )
-
-
-@dataclass(frozen=True)
-class MeshCost:
-    """A mesh and the cost of a solve on it.
-
-    Attributes:
-        level: its number, the coarsest is 0.
-        h: mean spacing of the contact nodes, length; in space the square root of the mean area that they stand for.
-        dofs: unknowns.
-        linear_solves: linear solves on this mesh.
-        factorisations: of them with a new factorisation.
-        seconds: wall time of everything on this mesh, largest over the ranks.
-        memory: peak memory so far of all ranks together, MB.
-    """
-
-    level: int
-    h: float
-    dofs: int
-    linear_solves: int
-    factorisations: int
-    seconds: float
-    memory: float
-
-
-@dataclass(frozen=True)
-class LevelResult(MeshCost):
-    """Results and errors on one mesh; its cost is that of ``MeshCost``.
-
-    Attributes:
-        status: how it ended.
-        energy: estimated discretisation error, relative in the energy norm, data included.
-        pressure: the same of the contact pressure, relative in L2(Gamma_c); None without contact.
-        inside: the same except beside corners, without data.
-        data: the error of loads and friction on the mesh.
-        polygon: effect of straight facets of a curved contact boundary, which no refinement reduces;
-            ``pressure_error.polygon_error``.
-        regularisation: regularisation error, relative in the energy norm; 0 without regularisation.
-        pressure_regularisation: the same of the contact pressure, relative in L2(Gamma_c).
-        iteration: relative residual, or last change of the outer iteration, whichever is larger.
-        table: the contact boundary.
-        force: contact and friction force on the body of all load steps, shape (2 d steps,).
-        krylov_from: unknowns from which on a mesh is solved by a Krylov method; infinite: none is.
-    """
-
-    status: str
-    energy: float
-    pressure: float | None
-    inside: float
-    data: float
-    regularisation: float
-    pressure_regularisation: float
-    iteration: float
-    table: ContactTable
-    force: npt.NDArray[np.float64]
-    polygon: float = 0.0
-    krylov_from: float = np.inf
-
-    @property
-    def dimension(self) -> int:
-        """Of the body, 2 or 3."""
-        return 2 if self.table.facets is None else 3
 
 
 @dataclass(frozen=True)
@@ -193,8 +132,9 @@ def price_list(
             errors = {
                 name: _error(rates[name], [c[name] for c in changes[:index]], fineness) for name in EXPECTED_RATES
             }
-            enough = level.dimension == 2 or index > 1  # in space a single change was seen to mislead
-            errors["force"] = _force_error(levels[: index + 1]) if enough else None
+            # In space and between two bodies a single change was seen to mislead.
+            enough = index > 1 or not (level.dimension == 3 or level.paired)
+            errors["force"] = force_error(levels[: index + 1]) if enough else None
             if errors["peak"] is not None:
                 if level.dimension == 3:
                     errors["peak"] = max(errors["peak"], roughness_at_peak(level.table))
@@ -233,25 +173,6 @@ def _confirmed(coarse: LevelResult, fine: LevelResult, change: float, *, uniform
         return max(estimate, float(change / ((fine.dofs / coarse.dofs) ** (SMOOTH_RATE / fine.dimension) - 1)))
     times = max(1.0, change / coarse.pressure) if coarse.pressure else 1.0
     return float(np.hypot(estimate * times, POLLUTION * fine.energy**2))
-
-
-def _force_error(levels: Sequence[LevelResult]) -> float | None:
-    """Error of contact and friction force on the last mesh, from their changes on the previous meshes.
-
-    A force is an average: its error decreases like the square of the error of the displacement or, if that decreases
-    less, of the pressure; corners have little influence.
-    """
-    fine = levels[-1]
-    size = float(np.linalg.norm(fine.force))
-    if size == 0.0:
-        return None
-    told = []
-    for coarse in levels[-1 - CHANGES_USED : -1]:
-        pairs = ((coarse.energy, fine.energy), (coarse.inside, fine.inside))
-        share = max((after / before for before, after in pairs if before > 0), default=0.0) ** 2
-        share = float(np.clip(share, 0.0, SLOWEST_DECREASE))
-        told.append(float(np.linalg.norm(fine.force - coarse.force)) / size * share / (1 - share))
-    return max(told) + fine.data
 
 
 def _changes(coarse: LevelResult, fine: LevelResult) -> dict[str, float | None]:

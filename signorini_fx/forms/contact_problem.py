@@ -16,7 +16,8 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.accuracy.error_estimates import Errors
 from signorini_fx.accuracy.level_results import level_result
-from signorini_fx.accuracy.price_list import LevelResult, Price, peak_memory, price_list
+from signorini_fx.accuracy.mesh_level import LevelResult
+from signorini_fx.accuracy.price_list import Price, peak_memory, price_list
 from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.assembly import assemble
@@ -193,8 +194,7 @@ class ContactProblem:
         return errors_of(stress, self.u, self.state, facets, self._names, outcome, self._scales.modulus)
 
     def price_list(self, *coarser: ContactProblem) -> list[Price]:
-        """Errors and costs of the last solve here and on coarser meshes, and those expected of the next finer mesh, see
-        ``accuracy.price_list``; collective.
+        """Errors and costs of the last solve here and on coarser meshes, and those expected of the next; collective.
 
         Args:
             coarser: the same problem on coarser meshes, solved, the coarsest first; at least one.

@@ -10,7 +10,8 @@ from dolfinx import fem
 from mpi4py import MPI
 
 import signorini_fx
-from signorini_fx.accuracy.price_list import LevelResult, Price
+from signorini_fx.accuracy.mesh_level import LevelResult
+from signorini_fx.accuracy.price_list import Price
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import ContactTable, contact_table

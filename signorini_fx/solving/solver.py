@@ -14,7 +14,8 @@ from signorini_fx import parallel
 from signorini_fx.accuracy.error_estimates import Errors, estimate_errors, worst_of
 from signorini_fx.accuracy.forecast import seconds_to_come
 from signorini_fx.accuracy.level_results import compliance_of, level_result
-from signorini_fx.accuracy.price_list import LevelResult, peak_memory, price_list
+from signorini_fx.accuracy.mesh_level import LevelResult
+from signorini_fx.accuracy.price_list import peak_memory, price_list
 from signorini_fx.algorithms.task import Task
 from signorini_fx.attempts import METHOD, for_mesh, step_limit, tried
 from signorini_fx.body.contact_state import ContactState

@@ -16,10 +16,10 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.error_estimates import Errors
+from signorini_fx.accuracy.mesh_level import LevelResult
 from signorini_fx.accuracy.plan import LOCAL, planned
 from signorini_fx.accuracy.pressure_error import corners_of_error, polygon_error
 from signorini_fx.accuracy.price_list import (
-    LevelResult,
     Price,
     expected_rates,
     fineness_of,
