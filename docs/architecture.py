@@ -75,6 +75,7 @@ OUTSIDE = (
 )
 
 
+@cache
 def files() -> dict[str, Path]:
     """The modules of the package by name, without the package itself."""
     found = {}
@@ -87,11 +88,13 @@ def files() -> dict[str, Path]:
     return found
 
 
+@cache
 def packages() -> list[str]:
     """The layers that are folders."""
     return [layer for layer in LAYERS if (PACKAGE / layer).is_dir()]
 
 
+@cache
 def layer_of(module: str) -> str:
     """The layer of a module: its package, or the set of modules of the top level that it belongs to.
 
@@ -129,6 +132,7 @@ def graph() -> dict[str, set[str]]:
     return {name: {m for n in names if (m := module(n)) is not None and m != name} for name, names in own.items()}
 
 
+@cache
 def modules_of(layer: str) -> list[str]:
     """The modules of a layer; a package itself only where it is more than its opening paragraph."""
     known = files()

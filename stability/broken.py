@@ -13,7 +13,7 @@ from stability.case import CONVERGED, Case, Finding
 def cases(*, short: bool) -> Iterator[Case]:
     """One of each kind, and good ones between, which must not be affected."""
     yield Case("good", lambda: Finding(CONVERGED, 1, 1e-9, 0.0), target=1e-8)
-    yield Case("hangs", _hang, seconds=2.0)
+    yield Case("hangs", _hang, seconds=1.0)
     yield Case("good after a hang", lambda: Finding(CONVERGED, 1, 1e-9, 0.0), target=1e-8)
     yield Case("crashes", _crash)
     yield Case("raises", _raise)

@@ -36,7 +36,7 @@ def asked(friction, **goal):
 @pytest.fixture(scope="module", params=sorted(FRICTION))
 def reference(request):
     """A solution without regularisation on a much finer mesh."""
-    return request.param, solve(example1(**FRICTION[request.param], nx=640, ny=214, algorithm="exact")).table.columns
+    return request.param, solve(example1(**FRICTION[request.param], nx=480, ny=160, algorithm="exact")).table.columns
 
 
 @pytest.mark.parametrize("target", [1e-1, 3e-2, 1e-2])
@@ -378,11 +378,12 @@ def test_load_steps(of):
         assert np.linalg.norm(forces[0] - forces[1]) <= 0.05 * np.linalg.norm(forces[1])
 
 
-def test_random_scenes_meet_what_is_asked_for():
-    """Three scenes of the study, each asked for 5 % of the displacement, the pressure and the force."""
-    for one in random_scenes.scenes(1, 4)[1:]:
-        fine, _ = random_scenes.reference(one, 25, 15_000)
-        for of in random_scenes.QUANTITIES:
-            goal = Accuracy(target=0.05, of=of)
-            solution = solve(one.scene.model_copy(update={"accuracy": goal}), MPI.COMM_SELF)
-            assert fine.errors(solution)[of] <= 0.05
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_random_scenes_meet_what_is_asked_for(number):
+    """A scene of the study, asked for 5 % of the displacement, the pressure and the force."""
+    one = random_scenes.scenes(1, 4)[number]
+    fine, _ = random_scenes.reference(one, 25, 15_000)
+    for of in random_scenes.QUANTITIES:
+        goal = Accuracy(target=0.05, of=of)
+        solution = solve(one.scene.model_copy(update={"accuracy": goal}), MPI.COMM_SELF)
+        assert fine.errors(solution)[of] <= 0.05

@@ -6,10 +6,12 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import signorini_fx
+from signorini_fx import cli
 
 SCENE = """
 title = "small"
@@ -41,6 +43,20 @@ def run(tmp_path, *arguments, scene=SCENE, **environment):
     path.write_text(scene)
     command = [sys.executable, "-m", "signorini_fx", "solve", str(path), "--out", str(tmp_path / "out"), *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment or None, check=False)
+
+
+@pytest.fixture
+def here(tmp_path, capsys):
+    """The same in this process, which need not begin; code and output."""
+
+    def command(*arguments, scene=SCENE):
+        path = tmp_path / "small.toml"
+        path.write_text(scene)
+        code = cli.main(["solve", str(path), "--out", str(tmp_path / "out"), *arguments])
+        said = capsys.readouterr()
+        return SimpleNamespace(returncode=code, stdout=said.out, stderr=said.err)
+
+    return command
 
 
 def read_summary(tmp_path):
@@ -121,9 +137,9 @@ def test_bad_scenes(tmp_path, old, new, path):
     assert not (tmp_path / "out").exists()
 
 
-def test_no_solution(tmp_path):
+def test_no_solution(tmp_path, here):
     """A load that nothing balances ends by name with exit code 1, and the folder says so."""
-    process = run(tmp_path, "--no-pictures", scene=SCENE.replace('"-20 if', '"20 if'))
+    process = here("--no-pictures", scene=SCENE.replace('"-20 if', '"20 if'))
     assert process.returncode == 1
     assert "no static equilibrium" in process.stderr
     assert "what to do" in process.stdout
@@ -140,27 +156,27 @@ def test_command_of_a_checkout():
     assert process.stdout == f"signorini-fx {signorini_fx.__version__}\n", process.stderr
 
 
-def test_old_results_survive_a_bad_scene(tmp_path):
+def test_old_results_survive_a_bad_scene(tmp_path, here):
     """A run that fails leaves an earlier result as it was."""
-    assert run(tmp_path, "--no-pictures").returncode == 0
+    assert here("--no-pictures").returncode == 0
     before = (tmp_path / "out" / "summary.json").read_text()
-    assert run(tmp_path, scene=SCENE.replace("top", "roof")).returncode == 2
+    assert here(scene=SCENE.replace("top", "roof")).returncode == 2
     assert (tmp_path / "out" / "summary.json").read_text() == before
 
 
-def test_folder_that_cannot_be_written(tmp_path):
+def test_folder_that_cannot_be_written(tmp_path, here):
     """An output folder that is a file is refused before anything is solved."""
     (tmp_path / "out").write_text("mine")
-    process = run(tmp_path)
+    process = here()
     assert process.returncode == 2
     assert "cannot be written" in process.stderr
     assert "converged" not in process.stdout
 
 
 @pytest.mark.parametrize("options", ["-sfx_pc_factor_mat_solver_type mumps", "-sfx_ksp_type cg -sfx_pc_type jacobi"])
-def test_petsc_options_win(tmp_path, options):
+def test_petsc_options_win(tmp_path, here, options):
     """What the user says of the linear solver is done, and the answer is the same."""
-    assert run(tmp_path, "--no-pictures").returncode == 0
+    assert here("--no-pictures").returncode == 0
     reference = read_summary(tmp_path)["max_pressure"]
     process = run(tmp_path, "--no-pictures", "--", *options.split(), "-sfx_ksp_rtol", "1e-12", "-sfx_snes_monitor")
     assert process.returncode == 0, process.stderr

@@ -15,7 +15,7 @@ from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving import fewer_nodes
 from signorini_fx.solving.one_mesh import contact_task
 
-LONG = {"nx": 600, "ny": 12, "linear_algebra": "condensed"}
+LONG = {"nx": 600, "ny": 6, "linear_algebra": "condensed"}
 
 
 def task_of(scene):

@@ -12,26 +12,32 @@ ROOT = Path(__file__).parents[1]
 PRINTED = json.loads((ROOT / "demos" / "paper" / "printed.json").read_text())
 
 
-def run(folder, *options):
-    """Run the script; the numbers that it writes."""
+def run(main, folder, *options):
+    """Run the command; the numbers that it writes."""
     numbers = folder / "numbers.json"
-    command = [sys.executable, str(ROOT / "demos" / "paper.py"), *options]
-    done = subprocess.run(
-        [*command, "--json", str(numbers), "--out", str(folder)], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
+    assert main([*options, "--json", str(numbers), "--out", str(folder)]) == 0
     return json.loads(numbers.read_text())
 
 
 @pytest.fixture(scope="module")
-def tables(tmp_path_factory):
+def command():
+    """That of the script, in this process."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(ROOT / "demos")
+        from paper.command import main
+
+        yield main
+
+
+@pytest.fixture(scope="module")
+def tables(command, tmp_path_factory):
     """Tables 2, 4 and 5."""
-    return run(tmp_path_factory.mktemp("tables"), "--tables", "2,4,5")
+    return run(command, tmp_path_factory.mktemp("tables"), "--tables", "2,4,5")
 
 
-def test_tables_1_and_3(tmp_path):
+def test_tables_1_and_3(command, tmp_path):
     """All 66 entries; nothing else is computed."""
-    found = run(tmp_path, "--tables", "1,3")
+    found = run(command, tmp_path, "--tables", "1,3")
     assert sorted(found) == ["table1", "table3"]
     assert found["table1"]["iterations"] == PRINTED["table1"]["iterations"]
     for grid in ("60x20", "120x40", "240x80"):
@@ -81,8 +87,9 @@ def test_exact_augmented_lagrangian(tables, name, solves):
 
 @pytest.mark.long
 def test_everything(tmp_path):
-    """Every table, figure and study, and one page with all of them."""
-    found = run(tmp_path)
+    """Every table, figure and study, and one page with all of them, by the script itself."""
+    script = [sys.executable, str(ROOT / "demos" / "paper.py")]
+    found = run(lambda options: subprocess.run([*script, *options], check=False).returncode, tmp_path)
     assert {*PRINTED} - {"source"} <= {*found}
     for number in range(1, 10):
         assert (tmp_path / f"figure{number}.png").stat().st_size > 10_000

@@ -39,7 +39,7 @@ def test_zone_end_at_the_end_of_the_boundary():
 def nested(request):
     """A nested solve and a much finer one by another method."""
     solution = solve(example1(**request.param, nx=120, ny=40, levels=4))
-    return solution, solve(example1(**request.param, nx=480, ny=160, algorithm="exact"))
+    return solution, solve(example1(**request.param, nx=360, ny=120, algorithm="exact"))
 
 
 def test_one_row_a_mesh_and_one_for_the_next(nested):
@@ -110,7 +110,7 @@ def test_ends_of_zones_to_one_interval():
 def test_meshes_divided_in_some_places(of):
     """The estimate of the ends of the zone is no less than their error, and the largest pressure has none."""
     scene = example1(bound=1.5, gamma="auto", nx=30, ny=10)
-    known = prices.zone_ends(alone(example1(bound=1.5, gamma="auto", nx=480, ny=160, algorithm="exact")).table)
+    known = prices.zone_ends(alone(example1(bound=1.5, gamma="auto", nx=360, ny=120, algorithm="exact")).table)
     solution = alone(scene.model_copy(update={"accuracy": Accuracy(target=0.02, of=of)}))
     assert len(solution.levels) > 2
     for level, row in zip(solution.levels[1:], solution.price_list[1:], strict=False):

@@ -155,11 +155,10 @@ def ends_well(data):
         assert not solution.converged
 
 
-@FEW
-@given(scenes)
-def test_random_scenes(data):
+@pytest.mark.parametrize("count", [150, 60])
+def test_random_scenes(count):
     """Effects of all kinds, thrown together."""
-    ends_well(data)
+    settings(FEW, max_examples=count)(given(scenes)(ends_well))()
 
 
 @pytest.mark.long

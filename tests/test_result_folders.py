@@ -2,6 +2,7 @@
 
 import shutil
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from scenes import alone, example1
 from signorini_fx import manifest
 from signorini_fx.cli import main
 from signorini_fx.errors import OutputError
+from signorini_fx.report import page as report_page
 from signorini_fx.report.page import write_report
 from signorini_fx.results import files
 from signorini_fx.results.checkpoint import Checkpoint
@@ -144,9 +146,10 @@ def test_a_checkpoint_of_others(tmp_path):
     assert content(tmp_path) == {"checkpoint/mine.txt": b"mine"}
 
 
-def test_reports(solution, tmp_path):
+def test_reports(solution, tmp_path, monkeypatch):
     """A report replaces a report, no other file."""
     files.write_results(solution, tmp_path / "out", fields=False, pictures=False)
+    monkeypatch.setattr(report_page, "page", cache(report_page.page))  # its pictures are drawn once
     for file in (None, tmp_path / "mine.html"):
         assert write_report(tmp_path / "out", file) == write_report(tmp_path / "out", file)
         place = file or tmp_path / "out" / "report.html"

@@ -235,7 +235,7 @@ def disk(gap, **options):
     """The lower half of a disk of radius 8 that stands on the origin."""
     return parse_scene(
         {
-            "mesh": {"generator": "half_disk", "parameters": {"contact_size": 0.1, "size": 1.0}},
+            "mesh": {"generator": "half_disk", "parameters": {"contact_size": 0.2, "size": 2.0}},
             "material": {"young": 1000.0, "poisson": 0.3},
             "displacement": {"boundary": "top", "x": 0.0},
             "traction": {"boundary": "top", "y": -1.0},

@@ -11,6 +11,7 @@ from mpi4py import MPI
 from signorini_fx import cli
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.pictures import style
 from signorini_fx.report.reading import read_csv
 from signorini_fx.scene.reading import read_scene
 from signorini_fx.solving.solver import solve
@@ -143,10 +144,12 @@ def test_methods():
 
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory):
-    """A quick study through the command line."""
+    """A quick study through the command line; where things are in its pictures takes the longest, and is not seen."""
     folder = tmp_path_factory.mktemp("study")
     (folder / "block.toml").write_text(SCENE, encoding="utf-8")
-    code = cli.main(["work-precision", str(folder / "block.toml"), "--quick", "--out", str(folder / "out")])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(style, "lay_out", lambda *_: None)
+        code = cli.main(["work-precision", str(folder / "block.toml"), "--quick", "--out", str(folder / "out")])
     return code, folder / "out"
 
 
