@@ -2552,6 +2552,20 @@ MUTANTS = (
     ),
     Mutant(
         "body/mixed",
+        "self.own.dofmap.list * self.materials + self.part[:, None]",
+        "self.own.dofmap.list * self.materials",
+        "mixed element: all materials have the unknowns of the first one",
+        tests=("mixed_materials::test_two_columns",),
+    ),
+    Mutant(
+        "body/mixed",
+        "pressure.getArray()[number :: self.pressures.materials] = 1.0",
+        "pressure.set(1.0)",
+        "mixed element: a constant pressure of all materials for each",
+        tests=("mixed_materials::test_enclosed",),
+    ),
+    Mutant(
+        "body/mixed",
         "-np.array(found.getArray(readonly=True))",
         "0.0 * np.array(found.getArray(readonly=True))",
         "mixed element: prescribed displacements do not change its volume",
@@ -2566,7 +2580,7 @@ MUTANTS = (
     ),
     Mutant(
         "results/nodal_forces",
-        "(size * (dilation + compressibility * inside))",
+        "(size * (dilation + yields * inside))",
         "(size * dilation)",
         "certificate of a mixed element: no volume may change",
         tests=("mixed::test_patch",),
@@ -2948,8 +2962,8 @@ MUTANTS = (
     ),
     Mutant(
         "results/nodal_forces",
-        "p[at] @ hat.T / 2 - mu * own",
-        "p[at] @ hat.T / 2",
+        "p[part.cells] @ hat.T / 2 - mu * own",
+        "p[part.cells] @ hat.T / 2",
         "mixed element: the energy of heat that is prevented is forgotten",
         tests=("mixed::test_heated_patch",),
     ),

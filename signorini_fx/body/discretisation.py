@@ -333,7 +333,7 @@ def _mixed(scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, inventory
     if scene.element.volumetric != "mixed":
         return None
     spacing = Scales(tagged.dimension, scene.young, tagged.size).spacing(int(space.dofmap.index_map.size_global))
-    return MixedPressure(space, scene.material[0], scene.young / spacing, inventory)
+    return MixedPressure.of(scene, tagged, space, scene.young / spacing, inventory)
 
 
 def _foundations(

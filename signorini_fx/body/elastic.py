@@ -145,7 +145,8 @@ class ElasticBody:
     def _encloses(self, held: npt.NDArray[np.bool_]) -> bool:
         """Whether an incompressible body cannot change its volume if these unknowns of this rank are held."""
         assert self.mixed is not None
-        return self.mixed.encloses(np.array(self.vector(self.mixed.constant).getArray(readonly=True)), held)
+        forces = [np.array(self.vector(one).getArray(readonly=True)) for one in self.mixed.constant]
+        return self.mixed.encloses(forces, held)
 
     @cached_property
     def _assembled(self) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:

@@ -19,7 +19,7 @@ from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.initial_strains import initial_strain
 from signorini_fx.body.kinematics import AXISYMMETRIC, KINEMATICS, Kinematics
 from signorini_fx.body.mixed import hydrostatic_of
-from signorini_fx.body.moduli import poisson_of
+from signorini_fx.body.moduli import of_materials, poisson_of
 from signorini_fx.effects.material import hoop_strain, strain
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.scene.effect import SectionJump
@@ -166,7 +166,10 @@ def element_stress(body: Discretisation, displacement: fem.Function, place: floa
 
 def _mixed_stress(body: Discretisation, displacement: fem.Function, place: float) -> ElementStress:
     """Sigma = 2 mu epsilon - p I of a mixed element; in plane strain -p is the stress out of the plane as well."""
-    (_, mu), material, radius = body.lame, body.scene.material[0], None
+    (_, mu), materials, parts, radius = body.lame, body.scene.material, _materials(body), None
+    young, poisson, modulus = of_materials(
+        body.scene, body.tagged, lambda one: (one.young, one.poisson, one.plane_modulus)
+    )
     pressure, flat = hydrostatic_of(displacement), body.dimension < 3
     outward = -pressure if flat else None
     if body.scene.axisymmetric:
@@ -176,7 +179,7 @@ def _mixed_stress(body: Discretisation, displacement: fem.Function, place: float
     initial, move_to = initial_strain(body.scene, body.tagged, body.space, place)
     prevented = None
     if initial is not None and flat and radius is None:
-        prevented = _kept(material.young * initial, fem.functionspace(body.tagged.mesh, ("DG", 1)))
+        prevented = _kept(young * initial, fem.functionspace(body.tagged.mesh, ("DG", 1)))
 
     def refresh(place: float) -> None:
         move_to(place)
@@ -186,9 +189,9 @@ def _mixed_stress(body: Discretisation, displacement: fem.Function, place: float
     def outward_of(part: int, tau: _Floats) -> _Floats:
         if radius is not None:
             return tau[..., 3]
-        found = material.poisson * (tau[..., 0] + tau[..., 1])
+        found = materials[part].poisson * (tau[..., 0] + tau[..., 1])
         if prevented is not None:
-            found -= prevented[0].x.array[prevented[0].function_space.dofmap.list]
+            found -= prevented[0].x.array[prevented[0].function_space.dofmap.list[parts[part]]]
         return np.asarray(found)
 
     refresh(place)
@@ -197,10 +200,10 @@ def _mixed_stress(body: Discretisation, displacement: fem.Function, place: float
         2 * mu * strain(displacement) - pressure * ufl.Identity(len(displacement)),
         outward,
         outward_of,
-        lambda tau: compliance(tau, None, mu, material.poisson),
-        material.plane_modulus,
+        lambda tau: compliance(tau, None, mu, poisson),
+        modulus,
         mu,
-        _materials(body),
+        parts,
         radius,
         refresh,
         hydrostatic=pressure,
@@ -305,7 +308,7 @@ def anisotropic_stress(
     )
 
 
-def compliance(tau: Any, lame: Any, mu: Any, poisson: float = 0.5) -> Any:
+def compliance(tau: Any, lame: Any, mu: Any, poisson: Any = 0.5) -> Any:
     """C^-1 tau : tau of an isotropic body for a stress tau, given by its components, see ``Kinematics.pairs``.
 
     Args:

@@ -17,6 +17,7 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble, facet_vertices, measure
+from signorini_fx.body.mixed import PressureSpace
 from signorini_fx.body.moduli import lame_coefficients, of_materials, reduced_degree
 from signorini_fx.body.rigid_tools import Driven, RigidTools
 from signorini_fx.body.turned_supports import TurnedNodes
@@ -366,8 +367,10 @@ def _compiled_strains(
     name, whole = " + ".join(strain.name for strain in strains), sum(strain.strain(on) for strain in strains)
     degree, radius = strains[0].degree(element), on.position[0] if on.scene.axisymmetric else None
     if on.scene.element.volumetric == "mixed":
-        q = ufl.TestFunction(fem.functionspace(mesh, ("Lagrange", 1)))
-        form = mixed_strain_form(q, whole, on.scene.material[0].swelling, degree, radius=radius)
+        pressures = PressureSpace.of(on.scene, on.tagged)
+        q = pressures.scalar(ufl.TestFunction(pressures.own))
+        (swelling,) = of_materials(on.scene, on.tagged, lambda material: (material.swelling,))
+        form = mixed_strain_form(q, whole, swelling, degree, radius=radius)
         return (name,), (on.inventory.compile(name, partial(fem.form, form)),)
     terms = initial_strain_forms(
         z,

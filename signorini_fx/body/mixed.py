@@ -1,4 +1,7 @@
-"""The pressure of a mixed element: a continuous field of degree 1, whose unknowns follow those of the displacement.
+"""The pressure of a mixed element: a field of degree 1, whose unknowns follow those of the displacement.
+
+It is continuous within each material, and jumps between them.  With several materials it has one component for each,
+which counts in the cells of this material alone; those of nodes elsewhere are zero.
 
 With the form of ``effects.material.mixed_forms`` the unknowns (y, p) of the body have
 
@@ -14,22 +17,27 @@ entries of one size in any units, which a factorisation that does not scale need
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import default_scalar_type, fem
+from dolfinx import default_scalar_type, fem, la
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
-from signorini_fx import parallel
+from signorini_fx import compat, parallel
+from signorini_fx.body.moduli import of_materials
 from signorini_fx.body.quadrature import strain_degree
-from signorini_fx.effects.material import LinearElastic, mixed_forms
+from signorini_fx.effects.material import mixed_forms
 from signorini_fx.errors import InstallationError
 from signorini_fx.linalg.full import has_package
+from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
+from signorini_fx.scene.model import Scene
 
 _Floats = npt.NDArray[np.float64]
 # What is compiled for it.
@@ -42,8 +50,9 @@ class MixedDisplacement(fem.Function):
     """The displacement of a mixed element, with the pressure that belongs to it.
 
     Attributes:
-        hydrostatic: p = -lambda tr(epsilon), for nu = 1/2 minus the mean stress; a stress, positive in compression.
-            With initial strains see ``effects.material.mixed_strain_form``.
+        hydrostatic: p = -lambda tr(epsilon), for nu = 1/2 minus the mean stress; a stress, positive in compression;
+            of several materials discontinuous between cells.  With initial strains see
+            ``effects.material.mixed_strain_form``.
     """
 
     def __init__(self, space: fem.FunctionSpace, hydrostatic: fem.Function, name: str = "displacement") -> None:
@@ -63,48 +72,124 @@ def hydrostatic_of(displacement: fem.Function) -> fem.Function:
 
 
 @dataclass(frozen=True)
+class PressureSpace:
+    """The unknowns of the pressure, m at each vertex for m materials.
+
+    Attributes:
+        own: the space of these.
+        part: number of the material of each cell of this rank, ghosts included, shape (cells,).
+    """
+
+    own: fem.FunctionSpace
+    part: npt.NDArray[np.int32]
+
+    @classmethod
+    def of(cls, scene: Scene, tagged: TaggedMesh) -> PressureSpace:
+        """That of the materials of a scene."""
+        m = len(scene.material)
+        part = np.zeros(len(compat.geometry_cells(tagged.mesh)), dtype=np.int32)
+        for number, material in enumerate(scene.material):
+            if m > 1:
+                part[tagged.cells(str(material.region))] = number
+        return cls(fem.functionspace(tagged.mesh, ("Lagrange", 1, (m,)) if m > 1 else ("Lagrange", 1)), part)
+
+    @property
+    def materials(self) -> int:
+        """M, their number."""
+        return int(self.own.dofmap.index_map_bs)
+
+    @cached_property
+    def _here(self) -> fem.Function:
+        """1 in the component of the material of each cell, 0 in the others."""
+        space = fem.functionspace(self.own.mesh, ("DG", 0, (self.materials,)))
+        found = fem.Function(space)
+        found.x.array.reshape(-1, self.materials)[space.dofmap.list[:, 0], self.part] = 1.0
+        return found
+
+    def scalar(self, q: Any) -> Any:
+        """A function or an argument of the space as a pressure, UFL."""
+        return q if self.materials == 1 else ufl.inner(self._here, q)
+
+    @property
+    def rows(self) -> npt.NDArray[np.int32]:
+        """The unknowns of the pressure in each cell of this rank, shape (cells, vertices)."""
+        return self.own.dofmap.list * self.materials + self.part[:, None]
+
+    def alive(self) -> npt.NDArray[np.bool_]:
+        """Which of the unknowns that this rank owns are at a vertex of their material, shape (count,); collective."""
+        return self.over_cells(np.ones(self.rows.shape)) > 0
+
+    def over_cells(self, values: _Floats) -> _Floats:
+        """The mean of values in cells, shape (cells, vertices), at each unknown of this rank, shape (count,), zero
+        where it has no cell; collective.
+        """
+        sums = [fem.Function(self.own) for _ in range(2)]
+        for function, added in zip(sums, (values, np.ones(values.shape)), strict=True):
+            np.add.at(function.x.array, self.rows, added)
+            function.x.scatter_reverse(la.InsertMode.add)
+        total, times = (function.x.array[: self.count] for function in sums)
+        return total / np.maximum(times, 1.0)
+
+    @property
+    def count(self) -> int:
+        """Unknowns that this rank owns."""
+        return int(self.own.dofmap.index_map.size_local) * self.materials
+
+
+@dataclass(frozen=True)
 class MixedPressure:
     """What the mixed element adds to the displacement; all but ``count`` is collective.
 
     Attributes:
         space: of the displacement, of degree 2.
-        material: of the body.
+        pressures: of the unknowns of the pressure.
+        moduli: mu and 1 / lambda as coefficients.
+        incompressible: the materials with nu = 1/2, by their numbers.
+        axisymmetric: whether the body is.
         unit: of the unknowns of the pressure, stress.
         inventory: what was compiled and assembled.
     """
 
     space: fem.FunctionSpace
-    material: LinearElastic
+    pressures: PressureSpace
+    moduli: tuple[Any, Any]
+    incompressible: tuple[int, ...]
+    axisymmetric: bool
     unit: float
     inventory: Inventory
 
-    @cached_property
+    @classmethod
+    def of(
+        cls, scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, unit: float, inventory: Inventory
+    ) -> MixedPressure:
+        """That of the materials of a scene."""
+        moduli = of_materials(scene, tagged, lambda material: (material.lame[1], 1 / material.lame[0]))
+        soft = tuple(number for number, material in enumerate(scene.material) if material.poisson == 0.5)
+        return cls(space, PressureSpace.of(scene, tagged), moduli, soft, scene.axisymmetric, unit, inventory)
+
+    @property
     def own(self) -> fem.FunctionSpace:
-        """Of the pressure."""
-        return fem.functionspace(self.space.mesh, ("Lagrange", 1))
+        """Of the unknowns of the pressure."""
+        return self.pressures.own
 
     @property
     def count(self) -> int:
         """Unknowns of the pressure that this rank owns."""
-        return int(self.own.dofmap.index_map.size_local)
+        return self.pressures.count
 
     @cached_property
     def forms(self) -> tuple[fem.Form, ...]:
         """The compiled forms of A, B and -C."""
-        space, mesh, material = self.space, self.space.mesh, self.material
-        axisymmetric = material.hypothesis == "axisymmetric"
-        lame, shear = material.lame
-        mu, unit, compressibility = (
-            fem.Constant(mesh, default_scalar_type(number)) for number in (shear, self.unit, 1 / lame)
-        )
+        space, mesh, scalar = self.space, self.space.mesh, self.pressures.scalar
+        mu, compressibility = self.moduli
         terms = mixed_forms(
-            (ufl.TrialFunction(space), ufl.TrialFunction(self.own)),
-            (ufl.TestFunction(space), ufl.TestFunction(self.own)),
+            (ufl.TrialFunction(space), scalar(ufl.TrialFunction(self.own))),
+            (ufl.TestFunction(space), scalar(ufl.TestFunction(self.own))),
             mu,
-            unit,
+            fem.Constant(mesh, default_scalar_type(self.unit)),
             compressibility,
-            strain_degree(space, axisymmetric=axisymmetric),
-            radius=ufl.SpatialCoordinate(mesh)[0] if axisymmetric else None,
+            strain_degree(space, axisymmetric=self.axisymmetric),
+            radius=ufl.SpatialCoordinate(mesh)[0] if self.axisymmetric else None,
         )
         return tuple(
             self.inventory.compile(name, partial(fem.form, term)) for name, term in zip(MIXED_FORMS, terms, strict=True)
@@ -124,8 +209,14 @@ class MixedPressure:
 
     @cached_property
     def compressibility(self) -> PETSc.Mat:
-        """-C, with its pattern where it is zero."""
-        return self._matrix(2)
+        """-C, with its pattern where it is zero; unknowns that count for nothing have an entry like those of B."""
+        found = self._matrix(2)
+        if self.pressures.materials > 1:
+            size = self.divergence.norm(PETSc.NormType.NORM_INFINITY)
+            diagonal = found.getDiagonal()
+            diagonal.getArray()[~self.pressures.alive()] = -size
+            found.setDiagonal(diagonal)
+        return found
 
     def joined(self, stiffness: PETSc.Mat, rotation: PETSc.Mat | None, fixed: npt.NDArray[np.bool_]) -> PETSc.Mat:
         """K.
@@ -174,11 +265,20 @@ class MixedPressure:
         pressure = fem.Function(self.own, name="hydrostatic pressure")
         pressure.x.array[: self.count] = self.unit * values
         pressure.x.scatter_forward()
+        if self.pressures.materials > 1:
+            space = fem.functionspace(self.space.mesh, ("DG", 1))
+            cellwise = fem.Function(space, name=pressure.name)
+            cellwise.x.array[space.dofmap.list] = pressure.x.array[self.pressures.rows]
+            pressure = cellwise
         return MixedDisplacement(self.space, pressure, name)
 
     def unknowns(self, displacement: fem.Function) -> _Floats:
         """The unknowns of its pressure, the inverse of ``displacement``, shape (count,)."""
-        return np.asarray(hydrostatic_of(displacement).x.array[: self.count] / self.unit)
+        pressure = hydrostatic_of(displacement)
+        values = pressure.x.array[: self.count]
+        if self.pressures.materials > 1:
+            values = self.pressures.over_cells(pressure.x.array[pressure.function_space.dofmap.list])
+        return np.asarray(values / self.unit)
 
     def energy(self, values: _Floats) -> float:
         """(p, p) / lambda of owned unknowns, twice the energy of the change of volume."""
@@ -188,22 +288,30 @@ class MixedPressure:
         return -float(given.dot(found))
 
     @cached_property
-    def constant(self) -> _Floats:
-        """The forces of a constant pressure at the owned unknowns of the displacement."""
-        found, pressure = self.divergence.createVecs()
-        pressure.set(1.0)
-        self.divergence.multTranspose(pressure, found)
-        return np.array(found.getArray(readonly=True))
+    def constant(self) -> list[_Floats]:
+        """The forces of a constant pressure in each incompressible material at the owned unknowns of the
+        displacement.
+        """
+        forces = []
+        for number in self.incompressible:
+            found, pressure = self.divergence.createVecs()
+            pressure.getArray()[number :: self.pressures.materials] = 1.0
+            self.divergence.multTranspose(pressure, found)
+            forces.append(np.array(found.getArray(readonly=True)))
+        return forces
 
-    def encloses(self, forces: _Floats, held: npt.NDArray[np.bool_]) -> bool:
-        """Whether a constant pressure of an incompressible body does no work, because of what is held.
+    def encloses(self, forces: Sequence[_Floats], held: npt.NDArray[np.bool_]) -> bool:
+        """Whether pressures that are constant in incompressible materials do no work, because of what is held.
 
         Args:
             forces: ``constant`` by the unknowns that ``held`` is of.
             held: unknowns of this rank.
         """
-        if self.material.poisson < 0.5:
+        if not forces:
             return False
-        comm, work = self.space.mesh.comm, np.abs(forces)
-        free, every = (parallel.global_max(comm, parallel.local_max(one)) for one in (work[~held], work))
-        return bool(free <= _ROUND_OFF * every)
+        columns, comm = np.column_stack(forces), self.space.mesh.comm
+        columns /= np.sqrt(parallel.global_sum(comm, (columns**2).sum(axis=0)))
+        triangle: Any = np.linalg.qr(columns[~held], mode="r")  # whose singular values are those of all rows
+        triangles = parallel.gather_rows(comm, triangle)
+        square = np.vstack((triangles, np.zeros((len(forces), len(forces)))))
+        return bool(np.linalg.svd(square, compute_uv=False)[-1] <= _ROUND_OFF)

@@ -199,7 +199,6 @@ def _not_orthotropic(scene: Any, place: int) -> Contradictions:
 def _not_mixed(scene: Any) -> Contradictions:
     """What the mixed element is not possible with."""
     element, yet = ("element", "volumetric"), "'mixed' is not possible yet"
-    several = len(scene.material) > 1 or any(one.graded for one in scene.material)
     for wrong, path, reason in (
         (scene.element.degree != 2, ("element", "degree"), "must be 2 for 'mixed', whose pressure has one degree less"),
         (
@@ -207,7 +206,7 @@ def _not_mixed(scene: Any) -> Contradictions:
             element,
             "'mixed' is of no use in plane stress: nothing locks",
         ),
-        (several, element, f"{yet} for several or graded materials, between which the pressure jumps"),
+        (any(one.graded for one in scene.material), element, f"{yet} for graded materials"),
         (bool(scene.of(SectionJump)), element, f"{yet} with a preload"),
         (any(one.against is not None for one in scene.contact), element, f"{yet} for the contact of two bodies"),
         (
@@ -350,7 +349,7 @@ def initial_strain_forms(
     return 2 * mu * density * dx, directions * lame * density * ufl.dx(metadata={"quadrature_degree": reduced})
 
 
-def mixed_strain_form(q: Any, strain: Any, swelling: float, degree: int, *, radius: Any = None) -> Any:
+def mixed_strain_form(q: Any, strain: Any, swelling: Any, degree: int, *, radius: Any = None) -> Any:
     """The work of an initial strain e I in the constraint of the mixed element, ((3 + 2 mu / lambda) e, q).
 
     With the pressure p = 2 mu e - lambda (tr(epsilon) - 3 e) the stress is 2 mu epsilon - p I, as without the strain,

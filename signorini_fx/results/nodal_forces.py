@@ -16,7 +16,7 @@ from typing import Any
 import basix
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem, la
+from dolfinx import fem
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import adjugates, assemble
@@ -27,7 +27,7 @@ from signorini_fx.body.quadrature import strain_degree
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.results.quadrature_points import QuadraturePoints
-from signorini_fx.results.surface_quadrature import Facets, SurfaceQuadrature
+from signorini_fx.results.surface_quadrature import Facets, SurfaceQuadrature, over_ranks
 from signorini_fx.scene.effect import Effect, Force, InitialStrain, Points, Resistance, SectionJump
 from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.model import Scene
@@ -98,11 +98,21 @@ class NodalForces(SurfaceQuadrature):
 
         Returns:
             The residual with the functions of the pressure, and their integrals, volumes, both with shape (owned
-            vertices,).
+            vertices times materials,).
         """
-        space = hydrostatic_of(displacement).function_space
+        space, _ = self._dilating
         _, residual, volume = self._pressed(displacement)
-        return _over_ranks(residual - self._swollen(displacement, step, scale)[0], space), _over_ranks(volume, space)
+        return over_ranks(residual - self._swollen(displacement, step, scale)[0], space), over_ranks(volume, space)
+
+    @cached_property
+    def _dilating(self) -> tuple[fem.FunctionSpace, Indices]:
+        """The functions that the pressure is tested with, one of each material at each vertex, and those of each cell,
+        shape (cells, vertices).
+        """
+        m = len(self.scene.material)
+        space = fem.functionspace(self.tagged.mesh, ("Lagrange", 1, (m,)))
+        (number,) = self.of_materials(lambda material: (float(self.scene.material.index(material)),))
+        return space, space.dofmap.list * m + number[:, None].astype(np.int32)
 
     def initial(self, step: float, scale: float = 1.0, displacement: fem.Function | None = None) -> tuple[Array, float]:
         """Forces of the stress that initial strains and shortened sections of a load step times ``scale`` cause where
@@ -156,23 +166,24 @@ class NodalForces(SurfaceQuadrature):
         return strain, strains[0].degree(self.scene.element.degree)
 
     def _swollen(self, displacement: fem.Function, step: float, scale: float) -> tuple[Array, float]:
-        """The work of the initial strains e in the constraint of a mixed element, k (e, q), shape (vertices,), and what
+        """The work of the initial strains e in the constraint of a mixed element, k (e, q), by all functions, and what
         they add to a(y, y) / 2 for the energy of the stress, k (e, p) / 2 - mu k (e, e), on this rank alone.
         """
-        pressure, material = hydrostatic_of(displacement), self.scene.material[0]
-        corners, p = pressure.function_space.dofmap.list, pressure.x.array
-        found, energy, (strain, degree) = np.zeros_like(p), 0.0, self._strain(step, scale)
+        pressure, (space, rows) = hydrostatic_of(displacement), self._dilating
+        p = pressure.x.array[pressure.function_space.dofmap.list]
+        found, energy, (strain, degree) = np.zeros_like(fem.Function(space).x.array), 0.0, self._strain(step, scale)
         if strain is None:
             return found, energy
         hat = basix.create_element(basix.ElementFamily.P, self._cell, 1).tabulate(
             0, basix.make_quadrature(self._cell, degree)[0]
         )[0, ..., 0]
-        mu = material.young / (2 * (1 + material.poisson))
+        numbers = self.of_materials(lambda one: (one.swelling, one.young / (2 * (1 + one.poisson))))
         for part, size in self._cells(degree):
-            own, at = strain(part), corners[part.cells]
-            weighted = material.swelling * size * self._around(part) * own
-            np.add.at(found, at, weighted @ hat)
-            energy += float(np.sum(weighted * (p[at] @ hat.T / 2 - mu * own)))
+            own = strain(part)
+            swelling, mu = (m[:, None] if m.size == 1 else m[part.cells, None] for m in numbers)
+            weighted = swelling * size * self._around(part) * own
+            np.add.at(found, rows[part.cells], weighted @ hat)
+            energy += float(np.sum(weighted * (p[part.cells] @ hat.T / 2 - mu * own)))
         return found, energy
 
     def resisted(self, displacement: Array, some: Sequence[Resistance] | None = None) -> Array:
@@ -393,12 +404,14 @@ class NodalForces(SurfaceQuadrature):
 
     def _pressed(self, displacement: fem.Function) -> tuple[Array, Array, Array]:
         """(p, div z) of a mixed element, shape (nodes, d), and the rest of ``dilation``, on this rank alone."""
-        pressure, material = hydrostatic_of(displacement), self.scene.material[0]
-        corners, p = pressure.function_space.dofmap.list, pressure.x.array
+        pressure, (space, rows) = hydrostatic_of(displacement), self._dilating
+        p = pressure.x.array[pressure.function_space.dofmap.list]
         hats, y = basix.create_element(basix.ElementFamily.P, self._cell, 1), displacement.x.array
         y = y.reshape(-1, self.dimension)
-        compressibility = (1 + material.poisson) * (1 - 2 * material.poisson) / (material.young * material.poisson)
-        forces, residual, volume = self._zero(), np.zeros_like(p), np.zeros_like(p)
+        (compressibility,) = self.of_materials(
+            lambda one: ((1 + one.poisson) * (1 - 2 * one.poisson) / (one.young * one.poisson),)
+        )
+        forces, (residual, volume) = self._zero(), np.zeros((2, *fem.Function(space).x.array.shape))
         points, _ = basix.make_quadrature(self._cell, self._degree)
         hat = hats.tabulate(0, points)[0, ..., 0]
         for part, size in self._cells(self._degree):
@@ -408,12 +421,13 @@ class NodalForces(SurfaceQuadrature):
             if self.scene.axisymmetric:
                 slope[0] += table.shape / self.positions(part)[..., 0, None]
             size = size * self._around(part)
-            inside = p[corners[cells]] @ hat.T
+            inside = p[cells] @ hat.T
+            yields = compressibility[:, None] if compressibility.size == 1 else compressibility[cells, None]
             work = np.einsum("cq,jcqn->cnj", size * inside, slope)
             np.add.at(forces, self._nodes[cells], work)
             dilation = np.einsum("jcqn,cnj->cq", slope, y[self._nodes[cells]])
-            np.add.at(residual, corners[cells], (size * (dilation + compressibility * inside)) @ hat)
-            np.add.at(volume, corners[cells], size @ hat)
+            np.add.at(residual, rows[cells], (size * (dilation + yields * inside)) @ hat)
+            np.add.at(volume, rows[cells], size @ hat)
         return forces, residual, volume
 
     def _compiled(self, load: Force, place: float) -> Array:
@@ -424,14 +438,6 @@ class NodalForces(SurfaceQuadrature):
         _, (form,) = compile_loads([load], on, ufl.TestFunction(self.space))
         on.move_to(place)
         return assemble(form).reshape(-1, self.dimension)
-
-
-def _over_ranks(values: Array, space: fem.FunctionSpace) -> Array:
-    """What all ranks contribute to the owned unknowns of a scalar space."""
-    function = fem.Function(space)
-    function.x.array[:] = values
-    function.x.scatter_reverse(la.InsertMode.add)
-    return np.array(function.x.array[: space.dofmap.index_map.size_local])
 
 
 def left_over(strained: float, initial: float) -> float:

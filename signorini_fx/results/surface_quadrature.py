@@ -150,10 +150,7 @@ class SurfaceQuadrature:
 
     def over_ranks(self, values: Array) -> Array:
         """What all ranks contribute to the nodes of this one, from shape (nodes, d) to (owned nodes, d)."""
-        function = fem.Function(self.space)
-        function.x.array[:] = values.ravel()
-        function.x.scatter_reverse(la.InsertMode.add)
-        return np.array(function.x.array.reshape(-1, self.dimension)[: self.owned])
+        return over_ranks(values.ravel(), self.space).reshape(-1, self.dimension)
 
     # --- how ---------------------------------------------------------------------------------------------------------
 
@@ -193,6 +190,16 @@ class SurfaceQuadrature:
             if factor is not None:
                 normal *= (np.nan_to_num(factor)[self._nodes[cells]] @ table.shape.T)[:, :, None]
             yield Facets(cells, table, weight[:, None] * normal)
+
+
+def over_ranks(values: Array, space: fem.FunctionSpace) -> Array:
+    """What all ranks contribute to the unknowns of a space that this one owns; ``values`` are those of all that it has;
+    collective.
+    """
+    function = fem.Function(space)
+    function.x.array[:] = values
+    function.x.scatter_reverse(la.InsertMode.add)
+    return np.array(function.x.array[: space.dofmap.index_map.size_local * space.dofmap.index_map_bs])
 
 
 def _clean(functions: Array) -> Array:

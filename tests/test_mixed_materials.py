@@ -1,0 +1,186 @@
+"""The mixed element with several materials, between which the pressure jumps."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scenes import alone, rectangle
+from spaces import box
+
+from signorini_fx.errors import SceneError
+from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.results.certificate import certify
+from signorini_fx.results.promised_law import Tractions
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
+
+MIXED = {"degree": 2, "volumetric": "mixed"}
+PLANE = ("triangle", "quadrilateral")
+LEFT, RIGHT = (10.0, 0.5, 0.004), (4.0, 0.3, 0.001)  # Young's modulus, Poisson's ratio, expansion
+LIKE_LEFT = 10.0 / 0.75 * (1 - 0.3**2), 0.3, 0.004 * 1.5 / 1.3  # of which the contact pressure is that of LEFT
+DOWN, HALF = 0.05, 1.5
+
+
+def halves(cell, comm=MPI.COMM_WORLD):
+    """A block of uneven cells, 3 by 1 (by 1), of which each half is a region."""
+    plane = cell in PLANE
+    size = (3.0, 1.0) if plane else (3.0, 1.0, 1.0)
+    mesh = (
+        rectangle(comm, length=3.0, height=1.0, nx=4, ny=3, cell=cell)
+        if plane
+        else box(cell, (4, 2, 2), size=size, comm=comm)
+    ).mesh
+    ends = {f"{name}{k}": (k, at) for k, end in enumerate(size) for name, at in (("low", 0.0), ("high", end))}
+    tagged = tag_boundaries(
+        mesh, {name: partial(lambda x, k, at: np.isclose(x[k], at), k=k, at=at) for name, (k, at) in ends.items()}
+    )
+    cells = mesh.topology.index_map(mesh.topology.dim)
+    every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
+    middle = dmesh.compute_midpoints(mesh, mesh.topology.dim, every)[:, 0]
+    x = mesh.geometry.x
+    bump = np.prod([np.sin((1 + (k == 0)) * np.pi * x[:, k] / end) for k, end in enumerate(size)], axis=0)
+    x[:, 0] += 0.15 * bump  # nothing in the middle
+    tags = dmesh.meshtags(mesh, mesh.topology.dim, every, (1 + (middle > HALF)).astype(np.int32))
+    return replace(tagged, cell_tags=tags, regions={"left": 1, "right": 2})
+
+
+def columns(tagged, heat=0.0, left=LEFT, right=RIGHT, **more):
+    """Both pressed down together onto a foundation without friction; in space between two planes."""
+    dim = tagged.dimension
+    sides = [("low0", "x", 0.0), ("high1", "y", -DOWN), ("low2", "z", 0.0), ("high2", "z", 0.0)][: 2 * dim - 2]
+    materials = [
+        {"young": young, "poisson": poisson, "expansion": expansion, "region": name}
+        for name, (young, poisson, expansion) in (("left", left), ("right", right))
+    ]
+    return parse_scene(
+        {
+            "mesh": tagged,
+            "element": MIXED,
+            "material": materials,
+            "displacement": [{"boundary": side, axis: value} for side, axis, value in sides],
+            **({"temperature": {"change": heat}} if heat else {}),
+            "contact": {"boundary": "low1"},
+            "solver": {"algorithm": "alm", **more},
+        }
+    )
+
+
+class Column:
+    """The uniform state of one of them: compressed by DOWN, sigma_xx = 0, epsilon_zz = 0."""
+
+    def __init__(self, material, heat):
+        young, nu, expansion = material
+        e, self.young = expansion * heat, young
+        self.sigma = young / (1 - nu**2) * (-DOWN - (1 + nu) * e)
+        self.out = nu * self.sigma - young * e
+        self.along = (nu * DOWN + (1 + nu) * e) / (1 - nu)
+        self.pressure = young / (1 + nu) * self.along  # sigma_xx = 2 mu epsilon_xx - p
+        elastic = -DOWN - e, -e
+        self.density = (self.sigma * elastic[0] + self.out * elastic[1]) / 2
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("heat", [0.0, 2.0])
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral", "tetrahedra", "hexahedra"])
+def test_two_columns(cell, heat):
+    """Displacement, pressure, stress, energy and contact are those of each column, to round-off.
+
+    Contact on quadratic tetrahedra has no pressure that jumps.
+    """
+    tagged, right = halves(cell), LIKE_LEFT if cell == "tetrahedra" else RIGHT
+    solution = solve(columns(tagged, heat, right=right), MPI.COMM_WORLD)
+    assert solution.converged
+    assert solution.certificate.worst < 1e-9
+    states, y = [Column(one, heat) for one in (LEFT, right)], solution.displacement
+    at = solution.discretisation.space.tabulate_dof_coordinates()[:, : tagged.dimension]
+    exact = np.zeros_like(at)
+    exact[:, 0] = states[0].along * np.minimum(at[:, 0], HALF) + states[1].along * np.maximum(at[:, 0] - HALF, 0)
+    exact[:, 1] = -DOWN * at[:, 1]
+    np.testing.assert_allclose(y.x.array.reshape(at.shape), exact, rtol=0, atol=1e-10)
+    raw, recovered = solution.stress.tensor, solution.stress.recovered.tensor
+    for name, state in zip(("left", "right"), states, strict=True):
+        cells = tagged.cells(name)
+        pressure = y.hydrostatic.x.array[y.hydrostatic.function_space.dofmap.list[cells]]
+        np.testing.assert_allclose(pressure, state.pressure, rtol=1e-8)
+        expected = np.diag([0, state.sigma, state.out])
+        for tensor, accuracy in ((raw, 1e-9), (recovered, 1e-4)):
+            values = tensor.x.array.reshape(-1, 3, 3)[tensor.function_space.dofmap.list[cells]]
+            np.testing.assert_allclose(values, np.broadcast_to(expected, values.shape), atol=accuracy)
+    contact = solution.contact
+    x = contact.boundary.x[:, 0]
+    for side, state in ((x < HALF - 1e-6, states[0]), (x > HALF + 1e-6, states[1])):
+        np.testing.assert_allclose(contact.pressure[side], -state.sigma, rtol=1e-7)
+    assert contact.forces[0][1] == pytest.approx(-HALF * sum(state.sigma for state in states), rel=1e-9)
+    energy = HALF * sum(state.density for state in states)
+    assert solution.last_step.strain_energy == pytest.approx(energy, rel=1e-9)
+    assert solution.stress.error < 1e-3
+
+
+@pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_units(unit, linear_algebra):
+    """Forces in other units."""
+    left, right = ((young * unit, *rest) for young, *rest in (LEFT, RIGHT))
+    solution = alone(columns(halves("triangle", MPI.COMM_SELF), 2.0, left, right, linear_algebra=linear_algebra))
+    assert solution.certificate.worst < 1e-8
+    expected = -HALF * unit * sum(Column(one, 2.0).sigma for one in (LEFT, RIGHT))
+    assert solution.contact.forces[0][1] == pytest.approx(expected, rel=1e-8)
+
+
+def test_certificate():
+    """It sees a pressure that is wrong in one material, and the materials in each other's place."""
+    solution = alone(columns(halves("quadrilateral", MPI.COMM_SELF)))
+    tagged, y, tractions = solution.discretisation.tagged, solution.displacement, Tractions.of(solution.contact)
+    kept = y.hydrostatic.x.array.copy()
+    assert certify(solution.scene, tagged, y, tractions).holds
+    one = y.hydrostatic.function_space.dofmap.list[tagged.cells("right")[:1]].ravel()
+    for wrong in (y.hydrostatic.function_space.dofmap.list[tagged.cells("right")].ravel(), one):
+        y.hydrostatic.x.array[wrong] *= 1.001
+        assert certify(solution.scene, tagged, y, tractions).equilibrium > 1e-6
+        y.hydrostatic.x.array[:] = kept
+    left, right = solution.scene.material
+    swapped = left.model_copy(update={"region": "right"}), right.model_copy(update={"region": "left"})
+    assert not certify(solution.scene.model_copy(update={"material": swapped}), tagged, y, tractions).holds
+
+
+def test_enclosed():
+    """Nothing determines the pressure of two incompressible materials together; a compressible one does."""
+    tagged = halves("triangle", MPI.COMM_SELF)
+
+    def held(poisson):
+        return parse_scene(
+            {
+                "mesh": tagged,
+                "element": MIXED,
+                "material": [
+                    {"young": 10.0, "poisson": 0.5, "region": "left"},
+                    {"young": 4.0, "poisson": poisson, "region": "right"},
+                ],
+                "displacement": [
+                    {"boundary": f"{end}{k}", "x": 0.0, "y": 0.0} for end in ("low", "high") for k in (0, 1)
+                ],
+                "body_force": {"x": 1.0},
+            }
+        )
+
+    with pytest.raises(SceneError, match="nothing determines the pressure"):
+        alone(held(0.5))
+    solution = alone(held(0.3))
+    assert solution.converged
+    assert solution.certificate.worst < 1e-9
+
+
+def test_against_displacements():
+    """With friction and Poisson's ratios that do not lock: the forces of displacements alone on the same mesh."""
+    tagged = halves("quadrilateral", MPI.COMM_SELF)
+
+    def forces(**element):
+        scene = columns(tagged, left=(10.0, 0.35, 0.0), right=(4.0, 0.2, 0.0)).model_dump(exclude_unset=True)
+        friction = {"law": "coulomb", "coefficient": 0.3}
+        scene |= {"mesh": tagged, "element": element, "contact": {"boundary": "low1", "friction": friction}}
+        return np.add(*alone(parse_scene(scene)).contact.forces)
+
+    np.testing.assert_allclose(forces(**MIXED), forces(degree=2), rtol=3e-3)
