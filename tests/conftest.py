@@ -62,6 +62,8 @@ def pytest_collection_modifyitems(config, items):
         there[name].add_marker("slow")
     files = set() if any("::" in one for one in config.args) else {name.partition("::")[0] for name in there}
     every = there.keys() | {name.partition("[")[0] for name in there}
+    # Side by side, what takes long must not begin last, when nothing is left for the others.
+    items.sort(key=lambda item: item.path.name not in ("test_work_precision.py", "test_verification.py"))
     config.stash[NOT_THERE] = sorted(name for name in (slow | costly()) - every if name.partition("::")[0] in files)
 
 

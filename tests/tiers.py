@@ -5,7 +5,8 @@
 
 A test is slow if it takes more than ``DEAR`` seconds, or what stays of its function more than ``TOGETHER``, if another
 set of parameters of its function stays, and if the tests that stay run every line of the package that it runs.  What
-notices a mistake of docs/mutants.md stays, and so do the tables of the paper.
+notices a mistake of docs/mutants.md stays, and so do the tables of the paper.  ``REPEATED`` names what is slow because
+a test of another function shows the same.
 
 On several ranks stays what notices a mistake there; on two also the first set of parameters of each function, unless it
 takes more than ``COSTLY`` seconds on one rank; on three the last test of each file, and the last set of parameters of
@@ -34,7 +35,12 @@ DEAR, TOGETHER = 0.3, 1.0
 # CPU seconds on one rank above which a function is slow on two; it is listed behind this mark.
 COSTLY, ON_TWO = 0.7, "on two ranks: "
 # What is never slow, beside what notices a mistake.
-ALWAYS = {"test_paper.py", "test_paper_tables.py::test_table_1", "test_paper_tables.py::test_table_3"}
+ALWAYS = {"test_paper.py"}
+# What is slow although no other set of parameters stays: what other tests show is named behind it.
+REPEATED = {
+    "test_demos.py::test_sphere_under_tangential_load",  # test_space_known.py, test_two_bodies_scenes.py
+    "test_paper_tables.py::test_table_1",  # test_paper.py, by the command of the demo
+}
 _IN_A_FUNCTION = 1  # CO_OPTIMIZED: not the lines of modules and classes, which run when they are imported
 
 
@@ -192,7 +198,8 @@ def main(command: str, *files: str) -> int:
             subprocess.run([sys.executable, __file__, command, file], cwd=ROOT, check=True)
         return 0
     tests = measured()
-    slow, files = set(chosen(tests, noticing())), {test.name.partition("::")[0] for test in tests}
+    files = {test.name.partition("::")[0] for test in tests}
+    slow = set(chosen(tests, noticing())) | (REPEATED & {test.name for test in tests})
     head = [line for line in LIST.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
     every = sorted(slow | {name for name in listed() if name.partition("::")[0] not in files})
     on_two = {test.function for test in tests if test.on_ranks and test.seconds > COSTLY and test.name not in slow}
