@@ -241,6 +241,20 @@ MUTANTS = (
         "derivatives: what supports prescribe in a load step does not move the start of the next",
         tests=("derivatives_of_steps::test_in_the_plane",),
     ),
+    Mutant(
+        "derivatives/of_scene",
+        "d.forms[: len(d.forms) - len(d.resists or ())]",
+        "d.forms",
+        "derivatives: springs grow with Young's modulus",
+        tests=("derivatives_of_steps::test_moduli_and_loads",),
+    ),
+    Mutant(
+        "derivatives/adjoint",
+        "law.tangent.transpose(0, 2, 1)",
+        "(last._law if last else law).tangent.transpose(0, 2, 1)",
+        "derivatives: a load step has the sets of the one after it",
+        tests=("derivatives_of_steps::test_in_the_plane",),
+    ),
     Mutant("contact/laws", "contact | data.bilateral", "contact", "bilateral contact may open"),
     Mutant("contact/laws", "u_t - data.slip_origin", "u_t", "load steps: slip from zero", tests=("load_steps",)),
     # --- the data of a scene -----------------------------------------------------------------------------------------

@@ -6,7 +6,9 @@ from mpi4py import MPI
 from test_derivatives import COMM, COULOMB, TRESCA, agrees
 
 from signorini_fx import SceneError, sensitivity
+from signorini_fx.derivatives import of_scene
 from signorini_fx.derivatives.adjoint import TransposedTangent
+from signorini_fx.linalg import schur
 from signorini_fx.scene.reading import parse_scene
 
 OF = ["force bottom x", "moment bottom step 3", "displacement 1.7,0.6 x step 2", "mean top y"]
@@ -69,7 +71,7 @@ def space(friction, **solver):
 DATA = ["contact.gap", "material.young", "traction[0]", "displacement[0].x"]
 WAYS = {
     "tresca exact": (TRESCA, ["contact.friction.bound"], {"algorithm": "exact"}),
-    "fixed point": (COULOMB, ["contact.friction.coefficient"], {"coulomb": "fp"}),
+    "fixed point": (COULOMB, ["contact.friction.coefficient"], {"coulomb": "fp", "linear_algebra": "krylov"}),
     "alm": (COULOMB, ["contact.friction.coefficient"], {"algorithm": "alm"}),
 }
 
@@ -141,6 +143,59 @@ def test_steps_that_do_not_matter(monkeypatch):
     ramp = ramp.model_copy(update={"load_steps": ramp.load_steps.model_copy(update={"steps": 2})})
     sensitivity(ramp, "force bottom y step 3", ["traction[0]"])
     assert len(seen) == 3
+
+
+@pytest.mark.mpi
+def test_moduli_and_loads_of_many_kinds():
+    """Moduli that vary in the body, springs that do not follow them, heat that does, weight, and a load of the time."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4}},
+            "material": {
+                "young": 5000.0,
+                "poisson": 0.33,
+                "grading": "1 - 0.2*x[1]",
+                "expansion": 1e-4,
+                "density": 2.0,
+            },
+            "displacement": [{"boundary": "left", "x": 0.0}],
+            "springs": [{"boundary": "right", "x": 800.0, "y": 300.0}],
+            "temperature": [{"change": "2*x[1]", "factors": [1.0, 2.0, 0.5]}],
+            "gravity": [{"x": 0.2, "y": -1.0}],
+            "traction": [
+                {"boundary": "top", "y": -20.0, "factors": [1.0, 0.8, 0.6]},
+                {"boundary": "top", "x": "4*sin(2*t)"},
+            ],
+            "contact": {"boundary": "bottom", "gap": "0.003*(x[0]-1.5)**2", "friction": TRESCA},
+            "load_steps": {"times": [1.0, 2.0, 3.0]},
+            "solver": {"gamma_n": 1e7, "gamma_t": 1e7},
+        }
+    )
+    loads = ["temperature[0]", "temperature.change", "gravity.y", "traction[1]", "traction[0].y"]
+    agrees(scene, OF[:3], ["material.young", "material.poisson", "springs.x", *loads])
+
+
+def test_work(monkeypatch):
+    """An adjoint state of forces takes one back substitution at most, however many data there are; all load steps have
+    one plan of a factorisation; and for a load or a modulus the scene is not prepared again.
+    """
+    called, made = [], []
+    call, adjoint, set_up = schur.call, TransposedTangent.adjoint, TransposedTangent._set_up
+    monkeypatch.setattr(schur, "call", lambda name, *given: called.append(name) or call(name, *given))
+    monkeypatch.setattr(TransposedTangent, "adjoint", lambda *given: made.append("adjoint") or adjoint(*given))
+    monkeypatch.setattr(TransposedTangent, "_set_up", lambda self: made.append("plan") or set_up(self))
+    monkeypatch.setattr(of_scene, "prepare", None)
+    forces, solves = [f"force bottom x step {number}" for number in (1, 2, 3, 4)], []
+    for by in ([], ["traction[0]"], ["traction[0]", "traction[1].x", "material.young"]):
+        called.clear()
+        made.clear()
+        sensitivity(plane(TRESCA, linear_algebra="condensed"), forces, by)
+        solves.append(called.count("MatSolve"))
+    assert solves[0] < solves[1] <= solves[0] + made.count("adjoint")
+    assert solves[1] == solves[2]
+    made.clear()
+    sensitivity(plane(TRESCA, linear_algebra="full"), forces, ["traction[0]"])
+    assert made.count("plan") == 1
 
 
 @pytest.mark.parametrize("number", ["5", "0", "last"])

@@ -13,7 +13,8 @@ from mpi4py import MPI
 from signorini_fx import ConvergenceError, SceneError, solve
 from signorini_fx.check.checks import check_scene
 from signorini_fx.check.text import render
-from signorini_fx.derivatives.of_scene import quantity_of, sensitivity
+from signorini_fx.derivatives.named_quantities import quantity_of
+from signorini_fx.derivatives.of_scene import sensitivity
 from signorini_fx.linalg.krylov import KrylovSystem
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status

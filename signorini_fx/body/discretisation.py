@@ -24,6 +24,7 @@ from signorini_fx.body.loads import (
     check_finite,
     check_resistances,
     compile_resistance,
+    group_of,
     load_groups,
     tool_load,
 )
@@ -51,7 +52,7 @@ from signorini_fx.mesh.tagged import TaggedMesh, check_fits
 from signorini_fx.method import Settings
 from signorini_fx.records import Inventory, Timings
 from signorini_fx.scales import Scales
-from signorini_fx.scene.effect import SectionJump
+from signorini_fx.scene.effect import Load, SectionJump
 from signorini_fx.scene.model import Scene
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON
 
@@ -159,6 +160,11 @@ class Discretisation(ElasticBody):
                 here = self.boundary.part == number
                 found[here] = now.foundation.moved_from(before.foundation, self.boundary.x[here])
         return found
+
+    def alone(self, scene: Scene, load: Load) -> AppliedLoad:
+        """A load of another scene on the same mesh, one that prescribes no displacement; collective."""
+        on = replace(self.coefficients, scene=scene.placed(0), inventory=Inventory())
+        return applied_load(group_of(scene, load), [load], on, ufl.TestFunction(self.space), _no_supports)
 
     def load(self, system: ElasticSystem, place: float) -> npt.NDArray[np.float64]:
         """Give a system the loads that depend on the time as they are at a place; collective.
@@ -318,6 +324,10 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         pairs=foundations.pairs,
         tools=tools,
     )
+
+
+def _no_supports(place: float) -> tuple[list[tuple[PrescribedDisplacement, fem.DirichletBC]], None]:
+    return [], None
 
 
 def _stiffness(scene: Scene, tagged: TaggedMesh) -> fem.Function | None:

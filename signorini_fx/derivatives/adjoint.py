@@ -66,18 +66,24 @@ class Adjoint:
     weight: Nodal
     solves: int
 
-    def derivative(self, direct: float, residual: PETSc.Vec, relative: Nodal, bound: Nodal) -> float:
+    def derivative(
+        self, direct: float, residual: PETSc.Vec | None, relative: Nodal | None, bound: Nodal | None
+    ) -> float:
         """dJ/dp; collective.
 
         Args:
             direct: J_p.
-            residual: R_p, shape of the unknowns of the stiffness.
-            relative: (B x - d)_p, shape (n, d).
-            bound: that of the friction bound at the pressure of the solution, shape (n,).
+            residual: R_p, shape of the unknowns of the stiffness; None: zero.
+            relative: (B x - d)_p, shape (n, d); None: zero.
+            bound: that of the friction bound at the pressure of the solution, shape (n,); None: zero.
         """
-        changes = self.tied * relative + self.untied * self.law.by_bound(bound)
+        changes = np.zeros_like(self.tied)
+        if relative is not None:
+            changes += self.tied * relative
+        if bound is not None:
+            changes += self.untied * self.law.by_bound(bound)
         points = parallel.global_sum(self.psi.comm.tompi4py(), np.array(self.weight @ changes.sum(axis=1)))
-        return float(direct - self.psi.dot(residual) - points)
+        return float(direct - (0.0 if residual is None else self.psi.dot(residual)) - points)
 
 
 class TransposedTangent:
@@ -87,20 +93,30 @@ class TransposedTangent:
         system: the elastic system.
         law: the linearised law.
         methods: whose factors may serve; None: one that was not used.
-
-    Attributes:
-        factorised: whether it was factorised, or its preconditioner set up, anew.
+        last: the tangent of another load step, which is not needed any more: on the same system its matrix serves, so
+            that its factorisation is not planned again, and its factor if the sets are the same; None: there is none.
     """
 
+    _ksp: PETSc.KSP
+    _tangent: ContactTangent
+
     def __init__(
-        self, system: ElasticSystem, law: LinearisedLaw, methods: Sequence[SemismoothNewton | None] = ()
+        self,
+        system: ElasticSystem,
+        law: LinearisedLaw,
+        methods: Sequence[SemismoothNewton | None] = (),
+        last: TransposedTangent | None = None,
     ) -> None:
-        self._system, self._law = copy(system), law  # a Krylov system keeps the size of its forces
+        self._of, self._system, self._law = system, copy(system), law  # a Krylov system keeps the size of its forces
         self._symmetric = _symmetric(system, law)
         self._pc = next((pc for pc in map(self._reused, methods) if pc is not None), None)
-        self.factorised = self._pc is None
-        if self.factorised:
+        if self._pc is not None:
+            return
+        if last is not None and last._pc is None and last._of is system and last._symmetric == self._symmetric:
+            self._system, self._ksp, self._tangent = last._system, last._ksp, last._tangent  # KSP calls the system
+        else:
             self._set_up()
+        self._tangent.insert(self._ksp.getOperators()[0], np.ascontiguousarray(law.tangent.transpose(0, 2, 1)))
 
     def _reused(self, newton: SemismoothNewton | None) -> PETSc.PC | None:
         """The last factor of a method, if it is of the same blocks; collective."""
@@ -122,8 +138,7 @@ class TransposedTangent:
         with options.defaults(system.solver_defaults):
             system.configure(self._ksp, symmetric=self._symmetric)
             self._ksp.setFromOptions()
-        blocks = np.ascontiguousarray(self._law.tangent.transpose(0, 2, 1))
-        ContactTangent(system.matrix, system.contact).insert(matrix, blocks)
+        self._tangent = ContactTangent(system.matrix, system.contact)
         if self._symmetric:
             matrix.setOption(PETSc.Mat.Option.SPD, True)
 

@@ -78,6 +78,17 @@ def varied(scene: Scene, path: str, change: float, dimension: int) -> Scene:
     return found
 
 
+def load_of(scene: Scene, path: str) -> Load | None:
+    """The load that an entry belongs to, or that it is; None: none."""
+    value: Any = scene
+    for key in _way(path):
+        value = _one(value, key)
+        only = value[0] if isinstance(value, tuple) and len(value) == 1 else value
+        if isinstance(only, Load):
+            return only
+    return None
+
+
 def _way(path: str) -> list[str | int]:
     if not PATH.fullmatch(path):
         raise SceneError([(path, f"is no path of an entry, {_EXAMPLE}")])

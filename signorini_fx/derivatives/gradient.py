@@ -37,8 +37,8 @@ from signorini_fx.derivatives.quantities import Quantity
 from signorini_fx.linalg import ElasticSystem
 
 Array = npt.NDArray[np.float64]
-# A change of a datum, evaluated at a load step by its number.
-At = Callable[[float], Callable[[int], "Explicit"]]
+# What of a load step, by its number, depends on a datum explicitly.
+By = Callable[[int], "Explicit"]
 
 
 @dataclass(frozen=True)
@@ -130,12 +130,13 @@ def adjoints_of(steps: Sequence[Solved], quantities: Sequence[tuple[int, Quantit
     """
     found: list[list[Adjoint | None]] = [[None] * len(quantities) for _ in steps]
     owed: list[tuple[PETSc.Vec, Nodal] | None] = [None] * len(quantities)
+    tangent = None
     for k in range(len(steps) - 1, -1, -1):
         step = steps[k]
         owed = [step.quantity(of) if at == k else known for (at, of), known in zip(quantities, owed, strict=True)]
         if not any(known is not None for known in owed):
             continue
-        tangent = TransposedTangent(step.system, step.law, step.methods)
+        tangent = TransposedTangent(step.system, step.law, step.methods, tangent)
         for number, known in enumerate(owed):
             if known is None:
                 continue
@@ -167,8 +168,7 @@ class Data:
     """A load step at some value of a datum.
 
     Attributes:
-        forms: terms of a(., .), with that value while it is evaluated, or their matrix without supports; none where
-            what they give does not change.
+        forms: terms of a(., .), with that value while it is evaluated; none where what they give does not change.
         forces: L at the owned dofs.
         prescribed: the prescribed displacements at the owned dofs.
         boundary: the contact points.
@@ -176,9 +176,11 @@ class Data:
         law: of friction; None: there is none.
         driven: what drives tools; None: there are none.
         drift: how far foundations have moved in this load step, length, shape (n, d); None: they have not.
+        usual: the same at the solution, whose objects are these where the datum changes nothing; None: that is not
+            known.
     """
 
-    forms: Sequence[fem.Form] | PETSc.Mat
+    forms: Sequence[fem.Form]
     forces: Array
     prescribed: Array
     boundary: ContactBoundary
@@ -186,23 +188,29 @@ class Data:
     law: FrictionLaw | None
     driven: Driven | None = None
     drift: Nodal | None = None
+    usual: Data | None = None
+
+    def changes(self, *names: str) -> bool:
+        """Whether the datum may change one of these attributes."""
+        usual = self.usual
+        return usual is None or any(getattr(self, name) is not getattr(usual, name) for name in names)
 
 
 @dataclass(frozen=True)
 class Explicit:
-    """What of a load step depends on the data explicitly, for fixed displacement and tractions.
+    """What of a load step depends on a datum explicitly, for fixed displacement and tractions, or its derivatives.
 
     Attributes:
         values: of the quantities.
-        residual: R at the unknowns of the stiffness.
-        relative: B x - d, length, shape (n, d).
-        bound: the friction bound, stress, shape (n,).
+        residual: R at the unknowns of the stiffness; None: the datum does not change it.
+        relative: B x - d, length, shape (n, d); None: the datum does not change it.
+        bound: the friction bound, stress, shape (n,); None: the datum does not change it.
     """
 
-    values: list[float]
-    residual: PETSc.Vec
-    relative: Nodal
-    bound: Nodal
+    values: Sequence[float]
+    residual: PETSc.Vec | None = None
+    relative: Nodal | None = None
+    bound: Nodal | None = None
 
 
 def explicit(
@@ -216,24 +224,49 @@ def explicit(
         quantities: that are evaluated.
         before: the load step before it, with its data; None: there is none.
     """
+    state, values, residual, relative, bound = solved.state, [0.0] * len(quantities), None, None, None
+    moved = data.changes("prescribed", "driven", "boundary")
+    if data.forms or moved or data.changes("forces"):
+        residual = _residual(solved, data)
+    if moved or data.changes("gap", "drift") or (before and before[1].changes("prescribed", "driven", "boundary")):
+        relative = _relative(solved, data, before)
+    if data.changes("law"):
+        bound = np.zeros_like(state.pressure) if data.law is None else data.law.bound(state.pressure)
+        bound = np.where(np.isfinite(bound), bound, 0.0)
+    if moved and quantities:
+        y = solved.body.function(_displaced(solved, data, solved.body))
+        values = [one.value(y, data.boundary, state.pressure, state.shear) for one in quantities]
+    return Explicit(values, residual, relative, bound)
+
+
+def _residual(solved: Solved, data: Data) -> PETSc.Vec:
+    """R at the unknowns of the stiffness; collective."""
     body, state = solved.body, solved.state
-    x, fixed = _displaced(solved, data, body), body.prescribed
-    y = body.function(x)
     residual = body.vector(-data.forces)
-    if isinstance(data.forms, PETSc.Mat):
-        values, forces = data.forms.createVecs()
-        values.getArray()[:] = y.x.array[: values.getLocalSize()]
-        data.forms.mult(values, forces)
-        residual.axpy(1.0, body.vector(forces.getArray(readonly=True)))
-    elif data.forms:
-        nodes = np.arange(y.x.array.size // body.dimension, dtype=np.int32)
-        residual.axpy(1.0, body.vector(action(tuple(data.forms), y, nodes)))
+    if data.forms:
+        residual.axpy(1.0, elastic_forces(body, data.forms, body.function(_displaced(solved, data, body))))
     if data.driven is not None:
         body.begin_driven(residual, -data.driven.forces, None)
-    contact = _map_to(data.boundary, body)
-    contact.add_forces(state.pressure, state.shear, residual)
-    residual.getArray()[fixed] = 0.0
-    u_n, u_t = contact.traces(x)
+    _map_to(data.boundary, body).add_forces(state.pressure, state.shear, residual)
+    residual.getArray()[body.prescribed] = 0.0
+    return residual
+
+
+def elastic_forces(body: ElasticBody, forms: Sequence[fem.Form] | PETSc.Mat, y: fem.Function) -> PETSc.Vec:
+    """A(y, .) of forms, or of their matrix without supports, at the unknowns of the stiffness; collective."""
+    if not isinstance(forms, PETSc.Mat):
+        nodes = np.arange(y.x.array.size // body.dimension, dtype=np.int32)
+        return body.vector(action(tuple(forms), y, nodes))
+    values, forces = forms.createVecs()
+    values.getArray()[:] = y.x.array[: values.getLocalSize()]
+    forms.mult(values, forces)
+    return body.vector(forces.getArray(readonly=True))
+
+
+def _relative(solved: Solved, data: Data, before: tuple[Solved, Data] | None) -> Nodal:
+    """B x - d, length, shape (n, d); collective."""
+    body, contact = solved.body, _map_to(data.boundary, solved.body)
+    u_n, u_t = contact.traces(_displaced(solved, data, body))
     if data.drift is not None:
         u_t = u_t - np.einsum("nij,ni->nj", data.boundary.tangents, data.drift)
     if before is not None:
@@ -242,10 +275,7 @@ def explicit(
         if solved.compliance and data.boundary is not then.boundary:
             shear = np.einsum("njk,nk->nj", _rotation(then.boundary, data.boundary), earlier.state.shear)
             u_t = u_t + solved.compliance * shear
-    bound = np.zeros_like(u_n) if data.law is None else data.law.bound(state.pressure)
-    bound = np.where(np.isfinite(bound), bound, 0.0)
-    values = [one.value(y, data.boundary, state.pressure, state.shear) for one in quantities]
-    return Explicit(values, residual, np.column_stack((u_n - data.gap, u_t)), bound)
+    return np.column_stack((u_n - data.gap, u_t))
 
 
 def _displaced(solved: Solved, data: Data, body: ElasticBody) -> PETSc.Vec:
@@ -264,31 +294,41 @@ def _displaced(solved: Solved, data: Data, body: ElasticBody) -> PETSc.Vec:
     return found
 
 
+def central(more: By, less: By, step: float) -> By:
+    """The derivatives of what depends on a datum, from what it is where the datum is larger and smaller by a step."""
+
+    def by(k: int) -> Explicit:
+        high, low, residual = more(k), less(k), None
+        if high.residual is not None and low.residual is not None:
+            residual = (high.residual - low.residual) * (0.5 / step)
+        slopes = [
+            None if one is None or other is None else np.asarray((one - other) / (2 * step), dtype=np.float64)
+            for one, other in ((high.relative, low.relative), (high.bound, low.bound))
+        ]
+        direct = [(one - other) / (2 * step) for one, other in zip(high.values, low.values, strict=True)]
+        return Explicit(direct, residual, *slopes)
+
+    return by
+
+
 def derivatives(
-    adjoints: Sequence[Sequence[Adjoint | None]],
-    quantities: Sequence[tuple[int, Quantity]],
-    at: At,
-    step: float,
+    adjoints: Sequence[Sequence[Adjoint | None]], quantities: Sequence[tuple[int, Quantity]], by: By
 ) -> list[float]:
     """The derivative of each quantity by one datum; collective.
 
     Args:
         adjoints: see ``adjoints_of``.
         quantities: each with the number of its load step.
-        at: ``explicit`` where the datum is larger by its argument, then of a load step, with its quantities.
-        step: by how much the datum is changed.
+        by: the derivatives by the datum of a load step, with its quantities.
     """
-    matter = [k for k, known in enumerate(adjoints) if any(one is not None for one in known)]
-    more, less = ({k: evaluated(k) for k in matter} for evaluated in (at(step), at(-step)))
-    found, twice = np.zeros(len(quantities)), np.float64(2 * step)
-    for k in matter:
-        residual = more[k].residual - less[k].residual
-        residual.scale(0.5 / step)
-        relative = np.asarray((more[k].relative - less[k].relative) / twice, dtype=np.float64)
-        bound = np.asarray((more[k].bound - less[k].bound) / twice, dtype=np.float64)
-        direct = iter(np.subtract(more[k].values, less[k].values) / twice)
-        for number, ((own, _), adjoint) in enumerate(zip(quantities, adjoints[k], strict=True)):
-            by_itself = float(next(direct)) if own == k else 0.0
+    found = np.zeros(len(quantities))
+    for k, known in enumerate(adjoints):
+        if not any(one is not None for one in known):
+            continue
+        change = by(k)
+        direct = iter(change.values)
+        for number, ((own, _), adjoint) in enumerate(zip(quantities, known, strict=True)):
+            by_itself = next(direct) if own == k else 0.0
             if adjoint is not None:
-                found[number] += adjoint.derivative(by_itself, residual, relative, bound)
+                found[number] += adjoint.derivative(by_itself, change.residual, change.relative, change.bound)
     return found.tolist()

@@ -3,46 +3,49 @@
 from __future__ import annotations
 
 import math
-import shlex
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.body.assembly import assemble, measure
 from signorini_fx.body.discretisation import Discretisation, prepare
 from signorini_fx.body.elastic import sum_of
 from signorini_fx.body.moduli import lame_coefficients
 from signorini_fx.body.rigid_tools import Driven
-from signorini_fx.derivatives.entries import default_entries, entry_of, varied
-from signorini_fx.derivatives.gradient import At, Data, Explicit, Solved, adjoints_of, derivatives, explicit
-from signorini_fx.derivatives.quantities import ContactArea, ContactForce, LargestPressure, OfDisplacement, Quantity
-from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.derivatives.entries import default_entries, entry_of, load_of, varied
+from signorini_fx.derivatives.gradient import (
+    By,
+    Data,
+    Explicit,
+    Solved,
+    adjoints_of,
+    central,
+    derivatives,
+    elastic_forces,
+    explicit,
+)
+from signorini_fx.derivatives.named_quantities import quantity_of
+from signorini_fx.derivatives.quantities import Quantity
+from signorini_fx.errors import SceneError
 from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import ConvergenceError, Solution
-from signorini_fx.scene.effect import InitialStrain, Resistance, SectionJump
+from signorini_fx.scene.effect import Force, InitialStrain, Resistance, SectionJump
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving.load_steps import LoadStep
 from signorini_fx.solving.one_mesh import solve_mesh
 
 Array = npt.NDArray[np.float64]
-_POWER = 8.0
 # Assembling a matrix takes as long as applying its form to the displacements of so many load steps.
 _FEW = 2
-_KINDS = (
-    "'force BOUNDARY AXIS' or 'moment BOUNDARY [AXIS]' of a contact, 'pressure BOUNDARY [POWER]', the largest one, "
-    "'area BOUNDARY [POWER]', that presses, "
-    "'mean BOUNDARY AXIS', of the displacement, and 'displacement X,Y[,Z] AXIS', at a point"
-)
 
 
 @dataclass(frozen=True)
@@ -147,6 +150,14 @@ class _Step:
     place: float
     solved: Solved
 
+    @cached_property
+    def data(self) -> Data:
+        """What derivatives leave out where a datum does not change it; collective."""
+        d = self.d
+        assert d.boundary is not None
+        assert d.data is not None
+        return Data(forms=(), boundary=d.boundary, gap=d.data.gap, law=d.law, **_loads(d, self.place))
+
     @classmethod
     def of(cls, step: LoadStep) -> _Step:
         """One that has just been solved; collective."""
@@ -184,7 +195,7 @@ def _sensitivities(
     quantities = [_at_step(steps, text) for text in of]
     adjoints = adjoints_of([step.solved for step in steps], quantities if paths else [])
     columns = [
-        derivatives(adjoints, quantities, _evaluated(scene, steps, path, quantities), step)
+        derivatives(adjoints, quantities, _by(scene, steps, path, step, quantities))
         for path, (_, step) in zip(paths, entries, strict=True)
     ]
     end = time.perf_counter()
@@ -221,37 +232,82 @@ def _at_step(steps: list[_Step], text: str) -> tuple[int, Quantity]:
     return number - 1, quantity_of(steps[number - 1].d, words[0])
 
 
-def _evaluated(scene: Scene, steps: list[_Step], path: str, quantities: Sequence[tuple[int, Quantity]]) -> At:
-    """``explicit`` with a number of the scene that is larger by some change."""
-    of_material = path.startswith("material") and path.rpartition(".")[2] in ("young", "poisson")
+def _by(scene: Scene, steps: list[_Step], path: str, step: float, quantities: Sequence[tuple[int, Quantity]]) -> By:
+    """The derivatives of what depends on a number of the scene; collective.
 
-    def at(change: float) -> Callable[[int], Explicit]:
-        other = varied(scene, path, change, steps[0].d.dimension)
-        data = cache(_material(other, steps) if of_material else _data(other, steps, path))
+    Args:
+        scene: the scene.
+        steps: its load steps.
+        path: of the number.
+        step: by how much it is changed.
+        quantities: each with the number of its load step.
+    """
+    more, less = (varied(scene, path, change, steps[0].d.dimension) for change in (step, -step))
+    load = load_of(scene, path)
+    own = [[quantity for number, quantity in quantities if number == k] for k in range(len(steps))]
+    if path.startswith("material") and path.rpartition(".")[2] in ("young", "poisson"):
+        residual = _by_modulus(more, less, step, steps)
+    elif isinstance(load, Force | InitialStrain) and load.acts:
+        residual = _by_load(more, less, step, steps, path)
+    else:
 
-        def evaluated(k: int) -> Explicit:
-            own = [quantity for number, quantity in quantities if number == k]
-            before = (steps[k - 1].solved, data(k - 1)) if k else None
-            with _lame(steps[k].d, other) if of_material else nullcontext():
-                return explicit(steps[k].solved, data(k), own, before)
+        def at(other: Scene) -> By:
+            data = cache(_data(other, steps, path))
 
-        return evaluated
+            def evaluated(k: int) -> Explicit:
+                before = (steps[k - 1].solved, data(k - 1)) if k else None
+                return explicit(steps[k].solved, data(k), own[k], before)
 
-    return at
+            return evaluated
+
+        return central(at(more), at(less), step)
+    return lambda k: Explicit([0.0] * len(own[k]), residual(k))
 
 
-def _material(scene: Scene, steps: list[_Step]) -> Callable[[int], Data]:
-    """The data of each load step with other moduli."""
-    strained = any(isinstance(one, InitialStrain | SectionJump) for _, one in scene.listed())
-    with _lame(steps[0].d, scene):
-        forms = steps[0].d.forms if len(steps) <= _FEW else sum_of(steps[0].d.forms, [])
-    other = prepare(scene, steps[0].d.tagged, Timings()) if strained else None
+def _by_modulus(more: Scene, less: Scene, step: float, steps: list[_Step]) -> Callable[[int], PETSc.Vec]:
+    """R_p of each load step, where p is a modulus: the forms of the body are linear in the Lame parameters, and are
+    assembled with the derivatives of these in their place.
+    """
+    d, twice = steps[0].d, 2 * step
+    forms: Sequence[fem.Form] | PETSc.Mat = d.forms[: len(d.forms) - len(d.resists or ())]
+    high, low = (lame_coefficients(one, d.tagged) for one in (more, less))
+    slopes = [(_values(one) - _values(other)) / twice for one, other in zip(high, low, strict=True)]
+    if len(steps) > _FEW:
+        with _lame(d, slopes):
+            forms = sum_of(forms, [])
+    strained = any(isinstance(one, InitialStrain | SectionJump) for _, one in more.listed())
+    prepared = [prepare(one, d.tagged, Timings()) for one in (more, less)] if strained else []
 
-    def data(k: int) -> Data:
-        d, place = steps[k].d, steps[k].place
-        return replace(_unchanged(d, place), forms=forms, **_loads(other or d, place))
+    def residual(k: int) -> PETSc.Vec:
+        body = steps[k].d
+        with _lame(body, slopes):
+            found = elastic_forces(body, forms, steps[k].solved.displacement)
+        if prepared:
+            forces = [_loads(one, steps[k].place)["forces"] for one in prepared]
+            found.axpy(-1 / twice, body.vector(forces[0] - forces[1]))
+        found.getArray()[body.prescribed] = 0.0
+        return found
 
-    return data
+    return residual
+
+
+def _by_load(more: Scene, less: Scene, step: float, steps: list[_Step], path: str) -> Callable[[int], PETSc.Vec]:
+    """R_p of each load step, where p belongs to a load that prescribes nothing: nothing else is assembled."""
+    loads = []
+    for scene in (more, less):
+        load = load_of(scene, path)
+        assert load is not None
+        loads.append(steps[0].d.alone(scene, load))
+
+    def residual(k: int) -> PETSc.Vec:
+        place, body = steps[k].place, steps[k].d
+        high, low = (load.factor(place) * load.at(place).forces for load in loads)
+        found = body.vector(low - high)
+        found.scale(0.5 / step)
+        found.getArray()[body.prescribed] = 0.0
+        return found
+
+    return residual
 
 
 def _data(scene: Scene, steps: list[_Step], path: str) -> Callable[[int], Data]:
@@ -279,13 +335,13 @@ def _data(scene: Scene, steps: list[_Step], path: str) -> Callable[[int], Data]:
         return moving
 
     def data(k: int) -> Data:
-        d, place = steps[k].d, steps[k].place
-        found = replace(_unchanged(d, place), forms=())
+        d, usual = steps[k].d, steps[k].data
+        found = replace(usual, usual=usual)
         if of_contact:
             found = replace(found, **contact(k))
         if other is None:
             return found
-        loads = _loads(other, place)
+        loads = _loads(other, steps[k].place)
         same = not scene.of(Resistance) and np.array_equal(loads["prescribed"], found.prescribed)
         if parallel.any_rank(d.comm, not same) or found.driven is not None:
             found = replace(found, forms=other.forms if scene.of(Resistance) else d.forms)
@@ -304,125 +360,18 @@ def _loads(d: Discretisation, place: float) -> dict[str, Any]:
     }
 
 
-def _unchanged(d: Discretisation, place: float) -> Data:
-    assert d.boundary is not None
-    assert d.data is not None
-    return Data(forms=d.forms, boundary=d.boundary, gap=d.data.gap, law=d.law, **_loads(d, place))
-
-
 @contextmanager
-def _lame(d: Discretisation, scene: Scene) -> Iterator[None]:
-    """The forms of the body have the Lame parameters of another scene."""
+def _lame(d: Discretisation, values: Sequence[Any]) -> Iterator[None]:
+    """The forms of the body have other numbers in the place of the Lame parameters."""
     kept = [_values(one).copy() for one in d.lame]
     try:
-        for mine, other in zip(d.lame, lame_coefficients(scene, d.tagged), strict=True):
-            _values(mine)[...] = _values(other)
+        for mine, other in zip(d.lame, values, strict=True):
+            _values(mine)[...] = other
         yield
     finally:
-        for mine, values in zip(d.lame, kept, strict=True):
-            _values(mine)[...] = values
+        for mine, usual in zip(d.lame, kept, strict=True):
+            _values(mine)[...] = usual
 
 
 def _values(coefficient: Any) -> Array:
     return coefficient.x.array if isinstance(coefficient, fem.Function) else coefficient.value
-
-
-# --- results by their names ------------------------------------------------------------------------------------------
-
-
-def quantity_of(d: Discretisation, text: str) -> Quantity:
-    """A result by its name; collective.
-
-    Args:
-        d: the scene on its mesh.
-        text: ``force BOUNDARY AXIS`` and ``moment BOUNDARY [AXIS]`` on the body at a contact boundary, a moment about
-            the origin, in space about an axis; ``pressure BOUNDARY [POWER]``, see ``LargestPressure``; ``area BOUNDARY
-            [POWER]``, see ``ContactArea``;
-            ``mean BOUNDARY AXIS``, the mean displacement; ``displacement X,Y[,Z] AXIS`` at a point.
-
-    Raises:
-        SceneError: it is not known, or has no derivative.
-    """
-    try:
-        kind, *words = shlex.split(text)
-    except ValueError:
-        kind, words = text, []
-    try:
-        return _NAMED[kind](d, *words)
-    except (KeyError, TypeError, ValueError):
-        raise SceneError([(f"of {text!r}", f"is no result; there are {_KINDS}")]) from None
-
-
-def _axis(d: Discretisation, name: str) -> int:
-    found = "xyz"[: d.dimension].index(name)
-    if len(name) != 1:
-        raise ValueError(name)
-    return found
-
-
-def _part(d: Discretisation, boundary: str) -> int:
-    names = [effect.boundary for effect in d.scene.contact]
-    if boundary not in names:
-        raise SceneError([(f"of {boundary!r}", f"is no contact boundary; there are: {', '.join(names)}")])
-    return names.index(boundary)
-
-
-def _force(d: Discretisation, boundary: str, axis: str) -> Quantity:
-    return ContactForce(_part(d, boundary), _axis(d, axis))
-
-
-def _moment(d: Discretisation, boundary: str, axis: str = "z") -> Quantity:
-    if d.dimension == 2 and axis != "z":
-        raise ValueError(axis)
-    if d.scene.axisymmetric:
-        raise SceneError([(f"of moment {boundary}", "there is none on a body of revolution")])
-    return ContactForce(_part(d, boundary), 0 if d.dimension == 2 else _axis(d, axis), moment=True)
-
-
-def _pressure(d: Discretisation, boundary: str, power: str = str(_POWER)) -> Quantity:
-    number = float(power)
-    if not 1 < number <= 1000:
-        raise SceneError([(f"of pressure {boundary} {power}", "the power must be above 1, and 1000 at most")])
-    return LargestPressure(_part(d, boundary), number)
-
-
-def _area(d: Discretisation, boundary: str, power: str = "2") -> Quantity:
-    number = float(power)
-    if not 1 < number <= 1000:
-        raise SceneError([(f"of area {boundary} {power}", "the power must be above 1, and 1000 at most")])
-    return ContactArea(_part(d, boundary), number)
-
-
-def _mean(d: Discretisation, boundary: str, axis: str) -> Quantity:
-    z, component = ufl.TestFunction(d.space), _axis(d, axis)
-    try:
-        facets = d.tagged.facets(boundary)
-    except MeshError as error:
-        raise SceneError([(f"of mean {boundary}", str(error))]) from None
-    ds = measure(d.space.mesh, [facets], {})(1)
-    form = d.inventory.compile(f"mean of {boundary}", lambda: fem.form(z[component] * d.coefficients.around * ds))
-    row = assemble(form)
-    area = float(parallel.global_sum(d.comm, row.sum()))
-    if area == 0:
-        raise SceneError([(f"of mean {boundary}", "this boundary has no area")])
-    return OfDisplacement(np.asarray(row / area, dtype=np.float64))
-
-
-def _displacement(d: Discretisation, point: str, axis: str) -> Quantity:
-    x = np.array([float(one) for one in point.split(",")])
-    if x.size != d.dimension:
-        raise ValueError(point)
-    found = OfDisplacement.at_point(d.space, x, _axis(d, axis))
-    if found is None:
-        raise SceneError([(f"of displacement {point}", "this point is outside of the body")])
-    return found
-
-
-_NAMED: dict[str, Callable[..., Quantity]] = {
-    "force": _force,
-    "moment": _moment,
-    "pressure": _pressure,
-    "area": _area,
-    "mean": _mean,
-    "displacement": _displacement,
-}

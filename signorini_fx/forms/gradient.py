@@ -15,7 +15,7 @@ from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.contact.laws import Nodal
-from signorini_fx.derivatives.gradient import Data, Explicit, Solved, adjoints_of, derivatives, explicit
+from signorini_fx.derivatives.gradient import By, Data, Solved, adjoints_of, central, derivatives, explicit
 from signorini_fx.derivatives.quantities import ContactArea, ContactForce, LargestPressure, Quantity
 from signorini_fx.errors import FormError
 from signorini_fx.machine.compilation import compiling
@@ -145,7 +145,7 @@ def gradient(solved: Solved, data: Callable[[], Data], quantity: Quantity, by: S
         kept = constant.value.copy()
         step = _STEP * (abs(float(kept.ravel()[0])) or 1.0)
 
-        def at(change: float, constant: fem.Constant = constant, kept: Array = kept) -> Callable[[int], Explicit]:
+        def at(change: float, constant: fem.Constant = constant, kept: Array = kept) -> By:
             try:
                 constant.value[...] = kept + change
                 evaluated = explicit(solved, data(), [quantity])
@@ -153,7 +153,7 @@ def gradient(solved: Solved, data: Callable[[], Data], quantity: Quantity, by: S
                 constant.value[...] = kept
             return lambda k: evaluated
 
-        found += derivatives(adjoints, quantities, at, step)
+        found += derivatives(adjoints, quantities, central(at(step), at(-step), step))
     state, solves = solved.state, sum(one.solves for one in adjoints[0] if one is not None)
     value = quantity.value(solved.displacement, state.boundary, state.pressure, state.shear)
     return Gradient(value, np.array(found), solved.law.between, solves)

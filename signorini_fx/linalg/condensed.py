@@ -125,9 +125,8 @@ class CondensedSystem(DenseSystem):
     def with_load(self, load: PETSc.Vec) -> CondensedSystem:
         """The same with this load alone, condensed: one back substitution."""
         other, case = copy(self), LoadCase(load, load.duplicate(), RigidLoad.of(load, []))
-        other.cases, other.factors, other.load = [], np.ones(1), self.load.duplicate()
-        other.cases.append(_CondensedCase.of(case, self.schur, self.relative))
-        other.load.getArray()[:] = other.cases[0].load
+        other.cases, other.factors = [_CondensedCase.of(case, self.schur, self.relative)], np.ones(1)
+        other.load = PETSc.Vec().createWithArray(other.cases[0].load.copy(), comm=self.comm)
         return other
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:

@@ -62,11 +62,12 @@ class SchurComplement:
         call("MatMumpsSetIcntl", handle, 26, _SOLVE_INTERIOR_ONLY)
 
     def solve_interior(self, right: PETSc.Vec) -> PETSc.Vec:
-        """A_ii^-1 right_i in the interior, zero at the kept dofs."""
-        result = right.duplicate()
-        call("MatSolve", self._factor, right, result)
-        result.scale(1.0 / self._unit)
-        result.getArray()[self.retained] = 0.0
+        """A_ii^-1 right_i in the interior, zero at the kept dofs; no back substitution where right_i is zero."""
+        result, values = right.duplicate(), right.getArray(readonly=True)
+        if np.count_nonzero(values) > np.count_nonzero(values[self.retained]):
+            call("MatSolve", self._factor, right, result)
+            result.scale(1.0 / self._unit)
+            result.getArray()[self.retained] = 0.0
         return result
 
     def __del__(self) -> None:
