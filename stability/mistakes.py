@@ -1357,8 +1357,15 @@ MUTANTS = (
         tests=("outcomes::test_when_a_residual_is_lost_to_round_off",),
     ),
     # --- linear algebra ----------------------------------------------------------------------------------------------
-    Mutant("condensed", "residual.aypx(-1.0, case.load)", "residual.aypx(1.0, case.load)", "condensed load, sign"),
-    Mutant("condensed", "result.scale(-1.0)", "result.scale(1.0)", "interior recovered with the wrong sign"),
+    Mutant("schur", "residual.aypx(-1.0, load)", "residual.aypx(1.0, load)", "condensed load, sign"),
+    Mutant("condensed", "right.scale(-1.0)", "right.scale(1.0)", "interior recovered with the wrong sign"),
+    Mutant(
+        "schur",
+        "sizes[:, None] * values[count:, :count]",
+        "values[count:, :count]",
+        "condensed loads in the units in which they were factorised",
+        tests=("linalg::test_schur_complement_with_loads",),
+    ),
     Mutant(
         "condensed",
         "e.fixed[retained]",
@@ -4066,7 +4073,7 @@ MUTANTS = (
     ),
     Mutant(
         "schur",
-        "2.0 ** np.round(np.log2(np.abs(matrix.getDiagonal().getArray(readonly=True)).max()))",
+        "_power(np.abs(matrix.getDiagonal().getArray(readonly=True)).max())",
         "1.0",
         "units: pivots of the condensed system below an absolute threshold",
         tests=("units",),

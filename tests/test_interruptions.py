@@ -54,7 +54,7 @@ FULL, CONDENSED, KRYLOV = (f'linear_algebra = "{name}"' for name in ("full", "co
 PLACES = {
     "mesh": (one_mesh, "load_mesh", (PLANE, f"{FULL}, levels = 2")),
     "assembly": (one_mesh, "discretise", (PLANE, f"{FULL}, levels = 2")),
-    "condense": (schur.SchurComplement, "solve_interior", (PLANE, CONDENSED)),
+    "condense": (schur.SchurComplement, "__init__", (PLANE, f"{CONDENSED}, levels = 2")),
     "residual": (regularised.RegularisedProblem, "_hold", (PLANE, FULL)),
     "residual, space": (regularised.RegularisedProblem, "_hold", (SOLID, FULL)),
     "residual, condensed": (regularised.RegularisedProblem, "_hold", (PLANE, CONDENSED)),

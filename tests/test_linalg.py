@@ -33,6 +33,37 @@ def test_one_triangle_makes_a_symmetric_matrix(size, triangle):
         np.testing.assert_array_equal(np.tril(half), np.tril(symmetric))
 
 
+@pytest.mark.parametrize("definite", [True, False])
+@pytest.mark.parametrize("count", [0, 3])
+def test_schur_complement_with_loads(definite, count):
+    """Against dense algebra, in odd units, with loads of very different sizes and none."""
+    generator = np.random.default_rng(count)
+    half = generator.normal(size=(40, 40)) * (generator.random((40, 40)) < 0.2)
+    dense = 1e-9 * (half + half.T + 20 * np.diag(generator.choice([1.0, 1.0 if definite else -1.0], 40)))
+    retained = np.array([31, 0, 17, 5], dtype=np.int32)
+    inside = np.setdiff1d(np.arange(40), retained)
+    loads = [generator.normal(size=40) * (generator.random(40) < 0.5) * size for size in (1e9, 1e-12, 0.0)[:count]]
+    matrix = PETSc.Mat().createDense((40, 40), array=dense, comm=COMM)
+    matrix.assemble()
+    matrix = matrix.convert("aij")
+    found = schur.SchurComplement(matrix, retained, loads, definite=definite)
+    lift = np.linalg.solve(dense[np.ix_(inside, inside)], dense[np.ix_(inside, retained)])
+    expected = dense[np.ix_(retained, retained)] - dense[np.ix_(retained, inside)] @ lift
+    np.testing.assert_allclose(found.dense, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    assert found.loads.shape == (count, 4)
+    for load, condensed in zip([*loads, np.ones(40)], [*found.loads, None], strict=True):
+        right = PETSc.Vec().createWithArray(load, comm=COMM)
+        reference, tolerance = load[retained] - lift.T @ load[inside], 1e-12 * np.abs(load).max()
+        for one in (condensed, found.condense(right)):
+            if one is not None:
+                np.testing.assert_allclose(one, reference, rtol=0, atol=tolerance)
+        interior = found.solve_interior(right).getArray()
+        assert not interior[retained].any()
+        solved = np.linalg.solve(dense[np.ix_(inside, inside)], load[inside])
+        np.testing.assert_allclose(interior[inside], solved, rtol=0, atol=1e-12 * np.abs(solved).max(initial=0))
+    np.testing.assert_array_equal(matrix.convert("dense").getDenseArray(), dense)
+
+
 def turned(**solver):
     """Half a disk, whose contact nodes have normals of their own, held by friction."""
     return parse_scene(

@@ -96,7 +96,8 @@ class CondensedSystem(DenseSystem):
         """
         e = elasticity
         retained = np.unique(e.contact.operator.getValuesCSR()[1]).astype(np.int32)
-        schur = SchurComplement(e.matrix, retained)
+        loads = [case.load.getArray(readonly=True) for case in e.cases]
+        schur = SchurComplement(e.matrix, retained, loads, definite=e.definite)
         contact = e.contact.among(retained, e.fixed[retained])
         dense, relative = schur.dense, RelativeUnknowns.of(schur.dense, contact)
         if relative is not None:
@@ -104,7 +105,7 @@ class CondensedSystem(DenseSystem):
         matrix = PETSc.Mat().createDense(dense.shape, array=dense.T, comm=e.comm)
         matrix.assemble()
         load, start = matrix.createVecRight(), matrix.createVecRight()
-        cases = [_CondensedCase.of(case, schur, relative) for case in e.cases]
+        cases = [_CondensedCase.of(*case, schur, relative) for case in zip(e.cases, schur.loads, strict=True)]
         fixed, none = contact.fixed, np.zeros(e.free)
         system = cls(e.comm, matrix, load, start, none, fixed, contact, e, cases, schur, relative)
         system.set_load(np.ones(len(cases)))
@@ -120,13 +121,13 @@ class CondensedSystem(DenseSystem):
 
     def set_case(self, number: int, case: LoadCase) -> None:
         """Condense another right-hand side: one back substitution."""
-        self.cases[number] = _CondensedCase.of(case, self.schur, self.relative)
+        self.cases[number] = _CondensedCase.of(case, self.schur.condense(case.load), self.schur, self.relative)
 
     def with_load(self, load: PETSc.Vec) -> CondensedSystem:
         """The same with this load alone, condensed: one back substitution."""
         other, case = copy(self), LoadCase(load, load.duplicate(), RigidLoad.of(load, []))
-        other.cases, other.factors = [_CondensedCase.of(case, self.schur, self.relative)], np.ones(1)
-        other.load = PETSc.Vec().createWithArray(other.cases[0].load.copy(), comm=self.comm)
+        other.cases = [_CondensedCase.of(case, self.schur.condense(load), self.schur, self.relative)]
+        other.factors, other.load = np.ones(1), PETSc.Vec().createWithArray(other.cases[0].load.copy(), comm=self.comm)
         return other
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
@@ -138,11 +139,11 @@ class CondensedSystem(DenseSystem):
         lifted.set(0.0)
         lifted.getArray()[retained] = values
         self.schur.matrix.mult(lifted, right)
+        right.scale(-1.0)
+        for factor, case in zip(self.factors, self.cases, strict=True):
+            right.axpy(factor, case.case.load)
         right.getArray()[retained] = 0.0
         result = self.schur.solve_interior(right)
-        result.scale(-1.0)
-        for factor, case in zip(self.factors, self.cases, strict=True):
-            result.axpy(factor, case.interior)
         result.getArray()[retained] = values
         return result
 
@@ -155,24 +156,22 @@ class CondensedSystem(DenseSystem):
 
 @dataclass(frozen=True)
 class _CondensedCase:
-    """A load case, its interior x_i = A_ii^-1 b_i, and b_c - A_ci x_i and the prescribed values at the rest; ``inner``:
-    of ``RelativeUnknowns.load``.
+    """A load case, and b_c - A_ci A_ii^-1 b_i and the prescribed values of the unknowns that stay; ``inner``: of
+    ``RelativeUnknowns.load``.
     """
 
     case: LoadCase
-    interior: PETSc.Vec
     load: npt.NDArray[np.float64]
     start: npt.NDArray[np.float64]
     inner: npt.NDArray[np.float64]
 
     @classmethod
-    def of(cls, case: LoadCase, schur: SchurComplement, relative: RelativeUnknowns | None) -> _CondensedCase:
-        """One back substitution."""
-        interior, residual = schur.solve_interior(case.load), case.load.duplicate()
-        schur.matrix.mult(interior, residual)
-        residual.aypx(-1.0, case.load)
-        load, start = (np.array(vector.getArray(readonly=True)[schur.retained]) for vector in (residual, case.start))
+    def of(
+        cls, case: LoadCase, load: npt.NDArray[np.float64], schur: SchurComplement, relative: RelativeUnknowns | None
+    ) -> _CondensedCase:
+        """From the condensed load."""
+        start = np.array(case.start.getArray(readonly=True)[schur.retained])
         if relative is None:
-            return cls(case, interior, load, start, np.empty(0))
+            return cls(case, load, start, np.empty(0))
         load, inner = relative.load(load, start)
-        return cls(case, interior, load, relative.unknowns(start), inner)
+        return cls(case, load, relative.unknowns(start), inner)
