@@ -8,8 +8,8 @@ set of parameters of its function stays, and if the tests that stay run every li
 notices a mistake of docs/mutants.md stays, and so do the tables of the paper.  ``REPEATED`` names what is slow because
 a test of another function shows the same.
 
-On several ranks stays what notices a mistake there; on two also the first set of parameters of each function, unless it
-takes more than ``COSTLY`` seconds on one rank; on three the last test of each file, and the last set of parameters of
+On several ranks stays what notices a mistake there; of the functions that take at most ``COSTLY`` seconds on one rank
+also, on two, the first set of parameters, and on three the last test of each file, and the last set of parameters of
 each function of the files that are about ranks.
 """
 
@@ -32,8 +32,8 @@ MEASURED = ROOT / "build" / "tiers"
 PACKAGE = f"{ROOT / 'signorini_fx'}/"
 # CPU seconds above which a test may be slow, and above which one of a function with many sets of parameters may be.
 DEAR, TOGETHER = 0.3, 1.0
-# CPU seconds on one rank above which a function is slow on two; it is listed behind this mark.
-COSTLY, ON_TWO = 0.7, "on two ranks: "
+# CPU seconds on one rank above which a function is slow on several; it is listed behind this mark.
+COSTLY, ON_SEVERAL = 0.7, "on several ranks: "
 # What is never slow, beside what notices a mistake.
 ALWAYS = {"test_paper.py"}
 # What is slow although no other set of parameters stays: what other tests show is named behind it.
@@ -72,12 +72,12 @@ def slow_on(names: Sequence[str], ranks: int) -> set[str]:
     """Which of some tests, in the order of their files, are slow on a number of ranks."""
     slow = listed()
     if ranks > 1:
-        there = costly() if ranks == 2 else set()
+        dear, there = costly(), set()
         notice = {name for count, name in noticing() if count == ranks}
         for name in names if ranks == 2 else reversed(names):
             file, function = name.partition("::")[0], name.partition("[")[0]
             one = function if ranks == 2 or "ranks" in file else file
-            if name not in slow and one in there and not {name, function, file} & notice:
+            if name not in slow and (one in there or function in dear) and not {name, function, file} & notice:
                 slow.add(name)
             elif name not in slow:
                 there.add(one)
@@ -86,12 +86,12 @@ def slow_on(names: Sequence[str], ranks: int) -> set[str]:
 
 def listed() -> set[str]:
     """The tests of ``slow_tests.txt`` that are slow on any number of ranks."""
-    return {line for line in _lines() if not line.startswith(ON_TWO)}
+    return {line for line in _lines() if not line.startswith(ON_SEVERAL)}
 
 
 def costly() -> set[str]:
-    """The functions of ``slow_tests.txt`` that are slow on two ranks."""
-    return {line.removeprefix(ON_TWO) for line in _lines() if line.startswith(ON_TWO)}
+    """The functions of ``slow_tests.txt`` that are slow on several ranks."""
+    return {line.removeprefix(ON_SEVERAL) for line in _lines() if line.startswith(ON_SEVERAL)}
 
 
 def _lines() -> list[str]:
@@ -202,9 +202,11 @@ def main(command: str, *files: str) -> int:
     slow = set(chosen(tests, noticing())) | (REPEATED & {test.name for test in tests})
     head = [line for line in LIST.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
     every = sorted(slow | {name for name in listed() if name.partition("::")[0] not in files})
-    on_two = {test.function for test in tests if test.on_ranks and test.seconds > COSTLY and test.name not in slow}
-    on_two |= {name for name in costly() if name.partition("::")[0] not in files}
-    LIST.write_text("\n".join([*head, *every, *(ON_TWO + name for name in sorted(on_two)), ""]), encoding="utf-8")
+    on_several = {test.function for test in tests if test.on_ranks and test.seconds > COSTLY and test.name not in slow}
+    on_several |= {name for name in costly() if name.partition("::")[0] not in files}
+    LIST.write_text(
+        "\n".join([*head, *every, *(ON_SEVERAL + name for name in sorted(on_several)), ""]), encoding="utf-8"
+    )
     total, saved = (sum(test.seconds for test in tests if all_ or test.name in slow) for all_ in (True, False))
     print(f"slow: {len(slow)} of {len(tests)} tests of {len(files)} files, {saved:.0f} of {total:.0f} CPU seconds")
     return 0
