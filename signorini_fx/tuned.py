@@ -148,6 +148,9 @@ LARGEST_EXPONENT = 0.49
 # A growth with more than this power is evaluated over distances that differ by this factor, where the mesh has them.
 # This and all that follows up to POLLUTION was fixed on the random scenes, seed 1; seed 2 was drawn afterwards.
 STEEP_EXPONENT, FIT_STRETCH = 0.3, 64.0
+# A pressure is that of bending where it falls this many times as fast, over the logarithm of the distance from the
+# corner, as closer to it: 1 at most for a power, 2 for a line and doubled distances.
+BENDING = 1.5
 # A jump of the pressure is this many times larger than its changes beside it.
 JUMP_RATIO = 3.0
 # A corner with this share of the squared error is refined separately.

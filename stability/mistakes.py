@@ -2926,6 +2926,13 @@ MUTANTS = (
         tests=("accuracy_of_bodies::test_a_force_where_contact_ends_at_edges",),
     ),
     Mutant(
+        "accuracy/pressure_error",
+        "p[2] > 0 and slopes[1] < BENDING * slopes[0]",
+        "False",
+        "pressure: bending taken for a singular corner",
+        tests=("estimates::test_a_pressure_of_bending",),
+    ),
+    Mutant(
         "accuracy/force_error",
         "change * share / (1 - share)",
         "change * share",

@@ -2,7 +2,11 @@
 
 import numpy as np
 import pytest
+import ufl
+from dolfinx import fem, mesh
+from dolfinx.fem.petsc import LinearProblem
 from mpi4py import MPI
+from two_bodies import facets, forms, held, per_cell
 
 from signorini_fx import MeshError, SceneError, Status, solve
 from signorini_fx.accuracy.contact_values import interpolated
@@ -301,3 +305,46 @@ def test_a_shrink_fit(of, target):
             true = np.sqrt(c["weight"] @ (c["pressure"] / LAME - 1) ** 2 / c["weight"].sum())
         assert true < 2 * getattr(row, of) < 10 * true
     assert true < target
+
+
+def bonded_as_one(count):
+    """Forces on the top of both blocks of ``test_bonded``, along x and y, and their energy: one mesh, degree 2."""
+    domain = mesh.create_rectangle(MPI.COMM_SELF, [[0.0, 0.0], [1.0, 2.0]], [count, 2 * count])
+    young = per_cell(domain, lambda x: 100.0 if x[1] < 1 else 200.0)
+    space, form, v = forms(domain, 2, young)
+    ends = [facets(domain, lambda x, y=y: np.isclose(x[1], y)) for y in (0.0, 2.0)]
+    moved = held(space, ends[1], value=lambda x: np.vstack((np.full(x.shape[1], 0.008), np.full(x.shape[1], -0.02))))
+    fixed = held(space, ends[0], value=lambda x: np.zeros((2, x.shape[1])))
+    none = ufl.inner(fem.Constant(domain, np.zeros(2)), v) * ufl.dx
+    u = LinearProblem(form, none, bcs=[fixed, moved], petsc_options={"ksp_type": "preonly", "pc_type": "lu"}).solve()
+    of_top = []
+    for axis in range(2):
+        w = fem.Function(space)
+        w.interpolate(lambda x, axis=axis: np.array([np.isclose(x[1], 2.0) * float(k == axis) for k in range(2)]))
+        of_top.append(fem.assemble_scalar(fem.form(ufl.action(ufl.replace(form, {v: w}), u))))
+    return np.array(of_top), fem.assemble_scalar(fem.form(ufl.action(ufl.replace(form, {v: u}), u))) / 2
+
+
+@pytest.mark.parametrize(("of", "target"), [("force", 5e-3), ("energy", 0.1)])
+def test_bonded(of, target):
+    """Two blocks, one twice as stiff, sheared and pressed, against one mesh of both (programmed here)."""
+    held_and_moved = [
+        {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+        {"boundary": "upper.top", "x": 0.008, "y": -0.02},
+    ]
+    more = {
+        "material": [{"young": e, "poisson": 0.3, "region": name} for name, e in (("lower", 100.0), ("upper", 200.0))],
+        "contact": {"boundary": "lower.top", "against": "upper.bottom", "kind": "bonded"},
+        "accuracy": {"target": target, "of": of},
+        "displacement": held_and_moved,
+    }
+    found = solve(stacked((block(8), block(10)), traction=[], **more), MPI.COMM_SELF)
+    assert found.status is Status.CONVERGED
+    forces, energy = bonded_as_one(32)
+    normal, shear = found.contact.forces
+    errors = {
+        "force": np.linalg.norm(np.abs(normal + shear) - np.abs(forces)) / np.linalg.norm(forces),
+        "energy": np.sqrt(abs(found.last_step.strain_energy / energy - 1)),
+    }
+    assert errors[of] < target
+    assert errors[of] < 2 * getattr(found.price_list[-2], of) < 10 * errors[of]

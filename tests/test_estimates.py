@@ -132,6 +132,14 @@ def test_a_pressure_without_bound_at_a_corner(power, first):
     assert squares[0] == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.parametrize("end", [0.2, 0.7])
+def test_a_pressure_of_bending(end):
+    """A pressure that falls along a line up to the end of the boundary is no singularity there: no error is told."""
+    r = 0.1 * np.arange(41)
+    [squares] = interval_squares(straight(r, 1.0 - (1.0 - end) * r / r[-1]))
+    assert squares.max() < 1e-20
+
+
 @pytest.mark.parametrize("degree", [1, 2])
 def test_every_interval_is_on_a_facet(degree):
     """Whichever way a facet runs: what belongs to the intervals belongs to the facets, all of it."""

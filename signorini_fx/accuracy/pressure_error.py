@@ -14,6 +14,7 @@ from signorini_fx.accuracy.contact_surface import ContactSurface
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_table import ContactTable, is_closed
 from signorini_fx.tuned import (
+    BENDING,
     CORNER_ANGLE,
     CORNER_ERROR_SHARE,
     CORNER_SHARE,
@@ -111,6 +112,8 @@ def singular_square(r: Floats, pressure: Floats, blur: float) -> float:
     if near.size < 2 or not 0 < pressure[near[1]] < pressure[near[0]]:
         return 0.0
     first = near[0]
+    if bends(r[near], pressure[near]):
+        return 0.0
     falling = near[: 1 + int(np.argmin(np.append(np.diff(pressure[near]) < 0, False)))]
     stretch = falling[(r[falling] <= FIT_STRETCH * r[first]) & (pressure[falling] > 0)]
 
@@ -131,6 +134,23 @@ def singular_square(r: Floats, pressure: Floats, blur: float) -> float:
         missing = k * (r[inner] / h) ** -a - pressure[inner]
         total += float(np.dot(missing[:-1] ** 2 + missing[1:] ** 2, np.diff(r[inner])) / 2)
     return float(max(0.0, total))
+
+
+def bends(r: Floats, pressure: Floats) -> bool:
+    """Whether a pressure falls like a line, as that of bending does, or faster, and not like a power.
+
+    In the logarithm of the distance a power falls ever more slowly, a line twice as fast at twice the distance.
+
+    Args:
+        r: distance of nodes from the corner, ascending, at least two.
+        pressure: at these nodes, falling from the first to the second.
+    """
+    third = 1 + int(np.searchsorted(r[1:], r[1] ** 2 / r[0] * (1 - 1e-9)))  # as many times farther as the second
+    if third >= r.size:
+        return False
+    p, x = pressure[[0, 1, third]], np.log(r[[0, 1, third]])
+    slopes = np.diff(p) / np.diff(x)
+    return bool(p[2] > 0 and slopes[1] < BENDING * slopes[0])
 
 
 def _corners(table: ContactTable, rows: Ints) -> list[tuple[int, int]]:

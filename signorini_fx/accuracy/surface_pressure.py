@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.accuracy.contact_surface import ContactSurface
-from signorini_fx.accuracy.pressure_error import singular_square
+from signorini_fx.accuracy.pressure_error import bends, singular_square
 from signorini_fx.tuned import CORNER_SHARE, KINK_SHARE
 
 Floats = npt.NDArray[np.float64]
@@ -64,7 +64,7 @@ def _singular(r: Floats, pressure: Floats, blur: float) -> float:
     if not (pressure > 0).all() or slopes[-1] >= 0 or (np.diff(slopes) < 0).any():
         return 0.0
     near, middle, far = pressure[[2, 4, 6]]  # each twice as far away: a power falls by the same factor each time
-    if near * far < _SAME_POWER * middle**2:
+    if near * far < _SAME_POWER * middle**2 or bends(r[[2, 4, 6]], pressure[[2, 4, 6]]):
         return 0.0
     return min(singular_square(r[places], pressure[places], blur) for places in _STRETCHES)
 
