@@ -61,11 +61,12 @@ def in_a_child(action):
     return os.waitpid(child, 0)[1]
 
 
-def test_killed_at_every_step(tmp_path, solutions):
+@pytest.mark.parametrize("every", [1, 3])
+def test_killed_at_every_step(tmp_path, solutions, every):
     """Killed before any of its operations on files, a second run leaves the first result, none, or its own, whole."""
     first, second = solutions
     seen = set()
-    for steps in range(200):
+    for steps in range(0, 200, every):
         files.write_results(first, tmp_path / "out", fields=False, pictures=False)
 
         def write_and_die(steps=steps):

@@ -32,12 +32,12 @@ def test_several_ranks(monkeypatch):
     names += ["test_b.py::test_f[1]", "test_b.py::test_f[2]"]
     names += [f"test_some_ranks.py::test_{name}" for name in ("f", "g[1]", "g[2]")]
     monkeypatch.setattr(tiers, "listed", lambda: {names[0], names[10]})
-    monkeypatch.setattr(tiers, "costly", lambda: {names[3], names[7], names[8]})
+    monkeypatch.setattr(tiers, "costly", lambda: {names[3], names[7], names[8], names[13]})
     noticing = {(3, names[6]), (3, "test_a.py::test_g"), (1, names[2]), (2, names[7])}
     monkeypatch.setattr(tiers, "noticing", lambda: noticing)
     assert tiers.slow_on(names, 1) == {names[k] for k in (0, 10)}
     assert tiers.slow_on(names, 2) == {names[k] for k in (0, 2, 3, 5, 6, 8, 10, 13)}
-    assert tiers.slow_on(names, 3) == {names[k] for k in (0, 1, 2, 4, 5, 7, 8, 10, 12)}
+    assert tiers.slow_on(names, 3) == {names[k] for k in (0, 1, 2, 4, 5, 7, 8, 10, 13)}
 
 
 def test_ci_runs_all_but_the_long_ones():

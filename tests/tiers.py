@@ -77,7 +77,7 @@ def slow_on(names: Sequence[str], ranks: int) -> set[str]:
         for name in names if ranks == 2 else reversed(names):
             file, function = name.partition("::")[0], name.partition("[")[0]
             one = function if ranks == 2 or "ranks" in file else file
-            if name not in slow and (one in there or function in dear) and not {name, function, file} & notice:
+            if name not in slow and (one in there or {name, function} & dear) and not {name, function, file} & notice:
                 slow.add(name)
             elif name not in slow:
                 there.add(one)
@@ -90,7 +90,7 @@ def listed() -> set[str]:
 
 
 def costly() -> set[str]:
-    """The functions of ``slow_tests.txt`` that are slow on several ranks."""
+    """The functions of ``slow_tests.txt``, or tests of them, that are slow on several ranks."""
     return {line.removeprefix(ON_SEVERAL) for line in _lines() if line.startswith(ON_SEVERAL)}
 
 
