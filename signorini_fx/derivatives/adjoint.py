@@ -142,11 +142,12 @@ class TransposedTangent:
         if self._symmetric:
             matrix.setOption(PETSc.Mat.Option.SPD, True)
 
-    def _solve(self, right: PETSc.Vec, x: PETSc.Vec) -> None:
+    def _solve(self, right: PETSc.Vec, x: PETSc.Vec, forces: float) -> None:
+        """Solve for one right-hand side, by a Krylov method to a residual against ``forces``; collective."""
         if self._pc is not None:
             (self._pc.apply if self._symmetric else self._pc.applyTranspose)(right, x)
             return
-        self._system.keep_factor(self._ksp, None, right.norm(), exact=True)
+        self._system.keep_factor(self._ksp, None, forces, exact=True)
         x.set(0.0)
         with options.defaults(self._system.solver_defaults):
             callbacks.solve(self._ksp.solve, right, x)
@@ -166,12 +167,12 @@ class TransposedTangent:
         law, right = self._law, self._system.with_load(by_displacement)
         contact, load = right.contact, right.load
         _add(contact, np.einsum("nji,nj->ni", law.tangent, by_traction), load)
-        psi, chi, solves, last = load.duplicate(), np.zeros_like(by_traction), 0, np.inf
+        psi, more, rest, forces = load.duplicate(), load.duplicate(), load.copy(), load.norm()
+        chi, solves, last = np.zeros_like(by_traction), 0, np.inf
+        psi.set(0.0)
         while True:
-            rest = load.copy()
-            if solves:
-                _add(contact, -chi, rest)
-            self._solve(rest, psi)
+            self._solve(rest, more, forces)
+            psi.axpy(1.0, more)
             solves += 1
             untied = np.column_stack(contact.traces(psi)) - by_traction
             step = law.gamma * law.tied_tractions(untied)
@@ -185,6 +186,8 @@ class TransposedTangent:
             if not law.exact or change <= _ENOUGH * size or stalls or solves >= _MOST:
                 break
             last = change
+            rest.set(0.0)
+            _add(contact, -step, rest)  # the smaller it is the less a Krylov method has to do
         turned = np.einsum("nji,nj->ni", law.turning, untied)
         return Adjoint(right.displacement(psi), untied, chi + turned, law, contact.points.weight, solves)
 
