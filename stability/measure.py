@@ -56,7 +56,7 @@ def solved_from(
         x = discretisation.space.tabulate_dof_coordinates()[: first.getLocalSize() // 2, :2]
         first.getArray()[:] = np.where(discretisation.fixed, first.getArray(readonly=True), motion(x).ravel())
         begin = replace(begin, sets=None)
-    solution, _ = solve_contact(discretisation, task, begin, timings)
+    solution, *_ = solve_contact(discretisation, task, begin, timings)
     return solution
 
 

@@ -13,6 +13,7 @@ from signorini_fx import SceneError
 from signorini_fx.check.checks import check_scene
 from signorini_fx.results.certificate import certify
 from signorini_fx.scene.expressions import Expression
+from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 
 SOFT = {"young": YOUNG, "poisson": 0.0}
@@ -238,6 +239,30 @@ def test_a_ramp_follows_the_time(contact):
         y, same = step.displacement.x.array, wet(step.time).displacement.x.array
         assert np.abs(y - same).max() <= 1e-9 * np.abs(same).max()
         assert step.certificate.holds
+
+
+@pytest.mark.parametrize("more", [{"solver": {"levels": 2}}, {"accuracy": {"target": 0.1}}])
+def test_rising_water_on_several_meshes(more):
+    """Supports and friction carry w h^2 / 2 in each load step, and the foundation the weight."""
+    weight, own, rises = 2.0, 3.0, 0.4
+    data = {
+        "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4}},
+        "material": {"young": 100.0, "poisson": 0.3},
+        "load_steps": {"times": [1.0, 2.0]},
+        "displacement": {"boundary": "right", "x": 0.0},
+        "fluid": {"boundary": "left", "level": f"{rises}*t", "weight": weight},
+        "body_force": {"y": -own},
+        "contact": {"boundary": "bottom", "gap": "0.001*x[0]", "friction": {"law": "coulomb", "coefficient": 0.3}},
+    }
+    solution = alone(parse_scene(data | more))
+    assert len(solution.levels) > 1
+    for step in solution.steps:
+        assert step.certificate.holds
+        assert step.contact.forces[0][1] == pytest.approx(2.0 * own, rel=1e-8)
+    found = solution.resultants.of("right").force[0] + solution.contact.forces[1][0]
+    assert found == pytest.approx(-weight * (2 * rises) ** 2 / 2, rel=5e-3)
+    if "solver" in more:
+        same_steps(solution, alone(parse_scene(data)), 1e-6)
 
 
 def test_wrong_time_is_noticed():

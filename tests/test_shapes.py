@@ -531,7 +531,16 @@ def moving(*, tool, shift, rotation=0.0, **more):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("more", [{}, {"solver": {"algorithm": "alm"}}, {"load_steps": {"times": [1, 2], "steps": 2}}])
+@pytest.mark.parametrize(
+    "more",
+    [
+        {},
+        {"solver": {"algorithm": "alm"}},
+        {"load_steps": {"times": [1, 2], "steps": 2}},
+        {"solver": {"levels": 2}},
+        {"accuracy": {"target": 0.09}},
+    ],
+)
 def test_a_foundation_moves_in_a_scene(more):
     """With t, step by step, as its opposite moves the supports."""
     shift = ["0.01*t if t < 2 else 0.04 - 0.01*t", "0.02 + 0.002*t"]
@@ -545,6 +554,12 @@ def test_a_foundation_moves_in_a_scene(more):
             assert sums[0] == pytest.approx(sums[1], rel=1e-6)
     assert any("moves with the time" in finding.message for finding in first.findings)
     assert not any("penetrates" in finding.message for finding in first.findings)
+    assert len(first.levels) == len(second.levels)
+    assert bool(len(first.levels) > 1) == ("accuracy" in more or "levels" in more.get("solver", {}))
+    for one, other in zip(first.levels, second.levels, strict=True):
+        assert one.dofs == other.dofs
+        assert one.energy == pytest.approx(other.energy, rel=1e-5)
+        assert one.regularisation == pytest.approx(other.regularisation, rel=0.01)
 
 
 def test_a_foundation_turns_in_a_scene():
@@ -568,8 +583,6 @@ def test_a_foundation_turns_in_a_scene():
     [
         ({"shift": ["x[0]", 0.0]}, "a number or an expression of the time t is expected"),
         ({"shift": ["t", 0.0, 0.0]}, "foundation.shift: the mesh is plane: give 2 numbers, not 3"),
-        ({"solver": {"levels": 2}}, "solver.levels: a sequence of meshes is not possible yet"),
-        ({"accuracy": {"target": 0.1}}, "accuracy: a requested accuracy is not possible yet"),
         ({"displacement": {"boundary": "top", "x": 0.0}, "traction": {"boundary": "top", "pressure": 1.0}}, "supports"),
     ],
 )

@@ -155,14 +155,6 @@ class Contact(Effect):
                 if getattr(self, other) is not None:
                     reason = "the other body" if other == "against" else "the direction, that of the closest point"
                     yield ("contact", place, other), f"foundation already says {reason}: leave one of them out"
-        if self.timed:
-            what = "a foundation moves" if self.moves else "friction depends on the time"
-            for wrong, key, reason in (
-                (scene.solver.levels > 1, ("solver", "levels"), "a sequence of meshes"),
-                (scene.accuracy is not None, ("accuracy",), "a requested accuracy"),
-            ):
-                if wrong:
-                    yield key, f"{reason} is not possible yet where {what}"
         if self.tool is not None:
             yield from _not_with_tools(scene, place)
         if self.friction.ratio is not None:

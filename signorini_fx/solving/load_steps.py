@@ -150,6 +150,10 @@ def on_moved_foundations(
     if last is None:  # slip is counted from the body without loads, at time 0
         drift, tractions = moved.moved_since(moved.scene.placed(-1)), Tractions.none(moved.boundary)
         last, begun, tangential = Before(fem.Function(moved.space), tractions), task.start, np.zeros_like(drift[:, 1:])
+        if start.sets is not None and start.multipliers is not None:  # of a coarser mesh
+            there, _, _ = carried(start, None, drift[:, 0], earlier.boundary, moved.boundary)
+            assert there.multipliers is not None
+            begun = begun.begin_from(start.sets, there.multipliers)
     else:
         drift, x, free = moved.moved_since(earlier.scene), moved.unknowns(last.displacement), ~moved.fixed
         if task.iterate.x.getLocalSize() == free.size:  # else of contact nodes alone

@@ -83,8 +83,7 @@ def solve_mesh(
     elif fewer_nodes.worthwhile(task, discretisation):
         with timings.phase("iterate"):
             start = fewer_nodes.start_from_fewer_nodes(task, discretisation.boundary)
-    solution, outcome = solve_contact(discretisation, task, start, timings, after, kept)
-    return solution, task, outcome
+    return solve_contact(discretisation, task, start, timings, after, kept)
 
 
 def _begin_at_coarse(task: Task, coarser: MeshLevel, discretisation: Discretisation) -> None:
@@ -107,8 +106,9 @@ def solve_contact(
     timings: Timings,
     after: After = _nothing_more,
     kept: Kept | None = None,
-) -> tuple[Solution, Outcome]:
-    """All load steps, until one has no solution, and how the last one with a solution ended.
+) -> tuple[Solution, Task, Outcome]:
+    """All load steps, until one has no solution, the contact problem of the last one, and how the last one with a
+    solution ended.
 
     Args:
         discretisation: of the scene.
@@ -173,7 +173,7 @@ def solve_contact(
         parameters=_parameters(ended, data, shown.strain_energy),
         linear_algebra=task.linear_algebra,
     )
-    return solution, ended
+    return solution, task, ended
 
 
 @dataclass
