@@ -242,6 +242,13 @@ MUTANTS = (
         tests=("derivatives_of_steps::test_in_the_plane",),
     ),
     Mutant(
+        "forms/gradient",
+        "later and owes",
+        "False",
+        "derivatives after advance: without what the step before has left",
+        tests=("derivatives::test_after_advance",),
+    ),
+    Mutant(
         "derivatives/of_scene",
         "d.forms[: len(d.forms) - len(d.resists or ())]",
         "d.forms",

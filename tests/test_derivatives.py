@@ -274,7 +274,45 @@ def test_bad_arguments_of_gradient():
         with pytest.raises(ValueError, match=said):
             problem.gradient(of, by)
     assert problem.gradient("force 0 y", load).derivatives == pytest.approx([-1.0])
-    problem.advance()
-    problem.solve()
-    with pytest.raises(RuntimeError, match="one step"):
-        problem.gradient("force 0 y", [load])
+
+
+@pytest.mark.mpi
+def test_after_advance():
+    """A block that slides on and on has forgotten where it was: its friction is F times the pressing force, and a mean
+    displacement follows central differences over both steps.  Where points stick the step before matters.
+    """
+    mesh = plain_box((2.0, 1.0), (8, 4), dmesh.CellType.quadrilateral)
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    friction, load, push = (fem.Constant(mesh, value) for value in (0.25, -4.0, 0.0))
+    y, z, top = ufl.TrialFunction(space), ufl.TestFunction(space), np.sort(side(mesh, 1, 1.0))
+    ds = ufl.Measure("ds", mesh, subdomain_data=dmesh.meshtags(mesh, 1, top, np.ones(top.size, dtype=np.int32)))
+    bcs = [fem.dirichletbc(push, fem.locate_dofs_topological(space.sub(0), 1, top), space.sub(0))]
+
+    def history(*places):
+        foundation = Foundation(side(mesh, 1, 0.0), friction=Coulomb(friction))
+        problem = ContactProblem(hooke(y, z, 1000.0), load * z[1] * ds(1), bcs, contact=[foundation])
+        for number, place in enumerate(places):
+            if number:
+                problem.advance()
+            push.value = place
+            problem.solve()
+        return problem
+
+    def mean(problem, by):
+        return problem.gradient(problem.u[0] * ufl.dx, by)
+
+    problem, by = history(0.3, 0.6), [friction, load]
+    force = problem.gradient("force 0 x", by)
+    assert force.value == pytest.approx(-2.0, rel=1e-9)
+    assert force.derivatives == pytest.approx([-8.0, 0.5], rel=1e-6)
+    wanted = []
+    for constant in by:
+        kept, values = float(constant.value), []
+        for sign in (1, -1):
+            constant.value = kept * (1 + sign * 1e-4)
+            values.append(mean(history(0.3, 0.6), []).value)
+        constant.value = kept
+        wanted.append((values[0] - values[1]) / (2e-4 * kept))
+    assert mean(problem, by).derivatives == pytest.approx(wanted, rel=1e-5)
+    with pytest.raises(RuntimeError, match="depends on the slip"):
+        mean(history(0.3, 0.29999), by)

@@ -313,14 +313,13 @@ class ContactProblem:
             by: Constants with one value in the forms, the conditions, or the foundations.
 
         Raises:
-            RuntimeError: there is no solution, or ``advance`` was called before it.
+            RuntimeError: there is no solution, or the result depends on what was there before ``advance``.
             FormError: an argument is wrong.
         """
         if self._outcome is None or self.status is not Status.CONVERGED:
             raise RuntimeError("there is no solution to differentiate")
-        if self.tools or self._start is not None:
-            after = "derivatives are those of one step: after advance() the earlier ones would matter too"
-            raise RuntimeError("derivatives by what moves a foundation are those of scenes" if self.tools else after)
+        if self.tools:
+            raise RuntimeError("derivatives by what moves a foundation are those of scenes")
         quantity, constants = quantity_of(of, self.u, len(self.contact)), checked(by)
         _, law = self._point_data(self._foundations.shapes())
         return gradient(
@@ -328,6 +327,7 @@ class ContactProblem:
             self._data_now,
             quantity,
             constants,
+            later=self._begun.step > 0,
         )
 
     def _data_now(self) -> ProblemData:

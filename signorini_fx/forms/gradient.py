@@ -129,7 +129,9 @@ def checked(by: Sequence[Any]) -> list[fem.Constant]:
     return given
 
 
-def gradient(solved: Solved, data: Callable[[], Data], quantity: Quantity, by: Sequence[fem.Constant]) -> Gradient:
+def gradient(
+    solved: Solved, data: Callable[[], Data], quantity: Quantity, by: Sequence[fem.Constant], *, later: bool
+) -> Gradient:
     """The derivatives of one result; collective.
 
     Args:
@@ -137,9 +139,19 @@ def gradient(solved: Solved, data: Callable[[], Data], quantity: Quantity, by: S
         data: evaluates the problem with the values that the Constants have.
         quantity: the result.
         by: the Constants.
+        later: whether there was a step before.
+
+    Raises:
+        RuntimeError: the result depends on that step, whose Constants, Functions and conditions are not known any more.
     """
     quantities = [(0, quantity)]
     adjoints = adjoints_of([solved], quantities)
+    owes = any(one is not None and bool(one.tied[:, 1:].any()) for one in adjoints[0])
+    if parallel.any_rank(solved.body.comm, later and owes):
+        raise RuntimeError(
+            "after advance() the result depends on the slip and the shear of the step before, by points that stick or, "
+            "in space, turn, and what that step was solved with is not kept: take a scene with load steps"
+        )
     found = []
     for constant in by:
         kept = constant.value.copy()
