@@ -31,7 +31,7 @@ def section_in_space(mesh: dmesh.Mesh) -> dmesh.Mesh:
         shape=(3,),
         dtype=geometry.x.dtype,
     )
-    return dmesh.create_mesh(mesh.comm, numbers, np.array(geometry.x[: nodes.size_local]), place)
+    return dmesh.create_mesh(mesh.comm, cells=numbers, x=np.array(geometry.x[: nodes.size_local]), e=place)
 
 
 def is_section(mesh: dmesh.Mesh) -> bool:
