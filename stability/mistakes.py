@@ -2418,6 +2418,13 @@ MUTANTS = (
         tests=("parts_on_ranks::test_certificate", "ranks::test_one_rank_or_many"),
     ),
     Mutant(
+        "accuracy/stress_recovery",
+        "strain_degree(d.space)",
+        "strain_degree(d.space) - 2",
+        "stress recovery with fewer points than it needs",
+        tests=("quadrature::test_stress_recovery_is_the_same",),
+    ),
+    Mutant(
         "body/quadrature",
         "range(3, 2**dim)",
         "range(3, 7)",

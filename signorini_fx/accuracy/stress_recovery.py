@@ -18,7 +18,9 @@ from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble, measure
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.element_stress import ElementStress, element_stress
+from signorini_fx.body.quadrature import parallelepipeds, strain_degree
 from signorini_fx.records import Inventory
+from signorini_fx.scene.effect import InitialStrain, SectionJump
 from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE
 
 _PROJECTION_TOLERANCE = 1e-6
@@ -41,6 +43,7 @@ class StressRecovery:
         stress: ElementStress,
         residual: Callable[[Any], tuple[Callable[[float], None], Any]],
         inventory: Inventory,
+        degree: int | None = None,
     ) -> None:
         """Compile and assemble; collective.
 
@@ -49,6 +52,7 @@ class StressRecovery:
             residual: from a test function that is constant in each cell to what moves the loads to a place in the lists
                 of factors, and the squared residual of the traction, see ``boundary_residual``.
             inventory: what was compiled and assembled.
+            degree: of the quadrature in the cells, exact for all that is integrated there; None: UFL estimates it.
         """
         self._stress, self._displacement, self._inventory = stress, stress.displacement, inventory
         mesh, kinematics = self._displacement.function_space.mesh, stress.kinematics
@@ -66,9 +70,10 @@ class StressRecovery:
         compiled = inventory.compile
         moment = ufl.inner(raw, ufl.TestFunction(space))
         self._weight = weight
-        self._moments = compiled("stress moments", lambda: fem.form(weight * moment * ufl.dx))
-        self._squares = compiled("stress recovery error", lambda: fem.form(weight * density * ufl.dx))
-        mass = compiled("stress mass", lambda: fem.form(weight * product * ufl.dx))
+        dx = ufl.dx if degree is None else ufl.dx(metadata={"quadrature_degree": degree})
+        self._moments = compiled("stress moments", lambda: fem.form(weight * moment * dx))
+        self._squares = compiled("stress recovery error", lambda: fem.form(weight * density * dx))
+        mass = compiled("stress mass", lambda: fem.form(weight * product * dx))
         self._parts = [(cells, self._projection(mass, cells)) for cells in stress.parts]
         self._move_to, unbalanced = residual(cellwise)
         self._residual = None if unbalanced is None else compiled("boundary residual", lambda: fem.form(unbalanced))
@@ -77,8 +82,13 @@ class StressRecovery:
     def of(cls, d: Discretisation, inventory: Inventory | None = None) -> StressRecovery:
         """That of a scene; ``inventory``: where it is recorded; None: that of the scene."""
         empty = fem.Function(d.space) if d.mixed is None else d.mixed.displacement(np.zeros(d.mixed.count))
-        stress = element_stress(d, empty)
-        return cls(stress, partial(boundary_residual, d, stress), d.inventory if inventory is None else inventory)
+        stress, scene = element_stress(d, empty), d.scene
+        # Without the radius, and expressions in the stress, all is a product of two polynomials like the strain.
+        strained = any(isinstance(effect, InitialStrain | SectionJump) for _, effect in scene.listed())
+        plain = not (scene.axisymmetric or strained) and d.mixed is None
+        degree = strain_degree(d.space) if plain and parallelepipeds(d.tagged.mesh) else None
+        inventory = d.inventory if inventory is None else inventory
+        return cls(stress, partial(boundary_residual, d, stress), inventory, degree)
 
     def _choose(self, cells: npt.NDArray[np.int32]) -> None:
         """Restrict the forms to these cells (local numbers, ghosts included)."""

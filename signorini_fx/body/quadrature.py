@@ -18,20 +18,16 @@ def strain_degree(space: fem.FunctionSpace, *, axisymmetric: bool = False) -> in
     """Quadrature degree of a(., .) for displacements in ``space``, see ``elastic_degree``; collective."""
     mesh, element = space.mesh, space.element.basix_element.degree
     geometry = compat.geometry_degree(mesh)
-    if geometry == 1 and not axisymmetric and parallelepipeds(mesh):
+    if not axisymmetric and parallelepipeds(mesh):
         geometry = 0
     return elastic_degree(mesh.topology.cell_name(), element, geometry, axisymmetric=axisymmetric)
 
 
 def parallelepipeds(mesh: dmesh.Mesh) -> bool:
-    """Whether all cells of all ranks are quadrilaterals or hexahedra with affine maps: parallelograms in the plane.
-
-    Args:
-        mesh: with straight cells.
-    """
+    """Whether all cells of all ranks are quadrilaterals or hexahedra with affine maps: parallelograms in the plane."""
     dim = mesh.topology.dim
     cells, x = compat.geometry_cells(mesh), mesh.geometry.x[:, :dim]
-    if mesh.topology.cell_name() not in ("quadrilateral", "hexahedron"):
+    if mesh.topology.cell_name() not in ("quadrilateral", "hexahedron") or compat.geometry_degree(mesh) > 1:
         return False
     first = x[cells[:, 0]]
     edges = [x[cells[:, 2**k]] - first for k in range(dim)]  # vertices in the order of basix: along x[0] first
