@@ -6,6 +6,7 @@ from error_bounds_in_space import drawn, effectivity, energy_of_difference, on_f
 from scenes import alone
 from spaces import block, box
 
+from signorini_fx import compat
 from signorini_fx.accuracy import stress_in_space
 from signorini_fx.accuracy.error_bound import error_bound
 from signorini_fx.accuracy.error_bound_in_space import BoundedInSpace
@@ -24,7 +25,7 @@ TABLE = {"boundary": "bottom"}
 def grid(chance):
     """Tetrahedra of a box, moved inside, with two materials."""
     mesh = box("tetrahedra", (2, 3, 2), size=(1.0, 1.3, 0.8)).mesh
-    x, corners = mesh.geometry.x.copy(), np.asarray(mesh.geometry.dofmap, dtype=np.int64)
+    x, corners = mesh.geometry.x.copy(), compat.geometry_cells(mesh).astype(np.int64)
     inside = ((x > 1e-9) & (x < np.array([1.0, 1.3, 0.8]) - 1e-9)).all(axis=1)
     x[inside] += 0.05 * chance.uniform(-1, 1, (inside.sum(), 3))
     turned = np.linalg.det(x[corners][:, 1:] - x[corners][:, :1]) < 0

@@ -155,6 +155,8 @@ def test_what_a_change_says_of_the_error():
     assert prices._error(1.0, [0.3], [1.0, 2.0]) == pytest.approx(0.3)
     assert prices._error(2.0, [0.3], [1.0, 2.0]) == pytest.approx(0.1)
     assert prices._error(1.0, [0.4, 0.2], [1.0, 2.0, 4.0]) == pytest.approx(0.2)
+    assert prices._error(1.0, [0.4, 0.2], [2.0, 4.0, 3.9]) == pytest.approx(0.4 * 4 / 3.9)  # the last one is no finer
+    assert prices._error(1.0, [0.2], [4.0, 4.0]) is None
 
 
 def test_regularisation_part(nested):

@@ -169,6 +169,8 @@ def _confirmed(coarse: LevelResult, fine: LevelResult, change: float, *, uniform
     uniform meshes the change of a pressure that the mesh resolves is caused elsewhere in the body.
     """
     estimate = fine.pressure or 0.0
+    if uniform and fine.dofs <= coarse.dofs:
+        return estimate
     if uniform:
         return max(estimate, float(change / ((fine.dofs / coarse.dofs) ** (SMOOTH_RATE / fine.dimension) - 1)))
     times = max(1.0, change / coarse.pressure) if coarse.pressure else 1.0
@@ -267,6 +269,9 @@ def _end(s: npt.NDArray[np.float64], p: npt.NDArray[np.float64], row: int, step:
 def _error(rate: float, changes: list[float | None], fineness: Sequence[float]) -> float | None:
     """Error of the last mesh: the geometric mean of the estimates from the last changes, extrapolated to it.
 
+    A mesh with no more unknowns than the one before it, as generators make it of smaller cells here and there, says
+    nothing; None: no mesh says anything.
+
     Args:
         rate: the error decreases like 1 / fineness to this power.
         changes: from each mesh to the next.
@@ -277,9 +282,9 @@ def _error(rate: float, changes: list[float | None], fineness: Sequence[float]) 
     told = [
         change / ((fine / coarse) ** rate - 1) * (fine / fineness[-1]) ** rate
         for change, (coarse, fine) in list(zip(changes, pairwise(fineness), strict=True))[-CHANGES_USED:]
-        if change
+        if change and fine > coarse
     ]
-    return float(np.exp(np.mean(np.log(told))))
+    return float(np.exp(np.mean(np.log(told)))) if told else None
 
 
 def predict(
