@@ -253,7 +253,7 @@ MUTANTS = (
         "d.forms[: len(d.forms) - len(d.resists or ())]",
         "d.forms",
         "derivatives: springs grow with Young's modulus",
-        tests=("derivatives_of_steps::test_moduli_and_loads",),
+        tests=("derivatives_of_steps::test_moduli_and_loads_of_many_kinds",),
     ),
     Mutant(
         "derivatives/adjoint",
@@ -1364,7 +1364,13 @@ MUTANTS = (
         tests=("outcomes::test_when_a_residual_is_lost_to_round_off",),
     ),
     # --- linear algebra ----------------------------------------------------------------------------------------------
-    Mutant("schur", "residual.aypx(-1.0, load)", "residual.aypx(1.0, load)", "condensed load, sign"),
+    Mutant(
+        "schur",
+        "residual.aypx(-1.0, load)",
+        "residual.aypx(1.0, load)",
+        "condensed load, sign",
+        tests=("linalg::test_schur_complement_with_loads",),
+    ),
     Mutant("condensed", "right.scale(-1.0)", "right.scale(1.0)", "interior recovered with the wrong sign"),
     Mutant(
         "schur",
@@ -2951,7 +2957,7 @@ MUTANTS = (
         "change * share / (1 - share)",
         "change * share",
         "force: the change from the coarse mesh is taken for its error",
-        tests=("accuracy_of_bodies",),
+        tests=("price_list::test_error_of_a_force",),
     ),
     Mutant(
         "accuracy/price_list",

@@ -1,10 +1,13 @@
 """The price list of a nested solve: estimates against a reference solution, and the arithmetic behind them."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from effectivity import of_made_up
 
 from signorini_fx.accuracy import price_list as prices
+from signorini_fx.accuracy.force_error import force_error
 from signorini_fx.accuracy.forecast import seconds_to_come
 from signorini_fx.accuracy.pressure_error import pressure_error
 from signorini_fx.body.contact_table import ContactTable
@@ -33,6 +36,20 @@ def test_zone_end_at_the_end_of_the_boundary():
     assert prices.zone_ends(table([0, 1, 2, 3], [1, 1, 0, 0]))[0] == 0.0
     assert prices.zone_ends(table([0, 1, 2, 3], [0, 1, 0, 0])) == [1.0, 1.0]
     assert prices.zone_ends(table([0, 1], [0, 0])) == []
+
+
+@pytest.mark.parametrize("paired", [False, True])
+def test_error_of_a_force(paired):
+    """That of 1 + h^2 is h^2; between two bodies the pressure is its lower limit, and its rate does not matter."""
+
+    def level(h, inside):
+        return SimpleNamespace(force=np.array([0.0, 1 + h**2]), energy=h, h=h, inside=inside, data=0.0, paired=paired)
+
+    for meshes in ([0.4, 0.2], [0.4, 0.2, 0.1]):
+        found = force_error([level(h, 1e-3 if paired else h / 3) for h in meshes])
+        assert found == pytest.approx(meshes[-1] ** 2 / (1 + meshes[-1] ** 2))
+    found = force_error([level(h, 0.5) for h in (0.2, 0.1)])
+    assert found == pytest.approx(0.25) if paired else found > 0.1
 
 
 @pytest.fixture(scope="module", params=[{"bound": 1.5}, {"coefficient": 0.3}], ids=["tresca", "coulomb"])
