@@ -323,10 +323,14 @@ def test_a_cone_that_is_violated(length):
 @pytest.mark.mpi
 @pytest.mark.parametrize("cells", CELLS)
 def test_a_steel_block_of_ten_millimetres_on_ranks(cells):
-    """In metres, by Krylov's method: results of one rank and of several agree as promised."""
+    """In metres, by Krylov's method: results of one rank and of several agree as promised.
+
+    While the sets change it stops early, and levels by aggregation depend on the ranks: the sets in between may differ.
+    """
     units = {"length": 0.01 / 3, "force": 2.1e11 / YOUNG * (0.01 / 3) ** 2, "linear_algebra": "krylov"}
     together, here = solve(block((cells, 1), comm=MPI.COMM_WORLD, **units)), alone(block((cells, 1), **units))
-    assert counts(together) == counts(here)
+    algorithm, solves, sets = counts(together)
+    assert (algorithm, solves, sets[-1]) == (*counts(here)[:2], counts(here)[2][-1])
     ours, theirs = (np.sort(solution.table.columns["pressure"]) for solution in (together, here))
     np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-9 * theirs.max())
 
