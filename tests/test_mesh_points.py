@@ -27,6 +27,16 @@ def distorted(cell, n=3, comm=SELF):
 
 
 @pytest.mark.parametrize("cell", [*CELLS.values(), *PLANE])
+def test_only_cells_of_another_piece_are_near(cell):
+    """There is no cell for the point: basix ended the process for want of points."""
+    mesh = distorted(cell)
+    x, count = mesh.geometry.x[:1], mesh.topology.index_map(mesh.topology.dim).size_local
+    for piece, wanted in ((0, True), (1, False)):
+        cells, _, gap = cells_of_points(mesh, x, 1.0, (np.array([piece]), np.zeros(count, dtype=np.int64)))
+        assert (cells[0] >= 0) == wanted == np.isfinite(gap[0])
+
+
+@pytest.mark.parametrize("cell", [*CELLS.values(), *PLANE])
 def test_points_of_distorted_cells(cell):
     """The cells and places that points were taken from, to round-off; none for a point far away."""
     mesh = distorted(cell)

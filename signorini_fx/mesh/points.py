@@ -130,6 +130,8 @@ def cells_of_points(
                 if pieces is not None:
                     same = pieces[0][point] == pieces[1][cell]
                     point, cell = point[same], cell[same]
+                    if not len(point):  # of no points basix's tables of hexahedra end the process
+                        continue
                 # Lengths of the cell, so that no unit matters.
                 corners = (nodes[cell] - x[point, None, :dim]) / size[cell, None, None]
                 away = np.einsum("k,nkc->nc", table[0], corners)
