@@ -2600,10 +2600,17 @@ MUTANTS = (
     ),
     Mutant(
         "body/mixed",
-        "pressure.getArray()[number :: self.pressures.materials] = 1.0",
+        "pressure.getArray()[:] = self.pressures.over_cells(ones * cells[:, None]) > 0",
         "pressure.set(1.0)",
         "mixed element: a constant pressure of all materials for each",
         tests=("mixed_materials::test_enclosed",),
+    ),
+    Mutant(
+        "body/mixed",
+        "(pressures.part == number) & (joined == one)",
+        "pressures.part == number",
+        "mixed element: bodies that do not touch have one constant pressure",
+        tests=("mixed_bodies::test_one_of_them_enclosed",),
     ),
     Mutant(
         "body/mixed",

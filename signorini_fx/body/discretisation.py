@@ -30,7 +30,7 @@ from signorini_fx.body.loads import (
 )
 from signorini_fx.body.mixed import MIXED_FORMS, MixedPressure
 from signorini_fx.body.moduli import lame_coefficients, reduced_degree
-from signorini_fx.body.pieces import find_pieces
+from signorini_fx.body.pieces import Pieces, find_pieces
 from signorini_fx.body.rigid_tools import RigidTools
 from signorini_fx.body.scene_contact import foundations_of
 from signorini_fx.body.supports import (
@@ -286,7 +286,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         for place in range(1, scene.steps if any(effect.friction.timed for effect in scene.contact) else 1):
             # Errors are found before the first step.
             _foundations(scene.placed(place), space, facets, inventory).bounds()
-    resists, mixed = () if resistance is None else (resistance,), _mixed(scene, tagged, space, inventory)
+    resists, mixed = () if resistance is None else (resistance,), _mixed(scene, tagged, space, pieces, inventory)
 
     def elastic() -> Sequence[fem.Form]:
         if mixed is not None:
@@ -338,12 +338,14 @@ def _stiffness(scene: Scene, tagged: TaggedMesh) -> fem.Function | None:
     return cellwise_stiffness(scene, tagged)
 
 
-def _mixed(scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, inventory: Inventory) -> MixedPressure | None:
+def _mixed(
+    scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, pieces: Pieces, inventory: Inventory
+) -> MixedPressure | None:
     """The pressure of the mixed element; None: the element has the displacement alone."""
     if scene.element.volumetric != "mixed":
         return None
     spacing = Scales(tagged.dimension, scene.young, tagged.size).spacing(int(space.dofmap.index_map.size_global))
-    return MixedPressure.of(scene, tagged, space, scene.young / spacing, inventory)
+    return MixedPressure.of(scene, tagged, space, pieces, scene.young / spacing, inventory)
 
 
 def _foundations(

@@ -31,6 +31,7 @@ from petsc4py import PETSc
 
 from signorini_fx import compat, parallel
 from signorini_fx.body.moduli import of_materials
+from signorini_fx.body.pieces import Pieces
 from signorini_fx.body.quadrature import strain_degree
 from signorini_fx.effects.material import mixed_forms
 from signorini_fx.errors import InstallationError
@@ -144,7 +145,8 @@ class MixedPressure:
         space: of the displacement, of degree 2.
         pressures: of the unknowns of the pressure.
         moduli: mu and 1 / lambda as coefficients.
-        incompressible: the materials with nu = 1/2, by their numbers.
+        incompressible: the parts of the body with nu = 1/2, of one material and joined: which cells of this rank,
+            ghosts included, are in each of them, shape (parts, cells).
         axisymmetric: whether the body is.
         unit: of the unknowns of the pressure, stress.
         inventory: what was compiled and assembled.
@@ -153,19 +155,30 @@ class MixedPressure:
     space: fem.FunctionSpace
     pressures: PressureSpace
     moduli: tuple[Any, Any]
-    incompressible: tuple[int, ...]
+    incompressible: npt.NDArray[np.bool_]
     axisymmetric: bool
     unit: float
     inventory: Inventory
 
     @classmethod
     def of(
-        cls, scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, unit: float, inventory: Inventory
+        cls,
+        scene: Scene,
+        tagged: TaggedMesh,
+        space: fem.FunctionSpace,
+        pieces: Pieces,
+        unit: float,
+        inventory: Inventory,
     ) -> MixedPressure:
-        """That of the materials of a scene."""
+        """That of the materials of a scene; bodies that are not joined have a pressure each."""
         moduli = of_materials(scene, tagged, lambda material: (material.lame[1], 1 / material.lame[0]))
-        soft = tuple(number for number, material in enumerate(scene.material) if material.poisson == 0.5)
-        return cls(space, PressureSpace.of(scene, tagged), moduli, soft, scene.axisymmetric, unit, inventory)
+        pressures = PressureSpace.of(scene, tagged)
+        soft = [number for number, material in enumerate(scene.material) if material.poisson == 0.5]
+        joined, last = pieces.assembly[pieces.of_cell], int(pieces.assembly.max()) + 1
+        each = [(pressures.part == number) & (joined == one) for number in soft for one in range(last)]
+        parts = np.array(each, dtype=bool).reshape(len(each), joined.size)
+        there = parallel.global_sum(space.mesh.comm, parts.sum(axis=1)) > 0
+        return cls(space, pressures, moduli, parts[there], scene.axisymmetric, unit, inventory)
 
     @property
     def own(self) -> fem.FunctionSpace:
@@ -289,19 +302,17 @@ class MixedPressure:
 
     @cached_property
     def constant(self) -> list[_Floats]:
-        """The forces of a constant pressure in each incompressible material at the owned unknowns of the
-        displacement.
-        """
-        forces = []
-        for number in self.incompressible:
+        """The forces of a constant pressure in each incompressible part at the owned unknowns of the displacement."""
+        forces, ones = [], np.ones(self.pressures.rows.shape)
+        for cells in self.incompressible:
             found, pressure = self.divergence.createVecs()
-            pressure.getArray()[number :: self.pressures.materials] = 1.0
+            pressure.getArray()[:] = self.pressures.over_cells(ones * cells[:, None]) > 0
             self.divergence.multTranspose(pressure, found)
             forces.append(np.array(found.getArray(readonly=True)))
         return forces
 
     def encloses(self, forces: Sequence[_Floats], held: npt.NDArray[np.bool_]) -> bool:
-        """Whether pressures that are constant in incompressible materials do no work, because of what is held.
+        """Whether pressures that are constant in incompressible parts do no work, because of what is held.
 
         Args:
             forces: ``constant`` by the unknowns that ``held`` is of.

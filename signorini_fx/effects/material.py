@@ -208,7 +208,6 @@ def _not_mixed(scene: Any) -> Contradictions:
         ),
         (any(one.graded for one in scene.material), element, f"{yet} for graded materials"),
         (bool(scene.of(SectionJump)), element, f"{yet} with a preload"),
-        (any(one.against is not None for one in scene.contact), element, f"{yet} for the contact of two bodies"),
         (
             scene.solver.linear_algebra == "krylov",
             ("solver", "linear_algebra"),

@@ -1,0 +1,170 @@
+"""The mixed element in contact of two bodies: exact states on meshes that do not match, friction, and what encloses."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import rectangle
+from spaces import box
+from test_two_bodies_scenes import altered, in_balance
+
+from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
+
+COMM = MPI.COMM_WORLD
+MIXED = {"degree": 2, "volumetric": "mixed"}
+PLANE = ("triangle", "quadrilateral")
+PRESSURE, FRICTION = 0.5, 0.3
+RUBBER = (10.0, 0.5)
+
+
+def block(cell, counts, unit=1.0):
+    """A unit block of uneven cells; low0 is across x[0] = 0, high0 opposite."""
+    plane = cell in PLANE
+    mesh = (
+        rectangle(COMM, length=1.0, height=1.0, nx=counts[0], ny=counts[1], cell=cell)
+        if plane
+        else box(cell, counts, size=(1.0, 1.0, 1.0), comm=COMM)
+    ).mesh
+    x, dim = mesh.geometry.x, mesh.topology.dim
+    x[:, 0] += 0.1 * np.prod(np.sin(np.pi * x[:, :dim]), axis=1)
+    x *= unit
+    ends = {f"{name}{k}": (k, at) for k in range(dim) for name, at in (("low", 0.0), ("high", unit))}
+    return tag_boundaries(
+        mesh,
+        {
+            name: partial(lambda x, k, at: np.isclose(x[k], at, atol=1e-9 * unit), k=k, at=at)
+            for name, (k, at) in ends.items()
+        },
+    )
+
+
+def stacked(cell, below=RUBBER, above=RUBBER, unit=(1.0, 1.0), push=None, solver=None, **contact):
+    """One block on another, pressed together; in space between two planes.  The second step pushes the upper one."""
+    (length, force), plane = unit, cell in PLANE
+    stress, counts = force / length**2, ((3, 2), (4, 2)) if plane else ((2, 1, 1), (1, 2, 1))
+    names = ("below", "above")
+    walls = [{"boundary": f"{name}.{side}2", "z": 0.0} for name in names for side in ("low", "high") if not plane]
+    guided = ["below.low0"] if push else ["below.low0", "above.low0"]
+    loads = [{"boundary": "above.high1", "y": -PRESSURE * stress}]
+    if push:
+        loads += [{"boundary": "above.low0", "x": push * stress, "factors": [0.0, 1.0]}]
+    return parse_scene(
+        {
+            "body": [
+                {"name": name, "mesh": block(cell, n, length), "shift": [0.0, y * length] + [0.0] * (not plane)}
+                for name, n, y in zip(names, counts, (-1, 0), strict=True)
+            ],
+            "element": MIXED,
+            "material": [
+                {"region": name, "young": young * stress, "poisson": poisson}
+                for name, (young, poisson) in zip(names, (below, above), strict=True)
+            ],
+            "displacement": [{"boundary": "below.low1", "y": 0.0}]
+            + [{"boundary": side, "x": 0.0} for side in guided]
+            + walls,
+            "traction": loads,
+            "contact": {"boundary": "above.low1", "against": "below.high1", **contact},
+            "solver": {"algorithm": "alm", **(solver or {})},
+        }
+    )
+
+
+def strains(young, poisson):
+    """Along x and y under the pressure, where strains along z are prevented."""
+    return PRESSURE / young * np.array([poisson * (1 + poisson), -(1 - poisson**2)])
+
+
+KINDS = [("triangle", "full"), ("quadrilateral", "condensed"), ("tetrahedra", "full"), ("hexahedra", "full")]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("cell", "linear_algebra"), KINDS)
+@pytest.mark.parametrize("contact", ["sliding", "bonded"])
+def test_patch(cell, linear_algebra, contact):
+    """The pressure passes from one to the other to round-off; each has its own strains and pressure inside."""
+    joined = contact == "bonded"
+    other = (10.0 * 0.3 * 1.3 / 0.75, 0.3) if joined else (4.0, 0.3)  # bonded, of the same strain along x
+    solution = solve(
+        stacked(cell, above=other, solver={"linear_algebra": linear_algebra}, **({"kind": "bonded"} if joined else {})),
+        COMM,
+    )
+    assert solution.converged
+    assert solution.certificate.worst < 1e-9
+    y, dim = solution.displacement, solution.discretisation.tagged.dimension
+    x = solution.discretisation.space.tabulate_dof_coordinates()[:, :dim]
+    found, (soft, stiff) = y.x.array.reshape(x.shape), (strains(*RUBBER), strains(*other))
+    cells, tagged = y.hydrostatic.function_space.dofmap.list, solution.discretisation.tagged
+    nodes = solution.discretisation.space.dofmap.list
+    for name, strain, (young, poisson) in (("below", soft, RUBBER), ("above", stiff, other)):
+        here = np.unique(nodes[tagged.cells(name)])
+        exact = np.zeros((here.size, dim))
+        exact[:, 0] = strain[0] * x[here, 0]
+        exact[:, 1] = soft[1] + strain[1] * x[here, 1] if name == "above" else soft[1] * (x[here, 1] + 1)
+        np.testing.assert_allclose(found[here], exact, rtol=0, atol=1e-10)
+        inside = y.hydrostatic.x.array[cells[tagged.cells(name)]]
+        np.testing.assert_allclose(inside, young / (1 + poisson) * strain[0], rtol=1e-8)  # sigma_xx = 0
+    np.testing.assert_allclose(solution.contact.pressure, PRESSURE, rtol=1e-8)
+    assert np.abs(solution.contact.shear).max(initial=0.0) < 1e-9
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("unit", [(1e-6, 1.0), (1e3, 1e-3)])
+@pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
+def test_friction(unit, linear_algebra):
+    """Incompressible blocks, pressed and then pushed over two load steps: forces of statics in any units."""
+    push, (length, force) = 0.12, unit
+    friction = {"law": "coulomb", "coefficient": FRICTION}
+    solution = solve(
+        stacked("quadrilateral", unit=unit, push=push, friction=friction, solver={"linear_algebra": linear_algebra}),
+        COMM,
+    )
+    assert solution.converged
+    assert all(step.certificate.worst < 1e-6 for step in solution.steps)
+    for step, sideways in zip(solution.steps, (0.0, push), strict=True):
+        found = solution.at(step)
+        every = in_balance(found)
+        assert every["below.high1"].force * length / force == pytest.approx([sideways, -PRESSURE], abs=1e-7)
+        bound = FRICTION * found.contact.pressure + 1e-6 * PRESSURE * force / length**2
+        assert (np.abs(found.contact.shear).ravel() <= bound).all()
+
+
+def test_one_of_them_enclosed():
+    """A body between supports and the other one keeps its volume: it does not move, and has the pressure from outside.
+
+    The other one of its material, which is free at a side, does not determine it.
+    """
+    scene = stacked("triangle", solver={"linear_algebra": "condensed"})
+    wall = scene.displacement[1].model_copy(update={"boundary": "below.high0"})
+    solution = solve(scene.model_copy(update={"displacement": (*scene.displacement, wall)}))
+    assert solution.linear_algebra == "full: contact and supports enclose the incompressible body"
+    assert solution.certificate.worst < 1e-9
+    tagged, y = solution.discretisation.tagged, solution.displacement
+    nodes = np.unique(y.function_space.dofmap.list[tagged.cells("below")])
+    np.testing.assert_allclose(y.x.array.reshape(-1, 2)[nodes], 0.0, atol=1e-12)
+    cells = y.hydrostatic.function_space.dofmap.list[tagged.cells("below")]
+    np.testing.assert_allclose(y.hydrostatic.x.array[cells], PRESSURE, rtol=1e-9)
+
+
+@pytest.mark.long
+def test_cattaneo_and_mindlin():
+    """Cylinders of nu = 1/2, pressed and pushed: Hertz's pressure, and the half-width that sticks, to a node."""
+    scene = altered()
+    scene["element"] = MIXED
+    scene["material"] = [{"region": name, "young": 200.0, "poisson": 0.5} for name in ("soft", "stiff")]
+    found = solve(parse_scene(scene))
+    tangential, normal = np.abs(sum(found.contact.forces))
+    share = tangential / (0.3 * normal)
+    assert 0.3 < share < 0.9
+    stiffness, radius = 200.0 / (2 * (1 - 0.5**2)), 1 / (1 / 8 + 1 / 12)
+    half = np.sqrt(4 * normal * radius / (np.pi * stiffness))
+    peak = 2 * normal / (np.pi * half)
+    assert found.contact.pressure.max() == pytest.approx(peak, rel=5e-3)
+    table = found.table.columns
+    sticking = table["x"][table["state"] == "stick"]
+    spacing = np.diff(table["x"][np.abs(table["x"]) < half]).max()
+    assert np.ptp(sticking) / 2 == pytest.approx(half * np.sqrt(1 - share), abs=spacing)
+    assert np.abs(table["shear"]).max() == pytest.approx(0.3 * peak * np.sqrt(share), rel=0.01)
+    in_balance(found)
