@@ -13,7 +13,8 @@ from mpi4py import MPI
 from spaces import box
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError, cli, sensitivity
-from signorini_fx.derivatives.adjoint import TransposedTangent
+from signorini_fx.derivatives import adjoint
+from signorini_fx.derivatives.adjoint import AdjointError, TransposedTangent
 from signorini_fx.derivatives.entries import varied
 from signorini_fx.scene.reading import parse_scene, read_scene
 
@@ -196,6 +197,13 @@ def test_what_has_no_derivative(of, by, said):
     with pytest.raises(SceneError, match=said) as caught:
         sensitivity(plane(friction), of, by)
     assert len(caught.value.problems) == 1
+
+
+def test_no_derivative_of_half_an_iteration(monkeypatch):
+    """Without regularisation, where the tractions of the adjoint problem are not found in as many solves as allowed."""
+    monkeypatch.setattr(adjoint, "_MOST", 1)
+    with pytest.raises(AdjointError, match="after 1 solves: there is no derivative"):
+        sensitivity(plane(TRESCA, algorithm="exact"), PLANE, ["traction[0]"])
 
 
 def test_scenes_without_derivatives():

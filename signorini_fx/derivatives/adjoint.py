@@ -162,7 +162,7 @@ class TransposedTangent:
             by_traction: kappa, J_t over the weight, shape (n, d).
 
         Raises:
-            AdjointError: the tangent is singular.
+            AdjointError: the tangent is singular, or the iteration for chi is too slow.
         """
         law, right = self._law, self._system.with_load(by_displacement)
         contact, load = right.contact, right.load
@@ -174,8 +174,11 @@ class TransposedTangent:
             self._solve(rest, more, forces)
             psi.axpy(1.0, more)
             solves += 1
-            untied = np.column_stack(contact.traces(psi)) - by_traction
-            step = law.gamma * law.tied_tractions(untied)
+            moved = np.column_stack(contact.traces(psi))
+            untied = moved - by_traction
+            # A traction cannot move what supports prescribe, and so without regularisation it is none of the unknowns.
+            given = (moved == 0.0) & law.exact
+            step = law.gamma * law.tied_tractions(np.where(given, 0.0, untied))
             chi = chi + step
             change, size = (
                 parallel.global_max(right.comm, parallel.local_max(np.abs(values))) for values in (step, chi)
@@ -188,6 +191,11 @@ class TransposedTangent:
             last = change
             rest.set(0.0)
             _add(contact, -step, rest)  # the smaller it is the less a Krylov method has to do
+        if law.exact and change > _ROUND_OFF * size:
+            raise AdjointError(
+                f"the tractions of the adjoint problem still change by {change / size:.0e} of their size "
+                f"after {solves} solves: there is no derivative; larger gamma_n and gamma_t need fewer"
+            )
         turned = np.einsum("nji,nj->ni", law.turning, untied)
         return Adjoint(right.displacement(psi), untied, chi + turned, law, contact.points.weight, solves)
 

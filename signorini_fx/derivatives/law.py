@@ -4,7 +4,7 @@ For fixed sets the law is affine: a change dx of the unknowns, dd of gap and ori
 displacement (by another friction coefficient, say) change the traction by dt = D (B dx - dd) + c, with the blocks D of
 the Newton tangent.  Without regularisation the tied components, the normal one in contact and the tangential ones of
 stick, do not change at all, B dx = dd, and their tractions are unknown; a finite gamma in D is then that of an
-iteration which finds them, see ``problem.adjoint``.
+iteration which finds them, see ``derivatives.adjoint``.
 """
 
 from __future__ import annotations
