@@ -59,7 +59,7 @@ def test_graded_bar(cells, degree, linear_algebra):
     assert shortened == pytest.approx(exact, rel=2e-2)
 
 
-def cylinder(n, power):
+def cylinder(n, power, **element):
     """Error of the displacement of a long cylinder under a pressure inside, relative; E grows like r^power.
 
     C. O. Horgan and A. M. Chan, J. Elasticity 55 (1999) 43-59, with the moduli of plane strain: u is a sum of powers k
@@ -70,6 +70,7 @@ def cylinder(n, power):
     given = parse_scene(
         {
             "mesh": section(inside, outside, 0.25, counts=(n, 2), comm=MPI.COMM_SELF),
+            "element": element,
             "material": {
                 "young": YOUNG,
                 "poisson": nu,

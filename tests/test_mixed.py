@@ -541,7 +541,6 @@ REFUSED = {
     "degree": ({"element": {"degree": 1, "volumetric": "mixed"}}, "element.degree: must be 2"),
     "nu = 0": ({"material": {"young": 1.0, "poisson": 0.0}}, "poisson: must be above 0"),
     "plane stress": ({"material": {"young": 1.0, "poisson": 0.4, "hypothesis": "plane stress"}}, "nothing locks"),
-    "graded": ({"material": {"young": 1.0, "poisson": 0.4, "grading": "1 - x[0] / 100"}}, "graded materials"),
     "krylov": ({"solver": {"linear_algebra": "krylov"}}, "positive definite"),
     "exact": ({"solver": {"algorithm": "exact"}}, "take 'alm'"),
     "bound": ({"solver": {"error_bound": True}}, "is not known"),

@@ -19,7 +19,7 @@ from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.initial_strains import initial_strain
 from signorini_fx.body.kinematics import AXISYMMETRIC, KINEMATICS, Kinematics
 from signorini_fx.body.mixed import hydrostatic_of
-from signorini_fx.body.moduli import of_materials, poisson_of
+from signorini_fx.body.moduli import isotropic, poisson_of
 from signorini_fx.effects.material import hoop_strain, strain
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.scene.effect import SectionJump
@@ -143,8 +143,7 @@ def element_stress(body: Discretisation, displacement: fem.Function, place: floa
     def outward_of(part: int, tau: _Floats) -> _Floats:
         if radius is not None:
             return tau[..., 3]
-        poisson = np.reshape(poisson_of(materials[part], body.tagged, parts[part]), (-1, 1))
-        found = poisson * (tau[..., 0] + tau[..., 1])
+        found = _poisson(body, part, parts[part]) * (tau[..., 0] + tau[..., 1])
         if prevented is not None:
             found -= prevented.x.array[prevented.function_space.dofmap.list[parts[part]]]
         return np.asarray(found)
@@ -166,10 +165,8 @@ def element_stress(body: Discretisation, displacement: fem.Function, place: floa
 
 def _mixed_stress(body: Discretisation, displacement: fem.Function, place: float) -> ElementStress:
     """Sigma = 2 mu epsilon - p I of a mixed element; in plane strain -p is the stress out of the plane as well."""
-    (_, mu), materials, parts, radius = body.lame, body.scene.material, _materials(body), None
-    young, poisson, modulus = of_materials(
-        body.scene, body.tagged, lambda one: (one.young, one.poisson, one.plane_modulus)
-    )
+    (_, mu), parts, radius = body.lame, _materials(body), None
+    young, poisson, modulus = isotropic(body.scene, body.tagged, lambda one, nu: (one, nu, one / (1 - nu**2)))
     pressure, flat = hydrostatic_of(displacement), body.dimension < 3
     outward = -pressure if flat else None
     if body.scene.axisymmetric:
@@ -189,7 +186,7 @@ def _mixed_stress(body: Discretisation, displacement: fem.Function, place: float
     def outward_of(part: int, tau: _Floats) -> _Floats:
         if radius is not None:
             return tau[..., 3]
-        found = materials[part].poisson * (tau[..., 0] + tau[..., 1])
+        found = _poisson(body, part, parts[part]) * (tau[..., 0] + tau[..., 1])
         if prevented is not None:
             found -= prevented[0].x.array[prevented[0].function_space.dofmap.list[parts[part]]]
         return np.asarray(found)
@@ -327,6 +324,11 @@ def compliance(tau: Any, lame: Any, mu: Any, poisson: Any = 0.5) -> Any:
     if lame is not None:
         share = lame / (len(normal) * lame + 2 * mu)
     return (square + shear - share * trace**2) / (2 * mu)
+
+
+def _poisson(body: Discretisation, number: int, cells: npt.NDArray[np.int32]) -> _Floats:
+    """That of cells of a material, by its number, shape (1, 1) or (cells, 1)."""
+    return np.reshape(poisson_of(body.scene.material[number], body.tagged, cells), (-1, 1))
 
 
 def _materials(d: Discretisation) -> list[npt.NDArray[np.int32]]:

@@ -18,7 +18,7 @@ from mpi4py import MPI
 from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble, facet_vertices, measure
 from signorini_fx.body.mixed import PressureSpace
-from signorini_fx.body.moduli import lame_coefficients, of_materials, reduced_degree
+from signorini_fx.body.moduli import isotropic, lame_coefficients, of_materials, reduced_degree
 from signorini_fx.body.rigid_tools import Driven, RigidTools
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.effects.displacement import PrescribedDisplacement
@@ -369,7 +369,7 @@ def _compiled_strains(
     if on.scene.element.volumetric == "mixed":
         pressures = PressureSpace.of(on.scene, on.tagged)
         q = pressures.scalar(ufl.TestFunction(pressures.own))
-        (swelling,) = of_materials(on.scene, on.tagged, lambda material: (material.swelling,))
+        (swelling,) = isotropic(on.scene, on.tagged, lambda _, poisson: ((1 + poisson) / poisson,))
         form = mixed_strain_form(q, whole, swelling, degree, radius=radius)
         return (name,), (on.inventory.compile(name, partial(fem.form, form)),)
     terms = initial_strain_forms(

@@ -30,7 +30,7 @@ from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from signorini_fx import compat, parallel
-from signorini_fx.body.moduli import of_materials
+from signorini_fx.body.moduli import isotropic
 from signorini_fx.body.pieces import Pieces
 from signorini_fx.body.quadrature import strain_degree
 from signorini_fx.effects.material import mixed_forms
@@ -171,14 +171,18 @@ class MixedPressure:
         inventory: Inventory,
     ) -> MixedPressure:
         """That of the materials of a scene; bodies that are not joined have a pressure each."""
-        moduli = of_materials(scene, tagged, lambda material: (material.lame[1], 1 / material.lame[0]))
+        mu, yields = isotropic(
+            scene, tagged, lambda young, nu: (young / (2 * (1 + nu)), (1 + nu) * (1 - 2 * nu) / (young * nu))
+        )
         pressures = PressureSpace.of(scene, tagged)
         soft = [number for number, material in enumerate(scene.material) if material.poisson == 0.5]
         joined, last = pieces.assembly[pieces.of_cell], int(pieces.assembly.max()) + 1
         each = [(pressures.part == number) & (joined == one) for number in soft for one in range(last)]
         parts = np.array(each, dtype=bool).reshape(len(each), joined.size)
-        there = parallel.global_sum(space.mesh.comm, parts.sum(axis=1)) > 0
-        return cls(space, pressures, moduli, parts[there], scene.axisymmetric, unit, inventory)
+        given = yields.x.array[yields.function_space.dofmap.list[:, 0]] if isinstance(yields, fem.Function) else 0.0
+        sums = parallel.global_sum(space.mesh.comm, np.array([parts.sum(axis=1), (parts * (given > 0)).sum(axis=1)]))
+        there = (sums[0] > 0) & (sums[1] == 0)  # and nu = 1/2 in all of its cells
+        return cls(space, pressures, (mu, yields), parts[there], scene.axisymmetric, unit, inventory)
 
     @property
     def own(self) -> fem.FunctionSpace:

@@ -65,16 +65,41 @@ def lame_coefficients(scene: Scene, tagged: TaggedMesh) -> tuple[Any, Any]:
     Raises:
         SceneError: see ``of_materials``; a grading is not between 0 and 1.
     """
-    share, lateral = (graded(scene, tagged, key) for key in ("grading", "poisson_grading"))
-    if lateral is not None:
-        young, poisson = of_materials(scene, tagged, lambda material: (material.young, material.poisson))
-        young, poisson = young if share is None else _times(young, share), _times(poisson, lateral)
-        lame, found = scene.material[0].lame_of(_values(young), _values(poisson)), (poisson, _times(young, lateral))
-        for function, values in zip(found, lame, strict=True):
-            function.x.array[:] = values
-        return found
+    if any(material.poisson_grading is not None for material in scene.material):
+        with np.errstate(divide="ignore"):  # lambda is infinite for nu = 1/2, which a mixed element does not use
+            first, second = isotropic(scene, tagged, scene.material[0].lame_of)
+        return first, second
+    share = graded(scene, tagged, "grading")
     first, second = of_materials(scene, tagged, lambda material: material.lame)
     return (first, second) if share is None else (_times(first, share), _times(second, share))
+
+
+def isotropic(scene: Scene, tagged: TaggedMesh, numbers: Callable[[Any, Any], tuple[Any, ...]]) -> tuple[Any, ...]:
+    """Numbers that follow from Young's modulus and Poisson's ratio, like ``of_materials``; collective.
+
+    Args:
+        scene: the scene.
+        tagged: its mesh.
+        numbers: of both, which are floats or arrays.
+
+    Raises:
+        SceneError: see ``lame_coefficients``.
+    """
+    shares = [graded(scene, tagged, key) for key in ("grading", "poisson_grading")]
+    space = next((share.function_space for share in shares if share is not None), None)
+    if space is None:
+        return of_materials(scene, tagged, lambda material: numbers(material.young, material.poisson))
+    moduli = of_materials(scene, tagged, lambda material: (material.young, material.poisson))
+    values = numbers(
+        *(
+            _values(modulus) * (1.0 if share is None else share.x.array)
+            for modulus, share in zip(moduli, shares, strict=True)
+        )
+    )
+    found = tuple(fem.Function(space) for _ in values)
+    for function, value in zip(found, values, strict=True):
+        function.x.array[:] = value
+    return found
 
 
 def poisson_of(material: LinearElastic, tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> Any:
@@ -110,9 +135,11 @@ def graded(scene: Scene, tagged: TaggedMesh, key: str) -> fem.Function | None:
         count = len(found.function_space.dofmap.list)
         cells = np.arange(count, dtype=np.int32) if material.region is None else tagged.cells(material.region)
         values = _in_the_middle(value, tagged, cells)
-        least = values > 0 if key == "grading" else values >= 0
+        mixed = scene.element.volumetric == "mixed"
+        least = values > 0 if key == "grading" or mixed else values >= 0
         if parallel.any_rank(mesh.comm, not (least & (values <= 1 + _ROUND_OFF)).all()):
-            problems.append((f"material[{index}].{key}", _BOUNDS[key]))
+            bounds = _BOUNDS[key].replace("from 0 to 1", "above 0 and at most 1") if mixed else _BOUNDS[key]
+            problems.append((f"material[{index}].{key}", bounds))
         found.x.array[found.function_space.dofmap.list[cells, 0]] = values
     if problems:
         raise SceneError(problems)

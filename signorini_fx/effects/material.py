@@ -109,13 +109,6 @@ class LinearElastic(Effect):
         return sum(self.hooke[: 1 if mixed else 2])
 
     @property
-    def swelling(self) -> float:
-        """3 + 2 mu / lambda = (1 + nu) / nu: by which a strain in all directions enters the constraint of the mixed
-        element, see ``mixed_strain_form``.
-        """
-        return (1 + self.poisson) / self.poisson
-
-    @property
     def directions(self) -> int:
         """In how many directions a strain that is the same in all of them meets the Lame parameters: in plane stress
         it is free out of the plane.
@@ -206,7 +199,6 @@ def _not_mixed(scene: Any) -> Contradictions:
             element,
             "'mixed' is of no use in plane stress: nothing locks",
         ),
-        (any(one.graded for one in scene.material), element, f"{yet} for graded materials"),
         (bool(scene.of(SectionJump)), element, f"{yet} with a preload"),
         (
             scene.solver.linear_algebra == "krylov",
@@ -357,7 +349,7 @@ def mixed_strain_form(q: Any, strain: Any, swelling: Any, degree: int, *, radius
     Args:
         q: test function of the pressure.
         strain: e, a number.
-        swelling: see ``LinearElastic.swelling``.
+        swelling: 3 + 2 mu / lambda = (1 + nu) / nu.
         degree: quadrature degree.
         radius: see ``elastic_forms``.
     """

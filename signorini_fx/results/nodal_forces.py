@@ -89,8 +89,8 @@ class NodalForces(SurfaceQuadrature):
     @property
     def _shearing(self) -> tuple[Array, Array]:
         """Hooke's law of a mixed element without its pressure."""
-        (a,) = self.of_materials(lambda one: one.hooke[:1])
-        return a, np.zeros(1)
+        young, poisson = self._young_and_poisson()
+        return young / (1 + poisson), np.zeros(1)
 
     def dilation(self, displacement: fem.Function, step: float, scale: float = 1.0) -> tuple[Array, Array]:
         """The weak form of tr(epsilon) + p / lambda = 0 of a mixed element, with the initial strains of a load step
@@ -177,7 +177,8 @@ class NodalForces(SurfaceQuadrature):
         hat = basix.create_element(basix.ElementFamily.P, self._cell, 1).tabulate(
             0, basix.make_quadrature(self._cell, degree)[0]
         )[0, ..., 0]
-        numbers = self.of_materials(lambda one: (one.swelling, one.young / (2 * (1 + one.poisson))))
+        young, poisson = self._young_and_poisson()
+        numbers = (1 + poisson) / poisson, young / (2 * (1 + poisson))
         for part, size in self._cells(degree):
             own = strain(part)
             swelling, mu = (m[:, None] if m.size == 1 else m[part.cells, None] for m in numbers)
@@ -250,13 +251,13 @@ class NodalForces(SurfaceQuadrature):
 
     def _hooke(self) -> tuple[Array, Array]:
         """Hooke's law, of all cells alike, shape (1,), or cell by cell."""
-        young, lateral = self._grading("grading"), self._grading("poisson_grading")
-        if lateral.size == 1:
-            a, b = self.of_materials(lambda one: one.hooke)
-            return a * young, b * young
-        numbers = self.of_materials(lambda one: (one.young, one.poisson))
-        found: tuple[Array, Array] = self.scene.material[0].hooke_of(young * numbers[0], lateral * numbers[1])
+        found: tuple[Array, Array] = self.scene.material[0].hooke_of(*self._young_and_poisson())
         return found
+
+    def _young_and_poisson(self) -> tuple[Array, Array]:
+        """Both, of all cells alike, shape (1,), or cell by cell."""
+        young, poisson = self.of_materials(lambda one: (one.young, one.poisson))
+        return young * self._grading("grading"), poisson * self._grading("poisson_grading")
 
     def _grading(self, key: str) -> Array:
         """By what a modulus of the materials is multiplied, of all cells alike, shape (1,), or cell by cell."""
@@ -408,9 +409,8 @@ class NodalForces(SurfaceQuadrature):
         p = pressure.x.array[pressure.function_space.dofmap.list]
         hats, y = basix.create_element(basix.ElementFamily.P, self._cell, 1), displacement.x.array
         y = y.reshape(-1, self.dimension)
-        (compressibility,) = self.of_materials(
-            lambda one: ((1 + one.poisson) * (1 - 2 * one.poisson) / (one.young * one.poisson),)
-        )
+        young, poisson = self._young_and_poisson()
+        compressibility = (1 + poisson) * (1 - 2 * poisson) / (young * poisson)
         forces, (residual, volume) = self._zero(), np.zeros((2, *fem.Function(space).x.array.shape))
         points, _ = basix.make_quadrature(self._cell, self._degree)
         hat = hats.tabulate(0, points)[0, ..., 0]
