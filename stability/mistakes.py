@@ -1793,6 +1793,13 @@ MUTANTS = (
         tests=("pairs::test_parallelograms_and_other_quadrilaterals",),
     ),
     Mutant(
+        "pairs/overlap_space",
+        "_curved(slave, own.facet[here]) or _curved(master, other.facet[there])",
+        "False",
+        "two bodies: curved triangles are integrated like plane ones",
+        tests=("accuracy_of_bodies::test_curved_facets",),
+    ),
+    Mutant(
         "body/mirrored_points",
         "found[node] += np.outer(across, across)",
         "pass",

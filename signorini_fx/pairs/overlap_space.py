@@ -20,12 +20,13 @@ from signorini_fx.pairs.surface import Lagrange, Surface
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
-# Degree of the quadrature on each triangle, by the degree of the functions; on quadrilaterals integrands are rational,
-# but bilinear functions on parallelograms are polynomials.
+# Degree of the quadrature on each triangle, by the degree of the functions; on quadrilaterals and on curved triangles
+# integrands are no polynomials, but bilinear functions on parallelograms are.
 _DEGREES = {1: 2, 2: 4}
 _RATIONAL = 8
 _PARALLELOGRAMS = 4
-# Difference of opposite edges, as a share of the size, below which a quadrilateral counts as a parallelogram.
+# Difference of opposite edges, as a share of the size, below which a quadrilateral counts as a parallelogram, and
+# distance of a node from the middle of an edge below which it is straight.
 _PARALLEL = 1e-9
 # Share of the area of a part below which an overlap is round-off.
 _NOTHING = 1e-10
@@ -87,7 +88,8 @@ def space_overlap(slave: Surface, master: Surface, reach: float, some: Indices) 
     flat, flat_master, polygon, centre, axes = (one[kept] for one in (flat, flat_master, polygon, centre, axes))
     triangles, pair = _fan(polygon, count)
     both = slave.functions, master.functions
-    degree = _degree(both, (own.patches.corners[here], other.patches.corners[there]))
+    curved = _curved(slave, own.facet[here]) or _curved(master, other.facet[there])
+    degree = _RATIONAL if curved else _degree(both, (own.patches.corners[here], other.patches.corners[there]))
     points, weights = basix.make_quadrature(basix.CellType.triangle, degree)
     first, second = (triangles[:, k] - triangles[:, 0] for k in (1, 2))
     p = triangles[:, :1] + points[:, :1] * first[:, None] + points[:, 1:] * second[:, None]
@@ -100,6 +102,15 @@ def space_overlap(slave: Surface, master: Surface, reach: float, some: Indices) 
         p = np.einsum("mqd,mkd->mqk", slave.positions(own.facet[here], at) - centre[pair][:, None], axes[pair])
         over = _projected(master, other.facet[there], over, p, centre[pair], axes[pair])
     return Overlap(own.facet[here], other.facet[there], at, over, area * true / projected)
+
+
+def _curved(side: Surface, facets: Indices) -> bool:
+    """Whether some of these facets are triangles whose edges are arcs."""
+    if side.functions.degree == 1 or not side.functions.simplex:
+        return False
+    corners, places = side.corners[np.unique(facets)], side.functions.places
+    away = np.linalg.norm(corners - Lagrange(places[:3]).values(places) @ corners[:, :3], axis=2)
+    return bool((away > _PARALLEL * np.linalg.norm(corners[:, 1:2] - corners[:, :1], axis=2)).any())
 
 
 def _degree(both: tuple[Lagrange, Lagrange], corners: tuple[Array, Array]) -> int:

@@ -25,7 +25,7 @@ from signorini_fx.body.node_positions import node_positions
 
 Array = npt.NDArray[np.float64]
 
-# Points of a rule along each direction: in the plane; in space for linear and quadratic facets, for quadrilaterals.
+# Points of a rule along each direction: in the plane; in space for linear triangles, for others, which may be curved.
 _POINTS = {"interval": 10, "triangle": 4, "quadrilateral": 7}
 # Steps of Newton's method at most, and a place in a reference facet that is round-off.
 _STEPS, _PLACE = 15, 1e-14
@@ -100,6 +100,7 @@ class Facet:
         nodes: see above.
         points: those with test functions, the vertices on quadratic triangles, shape (t,).
         kind: interval, triangle or quadrilateral.
+        rule: points of a rule along each direction.
     """
 
     def __init__(
@@ -120,6 +121,7 @@ class Facet:
         self.kind = {(2, 2): "interval", (3, 3): "triangle", (3, 4): "quadrilateral"}[dim, len(corner)]
         self._quadratic_triangle = self.kind == "triangle" and len(self.nodes) == 6
         self.points = self.nodes[: len(corner)] if self._quadratic_triangle else self.nodes
+        self.rule = _POINTS["quadrilateral" if self._quadratic_triangle else self.kind]
         self._corner = np.array(corner)
 
     def _tabulated(self, at: Array, order: int) -> Array:
@@ -339,7 +341,7 @@ def _in_space(facet: Facet, master: Facet) -> list[Piece]:
             polygon = _cut(_positive(flat), _positive(window))
             if len(polygon) < 3:
                 continue
-            p, weight = _collapsed(polygon, max(_POINTS[facet.kind], _POINTS[master.kind]))
+            p, weight = _collapsed(polygon, max(facet.rule, master.rule))
             if weight.sum() <= _NOTHING * own.size**2:
                 continue
             at, unit = _place_in(part, flat, p)

@@ -61,6 +61,8 @@ from signorini_fx.tuned import (
 
 # Nodes that are closer than this share of the body's size cannot be told apart reliably.
 _ROUND_OFF = 1e-11
+# Cells of this share of the body's size, and those of the next mesh, may have stiffnesses that are round-off of others.
+_TINY = 1e-6
 # The field with the polygon's error of a quantity.
 _POLYGON_COLUMN = {"energy": "energy", "pressure": "pressure"}
 # Outcomes on a mesh whose cells are as small as the round-off of their coordinates.
@@ -126,8 +128,9 @@ def solve_to_accuracy(
         if last is not None and level is None and late:
             return replace(last, status=Status.BUDGET)
         if last is not None and solution.status in _TOO_FINE:
-            # The coordinates of such cells have no digits left: the previous mesh is the last that has a solution.
-            notify(f"accuracy: the next mesh ends with: {solution.status.value}; it is too fine for double precision")
+            # The coordinates of tiny cells have no digits left: the previous mesh is the last that has a solution.
+            tiny = "; it is too fine for double precision" * _is_tiny(levels[-1], solution.discretisation.tagged.size)
+            notify(f"accuracy: the next mesh ends with: {solution.status.value}{tiny}")
             return replace(last, status=Status.OUT_OF_REACH)
         if level is None or task is None or outcome is None:
             return replace(solution, levels=tuple(levels))
@@ -243,6 +246,11 @@ def _beyond(
         return ""
     told = f"this machine has {there:.2g}" if goal.memory is None else f"{goal.memory:g} are allowed"
     return f"about {following.memory / 1024:.2g} GB of memory, {told}"
+
+
+def _is_tiny(level: LevelResult, size: float) -> bool:
+    """Whether a contact point of a mesh stands for so small an area that round-off may be why the next mesh fails."""
+    return float(level.table.columns["weight"].min()) < (_TINY * size) ** (level.dimension - 1)
 
 
 def _seen_rate(levels: list[LevelResult]) -> float:
