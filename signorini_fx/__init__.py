@@ -42,7 +42,7 @@ _PUBLIC = {
         "SignoriniError",
     ),
     "forms.contact_problem": ("ContactProblem",),
-    "forms.section": ("section_in_space",),
+    "mesh.section": ("section_in_space",),
     "body.foundation": ("Coulomb", "Foundation", "Pair", "Tresca"),
     "mesh.tagged": ("TaggedMesh", "generate_mesh", "read_mesh", "tag_boundaries"),
     "records": ("Status",),

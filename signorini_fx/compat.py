@@ -56,6 +56,14 @@ def geometry_cells(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
     return np.asarray(geometry.dofmaps[0] if VERSION >= (0, 11) else geometry.dofmap)
 
 
+def geometry_in_space(domain: mesh.Mesh) -> Any:
+    """The geometry of a mesh, whose points get three coordinates, for a mesh of the same topology."""
+    geometry: Any = domain.geometry._cpp_object
+    cmap = geometry.cmaps[0] if VERSION >= (0, 11) else geometry.cmap
+    x = np.array(geometry.x)
+    return type(geometry)(geometry.index_map(), geometry_cells(domain), cmap, x, geometry.input_global_indices)
+
+
 def form_data(form: fem.Form) -> list[npt.NDArray[Any]]:
     """The values of the constants and coefficients of a compiled form on this rank, in a fixed order."""
     packed = cpp.fem.pack_coefficients(form._cpp_object)
@@ -86,6 +94,7 @@ __all__ = [
     "geometry_cells",
     "geometry_degree",
     "geometry_element",
+    "geometry_in_space",
     "gmsh_model_to_mesh",
     "has_vtx",
     "interpolation_points",

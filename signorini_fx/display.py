@@ -7,6 +7,7 @@ from html import escape
 from typing import Any
 
 from signorini_fx.records import Status
+from signorini_fx.units import is_axisymmetric, is_twisted
 
 
 def html_table(columns: Sequence[str], rows: Iterable[Sequence[Any]], caption: str = "") -> str:
@@ -108,3 +109,17 @@ def tool_in_words(tool: dict[str, Any]) -> str:
     moved, turned, force, moment, point = (told(tool[name]) for name in names)
     off = "" if tool["gap_error"] is None else f"; gap linearised, off by {tool['gap_error']:.1e}"
     return f"{tool['boundary']}: moved by {moved}, turned by {turned}, takes {force}, about {point} {moment}{off}"
+
+
+def point_in_words(place: Sequence[float]) -> str:
+    """The coordinates of a point, without round-off."""
+    return "(" + ", ".join(f"{round(x, 9) + 0.0:.6g}" for x in place) + ")"
+
+
+def resultant_in_words(row: dict[str, Any], scene: dict[str, Any]) -> str:
+    """What acts through a boundary and where, from a row of a summary with its scene; with torsion the torque."""
+    nowhere = "" if is_axisymmetric(scene) else ", a couple or none"
+    where = nowhere if row["acts_at"] is None else f", acts at {point_in_words(row['acts_at'])}"
+    torque = f", torque {row['moment'][1]:.6g}," if is_twisted(scene) else ""
+    name = "" if row["boundary"] is None else f"{row['boundary']}: "
+    return f"{name}({', '.join(f'{f:.6g}' for f in row['force'])}){torque} by {' and '.join(row['acts'])}{where}"

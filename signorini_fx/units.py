@@ -46,6 +46,11 @@ def names_of(scene: Mapping[str, Any], dimension: int) -> dict[str, str]:
     return {name: unit for name, unit in given.items() if unit}
 
 
+def is_twisted(scene: Mapping[str, Any]) -> bool:
+    """Whether a scene of a summary is that of an axisymmetric body with torsion."""
+    return any(material.get("torsion") for material in scene.get("material") or ())
+
+
 def is_axisymmetric(scene: Mapping[str, Any]) -> bool:
     """Whether a scene, as plain data, is that of a body of revolution, which has areas where others have lengths."""
     return any(material.get("hypothesis") == "axisymmetric" for material in scene.get("material") or ())

@@ -84,6 +84,18 @@ def preloaded():
     return parse_scene(scene.model_dump(include={"mesh", "material", "displacement"}) | {"preload": preload})
 
 
+def twisted():
+    """A ring that is pressed and turned in two load steps."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 3, "ny": 2}},
+            "material": {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric", "torsion": True},
+            "displacement": {"boundary": "top", "y": -0.01, "z": "-0.01 * x[0]", "factors": [0.5, 1.0]},
+            "contact": {"boundary": "bottom", "friction": COULOMB},
+        }
+    )
+
+
 COULOMB = {"law": "coulomb", "coefficient": 0.3}
 SCENES = {
     "plane": lambda: example1(bound=1.5, nx=12, ny=4),
@@ -95,6 +107,7 @@ SCENES = {
     "exact": lambda: example1(coefficient=0.3, nx=12, ny=4, gamma="auto", algorithm="exact"),
     "free to tip": lambda: live(standing(0.1, COULOMB)),
     "linear": linear,
+    "torsion": twisted,
     "tool": tool,
     "tool in space": lambda: tool(3),
     "preload": preloaded,

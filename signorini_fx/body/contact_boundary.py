@@ -78,6 +78,7 @@ class ContactBoundary:
             axes of space.
         moving: foundations whose motion is an unknown; None: there are none.
         ellipse: the friction ellipses; None: friction has no direction.
+        twisted: whether it is a line whose displacements have three components, of a section in space.
     """
 
     comm: MPI.Comm
@@ -93,6 +94,7 @@ class ContactBoundary:
     axes: Nodal | None = None
     moving: MovingFoundation | None = None
     ellipse: Ellipse | None = None
+    twisted: bool = False
 
     @property
     def size(self) -> int:
@@ -275,6 +277,7 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
         averages=Averages.joined([one for one in averages if one is not None]) if any(averages) else None,
         axes=np.concatenate(axes) if axes else None,
         ellipse=_joined_ellipses(parts),
+        twisted=parts[0].twisted,
     )
 
 
@@ -337,6 +340,7 @@ def contact_part(
         global_nodes=space.dofmap.index_map.local_to_global(nodes),
         averages=averages,
         axes=None if turned is None else turned.frames_at(nodes),
+        twisted=dim > space.mesh.topology.dim,
     )
 
 

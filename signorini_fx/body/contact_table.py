@@ -26,9 +26,9 @@ class ContactTable:
     Attributes:
         columns: name -> one entry per node.  ``state`` is open, stick, slip+ or slip-, in space open, stick or slip;
             ``friction`` is the same without open, or none where the bound is 0, whether or not the node is in contact
-            (Tresca friction acts on open nodes too).  ``u_t``, ``shear`` and ``slip`` are along the tangent; in space
-            they are lengths of vectors, whose components follow as ``u_t_x`` and so on.  Where two bodies are in
-            contact, ``against`` names the other boundary.
+            (Tresca friction acts on open nodes too).  ``u_t``, ``shear`` and ``slip`` are along the tangent; in space,
+            and of a section that is twisted, they are lengths of vectors, whose components follow as ``u_t_x`` and so
+            on.  Where two bodies are in contact, ``against`` names the other boundary.
         chains: the connected pieces of the boundary, as ranges of rows; in space none.  The column ``to_next`` has the
             distance to the next node along a piece; at the last node it is positive where the piece is closed.
         nodes: position of the boundary in ``scene.contact`` and global number of the node, shape (rows, 2); None for a
@@ -119,7 +119,7 @@ def contact_table(
         against: that of the other body of each; None: there is none at all, nor a column for it.
     """
     boundary = contact.boundary
-    dim = boundary.x.shape[1]
+    dim = 2 if boundary.twisted else boundary.x.shape[1]
     numbers = parallel.gather_rows(boundary.comm, np.column_stack((boundary.part, boundary.global_nodes)))
     scalars = {
         "gap": contact.gap,
@@ -131,8 +131,8 @@ def contact_table(
         "weight": boundary.weight,
     }
     vectors = {
-        "x": boundary.x,
-        "n": boundary.normal,
+        "x": boundary.x[:, :dim],
+        "n": boundary.normal[:, :dim],
         "u_t": contact.displaced(contact.u_t),
         "shear": contact.tangential(contact.shear),
         "slip": contact.displaced(contact.slip_length),
@@ -150,7 +150,7 @@ def contact_table(
     ends = np.cumsum([len(scalars), *(values.shape[1] for values in vectors.values())])
     of = dict(zip(scalars, rows.T, strict=False))
     parts = {name: rows[:, a:b] for name, a, b in zip(vectors, ends, ends[1:], strict=False)}
-    slipping = np.array(["slip-", "stick", "slip+"] if dim == 2 else ["", "stick", "slip"])
+    slipping = np.array(["slip-", "stick", "slip+"] if boundary.x.shape[1] == 2 else ["", "stick", "slip"])
     state = slipping[of["side"].astype(int) + 1]
     columns: dict[str, npt.NDArray[Any]] = {
         **dict(zip("xyz", parts["x"].T, strict=False)),

@@ -50,11 +50,11 @@ def deformation_of(body: Discretisation, displacement: fem.Function) -> Deformat
     of_cell = pieces.of_cell[: areas.size]
     total = parallel.sums_by(body.comm, of_cell, np.column_stack((squares * areas, areas)), pieces.count)
     gradient = float(np.sqrt(total[:, 0] / total[:, 1]).max())
-    moved = np.linalg.norm(displacement.x.array.reshape(-1, body.tagged.dimension), axis=1)
+    moved = np.linalg.norm(displacement.x.array.reshape(-1, body.dimension), axis=1)
     assembly = pieces.assembly[body.motions.piece]
     share = 0.0
     for number in range(int(pieces.assembly.max()) + 1):
-        corners = pieces.bounds[pieces.assembly == number].reshape(-1, body.tagged.dimension)
+        corners = pieces.bounds[pieces.assembly == number].reshape(-1, body.dimension)
         size = min(body.tagged.size, float(np.hypot.reduce(np.ptp(corners, axis=0))))
         furthest = parallel.global_max(body.comm, parallel.local_max(moved[assembly == number]))
         share = max(share, furthest / size)
@@ -78,11 +78,11 @@ def _squares(
 
     dim = body.tagged.dimension
     x = mesh.geometry.x[compat.geometry_cells(mesh)[owned], :dim].astype(np.float64)
-    y = displacement.x.array.reshape(-1, dim)[space.dofmap.list[owned]]
+    y = displacement.x.array.reshape(-1, body.dimension)[space.dofmap.list[owned]]
 
     def along_cell(values: npt.NDArray[np.float64], degree: int) -> npt.NDArray[np.float64]:
         """Derivatives of nodal values, shape (cells, functions, d), along the reference cell, shape (d, d, cells)."""
-        return np.array([[values[:, :, i] @ slope for slope in slopes(degree)] for i in range(dim)])
+        return np.array([[values[:, :, i] @ slope for slope in slopes(degree)] for i in range(values.shape[2])])
 
     adjugate, determinant = adjugates(along_cell(x, compat.geometry_degree(mesh)))
     gradient = np.einsum("ikc,kjc->ijc", along_cell(y, body.scene.element.degree), adjugate)

@@ -66,7 +66,7 @@ class Discretisation(ElasticBody):
 
     Attributes:
         scene: the scene.
-        tagged: the mesh.
+        tagged: the mesh; with torsion a section in space.
         lame: Lame parameters as coefficients of the forms.
         moduli: stiffness of each cell where a material is orthotropic, see ``body.orthotropic``; None: none is.
         reduced: quadrature degree of the volumetric term where it is reduced, else None.
@@ -202,6 +202,10 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisatio
             contact and prescribed displacement in conflict, expressions that are not finite.
         MeshError: the cells of the mesh are not connected.
     """
+    if scene.torsion and tagged.dimension == tagged.mesh.geometry.dim == 2:
+        from signorini_fx.mesh.section import section_in_space
+
+        tagged = replace(tagged, mesh=section_in_space(tagged.mesh))
     try:
         return _prepared(scene.placed(0), tagged, timings)
     except FormError as error:  # of a foundation
@@ -222,14 +226,14 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
 
         scene = with_chosen_sides(scene, tagged, facets, lame[1])
     pieces = find_pieces(tagged.mesh)
-    space = fem.functionspace(tagged.mesh, ("Lagrange", scene.element.degree, (tagged.dimension,)))
+    space = fem.functionspace(tagged.mesh, ("Lagrange", scene.element.degree, (tagged.mesh.geometry.dim,)))
     names = MIXED_FORMS if scene.element.volumetric == "mixed" else ELASTIC_FORMS[: 1 if reduced is None else 2]
     inventory = Inventory(list(names))
     z = ufl.TestFunction(space)
     terms = partial(elastic_terms, space, lame=lame, stiffness=stiffness, reduced=reduced, around=scene.axisymmetric)
     with timings.phase("compile"):
         supports = dirichlet_conditions(scene, space, facets, tagged)
-        owned = space.dofmap.index_map.size_local * tagged.dimension
+        owned = space.dofmap.index_map.size_local * tagged.mesh.geometry.dim
         fixed = prescribed(space, [support for _, support in supports])[0][:owned]
         skew = skew_supports(scene, space, facets, tagged)
         turned = turned_nodes(scene, space, supports, skew, fixed)
@@ -364,7 +368,7 @@ def pairs_of(scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace) -> dict
     """Both sides of each contact of two bodies, paired anew, by its place in ``scene.contact``."""
     facets = boundary_facets(scene, tagged)
     supports = dirichlet_conditions(scene, space, facets, tagged)
-    owned = space.dofmap.index_map.size_local * tagged.dimension
+    owned = space.dofmap.index_map.size_local * tagged.mesh.geometry.dim
     fixed = prescribed(space, [support for _, support in supports])[0][:owned]
     turned = turned_nodes(scene, space, supports, skew_supports(scene, space, facets, tagged), fixed)
     foundations = _foundations(scene, space, facets, Inventory())

@@ -20,7 +20,7 @@ from signorini_fx.body.initial_strains import initial_strain
 from signorini_fx.body.kinematics import AXISYMMETRIC, KINEMATICS, Kinematics
 from signorini_fx.body.mixed import hydrostatic_of
 from signorini_fx.body.moduli import isotropic, poisson_of
-from signorini_fx.effects.material import hoop_strain, strain
+from signorini_fx.effects.material import hoop_strain, strain, twisted_strain
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.scene.effect import SectionJump
 
@@ -61,10 +61,9 @@ class ElementStress:
 
     @property
     def kinematics(self) -> Kinematics:
-        """Of the body."""
-        if self.radius is not None:
-            return AXISYMMETRIC
-        return KINEMATICS[self.displacement.function_space.mesh.geometry.dim]
+        """Of the body; with torsion all components of space."""
+        dim = self.displacement.function_space.mesh.geometry.dim
+        return AXISYMMETRIC if self.radius is not None and dim == 2 else KINEMATICS[dim]
 
     @property
     def around(self) -> Any:
@@ -115,6 +114,8 @@ def element_stress(body: Discretisation, displacement: fem.Function, place: floa
         radius = ufl.SpatialCoordinate(mesh)[0]
         across = hoop_strain(moved, radius)
         theta += across
+    if body.scene.torsion:
+        elastic = twisted_strain(moved, radius, inside=False)
     if initial is not None:
         elastic -= initial * ufl.Identity(len(displacement))
         theta -= materials[0].directions * initial
@@ -142,7 +143,7 @@ def element_stress(body: Discretisation, displacement: fem.Function, place: floa
 
     def outward_of(part: int, tau: _Floats) -> _Floats:
         if radius is not None:
-            return tau[..., 3]
+            return tau[..., 2 if body.scene.torsion else 3]
         found = _poisson(body, part, parts[part]) * (tau[..., 0] + tau[..., 1])
         if prevented is not None:
             found -= prevented.x.array[prevented.function_space.dofmap.list[parts[part]]]
@@ -335,7 +336,7 @@ def _materials(d: Discretisation) -> list[npt.NDArray[np.int32]]:
     """The cells of each material, ghosts included."""
     if len(d.scene.material) > 1:
         return [d.tagged.cells(str(material.region)) for material in d.scene.material]
-    index_map = d.tagged.mesh.topology.index_map(d.dimension)
+    index_map = d.tagged.mesh.topology.index_map(d.tagged.dimension)
     return [np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)]
 
 

@@ -233,18 +233,32 @@ def rigid_motions(
     return replace(motions, free=free, assembly=assembly)
 
 
+def _around_the_axis(motions: RigidMotions) -> list[_Floats]:
+    """Each motion without strain of an axisymmetric body as combinations of those of its pieces, shape (p, m)."""
+    up = np.tile(np.eye(motions.each)[1], (motions.pieces.count, 1))
+    if motions.each == 3:  # in the plane
+        return [up]
+    turn = np.zeros_like(up)  # rotations of pieces are about axes through their middles
+    turn[:, 4], turn[:, 2] = 1.0, -motions.centre[:, 0] / motions.length
+    return [up, turn / np.linalg.norm(turn, axis=1, keepdims=True)]
+
+
 def along_axis(motions: RigidMotions) -> RigidMotions:
-    """Those of these that have no strain in an axisymmetric body: translations along x[1]."""
+    """Those of these that have no strain in an axisymmetric body: translations along x[1], and with torsion rotations
+    about it, which are apart from them in all supports.
+    """
     columns, numbers = [], []
     for number in np.unique(motions.assembly):
         of = motions.assembly == number
         own = motions.free[:, of]
-        strained = own.reshape(motions.pieces.count, motions.each, -1)[:, [0, 2]].reshape(-1, own.shape[1])
-        _, sizes, ways = np.linalg.svd(strained)
-        kept = ways[np.count_nonzero(sizes > _HELD) :].T
-        ways = own @ kept
-        columns.append(ways * np.sign(ways.reshape(motions.pieces.count, motions.each, -1)[:, 1].sum(axis=0)))
-        numbers.append(np.full(kept.shape[1], number))
+        for allowed in _around_the_axis(motions):
+            rows = own.reshape(motions.pieces.count, motions.each, -1)
+            along = np.einsum("pm,pmk->pk", allowed, rows)
+            strained = (rows - allowed[:, :, None] * along[:, None]).reshape(-1, own.shape[1])
+            _, sizes, ways = np.linalg.svd(strained)
+            kept = ways[np.count_nonzero(sizes > _HELD) :].T
+            columns.append(own @ kept * np.sign((along @ kept).sum(axis=0)))
+            numbers.append(np.full(kept.shape[1], number))
     none = motions.free[:, :0]
     return replace(
         motions,

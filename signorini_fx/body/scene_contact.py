@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -38,9 +39,24 @@ def foundations_of(
             found.append(Pair(on, masters[place], friction=friction, bilateral=bilateral, bonded=bonded, **choice))
             continue
         gap, shape, bonded = _evaluable(effect.gap), effect.surface, isinstance(effect, BondedContact)
-        around = _circumference if scene.axisymmetric else None
-        found.append(Foundation(on, gap, effect.direction, friction, bilateral, around, shape, bonded))
+        around, direction = _circumference if scene.axisymmetric else None, effect.direction
+        if scene.torsion:
+            direction = None if direction is None else (*direction, 0.0)
+            shape = None if shape is None else _OfRevolution(shape)
+        found.append(Foundation(on, gap, direction, friction, bilateral, around, shape, bonded))
     return found
+
+
+@dataclass(frozen=True)
+class _OfRevolution:
+    """A shape of the plane for points of a section in space, whose displacements have three components."""
+
+    shape: Any
+
+    def distance(self, x: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """See ``scene.rigid_shape.Shape``."""
+        away, normal = self.shape.distance(np.ascontiguousarray(x[:, :2]))
+        return away, np.pad(normal, ((0, 0), (0, 1)))
 
 
 def _circumference(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

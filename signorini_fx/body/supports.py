@@ -49,15 +49,16 @@ def dirichlet_conditions(
                 support = fem.dirichletbc(function, pair, subspace)
             supports.append((effect, support))
     if scene.axisymmetric:
-        subspace = space.sub(0)
         nodes = np.flatnonzero(on_axis(node_positions(space), tagged))
-        dofs = (space.mesh.geometry.dim * nodes).astype(np.int32)
-        supports.append((AXIS, fem.dirichletbc(default_scalar_type(0.0), dofs, subspace)))
+        for component in (0, 2) if scene.torsion else (0,):
+            dofs = (space.mesh.geometry.dim * nodes + component).astype(np.int32)
+            support = fem.dirichletbc(default_scalar_type(0.0), dofs, space.sub(component))
+            supports.append((_AXES[scene.torsion], support))
     return supports
 
 
-# What holds the nodes on the axis of an axisymmetric body.
-AXIS = PrescribedDisplacement(boundary="on the axis", x=0.0)
+# What holds the nodes on the axis of an axisymmetric body, without torsion and with it.
+_AXES = tuple(PrescribedDisplacement(boundary="on the axis", x=0.0, z=z) for z in (None, 0.0))
 
 
 def on_axis(x: npt.NDArray[np.float64], tagged: TaggedMesh) -> npt.NDArray[np.bool_]:
@@ -96,6 +97,12 @@ def components(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -
 
 def flat_normal(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
     """Outward unit normal of a flat boundary, exact where it is along an axis, shape (d,); collective."""
+    normal = _flat_normal(effect, index, tagged)
+    return np.pad(normal, (0, tagged.mesh.geometry.dim - normal.size))
+
+
+def _flat_normal(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
+    """Of cells in their own dimension."""
     mesh = tagged.mesh
     facets = tagged.facets(str(effect.boundary))
     dim = mesh.topology.dim
@@ -164,7 +171,7 @@ def turned_nodes(
         return None
     dim = space.mesh.geometry.dim
     axes = np.full((len(node_positions(space)), dim), -1)
-    position = {id(effect): index for index, effect in enumerate((*scene.displacement, AXIS))}
+    position = {id(effect): index for index, effect in enumerate((*scene.displacement, _AXES[scene.torsion]))}
     for effect, support in supports:
         axes.reshape(-1)[support.dof_indices()[0]] = position[id(effect)]
     turned = TurnedNodes.of(skew, axes)
@@ -204,7 +211,7 @@ def check_overlap(
         if support.at is not None:  # as where a supported side ends at the contact
             continue
         axes = [component for component, _ in components(support, index, tagged)]
-        prescribed = np.eye(tagged.dimension)[axes] if axes else flat_normal(support, index, tagged)[None]
+        prescribed = np.eye(tagged.mesh.geometry.dim)[axes] if axes else flat_normal(support, index, tagged)[None]
         for part, effect in enumerate(scene.contact):
             shared = np.intersect1d(facets[support.boundary], facets[effect.boundary]).size
             total = int(parallel.global_sum(boundary.comm, np.array(shared)))

@@ -185,6 +185,7 @@ def _effects(d: Discretisation) -> list[Effect]:
 
 def _elasticity(d: Discretisation) -> Effect:
     hypothesis = d.scene.material[0].hypothesis if d.tagged.dimension == 2 else "in space"
+    hypothesis += ", torsion" * d.scene.torsion
     return Effect("elasticity", True, f"always; {hypothesis}", ("elasticity",), d.dofs, (1, 1))
 
 
@@ -230,7 +231,7 @@ def _displacements(d: Discretisation) -> list[Effect]:
         if found and found[-1][0] is effect:
             count += found.pop()[1]
         found.append((effect, count))
-    owned = d.fixed.size // d.tagged.dimension
+    owned = d.fixed.size // d.tagged.mesh.geometry.dim
     for skew in () if d.turned is None else d.turned.supports:
         found.append((skew.effect, int(parallel.global_sum(d.comm, np.array(np.count_nonzero(skew.nodes < owned))))))
     if not found:

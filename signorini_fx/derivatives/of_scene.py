@@ -176,6 +176,11 @@ def _check(scene: Scene) -> None:
             "element.volumetric",
             "derivatives are not possible yet with a pressure of its own: leave 'mixed' out",
         ),
+        (
+            scene.torsion,
+            "material.torsion",
+            "derivatives are not possible yet with torsion, but of forms of one's own",
+        ),
         (scene.fluids_enter, "fluid", "derivatives are not possible yet where a fluid enters contact"),
         (scene.tightens_at(0), "preload", "derivatives are not possible yet with a preload by force"),
         (scene.solver.levels > 1, "solver.levels", "derivatives are those of one mesh: leave it out"),

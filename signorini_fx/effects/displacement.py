@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from pydantic import model_validator
 
 from signorini_fx.scene.effect import Array, Coefficients, Contradictions, Load, text
 from signorini_fx.scene.expressions import sample
-from signorini_fx.scene.values import NOT_ZERO, Finite, TimedSampledValue, Vector
+from signorini_fx.scene.values import Direction, TimedSampledValue, Vector
 
 
 class PrescribedDisplacement(Load):
@@ -20,12 +20,13 @@ class PrescribedDisplacement(Load):
         at: the point, which must be a node of the mesh, length.
         x: component along x[0], length.
         y: component along x[1], length.
-        z: component along x[2], length; only in space.
+        z: component along x[2], length; only in space, and around the axis with ``material.torsion``.
         normal: component along the outward normal, length, on a flat boundary (0: symmetry).
         rotation: angle of a small rotation, radians, which is added to the components that it moves: it prescribes
             them, w x (x - c).
         about: a point c of its axis, length; None: the origin.
-        axis: the direction of w, any length; only in space; None: x[2].
+        axis: the direction of w, any length; only in space; None: x[2]; of an axisymmetric body with torsion that of
+            the body, (0, 1).
         factors: one number per load step; None: 1 in every step.
     """
 
@@ -37,7 +38,7 @@ class PrescribedDisplacement(Load):
     normal: TimedSampledValue | None = None
     rotation: TimedSampledValue | None = None
     about: Vector | None = None
-    axis: Annotated[tuple[Finite, Finite, Finite], NOT_ZERO] | None = None
+    axis: Direction | None = None
 
     @model_validator(mode="after")
     def _something(self) -> Self:
@@ -73,10 +74,13 @@ class PrescribedDisplacement(Load):
         """Along x[0], x[1] and x[2]; None where the displacement is free."""
         if self.rotation is None:
             return self.x, self.y, self.z
-        a = np.array(self.axis or (0.0, 0.0, 1.0)) / np.linalg.norm(self.axis or 1.0)
-        centre, rotation = np.zeros(3), self.rotation
+        a, centre, rotation = np.zeros(3), np.zeros(3), self.rotation
+        along = self.axis or (0.0, 0.0, 1.0)
+        a[: len(along)] = np.array(along) / np.linalg.norm(along)
         centre[: len(self.about or ())] = self.about or ()
         across = np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+        if len(along) == 2:  # in a section, where x[2] = 0
+            across[:, 2] = 0.0
 
         def moved(given: Any, row: Array) -> Any:
             if not row.any():
@@ -105,7 +109,7 @@ class PrescribedDisplacement(Load):
 
     def contradictions(self, scene: Any, place: int) -> Contradictions:
         """See ``Effect``."""
-        if scene.axisymmetric and self.rotation is not None:
+        if scene.axisymmetric and not scene.torsion and self.rotation is not None:
             yield ("displacement", place, "rotation"), "is no axisymmetric motion"
         touching = self.at is None and any(contact.boundary == self.boundary for contact in scene.contact)
         if touching and (self.normal is not None or None not in self.components):

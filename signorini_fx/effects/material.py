@@ -32,6 +32,8 @@ class LinearElastic(Effect):
         poisson_grading: likewise, from 0 to 1, by which ``poisson``, the largest, is multiplied.
         hypothesis: plane strain, plane stress, or axisymmetric, if the mesh has two dimensions.  An axisymmetric mesh
             is half of a section: x[0] >= 0 is the radius, x[1] is along the axis, forces are those of a revolution.
+        torsion: whether an axisymmetric body also moves around its axis; the components z are those around it, along
+            x[2], so that an angle about x[1] moves a point by -angle x[0].
         density: mass per volume, which ``gravity`` and ``rotation`` need; None: it is not known.
         expansion: coefficient of thermal expansion, 1 / temperature, which ``temperature`` needs; None: not known.
         region: name of the part of the body that is made of this material; None: all of it.
@@ -43,6 +45,7 @@ class LinearElastic(Effect):
     grading: SampledValue | None = None
     poisson_grading: SampledValue | None = None
     hypothesis: Literal["plane strain", "plane stress", "axisymmetric"] = "plane strain"
+    torsion: bool = False
     density: NonNegative | None = None
     expansion: Finite | None = None
     region: str | None = None
@@ -153,6 +156,10 @@ class LinearElastic(Effect):
             yield ("material", place), "all materials must have the same hypothesis"
         if self.orthotropic is not None:
             yield from _not_orthotropic(scene, place)
+        if place == 0 and scene.torsion:
+            from signorini_fx.scene.torsion import contradictions_of_torsion
+
+            yield from contradictions_of_torsion(scene)
         if scene.element.volumetric == "mixed":
             if not self.poisson > 0:
                 yield ("material", place, "poisson"), "must be above 0 where element.volumetric = 'mixed'"
@@ -232,6 +239,29 @@ def strain(y: Any) -> Any:
     return ufl.sym(ufl.grad(y))
 
 
+def twisted_strain(y: Any, radius: Any, *, inside: bool = True) -> Any:
+    """The strain of an axisymmetric body with torsion, shape (3, 3), for y = (radial, axial, around the axis).
+
+    To ``strain`` and ``hoop_strain`` it adds the shears gamma_02 = r d(y_2 / r)/dr and gamma_12 = dy_2/dx_1.
+
+    Args:
+        y: the displacement.
+        radius: r.
+        inside: whether it is wanted at points off the axis only; on the axis it is the limit, without shear.
+    """
+    import ufl
+
+    around = [-y[2], 0, y[0]]
+    if inside:
+        along = ufl.as_vector(around) / radius
+    else:
+        off = ufl.gt(radius, 0)
+        limits = (-ufl.grad(y)[2, 0], 0, ufl.grad(y)[0, 0])
+        ratios = (one / ufl.conditional(off, radius, 1) for one in around)
+        along = ufl.as_vector([ufl.conditional(off, *pair) for pair in zip(ratios, limits, strict=True)])
+    return ufl.sym(ufl.grad(y) + ufl.outer(along, ufl.unit_vector(2, 3)))
+
+
 def stress(y: Any, lame: Any, mu: Any) -> Any:
     """Stress sigma(y) = lambda tr(epsilon) I + 2 mu epsilon of section 2.1, shape (d, d)."""
     import ufl
@@ -289,10 +319,15 @@ def elastic_forms(
     dx = ufl.dx(metadata={"quadrature_degree": degree})
     if reduced is None and radius is None:
         return (ufl.inner(stress(y, lame, mu), strain(z)) * dx,)
-    shearing, first, second = ufl.inner(strain(y), strain(z)), ufl.tr(strain(y)), ufl.tr(strain(z))
+    own, other = strain(y), strain(z)
+    if radius is not None and len(y) == 3:
+        own, other = twisted_strain(y, radius), twisted_strain(z, radius)
+    shearing, first, second = ufl.inner(own, other), ufl.tr(own), ufl.tr(other)
     around = 1
     if radius is not None:
-        shearing, around = shearing + y[0] / radius * z[0] / radius, 2 * math.pi * radius
+        around = 2 * math.pi * radius
+    if radius is not None and len(y) == 2:
+        shearing += y[0] / radius * z[0] / radius
         first, second = first + y[0] / radius, second + z[0] / radius
     volumetric = lame * first * second
     if reduced is None:

@@ -41,11 +41,16 @@ class Rotation(Force):
         """See ``Effect``."""
         return ("about", "axis")
 
+    def _about(self, dimension: int) -> tuple[float, ...]:
+        """A point of the axis, shape (d,)."""
+        return tuple(self.about or ()) + (0.0,) * (dimension - len(self.about or ()))
+
     def _across(self, dimension: int) -> Array:
         """The projection across the axis, shape (d, d)."""
         if self.axis is None:
             return np.diag([1.0, 1.0, 0.0][:dimension])
-        along = np.array(self.axis) / np.linalg.norm(self.axis)
+        along = np.zeros(dimension)  # a section that is twisted has one component more
+        along[: len(self.axis)] = np.array(self.axis) / np.linalg.norm(self.axis)
         return np.asarray(np.eye(dimension) - np.outer(along, along))
 
     def density(self, on: Coefficients) -> Any:
@@ -53,14 +58,14 @@ class Rotation(Force):
         import ufl
 
         dim = len(on.position)
-        arm = on.position - on.vector(self.about or (0.0,) * dim)
+        arm = on.position - on.vector(self._about(dim))
         across = [on.vector(tuple(map(float, row))) for row in self._across(dim)]
         return on.density * on.value(self.speed) ** 2 * ufl.as_vector([ufl.inner(row, arm) for row in across])
 
     def density_at(self, at: Points) -> Array:
         """See ``Force``."""
         dim = at.position.shape[-1]
-        arm = (at.position - np.array(self.about or (0.0,) * dim)) @ self._across(dim)
+        arm = (at.position - np.array(self._about(dim))) @ self._across(dim)
         return np.asarray((at.density * at.value(self.speed) ** 2)[..., None] * arm)
 
 

@@ -15,7 +15,7 @@ from dolfinx import mesh as dmesh
 from signorini_fx import compat, parallel
 from signorini_fx.body.foundation import Coulomb, Foundation, Pair, Tresca
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.forms.section import is_section
+from signorini_fx.mesh.section import is_section
 from signorini_fx.scene.settings import SolverSettings
 from signorini_fx.scene.values import kind_of
 

@@ -17,7 +17,7 @@ from signorini_fx.body.assembly import facet_nodes
 from signorini_fx.body.element_stress import ElementStress, anisotropic_stress
 from signorini_fx.body.kinematics import KINEMATICS
 from signorini_fx.errors import FormError
-from signorini_fx.forms.section import is_section
+from signorini_fx.mesh.section import is_section
 from signorini_fx.records import Inventory
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.stresses import RawStresses

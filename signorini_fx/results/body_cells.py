@@ -35,7 +35,8 @@ def gather_cells(solution: Solution, fields: Sequence[str] = (), *, recovered: b
     tiles = tiling(len(corners), sampling.pieces(solution))
     inside = tiles.within(*corners[[order[0], order[1], order[-1]]])
     x = sampling.positions(solution, inside, cells).reshape(-1, 2)
-    u = sampling.values_at(solution.displacement, inside, cells).reshape(-1, 2)
+    u = sampling.values_at(solution.displacement, inside, cells)
+    u = u.reshape(-1, u.shape[-1])[:, :2]
 
     mesh.topology.create_connectivity(1, 2)
     entities = facet_entities(mesh, dmesh.exterior_facet_indices(mesh.topology))

@@ -171,7 +171,7 @@ def certify(
     """
     space = displacement.function_space
     forces = NodalForces(scene, tagged, space)
-    every = displacement.x.array.reshape(-1, tagged.dimension)
+    every = displacement.x.array.reshape(-1, tagged.mesh.geometry.dim)
     scales = Scales.of(tagged.dimension, scene.young, tagged.size, axisymmetric=scene.axisymmetric)
     mixed = scene.element.volumetric == "mixed"  # whose forces are not those of a change of volume
     stiffest = replace(scales, modulus=max(one.stiffest(mixed=mixed) for one in scene.material))

@@ -367,12 +367,16 @@ def sides_of(
     def side(place: int, effect: Any) -> ContactSide:
         bonded = isinstance(effect, BondedContact)
 
-        gap = effect.gap_in(x.shape[1])
+        gap = effect.gap_in(tagged.dimension)
 
         def along(nodes: npt.NDArray[Any]) -> Nodal:
-            if effect.surface is not None:
-                return np.asarray(gap.direction(in_space(x[nodes])).T)
-            return np.tile(np.asarray(effect.direction) / np.linalg.norm(effect.direction), (nodes.size, 1))
+            found = np.zeros((nodes.size, x.shape[1]))  # the rest is around the axis
+            found[:, : tagged.dimension] = (
+                np.asarray(effect.direction) / np.linalg.norm(effect.direction)
+                if effect.surface is None
+                else gap.direction(in_space(x[nodes])).T
+            )
+            return found
 
         return ContactSide(
             effect.boundary,

@@ -48,7 +48,7 @@ def size_of_fields(solution: Solution, kind: str) -> float:
     if kind == "vtu":
         return len(solution.shown_steps) * cells * corners * (3 + 3 + 9 + 3 + 1 + 1 + 9 + 1 + 3) * _BYTES_OF_A_NUMBER
     cell = 8 * (corners + 1)
-    continuous = d.dofs // d.tagged.dimension * (2 * 3 * 8 + 9) + cells * cell
+    continuous = d.dofs // d.tagged.mesh.geometry.dim * (2 * 3 * 8 + 9) + cells * cell
     broken = sum(cells * (corners * (3 * 8 + 8 * components + 9) + cell) for components in (9, 3, 1, 1, 9, 1))
     return len(solution.shown_steps) * (continuous + broken) + _BYTES_PER_RANK * solution.comm.size
 

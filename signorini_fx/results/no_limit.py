@@ -270,11 +270,12 @@ def _condition(body: Discretisation, facet: int, normal: Array, corners: Array) 
     contacts = [effect for effect in scene.contact if facet in tagged.facets(effect.boundary)]
     rows: list[Array] = [normal for effect in (*supports, *contacts) if getattr(effect, "normal", 0.0) is not None]
     for effect in supports:
-        rows += [np.eye(dim)[k] for k, value in enumerate(effect.components) if value is not None]
+        rows += [np.eye(dim)[k] for k, value in enumerate(effect.components[:dim]) if value is not None]
     names = tuple(effect.boundary for effect in (*supports, *contacts))
     if body.scene.axisymmetric and on_axis(corners, body.tagged).all():
         rows.append(np.eye(dim)[0])
-    if not rows:
+    still = scene.torsion and any(effect.components[2] is not None for effect in supports)  # around the axis
+    if not rows and not still:
         return "free", ()
-    whole = np.linalg.matrix_rank(np.array(rows), tol=1e-6) == dim
+    whole = still or np.linalg.matrix_rank(np.array(rows), tol=1e-6) == dim
     return "held" if whole or any(effect.friction.acts for effect in contacts) else "guided", names

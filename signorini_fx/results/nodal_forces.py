@@ -57,7 +57,7 @@ class NodalForces(SurfaceQuadrature):
         super().__init__(space)
         self.scene = scene
         self.tagged = tagged
-        owned = int(space.mesh.topology.index_map(self.dimension).size_local)
+        owned = int(space.mesh.topology.index_map(self.across).size_local)
         self._own = np.arange(owned, dtype=np.int32) if cells is None else cells[cells < owned]
 
     def facets(self, boundary: str) -> Indices:
@@ -226,7 +226,7 @@ class NodalForces(SurfaceQuadrature):
         """A value at points, see ``QuadraturePoints``."""
         if isinstance(value, float | Expression):
             at = self.positions(part)
-            return sample(value, in_space(at.reshape(-1, self.dimension))).reshape(at.shape[:2])
+            return sample(value, in_space(at.reshape(-1, self.across))).reshape(at.shape[:2])
         nodes = self._nodes[part.cells]
         x = self.at_nodes[nodes.ravel(), : self.dimension]
         return sample(value, in_space(x)).reshape(nodes.shape) @ part.table.shape.T
@@ -341,6 +341,10 @@ class NodalForces(SurfaceQuadrature):
         law: Callable[[Indices, Array, Array | None], tuple[Array, Array | None]] | None = None,
     ) -> tuple[Array, float]:
         """That of the stress a epsilon + b tr(epsilon) I, or by another ``law``, see ``_stress_work``."""
+        if self.scene.torsion:
+            from signorini_fx.results.twisted_work import twisted_work
+
+            return twisted_work(self, u, degree, (a, b), initial)
         axis_count, energy = self.scene.material[0].directions, 0.0
         points, weight = basix.make_quadrature(self._cell, degree)
         table, total, axes = self._table(points), self._zero(), range(self.dimension)

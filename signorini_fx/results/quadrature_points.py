@@ -35,7 +35,7 @@ class QuadraturePoints:
     @property
     def position(self) -> Array:
         """X, shape (f, q, d)."""
-        return self.forces.positions(self.part)
+        return self._padded(self.forces.positions(self.part))
 
     @property
     def density(self) -> Array:
@@ -64,7 +64,12 @@ class QuadraturePoints:
     @property
     def normal(self) -> Array:
         """Outward unit normal, shape (f, q, d)."""
-        return self.part.moment / self.size[:, :, None]
+        return self._padded(self.part.moment / self.size[:, :, None])
+
+    def _padded(self, vectors: Array) -> Array:
+        """Vectors in a section, with the component out of it."""
+        more = self.forces.dimension - vectors.shape[2]
+        return np.pad(vectors, ((0, 0), (0, 0), (0, more))) if more else vectors
 
     @property
     def displacement(self) -> Array:

@@ -40,7 +40,7 @@ class Resultant:
     """What acts on the body through a boundary, in the plane per unit thickness.
 
     Of an axisymmetric body they are those of a revolution, the first of them the sum of all radial forces, without
-    moments.
+    moments; with torsion the third one is the sum of all forces around the axis, and their moment the torque.
 
     Attributes:
         boundary: its name, or a point such as ``(0, 1)`` with a support; None: the body.
@@ -175,7 +175,7 @@ class Resultants:
     def _x(self) -> Array:
         """Positions of the owned nodes."""
         space = self.displacement.function_space
-        return node_positions(space)[: self._nodal.owned, : self.tagged.dimension]
+        return node_positions(space)[: self._nodal.owned, : self.tagged.mesh.geometry.dim]
 
     @cached_property
     def _supports(self) -> Supports:
@@ -185,7 +185,7 @@ class Resultants:
     def _left(self) -> Array:
         """What the stresses in the body leave to the supports, shape (owned nodes, d)."""
         nodal = self._nodal
-        every = self.displacement.x.array.reshape(-1, self.tagged.dimension)
+        every = self.displacement.x.array.reshape(-1, self.tagged.mesh.geometry.dim)
         left = (
             nodal.internal(self.displacement)
             + nodal.resisted(every)
@@ -226,7 +226,7 @@ class Resultants:
 
     def _of_effects(self, boundary: str | None) -> dict[str, _Forces]:
         """Those of loads and of what resists the displacement, by their kinds; None: in the body."""
-        nodal, every = self._nodal, self.displacement.x.array.reshape(-1, self.tagged.dimension)
+        nodal, every = self._nodal, self.displacement.x.array.reshape(-1, self.tagged.mesh.geometry.dim)
         found: dict[str, _Forces] = {}
         for kind in self.scene.effects.values():
             here = [effect for effect in kind if effect.where == boundary]
@@ -239,13 +239,13 @@ class Resultants:
 
     def _sum(self, boundary: str | None, forces: dict[str, _Forces], about: npt.ArrayLike | None) -> Resultant:
         """The resultant of what acts through a boundary."""
-        dim, comm = self.tagged.dimension, self.tagged.mesh.comm
+        dim, comm = self.tagged.mesh.geometry.dim, self.tagged.mesh.comm
         point = np.zeros(dim) if about is None else np.asarray(about, dtype=np.float64)
         if point.shape != (dim,):
             raise ValueError(f"about: a point with {dim} coordinates is expected, got {about!r}")
         total: Array = np.zeros(KINEMATICS[dim].motions + 2)
         for one in forces.values():
-            turning = moments(one.points - point, one.values).sum(axis=0) * (not self.scene.axisymmetric)
+            turning = moments(one.points - point, one.values).sum(axis=0) * self._turns
             sizes = np.linalg.norm(one.values, axis=1)
             arms = np.linalg.norm(one.points - point, axis=1)
             total += np.concatenate((one.values.sum(axis=0), turning, [sizes.sum(), arms @ sizes]))
@@ -258,6 +258,11 @@ class Resultants:
             acts_at = middle + arm(shifted, force, normal)
         return Resultant(boundary, tuple(forces), force, _plain(moment), point, acts_at, size)
 
+    @property
+    def _turns(self) -> Array | bool:
+        """Which moments do not cancel over a revolution."""
+        return np.array([0.0, 1.0, 0.0]) if self.scene.torsion else not self.scene.axisymmetric
+
     def _place(self, boundary: str) -> tuple[Array, Array | None]:
         """The middle of a boundary, and its normal if it is flat; a point itself."""
         if boundary in self._points:
@@ -266,7 +271,7 @@ class Resultants:
         weights = np.linalg.norm(areas, axis=1)
         sums = np.concatenate((weights @ self._x, areas.sum(axis=0), [weights.sum()]))
         sums = parallel.global_sum(self.tagged.mesh.comm, sums)
-        dim, total = self.tagged.dimension, sums[-1]
+        dim, total = self.tagged.mesh.geometry.dim, sums[-1]
         normal = sums[dim:-1] / total
         return sums[:dim] / total, normal if np.linalg.norm(normal) > 1 - _FLAT else None
 

@@ -43,7 +43,7 @@ def positions(solution: Solution, points: Floats, cells: npt.NDArray[np.int32]) 
     mesh = solution.discretisation.tagged.mesh
     basis = _basis(compat.geometry_element(mesh), points)
     nodes = compat.geometry_cells(mesh)[cells]
-    return np.asarray(np.einsum("pk,ckx->cpx", basis, mesh.geometry.x[nodes][..., : mesh.geometry.dim]))
+    return np.asarray(np.einsum("pk,ckx->cpx", basis, mesh.geometry.x[nodes][..., : mesh.topology.dim]))
 
 
 def values_at(function: fem.Function, points: Floats, cells: npt.NDArray[np.int32]) -> Floats:

@@ -148,7 +148,7 @@ class StressFields:
         comm, space = self.comm, function.function_space
         component = min(component, space.dofmap.bs - 1)
         values = sign * function.x.array.reshape(-1, space.dofmap.bs)[: space.dofmap.index_map.size_local, component]
-        x = node_positions(space)[:, : self.stress.kinematics.dimension]
+        x = node_positions(space)[:, : space.mesh.topology.dim]
         values = np.where(np.isfinite(values), values, -np.inf)
         at = int(values.argmax()) if values.size else 0
         own = float(values[at]) if values.size else -np.inf

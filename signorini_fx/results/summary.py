@@ -17,13 +17,21 @@ from signorini_fx.accuracy import price_list
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.pieces import extent
-from signorini_fx.display import clean, effort_in_words, preload_in_words, results_of, safety_in_words, tool_in_words
+from signorini_fx.display import (
+    clean,
+    effort_in_words,
+    point_in_words,
+    preload_in_words,
+    resultant_in_words,
+    results_of,
+    safety_in_words,
+    tool_in_words,
+)
 from signorini_fx.machine.terminal import Line
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, Record, StepRecord
 from signorini_fx.report.digits import between, estimated_errors, figure, percent
 from signorini_fx.results.certificate import JUDGED
 from signorini_fx.results.solution import Solution, StepResult
-from signorini_fx.units import is_axisymmetric
 
 # Of summary.schema.json: it grows when a key goes or changes its meaning, not when one is added.
 SCHEMA_VERSION = 1
@@ -114,6 +122,7 @@ def _step_summary(result: StepResult, *, figures: bool) -> dict[str, Any]:
             "max_pressure": parallel.global_max(contact.boundary.comm, parallel.local_max(contact.pressure)),
             **_by_axis("mean_tangential_displacement", contact.mean_tangential_displacement),
             "friction_work": contact.friction_work,
+            **({"torque": float(contact.moments[1][1])} if contact.boundary.twisted else {}),
         }
     row |= {"strain_energy": result.strain_energy, "certificate_holds": result.certificate.holds}
     return row if figures else {name: _nothing(name, value) for name, value in row.items()}
@@ -134,8 +143,7 @@ def _by_axis(name: str, value: Any) -> dict[str, float]:
 def _tools(solution: Solution, contact: ContactState) -> list[dict[str, Any]]:
     """A row for each rigid tool; collective."""
     effects, axisymmetric = solution.scene.contact, solution.scene.axisymmetric
-    tools = solution.last_step.tools
-    return [tool.as_dict(contact, effects[tool.part], axisymmetric=axisymmetric) for tool in tools]
+    return [one.as_dict(contact, effects[one.part], axisymmetric=axisymmetric) for one in solution.last_step.tools]
 
 
 def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
@@ -149,7 +157,7 @@ def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
     zones = {
         "contact": table.zones(touching),
         "stick": table.zones(acting & (columns["friction"] == "stick")),
-        "slip": table.zones(acting & np.isin(columns["friction"], ["slip+", "slip-"])),
+        "slip": table.zones(acting & np.isin(columns["friction"], ["slip+", "slip-", "slip"])),
     }
     return {
         "contact_nodes": int(columns["x"].size),
@@ -162,16 +170,17 @@ def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
         "contact_boundaries": [one.as_dict() for one in solution.contact_figures],
         **({"tools": tools} if (tools := _tools(solution, contact)) else {}),
         **({"safety": safety.as_dict()} if (safety := solution.safety) is not None else {}),
-        **({"zones": zones} if contact.boundary.x.shape[1] == 2 else _in_space(contact)),
+        **({"zones": zones} if "s" in columns else {}),
+        **(_in_space(contact) if contact.boundary.x.shape[1] == 3 else {}),
     }
 
 
 def _in_space(contact: ContactState) -> dict[str, Any]:
-    """For a contact surface, instead of zones along a curve: areas, moments, and where the contact force acts."""
+    """For a contact surface: areas, moments, and where the contact force acts, which over a revolution is nowhere."""
     moments = contact.moments
     force = contact.forces[0]
     size = float(force @ force)
-    through = np.cross(force, moments[0]) / size if size > 0 else None
+    through = np.cross(force, moments[0]) / size if size > 0 and not contact.boundary.twisted else None
     return {
         "areas": contact.areas,
         "contact_moment": [float(m) + 0.0 for m in moments[0]],
@@ -346,12 +355,7 @@ def _resultants(summary: dict[str, Any]) -> list[Line]:
     """What acts through the other boundaries, and where; contact too if it has several."""
     several = len(summary.get("contact_boundaries", ())) > 1
     rows = [row for row in summary["resultants"] if row["acts"] != ["contact"] or several]
-    told, nowhere = [], "" if is_axisymmetric(summary.get("scene") or {}) else ", a couple or none"
-    for row in rows[:_MOST_ROWS]:
-        where = f", acts at {_point(row['acts_at'])}" if row["acts_at"] is not None else nowhere
-        force = ", ".join(f"{f:.6g}" for f in row["force"])
-        name = "" if row["boundary"] is None else f"{row['boundary']}: "
-        told.append(f"{name}({force}) by {' and '.join(row['acts'])}{where}")
+    told = [resultant_in_words(row, summary.get("scene") or {}) for row in rows[:_MOST_ROWS]]
     if len(rows) > _MOST_ROWS:
         told.append(f"and {len(rows) - _MOST_ROWS} more in summary.json")
     return _labelled("forces", told)
@@ -380,7 +384,7 @@ def _largest(summary: dict[str, Any]) -> str:
     """The largest von Mises stress, raw and recovered, with the digits that both have; or why it has no limit."""
     stress = summary["stress"]
     raw, recovered, apart = stress["von_mises"], stress["recovered"], between(stress)
-    told = f"{_digits(raw['value'], apart)} at most, at {_point(raw['place'])}"
+    told = f"{_digits(raw['value'], apart)} at most, at {point_in_words(raw['place'])}"
     if recovered is not None and apart is not None:
         told += f"; recovered {_digits(recovered['von_mises']['value'], apart)}"
     if (why := raw.get("no_limit")) is not None:
@@ -391,10 +395,6 @@ def _largest(summary: dict[str, Any]) -> str:
 def _digits(value: float, error: float | None) -> str:
     """A figure rounded to its estimated error; one without an estimate with six digits."""
     return f"{value:.6g}" if error is None else figure(value, error)
-
-
-def _point(place: list[float]) -> str:
-    return "(" + ", ".join(f"{round(x, 9) + 0.0:.6g}" for x in place) + ")"
 
 
 def _touching(nodes: int) -> str:
@@ -447,4 +447,4 @@ def _left(figures: dict[str, Any]) -> str:
 
 
 def _zones(runs: list[list[list[float]]]) -> str:
-    return ", ".join(f"{_point(a)} to {_point(b)}" for a, b in runs)
+    return ", ".join(f"{point_in_words(a)} to {point_in_words(b)}" for a, b in runs)

@@ -79,7 +79,8 @@ class Supports:
                     value[nodes, component] = sign * factor * sample(given, x[nodes].T)
         if scene.axisymmetric:
             middle = np.abs(x[:owned, 0]) <= _SAME * tagged.size
-            fixed[middle, 0], value[middle, 0], by[middle, 0] = True, 0.0, len(scene.displacement)
+            for axis in (0, 2) if scene.torsion else (0,):
+                fixed[middle, axis], value[middle, axis], by[middle, axis] = True, 0.0, len(scene.displacement)
         none = np.zeros(0, dtype=np.int64)
         found: list[tuple[Any, ...]] = [(none, np.zeros((0, shape[1])), np.zeros(0), none)]
         places = np.unique(np.concatenate([none, *(nodes for nodes, *_ in askew)]))

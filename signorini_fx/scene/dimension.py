@@ -12,6 +12,8 @@ from signorini_fx.scene.model import Scene
 
 _PLANE = "the mesh is plane"
 _SPACE = "the mesh is in space"
+# The tables whose component z is around the axis of a body that is twisted, see ``scene.torsion``.
+_AROUND = ("displacement", "traction", "force", "body_force", "springs")
 
 
 def dimension_problems(scene: Scene, dimension: int) -> list[tuple[str, str]]:
@@ -41,17 +43,21 @@ def _everywhere(scene: Scene, dimension: int) -> Iterator[tuple[str, str]]:
             for key, reason in (*effect.foundation.contradictions(dimension), *turning):
                 yield f"contact[{index}].foundation.{key}", reason
         for other in scene.displacement:
-            if other.boundary == effect.boundary and None not in other.components[:dimension]:
+            components = other.components[: 3 if scene.torsion else dimension]
+            if other.boundary == effect.boundary and None not in components:
                 yield "scene", f"boundary {effect.boundary!r} is in contact, and all of its displacement is prescribed"
 
 
 def _in_the_plane(scene: Scene) -> Iterator[tuple[str, str]]:
     for index, effect in enumerate(scene.displacement):
-        if effect.axis is not None:
+        if effect.axis is not None and not scene.torsion:
             yield f"displacement[{index}].axis", f"{_PLANE}: a rotation is about x[2]"
     for path, table in _tables(scene, ""):
         if "z" in table.model_fields_set and getattr(table, "z", None) is not None:
-            yield f"{path}.z", f"{_PLANE}: there is nothing along x[2]"
+            if not scene.torsion:
+                yield f"{path}.z", f"{_PLANE}: there is nothing along x[2]"
+            elif path.partition("[")[0] not in _AROUND:
+                yield f"{path}.z", f"{_PLANE}: nothing of this kind is along x[2]"
         if getattr(table, "up", None) == "z":
             yield f"{path}.up", f"{_PLANE}: there is nothing along x[2]"
         for name in type(table).model_fields:
@@ -65,6 +71,9 @@ def _in_space(scene: Scene) -> Iterator[tuple[str, str]]:
         if "hypothesis" in material.model_fields_set:
             reason = f"{_SPACE}: plane stress and plane strain have no meaning, leave the hypothesis out"
             yield f"material[{index}].hypothesis", reason
+    for index, effect in enumerate(scene.displacement):
+        if effect.axis is not None and len(effect.axis) != 3:
+            yield f"displacement[{index}].axis", f"{_SPACE}: give 3 numbers, not {len(effect.axis)}"
 
 
 def _tables(node: Any, path: str) -> Iterator[tuple[str, BaseModel]]:

@@ -391,6 +391,11 @@ class Scene(Table):
         return any(material.hypothesis == "axisymmetric" for material in self.material)
 
     @property
+    def torsion(self) -> bool:
+        """Whether this body also moves around its axis, see ``scene.torsion``."""
+        return any(material.torsion for material in self.material)
+
+    @property
     def has_friction(self) -> bool:
         """Whether any contact boundary has a friction law that can act; a law with bound or coefficient 0 cannot."""
         return any(effect.friction.acts for effect in self.contact)

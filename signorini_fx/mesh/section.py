@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import basix.ufl
-import numpy as np
+import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.body
+import ufl
 from dolfinx import mesh as dmesh
 
 from signorini_fx import compat
@@ -12,26 +15,24 @@ from signorini_fx import compat
 def section_in_space(mesh: dmesh.Mesh) -> dmesh.Mesh:
     """The same mesh in the plane x[2] = 0 of space, where displacements have three components; collective.
 
-    It is distributed and numbered anew, and has no tags.  In forms of a body of revolution about x[1] whose
-    displacement turns with the section, the gradient of y along x[2] is (-y[2], 0, y[0]) / x[0], and moments of contact
-    about x[1] are torques.
+    It shares the topology, so that its cells and facets have the same numbers, and tags of the one are tags of the
+    other.  In forms of a body of revolution about x[1] whose displacement turns with the section, the gradient of y
+    along x[2] is (-y[2], 0, y[0]) / x[0], and moments of contact about x[1] are torques.
 
     Args:
         mesh: of the plane.
     """
-    geometry, element = mesh.geometry, compat.geometry_element(mesh)
-    nodes, cells = geometry.index_map(), compat.geometry_cells(mesh)
-    own = cells[: mesh.topology.index_map(mesh.topology.dim).size_local]
-    numbers = nodes.local_to_global(own.ravel()).reshape(-1, cells.shape[1])
+    element = compat.geometry_element(mesh)
     place = basix.ufl.element(
         "Lagrange",
         mesh.topology.cell_name(),
         element.degree,
         element.lagrange_variant,
         shape=(3,),
-        dtype=geometry.x.dtype,
+        dtype=mesh.geometry.x.dtype,
     )
-    return dmesh.create_mesh(mesh.comm, cells=numbers, x=np.array(geometry.x[: nodes.size_local]), e=place)
+    made: Any = type(mesh._cpp_object)(mesh.comm, compat.topology(mesh), compat.geometry_in_space(mesh))
+    return dmesh.Mesh(made, ufl.Mesh(place))
 
 
 def is_section(mesh: dmesh.Mesh) -> bool:

@@ -1,0 +1,50 @@
+"""What the torsion of a body of revolution is not possible with.
+
+The displacement of an axisymmetric body with torsion has three components: radial, axial, and around the axis.  They
+are called x, y and z, and z is along x[2], out of the section: what turns by an angle about x[1] moves by -angle x[0]
+along it.  Other programs call such elements generalised axisymmetric, with twist (CGAX in Abaqus).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signorini_fx.scene.effect import Contradictions, SectionJump
+
+
+def contradictions_of_torsion(scene: Any) -> Contradictions:
+    """Why torsion does not go together with other entries of a scene, see ``Effect``."""
+    yet, solver = "is not possible yet where material.torsion is true", scene.solver
+    for place, material in enumerate(scene.material):
+        if material.hypothesis != "axisymmetric":
+            yield ("material", place, "torsion"), 'needs hypothesis = "axisymmetric": other bodies have no axis'
+        if material.torsion != scene.material[0].torsion:
+            yield ("material", place, "torsion"), "must be the same in all materials"
+        if material.orthotropic is not None:
+            yield ("material", place, "orthotropic"), yet
+    for wrong, path, what in (
+        (scene.element.volumetric == "mixed", ("element", "volumetric"), f"'mixed' {yet}"),
+        (solver.linear_algebra == "krylov", ("solver", "linear_algebra"), f"'krylov' {yet}"),
+        (solver.levels > 1, ("solver", "levels"), f"a sequence of meshes {yet}"),
+        (solver.error_bound, ("solver", "error_bound"), yet),
+        (scene.accuracy is not None, ("accuracy",), yet),
+        (bool(scene.of(SectionJump)), ("preload",), yet),
+    ):
+        if wrong:
+            yield path, what
+    for place, contact in enumerate(scene.contact):
+        here = ("contact", place)
+        if contact.against is not None:
+            yield (*here, "against"), f"contact of two bodies {yet}"
+        if contact.tool is not None or contact.moves:
+            yield (*here, "foundation"), f"a foundation that moves {yet}: move or turn the body"
+        if contact.friction.ratio is not None:
+            yield (*here, "friction", "ratio"), yet
+    for place, effect in enumerate(scene.displacement):
+        if effect.rotation is None:
+            continue
+        if effect.axis is None or len(effect.axis) != 2 or effect.axis[0] != 0 or (effect.about or (0.0,))[0] != 0:
+            yield ("displacement", place, "axis"), "must be that of the body: axis = [0.0, 1.0]"
+    for place, fluid in enumerate(scene.fluids):
+        if fluid.up is None:
+            yield ("fluid", place, "up"), "say along which axis it rises where the body is twisted: up = 'y'"
