@@ -2592,6 +2592,13 @@ MUTANTS = (
         tests=("parts_on_ranks::test_error_estimate",),
     ),
     Mutant(
+        "accuracy/level_results",
+        "        _make_ready(newton)",
+        "        pass",
+        "restart: the regularisation error of a mesh that is not solved again is that of no matrix",
+        tests=("restart::test_meshes",),
+    ),
+    Mutant(
         "body/mixed",
         "self.own.dofmap.list * self.materials + self.part[:, None]",
         "self.own.dofmap.list * self.materials",

@@ -457,9 +457,10 @@ def test_load_steps_on_several_meshes(tmp_path):
 
 
 @pytest.mark.mpi
-def test_meshes(tmp_path):
-    """Of a nested iteration the complete meshes are kept, and the price list has a row for each of them."""
-    folder, given = shared(tmp_path), scene(NESTED)
+@pytest.mark.parametrize("method", ["fp", "newton", "krylov"])
+def test_meshes(tmp_path, method):
+    """Of a nested iteration the complete meshes are kept, and the price list has a row with all errors for each."""
+    folder, given = shared(tmp_path), scene(NESTED, **METHODS[method])
     interrupted(given, MPI.COMM_WORLD, folder, 2)
     solution = solve(given, checkpoint=folder, restart=True)
     assert solution.history.events[0] == f"restart: 2 complete meshes in {folder / CHECKPOINT}"
@@ -470,6 +471,7 @@ def test_meshes(tmp_path):
         assert ours.dofs == theirs.dofs
         assert ours.linear_solves == theirs.linear_solves
         assert ours.energy == pytest.approx(theirs.energy, rel=1e-6)
+        assert ours.regularisation == pytest.approx(theirs.regularisation, rel=1e-3)
 
 
 @pytest.mark.parametrize("text", [PUSHED, NESTED])

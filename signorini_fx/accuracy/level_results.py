@@ -11,11 +11,14 @@ from signorini_fx import parallel
 from signorini_fx.accuracy.error_estimates import Errors
 from signorini_fx.accuracy.mesh_level import LevelResult
 from signorini_fx.algorithms.path_following import path_model
+from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.algorithms.task import Outcome, Task
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.elastic import ElasticBody
+from signorini_fx.linalg import callbacks, options
 from signorini_fx.linalg.choice import krylov_from
+from signorini_fx.problem.regularised import RegularisedProblem
 from signorini_fx.records import IterationRecord
 
 
@@ -23,6 +26,18 @@ def compliance_of(outcome: Outcome, comm: MPI.Comm) -> float:
     """1 / gamma_1 of the regularisation; 0 where multipliers of an augmentation shift the pressure; collective."""
     data = outcome.problem.data
     return 0.0 if parallel.any_rank(comm, bool(data.lambda_hat.any())) else 1 / data.gamma_n
+
+
+def _make_ready(newton: SemismoothNewton) -> None:
+    """Factorise the matrix of an iterate from a checkpoint, with which nothing has been solved; collective."""
+    problem, jacobian = newton.problem, newton.snes.getJacobian()[0]
+    assert isinstance(problem, RegularisedProblem)
+    if jacobian.handle not in problem.tangent.factorised:
+        newton.pose(problem.data, problem.sets)
+        problem.assemble_jacobian(newton.snes, newton.x, jacobian)
+        problem.factorised(jacobian)
+        with options.defaults(problem.system.solver_defaults):
+            callbacks.solve(newton.snes.getKSP().setUp)
 
 
 def level_result(
@@ -56,7 +71,9 @@ def level_result(
     regularisation = pressure_regularisation = 0.0
     if compliance_of(outcome, body.comm) > 0 and size > 0:
         iterate = task.iterate
-        model = path_model(iterate.unsymmetric_newton if data.coupling is not None else iterate.newton, data)
+        newton = iterate.unsymmetric_newton if data.coupling is not None else iterate.newton
+        _make_ready(newton)
+        model = path_model(newton, data)
         pressure = contacts[-1].points.norm(contacts[-1].pressure)
         regularisation = model.distance / size
         pressure_regularisation = model.pressure_distance / pressure if pressure > 0 else 0.0
