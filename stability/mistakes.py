@@ -2981,6 +2981,13 @@ MUTANTS = (
         tests=("estimates::test_a_pressure_of_bending",),
     ),
     Mutant(
+        "solving/to_accuracy",
+        'goal.of not in LOCAL or goal.of == "pressure"',
+        "goal.of not in LOCAL",
+        "requested pressure: the next mesh is nearly the same, so that their difference is extrapolated",
+        tests=("accuracy::test_arcs_get_degree_2",),
+    ),
+    Mutant(
         "accuracy/force_error",
         "change * share / (1 - share)",
         "change * share",

@@ -170,7 +170,8 @@ def solve_to_accuracy(
         allowed = goal.target * (1 - REGULARISATION_SHARE)
         if not enough or error > allowed:
             excess = error / (goal.target - min(left, goal.target - allowed))
-            compared, rate = goal.of not in LOCAL, rates.get(goal.of) or _seen_rate(levels)
+            # That of the pressure is corrected by its change from mesh to mesh, which is extrapolated.
+            compared, rate = goal.of not in LOCAL or goal.of == "pressure", rates.get(goal.of) or _seen_rate(levels)
             jump = meshes.jump(excess, rate, compared=compared, dimension=level.dimension)
             if enough:
                 beyond = _beyond(goal, comm, rows, base_memory, begin, jump, level)
