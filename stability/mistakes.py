@@ -243,10 +243,17 @@ MUTANTS = (
     ),
     Mutant(
         "forms/gradient",
-        "later and owes",
+        "later and parallel.global_sum(solved.body.comm, np.sum(owed)) > _NOTHING * abs(value)",
         "False",
         "derivatives after advance: without what the step before has left",
         tests=("derivatives::test_after_advance",),
+    ),
+    Mutant(
+        "forms/gradient",
+        "_NOTHING * abs(value)",
+        "0.0",
+        "derivatives after advance: round-off is what the step before has left",
+        tests=("derivatives::test_after_advance_in_space",),
     ),
     Mutant(
         "derivatives/of_scene",

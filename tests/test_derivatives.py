@@ -324,3 +324,59 @@ def test_after_advance():
     assert mean(problem, by).derivatives == pytest.approx(wanted, rel=1e-5)
     with pytest.raises(RuntimeError, match="depends on the slip"):
         mean(history(0.3, 0.29999), by)
+
+
+@pytest.mark.mpi
+def test_after_advance_in_space():
+    """The same block in space: where it slides straight on, the force is that of statics, and the mean displacement
+    follows central differences over both steps.  What depends on the directions of slip owes them to the step before:
+    at an angle a force along one axis, with a Poisson's ratio the mean displacement, but not the force of the load.
+    """
+    mesh = plain_box((2.0, 1.0, 1.0), (3, 2, 2), dmesh.CellType.hexahedron)
+    space = fem.functionspace(mesh, ("Lagrange", 1, (3,)))
+    friction, load, push, cross, nu = (fem.Constant(mesh, value) for value in (0.25, -4.0, 0.0, 0.0, 0.0))
+    y, z, top = ufl.TrialFunction(space), ufl.TestFunction(space), np.sort(side(mesh, 2, 1.0))
+    ds = ufl.Measure("ds", mesh, subdomain_data=dmesh.meshtags(mesh, 2, top, np.ones(top.size, dtype=np.int32)))
+    bcs = [
+        fem.dirichletbc(value, fem.locate_dofs_topological(space.sub(k), 2, top), space.sub(k))
+        for k, value in enumerate((push, cross))
+    ]
+
+    def history(*ways):
+        foundation = Foundation(side(mesh, 2, 0.0), friction=Coulomb(friction))
+        form = hooke(y, z, 1000.0, nu)
+        problem = ContactProblem(form, load * z[2] * ds(1), bcs, contact=[foundation], coulomb="newton")
+        for number, (push.value, cross.value) in enumerate(ways):
+            if number:
+                problem.advance()
+            problem.solve()
+        return problem
+
+    def mean(problem, by):
+        return problem.gradient(problem.u[0] * ufl.dx, by)
+
+    by, straight = [friction, load], [(0.3, 0.0), (0.6, 0.0)]
+    problem = history(*straight)
+    force = problem.gradient("force 0 x", by)
+    assert force.value == pytest.approx(-2.0, rel=1e-9)
+    assert force.derivatives == pytest.approx([-8.0, 0.5], rel=1e-6)
+    found, wanted = mean(problem, by).derivatives, []
+    for constant in by:
+        kept, values = float(constant.value), []
+        for sign in (1, -1):
+            constant.value = kept * (1 + sign * 1e-4)
+            values.append(mean(history(*straight), []).value)
+        constant.value = kept
+        wanted.append((values[0] - values[1]) / (2e-4 * kept))
+    assert found == pytest.approx(wanted, rel=1e-5)
+    at_an_angle, sticking = history((0.3, 0.1), (0.6, 0.2)), history((0.3, 0.0), (0.29999, 0.0))
+    for problem in (at_an_angle, sticking):
+        with pytest.raises(RuntimeError, match="depends on the slip"):
+            problem.gradient("force 0 x", by)
+    nu.value = 0.3
+    problem = history(*straight)
+    across = problem.gradient("force 0 z", by)
+    assert across.value == pytest.approx(8.0, rel=1e-9)
+    assert across.derivatives == pytest.approx([0.0, -2.0], abs=1e-9)
+    with pytest.raises(RuntimeError, match="depends on the slip"):
+        mean(problem, by)

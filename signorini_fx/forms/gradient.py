@@ -14,7 +14,7 @@ from dolfinx import fem
 from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble
 from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.contact.laws import Nodal
+from signorini_fx.contact.laws import Nodal, length
 from signorini_fx.derivatives.gradient import By, Data, Solved, adjoints_of, central, derivatives, explicit
 from signorini_fx.derivatives.quantities import ContactArea, ContactForce, LargestPressure, Quantity
 from signorini_fx.errors import FormError
@@ -23,6 +23,8 @@ from signorini_fx.machine.compilation import compiling
 Array = npt.NDArray[np.float64]
 # Change of a Constant for a difference of residuals, relative to it; of one that is zero, in its unit.
 _STEP = 1e-5
+# What a result owes to where points were before is round-off up to this share of it.
+_NOTHING = 1e-9
 _KNOWN = (
     "a UFL form of u without arguments, 'force NUMBER AXIS' or 'moment NUMBER [AXIS]' of a contact, or "
     "'pressure NUMBER [POWER]' or 'area NUMBER [POWER]'"
@@ -145,9 +147,11 @@ def gradient(
         RuntimeError: the result depends on that step, whose Constants, Functions and conditions are not known any more.
     """
     quantities = [(0, quantity)]
-    adjoints = adjoints_of([solved], quantities)
-    owes = any(one is not None and bool(one.tied[:, 1:].any()) for one in adjoints[0])
-    if parallel.any_rank(solved.body.comm, later and owes):
+    adjoints, state = adjoints_of([solved], quantities), solved.state
+    value = quantity.value(solved.displacement, state.boundary, state.pressure, state.shear)
+    moved = state.points.weight * (length(state.u_t) + length(state.slip_length))
+    owed = [np.sum(moved * length(one.tied[:, 1:])) for one in adjoints[0] if one is not None]
+    if later and parallel.global_sum(solved.body.comm, np.sum(owed)) > _NOTHING * abs(value):
         raise RuntimeError(
             "after advance() the result depends on the slip and the shear of the step before, by points that stick or, "
             "in space, turn, and what that step was solved with is not kept: take a scene with load steps"
@@ -166,6 +170,5 @@ def gradient(
             return lambda k: evaluated
 
         found += derivatives(adjoints, quantities, central(at(step), at(-step), step))
-    state, solves = solved.state, sum(one.solves for one in adjoints[0] if one is not None)
-    value = quantity.value(solved.displacement, state.boundary, state.pressure, state.shear)
+    solves = sum(one.solves for one in adjoints[0] if one is not None)
     return Gradient(value, np.array(found), solved.law.between, solves)
