@@ -299,6 +299,27 @@ MUTANTS = (
         "automatic gamma without its length",
         tests=("invariances",),
     ),
+    Mutant(
+        "effects/material",
+        "[-y[2], 0, y[0]]",
+        "[y[2], 0, y[0]]",
+        "torsion: a rotation about the axis has a shear",
+        tests=("torsion_in_scenes::test_twisted_shaft",),
+    ),
+    Mutant(
+        "body/rigid",
+        "-motions.centre[:, 0] / motions.length",
+        "0.0 * motions.length",
+        "torsion: rotations are about the middle of a piece",
+        tests=("torsion_in_scenes::test_check",),
+    ),
+    Mutant(
+        "body/contact_table",
+        "2 if boundary.averages is None else None",
+        "None",
+        "zones of a body of revolution are cut beside the axis",
+        tests=("torsion_in_scenes::test_results",),
+    ),
     Mutant("body/values", "at < minimum", "at < -np.inf", "negative friction is let in"),
     Mutant(
         "body/foundations",

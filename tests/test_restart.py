@@ -78,6 +78,20 @@ factors = [0.3, 0.6, 0.8, 1.0]
 boundary = "bottom"
 friction = { law = "coulomb", coefficient = 0.3 }
 """
+# A solid body of revolution that is pressed and turned.
+TWISTED = """
+mesh = { generator = "rectangle", parameters = { length = 1.0, nx = 6, ny = 3 } }
+material = { young = 5000.0, poisson = 0.3, hypothesis = "axisymmetric", torsion = true }
+[[displacement]]
+boundary = "top"
+y = -0.01
+rotation = 0.02
+axis = [0.0, 1.0]
+factors = [0.3, 0.6, 0.8, 1.0]
+[[contact]]
+boundary = "bottom"
+friction = { law = "coulomb", coefficient = 0.3 }
+"""
 # It comes to rest by a motion that has a component along the foundation.
 SLANTED = """
 mesh = { generator = "rectangle", parameters = { length = 3.0, nx = 18, ny = 6 } }
@@ -248,10 +262,10 @@ def test_from_the_resting_place(tmp_path, method):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("method", ["fp", "exact", "newton", "fp with an ellipse"])
+@pytest.mark.parametrize("method", ["fp", "exact", "newton", "fp with an ellipse", "fp with torsion"])
 def test_in_space(tmp_path, method):
     """Directions of slip are kept as vectors, which do not depend on the choice of tangents."""
-    text = IN_SPACE
+    text = TWISTED if method.endswith("torsion") else IN_SPACE
     if method.endswith("ellipse"):
         text = text.replace("coefficient = 0.3", "coefficient = 0.3, ratio = 0.4, along = [0.8, 0.6, 0.0]")
     folder, given = shared(tmp_path), scene(text, **METHODS[method.split()[0]])
@@ -359,7 +373,7 @@ def test_nodes_at_the_same_place():
 
 
 @pytest.mark.parametrize("exact", [False, True])
-@pytest.mark.parametrize("text", [PUSHED, IN_SPACE], ids=["plane", "space"])
+@pytest.mark.parametrize("text", [PUSHED, IN_SPACE, TWISTED], ids=["plane", "space", "torsion"])
 def test_all_that_belongs_to_a_load_step(tmp_path, text, exact):
     """Data, sets, iterate and what is known of the outcome come back, each by itself."""
     given, rng = scene(text), np.random.default_rng(0)

@@ -12,6 +12,11 @@ from signorini_fx.body.quadrature import strain_degree
 from signorini_fx.check.checks import check_scene
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
+from signorini_fx.report.page import write_report
+from signorini_fx.report.reading import read_csv
+from signorini_fx.results.body_cells import gather_cells
+from signorini_fx.results.files import write_results
+from signorini_fx.results.summary import render
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 
@@ -266,6 +271,37 @@ def test_check():
     assert "make it slide: the rotation about the axis" in slides
     held = " ".join(one.message for one in check_scene(pressed(section(), [0.9 * LIMIT])).findings)
     assert "friction must" in held
+
+
+def test_results(tmp_path):
+    """Files, page and terminal have the torque, the parts of the shear, and zones up to the axis."""
+    given = scene(
+        section("triangle"),
+        degree=2,
+        poisson=0.3,
+        displacement={"boundary": "top", "y": -0.02, "rotation": 0.02, "axis": [0.0, 1.0], "factors": [0.2, 1.0]},
+        contact={"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": FRICTION}},
+    )
+    solution = solve(given, MPI.COMM_SELF)
+    summary = write_results(solution, tmp_path, fields=False, pictures=False)
+    torque = solution.resultants.of("top").moment[1]
+    assert torque > 0
+    assert summary["friction_moment"] == pytest.approx([0.0, -torque, 0.0], rel=1e-7)
+    assert summary["contact_force_through"] is None
+    assert summary["steps"][-1]["torque"] == pytest.approx(-torque, rel=1e-7)
+    assert f"torque {torque:.6g}, by support" in render(summary)
+    table = read_csv(tmp_path / "contact.csv")
+    assert not {"z", "n_z"} & set(table)
+    assert table["shear"] == pytest.approx(np.sqrt(sum(table[f"shear_{axis}"] ** 2 for axis in "xyz")))
+    assert table["weight"] @ (table["x"] * table["shear_z"]) == pytest.approx(-torque, rel=1e-7)
+    (zone,) = summary["zones"]["contact"]  # the node on the axis has no weight, and is no point
+    assert np.ravel(zone) == pytest.approx([RADIUS / 12, 0.0, RADIUS, 0.0])
+    assert set(table["state"]) <= {"stick", "slip"}
+    body = gather_cells(solution, ["von_mises"])
+    assert body.displacement.shape == body.points.shape
+    page = write_report(tmp_path).read_text(encoding="utf-8")
+    assert "around the axis" in page
+    assert "torque of friction" in page
 
 
 @pytest.mark.parametrize(

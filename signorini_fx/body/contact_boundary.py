@@ -374,13 +374,13 @@ def chains(
     """Connected pieces of the boundary, the order of the nodes along them, and whether each piece is closed.
 
     A piece starts at its end with the smallest coordinates; pieces are ordered by part and start.  So the table does
-    not depend on the numbering of nodes and the number of ranks.
+    not depend on the numbering of nodes and the number of ranks.  Nodes of segments that are no points are left out.
     """
     x = in_line(x)
     row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(zip(*numbers.T, strict=True))}
     neighbours: dict[int, list[int]] = {row: [] for row in range(len(numbers))}
     for part, *nodes in segments:
-        path = [row_of[int(part), int(node)] for node in nodes]
+        path = [row_of[place] for node in nodes if (place := (int(part), int(node))) in row_of]
         for a, b in pairwise(path):
             neighbours[a].append(b)
             neighbours[b].append(a)

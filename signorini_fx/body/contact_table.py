@@ -141,7 +141,8 @@ def contact_table(
     x = rows[:, len(scalars) : len(scalars) + dim]
     segments = parallel.gather_rows(boundary.comm, boundary.segments)
     if dim == 2:
-        pieces, order, closed = chains(numbers, with_points(numbers, segments), x)
+        least = 2 if boundary.averages is None else None  # a node on an axis of revolution has no weight
+        pieces, order, closed = chains(numbers, with_points(numbers, segments, least), x)
         facets = None
     else:
         pieces, order, closed = [], _by_position(numbers[:, 0], x), []
@@ -172,16 +173,19 @@ def contact_table(
     return ContactTable(columns, pieces, numbers[order], facets)
 
 
-def with_points(numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def with_points(
+    numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64], least: int | None = None
+) -> npt.NDArray[np.int64]:
     """The facets of which every node carries a point: between two bodies not all do.
 
     Args:
         numbers: part and global node of each point, shape (n, 2).
         segments: see ``ContactBoundary.segments``.
+        least: how many nodes carry points at least; None: all of them.
     """
     base = int(max(segments[:, 1:].max(initial=0), numbers[:, 1].max(initial=0))) + 1
     there = np.isin(segments[:, :1] * base + segments[:, 1:], numbers[:, 0] * base + numbers[:, 1])
-    return segments[there.all(axis=1)]
+    return segments[there.sum(axis=1) >= (there.shape[1] if least is None else least)]
 
 
 def _rows_of(numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:

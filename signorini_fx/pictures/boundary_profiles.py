@@ -38,6 +38,7 @@ from signorini_fx.pictures.style import (
 from signorini_fx.units import bracketed
 
 SIDES = ("contact", "friction")
+AROUND = {"color": ORANGE, "linewidth": 1.5, "linestyle": (0, (6.0, 1.2, 1.2, 1.2))}
 # Lightness decreases from open to stick, so that the order of the states is visible in a gray print.
 STATES = {
     "open": ("#f0f0f0", "open"),
@@ -66,6 +67,18 @@ class ContactColumns:
     def has_friction(self) -> bool:
         """Whether a friction law acts anywhere on it."""
         return bool(np.any(self.columns["friction"] != "none") or np.any(self.floats("bound") != 0))
+
+    @property
+    def twisted(self) -> bool:
+        """Whether its tangential vectors have a part around the axis of the body, of which it is the section."""
+        return "shear_z" in self.columns and "s" in self.columns
+
+    def along(self, name: str) -> Floats:
+        """A tangential vector along t = (-n_y, n_x); of a body that is twisted its part in the section."""
+        if not self.twisted:
+            return self.floats(name)
+        parts = ((f"{name}_x", -self.floats("n_y")), (f"{name}_y", self.floats("n_x")))
+        return np.asarray(sum(self.floats(part) * axis for part, axis in parts))
 
     @property
     def against(self) -> str:
@@ -196,22 +209,24 @@ def panels_of(boundary: Boundary, side: str) -> list[Panel]:
             ),
         ]
     moves = "relative " if boundary.against else ""
-    shear, bound, motion = (boundary.floats(name) for name in ("shear", "bound", "u_t"))
+    shear, bound, motion = boundary.along("shear"), boundary.floats("bound"), boundary.along("u_t")
     # A bound that is never reached, or that is practically infinite, should not flatten the shear.
     bounds = [
         Curve("friction bound", r"\pm\,\mathfrak{F}\,g", bound, LIMIT),
         Curve("friction bound, other direction", "", -bound, LIMIT),
     ]
+    inside = " in the section" if boundary.twisted else ""
+    shears = [Curve(f"shear stress{inside}", r"\mu", shear, MULTIPLIER)]
+    motions = [Curve(f"{moves}tangential displacement{inside}", r"\tau_T\,\mathbf{y}", motion, MOTION)]
+    if boundary.twisted:
+        shears.append(Curve("around the axis", r"\mu_\theta", boundary.floats("shear_z"), AROUND))
+        motions.append(Curve("around the axis", r"\mathbf{y}_\theta", boundary.floats("u_t_z"), AROUND))
     return [
-        Panel(
-            "stress",
-            [Curve("shear stress", r"\mu", shear, MULTIPLIER), *bounds],
-            10 * largest_of(shear) or math.inf,
-        ),
+        Panel("stress", [*shears, *bounds], 10 * largest_of(*(curve.values for curve in shears)) or math.inf),
         Panel(
             "length",
-            [Curve(f"{moves}tangential displacement", r"\tau_T\,\mathbf{y}", motion, MOTION)],
-            least=1e-4 * largest_of(motion, boundary.floats("u_n")),
+            motions,
+            least=1e-4 * largest_of(*(curve.values for curve in motions), boundary.floats("u_n")),
         ),
     ]
 
@@ -227,10 +242,10 @@ def boundary_profiles(
     """Draw the curves along the contact boundary, one block per boundary.
 
     Left: contact pressure lambda, and below it the normal displacement and the rigid foundation, or how far the other
-    body is.  Right: shear stress mu with its bounds, and below it the tangential displacement.  Stresses and lengths
-    have axes of their own.  Foundation and bounds are cut off where they lie far beyond the other curves.  The strip
-    shows the state of the contact.  Without friction there is only the left column.  If little of a boundary is in
-    contact, only the surroundings of that part are drawn, and the coordinate says so.
+    body is.  Right: shear stress mu with its bounds, and below it the tangential displacement; with torsion also around
+    the axis.  Stresses and lengths have axes of their own.  Foundation and bounds are cut off where they lie far beyond
+    the other curves.  The strip shows the state of the contact.  Without friction there is only the left column.  If
+    little of a boundary is in contact, only the surroundings of that part are drawn, and the coordinate says so.
 
     Args:
         path_stem: where to write, without suffix.

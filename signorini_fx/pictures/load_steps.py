@@ -15,7 +15,14 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from signorini_fx.csv_text import Table
-from signorini_fx.pictures.boundary_profiles import Boundary, boundaries_of, finish_panel, state_patches, state_strip
+from signorini_fx.pictures.boundary_profiles import (
+    AROUND,
+    Boundary,
+    boundaries_of,
+    finish_panel,
+    state_patches,
+    state_strip,
+)
 from signorini_fx.pictures.style import (
     LIMIT,
     MOTION,
@@ -36,7 +43,8 @@ from signorini_fx.records import Status
 
 
 def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] = SCREEN) -> None:
-    """Draw the forces of the foundation on the body step by step, and the friction force against the motion.
+    """Draw the forces of the foundation on the body step by step, and the friction force against the motion; of a body
+    that is twisted the torque of friction.
 
     Args:
         path_stem: where to write, without suffix.
@@ -47,15 +55,16 @@ def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] =
     if solved.any():  # the figures of a step without a solution mean nothing
         steps = {name: np.asarray(column)[solved] for name, column in steps.items()}
     times = np.asarray(steps["time"], dtype=np.float64)
-    in_space = "contact_force_z" in steps
-    count = 3 if in_space else 2
-    names = [f"{kind}_{axis}" for kind in ("contact_force", "friction_force") for axis in "xyz"[:count]]
+    twisted, in_space = "torque" in steps, "contact_force_z" in steps
+    shown = "y" if twisted else "xyz" if in_space else "xy"  # over a revolution the others cancel
+    count = len(shown)
+    names = [f"{kind}_{axis}" for kind in ("contact_force", "friction_force") for axis in shown]
     forces = {name: np.asarray(steps[name], dtype=np.float64) for name in names}
     scale = largest_of(*forces.values())
     power = decimal_power(scale)
-    pressing = [MULTIPLIER, MULTIPLIER | {"color": MUTED}]
-    rubbing = [MOTION, MOTION | {"color": ORANGE}]
-    if in_space:  # most foundations are below, and push upwards
+    pressing = [MULTIPLIER, MULTIPLIER | {"color": MUTED}][:count]
+    rubbing = [MOTION, MOTION | {"color": ORANGE}][:count]
+    if in_space and not twisted:  # most foundations are below, and push upwards
         pressing = [MULTIPLIER | {"linewidth": 0.7}, *pressing[::-1]]
         rubbing = [*rubbing, MOTION | {"linestyle": LIMIT["linestyle"]}]
     friction = max(names[count:], key=lambda name: largest_of(forces[name]))
@@ -63,6 +72,11 @@ def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] =
     if in_space:  # the motion is a vector: its component along the force that is drawn against it
         measure, motion_name = "force", f"{motion_name}{friction[-2:]}"
         which = f" {friction[-1]}"
+    drawn, kind = friction.replace("_", " "), "force"
+    resisting = forces[friction]
+    if twisted:
+        drawn, kind, motion_name, which = "torque", "moment", "mean_tangential_displacement_z", " around the axis"
+        resisting = np.asarray(steps["torque"], dtype=np.float64)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(4.4, 4.6), layout="constrained")
         upper, lower = figure.subplots(2, 1)
@@ -73,11 +87,11 @@ def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] =
         upper.set(xlabel="time", ylabel=f"{measure}{unit_of(power, 'force')}")
         motion = np.asarray(steps[motion_name], dtype=np.float64)
         out = decimal_power(largest_of(motion))
-        power = decimal_power(largest_of(forces[friction]))
-        lower.plot(motion * 10.0**out, forces[friction] * 10.0**power, marker="o", markersize=2.5, **MULTIPLIER)
+        power = decimal_power(largest_of(resisting))
+        lower.plot(motion * 10.0**out, resisting * 10.0**power, marker="o", markersize=2.5, **MULTIPLIER)
         lower.set(
             xlabel=f"mean tangential displacement{which}{unit_of(out, 'length')}",
-            ylabel=f"{friction.replace('_', ' ')}{unit_of(power, 'force')}",
+            ylabel=f"{drawn}{unit_of(power, kind)}",
         )
         lower.locator_params(axis="x", nbins=6)
         lay_out(figure)  # for the width of the names
@@ -181,6 +195,10 @@ def _stress_panel(axes: Axes, boundary: Boundary, power: int, name: str) -> None
         boundary.draw(axes, bound, **LIMIT, label=r"friction bounds $\pm\,\mathfrak{F}\,g$")
         boundary.draw(axes, -bound, **LIMIT)
         boundary.draw(axes, shear, **MOTION, label=r"shear stress $\mu$")
+        if boundary.twisted:
+            boundary.draw(
+                axes, boundary.floats("shear_z") * 10.0**power, **AROUND, label=r"around the axis $\mu_\theta$"
+            )
     boundary.draw(axes, pressure, **MULTIPLIER, label=r"contact pressure $\lambda$")
     finish_panel(axes, boundary, name, [pressure, shear], math.inf)
     axes.set_ylabel(f"stress{unit_of(power, 'stress')}")

@@ -84,7 +84,8 @@ class ResultPictures:
 
         title = plain(self.title)
         if self.history:
-            iteration_history(folder / "history", self.history, dimension=self.dimension, suffixes=self.suffixes)
+            dimension = 3 if contact is not None and "shear_z" in contact else 2  # slip has a sign, or a direction
+            iteration_history(folder / "history", self.history, dimension=dimension, suffixes=self.suffixes)
         if self.prices:
             errors_and_costs(folder / "price_list", self.prices, title=title, suffixes=self.suffixes)
         if contact is not None and steps is not None:

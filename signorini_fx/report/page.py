@@ -73,7 +73,7 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     found["Certificate"] = evidence.certificate(summary)
     if contact:
         columns = folder.columns("history.csv", summary["linear_solves"])
-        found["Iteration"] = evidence.history(summary, folder, columns, dimension=3 if solid else 2)
+        found["Iteration"] = evidence.history(summary, folder, columns, dimension=3 if "shear_z" in contact else 2)
     found["Scene and effects"] = evidence.scene(summary)
     found["Made with"] = evidence.made_with(summary)
     title = summary["title"] or name

@@ -159,6 +159,8 @@ def profiles(contact: dict[str, Any]) -> Markup:
         for side, caption in sides.items()
     ]
     signs = "Normal displacement above the foundation is penetration; shear has the sign of the slip."
+    if "shear_z" in contact:
+        signs += " Friction acts along the section and around the axis: both parts together are bounded."
     apart = contact["state"] == "open"
     if np.any(np.abs(contact["shear"][apart]) > 1e-9 * np.abs(contact["shear"]).max(initial=0.0)):
         signs += " Tresca friction acts where nothing is in contact too, as its bound does not depend on the pressure."
@@ -239,9 +241,10 @@ def steps(folder: ResultFiles, steps: dict[str, Any]) -> Markup:
         caption = "The deformed body, load step by load step; magnification and colours stay the same."
         parts.append(picture(body, "gif", caption, caption, "moving"))
     if "contact_force_x" in steps:
-        caption = "Above: forces of the foundation on the body. Below: friction force over displacement."
+        resisting = "torque of friction" if "torque" in steps else "friction force"
+        caption = f"Above: forces of the foundation on the body. Below: {resisting} over displacement."
         pictures = [drawn_by(load_steps, steps, caption=caption)]
-        if "contact_force_z" not in steps and (folder.path / "contact_steps.csv").is_file():
+        if ("contact_force_z" not in steps or "torque" in steps) and (folder.path / "contact_steps.csv").is_file():
             caption = "Pressure, shear and states along the contact boundary, step by step."
             contact = folder.columns("contact_steps.csv")
             pictures.append(drawn_by(step_animation, contact, caption=caption, suffix=".gif", class_="moving"))
