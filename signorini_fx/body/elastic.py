@@ -131,8 +131,8 @@ class ElasticBody:
         """The figures that decide which kind of elastic system it gets."""
         retained, held, paired, across = 0, False, False, int(self.space.mesh.topology.dim)
         if self.boundary is not None and self.at_contact is not None:
-            reached = np.array(np.unique(self.boundary.reached).size)
-            retained = self.dimension * int(parallel.global_sum(self.comm, reached))
+            reached = parallel.gather_rows(self.comm, np.unique(self.boundary.reached))
+            retained = self.dimension * int(np.unique(reached).size)
             everywhere: Any = self.boundary.points.everywhere
             held, paired = self.at_contact.held_by(everywhere, everywhere), self.boundary.paired
         if self.mixed is None:

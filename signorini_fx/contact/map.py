@@ -72,15 +72,16 @@ class ContactMap:
         return ContactMap(self.operator.matMult(change), self.points, fixed, lift, self.paired)
 
     def among(self, unknowns: npt.NDArray[np.signedinteger[Any]], fixed: npt.NDArray[np.bool_]) -> ContactMap:
-        """The map of a system that has some of the unknowns only; one rank.
+        """The map of a system that has some of the unknowns only; collective.
 
         Args:
-            unknowns: their numbers, shape (m,).
+            unknowns: local numbers of those of this rank, shape (m,).
             fixed: which of them are prescribed, shape (m,).
         """
-        every = np.arange(self.points.size * self.points.dimension)
+        every = np.arange(*self.operator.getOwnershipRange())
         sets = [
-            PETSc.IS().createGeneral(some.astype(PETSc.IntType), comm=self.operator.comm) for some in (every, unknowns)
+            PETSc.IS().createGeneral(some.astype(PETSc.IntType), comm=self.operator.comm)
+            for some in (every, self.operator.getOwnershipRangeColumn()[0] + unknowns)
         ]
         lift = None if self.lift is None else self.lift.createSubMatrix(*sets[::-1])
         return ContactMap(self.operator.createSubMatrix(*sets), self.points, fixed, lift, self.paired)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from signorini_fx import parallel
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.linalg.elasticity import LoadCase
 
@@ -106,3 +107,22 @@ class ElasticSystem(Protocol):
 def finite(values: PETSc.Mat | PETSc.Vec) -> bool:
     """Whether all entries are finite; collective."""
     return bool(np.isfinite(values.norm(PETSc.NormType.NORM_INFINITY)))
+
+
+def keep_diagonal(matrix: PETSc.Mat, rows: npt.NDArray[np.int64], diagonal: float) -> None:
+    """Make rows and columns those of a diagonal matrix; collective.
+
+    Args:
+        matrix: sparse or dense.
+        rows: those of this rank, local numbers.
+        diagonal: their entry on the diagonal.
+    """
+    first = matrix.getOwnershipRange()[0]
+    if matrix.getType() != PETSc.Mat.Type.MPIDENSE:  # where PETSc has no such function
+        matrix.zeroRowsColumns((first + rows).astype(PETSc.IntType), diag=diagonal)
+        return
+    entries, numbers = matrix.getDenseArray(), np.asarray(first + rows, dtype=np.int64)
+    entries[:, parallel.gather_rows(matrix.comm.tompi4py(), numbers)] = 0.0
+    entries[rows] = 0.0
+    entries[rows, numbers] = diagonal
+    matrix.assemble()

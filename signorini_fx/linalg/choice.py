@@ -81,7 +81,7 @@ def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:
         return "full", "the contact does not reach every piece of the body that supports do not hold"
     if size.enclosed:
         return "full", "contact and supports enclose the incompressible body"
-    if requested == "condensed" and size.retained and size.comm.size == 1 and has_package("mumps"):
+    if requested == "condensed" and size.retained and against_ranks(size) is None and has_package("mumps"):
         return "condensed", "as asked for"
     if not can_factorise(size.comm):
         return "krylov", "PETSc has no factorisation for more than one rank"
@@ -131,8 +131,8 @@ def against_condensing(size: SystemSize) -> str | None:
     retained = size.retained
     if retained == 0:
         return "there is no contact"
-    if size.comm.size > 1:
-        return "more than one rank"
+    if (ranks := against_ranks(size)) is not None:
+        return ranks
     if not has_package("mumps"):
         return "PETSc has no MUMPS"
     if options.user_sets("pc_") or options.user_sets("ksp_") or options.user_sets("mat_"):
@@ -140,6 +140,20 @@ def against_condensing(size: SystemSize) -> str | None:
     if size.unknowns < FEWEST_CONDENSED_UNKNOWNS:
         return f"only {size.unknowns} unknowns"
     factor, exponent = SPARSE_OPERATIONS[size.dimension]
-    if retained**3 / 3 > factor * size.unknowns**exponent or retained > MOST_CONDENSED_UNKNOWNS[size.dimension]:
-        return f"{retained} of {size.unknowns} unknowns are on the contact boundary, too many for a dense matrix"
+    border = round((size.comm.size - 1) * math.sqrt(2 * size.unknowns))  # straight cuts through a square
+    if (retained + border) ** 3 / 3 > factor * size.unknowns**exponent or retained > MOST_CONDENSED_UNKNOWNS[
+        size.dimension
+    ]:
+        between = f" and about {border} between ranks" if border else ""
+        where = f"are on the contact boundary{between}, too many for a dense matrix"
+        return f"{retained} of {size.unknowns} unknowns {where}"
     return None
+
+
+def against_ranks(size: SystemSize) -> str | None:
+    """Why several ranks cannot condense the system; None: they can, or there is one."""
+    if size.comm.size == 1:
+        return None
+    if size.dimension > 2:  # what is between ranks is a surface
+        return "more than one rank in space"
+    return None if size.definite else "more than one rank, and an indefinite matrix"

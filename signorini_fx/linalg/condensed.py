@@ -1,12 +1,16 @@
-"""The elastic system condensed onto the contact nodes: a small dense Schur complement, one rank.
+"""The elastic system condensed onto the contact nodes: a small dense Schur complement.
 
 The elastic operator never changes, and the nonlinearity is confined to the contact boundary.  So the interior is
 eliminated once; all Newton steps of all outer iterations, load steps and values of gamma use the dense matrix, and the
 interior is recovered at the end with the same factor.  The interior matrix is regular for a floating body too.
+
+Several ranks eliminate what is their own, see ``substructures``.  Each has the rows of the dense matrix whose unknowns
+it owns, as contact points are where their unknowns are; what is dense is so small that every rank does all of it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 
@@ -15,16 +19,18 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from signorini_fx import parallel
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.motions import RigidLoad
 from signorini_fx.linalg.elasticity import Elasticity, LoadCase
 from signorini_fx.linalg.relative import RelativeUnknowns
 from signorini_fx.linalg.schur import SchurComplement
+from signorini_fx.linalg.substructures import Substructures
 
 
 @dataclass
 class DenseSystem:
-    """See ``ElasticSystem``: a dense matrix with one load, which stays as it is; one rank."""
+    """See ``ElasticSystem``: a dense matrix with one load, which stays as it is."""
 
     definite = True  # also where the matrix of all unknowns is not
     comm: MPI.Comm
@@ -46,9 +52,10 @@ class DenseSystem:
         return False
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
-        """A dense factorisation by LAPACK."""
+        """A dense factorisation by LAPACK, on every rank."""
         ksp.setType(PETSc.KSP.Type.PREONLY)
-        ksp.getPC().setType(PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU)
+        alone = PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU
+        ksp.getPC().setType(alone if self.comm.size == 1 else PETSc.PC.Type.REDUNDANT)
 
     def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
         """None: it is the default."""
@@ -83,7 +90,7 @@ class CondensedSystem(DenseSystem):
 
     elasticity: Elasticity
     cases: list[_CondensedCase]
-    schur: SchurComplement
+    schur: SchurComplement | Substructures
     relative: RelativeUnknowns | None
     factors: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
@@ -95,21 +102,37 @@ class CondensedSystem(DenseSystem):
             PETSc.Error: PETSc has no MUMPS, or the factorisation broke down.
         """
         e = elasticity
-        retained = np.unique(e.contact.operator.getValuesCSR()[1]).astype(np.int32)
+        first, last = e.matrix.getOwnershipRange()
+        touched = np.unique(parallel.gather_rows(e.comm, np.unique(e.contact.operator.getValuesCSR()[1])))
+        retained = touched[(first <= touched) & (touched < last)] - first
         loads = [case.load.getArray(readonly=True) for case in e.cases]
-        schur = SchurComplement(e.matrix, retained, loads, definite=e.definite)
+        schur = _without_interior(e.matrix, retained, loads, definite=e.definite)
         contact = e.contact.among(retained, e.fixed[retained])
         dense, relative = schur.dense, RelativeUnknowns.of(schur.dense, contact)
         if relative is not None:
             dense, contact = relative.matrix, relative.contact
-        matrix = PETSc.Mat().createDense(dense.shape, array=dense.T, comm=e.comm)
-        matrix.assemble()
+        matrix = dense_matrix(e.comm, dense, contact.fixed.size)
         load, start = matrix.createVecRight(), matrix.createVecRight()
-        cases = [_CondensedCase.of(*case, schur, relative) for case in zip(e.cases, schur.loads, strict=True)]
-        fixed, none = contact.fixed, np.zeros(e.free)
-        system = cls(e.comm, matrix, load, start, none, fixed, contact, e, cases, schur, relative)
-        system.set_load(np.ones(len(cases)))
+        none = np.zeros(e.free)
+        system = cls(e.comm, matrix, load, start, none, contact.fixed, contact, e, [], schur, relative)
+        system.cases = [system._condensed(*case) for case in zip(e.cases, schur.loads, strict=True)]
+        system.set_load(np.ones(len(e.cases)))
         return system
+
+    @property
+    def entries(self) -> npt.NDArray[np.float64]:
+        """The matrix, the same on all ranks."""
+        return self.schur.dense if self.relative is None else self.relative.matrix
+
+    def _condensed(self, case: LoadCase, load: npt.NDArray[np.float64]) -> _CondensedCase:
+        """A load case and its condensed load of all ranks; collective."""
+        start = np.array(case.start.getArray(readonly=True)[self.schur.retained])
+        here = slice(*self.matrix.getOwnershipRange())
+        if self.relative is None:
+            return _CondensedCase(case, load[here], start, np.empty(0))
+        start = parallel.gather_rows(self.comm, start)
+        load, inner = self.relative.load(load, start)
+        return _CondensedCase(case, load[here], self.relative.unknowns(start)[here], inner)
 
     def set_load(self, factors: npt.NDArray[np.float64]) -> None:
         """The condensed loads and the prescribed displacements times their factors."""
@@ -121,20 +144,24 @@ class CondensedSystem(DenseSystem):
 
     def set_case(self, number: int, case: LoadCase) -> None:
         """Condense another right-hand side: one back substitution."""
-        self.cases[number] = _CondensedCase.of(case, self.schur.condense(case.load), self.schur, self.relative)
+        self.cases[number] = self._condensed(case, self.schur.condense(case.load))
 
     def with_load(self, load: PETSc.Vec) -> CondensedSystem:
         """The same with this load alone, condensed: one back substitution."""
         other, case = copy(self), LoadCase(load, load.duplicate(), RigidLoad.of(load, []))
-        other.cases = [_CondensedCase.of(case, self.schur.condense(load), self.schur, self.relative)]
-        other.factors, other.load = np.ones(1), PETSc.Vec().createWithArray(other.cases[0].load.copy(), comm=self.comm)
+        other.cases = [self._condensed(case, self.schur.condense(load))]
+        other.factors, other.load = np.ones(1), self.load.duplicate()
+        other.load.getArray()[:] = other.cases[0].load
         return other
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """The interior recovered: x_i = A_ii^-1 (b_i - A_ic x_c)."""
         retained, values = self.schur.retained, np.asarray(x.getArray(readonly=True))
         if self.relative is not None:
+            values = parallel.gather_rows(self.comm, values)
             values = self.relative.displacement(values, self.factors @ [case.inner for case in self.cases])
+            before = parallel.rows_before(self.comm, retained.size)
+            values = values[before : before + retained.size]
         lifted, right = self.schur.matrix.createVecs()
         lifted.set(0.0)
         lifted.getArray()[retained] = values
@@ -150,14 +177,16 @@ class CondensedSystem(DenseSystem):
     def unknowns(self, displacement: PETSc.Vec) -> PETSc.Vec:
         """Those of the nodes that contact reaches."""
         x, values = self.load.duplicate(), displacement.getArray(readonly=True)[self.schur.retained]
-        x.getArray()[:] = values if self.relative is None else self.relative.unknowns(values)
+        if self.relative is not None:
+            values = self.relative.unknowns(parallel.gather_rows(self.comm, values))[slice(*x.getOwnershipRange())]
+        x.getArray()[:] = values
         return x
 
 
 @dataclass(frozen=True)
 class _CondensedCase:
-    """A load case, and b_c - A_ci A_ii^-1 b_i and the prescribed values of the unknowns that stay; ``inner``: of
-    ``RelativeUnknowns.load``.
+    """A load case, and b_c - A_ci A_ii^-1 b_i and the prescribed values of the unknowns of this rank that stay;
+    ``inner``: of ``RelativeUnknowns.load``.
     """
 
     case: LoadCase
@@ -165,13 +194,30 @@ class _CondensedCase:
     start: npt.NDArray[np.float64]
     inner: npt.NDArray[np.float64]
 
-    @classmethod
-    def of(
-        cls, case: LoadCase, load: npt.NDArray[np.float64], schur: SchurComplement, relative: RelativeUnknowns | None
-    ) -> _CondensedCase:
-        """From the condensed load."""
-        start = np.array(case.start.getArray(readonly=True)[schur.retained])
-        if relative is None:
-            return cls(case, load, start, np.empty(0))
-        load, inner = relative.load(load, start)
-        return cls(case, load, relative.unknowns(start), inner)
+
+def _without_interior(
+    matrix: PETSc.Mat,
+    retained: npt.NDArray[np.int64],
+    loads: Sequence[npt.NDArray[np.float64]],
+    *,
+    definite: bool,
+) -> SchurComplement | Substructures:
+    """On one rank or on several; arguments as for both."""
+    if matrix.comm.size == 1:
+        return SchurComplement(matrix, retained.astype(np.int32), loads, definite=definite)
+    return Substructures(matrix, retained, loads)
+
+
+def dense_matrix(comm: MPI.Comm, entries: npt.NDArray[np.float64], own: int) -> PETSc.Mat:
+    """A symmetric dense matrix that every rank has, distributed; collective.
+
+    Args:
+        comm: the ranks.
+        entries: shape (n, n), the same on all ranks.
+        own: number of its rows on this rank.
+    """
+    first = parallel.rows_before(comm, own)
+    columns = np.ascontiguousarray(entries[:, first : first + own])
+    matrix = PETSc.Mat().createDense(((own, None), (own, None)), array=columns.T, comm=comm)
+    matrix.assemble()
+    return matrix

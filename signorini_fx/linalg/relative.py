@@ -17,9 +17,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
+from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.linalg import cholesky, solve_triangular
 
+from signorini_fx import parallel
 from signorini_fx.contact.map import ContactMap
 
 Array = npt.NDArray[np.float64]
@@ -57,19 +59,19 @@ class RelativeUnknowns:
 
     @classmethod
     def of(cls, dense: Array, contact: ContactMap) -> RelativeUnknowns | None:
-        """None: contact is with rigid foundations alone, or a relative displacement has no unknowns of its own.
+        """None: contact is with rigid foundations alone, or a relative displacement has no unknowns of its own;
+        collective.
 
         Args:
-            dense: A, prescribed rows and columns empty but for the diagonal, shape (m, m).
-            contact: B, which reaches all m unknowns; one rank.
+            dense: A, prescribed rows and columns empty but for the diagonal, shape (m, m), the same on all ranks.
+            contact: B, which reaches all m unknowns.
         """
         if contact.lift is None:
             return None
-        operator, lift = (
-            sp.csr_array(one.getValuesCSR()[::-1], shape=one.getSize()) for one in (contact.operator, contact.lift)
-        )
+        comm = contact.points.comm
+        operator, lift = (of_all_ranks(comm, one) for one in (contact.operator, contact.lift))
         lift.eliminate_zeros()
-        points, fixed = np.diff(lift.indptr) > 0, contact.fixed
+        points, fixed = np.diff(lift.indptr) > 0, parallel.gather_rows(comm, contact.fixed)
         # Across a plane of symmetry there is no relative displacement, see ``body.mirrored_points``.
         there = abs(operator).sum(axis=1) > _ROUND_OFF
         moving = abs(lift) @ there > 0
@@ -85,20 +87,16 @@ class RelativeUnknowns:
         reached = points | (np.bincount(left.indices, minlength=points.size) > 0)
         stay, gone = np.flatnonzero(reached), np.flatnonzero(~reached)
         changed = _changed(dense, sp.csr_array(sums @ free)[points][:, ~points], points)
+        held = True
         try:
             factor = cholesky(changed[np.ix_(gone, gone)], lower=True, overwrite_a=True, check_finite=False)
         except np.linalg.LinAlgError:  # to round-off not held, even if both bodies were bonded
+            held = False
+        if parallel.any_rank(comm, not held):
             return None
         between = solve_triangular(factor, changed[np.ix_(gone, stay)], lower=True, check_finite=False)
         matrix = changed[np.ix_(stay, stay)] - between.T @ between
-        rows = sp.csr_array(left[:, stay])
-        csr = (rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data)
-        inside = ContactMap(
-            PETSc.Mat().createAIJ(rows.shape, csr=csr, comm=PETSc.COMM_SELF),
-            contact.points,
-            fixed[stay],
-            paired=contact.paired,
-        )
+        inside = _distributed(sp.csr_array(left[:, stay]), stay, contact, fixed)
         return cls(matrix, inside, stay, gone, points[stay], sums, factor, between, dense, fixed)
 
     def load(self, load: Array, start: Array) -> tuple[Array, Array]:
@@ -118,6 +116,33 @@ class RelativeUnknowns:
     def unknowns(self, x: Array) -> Array:
         """Those that stay from the m unknowns."""
         return np.asarray((x + self.sums @ x)[self.stay])
+
+
+def of_all_ranks(comm: MPI.Comm, matrix: PETSc.Mat) -> sp.csr_array:
+    """A sparse matrix of the size of contact with the rows of all ranks, on every rank; collective."""
+    starts, columns, values = matrix.getValuesCSR()
+    counts, columns, values = (parallel.gather_rows(comm, one) for one in (np.diff(starts), columns, values))
+    return sp.csr_array((values, columns, np.concatenate(([0], np.cumsum(counts)))), shape=matrix.getSize())
+
+
+def _distributed(
+    rows: sp.csr_array, stay: npt.NDArray[np.intp], contact: ContactMap, fixed: npt.NDArray[np.bool_]
+) -> ContactMap:
+    """B from the unknowns that stay, each on its own rank as the points are; collective.
+
+    Args:
+        rows: those of all ranks.
+        stay: see ``RelativeUnknowns``.
+        contact: B from the m unknowns.
+        fixed: which of the m unknowns are prescribed.
+    """
+    first, last = contact.operator.getOwnershipRangeColumn()
+    here, (start, end) = stay[(first <= stay) & (stay < last)], contact.operator.getOwnershipRange()
+    own = sp.csr_array(rows[start:end])
+    csr = (own.indptr.astype(PETSc.IntType), own.indices.astype(PETSc.IntType), own.data)
+    size = ((end - start, None), (here.size, None))
+    operator = PETSc.Mat().createAIJ(size, csr=csr, comm=contact.operator.comm)
+    return ContactMap(operator, contact.points, fixed[here], paired=contact.paired)
 
 
 def _changed(dense: Array, sums: Any, points: npt.NDArray[np.bool_]) -> Array:

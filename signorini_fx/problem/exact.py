@@ -29,7 +29,7 @@ from signorini_fx.contact.laws import (
     unit,
 )
 from signorini_fx.contact.motions import FreeMotions
-from signorini_fx.linalg import ElasticSystem
+from signorini_fx.linalg import ElasticSystem, keep_diagonal
 from signorini_fx.linalg.callbacks import called_back
 from signorini_fx.problem.problem import Problem
 
@@ -191,7 +191,7 @@ class ExactProblem(Problem):
                 tangential = (first + self._unknown[point, 1:]).astype(PETSc.IntType)
                 jacobian.setValues(tangential, tangential, turning[point], addv=PETSc.InsertMode.ADD_VALUES)
             jacobian.assemble()
-        jacobian.zeroRowsColumns((first + dofs).astype(PETSc.IntType), diag=self._stiffness)
+        keep_diagonal(jacobian, dofs, self._stiffness)
         self._declare(jacobian)
 
     def _turning(self, sets: ActiveSets) -> Nodal:

@@ -73,8 +73,8 @@ class SolverSettings(Table):
         regularisation_error: path-following: the error allowed, relative to the energy norm of the solution; ``auto``:
             the discretisation error.
         linear_algebra: ``full`` (all unknowns, sparse factorisation), ``krylov`` (all unknowns, CG or FGMRES with
-            algebraic multigrid), ``condensed`` (the contact nodes only, dense; one rank), ``auto`` (krylov for large
-            bodies in space, condensed where it is cheaper than full).
+            algebraic multigrid), ``condensed`` (the contact nodes only, dense; on several ranks in the plane), ``auto``
+            (krylov for large bodies in space, condensed where it is cheaper than full).
         levels: meshes of a nested iteration, each with elements half as large as the previous one; the last is the mesh
             of the scene, which must come from a generator.
         max_iterations: linear solves allowed for one regularised problem.

@@ -17,6 +17,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from petsc4py import PETSc
 
+from signorini_fx import parallel
 from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.algorithms.task import Start, Task
 from signorini_fx.body.contact_boundary import ContactBoundary, chains
@@ -26,7 +27,7 @@ from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.contact.points import ContactPoints
-from signorini_fx.linalg.condensed import CondensedSystem, DenseSystem
+from signorini_fx.linalg.condensed import CondensedSystem, DenseSystem, dense_matrix
 from signorini_fx.records import History, Status
 from signorini_fx.solving.nested import carry_over
 from signorini_fx.tuned import COARSEST_NODES, FEWEST_NODES_TO_COARSEN
@@ -39,32 +40,38 @@ Indices = npt.NDArray[np.int64]
 def worthwhile(task: Task, discretisation: Discretisation) -> bool:
     """Whether a task has a dense matrix large enough, whose unknowns are the displacements of contact nodes along a
     boundary in the plane, or relative ones of two bodies, no prescribed start, and an algorithm that would use
-    another one.
+    another one; collective.
     """
-    boundary = discretisation.boundary
-    return (
-        isinstance(task.system, CondensedSystem)
-        and boundary is not None
-        and boundary.size > FEWEST_NODES_TO_COARSEN
-        and discretisation.rotation is None
-        and np.count_nonzero(_of_nodes(task.system)) == 2 * np.unique(boundary.nodes).size
-        and discretisation.scene.solver.initial_contact == "auto"
-        and task.settings.algorithm in _ALGORITHMS
-    )
+    boundary, system = discretisation.boundary, task.system
+    if (
+        not isinstance(system, CondensedSystem)
+        or boundary is None
+        or discretisation.rotation is not None
+        or discretisation.scene.solver.initial_contact != "auto"
+        or task.settings.algorithm not in _ALGORITHMS
+    ):
+        return False
+    counts = parallel.global_sum(boundary.comm, np.array((boundary.size, np.unique(boundary.nodes).size)))
+    return bool(counts[0] > FEWEST_NODES_TO_COARSEN and np.count_nonzero(_of_nodes(system)) == 2 * counts[1])
 
 
 def start_from_fewer_nodes(task: Task, boundary: ContactBoundary) -> Start:
-    """Where the task starts: from the sets and multipliers at some of the nodes, or where it would start without."""
-    numbers: Indices = np.column_stack((boundary.part.astype(np.int64), boundary.global_nodes))
-    ranges, order, _ = chains(numbers, with_points(numbers, boundary.segments), boundary.x)
+    """Where the task starts: from the sets and multipliers at some of the nodes, or where it would start without;
+    collective.
+    """
+    numbers = np.column_stack((boundary.part.astype(np.int64), boundary.global_nodes))
+    numbers, segments, x = (
+        parallel.gather_rows(boundary.comm, one) for one in (numbers, boundary.segments, boundary.x)
+    )
+    ranges, order, _ = chains(numbers, with_points(numbers, segments), x)
     lines, state = [order[rows.start : rows.stop] for rows in ranges], None
-    stride = 2 ** int(np.log2(boundary.size / COARSEST_NODES))
+    stride = 2 ** int(np.log2(len(x) / COARSEST_NODES))
     while stride > 1:
         coarse, some = _with_every(stride, lines, task, boundary)
         start = coarse.start if state is None else coarse.start.begin_from(*carry_over(state, some))
         outcome = solve_task(coarse, start, task.settings.max_iterations)
-        solves = coarse.history.linear_solves
-        task.history.add(f"{some.size} contact nodes first: {solves} linear solves, {outcome.status.value}")
+        solves, size = coarse.history.linear_solves, parallel.global_sum(boundary.comm, some.size)
+        task.history.add(f"{size} contact nodes first: {solves} linear solves, {outcome.status.value}")
         if outcome.status is not Status.CONVERGED:
             return task.start
         state = ContactState.of(coarse.contact(outcome, start), some)
@@ -75,22 +82,35 @@ def start_from_fewer_nodes(task: Task, boundary: ContactBoundary) -> Start:
 def _with_every(
     stride: int, lines: Sequence[Indices], task: Task, boundary: ContactBoundary
 ) -> tuple[Task, ContactBoundary]:
-    """The problem at every so many-th point of each line, its ends, and the nodes of two boundaries."""
-    system, motions, start, count = task.system, task.motions, task.start, boundary.size
-    assert isinstance(system, DenseSystem)
-    _, first, node, times = np.unique(boundary.nodes, return_index=True, return_inverse=True, return_counts=True)
-    between = _linear(stride, lines, boundary.x, times[node] > 1)
-    rows: Indices = np.unique(between.indices).astype(np.int64)
-    weight, segments = (between.T @ boundary.weight)[rows], boundary.segments[:0]
+    """The problem at every so many-th point of each line, its ends, and the nodes of two boundaries; collective.
+
+    Args:
+        stride: how many.
+        lines: the points of all ranks, stacked in rank order, along each piece of the boundary.
+        task: the problem at all points.
+        boundary: the points of this rank.
+    """
+    system, motions, start, comm, count = task.system, task.motions, task.start, boundary.comm, boundary.size
+    assert isinstance(system, CondensedSystem)
+    nodes, x, every_weight = (
+        parallel.gather_rows(comm, one) for one in (boundary.global_nodes, boundary.x, boundary.weight)
+    )
+    before = parallel.rows_before(comm, count)
+    _, first, node, times = np.unique(nodes, return_index=True, return_inverse=True, return_counts=True)
+    between = _linear(stride, lines, x, times[node] > 1)
+    points: Indices = np.unique(between.indices).astype(np.int64)
+    rows = points[(before <= points) & (points < before + count)] - before
+    weight, segments = (between.T @ every_weight)[before + rows], boundary.segments[:0]
     some = replace(_at(rows, count, boundary), weight=weight, segments=segments, averages=None)
     # The two unknowns of each node, in the order of their numbers; what else two bodies have stays as it is.
-    of_nodes = between[first] @ sp.csr_array((np.ones(count), node, np.arange(count + 1)))
-    carrying, free = _of_nodes(system), ~system.fixed
+    of_nodes = between[first] @ sp.csr_array((np.ones(nodes.size), node, np.arange(nodes.size + 1)))
+    carrying, free = _of_nodes(system), ~parallel.gather_rows(comm, system.fixed)
     order = np.argsort(np.concatenate((np.flatnonzero(carrying), np.flatnonzero(~carrying))))
     every = sp.csr_array(sp.block_diag((sp.kron(of_nodes, np.eye(2)), sp.eye_array(np.count_nonzero(~carrying)))))
     stays = ~carrying
-    stays[carrying] = np.repeat(np.isin(np.arange(first.size), node[rows]), 2)
-    change = sp.csr_array(sp.diags_array(free.astype(np.float64)) @ every[order][:, order])[:, stays & free]
+    stays[carrying] = np.repeat(np.isin(np.arange(first.size), node[points]), 2)
+    stays &= free
+    change = sp.csr_array(sp.diags_array(free.astype(np.float64)) @ every[order][:, order])[:, stays]
     u_n, u_t = system.contact.traces(system.start)
     data, origin = start.data, start.data.slip_origin
     data = replace(data, gap=data.gap - u_n, slip_origin=(0.0 if origin is None else origin) - u_t)
@@ -98,7 +118,7 @@ def _with_every(
     coarse = replace(
         task,
         settings=replace(task.settings, algorithm="ssn", fallbacks=False),
-        system=_projected(system, change, rows, some.points),
+        system=_projected(system, change, np.flatnonzero(stays), rows, some.points),
         motions=FreeMotions(some.points, motions.relative[rows], motions.assembly, motions.of_point[rows]),
         start=replace(start, data=_at(rows, count, data), law=law, sets=sets, factors=None),
         rest=None,
@@ -107,38 +127,45 @@ def _with_every(
     return coarse, some
 
 
-def _of_nodes(system: DenseSystem) -> npt.NDArray[np.bool_]:
-    """The unknowns of nodes with contact points: all, unless two bodies are in contact."""
-    if isinstance(system, CondensedSystem) and system.relative is not None:
-        return system.relative.at_points
-    return np.ones(system.fixed.size, dtype=bool)
+def _of_nodes(system: CondensedSystem) -> npt.NDArray[np.bool_]:
+    """The unknowns of all ranks that are of nodes with contact points: all, unless two bodies are in contact."""
+    return np.ones(len(system.entries), dtype=bool) if system.relative is None else system.relative.at_points
 
 
-def _projected(system: DenseSystem, change: Any, rows: Indices, points: ContactPoints) -> DenseSystem:
-    """The Galerkin system for x = start + P x~, at some of the contact points: P^T A P and P^T (b - A start).
+def _projected(
+    system: CondensedSystem, change: Any, stays: npt.NDArray[np.intp], rows: Indices, points: ContactPoints
+) -> DenseSystem:
+    """The Galerkin system for x = start + P x~, at some of the contact points: P^T A P and P^T (b - A start);
+    collective.
 
     Its relative displacements count from those of ``start``.
 
     Args:
         system: A and b.
         change: P, scipy sparse, shape (unknowns, fewer), zero in the rows that are prescribed.
-        rows: numbers of the contact points that it has, shape (n,).
+        stays: the unknowns that stay, each on its own rank, ascending.
+        rows: local numbers of the contact points that it has, shape (n,).
         points: these points.
     """
-    half = change.T @ system.matrix.getDenseArray(readonly=True)  # A is symmetric: both products are sparse times dense
-    dense = np.asfortranarray(change.T @ half.T)
-    matrix = PETSc.Mat().createDense(dense.shape, array=dense, comm=system.comm)
-    matrix.assemble()
+    half = change.T @ system.entries  # A is symmetric: both products are sparse times dense
+    first, last = system.matrix.getOwnershipRange()
+    here = (first <= stays) & (stays < last)
+    matrix = dense_matrix(system.comm, change.T @ half.T, np.count_nonzero(here))
     load, start = matrix.createVecRight(), matrix.createVecRight()
     missing = system.load.duplicate()
     system.matrix.mult(system.start, missing)
     missing.aypx(-1.0, system.load)
-    load.getArray()[:] = change.T @ missing.getArray(readonly=True)
+    load.getArray()[:] = (change.T @ parallel.gather_rows(system.comm, missing.getArray(readonly=True)))[here]
     starts, columns, values = system.contact.operator.getValuesCSR()
-    every = sp.csr_array((values, columns, starts), shape=system.contact.operator.getSize())
+    (count, _), (_, width) = system.contact.operator.getSizes()
+    every = sp.csr_array((values, columns, starts), shape=(count, width))
     some = sp.csr_array(every[(points.dimension * rows[:, None] + np.arange(points.dimension)).ravel()] @ change)
     csr = (some.indptr.astype(PETSc.IntType), some.indices.astype(PETSc.IntType), some.data)
-    operator, free = PETSc.Mat().createAIJ(some.shape, csr=csr, comm=system.comm), np.zeros(dense.shape[0], dtype=bool)
+    size = ((some.shape[0], None), (np.count_nonzero(here), None))
+    operator, free = (
+        PETSc.Mat().createAIJ(size, csr=csr, comm=system.comm),
+        np.zeros(np.count_nonzero(here), dtype=bool),
+    )
     contact = ContactMap(operator, points, free, paired=system.contact.paired)
     return DenseSystem(system.comm, matrix, load, start, system.resultant, free, contact)
 

@@ -1,0 +1,143 @@
+"""Condensed systems on several ranks: what one rank gets, from as many linear solves."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from mpi4py import MPI
+from petsc4py import PETSc
+from scenes import example1
+from test_ranks import agree, same_on_all_ranks
+
+from signorini_fx import parallel, solve
+from signorini_fx.linalg import choice, keep_diagonal
+from signorini_fx.linalg.substructures import Substructures
+from signorini_fx.scene.reading import parse_scene
+
+pytestmark = pytest.mark.mpi
+WORLD = MPI.COMM_WORLD
+
+
+def distributed(dense, own):
+    """A sparse matrix of which each rank has so many rows."""
+    first = parallel.rows_before(WORLD, own)
+    rows = sp.csr_array(dense[first : first + own])
+    csr = (rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data)
+    return PETSc.Mat().createAIJ(((own, None), (own, None)), csr=csr, comm=WORLD), slice(first, first + own)
+
+
+@pytest.mark.parametrize("empty", [False, True], ids=["", "the first rank has nothing"])
+@pytest.mark.parametrize("touched", [(31, 0, 17, 5, 59), (2, 3)])
+def test_substructures(touched, empty):
+    """Against dense algebra: ranks that couple everywhere, loads of very different sizes, in odd units."""
+    generator = np.random.default_rng(len(touched))
+    half = generator.normal(size=(60, 60)) * (generator.random((60, 60)) < 0.03)
+    dense = 1e-9 * (half + half.T + 20 * np.eye(60))
+    sizes = np.diff(np.linspace(0, 60, WORLD.size + 1 - (empty and WORLD.size > 1)).astype(int))
+    own = [0, *sizes][WORLD.rank] if empty and WORLD.size > 1 else sizes[WORLD.rank]
+    matrix, here = distributed(dense, own)
+    retained = np.sort(touched)
+    inside = np.setdiff1d(np.arange(60), retained)
+    loads = [generator.normal(size=60) * (generator.random(60) < 0.5) * size for size in (1e9, 1e-12, 0.0)]
+    mine = retained[(here.start <= retained) & (retained < here.stop)] - here.start
+    found = Substructures(matrix, mine, [load[here] for load in loads])
+    lift = np.linalg.solve(dense[np.ix_(inside, inside)], dense[np.ix_(inside, retained)])
+    expected = dense[np.ix_(retained, retained)] - dense[np.ix_(retained, inside)] @ lift
+    np.testing.assert_allclose(found.dense, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    for load, condensed in zip([*loads, np.ones(60)], [*found.loads, None], strict=True):
+        right = matrix.createVecRight()
+        right.getArray()[:] = load[here]
+        reference, tolerance = load[retained] - lift.T @ load[inside], 1e-12 * np.abs(load).max()
+        for one in (condensed, found.condense(right)):
+            if one is not None:
+                np.testing.assert_allclose(one, reference, rtol=0, atol=tolerance)
+        solved = np.zeros(60)
+        solved[inside] = np.linalg.solve(dense[np.ix_(inside, inside)], load[inside])
+        interior = found.solve_interior(right).getArray()
+        np.testing.assert_allclose(interior, solved[here], rtol=0, atol=1e-12 * np.abs(solved).max(initial=0))
+
+
+def test_diagonal_rows_and_columns():
+    """Of a dense matrix as of a sparse one, rows of any rank."""
+    dense = np.add.outer(np.arange(8.0), np.arange(8.0)) + 1
+    sparse, here = distributed(dense, np.diff(np.linspace(0, 8, WORLD.size + 1).astype(int))[WORLD.rank])
+    rows = np.flatnonzero(np.isin(np.arange(here.start, here.stop), (1, 6)))
+    expected = dense.copy()
+    expected[[1, 6]] = expected[:, [1, 6]] = 0
+    expected[[1, 6], [1, 6]] = 3.5
+    for matrix in (sparse, sparse.convert("dense", PETSc.Mat())):
+        keep_diagonal(matrix, rows, 3.5)
+        found = matrix.convert("dense", PETSc.Mat())
+        np.testing.assert_array_equal(found.getDenseArray(), expected[here])
+
+
+LONG = {"nx": 320, "ny": 3, "linear_algebra": "condensed", "patch": "auto", "bound": 1.5}
+SCENES = {
+    "fewer nodes": example1(**LONG),
+    "degree 2": example1(**LONG | {"degree": 2, "nx": 160}),
+    "without regularisation": example1(**LONG | {"nx": 60, "algorithm": "exact"}),
+    "newton": example1(**LONG | {"nx": 60, "bound": None, "coefficient": 0.3, "coulomb": "newton"}),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_one_body(name):
+    """Sets, tractions, energy, certificate."""
+    found = agree(SCENES[name])
+    assert same_on_all_ranks(found.linear_algebra) == "condensed: as asked for"
+
+
+def two_strips(**changes):
+    """Thin bodies that do not match, pressed onto each other, with ends that move."""
+
+    def body(name, nx, height):
+        parameters = {"length": 3.0, "height": 0.1, "nx": nx, "ny": 2}
+        return {"name": name, "mesh": {"generator": "rectangle", "parameters": parameters}, "shift": [0.0, height]}
+
+    friction = {"law": "coulomb", "coefficient": 0.3}
+    data = {
+        "body": [body("lower", 250, -0.1), body("upper", 320, 0.001)],
+        "material": {"young": 5000.0, "poisson": 0.4},
+        "displacement": [
+            {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+            {"boundary": "upper.left", "x": 0.0005},
+            {"boundary": "upper.right", "x": 0.0},
+        ],
+        "traction": {"boundary": "upper.top", "y": "-20 if 1 <= x[0] <= 2 else 0"},
+        "contact": {
+            "boundary": "upper.bottom",
+            "against": "lower.top",
+            "distance": "nominal",
+            "gap": "0.003 * (x[0] - 1.5)**2",
+            "friction": friction,
+        },
+        "solver": {"linear_algebra": "condensed", "tolerance": 1e-11} | changes,
+    }
+    return parse_scene(data)
+
+
+def test_two_bodies():
+    """As many linear solves as one rank takes, those for some of the nodes first included, and the same forces."""
+    together, alone = (solve(two_strips(), comm, check=False) for comm in (WORLD, MPI.COMM_SELF))
+    assert same_on_all_ranks(together.linear_algebra) == alone.linear_algebra == "condensed: as asked for"
+    assert same_on_all_ranks(together.history.linear_solves) == alone.history.linear_solves
+    assert [event for event in alone.history.events if "contact nodes first" in event]
+    assert same_on_all_ranks(together.history.events) == alone.history.events
+    assert same_on_all_ranks(together.certificate.holds)
+    np.testing.assert_allclose(together.contact.forces, alone.contact.forces, rtol=0, atol=1e-9 * 20)
+    ours, theirs = together.table.columns, alone.table.columns
+    for name in ("pressure", "shear"):
+        np.testing.assert_allclose(ours[name], theirs[name], rtol=0, atol=1e-9 * theirs["pressure"].max())
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [({}, "between ranks"), ({"dimension": 3}, "in space"), ({"definite": False}, "an indefinite matrix")],
+)
+def test_where_several_ranks_condense(change, reason):
+    """In the plane, with a definite matrix; where it is not asked for, on few ranks."""
+    size = {"dimension": 2, "retained": 100, "held": True, "compressible": True} | change
+    for requested in ("auto", "condensed"):
+        kind, why = choice.choose_kind(choice.SystemSize(WORLD, 15_000, **size), requested)
+        few = WORLD.size == 1 or (not change and (WORLD.size <= 4 or requested == "condensed"))
+        assert kind == ("condensed" if few else "full")
+        assert few or reason in why
