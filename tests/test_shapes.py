@@ -17,7 +17,7 @@ from signorini_fx import ContactProblem, Coulomb, FormError, Foundation, SceneEr
 from signorini_fx.check.checks import check_scene
 from signorini_fx.check.text import render
 from signorini_fx.scene.reading import parse_scene, read_scene
-from signorini_fx.scene.rigid_shape import names, read_shape, shape_class
+from signorini_fx.scene.rigid_shape import distance_from, names, read_shape, shape_class
 
 COMM = MPI.COMM_WORLD
 HILL = ((-1.5, 0.0), (-1.0, 0.5), (0.0, 0.2), (1.0, 0.6), (1.5, 0.0))
@@ -47,8 +47,9 @@ SPACE = [
 
 
 def gmsh_files(folder):
-    """A cube and a ball of radius 1 as STEP, and as STL the cube in binary and the ball in text."""
+    """A cube and a ball of radius 1 as STEP, and as STL the cube in binary and the ball in text; a disc with a hole."""
     code = f"""
+import math
 import gmsh
 gmsh.initialize()
 for name in ("cube", "ball"):
@@ -60,6 +61,12 @@ for name in ("cube", "ball"):
     gmsh.option.setNumber("Mesh.Binary", int(name == "cube"))
     gmsh.model.mesh.generate(2)
     gmsh.write({str(folder)!r} + f"/{{name}}.stl")
+for name, angle in (("disc", math.pi), ("tilted", 0.1)):  # the first is seen from below
+    gmsh.clear()
+    disc, hole = gmsh.model.occ.addDisk(0, 0, 0, 1, 1), gmsh.model.occ.addDisk(0.2, 0, 0, 0.3, 0.3)
+    gmsh.model.occ.rotate(gmsh.model.occ.cut([(2, disc)], [(2, hole)])[0], 0, 0, 0, 1, 0, 0, angle)
+    gmsh.model.occ.synchronize()
+    gmsh.write({str(folder)!r} + f"/{{name}}.step")
 """
     subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
 
@@ -168,6 +175,50 @@ def test_a_plane_mesh_is_a_shape(tmp_path):
 
     outside, hole = square(at, 1.5), square(at, 0.5)
     assert shape.distance(at)[0] == pytest.approx(np.where(hole < 0, -hole, np.maximum(outside, -hole)), abs=1e-13)
+
+
+@pytest.mark.parametrize("size", [0.05, 5e-4])
+def test_a_plane_drawing_is_a_shape(files, size):
+    """A disc with a hole, with few and with many lines around it: distances are exact but for their sag."""
+    at = np.random.default_rng(8).uniform(-1.5, 1.5, (300, 2))
+    signed, normal = read_shape({"shape": "surface", "file": files / "disc.step", "size": size}).distance(at)
+    from_hole = at - [0.2, 0.0]
+    outside, inside = np.linalg.norm(at, axis=1) - 1.0, 0.3 - np.linalg.norm(from_hole, axis=1)
+    assert signed == pytest.approx(np.maximum(outside, inside), abs=size**2)
+    exact = np.where((outside > inside)[:, None], at, -from_hole)
+    clear = (np.abs(outside - inside) > 0.1) & (np.abs(signed) > 0.1)
+    assert normal[clear] == pytest.approx(exact[clear] / np.linalg.norm(exact[clear], axis=1)[:, None], abs=2 * size)
+    with pytest.raises(SceneError, match="no solids, and its faces are in no plane"):
+        distance_from({"shape": "surface", "file": files / "tilted.step"}, 2)
+
+
+def test_a_drawing_of_many_triangles(files):
+    """They are made of fewer ones, and their corners are on the ball."""
+    size = 0.025
+    at = np.random.default_rng(8).uniform(-1.5, 1.5, (200, 3))
+    signed, normal = read_shape({"shape": "surface", "file": files / "ball.step", "size": size}).distance(at)
+    exact = np.linalg.norm(at, axis=1)
+    assert np.abs(signed - (exact - 1.0)).max() < size**2 / 4
+    far = exact > 0.3
+    assert normal[far] == pytest.approx((at / exact[:, None])[far], abs=2 * size)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_many_pieces_of_unlike_lengths(closed):
+    """Those that are looked at have the closest one among them; at the ends the line goes on."""
+    random = np.random.default_rng(8)
+    angle = np.sort(random.uniform(0, 2 * np.pi, 900) ** 3) / (2 * np.pi) ** 2
+    points = np.column_stack((np.cos(angle), np.sin(angle))) * random.uniform(0.9, 1.1, (900, 1))
+    points = np.vstack((points, points[:1])) if closed else points
+    shape = read_shape({"shape": "polyline", "points": tuple(map(tuple, points.tolist()))})
+    at = random.uniform(-2, 2, (500, 2))
+    begin, way = points[:-1], np.diff(points, axis=0)
+    first, last = np.zeros(len(way)), np.ones(len(way))
+    if not closed:
+        first[0], last[-1] = -np.inf, np.inf
+    share = np.clip(np.einsum("nmd,md->nm", at[:, None] - begin, way) / np.sum(way**2, axis=1), first, last)
+    away = np.linalg.norm(at[:, None] - begin - share[..., None] * way, axis=2).min(axis=1)
+    assert np.abs(shape.distance(at)[0]) == pytest.approx(away, abs=1e-14)
 
 
 # --- the same by formula ---------------------------------------------------------------------------------------------

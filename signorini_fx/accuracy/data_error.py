@@ -109,29 +109,38 @@ def _between_nodes(d: Discretisation, table: ContactTable) -> tuple[list[Floats]
     c = table.columns
     effects = {effect.boundary: effect for effect in d.scene.contact}
     at = (np.arange(_POINTS) + 0.5) / _POINTS
-    friction, gaps = [], []
+    friction, gaps = list[Floats](), list[Floats]()
     for rows in table.paths:
         x = np.array([c["x"][rows], c["y"][rows], np.zeros(len(rows))])
         inside = x[:, :-1, None] + np.diff(x)[:, :, None] * at
         pressure, length = c["pressure"][rows], np.diff(table.arc(rows))
         effect = effects[str(c["boundary"][rows[0]])]
 
-        def between(value: Any, x: Floats = x, inside: Floats = inside) -> tuple[Floats, Floats, Floats]:
+        def between(
+            value: Any, near: Any = slice(None), x: Floats = x, inside: Floats = inside
+        ) -> tuple[Floats, Floats, Floats]:
             """Values at the nodes, the deviation of those in between from a line, and the second differences nearby."""
+            inside = inside[:, near]
             if isinstance(value, float):
                 return np.full(x.shape[1], value), np.zeros(inside.shape[1:]), np.zeros(inside.shape[1])
             nodal = sample(value, x)
             points = sample(value, inside.reshape(3, -1)).reshape(inside.shape[1:])
             bend = np.pad(np.abs(np.diff(nodal, 2)), 1, mode="edge") if nodal.size > 2 else np.zeros(nodal.size)
-            return nodal, points - nodal[:-1, None] - np.diff(nodal)[:, None] * at, np.maximum(bend[:-1], bend[1:])
+            away = points - nodal[:-1, None][near] - np.diff(nodal)[near, None] * at
+            return nodal, away, np.maximum(bend[:-1], bend[1:])[near]
 
-        nodal, away, bend = between(effect.gap_in(d.tagged.dimension))
+        gap = effect.gap_in(d.tagged.dimension)
+        ends = np.column_stack((rows[:-1], rows[1:]))
+        near = np.flatnonzero(_reached(gap, table, ends, np.stack((x.T[:-1], x.T[1:]), axis=1)))
+        nodal, away, bend = between(gap, near)
         # In contact the body follows the gap; beside it the body may have entered a bump that lies between nodes.
         distance = np.maximum((nodal if effect.against is None else c["gap"][rows]) - c["u_n"][rows], 0.0)
         room = distance[:-1, None] + np.diff(distance)[:, None] * at
         both = (pressure[:-1] != 0) & (pressure[1:] != 0)
-        missed = np.where(both[:, None], np.abs(away), -away - room).max(axis=1)
-        gaps.append(np.maximum(missed - SMOOTH_LARGEST * bend, 0.0))
+        missed = np.where(both[near, None], np.abs(away), -away - room[near]).max(axis=1, initial=-np.inf)
+        of_gap: Floats = np.zeros(length.size)
+        of_gap[near] = np.maximum(missed - SMOOTH_LARGEST * bend, 0.0)
+        gaps.append(of_gap)
         missed = np.zeros(length.size)
         if isinstance(effect.friction, TrescaFriction | CoulombFriction):
             law = effect.friction
@@ -169,7 +178,7 @@ def _inside_pieces(d: Discretisation, table: ContactTable, surface: ContactSurfa
             return nodal, points - nodal[corners] @ weights.T, surface.bends(nodal)[own]
 
         gap = effect.gap_in(d.tagged.dimension)
-        near = np.flatnonzero(_reached(gap, table, surface, own))
+        near = np.flatnonzero(_reached(gap, table, corners, surface.x[corners]))
         nodal, away, bend = between(gap, own[near], inside[:, near], corners[near])
         pressed = c["pressure"][corners[near]] != 0
         room = np.maximum((nodal if effect.against is None else c["gap"]) - c["u_n"], 0.0)[corners[near]] @ weights.T
@@ -185,18 +194,21 @@ def _inside_pieces(d: Discretisation, table: ContactTable, surface: ContactSurfa
     return friction, gaps
 
 
-def _reached(
-    gap: Any, table: ContactTable, surface: ContactSurface, own: npt.NDArray[np.int64]
-) -> npt.NDArray[np.bool_]:
+def _reached(gap: Any, table: ContactTable, corners: npt.NDArray[np.int64], x: Floats) -> npt.NDArray[np.bool_]:
     """Which pieces may miss some of a gap inside them.
 
     A distance changes by no more than the way, and from any point of a piece that is at most D across the way to its
     nearest corner is at most D / sqrt(3) (H. Jung, J. Reine Angew. Math. 123 (1901) 241-257).
+
+    Args:
+        gap: what is sampled.
+        table: the nodes.
+        corners: rows of the table at the corners of each piece, shape (n, 2) along a path, (n, 3) on a surface.
+        x: where they are, length, shape (n, 2 or 3, 3).
     """
     if not isinstance(gap, Distance) or not isinstance(gap.added, float):
-        return np.ones(own.size, dtype=bool)
-    corners, c = surface.corners[own], table.columns
-    x = surface.x[corners]
+        return np.ones(len(corners), dtype=bool)
+    c = table.columns
     across = np.max([np.linalg.norm(x - np.roll(x, k, axis=1), axis=2).max(axis=1) for k in (1, 2)], axis=0)
     away = c["gap"][corners].min(axis=1) - c["u_n"][corners].max(axis=1) - across / np.sqrt(3)
     return np.asarray((away <= 0) | (c["pressure"][corners] != 0).any(axis=1))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from itertools import chain
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -11,8 +12,12 @@ from pydantic import Field, model_validator
 from signorini_fx.scene.rigid_shape import Array, Shape
 from signorini_fx.scene.values import Finite
 
-# Products of points and pieces that are compared at a time.
-_AT_A_TIME = 4_000_000
+# Products of points and pieces that are compared at a time, and pieces that are so few that all are.
+_AT_A_TIME, _FEW = 1_000_000, 256
+# By this share of a distance round-off may change it.
+_ROUND_OFF = 1e-9
+
+Rows = npt.NDArray[np.int64]
 
 Points = Annotated[tuple[tuple[Finite, Finite], ...], Field(min_length=2, max_length=100_000)]
 
@@ -67,63 +72,113 @@ class Polyline(Line):
         pieces = np.column_stack((np.arange(count), np.arange(1, count + 1)))
         if self.closed:
             pieces[-1, 1] = 0
-        return from_pieces(x, walked, pieces)
+        return Pieces(walked, pieces)(x)
 
 
-def nearest(x: Array, begin: Array, along: Array, first: Array, last: Array) -> tuple[npt.NDArray[np.int64], Array]:
-    """The straight piece closest to each point, and the place of the closest point on it, shapes (n,) and (n,).
+class Nearest:
+    """Which of many straight pieces is the closest one.
 
     Args:
-        x: points, shape (n, 2).
         begin: where the pieces begin, shape (m, 2).
         along: their unit vectors, shape (m, 2).
-        first: the lowest place on each, length, shape (m,).
+        first: the lowest place on each, length, shape (m,); minus infinity where it goes straight on.
         last: the highest one.
     """
-    chosen, place = np.zeros(len(x), dtype=np.int64), np.zeros(len(x))
-    step = max(1, _AT_A_TIME // len(begin))
-    for start in range(0, len(x), step):
-        rows = slice(start, start + step)
-        away = x[rows, None] - begin
-        foot = np.clip(np.einsum("nmd,md->nm", away, along), first, last)
-        chosen[rows] = np.linalg.norm(away - foot[..., None] * along, axis=2).argmin(axis=1)
-        place[rows] = foot[np.arange(len(foot)), chosen[rows]]
-    return chosen, place
+
+    def __init__(self, begin: Array, along: Array, first: Array, last: Array) -> None:
+        self._begin, self._along, self._first, self._last = begin, along, first, last
+        self._tree: Any = None
+        # All are compared where they are few, and always those that have no end.
+        searched = np.isfinite(first) & np.isfinite(last) & (len(begin) > _FEW)
+        self._compared = np.flatnonzero(~searched)
+        if searched.any():
+            self._search(np.flatnonzero(searched))
+
+    def _search(self, pieces: Rows) -> None:
+        """Put the middles of equal parts of pieces, about as many as these, into a tree."""
+        from scipy.spatial import cKDTree
+
+        length = self._last[pieces] - self._first[pieces]
+        self._part = float(length.mean())
+        parts = np.maximum(np.ceil(length / self._part), 1).astype(np.int64)
+        self._owner = np.repeat(pieces, parts)
+        number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+        place = self._first[self._owner] + (number + 0.5) * np.repeat(length / parts, parts)
+        self._tree = cKDTree(self._begin[self._owner] + place[:, None] * self._along[self._owner])
+
+    def __call__(self, x: Array) -> tuple[Rows, Array]:
+        """The closest piece of each point, the first one of several, and the place of the closest point on it.
+
+        Args:
+            x: points, shape (n, 2).
+
+        Returns:
+            Shapes (n,) and (n,).
+        """
+        chosen = np.zeros(len(x), dtype=np.int64)
+        counts, within = np.full(len(x), self._compared.size), np.zeros(len(x))
+        if self._tree is not None:
+            # The closest point is in a part, half of whose length is the most that it is away from its middle.
+            within = (self._tree.query(x)[0] + self._part / 2) * (1 + _ROUND_OFF)
+            counts += self._tree.query_ball_point(x, within, return_length=True)
+        for here in np.split(np.arange(len(x)), np.flatnonzero(np.diff(np.cumsum(counts) // _AT_A_TIME)) + 1):
+            rows, pieces = np.repeat(here, self._compared.size), np.tile(self._compared, here.size)
+            if self._tree is not None:
+                near = self._tree.query_ball_point(x[here], within[here])
+                rows = np.concatenate((rows, np.repeat(here, [len(one) for one in near])))
+                parts = np.fromiter(chain.from_iterable(near), np.int64)
+                pieces = np.concatenate((pieces, self._owner[parts]))
+                order = np.argsort(rows, kind="stable")
+                rows, pieces = rows[order], pieces[order]
+            away = x[rows] - self._begin[pieces] - self._place(x[rows], pieces)[:, None] * self._along[pieces]
+            distance = np.linalg.norm(away, axis=1)
+            starts = np.flatnonzero(np.diff(rows, prepend=-1))
+            least = np.repeat(np.minimum.reduceat(distance, starts), np.diff(starts, append=len(rows)))
+            chosen[here] = np.minimum.reduceat(np.where(distance == least, pieces, len(self._begin)), starts)
+        return chosen, self._place(x, chosen)
+
+    def _place(self, x: Array, pieces: Rows) -> Array:
+        """The place of the closest point on the piece of each point, shape (n,)."""
+        foot = np.einsum("nd,nd->n", x - self._begin[pieces], self._along[pieces])
+        return np.clip(foot, self._first[pieces], self._last[pieces])
 
 
-def from_pieces(x: Array, corners: Array, pieces: npt.NDArray[np.int64]) -> tuple[Array, Array]:
+class Pieces:
     """Signed distances from straight pieces, positive on their left, and the normals at the closest points.
 
     Args:
-        x: points, shape (n, 2).
         corners: ends of the pieces, shape (c, 2).
         pieces: the corner at which each begins, and that at which it ends, shape (m, 2); one at a free end goes on.
-
-    Returns:
-        Shapes (n,) and (n, 2).
     """
-    begin, along = corners[pieces[:, 0]], corners[pieces[:, 1]] - corners[pieces[:, 0]]
-    length = np.linalg.norm(along, axis=1)
-    along = along / length[:, None]
-    left = np.column_stack((-along[:, 1], along[:, 0]))
-    at_corner = np.zeros_like(corners)
-    for column in (0, 1):
-        np.add.at(at_corner, pieces[:, column], left)
-    first = np.where(np.isin(pieces[:, 0], pieces[:, 1]), 0.0, -np.inf)
-    last = np.where(np.isin(pieces[:, 1], pieces[:, 0]), length, np.inf)
-    chosen, place = nearest(x, begin, along, first, last)
-    away = x - begin[chosen] - place[:, None] * along[chosen]
-    normal = left[chosen].copy()
-    signed = np.einsum("nd,nd->n", away, normal)
-    # At a corner the sign is that of the mean of both normals (Baerentzen and Aanaes, IEEE Trans. Vis. Comput. Graph.
-    # 11 (2005) 243-253), and the normal that of the distance.
-    for end, column in ((first[chosen], 0), (last[chosen], 1)):
-        size = np.linalg.norm(away, axis=1)
-        here = (place == end) & (size > 0)
-        mean = at_corner[pieces[chosen[here], column]]
-        size = size[here] * np.where(np.einsum("nd,nd->n", away[here], mean) < 0, -1.0, 1.0)
-        signed[here], normal[here] = size, away[here] / size[:, None]
-    return signed, normal
+
+    def __init__(self, corners: Array, pieces: Rows) -> None:
+        self._pieces, self._begin = pieces, corners[pieces[:, 0]]
+        along = corners[pieces[:, 1]] - self._begin
+        length = np.linalg.norm(along, axis=1)
+        self._along = along / length[:, None]
+        self._left = np.column_stack((-self._along[:, 1], self._along[:, 0]))
+        self._at_corner = np.zeros_like(corners)
+        for column in (0, 1):
+            np.add.at(self._at_corner, pieces[:, column], self._left)
+        self._first = np.where(np.isin(pieces[:, 0], pieces[:, 1]), 0.0, -np.inf)
+        self._last = np.where(np.isin(pieces[:, 1], pieces[:, 0]), length, np.inf)
+        self._nearest = Nearest(self._begin, self._along, self._first, self._last)
+
+    def __call__(self, x: Array) -> tuple[Array, Array]:
+        """Shapes (n,) and (n, 2), for points of shape (n, 2)."""
+        chosen, place = self._nearest(x)
+        away = x - self._begin[chosen] - place[:, None] * self._along[chosen]
+        normal = self._left[chosen].copy()
+        signed = np.einsum("nd,nd->n", away, normal)
+        # At a corner the sign is that of the mean of both normals (Baerentzen and Aanaes, IEEE Trans. Vis. Comput.
+        # Graph. 11 (2005) 243-253), and the normal that of the distance.
+        for end, column in ((self._first[chosen], 0), (self._last[chosen], 1)):
+            size = np.linalg.norm(away, axis=1)
+            here = (place == end) & (size > 0)
+            mean = self._at_corner[self._pieces[chosen[here], column]]
+            size = size[here] * np.where(np.einsum("nd,nd->n", away[here], mean) < 0, -1.0, 1.0)
+            signed[here], normal[here] = size, away[here] / size[:, None]
+        return signed, normal
 
 
 Entry = Polyline

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from signorini_fx.scene.rigid_shape import Array
-from signorini_fx.shapes.polyline import Line, nearest
+from signorini_fx.shapes.polyline import Line, Nearest
 
 # Pieces between two points to begin with, and pieces to each side of the closest of them that are searched.
 _BETWEEN, _AROUND = 16, 4
@@ -38,7 +38,7 @@ class Spline(Line):
         first, last = np.zeros_like(length), length.copy()
         if not self.closed:
             first[0], last[-1] = -np.inf, np.inf
-        chosen, on = nearest(x, corners[:-1], chords / length[:, None], first, last)
+        chosen, on = Nearest(corners[:-1], chords / length[:, None], first, last)(x)
         place = fine[chosen] + on / length[chosen] * np.diff(fine)[chosen]
         inside = np.clip(place, fine[0], fine[-1])
         # Near a centre of curvature the distance is flat, and the line of pieces may be closest some pieces away.

@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.scene.rigid_shape import Array, Shape
 from signorini_fx.scene.values import Positive
-from signorini_fx.shapes.polyline import from_pieces
+from signorini_fx.shapes.polyline import Pieces, Rows
 
-Rows = npt.NDArray[np.int64]
 # Of its distance from the surface, over the size of this, a point that is on it has less.
 _ON = 1e-12
 
@@ -59,22 +57,57 @@ class Surface(Shape):
             MeshError: the file cannot be read, its surface is not closed, or VTK is missing.
         """
         changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
-        return _surface_of(self.file, self.size, changed)
+        return surface_of(self.file, self.size, changed)
 
 
 Entry = Surface
 
 
 @lru_cache(maxsize=8)
-def _surface_of(file: Path, size: float | None, _changed: int) -> Any:
+def surface_of(file: Path, size: float | None, _changed: int) -> Any:
     """The surface in a file, once for each state of the file."""
+    return Kept(_read(file, size))
+
+
+class Kept:
+    """A surface that keeps the last distances: of the same points gap, direction and certificate ask for them."""
+
+    def __init__(self, surface: Any) -> None:
+        self._surface, self.dimension = surface, surface.dimension
+        self._last: dict[bytes, tuple[Array, Array]] = {}
+
+    def __call__(self, x: Array) -> tuple[Array, Array]:
+        """Signed distances and normals, shapes (n,) and (n, d)."""
+        points = x.tobytes()
+        if points not in self._last:
+            self._last = {points: self._surface(x)}
+        signed, normal = self._last[points]
+        return signed.copy(), normal.copy()
+
+
+def _read(file: Path, size: float | None) -> Any:
+    """The surface in a file.
+
+    Raises:
+        MeshError: see ``Surface``.
+    """
+    if not file.is_file():
+        raise MeshError(f"{file}: no such file")
     if file.suffix.lower() == ".stl":
         return InSpace(file, *_stl(file))
+    from signorini_fx.mesh.files.gmsh_reader import CAD
+
+    if file.suffix.lower() in CAD:
+        from signorini_fx.mesh.files.gmsh_files import read_gmsh
+
+        raw = read_gmsh(file, size=size, skin=True)
+        skin = np.concatenate([nodes for _, nodes in raw.blocks])
+        return InSpace(file, raw.points, skin) if skin.shape[1] == 3 else InThePlane(raw.points[:, :2], skin)
     from signorini_fx.mesh.files.formats import read_file
 
     mesh = read_file(file, degree=1, size=size)
     if mesh.dim == 2:
-        return InThePlane(mesh.points, mesh.corners)
+        return InThePlane(mesh.points, _rim(mesh.points, mesh.corners))
     faces = mesh.facet_corners
     return InSpace(file, mesh.points, faces if faces.shape[1] == 3 else np.vstack((faces[:, :3], faces[:, [0, 2, 3]])))
 
@@ -83,8 +116,6 @@ def _stl(file: Path) -> tuple[Array, Rows]:
     """Points and triangles of an STL file, points that are the same joined."""
     from signorini_fx.mesh.files.reading import read_separately
 
-    if not file.is_file():
-        raise MeshError(f"{file}: no such file")
     raw = read_separately(file, "meshio", {"kind": "stl"})
     every = [nodes for kind, nodes in raw.blocks if kind == "triangle" and len(nodes)]
     if not every or not np.isfinite(raw.points).all():
@@ -95,29 +126,32 @@ def _stl(file: Path) -> tuple[Array, Rows]:
     return points, triangles[~flat]
 
 
+def _rim(points: Array, cells: Rows) -> Rows:
+    """The sides of cells counterclockwise; ``cells``: their corners along their perimeters, shape (m, 3 or 4)."""
+    x, y = points[cells].transpose(2, 0, 1)
+    turning = (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)
+    cells = np.where((turning < 0)[:, None], cells[:, ::-1], cells)
+    return np.stack((cells, np.roll(cells, -1, axis=1)), axis=2).reshape(-1, 2)
+
+
 class InThePlane:
     """The rim of an area.
 
     Args:
         points: shape (n, 2).
-        cells: their corners along their perimeters, shape (m, 3 or 4).
+        sides: ends of the sides of areas, counterclockwise around each of them, shape (m, 2).
     """
 
     dimension = 2
 
-    def __init__(self, points: Array, cells: Rows) -> None:
-        x, y = points[cells].transpose(2, 0, 1)
-        turning = (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)
+    def __init__(self, points: Array, sides: Rows) -> None:
+        outer = ~np.isin(sides[:, 0] * len(points) + sides[:, 1], sides[:, 1] * len(points) + sides[:, 0])
         # Clockwise: outside is on the left.
-        cells = np.where((turning > 0)[:, None], cells[:, ::-1], cells)
-        sides = np.stack((cells, np.roll(cells, -1, axis=1)), axis=2).reshape(-1, 2)
-        keys = sides[:, 0] * len(points) + sides[:, 1]
-        self._pieces = sides[~np.isin(keys, sides[:, 1] * len(points) + sides[:, 0])]
-        self._points = points
+        self._pieces = Pieces(points, sides[outer][:, ::-1])
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """Signed distances and normals, shapes (n,) and (n, 2)."""
-        return from_pieces(x, self._points, self._pieces)
+        return self._pieces(x)
 
 
 class InSpace:

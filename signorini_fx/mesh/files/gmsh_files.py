@@ -34,7 +34,9 @@ DRAWN = (".geo", *CAD)
 _LARGEST_NAMED = 64 << 20
 
 
-def read_gmsh(file: Path, halvings: int = 0, degree: int | None = None, size: float | None = None) -> RawMesh:
+def read_gmsh(
+    file: Path, halvings: int = 0, degree: int | None = None, size: float | None = None, *, skin: bool = False
+) -> RawMesh:
     """A mesh, a gmsh script or a CAD drawing as arrays; physical groups are sets.
 
     The surfaces and solids of a drawing are physical groups with their numbers, and with the names that a STEP file
@@ -46,12 +48,16 @@ def read_gmsh(file: Path, halvings: int = 0, degree: int | None = None, size: fl
         degree: 1: the cells that it makes have straight sides; 2: nodes between their corners on the true shape;
             None: what the script asks for, 1 for a drawing of a CAD program.
         size: length of the cells of a CAD drawing, in its unit; None: a fraction of the size of the body.
+        skin: of a CAD drawing only the triangles on the surface of its solids, or the lines around its plane faces,
+            counterclockwise.
 
     Raises:
         MeshError: its content does not fit its suffix, a script does more than draw, or gmsh cannot make a mesh of it.
     """
     suffix = file.suffix.lower()
     settings = {"halvings": halvings, "degree": degree or 0, "size": size or 0.0}
+    if skin:
+        settings["skin"] = True
     with tempfile.TemporaryDirectory() as folder:
         # In a folder of its own there is no FILE.opt, which gmsh would run along with FILE.
         place = Path(folder) / f"mesh{suffix}"

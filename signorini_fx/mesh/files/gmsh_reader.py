@@ -19,7 +19,11 @@ CAD = {".step": "step", ".stp": "step", ".brep": "brep"}
 # A body's diagonal is so many cells long where no size is given.
 _CELLS_ALONG = 25
 # The size of a triangle and of a tetrahedron, of those of length 1; and what a cell takes at least until it is solved.
-_SHARE, _BYTES_PER_CELL = {2: 0.43, 3: 0.075}, 1000.0
+_SHARE, _BYTES_PER_CELL = {1: 1.0, 2: 0.43, 3: 0.075}, 1000.0
+# Where the surface is curved, so many cells are a full turn.
+_TO_A_TURN = 16
+# More triangles or lines than this are many; faces in a plane vary by less than this share of their size in x[2].
+_FEW, _FLAT = 5_000, 1e-6
 # Elements by gmsh's number, in meshio's words.
 _TYPES = {1: "line", 2: "triangle", 3: "quad", 8: "line3", 9: "triangle6", 10: "quad9", 15: "vertex", 16: "quad8"}
 _TYPES |= {4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid", 11: "tetra10", 12: "hexahedron27"}
@@ -39,7 +43,7 @@ def files_of(file: Path) -> list[Path]:
     return [file]
 
 
-def read(file: Path, halvings: int, degree: int, size: float) -> RawMesh:
+def read(file: Path, halvings: int, degree: int, size: float, *, skin: bool = False) -> RawMesh:
     """The content of a mesh, or of a drawing after gmsh has meshed it; physical groups are sets.
 
     Args:
@@ -47,6 +51,7 @@ def read(file: Path, halvings: int, degree: int, size: float) -> RawMesh:
         halvings: how often the cells that gmsh makes of a drawing are divided.
         degree: 2: they get nodes between their corners; 1: they get none; 0: as the drawing asks for.
         size: length of the cells of a CAD drawing; 0: a fraction of the size of the body.
+        skin: of a CAD drawing only its ``_skin``.
 
     Raises:
         ValueError: gmsh cannot read it.
@@ -55,6 +60,8 @@ def read(file: Path, halvings: int, degree: int, size: float) -> RawMesh:
     corners: dict[int, Any] = {}
     try:
         suffix = file.suffix.lower()
+        if skin:
+            return _skin(gmsh, str(file), CAD[suffix], size)
         if suffix in CAD:
             corners = _import(gmsh, str(file), CAD[suffix], size)
         else:
@@ -112,24 +119,8 @@ def _import(gmsh: Any, file: str, form: str, size: float) -> dict[int, Any]:
     Returns:
         Surface -> its vertices, by which names of the file can be assigned.
     """
-    found = gmsh.model.occ.importShapes(file, highestDimOnly=True, format=form)
-    gmsh.model.occ.synchronize()
-    top = max((dim for dim, _ in found), default=0)
-    if top < 2:
-        raise ValueError("it has neither solids nor faces")
-    low, high = (gmsh.model.getBoundingBox(-1, -1)[k : k + 3] for k in (0, 3))
-    length = size or sum((b - a) ** 2 for a, b in zip(low, high, strict=True)) ** 0.5 / _CELLS_ALONG
-    sizes = [(gmsh.model.occ.getMass(dim, tag), dim) for dim, tag in gmsh.model.getEntities(top)]
-    with np.errstate(over="ignore"):
-        cells = sum((np.float64(abs(mass)) ** (1 / dim) / length) ** dim / _SHARE[dim] for mass, dim in sizes)
-    if _BYTES_PER_CELL * cells > resource.getrlimit(resource.RLIMIT_AS)[0]:
-        raise ValueError(
-            f"cells of size {length:g} would be about {cells:.2g}, too many for the memory: use larger ones"
-        )
-    # Cells are smaller where the surface is curved, this many to a full turn, but not by more than this factor.
-    gmsh.option.setNumber("Mesh.MeshSizeMax", length)
-    gmsh.option.setNumber("Mesh.MeshSizeMin", length / 8)
-    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 16)
+    top, length, _ = _drawn(gmsh, file, form, size, 0)
+    _set_sizes(gmsh, length, 1)
     for dim in (top, top - 1):
         for _, tag in gmsh.model.getEntities(dim):
             name = gmsh.model.getEntityName(dim, tag).rpartition("/")[2]
@@ -141,6 +132,87 @@ def _import(gmsh: Any, file: str, form: str, size: float) -> dict[int, Any]:
         ends = gmsh.model.getBoundary([(2, tag)], combined=False, oriented=False, recursive=True)
         corners[tag] = [list(gmsh.model.getValue(0, point, [])) for point in sorted({end for _, end in ends})]
     return corners
+
+
+def _drawn(gmsh: Any, file: str, form: str, size: float, less: int) -> tuple[int, float, float]:
+    """Import a CAD drawing.
+
+    Args:
+        gmsh: the module.
+        file: the drawing.
+        form: its format.
+        size: length of the cells; 0: a fraction of the size of the body.
+        less: 0: the body is to be meshed; 1: its skin, which has one dimension less.
+
+    Returns:
+        The dimension of the body, the length of the cells, and about how many there will be.
+
+    Raises:
+        ValueError: there is no body, or too many cells for the memory.
+    """
+    found = gmsh.model.occ.importShapes(file, highestDimOnly=True, format=form)
+    gmsh.model.occ.synchronize()
+    top = max((dim for dim, _ in found), default=0)
+    if top < 2:
+        raise ValueError("it has neither solids nor faces")
+    low, high = (gmsh.model.getBoundingBox(-1, -1)[k : k + 3] for k in (0, 3))
+    length = size or sum((b - a) ** 2 for a, b in zip(low, high, strict=True)) ** 0.5 / _CELLS_ALONG
+    sizes = [(gmsh.model.occ.getMass(dim, tag), dim) for dim, tag in gmsh.model.getEntities(top - less)]
+    with np.errstate(over="ignore"):
+        cells = sum((np.float64(abs(mass)) ** (1 / dim) / length) ** dim / _SHARE[dim] for mass, dim in sizes)
+    if _BYTES_PER_CELL * cells > resource.getrlimit(resource.RLIMIT_AS)[0]:
+        raise ValueError(
+            f"cells of size {length:g} would be about {cells:.2g}, too many for the memory: use larger ones"
+        )
+    return top, length, cells
+
+
+def _set_sizes(gmsh: Any, length: float, times: int) -> None:
+    """Cells are so many times a length, and smaller where the surface is curved, by a factor of 8 at most."""
+    gmsh.option.setNumber("Mesh.MeshSizeMax", times * length)
+    gmsh.option.setNumber("Mesh.MeshSizeMin", times * length / 8)
+    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", _TO_A_TURN / times)
+
+
+def _skin(gmsh: Any, file: str, form: str, size: float) -> RawMesh:
+    """Triangles on the surface of the solids of a CAD drawing, or lines around its plane faces, counterclockwise.
+
+    Where they are many, triangles are made of a coarse mesh, whose cells gmsh divides on the true shape, and the lines
+    of a curve are of one length: this takes a tenth of the time.
+
+    Raises:
+        ValueError: it has neither solids nor faces in a plane.
+    """
+    top, length, cells = _drawn(gmsh, file, form, size, 1)
+    extents = np.diff(np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3)), axis=0)[0]
+    if top == 2 and extents[2] > _FLAT * max(extents):
+        raise ValueError("it has no solids, and its faces are in no plane x[2] = constant")
+    halvings = 0 if top == 2 else int(np.clip(np.log2(max(cells / _FEW, 1.0)) / 2, 0, 3))
+    _set_sizes(gmsh, length, 2**halvings)
+    if top == 2 and cells > _FEW:
+        for _, curve in gmsh.model.getEntities(1):
+            least = 1 if gmsh.model.getType(1, curve) == "Line" else _TO_A_TURN
+            count = max(int(np.ceil(gmsh.model.occ.getMass(1, curve) / length)), least)
+            gmsh.model.mesh.setTransfiniteCurve(curve, count + 1)
+    gmsh.model.mesh.generate(top - 1)
+    for _ in range(halvings):
+        gmsh.model.mesh.refine()
+    tags, x, _ = gmsh.model.mesh.getNodes()
+    points, order = np.asarray(x).reshape(-1, 3), np.argsort(tags)
+    blocks: list[Any] = []
+    for face in (tag for _, tag in gmsh.model.getEntities(2)):
+        if top == 2:
+            around = gmsh.model.getBoundary([(2, face)], combined=False, oriented=True)
+            lines = [gmsh.model.mesh.getElementsByType(1, abs(tag))[1].reshape(-1, 2) for _, tag in around]
+            turned = [nodes[:, :: 1 if tag > 0 else -1] for (_, tag), nodes in zip(around, lines, strict=True)]
+            rows = _places(tags, order, np.concatenate(turned).ravel()).reshape(-1, 2)
+            begin, end = points[rows, :2].transpose(1, 0, 2)
+            area = np.sum(begin[:, 0] * end[:, 1] - begin[:, 1] * end[:, 0])
+            blocks.append(("line", rows if area > 0 else rows[:, ::-1]))
+        elif len(gmsh.model.getAdjacencies(2, face)[0]) == 1:  # not between two solids
+            nodes = gmsh.model.mesh.getElementsByType(2, face)[1]
+            blocks.append(("triangle", _places(tags, order, nodes).reshape(-1, 3)))
+    return RawMesh(points, blocks)
 
 
 def _mesh(gmsh: Any, halvings: int, degree: int) -> None:
