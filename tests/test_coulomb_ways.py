@@ -4,9 +4,10 @@ import time
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx import attempts
+from signorini_fx import attempts, solve
 from signorini_fx.algorithms import augmented, strategy
 from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
 from signorini_fx.scene.reading import parse_scene
@@ -272,3 +273,26 @@ def test_a_bound_that_alternates_is_no_reason_to_go_on():
     assert "the fixed point alternates between two friction bounds" in events
     assert not any("damped" in event for event in events)
     assert len(outer) < scene.solver.max_outer_iterations
+
+
+def test_cohesion_that_opens_its_own_contact():
+    """A corner opens with its cohesion and closes without it: no state has either, which is said, in few solves."""
+
+    def pulled(**friction):
+        block = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.5, "nx": 4, "ny": 2}}
+        given = {
+            "mesh": block,
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "top", "x": 0.02, "y": -0.002},
+            "contact": {"boundary": "bottom", "friction": friction},
+        }
+        return solve(parse_scene(given), MPI.COMM_SELF, check=False)
+
+    everywhere, elsewhere = (
+        pulled(law="tresca", bound=bound).contact.pressure for bound in (3.0, "3.0 if x[0] > 0.1 else 0.0")
+    )
+    assert (everywhere == 0).tolist() == [True, False, False, False, False]
+    assert (elsewhere > 0).all()
+    solution = pulled(law="coulomb", coefficient=0.0, cohesion=3.0)
+    assert solution.status is Status.OUTER_MAX_ITERATIONS
+    assert "contact points open with their cohesion, and are closed without it" in solution.history.events

@@ -59,11 +59,14 @@ def fixed_point(
             return status
         first_sets = None
         change = newton.history.outer[-1].change
-        settled = augmentation is None or augmentation.settled
-        settled = settled and _missed(newton, data, law) <= max(tolerance, CERTIFICATE_TOLERANCE)
-        if change is not None and change <= tolerance and settled:
-            return Status.CONVERGED
         pressure, _ = newton.multipliers()
+        if change is not None and change <= tolerance and (augmentation is None or augmentation.settled):
+            if _missed(newton, data, law) <= max(tolerance, CERTIFICATE_TOLERANCE):
+                return Status.CONVERGED
+            torn = law.cohesive is not None and bool(np.any(law.cohesive & (g != 0) & (pressure == 0)))
+            if parallel.any_rank(newton.problem.points.comm, torn):  # damping keeps their cohesion for ever
+                newton.history.add("contact points open with their cohesion, and are closed without it")
+                return Status.OUTER_MAX_ITERATIONS
         following = g + damping * (pressure - g)
         # The Tresca problem with a given bound has one pressure: what comes back after two steps comes back for ever.
         if augmentation is None and before is not None and norm(following - before) <= _BACK * norm(following - g):
