@@ -1851,6 +1851,13 @@ MUTANTS = (
         tests=("accuracy_of_bodies::test_curved_facets",),
     ),
     Mutant(
+        "results/paired_facets",
+        "over_own = _under(master, over_own, p_own, centre, axes)",
+        "pass",
+        "two bodies: the certificate takes curved facets for plane ones",
+        tests=("accuracy_of_bodies::test_curved_facets",),
+    ),
+    Mutant(
         "body/mirrored_points",
         "found[node] += np.outer(across, across)",
         "pass",

@@ -1,7 +1,7 @@
 """Facets of both sides of a pair, and their overlap found facet by facet, for the certificate; see ``paired_sides``.
 
 It shares no code with ``pairs``: shape functions are those of the cells, in the plane rays from points of the slave
-meet the master, in space polygons of the slave are cut by those of the master, and rules are collapsed ones.
+meet the master, in space polygons of the slave are cut by those of the master (see ``paired_polygons``).
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -22,17 +22,19 @@ from scipy.optimize import brentq
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.node_positions import node_positions
+from signorini_fx.results.paired_polygons import PLACE, STEPS, collapsed, cut, gauss, place_in, positive
 
 Array = npt.NDArray[np.float64]
 
-# Points of a rule along each direction: in the plane; in space for linear triangles, for others, which may be curved.
+# Points of a rule along each direction: in the plane; in space for linear triangles and parallelograms, and for others,
+# on which integrands may be no polynomials.
 _POINTS = {"interval": 10, "triangle": 4, "quadrilateral": 7}
-# Steps of Newton's method at most, and a place in a reference facet that is round-off.
-_STEPS, _PLACE = 15, 1e-14
 # Tangent of the angle between the normals along a facet and that in its middle.
 _TURNING = 0.5
 # Facets whose normals have a larger product do not face each other.
 _FACING = -0.2
+# Distance from a parallelogram, relative to its diagonal, that is round-off.
+_PARALLEL = 1e-9
 # Share of a facet below which an overlap is round-off.
 _NOTHING = 1e-9
 
@@ -101,6 +103,7 @@ class Facet:
         points: those with test functions, the vertices on quadratic triangles, shape (t,).
         kind: interval, triangle or quadrilateral.
         rule: points of a rule along each direction.
+        quadratic: whether it has nodes between its vertices.
     """
 
     def __init__(
@@ -119,9 +122,11 @@ class Facet:
         self._start, *ends = vertices[corner[:dim]]
         self._along = np.array(ends) - self._start
         self.kind = {(2, 2): "interval", (3, 3): "triangle", (3, 4): "quadrilateral"}[dim, len(corner)]
+        self.quadratic = len(self.nodes) > len(corner)
         self._quadratic_triangle = self.kind == "triangle" and len(self.nodes) == 6
         self.points = self.nodes[: len(corner)] if self._quadratic_triangle else self.nodes
-        self.rule = _POINTS["quadrilateral" if self._quadratic_triangle else self.kind]
+        straight = self.kind == "triangle" or (self.kind == "quadrilateral" and _is_parallelogram(x))
+        self.rule = _POINTS["triangle" if straight and not self.quadratic else "quadrilateral"]
         self._corner = np.array(corner)
 
     def _tabulated(self, at: Array, order: int) -> Array:
@@ -196,13 +201,12 @@ class Facet:
     @property
     def linear_parts(self) -> list[Array]:
         """Corners of its linear parts in the reference facet, in order, shape (c, 2) each."""
-        quadratic = len(self.nodes) in (6, 9)
         if self.kind == "triangle":
             a, b, c = np.eye(3)[:, 1:]
             ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
-            listed = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)] if quadratic else [(a, b, c)]
+            listed = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)] if self.quadratic else [(a, b, c)]
         else:
-            cuts = (0.0, 0.5, 1.0) if quadratic else (0.0, 1.0)
+            cuts = (0.0, 0.5, 1.0) if self.quadratic else (0.0, 1.0)
             spans = list(pairwise(cuts))
             listed = [((s, t), (S, t), (S, T), (s, T)) for s, S in spans for t, T in spans]  # type: ignore[misc]
         return [np.array(corners) for corners in listed]
@@ -216,6 +220,11 @@ class Facet:
     def flat_parts(self) -> list[FlatPart]:
         """The linear parts in their planes."""
         return [FlatPart.of(part, corners) for part, corners in self.placed_parts]
+
+
+def _is_parallelogram(x: Array) -> bool:
+    """Whether four nodes, numbered along x first, are the corners of one, shape (4, d); False for more nodes."""
+    return len(x) == 4 and bool(np.linalg.norm(x[0] - x[1] - x[2] + x[3]) <= _PARALLEL * np.linalg.norm(x[3] - x[0]))
 
 
 @dataclass(frozen=True)
@@ -277,15 +286,14 @@ def pieces_of(
         normals: in the plane the normals of the slave at its nodes, which are interpolated.
     """
     found: list[Piece] = []
-    for master in masters:
-        if facet.outward @ master.outward >= _FACING:
-            continue
-        if facet.kind == "interval":
-            assert normals is not None
-            at_nodes = np.array([normals[int(node)] for node in facet.nodes])
-            pieces = _in_plane(facet, master, at_nodes)
-        else:
-            pieces = _in_space(facet, master)
+    masters = [master for master in masters if facet.outward @ master.outward < _FACING]
+    if facet.kind == "interval":
+        assert normals is not None
+        at_nodes = np.array([normals[int(node)] for node in facet.nodes])
+        every = [_in_plane(facet, master, at_nodes) for master in masters]
+    else:
+        every = _in_space(facet, masters)
+    for master, pieces in zip(masters, every, strict=True):
         moment = sum(piece.weight @ (master.place(piece.over) - facet.place(piece.at)) for piece in pieces)
         if pieces and np.linalg.norm(moment) <= reach * sum(piece.weight.sum() for piece in pieces):
             found += pieces
@@ -300,11 +308,11 @@ def _in_plane(facet: Facet, master: Facet, normals: Array) -> list[Piece]:
         at = s[:, None]
         x, normal = facet.place(at), facet.shape(at) @ normals
         found: Array = np.full(s.size, 0.5)
-        for _ in range(_STEPS):
+        for _ in range(STEPS):
             apart, along = master.place(found[:, None]) - x, master.tangents(found[:, None])[0]
             miss, slope = (u[:, 0] * normal[:, 1] - u[:, 1] * normal[:, 0] for u in (apart, along))
             found = found - miss / slope
-            if np.abs(miss / slope).max() < _PLACE:
+            if np.abs(miss / slope).max() < PLACE:
                 break
         return found
 
@@ -317,8 +325,8 @@ def _in_plane(facet: Facet, master: Facet, normals: Array) -> list[Piece]:
         return float(met(np.array([s]))[0]) - value
 
     passed = [value for value in (0.0, 1.0) if lowest + _NOTHING < value < highest - _NOTHING]
-    cuts = sorted({0.0, 1.0, *(float(brentq(beyond, 0.0, 1.0, (value,), xtol=_PLACE)) for value in passed)})
-    nodes, weights = _gauss(_POINTS["interval"])
+    cuts = sorted({0.0, 1.0, *(float(brentq(beyond, 0.0, 1.0, (value,), xtol=PLACE)) for value in passed)})
+    nodes, weights = gauss(_POINTS["interval"])
     found = []
     for first, last in pairwise(cuts):
         at = first + (last - first) * (nodes + 1) / 2
@@ -329,118 +337,58 @@ def _in_plane(facet: Facet, master: Facet, normals: Array) -> list[Piece]:
     return found
 
 
-def _in_space(facet: Facet, master: Facet) -> list[Piece]:
-    """The linear parts of the slave, each cut by those of the master in its plane."""
-    found = []
+def _in_space(facet: Facet, masters: Sequence[Facet]) -> list[list[Piece]]:
+    """The linear parts of the slave, each cut by those of the masters in its plane: the pieces with each master."""
+    found: list[list[Piece]] = [[] for _ in masters]
     for own in facet.flat_parts:
-        part, centre, axes, flat = own.part, own.centre, own.axes, own.flat
-        for other, corners in master.placed_parts:
-            window = (corners - centre) @ axes.T
-            if (window.min(axis=0) > flat.max(axis=0)).any() or (window.max(axis=0) < flat.min(axis=0)).any():
-                continue
-            polygon = _cut(_positive(flat), _positive(window))
-            if len(polygon) < 3:
-                continue
-            p, weight = _collapsed(polygon, max(facet.rule, master.rule))
-            if weight.sum() <= _NOTHING * own.size**2:
-                continue
-            at, unit = _place_in(part, flat, p)
+        centre, axes, flat = own.centre, own.axes, own.flat
+        # Number and corners of a part of a master, in its reference facet and in the plane; points and their weights.
+        shared: list[tuple[int, Array, Array, Array, Array]] = []
+        for number, master in enumerate(masters):
+            for other, corners in master.placed_parts:
+                window = (corners - centre) @ axes.T
+                if (window.min(axis=0) > flat.max(axis=0)).any() or (window.max(axis=0) < flat.min(axis=0)).any():
+                    continue
+                polygon = cut(positive(flat), positive(window))
+                if len(polygon) < 3:
+                    continue
+                p, weight = collapsed(polygon, max(facet.rule, master.rule))
+                if weight.sum() > _NOTHING * own.size**2:
+                    shared.append((number, other, window, p, weight))
+        if not shared:
+            continue
+        met, references, windows, points, weights = zip(*shared, strict=True)
+        counts = [len(p) for p in points]
+        p, ends = np.concatenate(points), np.cumsum(counts)[:-1]
+        at, unit = place_in(own.part[None], flat[None], p)
+        weight = np.concatenate(weights) * facet.areas(at) / unit
+        over, _ = place_in(np.repeat(references, counts, axis=0), np.repeat(windows, counts, axis=0), p)
+        if facet.quadratic:  # as are all then; others are projected like their corners
             p = (facet.place(at) - centre) @ axes.T
-            over = _under(master, _place_in(other, window, p)[0], p, centre, axes)
-            found.append(Piece(master, at, over, weight * facet.areas(at) / unit))
+        split = zip(met, *(np.split(one, ends) for one in (at, over, p, weight)), strict=True)
+        for number, at_own, over_own, p_own, weight_own in split:
+            master = masters[number]
+            if facet.quadratic:
+                over_own = _under(master, over_own, p_own, centre, axes)
+            found[number].append(Piece(master, at_own, over_own, weight_own))
     return found
-
-
-@cache
-def _gauss(count: int) -> tuple[Array, Array]:
-    """Points and weights of Gauss and Legendre's rule on [-1, 1]."""
-    nodes, weights = np.polynomial.legendre.leggauss(count)
-    return np.asarray(nodes), np.asarray(weights)
-
-
-def _signed(polygon: Array) -> float:
-    x, y = polygon.T
-    return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2)
-
-
-def _positive(polygon: Array) -> Array:
-    return polygon if _signed(polygon) > 0 else polygon[::-1]
-
-
-def _cut(polygon: Array, window: Array) -> Array:
-    """What of a convex polygon is on the left of all edges of another one, shape (c, 2)."""
-    for edge in range(len(window)):
-        a, along = window[edge], window[(edge + 1) % len(window)] - window[edge]
-        heights = along[0] * (polygon - a)[:, 1] - along[1] * (polygon - a)[:, 0]
-        kept = []
-        for k in range(len(polygon)):
-            p, q, hp, hq = polygon[k - 1], polygon[k], heights[k - 1], heights[k]
-            if (hp < 0) != (hq < 0):
-                kept.append(p + hp / (hp - hq) * (q - p))
-            if hq >= 0:
-                kept.append(q)
-        if len(kept) < 3:
-            return np.zeros((0, 2))
-        polygon = np.array(kept)
-    return polygon
-
-
-def _collapsed(polygon: Array, count: int) -> tuple[Array, Array]:
-    """Points and weights on a polygon: triangles at its first corner, each a collapsed square."""
-    nodes, weights = _gauss(count)
-    s, w = (nodes + 1) / 2, weights / 2
-    u, v = (grid.ravel() for grid in np.meshgrid(s, s))
-    both = np.outer(w, w).ravel() * u
-    points, found = [], []
-    for corner in range(1, len(polygon) - 1):
-        first, across = polygon[corner] - polygon[0], polygon[corner + 1] - polygon[corner]
-        points.append(polygon[0] + u[:, None] * (first + v[:, None] * across))
-        found.append(both * abs(first[0] * across[1] - first[1] * across[0]))
-    return np.concatenate(points), np.concatenate(found)
-
-
-def _place_in(part: Array, flat: Array, p: Array) -> tuple[Array, Array]:
-    """Where points of the plane are in the reference facet, and the projected area of a unit of it there."""
-    if len(part) == 3:
-        matrix = np.vstack((flat.T, np.ones(3)))
-        shares = np.linalg.solve(matrix, np.vstack((p.T, np.ones(len(p))))).T
-        unit = abs(_signed(flat) / _signed(part))
-        return shares @ part, np.full(len(p), unit)
-    s = np.full(p.shape, 0.5)
-    for _ in range(_STEPS):
-        shares, slopes = _bilinear(s)
-        jacobian = np.einsum("tqc,cd->qdt", slopes, flat)
-        step = np.linalg.solve(jacobian, (p - shares @ flat)[:, :, None])[:, :, 0]
-        s = s + step
-        if np.abs(step).max() < _PLACE:
-            break
-    shares, slopes = _bilinear(s)
-    areas = [np.linalg.det(np.einsum("tqc,cd->qdt", slopes, corners)) for corners in (flat, part)]
-    return shares @ part, np.abs(areas[0] / areas[1])
-
-
-def _bilinear(s: Array) -> tuple[Array, Array]:
-    a, b = s.T
-    shares = np.stack(((1 - a) * (1 - b), a * (1 - b), a * b, (1 - a) * b), axis=1)
-    first = np.stack((b - 1, 1 - b, b, -b), axis=1)
-    return shares, np.array([first, np.stack((a - 1, -a, a, 1 - a), axis=1)])
 
 
 def _under(facet: Facet, at: Array, p: Array, centre: Array, axes: Array) -> Array:
     """The places of a facet that lie over points of the plane, by Newton's method."""
-    for _ in range(_STEPS):
+    for _ in range(STEPS):
         left = p - (facet.place(at) - centre) @ axes.T
         jacobian = np.einsum("sqd,kd->qks", facet.tangents(at), axes)
         step = np.linalg.solve(jacobian, left[:, :, None])[:, :, 0]
         at = at + step
-        if np.abs(step).max() < _PLACE:
+        if np.abs(step).max() < PLACE:
             break
     return at
 
 
 def interpolated_normals(facets: Sequence[Facet]) -> dict[int, Array]:
     """The means of the normals around each node, of length one, between which the continuous normal interpolates."""
-    nodes, weights = _gauss(_POINTS["interval"])
+    nodes, weights = gauss(_POINTS["interval"])
     at = ((nodes + 1) / 2)[:, None]
     found: dict[int, Array] = defaultdict(lambda: np.zeros(2))
     for facet in facets:
