@@ -157,7 +157,7 @@ class Foundations:
             for wrong, key, what in (
                 (one.bonded and not shape, "bonded", "needs a shape that force, moment or prescribed moves"),
                 (shape and one.measure is not None, "measure", f"is not possible yet {tool}"),
-                (shape and algorithm == "exact", "shape", f"exact is not possible {tool}"),
+                (shape and algorithm == "exact", "shape", f"exact ties one unknown, not several {tool}: take 'alm'"),
                 (shape and (shape.timed or shape.driven_in_time), "shape", "depends on t: give numbers, and place()"),
             ):
                 problems += [(f"contact[{k}].{key}", what)] if wrong else []

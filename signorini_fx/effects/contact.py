@@ -327,7 +327,8 @@ def _not_with_tools(scene: Any, place: int) -> Contradictions:
     """Why a foundation whose motion is an unknown does not go together with other entries."""
     solver, tool = scene.solver, "where a force moves a foundation"
     if solver.algorithm == "exact":
-        yield ("solver", "algorithm"), f"exact needs one unknown for each constraint {tool}"
+        reason = "contact ties several, those of the body and of the tool: take 'alm'"
+        yield ("solver", "algorithm"), f"exact needs one unknown for each constraint, and {tool} {reason}"
     driven = scene.contact[place].tool
     given = driven.prescribed
     for wrong, name in (
