@@ -257,6 +257,57 @@ def test_prescribed_angle():
     assert solution.resultants.of("top").moment[1] == pytest.approx(LIMIT, rel=1e-9)
 
 
+@pytest.mark.mpi
+def test_turned_on_a_sphere():
+    """A circle in the section is a sphere: the state is that of forms of one's own on the sphere in space, and the
+    torque where all of it slips that of Hertz's pressure, 3 pi F N a / 16.
+    """
+    poisson, radius, down, angle = 0.49, 4.0, 0.0125, 0.05
+    mesh = dmesh.create_rectangle(COMM, [[0.0, 0.0], [1.0, 1.0]], [16, 16], dmesh.CellType.quadrilateral)
+    mesh.geometry.x[:] = 4.0 * mesh.geometry.x**2.5  # fine near the contact
+    tagged = tag_boundaries(mesh, {"bottom": lambda x: np.isclose(x[1], 0.0), "top": lambda x: np.isclose(x[1], 4.0)})
+    given = scene(
+        tagged,
+        2,
+        poisson,
+        displacement={"boundary": "top", "x": 0.0, "y": -down, "rotation": angle, "axis": [0.0, 1.0]},
+        contact={
+            "boundary": "bottom",
+            "foundation": {"shape": "circle", "centre": [0.0, -radius], "radius": radius},
+            "friction": {"law": "coulomb", "coefficient": FRICTION},
+        },
+        solver={"algorithm": "alm"},
+    )
+    solution = solve(given, COMM)
+    assert solution.certificate.holds
+    force, torque = solution.contact.forces[0][1], -solution.contact.moments[1][1]
+    a = (3 * force * radius * (1 - poisson**2) / (4 * YOUNG)) ** (1 / 3)
+    assert torque == pytest.approx(3 * np.pi / 16 * FRICTION * force * a, rel=0.015)
+    d = solution.discretisation
+    space = fem.functionspace(d.tagged.mesh, ("Lagrange", 2, (3,)))
+    u, v, r = ufl.TrialFunction(space), ufl.TestFunction(space), ufl.SpatialCoordinate(d.tagged.mesh)[0]
+
+    def strain(y):
+        return ufl.sym(ufl.grad(y) + ufl.outer(ufl.as_vector([-y[2], 0, y[0]]) / r, ufl.unit_vector(2, 3)))
+
+    stress = YOUNG / (1 + poisson) * (strain(u) + poisson / (1 - 2 * poisson) * ufl.tr(strain(u)) * ufl.Identity(3))
+    inside = ufl.dx(metadata={"quadrature_degree": strain_degree(space, axisymmetric=True)})
+    moved = fem.Function(space)
+    moved.interpolate(lambda x: np.stack((0 * x[0], 0 * x[0] - down, -angle * x[0])))
+    axis = fem.locate_dofs_geometrical(space, lambda x: np.isclose(x[0], 0.0))
+    held = [fem.dirichletbc(0.0, (3 * axis + k).astype(np.int32), space.sub(k)) for k in (0, 2)]
+    held.append(fem.dirichletbc(moved, fem.locate_dofs_topological(space, 1, d.tagged.facets("top"))))
+    ball = {"shape": "sphere", "centre": (0, -radius, 0), "radius": radius}
+    bottom, around = d.tagged.facets("bottom"), 2 * np.pi * r
+    floor = Foundation(bottom, friction=Coulomb(FRICTION), measure=around, shape=ball)
+    nothing = ufl.inner(fem.Constant(d.tagged.mesh, (0.0, 0.0, 0.0)), v) * ufl.dx
+    form = ufl.inner(stress, strain(v)) * around * inside
+    problem = ContactProblem(form, nothing, held, floor, algorithm="alm")
+    problem.solve()
+    y = solution.displacement.x.array
+    assert np.abs(problem.u.x.array - y).max() <= 1e-9 * np.abs(y).max()
+
+
 def test_check():
     """It names the motions about the axis and along it, and what holds a body: by statics alone, for any pressures, the
     torque is at most F N R.
