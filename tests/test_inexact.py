@@ -5,12 +5,15 @@ import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import alone, example1, table_of
+from spaces import block
 
+from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.linalg import krylov
 from signorini_fx.mesh.tagged import load_mesh
-from signorini_fx.records import Status, Timings
+from signorini_fx.records import History, Status, Timings
+from signorini_fx.solving.one_mesh import contact_task
 
 
 @pytest.fixture
@@ -41,6 +44,42 @@ def test_fewer_iterations_and_the_same_answer(iterations, monkeypatch):
     assert loose.certificate.holds
     wanted = table_of(direct).columns["pressure"]
     np.testing.assert_allclose(table_of(loose).columns["pressure"], wanted, atol=1e-9 * wanted.max())
+
+
+def test_no_more_exact_than_newton_converges(iterations, monkeypatch):
+    """A loose solve leaves what Newton's method leaves anyway: fewer steps with friction in space, the same answer."""
+    scene = block(12, gamma=1e8, coefficient=0.3, coulomb="newton", linear_algebra="krylov")
+    ours, used = alone(scene), iterations[0]
+    monkeypatch.setattr(krylov.KrylovSystem, "_left_by", lambda self, size: min(0.03, size / self._forces) * size)
+    iterations[0] = 0
+    theirs = alone(scene)
+    assert used < iterations[0]
+    assert ours.history.linear_solves <= theirs.history.linear_solves + 2
+    for name in ("pressure", "shear"):
+        wanted = getattr(theirs.contact, name)
+        np.testing.assert_allclose(getattr(ours.contact, name), wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
+
+
+def test_what_a_loose_solve_may_leave():
+    """The factor of the last Newton step or the share of the forces; nothing where Newton's method may end."""
+    scene = block(3, bound=1.5, linear_algebra="krylov")
+    discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    system = krylov.KrylovSystem.of(discretisation.elasticity(discretisation.cases))
+    assert system._left_by(1.0) == 0.03  # without forces
+    system._forces = 10.0
+    for size, share in ((1.0, 0.03), (0.5, 0.03), (1e-2, 0.02), (1e-4, 0.01), (5e-5, 0.03), (1e-6, 0.02)):
+        np.testing.assert_allclose(system._left_by(10.0 * size), 10.0 * size * share, rtol=1e-6)
+        system._before = 10.0 * size
+    assert system._left_by(10.0 * 9e-8) == 0.0
+
+
+def test_no_iteration_follows_an_earlier_one():
+    """An iteration that has ended leaves nothing that the tolerances of the next one could depend on."""
+    scene = block(6, coefficient=0.3, coulomb="newton", linear_algebra="krylov")
+    task = contact_task(discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings()), History())
+    assert solve_task(task, task.start).status is Status.CONVERGED
+    assert task.system.inexact
+    assert task.system._before == 0.0
 
 
 def test_cycles_of_loose_solves_are_none(monkeypatch):

@@ -32,7 +32,7 @@ from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE_POLE
 
 # Tolerance of a solve for the derivatives along the path: with an old factor, whose steps cost little, and with another
 # preconditioner, where it is still far below the error of the model.
-_SLOPE_TOLERANCE, _ROUGH_SLOPE_TOLERANCE = 1e-10, 1e-3
+_SLOPE_TOLERANCE, _ROUGH_SLOPE_TOLERANCE = 1e-10, 1e-2
 
 
 @dataclass(frozen=True)

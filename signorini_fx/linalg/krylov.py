@@ -27,6 +27,7 @@ from signorini_fx.linalg.rigid_unknowns import of_nodes
 from signorini_fx.tuned import INEXACT_TOLERANCE, KRYLOV_STEPS, KRYLOV_TOLERANCE
 
 _NO_SHARE = 1e-15  # relative tolerance of a solve that ends by its absolute one
+_LAST = 1e-8  # share of the forces below which Newton's method ends, ``ssn.RESIDUAL_TOLERANCE``
 
 
 @dataclass
@@ -39,6 +40,7 @@ class KrylovSystem(AssembledSystem):
 
     inexact: bool = False
     _forces: float = 0.0
+    _before: float = 0.0  # the residual that the last solve of the same Newton iteration began with; 0: there is none
     # By the handles of their KSP: what PETSc held would be freed late on several ranks, or never.
     _preconditioners: dict[int, ContactPreconditioner] = field(default_factory=dict)
 
@@ -106,16 +108,10 @@ class KrylovSystem(AssembledSystem):
         contact = int(parallel.global_sum(self.comm, np.array(self._touched.size)))
         if contact == 0 or options.user_sets("pc_type") or not self.hierarchy.interpolations:
             return
-        size, rigid = self.contact.points.dimension, self.fixed.size - self.elasticity.rigid
+        size = self.contact.points.dimension
+        rigid = int(np.count_nonzero(~self.fixed[self.fixed.size - self.elasticity.rigid :]))
         preconditioner = ContactPreconditioner(
-            self.hierarchy,
-            matrix,
-            self._touched,
-            self.fixed,
-            size,
-            self.contact,
-            rigid=int(np.count_nonzero(~self.fixed[rigid:])),
-            symmetric=symmetric,
+            self.hierarchy, matrix, self._touched, self.fixed, size, self.contact, rigid=rigid, symmetric=symmetric
         )
         self._preconditioners[ksp.handle] = preconditioner
         pc.setType(PETSc.PC.Type.PYTHON)
@@ -137,23 +133,27 @@ class KrylovSystem(AssembledSystem):
 
     @called_back
     def _begin(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Solve for the contact unknowns, so that they have no residual, and say how much of the rest may be left.
-
-        The penalty is in the residual no more.  What a loose solve may leave follows Eisenstat & Walker (1996): the
-        share that the residual has of the forces, so that Newton's method converges as fast as with exact solves.
-        """
+        """Solve for the contact unknowns, which leaves no penalty in the residual, and say how much may be left."""
         ksp.setUp()  # PETSc calls this before
         self._preconditioners[ksp.handle].solve_contact(b, x)
         rtol, atol, _, _ = ksp.getTolerances()
         # With no absolute tolerance a share of this right-hand side is asked for, which is none of the forces.
         if options.user_sets("ksp_") or (atol == 0.0 and rtol > _NO_SHARE):
             return
-        residual = b.duplicate()
-        ksp.getOperators()[0].mult(x, residual)
-        residual.aypx(-1.0, b)
-        size, least = residual.norm(), KRYLOV_TOLERANCE * self._forces
-        share = min(INEXACT_TOLERANCE, size / self._forces) if self._forces > 0 else INEXACT_TOLERANCE
-        ksp.setTolerances(rtol=_NO_SHARE, atol=max(least, share * size) if self.inexact else least)
+        size = (b - ksp.getOperators()[0] * x).norm()
+        left = self._left_by(size) if self.inexact else 0.0
+        ksp.setTolerances(rtol=_NO_SHARE, atol=max(KRYLOV_TOLERANCE * self._forces, left))
+        self._before = size if left > 0 else 0.0  # else Newton's method ends, and another iteration begins
+
+    def _left_by(self, size: float) -> float:
+        """The residual that a loose solve may leave of one of this size, see "Tolerances" in docs/theory.md.
+
+        It follows Eisenstat & Walker (1996): what Newton's method will leave anyway, if it gains as much as in the last
+        step, or the share of the forces, if that is larger.  Where the method may end with this solve, nothing is left.
+        """
+        known = [whole for whole in (self._forces, self._before) if whole > 0]
+        share = min(INEXACT_TOLERANCE, max((size / whole for whole in known), default=1.0))
+        return share * size if share * size > _LAST * self._forces else 0.0
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
         """For the same matrix; where it is another one, a solve by multigrid need not be exact."""
