@@ -10,7 +10,7 @@ from scipy.integrate import quad
 
 from signorini_fx.accuracy.data_error import data_error
 from signorini_fx.accuracy.error_estimates import estimate_errors
-from signorini_fx.accuracy.pressure_error import interval_squares, on_facets
+from signorini_fx.accuracy.pressure_error import bends, interval_squares, on_facets
 from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.mesh.tagged import load_mesh
@@ -138,6 +138,35 @@ def test_a_pressure_of_bending(end):
     r = 0.1 * np.arange(41)
     [squares] = interval_squares(straight(r, 1.0 - (1.0 - end) * r / r[-1]))
     assert squares.max() < 1e-20
+
+
+def projected(pressure, count):
+    """The projection in L2 of a pressure on (0, 1) onto ``count`` intervals, its squared error, and its square."""
+    nodes, weights = np.polynomial.legendre.leggauss(16)
+    ends = (
+        np.append(2.0 ** -np.arange(120.0, 0.0, -1.0), np.arange(1.0, count + 1)) / count
+    )  # ever closer to the corner
+    ends = np.unique(np.append(0.0, ends))
+    r = (ends[:-1, None] + np.diff(ends)[:, None] * (nodes + 1) / 2).ravel()
+    w = (np.diff(ends)[:, None] * weights / 2).ravel()
+    hats = np.maximum(0.0, 1.0 - np.abs(r * count - np.arange(count + 1)[:, None]))
+    values, p = pressure(r), np.linalg.solve((hats * w) @ hats.T, (hats * w) @ pressure(r))
+    return p, w @ (values - p @ hats) ** 2, w @ values**2
+
+
+def test_powers_beside_lines():
+    """A singular pressure is not hidden by that of bending beside it: no estimate is below half of the true error."""
+    generator, found = np.random.default_rng(1), []
+    while len(found) < 60:
+        power, size, slope = generator.uniform(0.02, 0.47), 10 ** generator.uniform(-3, 0.3), generator.uniform(0.1, 5)
+        least, count = slope * generator.uniform(0.1, 1), int(generator.choice([8, 16, 40]))
+        p, missed, square = projected(lambda r: size * r**-power + least + slope * (1 - r), count)  # noqa: B023
+        if np.sqrt(missed / square) < 0.01 or p.min() <= 0:
+            continue
+        r = np.arange(count + 1) / count
+        found.append((sum(interval_squares(straight(r, p))[0]) / missed, bends(r[2::2], p[2::2])))
+    assert min(share for share, _ in found) > 0.25
+    assert sum(bent for _, bent in found) > 5
 
 
 @pytest.mark.parametrize("degree", [1, 2])
