@@ -2692,6 +2692,20 @@ MUTANTS = (
         tests=("mixed_bodies::test_one_of_them_enclosed",),
     ),
     Mutant(
+        "body/section_loads",
+        "assemble(forms[1]) / mixed.unit",
+        "0.0 * assemble(forms[1])",
+        "mixed element: a shortened section does not change the volume",
+        tests=("mixed_preload::test_shortened_bar",),
+    ),
+    Mutant(
+        "results/nodal_forces",
+        "residual + beyond._pressed(moved)[1]",
+        "residual",
+        "certificate of a mixed element: without the change of volume of a shortened section",
+        tests=("mixed_preload::test_shortened_bar",),
+    ),
+    Mutant(
         "body/mixed",
         "(sums[0] > 0) & (sums[1] == 0)",
         "sums[0] > 0",

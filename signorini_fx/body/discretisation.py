@@ -257,6 +257,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         on = [facets[effect.boundary] for effect in scene.contact]
         foundations = _foundations(scene, space, facets, inventory)
         assert len(foundations.forms) == len(on)
+    mixed = _mixed(scene, tagged, space, pieces, inventory)
     with timings.phase("assemble"):
         shapes = foundations.shapes()
         rests = at_rest(space, supports, turned, fixed) if scene.sides[1] is not None else None
@@ -269,7 +270,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
             from signorini_fx.body.section_loads import holds, section_loads
 
             held = partial(holds, fixed=fixed, turned=turned, boundary=boundary)
-            applied += section_loads(scene, tagged, space, terms, inventory, held)
+            applied += section_loads(scene, tagged, space, terms, mixed, inventory, held)
         if boundary is not None and scene.fluids_enter:
             from signorini_fx.body.entering_fluid import EnteringFluid
 
@@ -290,7 +291,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         for place in range(1, scene.steps if any(effect.friction.timed for effect in scene.contact) else 1):
             # Errors are found before the first step.
             _foundations(scene.placed(place), space, facets, inventory).bounds()
-    resists, mixed = () if resistance is None else (resistance,), _mixed(scene, tagged, space, pieces, inventory)
+    resists = () if resistance is None else (resistance,)
 
     def elastic() -> Sequence[fem.Form]:
         if mixed is not None:

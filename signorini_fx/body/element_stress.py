@@ -169,10 +169,11 @@ def _mixed_stress(body: Discretisation, displacement: fem.Function, place: float
     (_, mu), parts, radius = body.lame, _materials(body), None
     young, poisson, modulus = isotropic(body.scene, body.tagged, lambda one, nu: (one, nu, one / (1 - nu**2)))
     pressure, flat = hydrostatic_of(displacement), body.dimension < 3
+    moved, jump_to = _moved(body, displacement, place)
     outward = -pressure if flat else None
     if body.scene.axisymmetric:
         radius = ufl.SpatialCoordinate(body.tagged.mesh)[0]
-        outward += 2 * mu * hoop_strain(displacement, radius)
+        outward += 2 * mu * hoop_strain(moved, radius)
 
     initial, move_to = initial_strain(body.scene, body.tagged, body.space, place)
     prevented = None
@@ -181,6 +182,7 @@ def _mixed_stress(body: Discretisation, displacement: fem.Function, place: float
 
     def refresh(place: float) -> None:
         move_to(place)
+        jump_to(place)
         if prevented is not None:
             prevented[0].interpolate(prevented[1])
 
@@ -195,7 +197,7 @@ def _mixed_stress(body: Discretisation, displacement: fem.Function, place: float
     refresh(place)
     return ElementStress(
         displacement,
-        2 * mu * strain(displacement) - pressure * ufl.Identity(len(displacement)),
+        2 * mu * strain(moved) - pressure * ufl.Identity(len(displacement)),
         outward,
         outward_of,
         lambda tau: compliance(tau, None, mu, poisson),

@@ -197,19 +197,23 @@ class MixedPressure:
     @cached_property
     def forms(self) -> tuple[fem.Form, ...]:
         """The compiled forms of A, B and -C."""
+        terms = self.terms(ufl.TrialFunction(self.space), ufl.TrialFunction(self.own))
+        return tuple(
+            self.inventory.compile(name, partial(fem.form, term)) for name, term in zip(MIXED_FORMS, terms, strict=True)
+        )
+
+    def terms(self, y: Any, p: Any) -> tuple[Any, ...]:
+        """A, B and -C of a displacement and unknowns of the pressure, functions or arguments, UFL."""
         space, mesh, scalar = self.space, self.space.mesh, self.pressures.scalar
         mu, compressibility = self.moduli
-        terms = mixed_forms(
-            (ufl.TrialFunction(space), scalar(ufl.TrialFunction(self.own))),
+        return mixed_forms(
+            (y, scalar(p)),
             (ufl.TestFunction(space), scalar(ufl.TestFunction(self.own))),
             mu,
             fem.Constant(mesh, default_scalar_type(self.unit)),
             compressibility,
             strain_degree(space, axisymmetric=self.axisymmetric),
             radius=ufl.SpatialCoordinate(mesh)[0] if self.axisymmetric else None,
-        )
-        return tuple(
-            self.inventory.compile(name, partial(fem.form, term)) for name, term in zip(MIXED_FORMS, terms, strict=True)
         )
 
     def _matrix(self, number: int) -> PETSc.Mat:

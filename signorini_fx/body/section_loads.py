@@ -15,6 +15,7 @@ from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.loads import AppliedLoad
+from signorini_fx.body.mixed import MixedPressure
 from signorini_fx.body.section import Section, section_of, unit_jump
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.errors import SceneError
@@ -32,16 +33,19 @@ def section_loads(
     tagged: TaggedMesh,
     space: fem.FunctionSpace,
     elastic: Callable[[Any, Any], tuple[Any, ...]],
+    mixed: MixedPressure | None,
     inventory: Inventory,
     held: Callable[[Section], bool],
 ) -> list[AppliedLoad]:
-    """-a(J, .) of the jump J of each section, whose factor is its shortening; collective.
+    """-a(J, .) of the jump J of each section, whose factor is its shortening, and -(div J, .) where the pressure is an
+    unknown; collective.
 
     Args:
         scene: the scene.
         tagged: its mesh.
         space: of the displacement.
         elastic: the terms of a(., .).
+        mixed: the pressure of a mixed element, of which these are not.
         inventory: where forms are compiled.
         held: whether something on this rank holds nodes of a section along its axis, see ``holds``.
 
@@ -55,14 +59,30 @@ def section_loads(
         section = section_of(effect, path, tagged, space)
         if parallel.any_rank(space.mesh.comm, held(section)):
             raise SceneError([(path, "contact or a support holds nodes of the section along its axis: move it")])
-        terms = elastic(unit_jump(section, space), z)
-        names = (effect.name, f"reduced volumetric {effect.name}")[: len(terms)]
+        jump, swelling = unit_jump(section, space), None
+        terms = elastic(jump, z) if mixed is None else mixed.terms(jump, fem.Function(mixed.own))[:2]
+        second = "reduced volumetric" if mixed is None else "divergence of"
+        names = (effect.name, f"{second} {effect.name}")[: len(terms)]
         forms = tuple(inventory.compile(name, partial(fem.form, term)) for name, term in zip(names, terms, strict=True))
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+        if mixed is not None:  # the second one is of the change of volume
+            forms, swelling = forms[:1], np.asarray(assemble(forms[1]) / mixed.unit, dtype=np.float64)
         forces = -sum((assemble(form) for form in forms), np.zeros(owned))
         amount = partial(effect.shortening_at, scene)
         ones, none = (1.0,) * scene.steps, fem.Function(space)
-        found.append(AppliedLoad(ones, names, forms, forces, none, balanced=True, section=effect, amount=amount))
+        found.append(
+            AppliedLoad(
+                ones,
+                names,
+                forms,
+                forces,
+                none,
+                balanced=True,
+                swelling=swelling,
+                section=effect,
+                amount=amount,
+            )
+        )
     return found
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 from pydantic_core import PydanticKnownError
 
-from signorini_fx.scene.effect import Contradictions, Effect, InitialStrain, SectionJump
+from signorini_fx.scene.effect import Contradictions, Effect, InitialStrain
 from signorini_fx.scene.orthotropic import Orthotropic
 from signorini_fx.scene.values import Finite, NonNegative, Positive, SampledValue
 
@@ -198,7 +198,7 @@ def _not_orthotropic(scene: Any, place: int) -> Contradictions:
 
 def _not_mixed(scene: Any) -> Contradictions:
     """What the mixed element is not possible with."""
-    element, yet = ("element", "volumetric"), "'mixed' is not possible yet"
+    element = ("element", "volumetric")
     for wrong, path, reason in (
         (scene.element.degree != 2, ("element", "degree"), "must be 2 for 'mixed', whose pressure has one degree less"),
         (
@@ -206,7 +206,6 @@ def _not_mixed(scene: Any) -> Contradictions:
             element,
             "'mixed' is of no use in plane stress: nothing locks",
         ),
-        (bool(scene.of(SectionJump)), element, f"{yet} with a preload"),
         (
             scene.solver.linear_algebra == "krylov",
             ("solver", "linear_algebra"),

@@ -21,7 +21,7 @@ from dolfinx import fem
 from signorini_fx import parallel
 from signorini_fx.body.assembly import adjugates, assemble
 from signorini_fx.body.loads import FormCoefficients, compile_loads
-from signorini_fx.body.mixed import hydrostatic_of
+from signorini_fx.body.mixed import MixedDisplacement, hydrostatic_of
 from signorini_fx.body.moduli import reduced_degree
 from signorini_fx.body.quadrature import strain_degree
 from signorini_fx.mesh.tagged import TaggedMesh
@@ -58,6 +58,7 @@ class NodalForces(SurfaceQuadrature):
         self.scene = scene
         self.tagged = tagged
         owned = int(space.mesh.topology.index_map(self.across).size_local)
+        self._mixed = scene.element.volumetric == "mixed"
         self._own = np.arange(owned, dtype=np.int32) if cells is None else cells[cells < owned]
 
     def facets(self, boundary: str) -> Indices:
@@ -69,15 +70,12 @@ class NodalForces(SurfaceQuadrature):
 
         What resists them on the boundary is not in it, see ``resisted``.
         """
-        y = displacement.x.array.reshape(-1, self.dimension)
-        if self.scene.element.volumetric != "mixed":
-            return self.of_stress(y)
-        deviatoric, *_ = self._part_of_work(y, self._degree, *self._shearing, None)
-        return self.over_ranks(deviatoric - self._pressed(displacement)[0])
+        found = self.of_stress(displacement.x.array.reshape(-1, self.dimension))
+        return found - self.over_ranks(self._pressed(displacement)[0]) if self._mixed else found
 
     def of_stress(self, y: Array) -> Array:
-        """a(y, .) of nodal displacements with ghosts, shape (nodes, d), forces, shape (owned nodes, d); not of a mixed
-        element.
+        """a(y, .) of nodal displacements with ghosts, shape (nodes, d), of a mixed element without its pressure;
+        forces, shape (owned nodes, d).
         """
         return self.over_ranks(self._stress_work(y, self._degree)[0])
 
@@ -85,12 +83,6 @@ class NodalForces(SurfaceQuadrature):
     def _degree(self) -> int:
         """Of the quadrature of the stress."""
         return strain_degree(self.space, axisymmetric=self.scene.axisymmetric)
-
-    @property
-    def _shearing(self) -> tuple[Array, Array]:
-        """Hooke's law of a mixed element without its pressure."""
-        young, poisson = self._young_and_poisson()
-        return young / (1 + poisson), np.zeros(1)
 
     def dilation(self, displacement: fem.Function, step: float, scale: float = 1.0) -> tuple[Array, Array]:
         """The weak form of tr(epsilon) + p / lambda = 0 of a mixed element, with the initial strains of a load step
@@ -102,6 +94,10 @@ class NodalForces(SurfaceQuadrature):
         """
         space, _ = self._dilating
         _, residual, volume = self._pressed(displacement)
+        for effect, beyond, jump in self.sections():
+            moved = MixedDisplacement(self.space, fem.Function(hydrostatic_of(displacement).function_space))
+            moved.x.array[:] = (scale * effect.shortening_at(self.scene, step) * jump).ravel()
+            residual = residual + beyond._pressed(moved)[1]
         return over_ranks(residual - self._swollen(displacement, step, scale)[0], space), over_ranks(volume, space)
 
     @cached_property
@@ -116,17 +112,16 @@ class NodalForces(SurfaceQuadrature):
 
     def initial(self, step: float, scale: float = 1.0, displacement: fem.Function | None = None) -> tuple[Array, float]:
         """Forces of the stress that initial strains and shortened sections of a load step times ``scale`` cause where
-        they are prevented, shape (owned nodes, d), and its energy; of a mixed element none, and what strains add to
-        the energy of its ``displacement``.
+        they are prevented, shape (owned nodes, d), and its energy; of a mixed element those of sections alone, and what
+        both add to the energy of its ``displacement``.
         """
-        if self.scene.element.volumetric == "mixed":
-            more = 0.0 if displacement is None else self._swollen(displacement, step, scale)[1]
-            return self._zero()[: self.owned], float(parallel.global_sum(self.tagged.mesh.comm, np.array(more)))
-        found, energy = self.strained(step, scale)
+        found, energy = self.strained(step, scale, displacement)
         for effect, beyond, jump in self.sections():
             jump = scale * effect.shortening_at(self.scene, step) * jump
             own = beyond.of_stress(jump)
             work = np.sum((own / 2 - beyond.strained(step, scale)[0]) * jump[: self.owned])
+            if self._mixed and displacement is not None:
+                work -= np.sum(beyond._pressed(displacement)[0] * jump) / 2
             found, energy = found - own, energy + float(parallel.global_sum(self.tagged.mesh.comm, np.array(work)))
         return found, energy
 
@@ -142,11 +137,15 @@ class NodalForces(SurfaceQuadrature):
                 jump = np.where(section.nodes[:, None], -section.axis, 0.0)
                 yield effect, NodalForces(self.scene, self.tagged, self.space, section.cells), jump
 
-    def strained(self, step: float, scale: float = 1.0) -> tuple[Array, float]:
+    def strained(
+        self, step: float, scale: float = 1.0, displacement: fem.Function | None = None
+    ) -> tuple[Array, float]:
         """``initial`` of initial strains alone."""
         strain, degree = self._strain(step, scale)
-        if strain is None:
-            return np.zeros((self.owned, self.dimension)), 0.0
+        if self._mixed or strain is None:
+            more = 0.0 if displacement is None or strain is None else self._swollen(displacement, step, scale)[1]
+            none = np.zeros((self.owned, self.dimension))
+            return none, float(parallel.global_sum(self.tagged.mesh.comm, np.array(more)))
         forces, energy = self._stress_work(self._zero(), degree, strain)
         return -self.over_ranks(forces), float(parallel.global_sum(self.tagged.mesh.comm, np.array(energy)))
 
@@ -250,9 +249,9 @@ class NodalForces(SurfaceQuadrature):
         return list(found)
 
     def _hooke(self) -> tuple[Array, Array]:
-        """Hooke's law, of all cells alike, shape (1,), or cell by cell."""
-        found: tuple[Array, Array] = self.scene.material[0].hooke_of(*self._young_and_poisson())
-        return found
+        """Hooke's law, of a mixed element without its pressure, of all cells alike, shape (1,), or cell by cell."""
+        moduli = young, poisson = self._young_and_poisson()
+        return (young / (1 + poisson), np.zeros(1)) if self._mixed else self.scene.material[0].hooke_of(*moduli)
 
     def _young_and_poisson(self) -> tuple[Array, Array]:
         """Both, of all cells alike, shape (1,), or cell by cell."""

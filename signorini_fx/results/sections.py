@@ -14,6 +14,7 @@ import numpy as np
 from dolfinx import fem
 
 from signorini_fx import parallel
+from signorini_fx.body.mixed import MixedDisplacement, hydrostatic_of
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.scene.effect import Force
@@ -43,11 +44,14 @@ def section_forces(
     scene: Scene, tagged: TaggedMesh, displacement: fem.Function, step: float, scale: float = 1.0
 ) -> list[SectionForce]:
     """What goes through each section that a scene shortens, with all loads times ``scale``; collective."""
-    nodal, y = NodalForces(scene, tagged, displacement.function_space), displacement.x.array
+    nodal, space = NodalForces(scene, tagged, displacement.function_space), displacement.function_space
+    mixed = scene.element.volumetric == "mixed"
     inside, found = [load for load in scene.of(Force) if load.where is None], []
     for effect, beyond, jump in nodal.sections():
         shortening = scale * effect.shortening_at(scene, step)
-        left = beyond.of_stress(y.reshape(jump.shape) + shortening * jump)
+        moved = MixedDisplacement(space, hydrostatic_of(displacement)) if mixed else fem.Function(space)
+        moved.x.array[:] = displacement.x.array + shortening * jump.ravel()
+        left = beyond.internal(moved)
         left = left - beyond.external(step, scale, inside) - beyond.strained(step, scale)[0]
         force = parallel.global_sum(tagged.mesh.comm, np.array(np.sum(left * jump[: beyond.owned])))
         found.append(SectionForce(effect.name, float(force), shortening))
