@@ -70,19 +70,24 @@ class Substructures:
         inside, between = rows[self._inner], sp.coo_array(rows[np.flatnonzero(numbers[:own] >= 0)])
         # One joint unknown at least, as MUMPS must leave something.
         self._places = np.unique(np.append(numbers[inside.indices], [-1, 0]))[1:]
-        self._local = SchurComplement(
-            self._coupled(inside, numbers),
-            np.arange(self._inner.size, self._inner.size + self._places.size, dtype=np.int32),
-            [self._of_inner(load) for load in loads],
-            definite=True,
-        )
+        self._local: SchurComplement | None = None  # some MUMPS fail with nothing to eliminate
+        touched = self._places.size
+        parts = np.zeros((touched, touched)), np.zeros((len(loads), touched))
+        if self._inner.size:
+            self._local = SchurComplement(
+                self._coupled(inside, numbers),
+                np.arange(self._inner.size, self._inner.size + touched, dtype=np.int32),
+                [self._of_inner(load) for load in loads],
+                definite=True,
+            )
+            parts = self._local.dense, self._local.loads
         at = np.flatnonzero(numbers[between.col] >= 0)
         of_row = numbers[:own][numbers[:own] >= 0][between.row[at]]
         row, column, entry = (
             parallel.gather_rows(self._comm, one) for one in (of_row, numbers[between.col[at]], between.data[at])
         )
         whole = sp.coo_array((entry, (row, column)), shape=(self._size,) * 2).toarray()
-        for there, part in self._parts(self._local.dense):
+        for there, part in self._parts(parts[0]):
             whole[np.ix_(there, there)] += part.reshape(there.size, there.size)
 
         cut = self._size - stay.size
@@ -92,9 +97,7 @@ class Substructures:
             self._factor = np.full((cut, cut), np.nan)
         self._across = solve_triangular(self._factor, whole[:cut, cut:], lower=True, check_finite=False)
         self.dense: Array = whole[cut:, cut:] - self._across.T @ self._across
-        condensed = [
-            self._onto_retained(self._joined(load, part)) for load, part in zip(loads, self._local.loads, strict=True)
-        ]
+        condensed = [self._onto_retained(self._joined(load, part)) for load, part in zip(loads, parts[1], strict=True)]
         self.loads = np.reshape(condensed, (len(condensed), stay.size))
 
     def solve_interior(self, right: PETSc.Vec) -> PETSc.Vec:
@@ -104,15 +107,16 @@ class Substructures:
         local = PETSc.Vec().createWithArray(self._of_inner(values), comm=PETSc.COMM_SELF)
         cut = self._factor.shape[0]
         at_joint = np.zeros(self._size)
-        at_joint[:cut] = cho_solve((self._factor, True), self._joined(values, self._local.condense(local))[:cut])
-        placed, moved = local.duplicate(), local.duplicate()
-        placed.set(0.0)
-        placed.getArray()[self._inner.size :] = at_joint[self._places]
-        self._local.matrix.mult(placed, moved)
-        moved.aypx(-1.0, local)
-        moved.getArray()[self._inner.size :] = 0.0
+        at_joint[:cut] = cho_solve((self._factor, True), self._joined(values, self._condensed(local))[:cut])
         result.set(0.0)
-        result.getArray()[self._inner] = self._local.solve_interior(moved).getArray(readonly=True)[: self._inner.size]
+        if self._local is not None:
+            count, placed, moved = self._inner.size, local.duplicate(), local.duplicate()
+            placed.set(0.0)
+            placed.getArray()[count:] = at_joint[self._places]
+            self._local.matrix.mult(placed, moved)
+            moved.aypx(-1.0, local)
+            moved.getArray()[count:] = 0.0
+            result.getArray()[self._inner] = self._local.solve_interior(moved).getArray(readonly=True)[:count]
         before = parallel.rows_before(self._comm, self._border.size)
         result.getArray()[self._border] = at_joint[before : before + self._border.size]
         return result
@@ -121,7 +125,7 @@ class Substructures:
         """Another load, shape (c,), the same on all ranks: one back substitution."""
         values = np.array(load.getArray(readonly=True))
         local = PETSc.Vec().createWithArray(self._of_inner(values), comm=PETSc.COMM_SELF)
-        return self._onto_retained(self._joined(values, self._local.condense(local)))
+        return self._onto_retained(self._joined(values, self._condensed(local)))
 
     def _coupled(self, rows: Any, numbers: Indices) -> PETSc.Mat:
         """The matrix of the inner unknowns and behind them of the joint ones that they couple with, among which it is
@@ -140,6 +144,10 @@ class Substructures:
         both.sort_indices()
         csr = (both.indptr.astype(PETSc.IntType), both.indices.astype(PETSc.IntType), both.data)
         return PETSc.Mat().createAIJ((size, size), csr=csr, comm=PETSc.COMM_SELF)
+
+    def _condensed(self, load: PETSc.Vec) -> Array:
+        """What a load of the inner unknowns is to the joint ones that they couple with."""
+        return np.zeros(self._places.size) if self._local is None else self._local.condense(load)
 
     def _of_inner(self, values: Array) -> Array:
         """Values of this rank at its inner unknowns, and zero at the joint ones that it touches."""
