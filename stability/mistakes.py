@@ -3687,6 +3687,13 @@ MUTANTS = (
     ),
     Mutant(
         "solving/sweep",
+        "() if scene.tightens_at(0) else first",
+        "()",
+        "sweep: the coarser meshes give no start",
+        tests=("mesh_levels::test_sweep",),
+    ),
+    Mutant(
+        "solving/sweep",
         "np.where(law.coefficient > 0, value, 0.0)",
         "np.full_like(law.coefficient, value)",
         "sweep: friction where the scene has none",

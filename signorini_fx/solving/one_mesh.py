@@ -79,14 +79,14 @@ def solve_mesh(
     if state is not None:
         start = start.begin_from(*carry_over(state, discretisation.boundary))
         if coarser is not None and not scene.several_steps:
-            _begin_at_coarse(task, coarser, discretisation)
+            begin_at_coarse(task, coarser, discretisation)
     elif fewer_nodes.worthwhile(task, discretisation):
         with timings.phase("iterate"):
             start = fewer_nodes.start_from_fewer_nodes(task, discretisation.boundary)
     return solve_contact(discretisation, task, start, timings, after, kept)
 
 
-def _begin_at_coarse(task: Task, coarser: MeshLevel, discretisation: Discretisation) -> None:
+def begin_at_coarse(task: Task, coarser: MeshLevel, discretisation: Discretisation) -> None:
     """Begin with the displacement of the coarser mesh, where solves are not exact and gain by it; collective."""
     system, free = task.system, ~discretisation.fixed
     if not isinstance(system, KrylovSystem) or discretisation.turned is not None:

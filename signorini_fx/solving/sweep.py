@@ -13,6 +13,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.algorithms.strategy import solve_task
+from signorini_fx.algorithms.task import Start, Task
 from signorini_fx.attempts import step_limit
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation, discretise
@@ -32,7 +33,8 @@ from signorini_fx.scene.effect import SectionJump
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import as_scene
-from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.nested import carry_over
+from signorini_fx.solving.one_mesh import begin_at_coarse, contact_task
 from signorini_fx.solving.solver import refuse_other_than_comm
 
 if TYPE_CHECKING:
@@ -49,7 +51,7 @@ class SweepPoint:
         value: value of the parameter.
         status: how the iteration ended.
         contact: nodal state of the contact boundary of this rank.
-        linear_solves: linear solves for this value.
+        linear_solves: linear solves for this value, on the mesh of the scene.
     """
 
     value: float
@@ -98,15 +100,44 @@ class SweepPoint:
         )
 
 
-def _coarser(scene: Scene, discretisation: Discretisation) -> MeshLevel | None:
-    """The coarser meshes that ``levels`` asks for, as levels of multigrid where it is used; collective."""
-    coarser = None
+def _start_at(start: Start, discretisation: Discretisation, value: float, *, of_loads: bool) -> Start:
+    """The start with a multiple of the loads, or another friction coefficient where the law has one."""
+    factors, law = discretisation.factors(0), start.law
+    if of_loads or law is None:
+        return replace(start, factors=value * factors if of_loads else factors)
+    return replace(start, factors=factors, law=replace(law, coefficient=np.where(law.coefficient > 0, value, 0.0)))
+
+
+def _coarser(
+    scene: Scene, discretisation: Discretisation, first: Sequence[float], *, of_loads: bool
+) -> tuple[MeshLevel | None, ContactState | None]:
+    """The coarser meshes that ``levels`` asks for, as levels of multigrid where it is used, and the contact state there
+    for the first value, if there is one, unless sections are tightened; collective.
+    """
+    coarser: MeshLevel | None = None
+    state: ContactState | None = None
     large = discretisation.dofs >= krylov_from(discretisation.system_size, scene.solver.linear_algebra)
     if large and scene.generated:
         for coarse in coarser_scenes(scene, scene.solver.levels):
             body = discretise(coarse, load_mesh(coarse, discretisation.tagged.mesh.comm), Timings())
-            coarser = body.level(coarser)
-    return coarser
+            solved = None
+            for value in () if scene.tightens_at(0) else first:
+                task = contact_task(body, History(), coarser)
+                start = _start_at(_begun(task, body, coarser, state), body, value, of_loads=of_loads)
+                outcome = solve_task(task, start)
+                state = body.state(task, outcome, start) if outcome.status is Status.CONVERGED else None
+                solved = None if state is None else body.from_rest(task.rest, outcome.displacement())
+            coarser = body.level(coarser, solved)
+    return coarser, state
+
+
+def _begun(task: Task, discretisation: Discretisation, coarser: MeshLevel | None, state: ContactState | None) -> Start:
+    """The start of a task, from the contact state on the next coarser mesh if there is one; collective."""
+    if state is None or discretisation.boundary is None:
+        return task.start
+    if coarser is not None:
+        begin_at_coarse(task, coarser, discretisation)
+    return task.start.begin_from(*carry_over(state, discretisation.boundary))
 
 
 def sweep(
@@ -120,7 +151,7 @@ def sweep(
 
     Every value is a separate problem (the static law, no history); the previous one only provides the start.  All are
     solved on the mesh of the scene; where that is large enough for multigrid, the coarser meshes that ``levels`` asks
-    for are its levels.
+    for are its levels, and give the first value its start.
 
     Args:
         scene: the scene, or the path of its file, with one load step.
@@ -144,17 +175,17 @@ def sweep(
         raise SceneError([("sweep", "loads must be positive where a force tightens a section")])
     if coefficients is not None and not scene.has_coulomb:
         raise SceneError([("sweep", "coefficients need a scene with Coulomb friction")])
+    values, of_loads = [*(coefficients or loads or ())], loads is not None
     discretisation = discretise(scene, load_mesh(scene, comm), Timings())
     history = History()
     scene = discretisation.scene
-    task = contact_task(discretisation, history, _coarser(scene, discretisation))
-    begin, law = task.start, task.start.law
+    coarser, state = _coarser(scene, discretisation, values[:1], of_loads=of_loads)
+    task = contact_task(discretisation, history, coarser)
+    begin = _begun(task, discretisation, coarser, state)
     points: list[SweepPoint] = []
-    for value in (coefficients if coefficients is not None else loads) or ():
-        before, load = history.linear_solves, value if loads is not None else 1.0
-        start = replace(begin, factors=load * discretisation.factors(0))
-        if coefficients is not None and law is not None:
-            start = replace(start, law=replace(law, coefficient=np.where(law.coefficient > 0, value, 0.0)))
+    for value in values:
+        before, load = history.linear_solves, value if of_loads else 1.0
+        start = _start_at(begin, discretisation, value, of_loads=of_loads)
         d = discretisation
         if scene.tightens_at(0):
             from signorini_fx.solving.preload import solve_tightened
@@ -165,7 +196,7 @@ def sweep(
         contact, promised = d.state(task, outcome, start), Law(*task.promised(outcome))
         x = outcome.newton.x.copy()
         solves, problem = history.linear_solves - before, outcome.problem
-        own = d.scene if coefficients is None else _with_coefficient(d.scene, value)
+        own = d.scene if of_loads else _with_coefficient(d.scene, value)
         points.append(SweepPoint(value, outcome.status, contact, solves, own, promised, d, problem, x, load, task.rest))
         if outcome.status is Status.CONVERGED:
             begin = begin.begin_from(problem.sets, outcome.newton.multipliers())
