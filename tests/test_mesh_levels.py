@@ -300,4 +300,4 @@ def test_sweep():
     for points in alone:
         for mine, right in zip(points, nested, strict=True):
             wanted = right.contact.pressure
-            np.testing.assert_allclose(mine.contact.pressure, wanted, rtol=0, atol=5e-8 * wanted.max())
+            np.testing.assert_allclose(mine.contact.pressure, wanted, rtol=0, atol=2e-8 * wanted.max())

@@ -472,7 +472,7 @@ def test_far_from_a_shape_nothing_is_sampled_inside(monkeypatch):
     monkeypatch.setattr(Distance, "__call__", lambda self, x: asked.append(x.shape[1]) or whole(self, x))
     ours = data_error(solution.discretisation, solution.table, 0)
     few = sum(asked)
-    monkeypatch.setattr(estimated_data, "_reached", lambda gap, table, surface, own: np.ones(own.size, dtype=bool))
+    monkeypatch.setattr(estimated_data, "_reached", lambda gap, table, corners, x: np.ones(len(x), dtype=bool))
     theirs = data_error(solution.discretisation, solution.table, 0)
     assert ours.squares.max() > 0
     np.testing.assert_array_equal(ours.squares, theirs.squares)

@@ -27,7 +27,7 @@ from signorini_fx.linalg.rigid_unknowns import of_nodes
 from signorini_fx.tuned import INEXACT_TOLERANCE, KRYLOV_STEPS, KRYLOV_TOLERANCE
 
 _NO_SHARE = 1e-15  # relative tolerance of a solve that ends by its absolute one
-_LAST = 1e-8  # share of the forces below which Newton's method ends, ``ssn.RESIDUAL_TOLERANCE``
+_LAST = 1e-7  # share of the forces that is never left: ten times that at which Newton's method ends
 
 
 @dataclass
@@ -149,7 +149,7 @@ class KrylovSystem(AssembledSystem):
         """The residual that a loose solve may leave of one of this size, see "Tolerances" in docs/theory.md.
 
         It follows Eisenstat & Walker (1996): what Newton's method will leave anyway, if it gains as much as in the last
-        step, or the share of the forces, if that is larger.  Where the method may end with this solve, nothing is left.
+        step, or the share of the forces, if that is larger.  Where the method may end soon, nothing is left.
         """
         known = [whole for whole in (self._forces, self._before) if whole > 0]
         share = min(INEXACT_TOLERANCE, max((size / whole for whole in known), default=1.0))
