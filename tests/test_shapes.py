@@ -67,6 +67,17 @@ for name, angle in (("disc", math.pi), ("tilted", 0.1)):  # the first is seen fr
     gmsh.model.occ.rotate(gmsh.model.occ.cut([(2, disc)], [(2, hole)])[0], 0, 0, 0, 1, 0, 0, angle)
     gmsh.model.occ.synchronize()
     gmsh.write({str(folder)!r} + f"/{{name}}.step")
+for name, low in (("touching", 1.0), ("overlapping", 0.5), ("flat", 1.0)):
+    gmsh.clear()
+    for x, y, size in ((-1, -1, 2), (low, -0.5, 1)):
+        flat = (x, y, 0, 3 - low if x > 0 else 2, size)
+        gmsh.model.occ.addRectangle(*flat) if name == "flat" else gmsh.model.occ.addBox(x, y, y, *flat[3:], size)
+    gmsh.model.occ.synchronize()
+    gmsh.write({str(folder)!r} + f"/{{name}}.step")
+gmsh.clear()
+gmsh.model.occ.addBox(-1, -1, -1, 2, 2, 2), gmsh.model.occ.addBox(1, 1, -1, 2, 2, 2)
+gmsh.model.occ.synchronize()
+gmsh.write({str(folder)!r} + "/beside.step")
 """
     subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
 
@@ -190,6 +201,25 @@ def test_a_plane_drawing_is_a_shape(files, size):
     assert normal[clear] == pytest.approx(exact[clear] / np.linalg.norm(exact[clear], axis=1)[:, None], abs=2 * size)
     with pytest.raises(SceneError, match="no solids, and its faces are in no plane"):
         distance_from({"shape": "surface", "file": files / "tilted.step"}, 2)
+
+
+@pytest.mark.parametrize("name", ["touching", "overlapping", "flat", "beside"])
+def test_a_drawing_of_two_solids(files, name):
+    """What they have in common is no surface: within them it is the rim of both that is close; an edge keeps both."""
+    dim = 2 if name == "flat" else 3
+    middle, half = ((2.0, 2.0, 0.0), 1.0) if name == "beside" else ((2.0, 0.0, 0.0), (1.0, 0.5, 0.5))
+    at = np.random.default_rng(8).uniform(-2, 4, (400, 3))
+    # Deep within; and next to what is between the two, from whose rim they are sqrt(0.1^2 + 0.5^2) and 0.5 away.
+    at[:3] = [(0.0, 0.0, 0.0), (0.9, 0.0, 0.0), (1.2, 0.0, 0.0)]
+    at[:, dim:] = 0.0
+    signed, _ = read_shape({"shape": "surface", "file": files / f"{name}.step", "size": 1.0}).distance(at[:, :dim])
+    beyond = [(np.abs(at) - 1.0)[:, :dim], (np.abs(at - middle) - half)[:, :dim]]
+    inside = np.any([(part < 0).all(axis=1) for part in beyond], axis=0)
+    away = np.min([np.linalg.norm(np.maximum(part, 0.0), axis=1) for part in beyond], axis=0)
+    assert inside.sum() > 20
+    assert signed[~inside] == pytest.approx(away[~inside], abs=1e-12)
+    assert (signed[inside] < 0).all()
+    assert signed[:3] == pytest.approx([-1.0, -0.1, 0.2] if name == "beside" else [-1.0, -np.sqrt(0.26), -0.5])
 
 
 def test_a_drawing_of_many_triangles(files):

@@ -142,7 +142,8 @@ def _drawn(gmsh: Any, file: str, form: str, size: float, less: int) -> tuple[int
         file: the drawing.
         form: its format.
         size: length of the cells; 0: a fraction of the size of the body.
-        less: 0: the body is to be meshed; 1: its skin, which has one dimension less.
+        less: 0: the body is to be meshed; 1: its skin, which has one dimension less, and where its solids (or faces in
+            a plane) that touch or overlap are divided into ones that share faces (or curves).
 
     Returns:
         The dimension of the body, the length of the cells, and about how many there will be.
@@ -153,6 +154,14 @@ def _drawn(gmsh: Any, file: str, form: str, size: float, less: int) -> tuple[int
     found = gmsh.model.occ.importShapes(file, highestDimOnly=True, format=form)
     gmsh.model.occ.synchronize()
     top = max((dim for dim, _ in found), default=0)
+    if less and len(found) > 1:
+        gmsh.model.occ.removeAllDuplicates()
+        gmsh.model.occ.synchronize()
+        if not any(_is_inner(gmsh, top - 1, tag) for _, tag in gmsh.model.getEntities(top - 1)):
+            # Solids that have only a line in common stay apart: their surfaces would not be closed along it.
+            gmsh.clear()
+            gmsh.model.occ.importShapes(file, highestDimOnly=True, format=form)
+            gmsh.model.occ.synchronize()
     if top < 2:
         raise ValueError("it has neither solids nor faces")
     low, high = (gmsh.model.getBoundingBox(-1, -1)[k : k + 3] for k in (0, 3))
@@ -165,6 +174,11 @@ def _drawn(gmsh: Any, file: str, form: str, size: float, less: int) -> tuple[int
             f"cells of size {length:g} would be about {cells:.2g}, too many for the memory: use larger ones"
         )
     return top, length, cells
+
+
+def _is_inner(gmsh: Any, dim: int, tag: int) -> bool:
+    """Whether a face is between two solids, or a curve between two faces."""
+    return len(gmsh.model.getAdjacencies(dim, tag)[0]) > 1
 
 
 def _set_sizes(gmsh: Any, length: float, times: int) -> None:
@@ -209,7 +223,7 @@ def _skin(gmsh: Any, file: str, form: str, size: float) -> RawMesh:
             begin, end = points[rows, :2].transpose(1, 0, 2)
             area = np.sum(begin[:, 0] * end[:, 1] - begin[:, 1] * end[:, 0])
             blocks.append(("line", rows if area > 0 else rows[:, ::-1]))
-        elif len(gmsh.model.getAdjacencies(2, face)[0]) == 1:  # not between two solids
+        elif not _is_inner(gmsh, 2, face):
             nodes = gmsh.model.mesh.getElementsByType(2, face)[1]
             blocks.append(("triangle", _places(tags, order, nodes).reshape(-1, 3)))
     return RawMesh(points, blocks)
