@@ -378,6 +378,30 @@ def test_a_rotation_about_a_point_far_away():
     assert tiny == "the rotation about (-1.6e-08, 1.2e-08)"
 
 
+UP = "the rotation about the axis through (1, 1, 1) along (0, 0, 1)"
+# Free motions as columns (translations, then rotations, of a piece of size 2 with its middle at (1, 1) or (1, 1, 1)),
+# and their name; a rotation about a point of the plane is one about another with a translation.
+ROTATIONS = [
+    (np.eye(3), "translations and rotations"),
+    ([[0, 0.5], [1, 0.7], [0, 1.0]], "the translation along (0, 1) and the rotation about (1, 2)"),
+    (np.eye(6)[:, [0, 1, 5]], f"the translations across (0, 0, 1) and {UP}"),
+    (np.eye(6)[:, [2, 5]], f"the translation along (0, 0, 1) and {UP}"),
+    (np.eye(6)[:, [0, 1, 2, 4]], "translations and rotations about axes along (0, 1, 0)"),
+    (np.eye(6)[:, [2, 3, 4]], "the translation along (0, 0, 1) and rotations"),
+    (np.eye(6)[:, 3:], "rotations"),
+]
+
+
+@pytest.mark.parametrize(("free", "name"), ROTATIONS)
+def test_names_of_several_motions(free, name):
+    """One rotation is called so, with its place; a combination of the same motions has the same name."""
+    free = np.array(free, dtype=float)
+    centre = np.ones(2 if len(free) == 3 else 3)
+    assert rigid_motion_names(free, centre, 2.0) == name
+    mixed = free @ np.linalg.qr(np.random.default_rng(8).normal(size=(free.shape[1],) * 2))[0]
+    assert rigid_motion_names(mixed, centre, 2.0) == name
+
+
 def test_factors_that_differ_in_number():
     """Each list with its length."""
     loads = {"traction": [{"boundary": "top", "y": -1.0}, {"boundary": "top", "x": 1.0, "factors": [0.0, 1.0]}]}

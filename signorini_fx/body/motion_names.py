@@ -51,22 +51,36 @@ def names_of_piece(motions: _Rows, centre: _Rows, length: float) -> str:
         names.append("translations")
     elif shifts.shape[1] == 1:
         along = shifts[:, 0] / np.linalg.norm(shifts[:, 0])
-        along = along * np.sign(along[np.argmax(np.abs(along))]) if motions.shape[1] > 1 else along
+        along = _upwards(along) if motions.shape[1] > 1 else along
         names.append(f"the translation along ({_point(along)})")
     elif shifts.shape[1] == 2:
-        across = np.linalg.svd(shifts.T)[2][-1]
-        names.append(f"the translations across ({_point(across * np.sign(across[np.argmax(np.abs(across))]))})")
-    if turning and motions.shape[1] > 1:
-        names.append("rotations")
-    elif turning and dim == 2:
-        shift_x, shift_y, angle = motions[:, 0]
-        names.append(f"the rotation about ({_point(centre + length / angle * np.array([-shift_y, shift_x]), length)})")
+        names.append(f"the translations across ({_point(_upwards(np.linalg.svd(shifts.T)[2][-1]))})")
+    if turning == 1 and shifts.shape[1] < dim:
+        names.append(_rotation(motions @ rows[0], shifts, centre, length))
+    elif turning == 1 and dim == 3:
+        axis = rows[0] @ motions[dim:].T
+        names.append(f"rotations about axes along ({_point(_upwards(axis / np.linalg.norm(axis)))})")
     elif turning:
-        shift, turn = motions[:dim, 0], motions[dim:, 0] / length
-        through = centre + np.cross(turn, shift) / np.dot(turn, turn)
-        axis = turn / np.linalg.norm(turn)
-        names.append(f"the rotation about the axis through ({_point(through, length)}) along ({_point(axis)})")
+        names.append("rotations")
     return " and ".join(names)
+
+
+def _rotation(motion: _Rows, shifts: _Rows, centre: _Rows, length: float) -> str:
+    """The name of a motion of shape (m,) that rotates, with any multiple of translations of shape (d, k)."""
+    dim = centre.size
+    along, _ = np.linalg.qr(shifts)
+    shift, turn = motion[:dim] - along @ (along.T @ motion[:dim]), motion[dim:] / length
+    if dim == 2:
+        return f"the rotation about ({_point(centre + np.array([-shift[1], shift[0]]) / turn[0], length)})"
+    through = centre + np.cross(turn, shift) / np.dot(turn, turn)
+    axis = turn / np.linalg.norm(turn)
+    axis = _upwards(axis) if shifts.shape[1] else axis
+    return f"the rotation about the axis through ({_point(through, length)}) along ({_point(axis)})"
+
+
+def _upwards(direction: _Rows) -> _Rows:
+    """The direction or its opposite, so that its largest component is positive."""
+    return np.asarray(direction * np.sign(direction[np.argmax(np.abs(direction))]))
 
 
 def _point(x: _Rows, size: float = 1.0) -> str:
