@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import basix
+import basix.ufl
 import mpi4py.MPI as MPI  # first, see signorini_fx.body
 import numpy as np
 import numpy.typing as npt
+import ufl
 from dolfinx import __version__, common, cpp, fem, mesh
 
 from signorini_fx.errors import InstallationError
@@ -15,6 +18,20 @@ from signorini_fx.errors import InstallationError
 VERSION = tuple(int(part) for part in __version__.split(".")[:2])
 if VERSION < (0, 9):
     raise InstallationError(f"dolfinx is {__version__}")
+
+
+def share_cells() -> None:
+    """Give all elements on one kind of cell the same ``ufl.Cell``.
+
+    basix makes a new one whenever an element is asked for its cell, as UFL does hundreds of times for a form; a
+    hexahedron is made of 150 objects, and each rank makes all of them.
+    """
+    cell = cache(ufl.Cell)
+    base: Any = basix.ufl._ElementBase
+    base.cell = property(lambda element: cell(element._cellname), doc=base.cell.__doc__)
+
+
+share_cells()
 
 
 def gmsh_model_to_mesh(model: Any, comm: MPI.Comm, dim: int) -> tuple[mesh.Mesh, Any, Any]:
