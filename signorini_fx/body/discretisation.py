@@ -13,6 +13,7 @@ import ufl
 from dolfinx import fem
 
 from signorini_fx import parallel
+from signorini_fx.body.assembly import stiffness_form
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.elastic_terms import ELASTIC_FORMS, elastic_terms
 from signorini_fx.body.foundations import Foundations
@@ -298,7 +299,8 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
             return mixed.forms[:1]
         found = terms(ufl.TrialFunction(space), z)
         return [
-            inventory.compile(name, partial(fem.form, one)) for name, one in zip(ELASTIC_FORMS, found, strict=False)
+            inventory.compile(name, partial(stiffness_form, one, tagged.dimension))
+            for name, one in zip(ELASTIC_FORMS, found, strict=False)
         ]
 
     return Discretisation(
