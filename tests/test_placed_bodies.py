@@ -177,6 +177,8 @@ def measure(tagged, name):
 
 
 ONE = {"generator": "rectangle", "parameters": {"nx": 2, "ny": 2}}
+BOTH = [{"name": "a", "mesh": ONE}, {"name": "b", "mesh": ONE, "shift": [0.0, 1.0]}]
+ON_EACH_OTHER = {"boundary": "b.bottom", "against": "a.top"}
 
 
 @pytest.mark.parametrize(
@@ -205,6 +207,12 @@ ONE = {"generator": "rectangle", "parameters": {"nx": 2, "ny": 2}}
             "body 'b' has hexahedron cells, body 'a' quadrilateral cells: the elements of a mesh are all of one kind",
         ),
         ({"body": [{"name": "a", "mesh": ONE}, {"name": "b", "mesh": ONE}], "contact": {"boundary": "top"}}, "a.top"),
+        # A material of one body is not that of the other, which was the case in silence.
+        (
+            {"body": BOTH, "material": {**MATERIAL, "region": "a"}, "contact": ON_EACH_OTHER},
+            "material: 4 cells are in none of the regions that have a material",
+        ),
+        ({"body": BOTH, "contact": {**ON_EACH_OTHER, "gap": "1/(x[0] - x[0])"}}, r"contact\[0\].gap: is inf at"),
     ],
 )
 def test_what_is_refused(given, match):

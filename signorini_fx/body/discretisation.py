@@ -30,7 +30,7 @@ from signorini_fx.body.loads import (
     tool_load,
 )
 from signorini_fx.body.mixed import MIXED_FORMS, MixedPressure
-from signorini_fx.body.moduli import lame_coefficients, reduced_degree
+from signorini_fx.body.moduli import check_covers, lame_coefficients, reduced_degree
 from signorini_fx.body.pieces import Pieces, find_pieces
 from signorini_fx.body.rigid_tools import RigidTools
 from signorini_fx.body.scene_contact import foundations_of
@@ -209,8 +209,8 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisatio
         tagged = replace(tagged, mesh=section_in_space(tagged.mesh))
     try:
         return _prepared(scene.placed(0), tagged, timings)
-    except FormError as error:  # of a foundation
-        raise SceneError(error.problems) from None
+    except FormError as error:  # of a foundation; the allowance of a pair is the gap of a scene
+        raise SceneError([(path.replace("].allowance", "].gap"), wrong) for path, wrong in error.problems]) from None
 
 
 def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisation:
@@ -221,6 +221,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         partial(reduced_degree, scene, tagged.mesh),
         partial(check_fits, scene, tagged),
         partial(check_strains, scene, tagged),
+        partial(check_covers, scene, tagged),
     )
     if scene.sides[1] is not None:
         from signorini_fx.body.carrying_side import with_chosen_sides

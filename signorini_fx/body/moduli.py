@@ -26,6 +26,24 @@ _BOUNDS = {
 }
 
 
+def check_covers(scene: Scene, tagged: TaggedMesh) -> None:
+    """Of several materials ``of_materials`` knows it; one material with a region must not be that of other cells too.
+
+    Raises:
+        SceneError: the only material has a region, in which some cells are not.
+    """
+    region, own = scene.material[0].region, tagged.mesh.topology.index_map(tagged.mesh.topology.dim).size_local
+    if len(scene.material) == 1 and region in tagged.regions:
+        inside = int(np.count_nonzero(tagged.cells(str(region)) < own))
+        if bare := int(parallel.global_sum(tagged.mesh.comm, np.array(own - inside))):
+            raise _bare(bare)
+
+
+def _bare(count: int) -> SceneError:
+    """Cells without a material."""
+    return SceneError([("material", f"{count} cells are in none of the regions that have a material")])
+
+
 def of_materials(scene: Scene, tagged: TaggedMesh, numbers: Callable[[Any], tuple[float, ...]]) -> tuple[Any, ...]:
     """Numbers of the materials: constants for one material, cell-wise functions for several.
 
@@ -51,7 +69,7 @@ def of_materials(scene: Scene, tagged: TaggedMesh, numbers: Callable[[Any], tupl
     counts = parallel.global_sum(mesh.comm, np.array([np.sum(owned == 0), np.sum(owned > 1)]))
     bare, twice = (int(count) for count in counts)
     if bare:
-        raise SceneError([("material", f"{bare} cells are in none of the regions that have a material")])
+        raise _bare(bare)
     if twice:
         raise SceneError([("material", f"{twice} cells are in several of the regions that have a material")])
     for function in found:
