@@ -19,7 +19,7 @@ from signorini_fx.pictures.deformed_body import deformed_mesh
 from signorini_fx.pictures.fields import FIELDS, ON_DEMAND, Field, principal, values_of
 from signorini_fx.pictures.style import BLUE, ORANGE
 from signorini_fx.pictures.tiling import refined, tiling
-from signorini_fx.pictures.tones import Tones, draw_principal, strokes, thinned
+from signorini_fx.pictures.tones import Tones, draw_principal, spaced, strokes, thinned
 from signorini_fx.results.body_cells import gather_cells
 from signorini_fx.results.files import write_results
 from signorini_fx.results.outer_surface import gather_outer_surface
@@ -76,6 +76,19 @@ def test_thinned():
     """One point of each square, that next to its middle."""
     points = np.array([[0.1, 0.1], [0.4, 0.6], [0.9, 0.9], [1.5, 0.5], [-0.5, 0.2]])
     assert sorted(thinned(points, 1.0)) == [1, 3, 4]
+
+
+def test_spaced():
+    """None is nearer to another one than the distance, the first is kept, and no gap is left."""
+    nodes = np.random.default_rng(3).random((3000, 2))
+    kept = spaced(nodes, np.arange(3000), 0.05)
+    assert kept[0] == 0
+    apart = np.linalg.norm(nodes[kept][:, None] - nodes[kept], axis=2) + np.eye(len(kept))
+    assert apart.min() >= 0.05
+    assert np.linalg.norm(nodes[:, None] - nodes[kept], axis=2).min(axis=1).max() < 0.05
+    # Along a line every third, though 0.3 is no sum of 0.1 in floating point.
+    line = np.column_stack((0.1 * np.arange(40), np.ones(40)))
+    assert spaced(line, np.arange(40), 0.3).tolist() == list(range(0, 40, 3))
 
 
 @pytest.mark.parametrize(

@@ -190,16 +190,6 @@ def test_shear_arrows(folders):
     np.testing.assert_allclose(drawn_vectors, scale * shear, atol=1e-12)
 
 
-def test_many_arrows_are_thinned():
-    """None is nearer to another one than the distance, the first is kept, and no gap is left."""
-    nodes = np.random.default_rng(3).random((3000, 2))
-    kept = np.array(list(contact_surface._spread(nodes, np.arange(3000), 0.05)))
-    assert kept[0] == 0
-    apart = np.linalg.norm(nodes[kept][:, None] - nodes[kept], axis=2) + np.eye(len(kept))
-    assert apart.min() >= 0.05
-    assert np.linalg.norm(nodes[:, None] - nodes[kept], axis=2).min(axis=1).max() < 0.05
-
-
 def test_axes_are_those_of_space(folders):
     """Labels name the coordinates, equal lengths are equal, and numbers are those of the coordinates."""
     sides, figure = drawn(folders["walls"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,7 +36,7 @@ from signorini_fx.pictures.style import (
     readable,
     unit_of,
 )
-from signorini_fx.pictures.tones import upper_tone
+from signorini_fx.pictures.tones import spaced, upper_tone
 from signorini_fx.units import bracketed
 
 Rows = npt.NDArray[np.int64]
@@ -364,7 +364,7 @@ def _arrows(
         return 0.0
     # The longest one first, so that it is never left out.
     order = np.lexsort((*np.round(side.nodes[rows] / size, 9).T[::-1], lengths < longest))
-    rows = np.array(list(_spread(side.nodes, rows[order], size / _ARROWS)), dtype=np.int64)
+    rows = spaced(side.nodes, rows[order], size / _ARROWS)
     scaled = vectors[rows] * (_LONGEST * size / longest if factor is None else factor)
     axes.quiver(
         *side.nodes[rows].T,
@@ -385,10 +385,3 @@ def _arrows(
         clip_on=True,
     )
     return longest
-
-
-def _spread(nodes: Floats, rows: Rows, distance: float) -> Iterator[int]:
-    """Rows in their order without those that are closer than the distance to an earlier one."""
-    while len(rows):
-        yield int(rows[0])
-        rows = rows[np.linalg.norm(nodes[rows] - nodes[rows[0]], axis=1) >= distance]

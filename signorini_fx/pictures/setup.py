@@ -9,6 +9,7 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import ListedColormap, to_rgb
@@ -18,7 +19,7 @@ from matplotlib.text import Annotation, Text
 
 from signorini_fx.pictures.marks import draw_lengths
 from signorini_fx.pictures.style import BLUE, INK, MUTED, ORANGE, SCREEN, STYLE, Floats, finish, math_number, plain
-from signorini_fx.pictures.tones import thinned
+from signorini_fx.pictures.tones import spaced
 from signorini_fx.units import bracketed, labelled, unit
 
 _BODY, _NAMED, _OTHER = "#e4e4e4", "#8a8a8a", "#cc79a7"
@@ -209,13 +210,13 @@ class Setup:
             at, normals = one.middles[front], one.normals[front]
             if not len(at):
                 continue
-            rows = thinned(flat(at), side / _ARROWS) if len(at) > _FEW else np.arange(len(at))
+            rows = _some(flat(at), side / _ARROWS) if len(at) > _FEW else np.arange(len(at))
             for vectors, most, colour in ((one.load, largest, BLUE), (one.moved, farthest, _COLOURS["displacement"])):
                 if most > 0:
                     arrows = np.asarray(vectors[front][rows] / most)
                     self._arrows(axes, flat, at[rows], normals[rows], arrows, size, colour, hidden=hidden)
             if one.held and not hidden and not one.moved.any():
-                rows = thinned(flat(at), side / _SUPPORTS)
+                rows = _some(flat(at), side / _SUPPORTS)
                 _supports(axes, flat, at[rows], normals[rows], one.held, size)
             color, line = INK if one.kinds else MUTED, ":" if hidden else "-"
             names.append(self._name(axes, flat, one.name, at, normals, middle, side, color=color, linestyle=line))
@@ -289,7 +290,7 @@ class Setup:
         for one in self.boundaries:
             if self.dimension == 3 or not one.grounded or not len(one.corners):
                 continue
-            rows = thinned(one.middles, size / _STROKES) if len(one.corners) > _FEW else np.arange(len(one.corners))
+            rows = _some(one.middles, size / _STROKES) if len(one.corners) > _FEW else np.arange(len(one.corners))
             start, out = one.middles[rows], one.normals[rows]
             end = start + 0.025 * size * (out + 0.8 * np.column_stack((out[:, 1], -out[:, 0])))
             strokes = LineCollection(list(np.stack((start, end), axis=1)), colors=ORANGE, linewidths=0.8, zorder=4)
@@ -331,6 +332,11 @@ def _spread(figure: Figure, names: Sequence[Annotation]) -> None:
         taken.append(free)
         right, up = name.xyann
         name.xyann = right, up + (free.y0 - box.y0) * 72.0 / figure.dpi
+
+
+def _some(points: Floats, spacing: float) -> npt.NDArray[np.intp]:
+    """Rows of points of shape (m, 2) so far apart, from one end of them to the other."""
+    return spaced(points, np.lexsort(np.round(points.T / spacing, 6)), spacing)
 
 
 def _supports(

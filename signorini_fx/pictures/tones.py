@@ -153,3 +153,16 @@ def thinned(points: Floats, spacing: float) -> npt.NDArray[np.intp]:
     first = np.ones(len(order), dtype=bool)
     first[1:] = np.any(np.diff(square[order], axis=0) != 0, axis=1)
     return order[first]
+
+
+def spaced(points: Floats, rows: npt.NDArray[np.intp], spacing: float) -> npt.NDArray[np.intp]:
+    """Rows of points of shape (m, 2) in their order, without those that are closer than this to an earlier one.
+
+    In order along a line the distances of those that are left are alike, but for the distances of the points.
+    """
+    found: list[int] = []
+    while len(rows):
+        found.append(int(rows[0]))
+        away = np.linalg.norm(points[rows] - points[rows[0]], axis=1)
+        rows = rows[away > (1 - 1e-9) * spacing]  # those of a regular mesh may be equal to it but for round-off
+    return np.array(found, dtype=np.intp)
