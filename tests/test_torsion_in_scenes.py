@@ -16,6 +16,7 @@ from signorini_fx.report.page import write_report
 from signorini_fx.report.reading import read_csv
 from signorini_fx.results.body_cells import gather_cells
 from signorini_fx.results.files import write_results
+from signorini_fx.results.picture_data import gather_pictures
 from signorini_fx.results.summary import render
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
@@ -129,6 +130,28 @@ def test_twisted_shaft(cells, degree, how):
     assert solution.stress.largest().value == pytest.approx(np.sqrt(3) * largest, rel=1e-9)
     assert solution.stress.largest("xz").value == pytest.approx(0.0, abs=1e-9 * largest)
     assert solution.stress.recovered.smallest("yz").value == pytest.approx(-largest, rel=1e-5)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("recovered", [True, False])
+def test_pictures_show_the_displacement_around_the_axis(recovered):
+    """Of a shaft that is twisted by T / (G J) per length, at points of the cells or one value per cell."""
+    torque = 7.0
+    given = scene(
+        section("triangle"),
+        2,
+        0.3,
+        displacement={"boundary": "bottom", "y": 0.0, "z": 0.0},
+        traction={"boundary": "top", "z": f"{-torque / POLAR!r} * x[0]"},
+    )
+    solution = solve(given, COMM)
+    assert gather_pictures(solution).fields == ("von_mises", "around")
+    body = gather_cells(solution, ["around"], recovered=recovered)
+    if COMM.rank == 0:
+        x = body.points[body.within] if recovered else body.points[body.within[:, body.tiles.vertices]].mean(axis=1)
+        twist = torque / (YOUNG / 2.6 * POLAR)
+        expected = -twist * x[..., 0] * x[..., 1]
+        assert np.abs(body.values["around"] - expected).max() <= 1e-10 * twist * RADIUS * LENGTH
 
 
 @pytest.mark.mpi

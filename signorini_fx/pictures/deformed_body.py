@@ -160,8 +160,8 @@ def deformed_mesh(
     the values do; the label of the colour bar says whether it is so.  The edges of the cells are drawn if the mesh is
     coarse enough to see them; the body's outline always is.  Where a singular corner would leave the rest of the body
     without colour, the scale ends at the value that 99 % of the area stays below; an arrow at the colour bar says that
-    there is more.  A circle marks the largest value, a gray line is the outline of the undeformed body, and arrows show
-    how long that is: coordinates stand at the axes only where nothing is magnified.
+    there is more.  A circle marks the value of the largest size, a gray line is the outline of the undeformed body, and
+    arrows show how long that is: coordinates stand at the axes only where nothing is magnified.
 
     Args:
         path_stem: where to write, without suffix.
@@ -251,7 +251,7 @@ def deformed_mesh(
             if panel is panels[0] and panel.factor != 1:
                 draw_lengths(axes, points, below=low)
             if panel is panels[0] and factor is None and np.isfinite(nodal).any():
-                at = int(np.nanargmax(nodal))
+                at = int(np.nanargmax(np.abs(nodal)))
                 mark_largest(axes, panel.corners[at].mean(axis=0) if triangles is None else panel.moved[at], nodal[at])
         tones.bar(figure, list(grid))
         finish(figure, path_stem, f"{title}   ({remark})" if title else remark, suffixes)

@@ -54,9 +54,10 @@ FIELDS = {
     ),
     "displacement": Field("size of the displacement", of_stress=False, quantity="length"),
     "density": Field("elastic shear energy density"),
+    "around": Field("displacement $u_z$ around the axis", signed=True, of_stress=False, quantity="length"),
 }
-# Those drawn on demand; the von Mises stress always is.
-ON_DEMAND = tuple(name for name in FIELDS if name != "von_mises")
+# Those drawn on demand: the von Mises stress always is, and with torsion the displacement around the axis.
+ON_DEMAND = tuple(name for name in FIELDS if name not in ("von_mises", "around"))
 # Those that need the tensor of the stress.
 FROM_STRESS = ("pressure", "principal")
 
@@ -90,5 +91,5 @@ def principal(stress: Floats) -> tuple[Floats, Floats]:
 
 
 def unknown(names: Sequence[str]) -> list[str]:
-    """Those of some names that are no field."""
-    return [name for name in names if name not in FIELDS]
+    """Those of some names that are no field to ask for."""
+    return [name for name in names if name not in ("von_mises", *ON_DEMAND)]

@@ -96,7 +96,7 @@ class Tones:
             aspect=40,
             pad=0.02,
         )
-        bar.ax.locator_params(nbins=6)
+        bar.ax.locator_params(nbins=min(6, max(3, round(1.1 * figure.get_figwidth()))))  # numbers beside each other
         bar.set_label(f"{self.field.label}{unit_of(self.power, self.field.quantity)}")
         return bar
 

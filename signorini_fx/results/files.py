@@ -21,7 +21,7 @@ from signorini_fx.csv_text import as_text
 from signorini_fx.errors import PictureError, cannot_be_written
 from signorini_fx.machine.terminal import say
 from signorini_fx.mesh.tagged import TaggedMesh
-from signorini_fx.pictures.fields import FIELDS, unknown
+from signorini_fx.pictures.fields import FIELDS, ON_DEMAND, unknown
 from signorini_fx.pictures.result_pictures import TURNING, ResultPictures
 from signorini_fx.records import as_rows
 from signorini_fx.report.reading import read_csv, read_facets
@@ -101,7 +101,9 @@ def write_results(
     if not isinstance(pictures, bool):
         pictures = [pictures] if isinstance(pictures, str) else list(pictures)
         if wrong := unknown(pictures):
-            raise ValueError(f"no picture of {', '.join(map(repr, wrong))}: there are {', '.join(FIELDS)}")
+            raise ValueError(
+                f"no picture of {', '.join(map(repr, wrong))}: there are {', '.join(('von_mises', *ON_DEMAND))}"
+            )
     with folder if isinstance(folder, ResultFolder) else ResultFolder(solution.comm, folder, FILES) as claimed:
         summary = _write(solution, claimed, fields=kind, pictures=pictures, pdf=pdf)
         claimed.commit()

@@ -80,8 +80,9 @@ def recovered_fields(solution: Solution, fields: Sequence[str]) -> dict[str, fem
         found["density"] = solution.stress.recovered.shear_energy_density
     if any(name in FROM_STRESS for name in fields):
         found["stress"] = solution.stress.recovered.tensor
-    if "displacement" in fields:
-        found["displacement"] = solution.displacement
+    for name in ("displacement", "around"):
+        if name in fields:
+            found[name] = solution.displacement
     return found
 
 
@@ -89,13 +90,13 @@ def values_within(name: str, function: fem.Function, points: Floats, cells: npt.
     """One of those fields at reference points in cells of this rank, in the order of the cells.
 
     Returns:
-        The ``stress`` with shape (cells, points, 3, 3), of a ``displacement`` its size, any other as it is, with shape
-        (cells, points).
+        The ``stress`` with shape (cells, points, 3, 3), of a ``displacement`` its size and of that ``around`` the axis
+        the third component, any other as it is, with shape (cells, points).
     """
     values = values_at(function, points, cells)
     if name == "stress":
         return values.reshape(*values.shape[:2], 3, 3)
-    return np.asarray(np.linalg.norm(values, axis=2) if name == "displacement" else values[..., 0])
+    return np.asarray(np.linalg.norm(values, axis=2) if name == "displacement" else values[..., 2 * (name == "around")])
 
 
 def cell_values(solution: Solution, cells: npt.NDArray[np.int32], fields: Sequence[str] = ()) -> dict[str, Floats]:
@@ -107,8 +108,8 @@ def cell_values(solution: Solution, cells: npt.NDArray[np.int32], fields: Sequen
         fields: names in ``pictures.fields.FIELDS``; only what they need is computed.
 
     Returns:
-        ``von_mises`` and ``density``, shape (n,), and if needed ``displacement``, its size, shape (n,), and ``stress``,
-        shape (n, 3, 3).
+        ``von_mises`` and ``density``, shape (n,), and if needed ``displacement``, its size, and ``around``, its third
+        component, shape (n,), and ``stress``, shape (n, 3, 3).
     """
     d = solution.discretisation
     mesh = d.tagged.mesh
@@ -119,8 +120,9 @@ def cell_values(solution: Solution, cells: npt.NDArray[np.int32], fields: Sequen
     rows = constant.x.array.reshape(-1, 2)[constant.function_space.dofmap.list[cells, 0]]
     found: dict[str, Floats] = {"density": rows[:, 0], "von_mises": rows[:, 1]}
     middle = basix.geometry(getattr(basix.CellType, mesh.topology.cell_name())).mean(axis=0)[None]
-    if "displacement" in fields:
-        found["displacement"] = np.linalg.norm(values_at(solution.displacement, middle, cells)[:, 0], axis=1)
+    for name in ("displacement", "around"):
+        if name in fields:
+            found[name] = values_within(name, solution.displacement, middle, cells)[:, 0]
     if any(name in FROM_STRESS for name in fields):
         found["stress"] = values_at(solution.stress.tensor, middle, cells).reshape(-1, 3, 3)
     return found
