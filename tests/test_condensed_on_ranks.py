@@ -10,7 +10,7 @@ from test_ranks import agree, same_on_all_ranks
 
 from signorini_fx import parallel, solve
 from signorini_fx.linalg import choice, keep_diagonal
-from signorini_fx.linalg.substructures import Substructures
+from signorini_fx.linalg.schur import SchurComplement
 from signorini_fx.scene.reading import parse_scene
 
 pytestmark = pytest.mark.mpi
@@ -27,7 +27,7 @@ def distributed(dense, own):
 
 @pytest.mark.parametrize("empty", [False, True], ids=["", "the first rank has nothing"])
 @pytest.mark.parametrize("touched", [(31, 0, 17, 5, 59), (2, 3)])
-def test_substructures(touched, empty):
+def test_schur_complement(touched, empty):
     """Against dense algebra: ranks that couple everywhere, loads of very different sizes, in odd units."""
     generator = np.random.default_rng(len(touched))
     half = generator.normal(size=(60, 60)) * (generator.random((60, 60)) < 0.03)
@@ -39,21 +39,26 @@ def test_substructures(touched, empty):
     inside = np.setdiff1d(np.arange(60), retained)
     loads = [generator.normal(size=60) * (generator.random(60) < 0.5) * size for size in (1e9, 1e-12, 0.0)]
     mine = retained[(here.start <= retained) & (retained < here.stop)] - here.start
-    found = Substructures(matrix, mine, [load[here] for load in loads])
+    found = SchurComplement(matrix, mine, [load[here] for load in loads])
     lift = np.linalg.solve(dense[np.ix_(inside, inside)], dense[np.ix_(inside, retained)])
     expected = dense[np.ix_(retained, retained)] - dense[np.ix_(retained, inside)] @ lift
     np.testing.assert_allclose(found.dense, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
-    for load, condensed in zip([*loads, np.ones(60)], [*found.loads, None], strict=True):
+    x = np.zeros(60)
+    x[retained] = generator.normal(size=retained.size)
+    for number, load in enumerate([*loads, np.ones(60)]):
         right = matrix.createVecRight()
         right.getArray()[:] = load[here]
         reference, tolerance = load[retained] - lift.T @ load[inside], 1e-12 * np.abs(load).max()
-        for one in (condensed, found.condense(right)):
-            if one is not None:
-                np.testing.assert_allclose(one, reference, rtol=0, atol=tolerance)
-        solved = np.zeros(60)
-        solved[inside] = np.linalg.solve(dense[np.ix_(inside, inside)], load[inside])
-        interior = found.solve_interior(right).getArray()
-        np.testing.assert_allclose(interior, solved[here], rtol=0, atol=1e-12 * np.abs(solved).max(initial=0))
+        ways = [found.condense(right)]
+        if number < len(loads):
+            ways.append((found.loads[number], found.between[number]))
+        x[inside] = np.linalg.solve(
+            dense[np.ix_(inside, inside)], load[inside] - dense[np.ix_(inside, retained)] @ x[retained]
+        )
+        for condensed, between in ways:
+            np.testing.assert_allclose(condensed, reference, rtol=0, atol=tolerance)
+            every = found.recover(right, between, x[here][mine]).getArray()
+            np.testing.assert_allclose(every, x[here], rtol=0, atol=1e-12 * np.abs(x).max())
 
 
 def test_diagonal_rows_and_columns():

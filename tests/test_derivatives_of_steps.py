@@ -8,7 +8,7 @@ from test_derivatives import COMM, COULOMB, TRESCA, agrees
 from signorini_fx import SceneError, sensitivity
 from signorini_fx.derivatives import of_scene
 from signorini_fx.derivatives.adjoint import TransposedTangent
-from signorini_fx.linalg import schur
+from signorini_fx.linalg import partial_factor
 from signorini_fx.scene.reading import parse_scene
 
 OF = ["force bottom x", "moment bottom step 3", "displacement 1.7,0.6 x step 2", "mean top y"]
@@ -180,8 +180,8 @@ def test_work(monkeypatch):
     one plan of a factorisation; and for a load or a modulus the scene is not prepared again.
     """
     called, made = [], []
-    call, adjoint, set_up = schur.call, TransposedTangent.adjoint, TransposedTangent._set_up
-    monkeypatch.setattr(schur, "call", lambda name, *given: called.append(name) or call(name, *given))
+    call, adjoint, set_up = partial_factor.call, TransposedTangent.adjoint, TransposedTangent._set_up
+    monkeypatch.setattr(partial_factor, "call", lambda name, *given: called.append(name) or call(name, *given))
     monkeypatch.setattr(TransposedTangent, "adjoint", lambda *given: made.append("adjoint") or adjoint(*given))
     monkeypatch.setattr(TransposedTangent, "_set_up", lambda self: made.append("plan") or set_up(self))
     monkeypatch.setattr(of_scene, "prepare", None)

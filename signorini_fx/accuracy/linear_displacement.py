@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from signorini_fx.accuracy.tetrahedra import COLUMNS, ROWS, TWICE, Tetrahedra
 from signorini_fx.accuracy.triangles import Array, Ints, Triangles
-from signorini_fx.linalg.definite import Factor
+from signorini_fx.accuracy.definite_factor import Factor
 
 # Components along directions that are closer are one and the same; given ones may differ by as much.
 _SAME = 1e-9

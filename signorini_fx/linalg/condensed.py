@@ -4,13 +4,12 @@ The elastic operator never changes, and the nonlinearity is confined to the cont
 eliminated once; all Newton steps of all outer iterations, load steps and values of gamma use the dense matrix, and the
 interior is recovered at the end with the same factor.  The interior matrix is regular for a floating body too.
 
-Several ranks eliminate what is their own, see ``substructures``.  Each has the rows of the dense matrix whose unknowns
+Several ranks eliminate what is their own, see ``schur``.  Each has the rows of the dense matrix whose unknowns
 it owns, as contact points are where their unknowns are; what is dense is so small that every rank does all of it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 
@@ -25,7 +24,6 @@ from signorini_fx.contact.motions import RigidLoad
 from signorini_fx.linalg.elasticity import Elasticity, LoadCase
 from signorini_fx.linalg.relative import RelativeUnknowns
 from signorini_fx.linalg.schur import SchurComplement
-from signorini_fx.linalg.substructures import Substructures
 
 
 @dataclass
@@ -90,7 +88,7 @@ class CondensedSystem(DenseSystem):
 
     elasticity: Elasticity
     cases: list[_CondensedCase]
-    schur: SchurComplement | Substructures
+    schur: SchurComplement
     relative: RelativeUnknowns | None
     factors: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
@@ -106,7 +104,7 @@ class CondensedSystem(DenseSystem):
         touched = np.unique(parallel.gather_rows(e.comm, np.unique(e.contact.operator.getValuesCSR()[1])))
         retained = touched[(first <= touched) & (touched < last)] - first
         loads = [case.load.getArray(readonly=True) for case in e.cases]
-        schur = _without_interior(e.matrix, retained, loads, definite=e.definite)
+        schur = SchurComplement(e.matrix, retained, loads, definite=e.definite)
         contact = e.contact.among(retained, e.fixed[retained])
         dense, relative = schur.dense, RelativeUnknowns.of(schur.dense, contact)
         if relative is not None:
@@ -115,7 +113,7 @@ class CondensedSystem(DenseSystem):
         load, start = matrix.createVecRight(), matrix.createVecRight()
         none = np.zeros(e.free)
         system = cls(e.comm, matrix, load, start, none, contact.fixed, contact, e, [], schur, relative)
-        system.cases = [system._condensed(*case) for case in zip(e.cases, schur.loads, strict=True)]
+        system.cases = [system._condensed(*case) for case in zip(e.cases, schur.loads, schur.between, strict=True)]
         system.set_load(np.ones(len(e.cases)))
         return system
 
@@ -124,15 +122,17 @@ class CondensedSystem(DenseSystem):
         """The matrix, the same on all ranks."""
         return self.schur.dense if self.relative is None else self.relative.matrix
 
-    def _condensed(self, case: LoadCase, load: npt.NDArray[np.float64]) -> _CondensedCase:
+    def _condensed(
+        self, case: LoadCase, load: npt.NDArray[np.float64], between: npt.NDArray[np.float64]
+    ) -> _CondensedCase:
         """A load case and its condensed load of all ranks; collective."""
         start = np.array(case.start.getArray(readonly=True)[self.schur.retained])
         here = slice(*self.matrix.getOwnershipRange())
         if self.relative is None:
-            return _CondensedCase(case, load[here], start, np.empty(0))
+            return _CondensedCase(case, load[here], start, between, np.empty(0))
         start = parallel.gather_rows(self.comm, start)
         load, inner = self.relative.load(load, start)
-        return _CondensedCase(case, load[here], self.relative.unknowns(start)[here], inner)
+        return _CondensedCase(case, load[here], self.relative.unknowns(start)[here], between, inner)
 
     def set_load(self, factors: npt.NDArray[np.float64]) -> None:
         """The condensed loads and the prescribed displacements times their factors."""
@@ -144,12 +144,12 @@ class CondensedSystem(DenseSystem):
 
     def set_case(self, number: int, case: LoadCase) -> None:
         """Condense another right-hand side: one back substitution."""
-        self.cases[number] = self._condensed(case, self.schur.condense(case.load))
+        self.cases[number] = self._condensed(case, *self.schur.condense(case.load))
 
     def with_load(self, load: PETSc.Vec) -> CondensedSystem:
         """The same with this load alone, condensed: one back substitution."""
         other, case = copy(self), LoadCase(load, load.duplicate(), RigidLoad.of(load, []))
-        other.cases = [self._condensed(case, self.schur.condense(load))]
+        other.cases = [self._condensed(case, *self.schur.condense(load))]
         other.factors, other.load = np.ones(1), self.load.duplicate()
         other.load.getArray()[:] = other.cases[0].load
         return other
@@ -162,17 +162,11 @@ class CondensedSystem(DenseSystem):
             values = self.relative.displacement(values, self.factors @ [case.inner for case in self.cases])
             before = parallel.rows_before(self.comm, retained.size)
             values = values[before : before + retained.size]
-        lifted, right = self.schur.matrix.createVecs()
-        lifted.set(0.0)
-        lifted.getArray()[retained] = values
-        self.schur.matrix.mult(lifted, right)
-        right.scale(-1.0)
+        load = self.schur.matrix.createVecRight()
+        load.set(0.0)
         for factor, case in zip(self.factors, self.cases, strict=True):
-            right.axpy(factor, case.case.load)
-        right.getArray()[retained] = 0.0
-        result = self.schur.solve_interior(right)
-        result.getArray()[retained] = values
-        return result
+            load.axpy(factor, case.case.load)
+        return self.schur.recover(load, self.factors @ [case.between for case in self.cases], values)
 
     def unknowns(self, displacement: PETSc.Vec) -> PETSc.Vec:
         """Those of the nodes that contact reaches."""
@@ -186,26 +180,14 @@ class CondensedSystem(DenseSystem):
 @dataclass(frozen=True)
 class _CondensedCase:
     """A load case, and b_c - A_ci A_ii^-1 b_i and the prescribed values of the unknowns of this rank that stay;
-    ``inner``: of ``RelativeUnknowns.load``.
+    ``between``: of ``SchurComplement``; ``inner``: of ``RelativeUnknowns.load``.
     """
 
     case: LoadCase
     load: npt.NDArray[np.float64]
     start: npt.NDArray[np.float64]
+    between: npt.NDArray[np.float64]
     inner: npt.NDArray[np.float64]
-
-
-def _without_interior(
-    matrix: PETSc.Mat,
-    retained: npt.NDArray[np.int64],
-    loads: Sequence[npt.NDArray[np.float64]],
-    *,
-    definite: bool,
-) -> SchurComplement | Substructures:
-    """On one rank or on several; arguments as for both."""
-    if matrix.comm.size == 1:
-        return SchurComplement(matrix, retained.astype(np.int32), loads, definite=definite)
-    return Substructures(matrix, retained, loads)
 
 
 def dense_matrix(comm: MPI.Comm, entries: npt.NDArray[np.float64], own: int) -> PETSc.Mat:

@@ -1,134 +1,237 @@
-"""Partial factorisation by MUMPS: eliminate all dofs but a few, and get the dense Schur complement on these.
+"""The Schur complement on any number of ranks: each eliminates what is its own, and all what separates them.
 
-petsc4py has no binding for it, so that PETSc's C functions are called through ctypes; they are looked up in petsc4py's
-own library, hence in the same PETSc that petsc4py uses.
+The unknowns of a rank that couple with those of a later one are the border.  Without it, and without the unknowns that
+stay, no two ranks couple, so that each factorises alone the matrix of its others, which need no messages.  What is left
+is dense, the border in it as long as a cut through the body; every rank has all of it and eliminates the border too,
+that of each body by itself, as bodies do not couple.
+
+Source: Przemieniecki, AIAA J. 1 (1963) 138-147.
 """
 
 from __future__ import annotations
 
-import ctypes
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse as sp
+from mpi4py import MPI
 from petsc4py import PETSc
+from scipy.linalg import cholesky, solve_triangular
+from scipy.sparse.csgraph import connected_components
 
-from signorini_fx.linalg.petsc_c import call
+from signorini_fx import parallel
+from signorini_fx.linalg.partial_factor import PartialFactor
 
 Array = npt.NDArray[np.float64]
-_FACTOR_CHOLESKY = 2  # MAT_FACTOR_CHOLESKY of petscmat.h
-_SOLVE_INTERIOR_ONLY = 0  # ICNTL(26): the Schur variables are not touched
-_MEMORY_RELAXATION = (14, 30)  # ICNTL(14), per cent
-_SMALL = 20  # powers of two by which the entries of a load are smaller than those of the matrix
+Indices = npt.NDArray[np.int64]
 
 
 class SchurComplement:
-    """A symmetric matrix with its interior eliminated, and with it that of loads; one rank only.
-
-    A load is one row and column more that stay: the factorisation condenses it, and no back substitution is needed.
+    """A condensed onto some of its unknowns; collective, as all its methods are.
 
     Args:
-        matrix: A, of which A_ii must be regular.
-        retained: the dofs c that stay, in the order of the dense matrix.
-        loads: right-hand sides b.
+        matrix: A, symmetric, of which A_ii must be regular, on several ranks positive definite.
+        retained: local numbers of the dofs c of this rank that stay; those of all ranks stacked are in the order of the
+            dense matrix.
+        loads: right-hand sides b, the entries of this rank.
         definite: whether A_ii is positive definite.
 
     Attributes:
-        dense: A_cc - A_ci A_ii^-1 A_ic, symmetric.
-        loads: b_c - A_ci A_ii^-1 b_i of each load, shape (loads, c).
+        dense: A_cc - A_ci A_ii^-1 A_ic, symmetric, the same on all ranks.
+        loads: b_c - A_ci A_ii^-1 b_i of each load, shape (loads, c), the same on all ranks.
+        between: of each load what it is to the border, eliminated, shape (loads, border), the same on all ranks.
 
     Raises:
-        PETSc.Error: PETSc has no MUMPS, or the factorisation broke down.
+        PETSc.Error: PETSc has no MUMPS, or a factorisation broke down.
     """
 
     def __init__(
-        self, matrix: PETSc.Mat, retained: npt.NDArray[np.int32], loads: Sequence[Array] = (), *, definite: bool
+        self, matrix: PETSc.Mat, retained: Indices, loads: Sequence[Array] = (), *, definite: bool = True
     ) -> None:
-        self.matrix = matrix
-        self.retained = retained
-        # With a Schur complement MUMPS does not scale, and pivots below an absolute threshold would be lost.
-        self._unit = _power(np.abs(matrix.getDiagonal().getArray(readonly=True)).max())
-        # So small that they have no influence on the choice of pivots of an indefinite matrix.
-        sizes = np.array([_power(np.abs(load).max(initial=0.0)) * 2.0**_SMALL for load in loads])
-        whole = _with_loads(matrix, self._unit, [load / size for load, size in zip(loads, sizes, strict=True)])
-        whole.setOption(PETSc.Mat.Option.SPD, definite)
-        stays = np.concatenate((retained, np.arange(matrix.getSize()[0], whole.getSize()[0])))
-        handle = ctypes.c_void_p()
-        call("MatGetFactor", whole, b"mumps", _FACTOR_CHOLESKY, ctypes.byref(handle))
-        self._factor = handle
-        self._right, self._found = whole.createVecs()
-        index_set = PETSc.IS().createGeneral(stays.astype(PETSc.IntType), comm=matrix.comm)
-        call("MatFactorSetSchurIS", handle, index_set)
-        call("MatMumpsSetIcntl", handle, *_MEMORY_RELAXATION)
-        # MatFactorInfo is a struct of doubles; zeros are its defaults.
-        info = (ctypes.c_double * 32)()
-        call("MatCholeskyFactorSymbolic", handle, whole, None, ctypes.byref(info))
-        call("MatCholeskyFactorNumeric", handle, whole, ctypes.byref(info))
-        dense = ctypes.c_void_p()
-        call("MatFactorCreateSchurComplement", handle, ctypes.byref(dense), None)
-        entries = ctypes.POINTER(ctypes.c_double)()
-        call("MatDenseGetArrayRead", dense, ctypes.byref(entries))
-        values = np.ctypeslib.as_array(entries, shape=(stays.size, stays.size)).copy()
-        call("MatDenseRestoreArrayRead", dense, ctypes.byref(entries))
-        call("MatDestroy", ctypes.byref(dense))
-        _symmetrise(values)
-        count = retained.size
-        self.dense = self._unit * values[:count, :count]
-        self.loads = sizes[:, None] * values[count:, :count]
-        call("MatMumpsSetIcntl", handle, 26, _SOLVE_INTERIOR_ONLY)
+        self.matrix, self.retained = matrix, retained
+        self._comm: MPI.Comm = matrix.comm.tompi4py()
+        (first, last), (rows, others) = matrix.getOwnershipRange(), _own_columns_first(matrix)
+        own, stay = last - first, parallel.gather_rows(self._comm, first + retained)
+        separating = np.zeros(own + others.size, dtype=bool)
+        separating[own:] = (others >= last) & ~np.isin(others, stay)
+        entries = np.flatnonzero(separating[rows.indices] & (rows.data != 0.0))
+        self._border = np.setdiff1d(np.searchsorted(rows.indptr, entries, side="right") - 1, retained)
+        joint = np.concatenate((parallel.gather_rows(self._comm, first + self._border), stay))
+        self._size, self._cut = joint.size, joint.size - stay.size
+        # Of each column its number among the joint unknowns; -1: it is inner.
+        numbers, here = np.full(own + others.size, -1), np.concatenate((self._border, retained))
+        named = np.concatenate((here, np.arange(own, numbers.size)))
+        numbers[named] = _places_in(joint, np.concatenate((first + here, others)))
+        self._inner = np.flatnonzero(numbers[:own] < 0)
+        inside, between = rows[self._inner], sp.coo_array(rows[np.flatnonzero(numbers[:own] >= 0)])
+        touched = np.full(self._size + 1, self._comm.size == 1)
+        touched[numbers[inside.indices[inside.data != 0.0]]] = True
+        touched[0] = True  # one joint unknown at least, as MUMPS must leave something
+        self._places = np.flatnonzero(touched[:-1])
+        count = self._inner.size
+        to = count + np.searchsorted(self._places, numbers)
+        to[self._inner] = np.arange(count)
+        inside = _renumbered(inside, to.astype(inside.indices.dtype), count + self._places.size)
+        self._toward = inside[:, count:]
+        self._factor = PartialFactor(inside, [load[self._inner] for load in loads], definite=definite)
+        there = np.flatnonzero(numbers[between.col] >= 0)
+        of_row = numbers[:own][numbers[:own] >= 0][between.row[there]]
+        row, column, entry = (
+            parallel.gather_rows(self._comm, one) for one in (of_row, numbers[between.col[there]], between.data[there])
+        )
+        beyond = sp.csr_array((entry, (row, column)), shape=(self._size, self._size))
+        self._blocks, self.dense = self._eliminated(beyond, self._factor.dense)
+        found = [self._onto_retained(load, part) for load, part in zip(loads, self._factor.loads, strict=True)]
+        self.loads = np.reshape([load for load, _ in found], (len(loads), stay.size))
+        self.between = np.reshape([between for _, between in found], (len(loads), self._cut))
 
-    def solve_interior(self, right: PETSc.Vec) -> PETSc.Vec:
-        """A_ii^-1 right_i in the interior, zero at the kept dofs; no back substitution where right_i is zero."""
-        result, values = right.duplicate(), right.getArray(readonly=True)
-        if np.count_nonzero(values) > np.count_nonzero(values[self.retained]):
-            self._right.getArray()[: values.size] = values
-            call("MatSolve", self._factor, self._right, self._found)
-            result.getArray()[:] = self._found.getArray(readonly=True)[: values.size] / self._unit
-            result.getArray()[self.retained] = 0.0
+    def condense(self, load: PETSc.Vec) -> tuple[Array, Array]:
+        """Another load as one of ``loads``, and as one of ``between``: one back substitution."""
+        values = load.getArray(readonly=True)
+        return self._onto_retained(values, -self._toward.T @ self._factor.solve(values[self._inner]))
+
+    def recover(self, load: PETSc.Vec, between: Array, values: Array) -> PETSc.Vec:
+        """All unknowns, from those that stay: one back substitution.
+
+        Args:
+            load: b.
+            between: of this load.
+            values: x_c of this rank.
+        """
+        at_joint, result = np.zeros(self._size), load.duplicate()
+        at_joint[self._cut :] = parallel.gather_rows(self._comm, values)
+        for block in self._blocks:
+            right = between[block.border] - block.across @ at_joint[self._cut + block.stay]
+            at_joint[block.border] = solve_triangular(block.factor, right, lower=True, trans=1)
+        every = result.getArray()
+        right = load.getArray(readonly=True)[self._inner] - self._toward @ at_joint[self._places]
+        every[self._inner] = self._factor.solve(right)
+        before = parallel.rows_before(self._comm, self._border.size)
+        every[self._border] = at_joint[before : before + self._border.size]
+        every[self.retained] = values
         return result
 
-    def condense(self, load: PETSc.Vec) -> Array:
-        """Another load, shape (c,): one back substitution."""
-        interior, residual = self.solve_interior(load), load.duplicate()
-        self.matrix.mult(interior, residual)
-        residual.aypx(-1.0, load)
-        return np.array(residual.getArray(readonly=True)[self.retained])
+    def _uncoupled(self, beyond: sp.csr_array, dense: Array) -> list[Indices]:
+        """The joint unknowns in parts that do not couple: those that have a border, and one of all others.
 
-    def __del__(self) -> None:
-        if getattr(self, "_factor", None):
-            call("MatDestroy", ctypes.byref(self._factor))
+        Args:
+            beyond: entries between joint unknowns of all ranks.
+            dense: those of this rank between the ones that it touches.
+        """
+        if not self._cut:
+            return [np.arange(self._size)]
+        first, left = np.arange(len(dense)), dense != 0.0
+        waiting: npt.NDArray[np.bool_] = np.ones(len(dense), dtype=bool)
+        while waiting.any():
+            begin = int(np.argmax(waiting))
+            members, grown = np.zeros_like(waiting), np.arange(len(dense)) == begin
+            while (grown & ~members).any():
+                members, grown = grown, left[grown].any(axis=0) | grown
+            first[members], waiting = begin, waiting & ~members
+        pairs = parallel.gather_rows(self._comm, np.column_stack((self._places, self._places[first])))
+        edges = sp.coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=beyond.shape)
+        _, label = connected_components(abs(beyond) + edges, directed=False)
+        label[~np.isin(label, label[: self._cut])] = -1
+        return [np.flatnonzero(label == one) for one in np.unique(label)]
+
+    def _eliminated(self, beyond: sp.csr_array, dense: Array) -> tuple[list[_Block], Array]:
+        """The parts of the joint unknowns, and their matrix without the border; arguments as for ``_uncoupled``."""
+        blocks, found = [], np.empty((0, 0))
+        for joint in self._uncoupled(beyond, dense):
+            whole = self._among(joint, beyond, dense)
+            cut = np.searchsorted(joint, self._cut)
+            border, stay = joint[:cut], joint[cut:] - self._cut
+            try:
+                factor = cholesky(whole[:cut, :cut], lower=True, check_finite=False)
+            except np.linalg.LinAlgError:  # not finite, as the solution will not be either
+                factor = np.full((cut, cut), np.nan)
+            across = solve_triangular(factor, whole[:cut, cut:], lower=True, check_finite=False)
+            matrix = whole[cut:, cut:] - across.T @ across if cut else whole
+            blocks.append(_Block(border, stay, factor, across))
+            if joint.size == self._size:
+                return blocks, matrix
+            found = found if found.size else np.zeros((self._size - self._cut,) * 2)
+            found[np.ix_(stay, stay)] = matrix
+        return blocks, found
+
+    def _among(self, joint: Indices, beyond: sp.csr_array, dense: Array) -> Array:
+        """The matrix of some joint unknowns; their numbers, ascending, and arguments as for ``_uncoupled``."""
+        if self._comm.size == 1:
+            entries = sp.coo_array(beyond)
+            dense[entries.row, entries.col] += entries.data
+            return dense
+        whole, mine = beyond[joint][:, joint].toarray(), np.flatnonzero(np.isin(self._places, joint))
+        for there, part in self._parts(np.searchsorted(joint, self._places[mine]), dense[np.ix_(mine, mine)]):
+            whole[np.ix_(there, there)] += part.reshape(there.size, there.size)
+        return np.asarray(whole)
+
+    def _onto_retained(self, load: Array, part: Array) -> tuple[Array, Array]:
+        """A load at all that stay without the border, and at the border, eliminated.
+
+        Args:
+            load: of this rank.
+            part: what its inner unknowns add to the joint ones that they couple with.
+        """
+        every = np.concatenate([parallel.gather_rows(self._comm, load[one]) for one in (self._border, self.retained)])
+        for there, values in self._parts(self._places, part):
+            every[there] += values
+        between, found = np.empty(self._cut), every[self._cut :]
+        for block in self._blocks:
+            between[block.border] = solve_triangular(block.factor, every[block.border], lower=True)
+            found[block.stay] -= block.across.T @ between[block.border]
+        return found, between
+
+    def _parts(self, places: Indices, values: Array) -> Iterator[tuple[Indices, Array]]:
+        """Numbers of joint unknowns of each rank, and its values there, flat."""
+        every = [parallel.gather_rows(self._comm, one) for one in (places, np.ravel(values))]
+        ends = [np.cumsum(self._comm.allgather(size))[:-1] for size in (places.size, values.size)]
+        return zip(*(np.split(one, at) for one, at in zip(every, ends, strict=True)), strict=True)
 
 
-def _power(size: float) -> float:
-    """A power of two of this size; 1 for zero."""
-    return float(2.0 ** np.round(np.log2(size))) if size > 0 else 1.0
+@dataclass(frozen=True)
+class _Block:
+    """Joint unknowns that couple with no others, without their border.
+
+    Attributes:
+        border, stay: numbers among all border unknowns, and among all those that stay.
+        factor: lower Cholesky factor L of the matrix of the border.
+        across: L^-1 times its coupling with those that stay.
+    """
+
+    border: Indices
+    stay: Indices
+    factor: Array
+    across: Array
 
 
-def _with_loads(matrix: PETSc.Mat, unit: float, loads: Sequence[Array]) -> PETSc.Mat:
-    """The upper half of the matrix over a unit, of which MUMPS needs no copy, with a column more for each load."""
-    rows, columns, values = matrix.getValuesCSR()
-    size = rows.size - 1
-    upper = columns >= np.repeat(np.arange(size, dtype=columns.dtype), np.diff(rows))
-    rows = np.concatenate((rows[:1], np.cumsum(upper, dtype=rows.dtype)[rows[1:] - 1]))
-    columns, values = columns[upper], values[upper]
-    values /= unit
-    if loads:
-        row, load = np.nonzero(np.transpose(loads))
-        columns = np.insert(columns, rows[row + 1], size + load)
-        values = np.insert(values, rows[row + 1], np.transpose(loads)[row, load])
-        rows[1:] += np.cumsum(np.bincount(row, minlength=size), dtype=rows.dtype)
-        last = np.arange(1, len(loads) + 1, dtype=rows.dtype)  # the diagonal
-        columns, values = np.append(columns, size - 1 + last), np.append(values, np.ones(last.size))
-        rows = np.append(rows, rows[-1] + last)
-    return PETSc.Mat().createSBAIJ((rows.size - 1,) * 2, 1, csr=(rows, columns, values), comm=matrix.comm)
+def _own_columns_first(matrix: PETSc.Mat) -> tuple[sp.csr_array, Indices]:
+    """The rows of this rank, their columns those of this rank first, then those of others, and the names of these."""
+    first, last = matrix.getOwnershipRange()
+    starts, columns, values = matrix.getValuesCSR()
+    columns -= first
+    outside = np.flatnonzero((columns < 0) | (columns >= last - first))
+    others, at = np.unique(columns[outside], return_inverse=True)
+    columns[outside] = last - first + at
+    rows = sp.csr_array((values, columns, starts), shape=(last - first, last - first + others.size))
+    return rows, others.astype(np.int64) + first
 
 
-def _symmetrise(values: Array, block: int = 256) -> None:
-    """Complete a symmetric matrix of which MUMPS has filled one triangle, in place."""
-    if not values[1:, 0].any():  # a foundation that forces move has zeros in its row
-        values = values.T
-    for k in range(0, values.shape[0], block):
-        here = slice(k, k + block)
-        lower = np.tril(values[here, here])
-        values[here, here] = lower + np.tril(lower, -1).T
-        values[here, k + block :] = values[k + block :, here].T
+def _places_in(names: Indices, some: Indices) -> Indices:
+    """Where each of some names is among others, -1: nowhere."""
+    order = np.argsort(names)
+    places = order[np.minimum(np.searchsorted(names[order], some), names.size - 1)]
+    places[names[places] != some] = -1
+    return places
+
+
+def _renumbered(rows: sp.csr_array, to: Indices, size: int) -> sp.csr_array:
+    """Rows of inner unknowns with other numbers of the columns, and without zeros outside their square block.
+
+    Zeros between inner unknowns stay: with the same pattern for all unknowns of a node the ordering is better.
+    """
+    columns, inner = to[rows.indices], rows.shape[0]
+    stay = (columns < inner) | (rows.data != 0.0)
+    ends = np.append(0, np.cumsum(stay))[rows.indptr]
+    return sp.csr_array((rows.data[stay], columns[stay], ends), shape=(inner, size))
