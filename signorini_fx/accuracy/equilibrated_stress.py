@@ -14,10 +14,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from signorini_fx.accuracy.carried import carried
+from signorini_fx.accuracy.definite_factor import Factor
 from signorini_fx.accuracy.divided_cells import DividedCells
 from signorini_fx.accuracy.local_stress import LocalStress, reference
 from signorini_fx.accuracy.triangles import Array, Triangles, free_motions
-from signorini_fx.accuracy.definite_factor import Factor
 
 # Pivots of motions that are free, relative.
 _FREE = 1e-10

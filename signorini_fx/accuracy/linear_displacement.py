@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
+from signorini_fx.accuracy.definite_factor import Factor
 from signorini_fx.accuracy.tetrahedra import COLUMNS, ROWS, TWICE, Tetrahedra
 from signorini_fx.accuracy.triangles import Array, Ints, Triangles
-from signorini_fx.accuracy.definite_factor import Factor
 
 # Components along directions that are closer are one and the same; given ones may differ by as much.
 _SAME = 1e-9

@@ -16,11 +16,11 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from signorini_fx.accuracy.carried import carried
+from signorini_fx.accuracy.definite_factor import Factor
 from signorini_fx.accuracy.linear_displacement import assembled, free_basis
 from signorini_fx.accuracy.macro_tetrahedra import MacroStress
 from signorini_fx.accuracy.tetrahedra import FACES, Tetrahedra, free_motions
 from signorini_fx.accuracy.triangles import Array
-from signorini_fx.accuracy.definite_factor import Factor
 
 # Pivots of motions that are free, relative.
 _FREE = 1e-10
