@@ -28,11 +28,15 @@ def distributed(dense, own):
 @pytest.mark.parametrize("empty", [False, True], ids=["", "the first rank has nothing"])
 @pytest.mark.parametrize("touched", [(31, 0, 17, 5, 59), (2, 3)])
 def test_schur_complement(touched, empty):
-    """Against dense algebra: ranks that couple everywhere, loads of very different sizes, in odd units."""
+    """Against dense algebra: ranks that couple everywhere, an unknown that couples with nothing but the border, loads
+    of very different sizes, in odd units."""
     generator = np.random.default_rng(len(touched))
     half = generator.normal(size=(60, 60)) * (generator.random((60, 60)) < 0.03)
-    dense = 1e-9 * (half + half.T + 20 * np.eye(60))
     sizes = np.diff(np.linspace(0, 60, WORLD.size + 1 - (empty and WORLD.size > 1)).astype(int))
+    edge, lonely = min(sizes[0], 59) - 1, touched[-2]
+    half[lonely] = half[:, lonely] = 0.0
+    half[edge, [edge + 1, lonely]] = 1.0
+    dense = 1e-9 * (half + half.T + 20 * np.eye(60))
     own = [0, *sizes][WORLD.rank] if empty and WORLD.size > 1 else sizes[WORLD.rank]
     matrix, here = distributed(dense, own)
     retained = np.sort(touched)
