@@ -42,6 +42,16 @@ def storage(size: float) -> str:
     return f"{size / 1e6:.0f} MB" if size < 1e9 else f"{size / 1e9:.1f} GB"
 
 
+def touch_each_other(summary: dict[str, Any]) -> bool:
+    """Whether bodies touch each other: then the contact force of a boundary acts on the body that it is of."""
+    return any(effect.get("against") for effect in (summary.get("scene") or {}).get("contact", ()))
+
+
+def on_several_bodies(summary: dict[str, Any]) -> bool:
+    """Whether the contact forces have no resultant that acts on one body: they are those of several such boundaries."""
+    return touch_each_other(summary) and len(summary.get("contact_boundaries", ())) > 1
+
+
 def results_of(summary: dict[str, Any]) -> str:
     """The load step that the results are of."""
     of, count = summary["results_of"], len(summary["steps"])

@@ -19,6 +19,9 @@ from signorini_fx.tuned import CHANGES_USED, LARGEST_CHANGE, SLOWEST_DECREASE
 def force_error(levels: Sequence[LevelResult]) -> float | None:
     """Error of contact and friction force on the last mesh, relative; None where there is no force.
 
+    Of several contact boundaries it is that of all their forces together, relative to these: their resultant may
+    vanish, as that of a body between two walls does.
+
     Args:
         levels: results on the meshes, coarsest first, at least two.
     """

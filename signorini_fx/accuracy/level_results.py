@@ -95,7 +95,7 @@ def level_result(
         pressure_regularisation=pressure_regularisation,
         iteration=max(own[-1].residual if own else 0.0, change or 0.0),
         table=table,
-        force=np.concatenate([np.concatenate(contact.forces) for contact in contacts]),
+        force=np.concatenate([contact.forces_of_each.ravel() for contact in contacts]),
         krylov_from=krylov_from(body.system_size, body.settings.linear_algebra),
         paired=body.boundary is not None and body.boundary.paired,
     )

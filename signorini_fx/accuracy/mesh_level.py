@@ -49,7 +49,7 @@ class LevelResult(MeshCost):
         pressure_regularisation: the same of the contact pressure, relative in L2(Gamma_c).
         iteration: relative residual, or last change of the outer iteration, whichever is larger.
         table: the contact boundary.
-        force: contact and friction force on the body of all load steps, shape (2 d steps,).
+        force: contact and friction force of each contact boundary in all load steps, shape (2 d boundaries steps,).
         krylov_from: unknowns from which on a mesh is solved by a Krylov method; infinite: none is.
         paired: whether contact is between two bodies.
     """

@@ -41,6 +41,20 @@ class ContactState(PointState):
         return parallel.global_sum(comm, contact), parallel.global_sum(comm, friction)
 
     @cached_property
+    def forces_of_each(self) -> npt.NDArray[np.float64]:
+        """``forces`` of each contact boundary, in the order of the scene, shape (boundaries, 2, d); collective.
+
+        Between bodies each is on the body that has the contact points, and their sum on none.
+        """
+        boundary = self.boundary
+        normal = boundary.nodal_forces(self.pressure, np.zeros_like(self.shear))
+        along = boundary.nodal_forces(np.zeros_like(self.pressure), self.shear)
+        count = int(parallel.global_max(boundary.comm, parallel.local_max(boundary.part, -1))) + 1
+        found = np.zeros((count, 2, normal.shape[1]))
+        np.subtract.at(found, boundary.part, np.stack((normal, along), axis=1))
+        return parallel.global_sum(boundary.comm, found)
+
+    @cached_property
     def moments(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Moments of ``forces`` about the origin, in space only, shape (3,); of a section that is twisted those about
         the axis x[1] alone, as others cancel over a revolution; collective.

@@ -239,7 +239,7 @@ def info(_: argparse.Namespace) -> int:
     from signorini_fx import parallel
     from signorini_fx.linalg.full import factorisation_package
     from signorini_fx.mesh.files import sandbox
-    from signorini_fx.results.summary import versions
+    from signorini_fx.results.versions import versions
 
     comm = MPI.COMM_WORLD
     lines = [f"{name:14s} {version}" for name, version in versions().items()]

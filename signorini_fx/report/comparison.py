@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.csv_text import Table
-from signorini_fx.display import clean
+from signorini_fx.display import clean, on_several_bodies
 from signorini_fx.report.reading import ResultFiles, read_summary, seconds_of
 
 Floats = npt.NDArray[np.float64]
@@ -55,7 +55,11 @@ def compare(one: Path, other: Path) -> str:
         values = [_at(summary, keys) for summary in summaries]
         if any(value is not None for value in values):
             lines.append(_row(name, _shown(values[0]), _shown(values[1]), "" if values[0] == values[1] else "differs"))
+    several = any(map(on_several_bodies, summaries))
     for name, keys in _FIGURES.items():
+        if several and keys[0].startswith(("contact_", "friction_")):  # their sum acts on none of the bodies
+            lines += _of_each(name, keys[0], summaries) if name.endswith("force") else []
+            continue
         values = [_at(summary, keys) for summary in summaries]
         if any(value is not None for value in values):
             a, b = _cleaned(name, values, summaries)
@@ -69,6 +73,19 @@ def compare(one: Path, other: Path) -> str:
     if all("contact_nodes" in summary for summary in summaries):
         lines += ["", *_boundaries(*(ResultFiles(folder).columns("contact.csv") for folder in (one, other)))]
     return "\n".join(line.rstrip() for line in lines)
+
+
+def _of_each(name: str, key: str, summaries: tuple[dict[str, Any], dict[str, Any]]) -> list[str]:
+    """The force of each contact boundary."""
+    found = [{row["boundary"]: row.get(key) for row in summary.get("contact_boundaries", ())} for summary in summaries]
+    every = [force for forces in found for force in forces.values() if force]
+    size = max((float(np.abs(force).max()) for force in every), default=0.0)
+    lines = []
+    for k, boundary in enumerate(dict.fromkeys([*found[0], *found[1]])):
+        a, b = (clean(forces.get(boundary), size) for forces in found)
+        one, other = (f"{_shown(value)} on {boundary}" for value in (a, b))
+        lines.append(_row("" if k else name, one, other, _difference(a, b)))
+    return lines
 
 
 def _row(name: str, one: str, other: str, difference: str = "") -> str:

@@ -16,16 +16,23 @@ def estimated_errors(summary: Mapping[str, Any]) -> dict[str, float]:
     """Estimated relative errors of figures of the summary, of those that have an estimate.
 
     That of the strain energy is the square of the error in the energy norm; that of a friction force that nearly
-    vanishes is large, as it is as uncertain as the contact force is.  The stress at a point has none: its difference
-    from the recovered one is no error, see ``between``.
+    vanishes is large, as it is as uncertain as the contact force is.  So is that of a resultant of several contact
+    boundaries whose forces nearly cancel: the estimate is relative to all of them.  The stress at a point has none: its
+    difference from the recovered one is no error, see ``between``.
     """
     solved = [row for row in summary.get("price_list", []) if not row["predicted"]]
     if not solved:
         return {}
     found: dict[str, float | None] = {name: solved[-1].get(own) for name, own in _ESTIMATES.items()}
     contact, friction = (math.hypot(*summary.get(name, [0.0])) for name in ("contact_force", "friction_force"))
-    if found["friction_force"] is not None and 0 < friction < contact:
-        found["friction_force"] *= contact / friction
+    rows = summary.get("contact_boundaries", ())
+    every = [f for row in rows for name in ("contact_force", "friction_force") for f in row.get(name, ())]
+    error = found["contact_force"]
+    if error is not None and len(rows) > 1 and contact + friction > 0:
+        error *= max(1.0, math.hypot(*every) / math.hypot(contact, friction))
+    found["contact_force"] = found["friction_force"] = error
+    if error is not None and 0 < friction < contact:
+        found["friction_force"] = error * contact / friction
     energy = solved[-1].get("energy")
     found["strain_energy"] = None if energy is None else energy**2
     return {name: float(error) for name, error in found.items() if error is not None}

@@ -7,7 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.display import clean, friction_in_use, results_of, safety_factor
+from signorini_fx.display import (
+    clean,
+    friction_in_use,
+    on_several_bodies,
+    results_of,
+    safety_factor,
+    touch_each_other,
+)
 from signorini_fx.errors import PYVISTA
 from signorini_fx.pictures.fields import FIELDS
 from signorini_fx.records import Status
@@ -53,7 +60,7 @@ def outcome(summary: dict[str, Any]) -> Markup:
     slides = any(entry.get("friction") for entry in summary["scene"].get("contact", []))
     cards = [
         _card(label, with_unit(figure(clean(summary[key], largest), errors.get(key)), quantity), errors.get(key))
-        for key, (label, quantity) in _CARDS.items()
+        for key, (label, quantity) in _cards(summary).items()
         if key in summary and (slides or key not in ("friction_force", "max_shear"))
     ]
     if "stress" in summary:
@@ -61,11 +68,12 @@ def outcome(summary: dict[str, Any]) -> Markup:
     if "safety" in summary:
         cards.insert(0, _safety_card(summary["safety"]))
     cards.append(_card("seconds", f"{seconds_of(summary):.3g}", None))
-    whole = in_space(summary) or is_axisymmetric(summary["scene"])
+    whole, pairs = in_space(summary) or is_axisymmetric(summary["scene"]), touch_each_other(summary)
     measure = "what" if whole else "per unit thickness, and what"
     named = "" if summary["scene"].get("units", {}).get("length") else "; units are those of the scene"
     digits = "Figures with an estimated error are rounded to it, others to four digits; all digits are in summary.json."
-    note = f"Forces are {measure} the foundation exerts on the body{named}. {digits}"
+    who = "the other body exerts on that of the boundary" if pairs else "the foundation exerts on the body"
+    note = f"Forces are {measure} {who}{named}. {digits}"
     return joined([status, *warned, tag("dl", *cards, class_="figures"), tag("p", note, class_="note")])
 
 
@@ -80,6 +88,17 @@ def _safety_card(safety: dict[str, Any]) -> Markup:
     beyond = [f"beyond, {safety['motion']}"] if safety["motion"] else []
     told = tag("small", "; ".join([*beyond, *friction_in_use(safety)]))
     return tag("div", tag("dt", "safety factor"), tag("dd", safety_factor(safety), told), class_="wide")
+
+
+def _cards(summary: dict[str, Any]) -> dict[str, tuple[str, str]]:
+    """``_CARDS``; between bodies forces with the boundary on which they act, and of several boundaries none."""
+    forces = ("contact_force", "friction_force")
+    if not touch_each_other(summary) or not summary.get("contact_boundaries"):
+        return _CARDS
+    if on_several_bodies(summary):
+        return {key: card for key, card in _CARDS.items() if key not in forces}
+    on = summary["contact_boundaries"][0]["boundary"]
+    return _CARDS | {key: (_CARDS[key][0].replace("the body", on), "force") for key in forces}
 
 
 def _stress_card(stress: dict[str, Any]) -> Markup:

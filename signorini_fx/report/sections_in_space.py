@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.display import clean
+from signorini_fx.display import clean, on_several_bodies
 from signorini_fx.report.digits import estimated_errors, figure
 from signorini_fx.report.markup import Markup, drawn_by, joined, long_table, table, tag
 
@@ -23,19 +23,34 @@ def resultants(summary: dict[str, Any], contact: dict[str, Any]) -> Markup:
     size = float(np.nanmax(np.abs([force, friction]), initial=0.0))
     lever = float(np.nanmax(np.abs([moment, twist]), initial=0.0))
     error = estimated_errors(summary).get("contact_force")
-    rows = [
-        (
-            name,
-            *(figure(c, error) for c in (clean(f.tolist(), size), float(np.linalg.norm(f)), clean(m.tolist(), lever))),
-        )
-        for name, f, m in (
-            ("contact force", force, moment),
-            ("friction force", friction, twist),
-            ("both", force + friction, moment + twist),
-        )
-    ]
+    several = on_several_bodies(summary)
+    rows = (
+        []
+        if several
+        else [
+            (
+                name,
+                *(
+                    figure(c, error)
+                    for c in (clean(f.tolist(), size), float(np.linalg.norm(f)), clean(m.tolist(), lever))
+                ),
+            )
+            for name, f, m in (
+                ("contact force", force, moment),
+                ("friction force", friction, twist),
+                ("both", force + friction, moment + twist),
+            )
+        ]
+    )
     parts = [table(["on the body", "components", "size", "moment about the origin"], rows)]
-    through = summary["contact_force_through"]
+    if several:  # their moments are among the resultants of all boundaries
+        each = [
+            (f"{kind} on {row['boundary']}", figure(row[name]), figure(float(np.linalg.norm(row[name]))))
+            for kind, name in (("contact force", "contact_force"), ("friction force", "friction_force"))
+            for row in summary["contact_boundaries"]
+        ]
+        parts = [table(["between bodies", "components", "size"], each)]
+    through = None if several else summary["contact_force_through"]
     if through is not None:
         extent = max(float(np.ptp(contact[axis])) for axis in "xyz")
         left = float(force @ moment / np.linalg.norm(force))

@@ -30,7 +30,9 @@ class ContactFigures:
         pressure_integral: integral of the pressure, a force.
         mean_pressure: that over the area in contact, stress; None where nothing is in contact.
         max_pressure: largest nodal pressure, stress.
-        tangential_force: magnitude of the resultant of the shear.
+        contact_force: resultant of the pressure on the body of this boundary, shape (d,).
+        friction_force: that of the shear.
+        tangential_force: magnitude of the latter.
         friction_limit: integral of the friction bound, a force: F N for Coulomb friction with one coefficient, the
             bound times the area for Tresca friction, which acts on open nodes too; infinite for a bond.  Of friction
             ellipses the largest resultant in the direction of this one; in any direction, if there is none.
@@ -42,6 +44,8 @@ class ContactFigures:
     pressure_integral: float
     mean_pressure: float | None
     max_pressure: float
+    contact_force: list[float]
+    friction_force: list[float]
     tangential_force: float
     friction_limit: float
 
@@ -76,6 +80,8 @@ def contact_figures(scene: Scene, contact: ContactState) -> list[ContactFigures]
                 contact_area=touching,
                 pressure_integral=normal,
                 mean_pressure=normal / touching if touching > 0 else None,
+                contact_force=(contact.forces_of_each[part, 0] + 0.0).tolist(),
+                friction_force=(contact.forces_of_each[part, 1] + 0.0).tolist(),
                 max_pressure=parallel.global_max(comm, parallel.local_max(pressure, -np.inf)),
                 tangential_force=tangential,
                 friction_limit=limit,

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import platform
 from dataclasses import asdict
-from importlib import metadata
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
-import signorini_fx
 from signorini_fx import parallel
 from signorini_fx.accuracy import price_list
 from signorini_fx.body.contact_state import ContactState
@@ -20,24 +16,26 @@ from signorini_fx.body.pieces import extent
 from signorini_fx.display import (
     clean,
     effort_in_words,
+    on_several_bodies,
     point_in_words,
     preload_in_words,
     resultant_in_words,
     results_of,
     safety_in_words,
     tool_in_words,
+    touch_each_other,
 )
 from signorini_fx.machine.terminal import Line
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, Record, StepRecord
 from signorini_fx.report.digits import between, estimated_errors, figure, percent
 from signorini_fx.results.certificate import JUDGED
 from signorini_fx.results.solution import Solution, StepResult
+from signorini_fx.results.versions import versions
 
 # Of summary.schema.json: it grows when a key goes or changes its meaning, not when one is added.
 SCHEMA_VERSION = 1
 # Rows of a list that the terminal shows.
 _MOST_ROWS = 8
-_PACKAGES = ("fenics-dolfinx", "fenics-basix", "fenics-ufl", "fenics-ffcx", "petsc4py", "mpi4py", "numpy", "pydantic")
 
 
 def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
@@ -189,37 +187,6 @@ def _in_space(contact: ContactState) -> dict[str, Any]:
     }
 
 
-def versions() -> dict[str, str]:
-    """Versions of all libraries, and the BLAS in use."""
-    import dolfinx
-    from petsc4py import PETSc
-
-    found = {"signorini_fx": signorini_fx.__version__, "python": platform.python_version()}
-    found["dolfinx"] = dolfinx.__version__
-    found["petsc"] = ".".join(map(str, PETSc.Sys.getVersion()))
-    found["mpi"] = MPI.Get_library_version().split(",")[0].split("\n")[0].strip("\x00 ")
-    for package in _PACKAGES[1:]:
-        try:
-            found[package.removeprefix("fenics-")] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            continue
-    found["blas"] = blas_in_use()
-    return found
-
-
-def blas_in_use() -> str:
-    """File name of the BLAS library that this process has loaded; a reference BLAS is several times slower."""
-    try:
-        maps = Path("/proc/self/maps").read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        return "unknown"
-    files = sorted({Path(line.split()[-1]) for line in maps if "/" in line and ".so" in line})
-    libraries = ("libblas", "openblas", "blis", "mkl_rt")
-    found = [file for file in files if any(word in file.name for word in libraries)]
-    names = [f"{file.parent.name}/{file.name}" if file.name.startswith("libblas") else file.name for file in found]
-    return ", ".join(dict.fromkeys(names)) or "unknown"
-
-
 _HEADER = "solve  outer  iter  contact   slip+   slip-  changed   residual   seconds\n"
 
 
@@ -264,8 +231,7 @@ def lines_of(summary: dict[str, Any]) -> list[Line]:
     if "contact_force" in summary:
         lines += [
             _row("contact nodes", f"{summary['contact_nodes']}, {_touching(summary['touching_nodes'])}"),
-            _row("contact force", _force(summary, "contact_force")),
-            _row("friction force", _force(summary, "friction_force")),
+            *_contact_forces(summary),
             _row("largest pressure", _digits(summary["max_pressure"], errors.get("max_pressure"))),
             *(_row(f"{name} zone", _zones(runs)) for name, runs in summary.get("zones", {}).items() if runs),
             *(_row(f"{name} area", f"{area:.6g}") for name, area in summary.get("areas", {}).items() if area),
@@ -273,7 +239,7 @@ def lines_of(summary: dict[str, Any]) -> list[Line]:
             *(
                 _row(name.replace("_", " "), f"{_force(summary, name)}, about the origin")
                 for name in ("contact_moment", "friction_moment")
-                if name in summary
+                if name in summary and not on_several_bodies(summary)
             ),
             *_contact_boundaries(summary),
             *_labelled("foundation", [tool_in_words(tool) for tool in summary.get("tools", ())]),
@@ -349,6 +315,23 @@ def _force(summary: dict[str, Any], name: str) -> str:
     kind = name.partition("_")[2]
     size = float(np.abs([summary[f"contact_{kind}"], summary[f"friction_{kind}"]]).max())
     return "(" + ", ".join(f"{f:.6g}" for f in clean(summary[name], size)) + ")"
+
+
+def _contact_forces(summary: dict[str, Any]) -> list[Line]:
+    """Contact and friction force; between bodies those of each boundary on its body, as their sum acts on none."""
+    names = ("contact_force", "friction_force")
+    if not touch_each_other(summary):
+        return [_row(name.replace("_", " "), _force(summary, name)) for name in names]
+    rows = summary["contact_boundaries"][:_MOST_ROWS]
+    size = float(np.abs([row[name] for row in rows for name in names]).max())
+    return [
+        line
+        for name in names
+        for line in _labelled(
+            name.replace("_", " "),
+            [f"({', '.join(f'{f:.6g}' for f in clean(row[name], size))}) on {row['boundary']}" for row in rows],
+        )
+    ]
 
 
 def _resultants(summary: dict[str, Any]) -> list[Line]:

@@ -46,8 +46,9 @@ class ParameterStudy:
         title: of the scene.
         units: for labels, see ``signorini_fx.units``.
         rows: of each value in order: ``value``, ``status``, ``linear_solves``, ``certificate_holds`` and ``FIGURES``:
-            sizes of the contact and friction force (per thickness in the plane), areas in contact and of what sticks
-            (in the plane lengths); not a number where there is no solution.
+            sizes of the contact and friction force (per thickness in the plane), between bodies the sum of those of all
+            boundaries, areas in contact and of what sticks (in the plane lengths); not a number where there is no
+            solution.
     """
 
     entry: str
@@ -117,7 +118,10 @@ def figures_of(solution: Solution) -> dict[str, Any]:
     if solution.contact is not None:
         columns = solution.table.columns
         touching = columns["state"] != "open"
-        contact, friction = (float(np.linalg.norm(force)) for force in solution.contact.forces)
+        # Between bodies each force acts on another one, so that their sum says nothing.
+        between = any(effect.against for effect in solution.scene.contact)
+        forces = solution.contact.forces_of_each if between else np.array([solution.contact.forces])
+        contact, friction = map(float, np.linalg.norm(forces, axis=2).sum(axis=0))
         figures |= {"contact_force": contact, "friction_force": friction if friction > _ROUND_OFF * contact else 0.0}
         figures["max_pressure"] = float(columns["pressure"].max(initial=0.0))
         figures["max_shear"] = float(np.abs(columns["shear"]).max(initial=0.0))

@@ -118,7 +118,7 @@ class Reference:
         size = float(np.sqrt(np.dot(weight, pressure**2)))
         assert solution.contact is not None
         assert self.solution.contact is not None
-        force, true_force = (np.concatenate(s.contact.forces) for s in (solution, self.solution) if s.contact)
+        force, true_force = (s.contact.forces_of_each for s in (solution, self.solution) if s.contact)
         peak = pressure.max()
         return {
             "energy": self._energy_norm(self._stress_of(solution, mesh_key) - self._stress) / self._size,
