@@ -19,7 +19,6 @@ import numpy as np
 import space
 import ufl
 from dolfinx import mesh as dmesh
-from dolfinx.graph import adjacencylist
 from mpi4py import MPI
 from once import stopwatch
 from row import Row, Say, Sizes
@@ -28,6 +27,7 @@ from space import Run
 from signorini_fx import solve
 from signorini_fx.body import paired_points
 from signorini_fx.mesh import tagged as meshes
+from signorini_fx.mesh.cuts import partitioner, shares
 from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
 from signorini_fx.meshes import generator
 from signorini_fx.scene.generators import GROUP, known_generators
@@ -59,15 +59,11 @@ def generate(comm: MPI.Comm, /, *, nx: int = 30, other: int = 24, dimension: int
         points.append(x)
     every = [np.concatenate(part) if comm.rank == 0 else part[0][:0] for part in (cells, points)]
     element = basix.ufl.element("Lagrange", ("quadrilateral", "hexahedron")[dimension - 2], 1, shape=(dimension,))
-    x = every[1][every[0], 0].mean(axis=1) if comm.rank == 0 else np.empty(0)
-    owner = np.minimum(x / 3.0 * comm.size, comm.size - 1).astype(np.int32)
-
-    def slices(*_: Any) -> Any:
-        """Each rank gets a slice of both bodies, so that half of the contact is on each of two."""
-        found = adjacencylist(owner[:, None])
-        return getattr(found, "_cpp_object", found)
-
-    mesh = dmesh.create_mesh(comm, every[0].astype(np.int64), x=every[1], e=ufl.Mesh(element), partitioner=slices)
+    x, up = every[1][every[0]], np.arange(2**dimension) >> z & 1
+    sides = np.concatenate([x[:, up == 0], x[:, up == 1]])
+    owner = shares(comm, x.mean(axis=1), sides[(np.abs(sides[..., z]) < 2 * _APART).all(axis=1)])
+    divide = partitioner(owner)
+    mesh = dmesh.create_mesh(comm, every[0].astype(np.int64), x=every[1], e=ufl.Mesh(element), partitioner=divide)
     heights = {"bottom": -1.0, "lower": 0.0, "upper": _APART, "top": 1.0 + _APART}
     marks: dict[str, Any] = {name: lambda x, y=y: np.abs(x[z] - y) < 1e-9 for name, y in heights.items()}
     marks |= {name: lambda x, y=y: np.abs(x[0] - y) < 1e-9 for name, y in (("left", 0.0), ("right", 3.0))}

@@ -51,6 +51,32 @@ boundary = "bottom"
 gap = "0.002 + 1e-4 * (x[0] - 1.5)**2"
 friction = { law = "coulomb", coefficient = 0.3 }
 """
+# A block on a block, each with a mesh of its own.
+BODIES = """
+material = { young = 5000.0, poisson = 0.3 }
+[[body]]
+name = "upper"
+mesh = { generator = "rectangle", parameters = { length = 3.0, nx = 9, ny = 3 } }
+[[body]]
+name = "lower"
+mesh = { generator = "rectangle", parameters = { length = 3.0, nx = 6, ny = 2 } }
+shift = [0.0, -1.0]
+[[displacement]]
+boundary = "lower.bottom"
+x = 0.0
+y = 0.0
+[[traction]]
+boundary = "upper.top"
+y = -20.0
+[[traction]]
+boundary = "upper.top"
+x = 4.0
+factors = [0.0, 0.4, 0.8, 1.0, 0.5, -0.4]
+[[contact]]
+boundary = "upper.bottom"
+against = "lower.top"
+friction = { law = "coulomb", coefficient = 0.3 }
+"""
 NESTED = """
 mesh = { generator = "rectangle", parameters = { length = 3.0, nx = 64, ny = 16 } }
 material = { young = 5000.0, poisson = 0.3 }
@@ -247,6 +273,19 @@ def test_from_all_ranks_to_one(tmp_path, method):
         reference = solve(given, MPI.COMM_SELF)
         assert_same(solution, reference)
         assert [r.linear_solves for r in solution.steps[:4]] != [0] * 4
+
+
+@pytest.mark.mpi
+def test_bodies_with_meshes_of_their_own(tmp_path):
+    """Begun on one rank and ended on all of them: the cells of all bodies are kept in an order without ranks."""
+    folder, given = shared(tmp_path), scene(BODIES)
+    if MPI.COMM_WORLD.rank == 0:
+        interrupted(given, MPI.COMM_SELF, folder, 4)
+    MPI.COMM_WORLD.barrier()
+    solution = solve(given, checkpoint=folder, restart=True)
+    assert solution.history.events[0].startswith("restart: 3 complete load steps")
+    assert not any("solved again" in event for event in solution.history.events)
+    assert_same(solution, solve(given, MPI.COMM_SELF))
 
 
 @pytest.mark.mpi

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.body
@@ -14,82 +15,177 @@ from mpi4py import MPI
 
 from signorini_fx import compat, parallel
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh.distribution import Tagged, distributed
-from signorini_fx.scene.model import Body
+from signorini_fx.mesh.cuts import shares
+from signorini_fx.mesh.distribution import Tagged, distributed, domain
+from signorini_fx.scene.model import Body, Scene, TaggedMeshBase
 from signorini_fx.scene.rigid_shape import turning
 
 Tags = int | tuple[int, ...]
+Floats = npt.NDArray[np.float64]
 
 
-def together(bodies: Sequence[Body], meshes: Sequence[Any], comm: MPI.Comm) -> dict[str, Any]:
-    """The bodies as one mesh, whose cells are distributed anew; collective.
+@dataclass(frozen=True)
+class BodyArrays:
+    """What this rank brings of the mesh of one body, in plain arrays.
+
+    Attributes:
+        kind: dolfinx's word for the cells, degree and variant of their geometry.
+        points: nodes, shape (n, d).
+        cells: cells by the numbers of their nodes, which go through the ranks; a tag is 0 where there is none.
+        facets: facets with tags.
+        middles: of the cells, shape (m, d).
+        corners: nodes of the facets, corners first, shape (f, nodes of each, d).
+        boundaries, regions, origin, note: those of the ``TaggedMesh``.
+    """
+
+    kind: tuple[str, int, int]
+    points: Floats
+    cells: Tagged
+    facets: Tagged
+    middles: Floats
+    corners: Floats
+    boundaries: Mapping[str, Tags]
+    regions: Mapping[str, Tags]
+    origin: Mapping[str, Any]
+    note: str
+
+    @property
+    def dimension(self) -> int:
+        """2 in the plane, 3 in space."""
+        return self.points.shape[1]
+
+    @property
+    def without_cells(self) -> BodyArrays:
+        """The same kind and names, and nothing that this rank brings."""
+        cells, facets = (Tagged(one.nodes[:0], one.tags[:0]) for one in (self.cells, self.facets))
+        empty = {name: getattr(self, name)[:0] for name in ("points", "middles", "corners")}
+        return replace(self, cells=cells, facets=facets, **empty)
+
+    def placed(self, body: Body) -> BodyArrays:
+        """The body where the scene puts it."""
+        pivot = np.array(body.pivot or (0.0,) * self.dimension)
+        shift = np.array(body.shift or (0.0,) * self.dimension)
+
+        def place(x: Floats) -> Floats:
+            turned = x if body.rotation is None else (x - pivot) @ turning(body.rotation, self.dimension).T + pivot
+            return np.asarray(turned + shift)
+
+        return replace(self, points=place(self.points), middles=place(self.middles), corners=place(self.corners))
+
+
+def together(scene: Scene, load: Callable[[Any, MPI.Comm, Collection[str]], Any], comm: MPI.Comm) -> dict[str, Any]:
+    """The bodies of a scene as one mesh, whose cells are cut into equal shares for the ranks; collective.
 
     The cells of a body are the region of its name.  Its boundaries and regions have their names with that of the body
     and a dot before them; names that one body alone has are also names without.
 
+    The first rank makes the mesh of each body alone, so that the order of the cells does not depend on the ranks, and
+    checkpoints fit any number of them.  Meshes of the caller stay on their ranks.
+
     Args:
-        bodies: their names and places.
-        meshes: the ``TaggedMesh`` of each.
-        comm: the ranks that share them.
+        scene: names, meshes and places of the bodies.
+        load: makes the ``TaggedMesh`` of a table ``mesh`` on some ranks, with sections.
+        comm: the ranks that share the mesh.
 
     Returns:
         What a ``TaggedMesh`` consists of, by name.
 
     Raises:
-        SceneError: keys that do not fit the dimension of the meshes.
-        MeshError: the meshes have different kinds of cells.
+        SceneError: keys that do not fit the dimension of the meshes, or errors of a mesh, which name the body.
+        MeshError: the meshes have different kinds of cells, or a mesh cannot be made.
     """
+    bodies = scene.body
+    meshes = [_of_body(scene, place, load, comm) for place in range(len(bodies))]
     _check_alike(bodies, meshes)
-    points = [_placed(body, tagged) for body, tagged in zip(bodies, meshes, strict=True)]
-    numbers = _numbers(comm, [tagged.mesh for tagged in meshes])
-    dim, kind = meshes[0].dimension, meshes[0].mesh.ufl_domain()
+    meshes = [one.placed(body) for body, one in zip(bodies, meshes, strict=True)]
+    dim = meshes[0].dimension
     firsts = {
-        dim: _first_tags([tagged.regions for tagged in meshes]),
-        dim - 1: _first_tags([tagged.boundaries for tagged in meshes]),
+        dim: _first_tags([one.regions for one in meshes]),
+        dim - 1: _first_tags([one.boundaries for one in meshes]),
     }
-    owned: dict[int, list[Tagged]] = {dim: [], dim - 1: []}
-    for place, (tagged, numbered) in enumerate(zip(meshes, numbers, strict=True)):
-        cells = _with_nodes(tagged.mesh, dim, np.arange(_count(tagged.mesh, dim), dtype=np.int32), numbered)
-        parts = np.zeros(len(cells), dtype=np.int32)
-        if tagged.cell_tags is not None:
-            own = tagged.cell_tags.indices < len(parts)
-            parts[tagged.cell_tags.indices[own]] = tagged.cell_tags.values[own]
-        owned[dim].append(Tagged(cells, parts + firsts[dim][place]))
-        own = tagged.facet_tags.indices < _count(tagged.mesh, dim - 1)
-        facets = _with_nodes(tagged.mesh, dim - 1, tagged.facet_tags.indices[own], numbered)
-        owned[dim - 1].append(Tagged(facets, tagged.facet_tags.values[own] + firsts[dim - 1][place]))
+    renumber = _renumbering(comm, [len(one.points) for one in meshes])
     gathered = {
-        one: Tagged(
-            np.concatenate([tags.nodes for tags in several]),
-            np.concatenate([tags.tags for tags in several]).astype(np.int32),
-        )
-        for one, several in owned.items()
+        dim: _one_after_the_other([one.cells for one in meshes], renumber, firsts[dim]),
+        dim - 1: _one_after_the_other([one.facets for one in meshes], renumber, firsts[dim - 1]),
     }
-    mesh, found = distributed(comm, kind, gathered[dim].nodes, np.concatenate(points), gathered)
     names = [body.name for body in bodies]
-    boundaries = _named(names, [tagged.boundaries for tagged in meshes], firsts[dim - 1])
-    regions = _named(names, [tagged.regions for tagged in meshes], firsts[dim])
-    for name, tagged, first in zip(names, meshes, firsts[dim], strict=True):
-        regions[name] = (first, *(first + tag for tag in sorted(set(_flat(tagged.regions)))))
-    origin = {"bodies": {name: dict(tagged.origin) for name, tagged in zip(names, meshes, strict=True)}}
-    note = "; ".join(f"{name}: {tagged.note}" for name, tagged in zip(names, meshes, strict=True) if tagged.note)
+    boundaries = _named(names, [one.boundaries for one in meshes], firsts[dim - 1])
+    regions = _named(names, [one.regions for one in meshes], firsts[dim])
+    for name, one, first in zip(names, meshes, firsts[dim], strict=True):
+        regions[name] = (first, *(first + tag for tag in sorted(set(_flat(one.regions)))))
+    owner = None
+    if comm.size > 1:
+        wanted = _flat({name: boundaries[name] for name in scene.touching if name in boundaries})
+        sides = np.concatenate([one.corners for one in meshes])[np.isin(gathered[dim - 1].tags, wanted)]
+        owner = shares(comm, np.concatenate([one.middles for one in meshes]), sides)
+    word, degree, variant = meshes[0].kind
+    points = np.concatenate([one.points for one in meshes])
+    whole = domain(word, degree, dim, variant)
+    mesh, found = distributed(comm, whole, gathered[dim].nodes, points, gathered, owner)
     return {
         "mesh": mesh,
         "facet_tags": found[dim - 1],
         "boundaries": boundaries,
         "cell_tags": found[dim],
         "regions": regions,
-        "origin": origin,
-        "note": note,
+        "origin": {"bodies": {name: dict(one.origin) for name, one in zip(names, meshes, strict=True)}},
+        "note": "; ".join(f"{name}: {one.note}" for name, one in zip(names, meshes, strict=True) if one.note),
     }
 
 
-def _check_alike(bodies: Sequence[Body], meshes: Sequence[Any]) -> None:
+def _of_body(
+    scene: Scene, place: int, load: Callable[[Any, MPI.Comm, Collection[str]], Any], comm: MPI.Comm
+) -> BodyArrays:
+    """The mesh of one of several bodies; errors name it."""
+    body = scene.body[place]
+    sections = scene.sections_of(body.name)
+    made: list[BodyArrays] = []
+
+    def make() -> BodyArrays:
+        made.append(_arrays(load(body.mesh, MPI.COMM_SELF, sections)))
+        return made[0].without_cells
+
+    try:
+        if isinstance(body.mesh, TaggedMeshBase):
+            return _arrays(load(body.mesh, comm, sections))
+        others = parallel.on_root(comm, make)
+    except SceneError as error:
+        raise SceneError([(f"body[{place}].{path}", message) for path, message in error.problems]) from None
+    except MeshError as error:
+        raise MeshError(f"body {body.name!r}: {error}") from None
+    return made[0] if made else others
+
+
+def _arrays(tagged: Any) -> BodyArrays:
+    """What this rank owns of a ``TaggedMesh``; collective on its ranks."""
+    mesh, dim = tagged.mesh, tagged.dimension
+    x = mesh.geometry.x[:, :dim].astype(np.float64)
+    element, nodes = compat.geometry_element(mesh), mesh.geometry.index_map()
+    numbers = nodes.local_to_global(np.arange(nodes.size_local + nodes.num_ghosts, dtype=np.int32))
+    cells = compat.geometry_cells(mesh)[: _count(mesh, dim)]
+    regions = np.zeros(len(cells), dtype=np.int32)
+    if tagged.cell_tags is not None:
+        own = tagged.cell_tags.indices < len(cells)
+        regions[tagged.cell_tags.indices[own]] = tagged.cell_tags.values[own]
+    own = tagged.facet_tags.indices < _count(mesh, dim - 1)
+    facets = _nodes_of_facets(mesh, tagged.facet_tags.indices[own])
+    return BodyArrays(
+        kind=(mesh.topology.cell_name(), element.degree, int(element.lagrange_variant)),
+        points=x[: nodes.size_local],
+        cells=Tagged(numbers[cells], regions),
+        facets=Tagged(numbers[facets], tagged.facet_tags.values[own]),
+        middles=x[cells].mean(axis=1),
+        corners=x[facets],
+        boundaries=dict(tagged.boundaries),
+        regions=dict(tagged.regions),
+        origin=dict(tagged.origin),
+        note=tagged.note,
+    )
+
+
+def _check_alike(bodies: Sequence[Body], meshes: Sequence[BodyArrays]) -> None:
     """Check that the meshes can be one, and that the bodies are placed in their dimension."""
-    kinds = []
-    for tagged in meshes:
-        curved = ", curved" if compat.geometry_degree(tagged.mesh) > 1 else ""
-        kinds.append(f"{tagged.mesh.topology.cell_name()} cells{curved}")
+    kinds = [f"{one.kind[0]} cells{', curved' if one.kind[1] > 1 else ''}" for one in meshes]
     for body, kind in zip(bodies, kinds, strict=True):
         if kind != kinds[0]:
             raise MeshError(
@@ -111,30 +207,35 @@ def _check_alike(bodies: Sequence[Body], meshes: Sequence[Any]) -> None:
         raise SceneError(problems)
 
 
-def _placed(body: Body, tagged: Any) -> npt.NDArray[np.float64]:
-    """The owned nodes of a body where it is, shape (n, d)."""
-    mesh, dim = tagged.mesh, tagged.dimension
-    x = mesh.geometry.x[: mesh.geometry.index_map().size_local, :dim].astype(np.float64)
-    pivot = np.array(body.pivot or (0.0,) * dim)
-    turned = x if body.rotation is None else (x - pivot) @ turning(body.rotation, dim).T + pivot
-    return np.asarray(turned + np.array(body.shift or (0.0,) * dim))
+def _renumbering(
+    comm: MPI.Comm, counts: Sequence[int]
+) -> Callable[[int, npt.NDArray[np.int64]], npt.NDArray[np.int64]]:
+    """From a body and numbers of its nodes to their numbers if every rank brings its nodes of one body after the other.
 
-
-def _numbers(comm: MPI.Comm, meshes: Sequence[dmesh.Mesh]) -> list[npt.NDArray[np.int64]]:
-    """The number of each node of this rank, ghosts included, if every rank brings its nodes of one mesh after the
-    other; collective.
+    Args:
+        comm: the ranks.
+        counts: how many nodes of each body this rank brings.
     """
-    maps = [mesh.geometry.index_map() for mesh in meshes]
-    counts = parallel.gather_rows(comm, np.array([[one.size_local for one in maps]], dtype=np.int64))
-    ends = np.cumsum(counts, axis=0)
-    starts = (np.cumsum(counts.ravel()) - counts.ravel()).reshape(counts.shape)
-    found = []
-    for place, one in enumerate(maps):
-        before = np.arange(one.size_local + one.num_ghosts, dtype=np.int32)
-        named = np.asarray(one.local_to_global(before), dtype=np.int64)
+    every = parallel.gather_rows(comm, np.array([counts], dtype=np.int64))
+    ends = np.cumsum(every, axis=0)
+    starts = (np.cumsum(every.ravel()) - every.ravel()).reshape(every.shape)
+
+    def renumber(place: int, named: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
         rank = np.searchsorted(ends[:, place], named, side="right")
-        found.append(named - (ends - counts)[rank, place] + starts[rank, place])
-    return found
+        return np.asarray(named - (ends - every)[rank, place] + starts[rank, place])
+
+    return renumber
+
+
+def _one_after_the_other(
+    given: Sequence[Tagged],
+    renumber: Callable[[int, npt.NDArray[np.int64]], npt.NDArray[np.int64]],
+    firsts: Sequence[int],
+) -> Tagged:
+    """The entities of all bodies with the numbers and the tags that they have together."""
+    nodes = [renumber(place, one.nodes) for place, one in enumerate(given)]
+    tags = [one.tags + first for one, first in zip(given, firsts, strict=True)]
+    return Tagged(np.concatenate(nodes), np.concatenate(tags).astype(np.int32))
 
 
 def _count(mesh: dmesh.Mesh, dim: int) -> int:
@@ -143,17 +244,14 @@ def _count(mesh: dmesh.Mesh, dim: int) -> int:
     return int(mesh.topology.index_map(dim).size_local)
 
 
-def _with_nodes(
-    mesh: dmesh.Mesh, dim: int, entities: npt.NDArray[np.int32], numbers: npt.NDArray[np.int64]
-) -> npt.NDArray[np.int64]:
-    """The numbers of the nodes of entities, in dolfinx's order, shape (n, nodes of each)."""
-    if dim == mesh.topology.dim:
-        return np.asarray(numbers[compat.geometry_cells(mesh)[entities]])
-    mesh.topology.create_connectivity(dim, mesh.topology.dim)
+def _nodes_of_facets(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+    """The nodes of facets, in dolfinx's order, shape (n, nodes of each)."""
+    dim = mesh.topology.dim - 1
+    mesh.topology.create_connectivity(dim, dim + 1)
     width = len(compat.geometry_element(mesh).entity_closure_dofs[dim][0])
-    if not entities.size:  # dolfinx divides by their number
-        return np.empty((0, width), dtype=np.int64)
-    return np.asarray(numbers[dmesh.entities_to_geometry(mesh, dim, entities)])
+    if not facets.size:  # dolfinx divides by their number
+        return np.empty((0, width), dtype=np.int32)
+    return np.asarray(dmesh.entities_to_geometry(mesh, dim, facets))
 
 
 def _flat(names: Mapping[str, Tags]) -> list[int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import basix.ufl
@@ -15,6 +16,7 @@ from dolfinx.io import distribute_entity_data
 from dolfinx.io.utils import cell_perm_gmsh
 from mpi4py import MPI
 
+from signorini_fx.mesh.cuts import partitioner, shares
 from signorini_fx.mesh.files.arrays import MeshArrays
 from signorini_fx.mesh.files.cells import CELLS, Cell
 from signorini_fx.mesh.files.shape import Floats, Ints
@@ -39,6 +41,7 @@ def distributed(
     cells: npt.NDArray[np.int64],
     points: npt.NDArray[np.float64],
     tagged: dict[int, Tagged],
+    owner: npt.NDArray[np.int32] | None = None,
 ) -> tuple[dmesh.Mesh, dict[int, dmesh.MeshTags]]:
     """The mesh with its cells in about equal shares on the ranks; collective.
 
@@ -48,11 +51,13 @@ def distributed(
         cells: the nodes of those cells that this rank brings, in dolfinx's order, shape (m, k).
         points: those nodes that this rank brings, shape (n, d); nodes are numbered through the ranks.
         tagged: dimension -> entities that this rank brings; the same dimensions on all ranks.
+        owner: the rank of each of these cells, shape (m,); None: dolfinx divides their graph.
 
     Returns:
         The mesh, and the tags of each dimension.
     """
-    mesh = dmesh.create_mesh(comm, cells=cells, x=points, e=domain)
+    divided = None if owner is None or comm.size == 1 else partitioner(owner)
+    mesh = dmesh.create_mesh(comm, cells=cells, x=points, e=domain, partitioner=divided)
     found = {}
     for dim, own in tagged.items():
         local, values = distribute_entity_data(mesh, dim, own.nodes, own.tags)
@@ -63,7 +68,7 @@ def distributed(
 
 
 def from_root(
-    comm: MPI.Comm, kind: Cell, held: tuple[MeshArrays, Ints, Ints] | None
+    comm: MPI.Comm, kind: Cell, held: tuple[MeshArrays, Ints, Ints] | None, touching: Collection[str] = ()
 ) -> tuple[dmesh.Mesh, dmesh.MeshTags, dmesh.MeshTags]:
     """The mesh that the first rank has as arrays; collective.
 
@@ -72,6 +77,7 @@ def from_root(
         kind: of the cells.
         held: on the first rank the mesh, the tag of each of its facets and of each of its cells, 0 for none; None on
             the others.
+        touching: the boundaries with which bodies touch each other; if there are any, ``cuts`` divides the cells.
 
     Returns:
         The mesh, and the tags of its facets and cells.
@@ -89,8 +95,19 @@ def from_root(
         nodes = {dim: arrays.cells[:, _order(kind)], dim - 1: arrays.facets[:, _order(facet)]}
         tags = {dim: of_cell, dim - 1: of_side}
     tagged = {place: Tagged(nodes[place][own > 0], own[own > 0].astype(np.int32)) for place, own in tags.items()}
-    mesh, found = distributed(comm, _domain(kind), nodes[dim], points, tagged)
+    owner = None
+    if touching and comm.size > 1:
+        corners: Floats = np.empty((0, 1, dim)) if held is None else points[held[0].corners]
+        sides: Floats = np.empty((0, dim, dim)) if held is None else _sides(held[0], touching)
+        owner = shares(comm, corners.mean(axis=1), sides)
+    mesh, found = distributed(comm, domain(_word(kind), kind.degree, dim), nodes[dim], points, tagged, owner)
     return mesh, found[dim - 1], found[dim]
+
+
+def _sides(arrays: MeshArrays, names: Collection[str]) -> Floats:
+    """The corners of the facets of some boundaries, shape (f, corners, d)."""
+    rows = [arrays.boundaries[name] for name in names if name in arrays.boundaries]
+    return arrays.points[arrays.facet_corners[np.concatenate([np.empty(0, np.int64), *rows])]]
 
 
 def _word(kind: Cell) -> str:
@@ -105,6 +122,6 @@ def _order(kind: Cell) -> npt.NDArray[np.int64]:
     return of_gmsh[cell_perm_gmsh(dmesh.to_type(_word(kind)), len(kind.nodes))]
 
 
-def _domain(kind: Cell) -> ufl.Mesh:
-    variant = basix.LagrangeVariant.equispaced
-    return ufl.Mesh(basix.ufl.element("Lagrange", _word(kind), kind.degree, variant, shape=(kind.dim,)))
+def domain(word: str, degree: int, dim: int, variant: int = int(basix.LagrangeVariant.equispaced)) -> ufl.Mesh:
+    """Cells of a shape, by dolfinx's word for it, with nodes at places that ``basix.LagrangeVariant`` numbers."""
+    return ufl.Mesh(basix.ufl.element("Lagrange", word, degree, basix.LagrangeVariant(variant), shape=(dim,)))

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import basix.ufl
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.body
 import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import mesh as dmesh
-from dolfinx.graph import adjacencylist
 from mpi4py import MPI
+
+from signorini_fx.mesh.cuts import partitioner
 
 # Places of the corners of a hexahedron along the axes, in the order of dolfinx.
 _CORNERS = np.array([(i, j, k) for k in (0, 1) for j in (0, 1) for i in (0, 1)])
@@ -43,12 +42,8 @@ def create_box(comm: MPI.Comm, ends: npt.NDArray[np.float64], counts: tuple[int,
     at = np.stack(np.unravel_index(_share(comm, int(np.prod(nodes))), nodes[::-1]), axis=1)[:, ::-1]
     points = at * (ends / counts)
 
-    def partition(*_: Any) -> Any:
-        found = adjacencylist(owner.astype(np.int32)[:, None])
-        return getattr(found, "_cpp_object", found)
-
     domain = ufl.Mesh(basix.ufl.element("Lagrange", cell, 1, shape=(3,)))
-    return dmesh.create_mesh(comm, cells=cells, x=points, e=domain, partitioner=partition)
+    return dmesh.create_mesh(comm, cells=cells, x=points, e=domain, partitioner=partitioner(owner))
 
 
 def _share(comm: MPI.Comm, total: int) -> npt.NDArray[np.int64]:

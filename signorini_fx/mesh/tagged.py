@@ -6,7 +6,7 @@ import contextlib
 import inspect
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -123,32 +123,19 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
     if scene.body:
         from signorini_fx.mesh.bodies import together
 
-        return TaggedMesh(
-            **together(scene.body, [_of_body(scene, place, comm) for place in range(len(scene.body))], comm)
-        )
-    return _load_one(scene.mesh, scene.element.degree, comm, scene.sections)
+        return TaggedMesh(**together(scene, partial(_load_one, scene), comm))
+    return _load_one(scene, scene.mesh, comm, scene.sections)
 
 
-def _of_body(scene: Scene, place: int, comm: MPI.Comm) -> TaggedMesh:
-    """The mesh of one of several bodies; errors name it."""
-    body = scene.body[place]
-    try:
-        return _load_one(body.mesh, scene.element.degree, comm, scene.sections_of(body.name))
-    except SceneError as error:
-        raise SceneError([(f"body[{place}].{path}", message) for path, message in error.problems]) from None
-    except MeshError as error:
-        raise MeshError(f"body {body.name!r}: {error}") from None
-
-
-def _load_one(given: Any, degree: int, comm: MPI.Comm, sections: Collection[str]) -> TaggedMesh:
-    """The mesh that a table ``mesh`` names, for elements of a degree, with sections; see ``load_mesh``."""
+def _load_one(scene: Scene, given: Any, comm: MPI.Comm, sections: Collection[str]) -> TaggedMesh:
+    """The mesh that a table ``mesh`` of a scene names, with sections; see ``load_mesh``."""
     match given:
         case TaggedMesh():
             tagged = given
         case MeshFile():
             # A drawing gets curved cells if the degree of the elements permits.
-            curved = degree == 2 and given.file.suffix.lower() in DRAWN
-            tagged = load_file(given, comm, degree=2 if curved else None, sections=sections)
+            curved = scene.element.degree == 2 and given.file.suffix.lower() in DRAWN
+            tagged = load_file(given, comm, 0, 2 if curved else None, sections, scene.touching)
         case MeshGenerator(generator=name, parameters=parameters):
             tagged = generate_mesh(name, parameters, comm)
         case _:
@@ -199,10 +186,16 @@ def check_dimension(tagged: TaggedMesh) -> None:
 
 
 def load_file(
-    mesh: MeshFile, comm: MPI.Comm, halvings: int = 0, degree: int | None = None, sections: Collection[str] = ()
+    mesh: MeshFile,
+    comm: MPI.Comm,
+    halvings: int = 0,
+    degree: int | None = None,
+    sections: Collection[str] = (),
+    touching: Collection[str] = (),
 ) -> TaggedMesh:
     """The mesh of a file with the names that a scene gives it; see ``read_mesh``."""
-    tagged = read_mesh(mesh.file, comm, mesh.boundaries, mesh.regions, mesh.data, halvings, degree, mesh.size, sections)
+    names = (mesh.boundaries, mesh.regions, mesh.data)
+    tagged = read_mesh(mesh.file, comm, *names, halvings, degree, mesh.size, sections, touching)
     return replace(tagged, origin={"file": mesh.file.name})
 
 
@@ -281,6 +274,7 @@ def read_mesh(
     degree: int | None = None,
     size: float | None = None,
     sections: Collection[str] = (),
+    touching: Collection[str] = (),
 ) -> TaggedMesh:
     """A mesh from a file, read on the first rank; ``formats.read_file`` has the formats.
 
@@ -295,6 +289,7 @@ def read_mesh(
         degree: degree of the geometry, as in ``formats.read_file``.
         size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
         sections: names of the file whose facets inside the body are wanted, too.
+        touching: the boundaries with which bodies in the file touch each other; see ``mesh/cuts.py``.
 
     Raises:
         MeshError: there is no such file, it is not a mesh of that format, or no boundary has a name.
@@ -315,7 +310,8 @@ def read_mesh(
         return arrays.kind, sides, parts, arrays.note
 
     kind, sides, parts, note = parallel.on_root(comm, read)
-    mesh, facet_tags, cell_tags = from_root(comm, CELLS[kind], arrays_on_root.pop() if arrays_on_root else None)
+    held = arrays_on_root.pop() if arrays_on_root else None
+    mesh, facet_tags, cell_tags = from_root(comm, CELLS[kind], held, touching)
     return TaggedMesh(mesh, facet_tags, _plain(sides), cell_tags if parts else None, _plain(parts), note=note)
 
 

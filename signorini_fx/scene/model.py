@@ -381,6 +381,11 @@ class Scene(Table):
         return [effect.boundary for effect in self.contact], against if any(against) else None
 
     @property
+    def touching(self) -> list[str]:
+        """The boundaries with which bodies touch each other."""
+        return [name for one in self.contact if one.against for name in (one.boundary, one.against)]
+
+    @property
     def young(self) -> float:
         """Young's modulus of the stiffest material, the natural unit of stress."""
         return max(material.young for material in self.material)
