@@ -189,29 +189,8 @@ def deformed_mesh(
     cells, values = np.asarray(cells).astype(np.int64), np.asarray(values, dtype=np.float64)
     if not cells.size:
         raise ValueError("the mesh has no cells")
-    parted = 0.0 if foundation is None else foundation.parted
-    chosen = magnification(points, displacement, parted) if factor is None else factor
-    pieces = [] if foundation is None else foundation.pieces()
     perimeters = cells if tiles is None else cells[:, : tiles.rim]
-    true = foundation is None or foundation.keeps_its_shape(chosen, points)
-    scales = (chosen,) if true or factor is not None else (1.0, chosen)
-    panels = [_Panel.of(points, perimeters, displacement, outline, scale, pieces) for scale in scales]
-    if not true:
-        panels[-1] = replace(panels[-1], with_foundation=False)
-    zone = _small_zone(pieces, _diagonal(points)) if factor is None else None
-    if zone is not None:
-        panels = [panels[0], _Panel.of(points, perimeters, displacement, outline, 1.0, pieces)]
-    what = f"displacement $\\times\\,{math_number(chosen)}$"
-    if true:
-        grounded = any(piece.grounded.all() for piece in pieces)
-        remark = what if chosen == 1 or not grounded else what.replace("displacement", "displacement and gap")
-    elif factor is not None:
-        remark = f"{what}, contact zone thick"
-    else:
-        remark = f"left: as it is; right: {what}, contact zone thick"
-    if zone is not None:
-        remark = f"left: {remark if true else 'as it is'}; right: the contact zone as it is"
-
+    panels, zone, remark = _panels(points, perimeters, displacement, outline, foundation, factor)
     triangles = None if tiles is None else cells[:, tiles.triangles].reshape(-1, 3)
     nodal = values if tiles is None else np.empty(len(points))
     areas = _areas(panels[0].corners)
@@ -255,6 +234,41 @@ def deformed_mesh(
                 mark_largest(axes, panel.corners[at].mean(axis=0) if triangles is None else panel.moved[at], nodal[at])
         tones.bar(figure, list(grid))
         finish(figure, path_stem, f"{title}   ({remark})" if title else remark, suffixes)
+
+
+def _panels(
+    points: Floats,
+    cells: npt.NDArray[np.int64],
+    displacement: Floats,
+    outline: npt.NDArray[np.int64],
+    foundation: Foundation | None,
+    factor: float | None,
+) -> tuple[list[_Panel], tuple[Floats, Floats] | None, str]:
+    """What is seen where, see ``deformed_mesh``; the contact zone if the last panel enlarges it; and what to say of it.
+
+    ``cells`` are perimeters.
+    """
+    parted = 0.0 if foundation is None else foundation.parted
+    chosen = magnification(points, displacement, parted) if factor is None else factor
+    pieces = [] if foundation is None else foundation.pieces()
+    true = foundation is None or foundation.keeps_its_shape(chosen, points)
+    scales = (chosen,) if true or factor is not None else (1.0, chosen)
+    panels = [_Panel.of(points, cells, displacement, outline, scale, pieces) for scale in scales]
+    if not true:
+        panels[-1] = replace(panels[-1], with_foundation=False)
+    what = f"displacement $\\times\\,{math_number(chosen)}$"
+    if true:
+        grounded = any(piece.grounded.all() for piece in pieces)
+        remark = what if chosen == 1 or not grounded else what.replace("displacement", "displacement and gap")
+    elif factor is not None:
+        remark = f"{what}, contact zone thick"
+    else:
+        remark = f"left: as it is; right: {what}, contact zone thick"
+    zone = _small_zone(pieces, _diagonal(points)) if factor is None else None
+    if zone is None:
+        return panels, None, remark
+    enlarged = _Panel.of(points, cells, displacement, outline, 1.0, pieces)
+    return [panels[0], enlarged], zone, f"left: {remark if true else 'as it is'}; right: the contact zone as it is"
 
 
 def _small_zone(pieces: Sequence[Foundation], size: float) -> tuple[Floats, Floats] | None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import basix
 import numpy as np
@@ -144,6 +144,44 @@ def _where_materials_meet(body: Discretisation, place: Array, boundary: list[_Fa
     """
     if len(body.scene.material) == 1:
         return None
+    every = _cells_near(body, place)
+    whole = 2 * np.pi if body.tagged.dimension == 2 else 4 * np.pi
+    found: list[str] = []
+    for vertex in (one.vertex for one in every):
+        here = [one for one in every if np.linalg.norm(one.vertex - vertex) <= 1e-8 * body.tagged.size]
+        angles = {kind: sum(one.angle for one in here if one.kind == kind) for kind in (one.kind for one in here)}
+        if len(angles) == 1 or np.linalg.norm(vertex - place) > _BESIDE * min(one.length for one in here):
+            continue
+        total = sum(angles.values())
+        facets = [
+            facet
+            for facet in boundary
+            if (np.linalg.norm(facet.vertices - vertex, axis=1) <= 1e-8 * body.tagged.size).any()
+        ]
+        # A flat boundary that only guides is a mirror.
+        mirror = bool(facets) and all(facet.kind == "guided" for facet in facets) and abs(2 * total / whole - 1) < 1e-6
+        inside = mirror or abs(total / whole - 1) < 1e-6
+        if inside and len(angles) == 2 and abs(2 * min(angles.values()) / total - 1) <= _CURVED / 180:
+            continue
+        found.append(
+            "it is at a corner of the interface of materials"
+            if inside
+            else "it is where materials meet at the boundary"
+        )
+    return min(found, default=None)
+
+
+class _CellAtVertex(NamedTuple):
+    """A cell at one of its vertices, shape (d,): its kind of material, its angle there, its longest edge there."""
+
+    vertex: Array
+    kind: int
+    angle: float
+    length: float
+
+
+def _cells_near(body: Discretisation, place: Array) -> list[_CellAtVertex]:
+    """The cells of all ranks at each vertex near a place, which is within an edge of it; collective."""
     mesh, dim = body.tagged.mesh, body.tagged.dimension
     cell_type = getattr(basix.CellType, mesh.topology.cell_name())
     corners = basix.geometry(cell_type)
@@ -171,10 +209,9 @@ def _where_materials_meet(body: Discretisation, place: Array, boundary: list[_Fa
     edges = vertices[:, neighbours] - vertices[:, :, None]
     length = np.linalg.norm(edges, axis=3)
     distance, reach = np.linalg.norm(vertices - place, axis=2), _BESIDE * length.max(axis=2)
-    # All cells at each vertex.
     close = distance <= parallel.global_max(body.comm, parallel.local_max(reach[distance <= reach]))
     own = [
-        (
+        _CellAtVertex(
             vertices[cell, corner],
             int(kind[cell]),
             _angle(edges[cell, corner]),
@@ -182,31 +219,7 @@ def _where_materials_meet(body: Discretisation, place: Array, boundary: list[_Fa
         )
         for cell, corner in np.argwhere(close)
     ]
-    every = [row for rows in body.comm.allgather(own) for row in rows]
-    whole = 2 * np.pi if dim == 2 else 4 * np.pi
-    found: list[str] = []
-    for vertex, *_ in every:
-        here = [row for row in every if np.linalg.norm(row[0] - vertex) <= 1e-8 * body.tagged.size]
-        angles = {material: sum(row[2] for row in here if row[1] == material) for _, material, *_ in here}
-        if len(angles) == 1 or np.linalg.norm(vertex - place) > _BESIDE * min(row[3] for row in here):
-            continue
-        total = sum(angles.values())
-        facets = [
-            facet
-            for facet in boundary
-            if (np.linalg.norm(facet.vertices - vertex, axis=1) <= 1e-8 * body.tagged.size).any()
-        ]
-        # A flat boundary that only guides is a mirror.
-        mirror = bool(facets) and all(facet.kind == "guided" for facet in facets) and abs(2 * total / whole - 1) < 1e-6
-        inside = mirror or abs(total / whole - 1) < 1e-6
-        if inside and len(angles) == 2 and abs(2 * min(angles.values()) / total - 1) <= _CURVED / 180:
-            continue
-        found.append(
-            "it is at a corner of the interface of materials"
-            if inside
-            else "it is where materials meet at the boundary"
-        )
-    return min(found, default=None)
+    return [one for rows in body.comm.allgather(own) for one in rows]
 
 
 def _angle(edges: Array) -> float:
