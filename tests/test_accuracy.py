@@ -20,6 +20,7 @@ from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene.reading import parse_scene, read_scene
 from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving import to_accuracy
+from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.solver import solve
 from signorini_fx.studies.reference import Reference, divided
 from tests.scenes import example1, on_mesh, rectangle
@@ -81,7 +82,7 @@ def test_nodes_where_loads_jump_are_kept():
     """The first mesh is part of the scene's own; one that cannot be halved is where it begins."""
     for (nx, ny), (coarse_nx, coarse_ny) in (((120, 40), (15, 5)), ((60, 20), (15, 5)), ((45, 15), (45, 15))):
         scene = example1(bound=1.5, nx=nx, ny=ny)
-        meshes = to_accuracy.Meshes(scene, Accuracy(target=0.1), MPI.COMM_SELF)
+        meshes = Meshes(scene, Accuracy(target=0.1), MPI.COMM_SELF)
         assert meshes.scene.mesh.parameters["nx"] == coarse_nx
         assert meshes.scene.mesh.parameters["ny"] == coarse_ny
 

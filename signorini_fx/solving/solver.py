@@ -31,10 +31,11 @@ from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import as_scene
 from signorini_fx.scene.values import kind_of
+from signorini_fx.solving.finer_meshes import Solved
 from signorini_fx.solving.load_steps import LoadStep
 from signorini_fx.solving.one_mesh import solve_mesh
 from signorini_fx.solving.restart import Kept
-from signorini_fx.solving.to_accuracy import Solved, solve_to_accuracy
+from signorini_fx.solving.to_accuracy import solve_to_accuracy
 from signorini_fx.tuned import HELPING_MESHES
 
 

@@ -9,16 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import ceil, inf
+from math import inf
 
 import numpy as np
 from mpi4py import MPI
 
 from signorini_fx import parallel
-from signorini_fx.accuracy.error_estimates import Errors
 from signorini_fx.accuracy.mesh_level import LevelResult
-from signorini_fx.accuracy.plan import LOCAL, planned
-from signorini_fx.accuracy.pressure_error import corners_of_error, polygon_error
+from signorini_fx.accuracy.plan import LOCAL
+from signorini_fx.accuracy.pressure_error import polygon_error
 from signorini_fx.accuracy.price_list import (
     Price,
     expected_rates,
@@ -29,28 +28,17 @@ from signorini_fx.accuracy.price_list import (
     price_list,
     with_polygon,
 )
-from signorini_fx.algorithms.task import Outcome, Task
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.display import duration
-from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh.hierarchy import scene_on, with_halved_bodies
-from signorini_fx.mesh.refinement import cells_at, mark, refine
-from signorini_fx.mesh.tagged import (
-    TaggedMesh,
-    load_file,
-)
+from signorini_fx.errors import SceneError
 from signorini_fx.records import Status
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.model import MeshFile, Scene
+from signorini_fx.scene.model import Scene
 from signorini_fx.scene.settings import Accuracy
+from signorini_fx.solving.finer_meshes import Meshes, Solved
 from signorini_fx.tuned import (
-    BULK,
-    COARSER_START,
-    CORNER_DIVISIONS,
-    CORNER_RATE,
     FEWEST_MESHES,
     LARGEST_GAMMA,
-    LARGEST_JUMP,
     MARGIN,
     MARGIN_OF_OTHERS,
     MEMORY_SHARE,
@@ -67,25 +55,6 @@ _TINY = 1e-6
 _POLYGON_COLUMN = {"energy": "energy", "pressure": "pressure"}
 # Outcomes on a mesh whose cells are as small as the round-off of their coordinates.
 _TOO_FINE = (Status.NOT_CERTIFIED, Status.ROUND_OFF, Status.SINGULAR, Status.NOT_FINITE)
-
-
-@dataclass(frozen=True)
-class Solved:
-    """A scene on one mesh.
-
-    Attributes:
-        solution: how it ended.
-        task: the contact problem; None without one.
-        outcome: how it ended; None where it has no solution.
-        level: errors and cost of the mesh; None where it has no solution.
-        errors: the estimates on the mesh; None where it has no solution.
-    """
-
-    solution: Solution
-    task: Task | None
-    outcome: Outcome | None = None
-    level: LevelResult | None = None
-    errors: Errors | None = None
 
 
 def solve_to_accuracy(
@@ -109,7 +78,7 @@ def solve_to_accuracy(
         on_level: called with the solution on each mesh but the last; collective.
         notify: called with messages for the user, such as that other elements than the scene's are used.
     """
-    base_memory, begin = peak_memory(comm), parallel.clock(comm)
+    budget = _Budget(goal, comm, peak_memory(comm), parallel.clock(comm))
     meshes = Meshes(scene, goal, comm)
     if meshes.replaced:
         notify(f"elements: {meshes.replaced}; accuracy.refinement = 'uniform' or 'adaptive' keeps those of the scene")
@@ -143,14 +112,12 @@ def solve_to_accuracy(
         meshes.seconds = 0.0
         same_mesh = bool(levels) and levels[-1].dofs == level.dofs
         levels = [*levels[: len(levels) - same_mesh], replace(with_polygon(level, polygon), seconds=seconds)]
-        rows = price_list(levels, base_memory, rates=rates, uniform=not meshes.adaptive) if len(levels) > 1 else []
+        rows = (
+            price_list(levels, budget.base_memory, rates=rates, uniform=not meshes.adaptive) if len(levels) > 1 else []
+        )
         solution = last = replace(solution, levels=tuple(levels), price_list=tuple(rows))
         left = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
-        estimate = (
-            getattr(rows[-2], goal.of)
-            if rows
-            else {"energy": levels[0].energy, "pressure": levels[0].pressure}.get(goal.of)
-        )
+        estimate = getattr(rows[-2], goal.of) if rows else _estimate_on_one(levels[0], goal)
         margin = MARGIN.get((goal.of, meshes.degree), MARGIN_OF_OTHERS)
         error = inf if estimate is None else estimate * margin
         enough = len(levels) >= FEWEST_MESHES[level.dimension].get(goal.of, 3)
@@ -174,10 +141,7 @@ def solve_to_accuracy(
             compared, rate = goal.of not in LOCAL or goal.of == "pressure", rates.get(goal.of) or _seen_rate(levels)
             jump = meshes.jump(excess, rate, compared=compared, dimension=level.dimension)
             if enough:
-                beyond = _beyond(goal, comm, rows, base_memory, begin, jump, level)
-                while beyond and meshes.any_jump and jump > SMALLEST_JUMP:
-                    jump = max(jump / 2, SMALLEST_JUMP)
-                    beyond = _beyond(goal, comm, rows, base_memory, begin, jump, level)
+                jump, beyond = budget.affordable(rows, jump, level, any_jump=meshes.any_jump)
                 if beyond:
                     notify(f"accuracy: the next mesh would take {beyond}")
                 if beyond or len(levels) >= MOST_MESHES:
@@ -232,21 +196,46 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size
     return ""
 
 
-def _beyond(
-    goal: Accuracy, comm: MPI.Comm, rows: list[Price], base_memory: float, begin: float, jump: float, last: LevelResult
-) -> str:
-    """Why a mesh ``jump`` times finer than the last one would exceed the budget or the machine; "" if it would not."""
-    following = predict(rows[:-1], base_memory, finer=jump, dimension=last.dimension, krylov_from=last.krylov_from)
-    spent = parallel.clock(comm) - begin
-    if goal.seconds is not None and spent + following.seconds > goal.seconds:
-        return f"about {duration(following.seconds)}, and {duration(spent)} of {goal.seconds:g} s are spent"
-    # A process that takes more memory than there is would be killed, and its results with it.
-    there = parallel.machine_memory(comm) / 1024**3
-    allowed = MEMORY_SHARE * there if goal.memory is None else goal.memory
-    if following.memory <= 1024 * allowed:
-        return ""
-    told = f"this machine has {there:.2g}" if goal.memory is None else f"{goal.memory:g} are allowed"
-    return f"about {following.memory / 1024:.2g} GB of memory, {told}"
+@dataclass(frozen=True)
+class _Budget:
+    """Time and memory of a request, with the memory before it, MB, and the clock when it began, seconds."""
+
+    goal: Accuracy
+    comm: MPI.Comm
+    base_memory: float
+    begin: float
+
+    def affordable(self, rows: list[Price], jump: float, last: LevelResult, *, any_jump: bool) -> tuple[float, str]:
+        """The jump, or if there may be any a smaller one that keeps to the budget; and why the next mesh would exceed
+        it all the same, "" if it would not.
+        """
+        beyond = self._exceeded(rows, jump, last)
+        while beyond and any_jump and jump > SMALLEST_JUMP:
+            jump = max(jump / 2, SMALLEST_JUMP)
+            beyond = self._exceeded(rows, jump, last)
+        return jump, beyond
+
+    def _exceeded(self, rows: list[Price], jump: float, last: LevelResult) -> str:
+        """Why a mesh ``jump`` times finer than the last one exceeds the budget or the machine; "" if it does not."""
+        goal = self.goal
+        following = predict(
+            rows[:-1], self.base_memory, finer=jump, dimension=last.dimension, krylov_from=last.krylov_from
+        )
+        spent = parallel.clock(self.comm) - self.begin
+        if goal.seconds is not None and spent + following.seconds > goal.seconds:
+            return f"about {duration(following.seconds)}, and {duration(spent)} of {goal.seconds:g} s are spent"
+        # A process that takes more memory than there is would be killed, and its results with it.
+        there = parallel.machine_memory(self.comm) / 1024**3
+        allowed = MEMORY_SHARE * there if goal.memory is None else goal.memory
+        if following.memory <= 1024 * allowed:
+            return ""
+        told = f"this machine has {there:.2g}" if goal.memory is None else f"{goal.memory:g} are allowed"
+        return f"about {following.memory / 1024:.2g} GB of memory, {told}"
+
+
+def _estimate_on_one(level: LevelResult, goal: Accuracy) -> float | None:
+    """The error that a single mesh knows; None for what is only known by comparing meshes."""
+    return {"energy": level.energy, "pressure": level.pressure}.get(goal.of)
 
 
 def _is_tiny(level: LevelResult, size: float) -> bool:
@@ -260,188 +249,3 @@ def _seen_rate(levels: list[LevelResult]) -> float:
         return 1.0
     finer = fineness_of(levels[-1].dofs / levels[-2].dofs, levels[-1].dimension)
     return float(np.clip(np.log(levels[-2].energy / levels[-1].energy) / np.log(finer), 0.5, 2.0))
-
-
-class Meshes:
-    """One finer mesh after the other, and the scene on it.
-
-    Attributes:
-        scene: the scene on the mesh that is to be solved next.
-        degree: of the displacement.
-        adaptive: whether triangles or tetrahedra are divided where the error is large.
-        polygonal: whether straight facets stay although the shape may be curved.
-        replaced: what replaces the scene's elements; "": they stay.
-        any_jump: whether the next mesh may be any number of times finer; otherwise all cells, or some, are divided.
-        seconds: time of the last refinement; 0 where the mesh is made with the solve.
-    """
-
-    def __init__(self, scene: Scene, goal: Accuracy, comm: MPI.Comm) -> None:
-        self._comm, self._plan = comm, planned(scene, goal, comm)
-        self._of: str = goal.of if goal.of in LOCAL else "force"  # the quantity for which cells are marked
-        self._given: Scene = self._plan.scene
-        self.adaptive: bool = self._plan.adaptive
-        self.polygonal: bool = self._plan.polygonal
-        how = "triangles divided where the error is" if self.adaptive else "all cells smaller"
-        self._regularised = self._given
-        settings = self._given.solver
-        automatic = (settings.algorithm, settings.gamma_n, settings.gamma_t) == ("auto", "auto", "auto")
-        paired = scene.sides[1] is not None
-        if (goal.of == "pressure" or goal.certified) and automatic and not paired:
-            # The regularisation smears the pressure at a corner over a length that hardly depends on the mesh.  Between
-            # two bodies "exact" is not possible.
-            solver = settings.model_copy(update={"algorithm": "exact"})
-            self._given = self._given.model_copy(update={"solver": solver})
-        self.degree: int = self._given.element.degree
-        self.replaced: str = f"degree {self.degree}, {how}" if self._plan.replaced else ""
-        self._generated = self._given.generated
-        self.any_jump: bool = self._generated and not self.adaptive
-        self._file = self._given.mesh if isinstance(self._given.mesh, MeshFile) else None
-        self._coarsest, self._divisions, self._halvings = self._coarsest_factor(), 1, 0
-        self.seconds: float = 0.0
-        self.scene: Scene = self._scene()
-
-    def _coarsest_factor(self) -> float:
-        """How many times larger the first cells are; the coarse nodes must be nodes of the scene's own mesh.
-
-        A mesh needs a node where a load jumps, and the scene's own mesh has one.
-        """
-        factor = float(COARSER_START[self.degree]) if self._generated else 1.0
-        while factor > 1 and scene_on(scene_on(self._given, factor), 1 / factor) != scene_on(self._given, 1.0):
-            factor /= 2
-        return factor
-
-    def keep_sides(self, solved: Scene) -> None:
-        """Leave the contact points of pairs on the sides that were chosen on the first mesh: forces have their sign."""
-        if solved.sides[1] is None:
-            return
-        contacts = [
-            one if one.against is None else one.model_copy(update={"points": "boundary"}) for one in solved.contact
-        ]
-        kept = {"contact": tuple(contacts)}
-        self.scene, self._given, self._regularised = (
-            one.model_copy(update=kept) for one in (self.scene, self._given, self._regularised)
-        )
-
-    def first(self, solve_on: Callable[[Scene, ContactState | None, int], Solved]) -> Solved:
-        """Solve on the coarsest mesh that has all boundaries of the scene's own mesh.
-
-        Straight facets of two bodies that fit each other may be so far apart on it that there is no solution.
-        """
-        while True:
-            try:
-                solved = solve_on(self.scene, None, 0)
-                apart = solved.level is None and self._given.sides[1] is not None and not solved.solution.history.late
-                if not apart or not self._generated or self._coarsest <= 1:
-                    return solved
-            except (SceneError, MeshError):
-                if not self._generated or self._coarsest <= 1:
-                    raise
-            self._coarsest /= 2
-            self.scene = self._scene()
-
-    def solve(
-        self,
-        solve_on: Callable[[Scene, ContactState | None, int], Solved],
-        state: ContactState | None,
-        number: int,
-    ) -> Solved:
-        """Solve on the current mesh; with regularisation if the scene leaves it open and nothing else works."""
-        if self._given.solver == self._regularised.solver:
-            return self.first(solve_on) if number == 0 else solve_on(self.scene, state, number)
-        try:
-            solved = self.first(solve_on) if number == 0 else solve_on(self.scene, state, number)
-            if solved.level is not None or solved.task is None or solved.solution.history.late:
-                return solved
-        except SceneError:
-            solved = None
-        self._given = self._regularised
-        self.scene = self.scene.model_copy(update={"solver": self._regularised.solver})
-        try:
-            return self.first(solve_on) if number == 0 else solve_on(self.scene, state, number)
-        except SceneError:
-            if solved is not None:
-                return solved
-            raise
-
-    def jump(self, excess: float, rate: float, *, compared: bool, dimension: int) -> float:
-        """How many times finer the next mesh is, for an error that is ``excess`` times too large."""
-        if not self.any_jump:
-            return fineness_of(2.0, dimension) if self.adaptive else 2.0
-        if excess == inf:
-            return 2.0
-        smallest = SMALLEST_JUMP if compared else 1.0
-        return float(np.clip(excess ** (1 / rate), smallest, LARGEST_JUMP[dimension]))
-
-    def refine(self, solved: Solved, excess: float, jump: float) -> None:
-        """Make the next mesh."""
-        begin = parallel.clock(self._comm)
-        if self._file is not None or (self._given.body and not self._generated):
-            self._halvings += 1
-            self._change_meshes()
-        elif self.any_jump:
-            # Whole multiples of the coarsest mesh keep its nodes, where loads may jump.
-            self._divisions = max(ceil(self._divisions * jump - 1e-9), self._divisions + 1)
-            self._change_meshes()
-        else:
-            cells = None
-            if self.adaptive:
-                assert solved.errors is not None
-                squares = solved.errors.squares[self._of]
-                cells = mark(self._comm, squares, float(np.clip(1 - excess**-2, *BULK)))
-            tagged = refine(solved.solution.discretisation.tagged, cells)
-            if self._of == "pressure" and self.adaptive and tagged.dimension == 2:
-                tagged = self._divide_corners(tagged, solved, excess)
-            self.scene = self.scene.model_copy(update={"mesh": tagged})
-        self.seconds = parallel.clock(self._comm) - begin
-
-    def _divide_corners(self, tagged: TaggedMesh, solved: Solved, excess: float) -> TaggedMesh:
-        """Divide the cells at corners in contact several times, if they contain the error of the pressure.
-
-        There it decreases so slowly with h, and so few cells are divided, that a solve after each division is wasteful.
-        """
-        assert solved.level is not None
-        corners = corners_of_error(solved.level.table)
-        for _ in range(round(np.clip(np.log2(min(excess, 1e3)) / CORNER_RATE - 1, 0, CORNER_DIVISIONS))):
-            if not len(corners):
-                break
-            tagged = refine(tagged, cells_at(tagged, corners))
-        return tagged
-
-    def raise_gamma(self, task: Task, outcome: Outcome, left: float, excess: float) -> None:
-        """Make gamma so large that the regularisation error keeps to its share; it decreases like 1 / gamma.
-
-        Path-following finds gamma itself: its allowed error is reduced.
-
-        Args:
-            task: the contact problem on the last mesh.
-            outcome: how it ended.
-            left: its regularisation error, relative in the energy norm.
-            excess: the regularisation error of the requested quantity, relative to the target.
-        """
-        factor = excess / REGULARISATION_SHARE
-        if factor <= 1:
-            return
-        settings, data = self.scene.solver, outcome.data
-        largest = LARGEST_GAMMA * task.natural_gamma
-        update = {"gamma_n": min(data.gamma_n * factor, largest), "gamma_t": min(data.gamma_t * factor, largest)}
-        if settings.algorithm == "path-following":
-            allowed = inf if settings.regularisation_error == "auto" else settings.regularisation_error
-            # With Coulomb friction its own figure is that of the start: halving, at least, comes to an end.
-            update = {"regularisation_error": min(allowed, left) / max(factor, 2.0)}
-        solver = settings.model_copy(update=update)
-        self.scene = self.scene.model_copy(update={"solver": solver})
-
-    def _change_meshes(self) -> None:
-        """Give the scene the mesh, or the bodies, with the current divisions."""
-        made = self._scene()
-        self.scene = self.scene.model_copy(update={"mesh": made.mesh, "body": made.body})
-
-    def _scene(self) -> Scene:
-        """The scene on the mesh with the current divisions."""
-        if self._file is not None:
-            given, halvings, degree = self._given, self._halvings, self._plan.geometry
-            tagged = load_file(self._file, self._comm, halvings, degree, given.sections)
-            return self._given.model_copy(update={"mesh": tagged})
-        if self._generated:
-            return scene_on(self._given, self._coarsest / self._divisions)
-        return with_halved_bodies(self._given, self._halvings, self._comm) if self._given.body else self._given
