@@ -34,17 +34,8 @@ from signorini_fx.body.moduli import check_covers, lame_coefficients, reduced_de
 from signorini_fx.body.pieces import Pieces, find_pieces
 from signorini_fx.body.rigid_tools import RigidTools
 from signorini_fx.body.scene_contact import foundations_of
-from signorini_fx.body.supports import (
-    at_rest,
-    check_overlap,
-    dirichlet_conditions,
-    prescribed,
-    skew_supports,
-    turned_nodes,
-)
-from signorini_fx.body.turned_supports import TurnedNodes
+from signorini_fx.body.supports import Conditions, Supports, at_rest, check_overlap
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
-from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import FormError, MeshError, SceneError, together
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.elasticity import LoadCase
@@ -86,7 +77,7 @@ class Discretisation(ElasticBody):
     lame: tuple[Any, Any]
     moduli: fem.Function | None
     reduced: int | None
-    supports: list[tuple[PrescribedDisplacement, fem.DirichletBC]]
+    supports: Conditions
     applied: tuple[AppliedLoad, ...]
     data: RegularisedData | None
     law: FrictionLaw | None
@@ -234,35 +225,18 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
     z = ufl.TestFunction(space)
     terms = partial(elastic_terms, space, lame=lame, stiffness=stiffness, reduced=reduced, around=scene.axisymmetric)
     with timings.phase("compile"):
-        supports = dirichlet_conditions(scene, space, facets, tagged)
-        owned = space.dofmap.index_map.size_local * tagged.mesh.geometry.dim
-        fixed = prescribed(space, [support for _, support in supports])[0][:owned]
-        skew = skew_supports(scene, space, facets, tagged)
-        turned = turned_nodes(scene, space, supports, skew, fixed)
+        supports = Supports.of(scene, space, facets, tagged)
+        fixed, turned = supports.fixed, supports.turned
         on_mesh = FormCoefficients(scene, tagged, space, inventory)
         resisting, resistance = compile_resistance(on_mesh, z)
-
-        def supports_at(
-            place: float,
-        ) -> tuple[list[tuple[PrescribedDisplacement, fem.DirichletBC]], TurnedNodes | None]:
-            if not any(effect.timed for effect in scene.displacement):
-                return supports, turned
-            moved = tuple(effect.at_time(scene.time_at(place)) for effect in scene.displacement)
-            now = scene.model_copy(update={"displacement": moved})
-            axes = dirichlet_conditions(now, space, facets, tagged)
-            values = [one.values for one in skew_supports(now, space, facets, tagged)]
-            again = [replace(one, values=value) for one, value in zip(skew, values, strict=True)]
-            pairs = [(effect, support) for (effect, _), (_, support) in zip(supports, axes, strict=True)]
-            return pairs, None if turned is None else replace(turned, supports=again)
-
-        applied = [applied_load(group, loads, on_mesh, z, supports_at) for group, loads in load_groups(scene).items()]
+        applied = [applied_load(group, loads, on_mesh, z, supports.at) for group, loads in load_groups(scene).items()]
         on = [facets[effect.boundary] for effect in scene.contact]
         foundations = _foundations(scene, space, facets, inventory)
         assert len(foundations.forms) == len(on)
     mixed = _mixed(scene, tagged, space, pieces, inventory)
     with timings.phase("assemble"):
         shapes = foundations.shapes()
-        rests = at_rest(space, supports, turned, fixed) if scene.sides[1] is not None else None
+        rests = at_rest(space, supports.conditions, turned, fixed) if scene.sides[1] is not None else None
         boundary = foundations.boundary(shapes, fixed, turned, rests) if on else None
         tools = RigidTools.of(scene.contact, tagged.dimension, tagged.size, axisymmetric=scene.axisymmetric)
         if boundary is not None and tools is not None:
@@ -277,7 +251,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
             from signorini_fx.body.entering_fluid import EnteringFluid
 
             EnteringFluid(scene, tagged, space, boundary, 0)
-            nothing = np.zeros(owned)  # which ``solving.entering_fluid`` replaces
+            nothing = np.zeros(fixed.size)  # which ``solving.entering_fluid`` replaces
             applied.append(AppliedLoad((1.0,) * scene.steps, (), (), nothing, fem.Function(space), grows=False))
     together(
         partial(check_finite, tagged.mesh.comm, applied),
@@ -308,7 +282,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         space=space,
         terms=lambda: (*elastic(), *resists),
         resists=resists,
-        bcs=[support for _, support in supports],
+        bcs=[support for _, support in supports.conditions],
         turned=turned,
         fixed=fixed,
         pieces=pieces,
@@ -323,7 +297,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         lame=lame,
         moduli=stiffness,
         reduced=reduced,
-        supports=supports,
+        supports=supports.conditions,
         applied=tuple(applied),
         data=data,
         law=law,
@@ -334,7 +308,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
     )
 
 
-def _no_supports(place: float) -> tuple[list[tuple[PrescribedDisplacement, fem.DirichletBC]], None]:
+def _no_supports(place: float) -> tuple[Conditions, None]:
     return [], None
 
 
@@ -371,12 +345,10 @@ def _foundations(
 def pairs_of(scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace) -> dict[int, PairedSides]:
     """Both sides of each contact of two bodies, paired anew, by its place in ``scene.contact``."""
     facets = boundary_facets(scene, tagged)
-    supports = dirichlet_conditions(scene, space, facets, tagged)
-    owned = space.dofmap.index_map.size_local * tagged.mesh.geometry.dim
-    fixed = prescribed(space, [support for _, support in supports])[0][:owned]
-    turned = turned_nodes(scene, space, supports, skew_supports(scene, space, facets, tagged), fixed)
+    supports = Supports.of(scene, space, facets, tagged)
+    rests = at_rest(space, supports.conditions, supports.turned, supports.fixed)
     foundations = _foundations(scene, space, facets, Inventory())
-    foundations.boundary(foundations.shapes(), fixed, turned, at_rest(space, supports, turned, fixed))
+    foundations.boundary(foundations.shapes(), supports.fixed, supports.turned, rests)
     return foundations.pairs
 
 

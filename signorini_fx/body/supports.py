@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,10 +25,56 @@ from signorini_fx.scene.model import Scene
 # A node is at a point within this share of the size of the body.
 _SAME_POINT = 1e-8
 
+Conditions = list[tuple[PrescribedDisplacement, fem.DirichletBC]]
+
+
+@dataclass(frozen=True)
+class Supports:
+    """What supports prescribe on a mesh.
+
+    Attributes:
+        conditions: the prescribed displacements of the first load step, one component each.
+        skew: those along the normals of flat boundaries across no axis.
+        turned: the nodes of these; None: there are none.
+        fixed: the prescribed components at the owned nodes, in the frames of turned ones, shape (owned dofs,).
+    """
+
+    conditions: Conditions
+    skew: list[SkewSupport]
+    turned: TurnedNodes | None
+    fixed: npt.NDArray[np.bool_]
+    _of: Callable[[Scene], tuple[Conditions, list[SkewSupport]]]
+    _scene: Scene
+
+    @classmethod
+    def of(
+        cls, scene: Scene, space: fem.FunctionSpace, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
+    ) -> Supports:
+        """Those of a scene; collective."""
+
+        def found(scene: Scene) -> tuple[Conditions, list[SkewSupport]]:
+            return dirichlet_conditions(scene, space, facets, tagged), skew_supports(scene, space, facets, tagged)
+
+        conditions, skew = found(scene)
+        owned = space.dofmap.index_map.size_local * space.mesh.geometry.dim
+        fixed = prescribed(space, [condition for _, condition in conditions])[0][:owned]
+        return cls(conditions, skew, turned_nodes(scene, space, conditions, skew, fixed), fixed, found, scene)
+
+    def at(self, place: float) -> tuple[Conditions, TurnedNodes | None]:
+        """The conditions and the turned nodes at a place in the lists of factors; collective."""
+        scene = self._scene
+        if not any(effect.timed for effect in scene.displacement):
+            return self.conditions, self.turned
+        moved = tuple(effect.at_time(scene.time_at(place)) for effect in scene.displacement)
+        axes, skew = self._of(scene.model_copy(update={"displacement": moved}))
+        again = [replace(one, values=now.values) for one, now in zip(self.skew, skew, strict=True)]
+        pairs = [(effect, support) for (effect, _), (_, support) in zip(self.conditions, axes, strict=True)]
+        return pairs, None if self.turned is None else replace(self.turned, supports=again)
+
 
 def dirichlet_conditions(
     scene: Scene, space: fem.FunctionSpace, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
-) -> list[tuple[PrescribedDisplacement, fem.DirichletBC]]:
+) -> Conditions:
     """Dirichlet conditions, one per component; where two meet the later one applies."""
     dim = space.mesh.topology.dim - 1
     supports = []
@@ -162,7 +209,7 @@ def prescribed(
 def turned_nodes(
     scene: Scene,
     space: fem.FunctionSpace,
-    supports: list[tuple[PrescribedDisplacement, fem.DirichletBC]],
+    supports: Conditions,
     skew: list[SkewSupport],
     fixed: npt.NDArray[np.bool_],
 ) -> TurnedNodes | None:
