@@ -1100,6 +1100,20 @@ MUTANTS = (
         tests=("starts::test_a_lug_on_a_pin_with_clearance",),
     ),
     Mutant(
+        "solving/loose_bodies",
+        "not squeezed(here, gap)",
+        "True",
+        "whatever nothing loads lies loose",
+        tests=("loose_bodies::test_what_is_proved",),
+    ),
+    Mutant(
+        "solving/loose_bodies",
+        "np.abs(missing + rows @ back).max() > _NONE * size",
+        "False",
+        "given friction does not hold what slips on it",
+        tests=("loose_bodies::test_what_is_proved",),
+    ),
+    Mutant(
         "solving/load_path",
         "self._ramp - at.wasted",
         "self._most",

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from signorini_fx.algorithms.fall_backs import touching_nodes
 from signorini_fx.algorithms.ssn import RESIDUAL_TOLERANCE
 from signorini_fx.algorithms.task import Task
-from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
+from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData, slip_of
 from signorini_fx.contact.reactions import reactions
 from signorini_fx.contact.statics import largest_multiple, no_balance
 from signorini_fx.problem.problem import Problem
@@ -56,8 +56,8 @@ def proved(task: Task, problem: Problem, law: FrictionLaw, status: Status) -> St
     motions, resultant = task.motions, task.system.resultant
     lost = no_balance(law, data.bilateral, motions, resultant)
     if lost is None and not all(resultant[columns].any() for _, columns in motions.assemblies()):
-        gap = _free_gap(task, data)
-        lost = None if gap is None else no_balance(law, data.bilateral, motions, resultant, gap)
+        free = free_state(task, data)
+        lost = None if free is None else no_balance(law, data.bilateral, motions, resultant, free[0])
     if lost is not None:
         return lost.status
     task.history.add(f"{status.value}: with the friction bound of the pressure before, not by the law itself")
@@ -80,11 +80,11 @@ def _share_of_loads(task: Task, data: RegularisedData) -> float:
     return min(shares)
 
 
-def _free_gap(task: Task, data: RegularisedData) -> Nodal | None:
-    """The gap of the body as its loads alone deform it, shape (n,), where these have no resultant; collective.
+def free_state(task: Task, data: RegularisedData) -> tuple[Nodal, Nodal] | None:
+    """Gap, length, shape (n,), and slip, length, shape (n, d - 1), of the body as its loads and supports alone deform
+    it, where these have no resultant; collective; None if that does not succeed.
 
-    One linear solve, in which springs at the contact nodes hold the body, so soft that their forces are below the
-    tolerance for residuals; None if it does not succeed.
+    One linear solve: springs at the contact nodes hold the body, with forces below the tolerance for residuals.
     """
     newton, soft = task.iterate.newton, RESIDUAL_TOLERANCE * task.natural_gamma
     checkpoint, none = newton.checkpoint(), np.zeros_like(data.mu_hat)
@@ -99,6 +99,6 @@ def _free_gap(task: Task, data: RegularisedData) -> Nodal | None:
         bilateral=np.ones(len(none), dtype=bool),
     )
     status = newton.solve_once(springs, ActiveSets.all_in_contact(*none.shape), lambda: None)
-    gap: Nodal = data.gap - newton.problem.traces(newton.x)[0]
+    u_n, u_t = newton.problem.traces(newton.x)
     newton.restore(checkpoint)
-    return gap if status is Status.CONVERGED else None
+    return (data.gap - u_n, slip_of(u_t, data)) if status is Status.CONVERGED else None

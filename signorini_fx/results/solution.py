@@ -57,6 +57,7 @@ class StepResult:
         strain_energy: a(y, y) / 2, an energy per thickness.
         linear_solves: linear solves of the step.
         tools: how rigid tools have moved.
+        reason: why there is no solution; None: it is not known, or told by ``check``.
     """
 
     step: int
@@ -71,6 +72,7 @@ class StepResult:
     strain_energy: float
     linear_solves: int
     tools: tuple[ToolMotion, ...] = ()
+    reason: Finding | None = None
 
     def __repr__(self) -> str:
         return f"<StepResult {self.step}: {self.status.value}, {self.linear_solves} linear solves>"

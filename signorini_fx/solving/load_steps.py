@@ -24,6 +24,7 @@ from signorini_fx.results.step_frames import carried, relative_to
 from signorini_fx.results.tool_motion import ToolMotion, motions_of
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving.load_path import LoadPath
+from signorini_fx.solving.loose_bodies import explained
 from signorini_fx.solving.restart import Kept
 
 
@@ -93,8 +94,11 @@ def load_step(
                 (d, here, outcome), fluid = solve_tightened(d, problem, here, path.allowed), None
             else:
                 outcome, fluid = solve_task(problem, here, path.allowed), None
+        reason = None
+        if history.linear_solves > before:  # else it is proved of a body that ``check`` names
+            outcome, reason = explained(d, problem, here, outcome)
         result = _certified(d, problem, here, outcome, earlier, timings, fluid)
-        result = replace(result, linear_solves=history.linear_solves - before)
+        result = replace(result, linear_solves=history.linear_solves - before, reason=reason)
         ended.append(LoadStep(result, here, outcome, earlier, d, problem))
         return ended[-1]
 

@@ -251,7 +251,7 @@ def _findings(discretisation: Discretisation, steps: Sequence[StepResult]) -> li
     solved = steps[-1].status in (Status.CONVERGED, Status.TOO_LARGE, Status.NOT_CERTIFIED)
     found = scene_findings(discretisation, estimates=not solved)
     if not solved:
-        return found
+        return [*found, *(step.reason for step in steps if step.reason is not None)]
     contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]
     touching = parallel.any_rank(discretisation.comm, bool(np.any(contacts))) if contacts else None
     return [*found, *result_findings([step.deformation for step in steps], touching=touching)]

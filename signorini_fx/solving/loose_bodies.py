@@ -1,0 +1,103 @@
+"""Bodies that lie loose: nothing loads them, and they can move without touching anything.
+
+They are in equilibrium without any traction, in every position on the way, so that no method finds one.  Whether
+there is room for that depends on where supports and loads move the bodies around them: it is asked after a method has
+failed, and takes one linear solve.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from signorini_fx import parallel
+from signorini_fx.algorithms.coulomb_statics import free_state
+from signorini_fx.algorithms.task import Outcome, Start, Task
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.motion_names import names_of
+from signorini_fx.contact.laws import FrictionLaw, Nodal, RegularisedData, length
+from signorini_fx.contact.reactions import Reactions, reactions
+from signorini_fx.contact.statics import null_space, squeezed
+from signorini_fx.records import Finding, Status
+
+# Outcomes that say how the methods have failed, and not why there is no solution, or not of which body.
+_UNEXPLAINED = (
+    Status.OPEN,
+    Status.MAX_ITERATIONS,
+    Status.OUTER_MAX_ITERATIONS,
+    Status.CYCLING,
+    Status.SLIDES_AT_PRESSURES,
+    Status.SINGULAR,
+    Status.LINEAR_SOLVER,
+    Status.ROUND_OFF,
+)
+# Share of the largest gap or slip below which there is none.
+_NONE = 1e-6
+
+
+def explained(d: Discretisation, task: Task, start: Start, outcome: Outcome) -> tuple[Outcome, Finding | None]:
+    """The outcome of a load step, *opens* where a body lies loose, and which one does; collective."""
+    known = outcome.status not in _UNEXPLAINED
+    number = None if known else loose_assembly(task, start.data, start.law)
+    if number is None:
+        return outcome, None
+    if outcome.status is not Status.OPEN:
+        task.history.add(f"{outcome.status.value}: nothing presses on a body, which can move without touching anything")
+    scene, motions = d.scene, d.motions
+    members = np.flatnonzero(motions.pieces.assembly == number)
+    names = names_of(motions.of_all[:, motions.assembly == number], motions, members)
+    message = (
+        f"nothing presses on {names if members.size > 1 else f'the body in {names}'}, which the supports do not hold: "
+        "it lies loose, and many positions are in equilibrium; press it on, or prescribe a displacement"
+    )
+    when = f"load step {start.step + 1}: " if scene.several_steps else ""
+    return replace(outcome, status=Status.OPEN), Finding("warning", scene.forces_at, f"{when}{message}")
+
+
+def loose_assembly(task: Task, data: RegularisedData, law: FrictionLaw | None) -> int | None:
+    """The number of an assembly that lies loose in a load step; None where that is not proved of any; collective.
+
+    Args:
+        task: the contact problem.
+        data: its problem, with the shear and the slip that friction counts from.
+        law: the friction law itself, not the bound of an iterate; None without friction.
+    """
+    motions, load = task.motions, task.system.resultant
+    idle = [(number, columns) for number, columns in motions.assemblies() if not load[columns].any()]
+    if not idle or (law is not None and law.cohesive is not None):
+        return None
+    free = free_state(task, data)
+    if free is None:
+        return None
+    table = parallel.gather_rows(motions.points.comm, np.column_stack((free[0], length(data.mu_hat), free[1])))
+    every = reactions(motions, law, data.bilateral)
+    for number, columns in idle:
+        here = every.of(number, columns)
+        gap, shear, *slip = table[every.assembly == number].T
+        if gap.size and _movable(here, gap, np.array(slip).T, shear):
+            return number
+    return None
+
+
+def _movable(here: Reactions, gap: Nodal, slip: Nodal, shear: Nodal) -> bool:
+    """Whether one assembly without tractions can be somewhere, and with given friction at more than one place.
+
+    Args:
+        here: its contact nodes, n of them.
+        gap: in the free state, length, shape (n,).
+        slip: in the free state, length, shape (n, d - 1).
+        shear: its magnitude at the end of the load step before, stress, shape (n,).
+    """
+    given = here.given > 0
+    if not given.any():
+        return not squeezed(here, gap)
+    # Given friction acts on open nodes, too: there is no shear only where there was none and nothing slips.
+    rows = here.tangential[given].reshape(-1, here.normal.shape[1])
+    ways, missing = null_space(rows), slip[given].ravel()
+    back = np.linalg.lstsq(rows, -missing, rcond=None)[0]
+    gap = gap - here.normal @ back
+    size = max(float(np.abs(gap).max()), float(np.abs(missing).max()))
+    if not ways.shape[1] or shear[given].any() or np.abs(missing + rows @ back).max() > _NONE * size:
+        return False
+    return not squeezed(replace(here, normal=here.normal @ ways), gap - np.where(here.bilateral, 0.0, _NONE * size))

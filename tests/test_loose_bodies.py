@@ -1,0 +1,130 @@
+"""A block between two others: whether it is pressed, squeezed or loose follows from how far the upper one is lifted."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import alone
+
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Status, Timings
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.loose_bodies import loose_assembly
+from signorini_fx.solving.one_mesh import contact_task
+
+COULOMB, TRESCA = {"law": "coulomb", "coefficient": 0.5}, {"law": "tresca", "bound": 1.0}
+
+
+def stack(lift, below, above, gap=0.0, size=1.0, stress=1.0, factors=None, aside=0.0, **solver):
+    """Three blocks of the height ``size``, the lower one held at its bottom, the upper one moved by its top.
+
+    Args:
+        lift: of the top, in ``size``.
+        below: friction below the middle block.
+        above: friction above it.
+        gap: below it, in ``size``; negative: an interference.
+        size: a length.
+        stress: Young's modulus is 100 times that.
+        factors: of the lift.
+        aside: how far the top moves sideways, in ``size``.
+        solver: its settings.
+    """
+    bodies = []
+    for k, (name, cells) in enumerate((("lower", 3), ("middle", 2), ("upper", 3))):
+        parameters = {"length": size, "height": size, "nx": cells, "ny": cells, "cell": "quadrilateral"}
+        mesh = {"generator": "rectangle", "parameters": parameters}
+        bodies.append({"name": name, "mesh": mesh, "shift": [0.0, k * size]})
+
+    def friction(law):
+        return law | ({"bound": law["bound"] * stress} if "bound" in law else {})
+
+    moved = {"boundary": "upper.top", "x": aside * size, "y": lift * size}
+    contact = {"boundary": "middle.bottom", "against": "lower.top", "gap": gap * size, "friction": friction(below)}
+    return parse_scene(
+        {
+            "body": bodies,
+            "material": {"young": 100.0 * stress, "poisson": 0.3},
+            "displacement": [
+                {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+                moved if factors is None else moved | {"factors": factors},
+            ],
+            "contact": [contact, {"boundary": "upper.bottom", "against": "middle.top", "friction": friction(above)}],
+            "solver": solver,
+        }
+    )
+
+
+def forces(solution):
+    """The forces across the contacts, along y."""
+    state = solution.contact
+    total = state.boundary.weight * state.pressure
+    part = state.boundary.part
+    return np.array([total[part == k].sum() for k in (0, 1)])
+
+
+@pytest.mark.parametrize(
+    ("below", "above", "solver"),
+    [
+        (COULOMB, COULOMB, {}),
+        (COULOMB, COULOMB, {"algorithm": "alm"}),
+        (TRESCA, COULOMB, {"algorithm": "alm", "fallbacks": False}),
+        (TRESCA, TRESCA, {"algorithm": "alm", "fallbacks": False}),
+    ],
+)
+def test_lifted(below, above, solver):
+    """The middle block has room; the outcome names it, and no other one."""
+    solution = alone(stack(0.02, below, above, **solver), check=False)
+    assert solution.status is Status.OPEN
+    assert "nothing presses on piece 2 of 3" in solution.advice
+    assert "piece 1 of 3" not in solution.advice
+    assert "piece 3 of 3" not in solution.advice
+
+
+@pytest.mark.parametrize(
+    ("lift", "gap", "size", "stress"), [(-0.02, 0.0, 1.0, 1.0), (0.02, -0.03, 1e-6, 1e9), (-0.01, -0.01, 1e5, 1e-3)]
+)
+def test_pressed_or_squeezed(lift, gap, size, stress):
+    """Where the blocks overlap by more than the upper one is lifted, both contacts carry the same force."""
+    below, above = forces(alone(stack(lift, TRESCA, COULOMB, gap, size, stress)))
+    assert below == pytest.approx(above, rel=1e-6)
+    assert below / (size * stress) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("below", "size", "stress"), [(COULOMB, 1.0, 1.0), (COULOMB, 1e-6, 1e9), (TRESCA, 1e-6, 1e9), (TRESCA, 1e5, 1e-3)]
+)
+def test_lifted_more_than_the_interference(below, size, stress):
+    """By a hundredth more, in any units; given friction may hold the block at one of many positions, without force."""
+    solution = alone(stack(0.0303, below, COULOMB, -0.03, size, stress), check=False)
+    if below is TRESCA and solution.status is Status.CONVERGED:
+        np.testing.assert_allclose(forces(solution), 0.0, atol=1e-9 * size * stress)
+    else:
+        assert solution.status is Status.OPEN
+
+
+@pytest.mark.parametrize(
+    ("below", "above", "lift", "aside", "loose"),
+    [
+        (COULOMB, COULOMB, 0.0303, 0.0, 0),
+        (COULOMB, COULOMB, 0.0297, 0.0, None),
+        (TRESCA, COULOMB, 0.0303, 0.01, 0),
+        (TRESCA, COULOMB, 0.0297, 0.01, None),
+        (TRESCA, TRESCA, 0.0303, 0.0, 0),
+        (TRESCA, TRESCA, 0.0303, 0.01, None),  # given friction acts on both sides, and shears it
+        (TRESCA, TRESCA, 0.0297, 0.0, None),
+    ],
+)
+def test_what_is_proved(below, above, lift, aside, loose):
+    """With an interference of 0.03, and the upper block moved sideways."""
+    history, timings = History(), Timings()
+    scene = stack(lift, below, above, -0.03, aside=aside)
+    task = contact_task(discretise(scene, load_mesh(scene, MPI.COMM_SELF), timings), history)
+    task.iterate.begin_step(task.start)
+    assert loose_assembly(task, task.start.data, task.start.law) == loose
+
+
+def test_pressed_and_lifted():
+    """Pressed in the first load step, loose in the second one, which the outcome says."""
+    solution = alone(stack(0.02, COULOMB, COULOMB, factors=[-1.0, 1.0]), check=False)
+    assert [step.status for step in solution.steps] == [Status.CONVERGED, Status.OPEN]
+    assert "load step 2: nothing presses on piece 2 of 3" in solution.advice
