@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,7 @@ from scipy.sparse.csgraph import breadth_first_order
 from signorini_fx.linalg.petsc_c import call
 
 Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
 _FACTOR_CHOLESKY = 2  # MAT_FACTOR_CHOLESKY of petscmat.h
 _SOLVE_INTERIOR_ONLY = 0  # ICNTL(26): the Schur variables are not touched
 _MEMORY_RELAXATION = (14, 30)  # ICNTL(14), per cent
@@ -28,36 +30,76 @@ class PartialFactor:
     A load is one row and column more that stay: the factorisation condenses it, and no back substitution is needed.
 
     Args:
-        rows: those of A of the m inner unknowns, shape (m, m + c), sorted; A_ii must be regular.
-        loads: right-hand sides b_i, shape (m,).
+        rows: those of A of the unknowns of this rank, shape (n, n or more); A_ii must be regular.
+        places: of each column its place among those that stay, -1: it is inner, or if it is none of this rank empty.
+        count: number of those that stay.
+        loads: right-hand sides b, shape (n,).
         definite: whether A_ii is positive definite.
 
     Attributes:
-        dense: -A_ci A_ii^-1 A_ic, symmetric, shape (c, c).
-        loads: -A_ci A_ii^-1 b_i of each load, shape (loads, c).
+        inner: the m inner unknowns.
+        toward: A_ic, shape (m, c).
 
     Raises:
-        PETSc.Error: PETSc has no MUMPS, or the factorisation broke down.
+        PETSc.Error: PETSc has no MUMPS.
     """
 
-    def __init__(self, rows: sp.csr_array, loads: Sequence[Array] = (), *, definite: bool) -> None:
-        count, size = rows.shape
-        self.dense, self.loads = np.zeros((size - count,) * 2), np.zeros((len(loads), size - count))
-        self._places = _nearest_first(rows)
-        if not count:  # some MUMPS fail with nothing to eliminate
-            return
+    def __init__(
+        self, rows: sp.csr_array, places: Indices, count: int, loads: Sequence[Array] = (), *, definite: bool
+    ) -> None:
+        self.inner = np.flatnonzero(places[: rows.shape[0]] < 0)
+        self._count, inside = count, self.inner.size
+        stay = places >= 0
+        to = np.full(places.size, -1, dtype=rows.indices.dtype)
+        to[_nearest_first(rows, stay)] = np.arange(inside)
+        to[stay] = inside + places[stay]
+        self._order = to[self.inner]
         # With a Schur complement MUMPS does not scale, and pivots below an absolute threshold would be lost.
-        self._unit = _power(np.abs(rows.diagonal()).max())
+        self._unit = _power(np.abs(rows.diagonal()[self.inner]).max(initial=0.0))
         # So small that they have no influence on the choice of pivots of an indefinite matrix.
-        sizes = np.array([_power(np.abs(load).max()) * 2.0**_SMALL for load in loads])
-        scaled = [load / load_size for load, load_size in zip(loads, sizes, strict=True)]
-        whole = _upper_half(rows, self._places, self._unit, scaled)
-        whole.setOption(PETSc.Mat.Option.SPD, definite)
+        self._sizes = np.array([_power(np.abs(load[self.inner]).max(initial=0.0)) * 2.0**_SMALL for load in loads])
+        row, column = np.repeat(to[: rows.shape[0]], np.diff(rows.indptr)), to[rows.indices]
+        # Zeros between inner ones stay: with the same pattern for all unknowns of a node the ordering is better.
+        upper = (row < inside) & (column >= row) & ((column < inside) | (rows.data != 0.0))
+        values, row, column = rows.data[upper], row[upper], column[upper]
+        there = np.flatnonzero(column >= inside)
+        toward = values[there], (row[there], column[there] - inside)
+        self.toward: Any = sp.csr_array(toward, shape=(inside, count))[self._order]
+        values /= self._unit
+        scaled = [load[self.inner] / size for load, size in zip(loads, self._sizes, strict=True)]
+        last = np.arange(inside, inside + count + len(loads), dtype=row.dtype)  # the diagonal, zero
+        of_load, at = np.nonzero(scaled) if loads else (last[:0], last[:0])
+        entries = (
+            np.concatenate((values, np.asarray(scaled)[of_load, at] if loads else [], 0.0 * last)),
+            (
+                np.concatenate((row, self._order[at], last)),
+                np.concatenate((column, (inside + count + of_load).astype(row.dtype), last)),
+            ),
+        )
+        del values, row, column, upper
+        found = sp.csr_array(entries, shape=(inside + count + len(loads),) * 2)
+        csr = (found.indptr.astype(PETSc.IntType), found.indices.astype(PETSc.IntType, copy=False), found.data)
+        self._whole = PETSc.Mat().createSBAIJ(found.shape, 1, csr=csr, comm=PETSc.COMM_SELF)
+        self._whole.setOption(PETSc.Mat.Option.SPD, definite)
+
+    def eliminate(self) -> tuple[Array, Array]:
+        """Factorise, once, when the caller needs the rows no more.
+
+        Returns:
+            -A_ci A_ii^-1 A_ic, symmetric, shape (c, c), and -A_ci A_ii^-1 b_i of each load, shape (loads, c).
+
+        Raises:
+            PETSc.Error: the factorisation broke down.
+        """
+        inside, count, whole = self.inner.size, self._count, self._whole
+        del self._whole
+        if not inside:  # some MUMPS fail with nothing to eliminate
+            return np.zeros((count, count)), np.zeros((self._sizes.size, count))
         handle = ctypes.c_void_p()
         call("MatGetFactor", whole, b"mumps", _FACTOR_CHOLESKY, ctypes.byref(handle))
         self._factor = handle
         self._right, self._found = whole.createVecs()
-        stays = np.arange(count, size + len(loads), dtype=PETSc.IntType)
+        stays = np.arange(inside, whole.getSize()[0], dtype=PETSc.IntType)
         call("MatFactorSetSchurIS", handle, PETSc.IS().createGeneral(stays, comm=whole.comm))
         call("MatMumpsSetIcntl", handle, *_MEMORY_RELAXATION)
         # MatFactorInfo is a struct of doubles; zeros are its defaults.
@@ -72,18 +114,17 @@ class PartialFactor:
         call("MatDenseRestoreArrayRead", dense, ctypes.byref(entries))
         call("MatDestroy", ctypes.byref(dense))
         _symmetrise(values)
-        self.dense = self._unit * values[: size - count, : size - count]
-        self.loads = sizes[:, None] * values[size - count :, : size - count]
         call("MatMumpsSetIcntl", handle, 26, _SOLVE_INTERIOR_ONLY)
+        return self._unit * values[:count, :count], self._sizes[:, None] * values[count:, :count]
 
     def solve(self, right: Array) -> Array:
         """A_ii^-1 times a right-hand side, shape (m,); no back substitution where it is zero."""
         if not right.any():
             return np.zeros(right.size)
         self._right.set(0.0)
-        self._right.getArray()[self._places] = right
+        self._right.getArray()[self._order] = right
         call("MatSolve", self._factor, self._right, self._found)
-        return np.asarray(self._found.getArray(readonly=True)[self._places] / self._unit)
+        return np.asarray(self._found.getArray(readonly=True)[self._order] / self._unit)
 
     def __del__(self) -> None:
         if getattr(self, "_factor", None):
@@ -95,48 +136,22 @@ def _power(size: float) -> float:
     return float(2.0 ** np.round(np.log2(size))) if size > 0 else 1.0
 
 
-def _nearest_first(rows: sp.csr_array) -> npt.NDArray[np.intp]:
-    """The places of the inner unknowns in the order of their distance in the graph from those that stay, shape (m,).
+def _nearest_first(rows: sp.csr_array, stay: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:
+    """The inner unknowns in the order of their distance in the graph from those that stay, shape (m,).
 
     Minimum degree, by which MUMPS orders with a Schur complement, takes the first of equal degrees, so that the
     operations depend on the numbering, by up to a factor of three; of all that were tried this one is among the best.
     """
-    count, size = rows.shape
-    staying = rows.indices >= count
-    near = np.unique(np.searchsorted(rows.indptr, np.flatnonzero(staying), side="right") - 1)
-    # A node more, from which the search begins; those that stay have no row and end it.
-    ends = np.append(np.append(rows.indptr, np.full(size - count, rows.indptr[-1])), rows.indptr[-1] + near.size)
-    entries = np.ones(ends[-1]), np.append(rows.indices, near), ends
-    order = breadth_first_order(sp.csr_array(entries, shape=(size + 1,) * 2), size, return_predecessors=False)
-    order = order[order < count]
-    left = np.ones(count, dtype=bool)
-    left[order] = False
-    places = np.empty(count, dtype=np.intp)
-    places[np.concatenate((order, np.flatnonzero(left)))] = np.arange(count)
-    return places
-
-
-def _upper_half(rows: sp.csr_array, places: npt.NDArray[np.intp], unit: float, loads: Sequence[Array]) -> PETSc.Mat:
-    """The upper half of the matrix over a unit, of which MUMPS needs no copy, with a column more for each load.
-
-    Args:
-        rows: as for ``PartialFactor``.
-        places: of the inner unknowns.
-        unit: which the entries are divided by.
-        loads: shape (m,).
-    """
-    count, size = rows.shape
-    to = np.concatenate((places, np.arange(count, size))).astype(rows.indices.dtype)
-    row, column = np.repeat(to[:count], np.diff(rows.indptr)), to[rows.indices]
-    upper = column >= row
-    where, number = np.nonzero(np.transpose(loads)) if loads else (np.empty(0, dtype=np.intp),) * 2
-    last = np.arange(count, size + len(loads))
-    entries = np.concatenate((rows.data[upper] / unit, np.transpose(loads)[where, number] if loads else [], 0.0 * last))
-    row = np.concatenate((row[upper], places[where], last))
-    column = np.concatenate((column[upper], size + number, last))
-    found = sp.csr_array((entries, (row, column)), shape=(size + len(loads),) * 2)
-    csr = (found.indptr.astype(PETSc.IntType), found.indices.astype(PETSc.IntType), found.data)
-    return PETSc.Mat().createSBAIJ(found.shape, 1, csr=csr, comm=PETSc.COMM_SELF)
+    own, size = rows.shape
+    # A node more, from which the search begins; columns of other ranks have no row and end it.
+    columns = np.concatenate((rows.indices, np.flatnonzero(stay).astype(rows.indices.dtype)))
+    ends = np.concatenate((rows.indptr, np.full(size - own, rows.indptr[-1]), [columns.size]))
+    graph = sp.csr_array((np.broadcast_to(1.0, columns.size), columns, ends), shape=(size + 1,) * 2)
+    order = breadth_first_order(graph, size, return_predecessors=False)
+    inner = np.append(~stay[:own], np.zeros(size + 1 - own, dtype=bool))
+    order = order[inner[order]]
+    inner[order] = False  # what the search has not reached is left
+    return np.concatenate((order, np.flatnonzero(inner)))
 
 
 def _symmetrise(values: Array, block: int = 256) -> None:

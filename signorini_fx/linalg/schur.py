@@ -2,8 +2,7 @@
 
 The unknowns of a rank that couple with those of a later one are the border.  Without it, and without the unknowns that
 stay, no two ranks couple, so that each factorises alone the matrix of its others, which need no messages.  What is left
-is dense, the border in it as long as a cut through the body; every rank has all of it and eliminates the border too,
-that of each body by itself, as bodies do not couple.
+is dense, the border as long as a cut through the body; every rank has all of it and eliminates each body's border.
 
 Source: Przemieniecki, AIAA J. 1 (1963) 138-147.
 """
@@ -64,33 +63,31 @@ class SchurComplement:
         numbers, here = np.full(own + others.size, -1), np.concatenate((self._border, retained))
         named = np.concatenate((here, np.arange(own, numbers.size)))
         numbers[named] = _places_in(joint, np.concatenate((first + here, others)))
-        self._inner = np.flatnonzero(numbers[:own] < 0)
-        inside, between = rows[self._inner], sp.coo_array(rows[np.flatnonzero(numbers[:own] >= 0)])
-        touched = np.full(self._size + 1, self._comm.size == 1)
-        touched[numbers[inside.indices[inside.data != 0.0]]] = True
+        inner = np.repeat(numbers[:own] < 0, np.diff(rows.indptr)) & (rows.data != 0.0)
+        touched = np.full(self._size, self._comm.size == 1)
+        touched[numbers[rows.indices[inner & (numbers >= 0)[rows.indices]]]] = True
         touched[0] = True  # one joint unknown at least, as MUMPS must leave something
-        self._places = np.flatnonzero(touched[:-1])
-        count = self._inner.size
-        to = count + np.searchsorted(self._places, numbers)
-        to[self._inner] = np.arange(count)
-        inside = _renumbered(inside, to.astype(inside.indices.dtype), count + self._places.size)
-        self._toward = inside[:, count:]
-        self._factor = PartialFactor(inside, [load[self._inner] for load in loads], definite=definite)
+        self._places = np.flatnonzero(touched)
+        places = np.where(numbers >= 0, np.searchsorted(self._places, numbers), -1)
+        between = sp.coo_array(rows[np.flatnonzero(numbers[:own] >= 0)])
+        self._factor = PartialFactor(rows, places, self._places.size, loads, definite=definite)
+        del rows, inner
+        dense, condensed = self._factor.eliminate()
         there = np.flatnonzero(numbers[between.col] >= 0)
         of_row = numbers[:own][numbers[:own] >= 0][between.row[there]]
         row, column, entry = (
             parallel.gather_rows(self._comm, one) for one in (of_row, numbers[between.col[there]], between.data[there])
         )
         beyond = sp.csr_array((entry, (row, column)), shape=(self._size, self._size))
-        self._blocks, self.dense = self._eliminated(beyond, self._factor.dense)
-        found = [self._onto_retained(load, part) for load, part in zip(loads, self._factor.loads, strict=True)]
+        self._blocks, self.dense = self._eliminated(beyond, dense)
+        found = [self._onto_retained(load, condensed[number]) for number, load in enumerate(loads)]
         self.loads = np.reshape([load for load, _ in found], (len(loads), stay.size))
         self.between = np.reshape([between for _, between in found], (len(loads), self._cut))
 
     def condense(self, load: PETSc.Vec) -> tuple[Array, Array]:
         """Another load as one of ``loads``, and as one of ``between``: one back substitution."""
         values = load.getArray(readonly=True)
-        return self._onto_retained(values, -self._toward.T @ self._factor.solve(values[self._inner]))
+        return self._onto_retained(values, -self._factor.toward.T @ self._factor.solve(values[self._factor.inner]))
 
     def recover(self, load: PETSc.Vec, between: Array, values: Array) -> PETSc.Vec:
         """All unknowns, from those that stay: one back substitution.
@@ -106,8 +103,8 @@ class SchurComplement:
             right = between[block.border] - block.across @ at_joint[self._cut + block.stay]
             at_joint[block.border] = solve_triangular(block.factor, right, lower=True, trans=1)
         every = result.getArray()
-        right = load.getArray(readonly=True)[self._inner] - self._toward @ at_joint[self._places]
-        every[self._inner] = self._factor.solve(right)
+        right = load.getArray(readonly=True)[self._factor.inner] - self._factor.toward @ at_joint[self._places]
+        every[self._factor.inner] = self._factor.solve(right)
         before = parallel.rows_before(self._comm, self._border.size)
         every[self._border] = at_joint[before : before + self._border.size]
         every[self.retained] = values
@@ -138,7 +135,7 @@ class SchurComplement:
 
     def _eliminated(self, beyond: sp.csr_array, dense: Array) -> tuple[list[_Block], Array]:
         """The parts of the joint unknowns, and their matrix without the border; arguments as for ``_uncoupled``."""
-        blocks, found = [], np.empty((0, 0))
+        blocks, found = [], np.zeros((self._size - self._cut,) * 2)  # as long as it is empty it takes no memory
         for joint in self._uncoupled(beyond, dense):
             whole = self._among(joint, beyond, dense)
             cut = np.searchsorted(joint, self._cut)
@@ -152,7 +149,6 @@ class SchurComplement:
             blocks.append(_Block(border, stay, factor, across))
             if joint.size == self._size:
                 return blocks, matrix
-            found = found if found.size else np.zeros((self._size - self._cut,) * 2)
             found[np.ix_(stay, stay)] = matrix
         return blocks, found
 
@@ -224,14 +220,3 @@ def _places_in(names: Indices, some: Indices) -> Indices:
     places = order[np.minimum(np.searchsorted(names[order], some), names.size - 1)]
     places[names[places] != some] = -1
     return places
-
-
-def _renumbered(rows: sp.csr_array, to: Indices, size: int) -> sp.csr_array:
-    """Rows of inner unknowns with other numbers of the columns, and without zeros outside their square block.
-
-    Zeros between inner unknowns stay: with the same pattern for all unknowns of a node the ordering is better.
-    """
-    columns, inner = to[rows.indices], rows.shape[0]
-    stay = (columns < inner) | (rows.data != 0.0)
-    ends = np.append(0, np.cumsum(stay))[rows.indptr]
-    return sp.csr_array((rows.data[stay], columns[stay], ends), shape=(inner, size))
