@@ -78,7 +78,7 @@ def test_nothing_depends_on_where_it_begins(start):
     assert peak_of(table) == pytest.approx(peak_of(first))
     assert len(corners_of_error(table)) == len(corners_of_error(first)) == 0
     round_it = table.arc(table.paths[0])[-1]
-    ends, known = np.array(zone_ends(table)), np.array(zone_ends(first))
+    ends, known = (zone_ends(one)[:, :, 0].ravel() for one in (table, first))
     assert ends.size == 2
     assert ends[1] - ends[0] == pytest.approx(known[1] - known[0])
     np.testing.assert_allclose((ends - shift - known + 1e-9) % round_it, 1e-9, atol=1e-10)
@@ -95,7 +95,7 @@ def test_between_the_last_node_and_the_first():
     values = interpolated(coarse, fine, "pressure")
     p = coarse.columns["pressure"]
     assert values[-1] == pytest.approx((p[-1] + p[0]) / 2)  # as far from the last coarse node as from the first
-    assert zone_ends(ring_table(12, np.ones_like)) == []
+    assert not zone_ends(ring_table(12, np.ones_like)).size
 
 
 def test_pictures_close_the_curve():

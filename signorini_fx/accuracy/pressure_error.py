@@ -247,13 +247,6 @@ def roughness_at_peak(table: ContactTable) -> float:
     return float(1.0 - pressure[around].mean() / pressure[row])
 
 
-def pressure_error(table: ContactTable) -> float | None:
-    """Estimated error of the contact pressure, relative in L2(Gamma_c); None without contact."""
-    size = pressure_square(table)
-    total = sum(float(squares.sum()) for squares in interval_squares(table))
-    return float(np.sqrt(total / size)) if size > 0 else None
-
-
 def pressure_square(table: ContactTable) -> float:
     """The squared norm of the pressure in L2(Gamma_c)."""
     return float(np.dot(table.columns["weight"], table.columns["pressure"] ** 2))

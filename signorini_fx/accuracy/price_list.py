@@ -199,7 +199,7 @@ def zone_change(coarse: ContactTable, fine: ContactTable) -> float | None:
             float(np.sum(table.columns["weight"][table.columns["pressure"] > 0])) for table in (coarse, fine)
         )
         return abs(after - before) / after if after > 0 else None
-    ends_c, ends_f = _ends(coarse), _ends(fine)
+    ends_c, ends_f = zone_ends(coarse), zone_ends(fine)
     length = float(np.abs(np.diff(ends_f[:, :, 0])).sum())
     if ends_c.shape != ends_f.shape or length == 0:
         return None
@@ -239,12 +239,7 @@ def _zones(table: ContactTable) -> Iterator[tuple[Any, npt.NDArray[np.float64], 
         yield rows, s, pressure[rows], start, stop + (own.stop - own.start) * (stop < start)
 
 
-def zone_ends(table: ContactTable) -> list[float]:
-    """Ends of the contact zones along the boundary, length, start and end of each zone in turn."""
-    return [float(end) for end in _ends(table)[:, :, 0].ravel()]
-
-
-def _ends(table: ContactTable) -> npt.NDArray[np.float64]:
+def zone_ends(table: ContactTable) -> npt.NDArray[np.float64]:
     """Start and end of each contact zone: arc length and position there, length, shape (zones, 2, 3).
 
     Between the last node in contact and the next one the pressure falls like the square root of the distance to the
