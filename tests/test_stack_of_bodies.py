@@ -3,13 +3,18 @@
 All forces follow from statics: each joint carries the load above it.
 """
 
+import json
+
 import numpy as np
 import pytest
 from mpi4py import MPI
+from test_summary_schema import VALIDATOR
 
 from signorini_fx import solve, write_results
 from signorini_fx.display import on_several_bodies
+from signorini_fx.pictures import load_steps
 from signorini_fx.report.comparison import compare
+from signorini_fx.report.reading import read_csv
 from signorini_fx.report.sections import outcome
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene.reading import parse_scene
@@ -59,7 +64,7 @@ def stack(factors=(0.0, 1.0, -1.0, 0.5), **more):
 
 
 @pytest.mark.mpi
-def test_forces_of_each_contact(tmp_path):
+def test_forces_of_each_contact(tmp_path, monkeypatch):
     """Not their sum, which is nothing but round-off, is what summary, report and studies show."""
     solution = solve(stack(), WORLD)
     for figures in solution.contact_figures:
@@ -79,6 +84,25 @@ def test_forces_of_each_contact(tmp_path):
     assert "contact force     (0, -2000) on pad.top" not in text
     lines = compare(folder, folder).splitlines()
     assert any(line.startswith("friction force    (-150, 0) on pad.bottom") and "equal" in line for line in lines)
+    for number, share in enumerate((0.0, 1.0, -1.0, 0.5)):
+        row = summary["steps"][number]
+        assert "contact_force_y" not in row
+        for name, sign in (("pad.bottom", 1), ("pad.top", -1)):
+            found = [row[f"{key} {name}"] for key in ("contact_force_y", "friction_force_x")]
+            np.testing.assert_allclose(found, [sign * PRESS, -sign * share * PUSH], atol=1e-7 * PRESS)
+    VALIDATOR.validate(json.loads((folder / "summary.json").read_text(encoding="utf-8")))
+    # A bond moves by its elastic slip alone; the head slides on the pad to the right.
+    assert abs(summary["steps"][1]["mean_tangential_displacement pad.bottom"]) < 1e-6
+    assert summary["steps"][1]["mean_tangential_displacement pad.top"] > 1e-4
+    steps = read_csv(folder / "steps.csv")
+    seen = []
+    monkeypatch.setattr(load_steps, "finish", lambda figure, *_: seen.append(figure))
+    load_steps.load_steps("unused", steps)
+    upper, lower = seen[0].axes
+    lines = {line.get_label(): line.get_ydata() for line in upper.lines}
+    np.testing.assert_array_equal(lines["pad.top: contact force y"], steps["contact_force_y pad.top"])
+    np.testing.assert_array_equal(lines["pad.bottom: friction force x"], steps["friction_force_x pad.bottom"])
+    np.testing.assert_array_equal(lower.lines[1].get_ydata(), steps["friction_force_x pad.top"])
     cards = str(outcome(summary))
     assert "largest contact pressure" in cards
     assert "contact force on" not in cards

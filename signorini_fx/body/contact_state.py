@@ -78,6 +78,16 @@ class ContactState(PointState):
         mean: Nodal = sums[:-1] / sums[-1]
         return float(mean[0]) if mean.size == 1 else mean
 
+    @cached_property
+    def mean_tangential_of_each(self) -> list[float | Nodal]:
+        """The same of each contact boundary, in the order of the scene; collective."""
+        boundary, along = self.boundary, self.displaced(self.u_t)
+        sums = np.zeros((len(self.forces_of_each), along.shape[1] + 1))
+        np.add.at(sums, boundary.part, boundary.weight[:, None] * np.column_stack((along, np.ones(len(along)))))
+        total = parallel.global_sum(boundary.comm, sums)
+        means = total[:, :-1] / total[:, -1:]
+        return [float(mean[0]) if mean.size == 1 else mean for mean in means]
+
     def tangential(self, vectors: Nodal) -> Nodal:
         """Shears, shape (n, d - 1), as in tables: in the plane along the tangent, shape (n, 1), in space as
         vectors with three components, shape (n, 3), which do not depend on the choice of tangents.

@@ -9,6 +9,7 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import numpy.typing as npt
 from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -24,6 +25,8 @@ from signorini_fx.pictures.boundary_profiles import (
     state_strip,
 )
 from signorini_fx.pictures.style import (
+    BLUE,
+    INK,
     LIMIT,
     MOTION,
     MULTIPLIER,
@@ -41,10 +44,12 @@ from signorini_fx.pictures.style import (
 )
 from signorini_fx.records import Status
 
+Floats = npt.NDArray[np.float64]
+
 
 def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] = SCREEN) -> None:
     """Draw the forces of the foundation on the body step by step, and the friction force against the motion; of a body
-    that is twisted the torque of friction.
+    that is twisted the torque of friction; between bodies those of each boundary.
 
     Args:
         path_stem: where to write, without suffix.
@@ -54,6 +59,26 @@ def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] =
     solved = np.asarray(steps["status"]) == Status.CONVERGED.value
     if solved.any():  # the figures of a step without a solution mean nothing
         steps = {name: np.asarray(column)[solved] for name, column in steps.items()}
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(4.4, 4.6), layout="constrained")
+        upper, lower = figure.subplots(2, 1)
+        if names := _boundaries(steps):
+            _draw_of_each(upper, lower, steps, names)
+        else:
+            _draw(upper, lower, steps)
+        upper.set_xlabel("time")
+        lower.locator_params(axis="x", nbins=6)
+        lay_out(figure)  # for the width of the names
+        rows = _mark_names(upper, steps)
+        room = mpl.rcParams["legend.borderaxespad"] + rows * _ROW / mpl.rcParams["legend.fontsize"]
+        upper.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=room)
+        for axes in (upper, lower):
+            axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
+        finish(figure, path_stem, "", suffixes)
+
+
+def _draw(upper: Axes, lower: Axes, steps: Table) -> None:
+    """The components of the forces over time, and the largest one of the friction force over the motion."""
     times = np.asarray(steps["time"], dtype=np.float64)
     twisted, in_space = "torque" in steps, "contact_force_z" in steps
     shown = "y" if twisted else "xyz" if in_space else "xy"  # over a revolution the others cancel
@@ -77,30 +102,59 @@ def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] =
     if twisted:
         drawn, kind, motion_name, which = "torque", "moment", "mean_tangential_displacement_z", " around the axis"
         resisting = np.asarray(steps["torque"], dtype=np.float64)
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(4.4, 4.6), layout="constrained")
-        upper, lower = figure.subplots(2, 1)
-        for name, style in zip(names, (*pressing, *rubbing), strict=True):
-            if largest_of(forces[name]) > 1e-6 * scale:  # components that are zero up to round-off are not shown
-                label = name.replace("_", " ")
-                upper.plot(times, forces[name] * 10.0**power, marker="o", markersize=2.5, label=label, **style)
-        upper.set(xlabel="time", ylabel=f"{measure}{unit_of(power, 'force')}")
-        motion = np.asarray(steps[motion_name], dtype=np.float64)
-        out = decimal_power(largest_of(motion))
-        power = decimal_power(largest_of(resisting))
-        lower.plot(motion * 10.0**out, resisting * 10.0**power, marker="o", markersize=2.5, **MULTIPLIER)
-        lower.set(
-            xlabel=f"mean tangential displacement{which}{unit_of(out, 'length')}",
-            ylabel=f"{drawn}{unit_of(power, kind)}",
-        )
-        lower.locator_params(axis="x", nbins=6)
-        lay_out(figure)  # for the width of the names
-        rows = _mark_names(upper, steps)
-        room = mpl.rcParams["legend.borderaxespad"] + rows * _ROW / mpl.rcParams["legend.fontsize"]
-        upper.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=room)
-        for axes in (upper, lower):
-            axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
-        finish(figure, path_stem, "", suffixes)
+    for name, style in zip(names, (*pressing, *rubbing), strict=True):
+        if largest_of(forces[name]) > 1e-6 * scale:  # components that are zero up to round-off are not shown
+            label = name.replace("_", " ")
+            upper.plot(times, forces[name] * 10.0**power, label=label, **_DOTS, **style)
+    upper.set_ylabel(f"{measure}{unit_of(power, 'force')}")
+    motion = np.asarray(steps[motion_name], dtype=np.float64)
+    out = decimal_power(largest_of(motion))
+    power = decimal_power(largest_of(resisting))
+    lower.plot(motion * 10.0**out, resisting * 10.0**power, **_DOTS, **MULTIPLIER)
+    lower.set(
+        xlabel=f"mean tangential displacement{which}{unit_of(out, 'length')}", ylabel=f"{drawn}{unit_of(power, kind)}"
+    )
+
+
+def _boundaries(steps: Table) -> list[str]:
+    """The contact boundaries that have columns of their own, between bodies."""
+    return [name.removeprefix("contact_force_x ") for name in steps if name.startswith("contact_force_x ")]
+
+
+def _draw_of_each(upper: Axes, lower: Axes, steps: Table, boundaries: Sequence[str]) -> None:
+    """The largest component of both forces of each boundary over time, and that of friction over its motion."""
+    times = np.asarray(steps["time"], dtype=np.float64)
+    axes = [axis for axis in "xyz" if f"contact_force_{axis} {boundaries[0]}" in steps]
+
+    def largest(kind: str, boundary: str) -> tuple[str, Floats]:
+        """The axis, and the component."""
+        every = {axis: np.asarray(steps[f"{kind}_{axis} {boundary}"], dtype=np.float64) for axis in axes}
+        axis = max(every, key=lambda one: largest_of(every[one]))
+        return axis, every[axis]
+
+    pressing, rubbing = ([largest(kind, one) for one in boundaries] for kind in ("contact_force", "friction_force"))
+    in_space = len(axes) == 3
+    motion = [
+        np.asarray(steps[f"mean_tangential_displacement{f'_{axis}' * in_space} {one}"], dtype=np.float64)
+        for one, (axis, _) in zip(boundaries, rubbing, strict=True)
+    ]
+    scale = largest_of(*(force for _, force in (*pressing, *rubbing)))
+    power, out = decimal_power(scale), decimal_power(largest_of(*motion))
+    resisting = decimal_power(largest_of(*(force for _, force in rubbing)))
+    for k, one in enumerate(boundaries):
+        colour = {"color": _COLOURS[k % len(_COLOURS)]}
+        curves = (("contact", pressing[k], MULTIPLIER), ("friction", rubbing[k], MOTION))
+        for kind, (axis, force), style in curves:
+            if largest_of(force) > 1e-6 * scale:
+                label = f"{plain(one)}: {kind} force {axis}"
+                upper.plot(times, force * 10.0**power, label=label, **_DOTS, **(style | colour))
+        if largest_of(rubbing[k][1]) > 1e-6 * scale:
+            lower.plot(motion[k] * 10.0**out, rubbing[k][1] * 10.0**resisting, **_DOTS, **(MULTIPLIER | colour))
+    upper.set_ylabel(f"force{'' if in_space else ' per thickness'}{unit_of(power, 'force')}")
+    lower.set(
+        xlabel=f"mean tangential displacement{unit_of(out, 'length')}",
+        ylabel=f"friction{unit_of(resisting, 'force')}",
+    )
 
 
 def _mark_names(axes: Axes, steps: Table) -> int:
@@ -130,6 +184,8 @@ def _mark_names(axes: Axes, steps: Table) -> int:
     return len(ends)
 
 
+_DOTS: dict[str, Any] = {"marker": "o", "markersize": 2.5}
+_COLOURS = (INK, BLUE, ORANGE, "#009e73", "#cc79a7", MUTED)  # of boundaries
 _BETWEEN = 0.15  # names, over the length of the one before
 _ROW = 12.0  # height of a row of names, points
 _MOST_FRAMES = 120

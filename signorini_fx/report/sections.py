@@ -259,11 +259,12 @@ def steps(folder: ResultFiles, steps: dict[str, Any]) -> Markup:
     if body is not None:
         caption = "The deformed body, load step by load step; magnification and colours stay the same."
         parts.append(picture(body, "gif", caption, caption, "moving"))
-    if "contact_force_x" in steps:
+    if any(name.startswith("contact_force_x") for name in steps):
         resisting = "torque of friction" if "torque" in steps else "friction force"
         caption = f"Above: forces of the foundation on the body. Below: {resisting} over displacement."
         pictures = [drawn_by(load_steps, steps, caption=caption)]
-        if ("contact_force_z" not in steps or "torque" in steps) and (folder.path / "contact_steps.csv").is_file():
+        solid = any(name.startswith("contact_force_z") for name in steps)
+        if (not solid or "torque" in steps) and (folder.path / "contact_steps.csv").is_file():
             caption = "Pressure, shear and states along the contact boundary, step by step."
             contact = folder.columns("contact_steps.csv")
             pictures.append(drawn_by(step_animation, contact, caption=caption, suffix=".gif", class_="moving"))

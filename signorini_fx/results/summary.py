@@ -92,9 +92,12 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
     if solution.price_list:
         summary["price_list"] = [asdict(row) for row in solution.price_list]
     if solution.scene.several_steps:
+        names = [effect.boundary for effect in solution.scene.contact]
+        if len(names) == 1 or not any(effect.against for effect in solution.scene.contact):
+            names = []
         last, shown = solution.last_step, solution.shown_steps
         summary["results_of"] = {"step": last.step, "name": last.name, "time": last.time, "status": last.status.value}
-        summary["steps"] = [_step_summary(result, figures=result in shown) for result in solution.steps]
+        summary["steps"] = [_step_summary(result, names, figures=result in shown) for result in solution.steps]
     summary["compiled"] = solution.discretisation.inventory.forms
     summary["certificate"] = solution.certificate.as_dict()
     summary["timings"] = parallel.largest_timings(solution.comm, solution.timings.total)
@@ -102,8 +105,10 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
     return summary
 
 
-def _step_summary(result: StepResult, *, figures: bool) -> dict[str, Any]:
-    """A row of the table of load steps; ``figures``: whether they mean anything, else they are not a number."""
+def _step_summary(result: StepResult, names: list[str], *, figures: bool) -> dict[str, Any]:
+    """A row of the table of load steps; ``figures``: whether they mean anything, else they are not a number; ``names``:
+    contact boundaries whose forces have no sum that acts on one body.
+    """
     row: dict[str, Any] = {
         "step": result.step,
         "name": result.name,
@@ -113,12 +118,14 @@ def _step_summary(result: StepResult, *, figures: bool) -> dict[str, Any]:
     }
     contact = result.contact
     if contact is not None:
-        contact_force, friction_force = contact.forces
+        forces: list[Any] = list(contact.forces_of_each) if names else [contact.forces]
+        motions = contact.mean_tangential_of_each if names else [contact.mean_tangential_displacement]
+        for name, (pressing, rubbing) in zip(names or [""], forces, strict=True):
+            row |= {**_by_axis("contact_force", pressing, name), **_by_axis("friction_force", rubbing, name)}
+        row["max_pressure"] = parallel.global_max(contact.boundary.comm, parallel.local_max(contact.pressure))
+        for name, motion in zip(names or [""], motions, strict=True):
+            row |= _by_axis("mean_tangential_displacement", motion, name)
         row |= {
-            **_by_axis("contact_force", contact_force),
-            **_by_axis("friction_force", friction_force),
-            "max_pressure": parallel.global_max(contact.boundary.comm, parallel.local_max(contact.pressure)),
-            **_by_axis("mean_tangential_displacement", contact.mean_tangential_displacement),
             "friction_work": contact.friction_work,
             **({"torque": float(contact.moments[1][1])} if contact.boundary.twisted else {}),
         }
@@ -131,11 +138,12 @@ def _nothing(name: str, value: Any) -> Any:
     return float("nan") if isinstance(value, float) and name != "time" else value
 
 
-def _by_axis(name: str, value: Any) -> dict[str, float]:
-    """A number under its name, a vector with one entry for each axis."""
+def _by_axis(name: str, value: Any, boundary: str) -> dict[str, float]:
+    """A number under its name, a vector with one entry for each axis; behind them the name of a boundary, if any."""
+    of = f" {boundary}" if boundary else ""
     if np.ndim(value) == 0:
-        return {name: float(value)}
-    return {f"{name}_{axis}": float(component) for axis, component in zip("xyz", value, strict=False)}
+        return {f"{name}{of}": float(value)}
+    return {f"{name}_{axis}{of}": float(component) for axis, component in zip("xyz", value, strict=False)}
 
 
 def _tools(solution: Solution, contact: ContactState) -> list[dict[str, Any]]:
