@@ -1,12 +1,15 @@
 """How the cells of several bodies are divided among the ranks: equal shares, each with both sides of its contact."""
 
 from itertools import pairwise
+from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 from mpi4py import MPI
 from test_two_bodies_on_ranks import points_of
 from test_two_bodies_scenes import DEMO
+from two_bodies import grid
 
 from signorini_fx import read_scene, solve
 from signorini_fx.mesh import cuts, distribution
@@ -191,6 +194,33 @@ def test_bodies_in_one_file():
     for side in scene.touching:
         own = np.array(WORLD.allgather(len(tagged.facets(side))))
         assert WORLD.size != 2 or own[0] == pytest.approx(own[1], rel=0.1)
+
+
+@pytest.mark.mpi
+def test_a_file_whose_cells_are_halved(tmp_path):
+    """The finer meshes of a requested accuracy are divided anew, alike."""
+    file = Path(WORLD.bcast(str(tmp_path))) / "blocks.vtu"
+    if WORLD.rank == 0:
+        (cells, x), (more, y) = grid("triangle", (5, 2), (0, 0.01), (3, 1)), grid("triangle", (4, 2), (0, -1), (3, 0))
+        points = np.pad(np.concatenate([x, y]), ((0, 0), (0, 1)))
+        meshio.write(file, meshio.Mesh(points, [("triangle", np.concatenate([cells, more + len(x)]))]))
+    WORLD.barrier()
+    heights = {"top": 1.0, "upper": 0.01, "lower": 0.0, "bottom": -1.0}
+    marks = {name: f"abs(x[1] - {height}) < 0.001" for name, height in heights.items()}
+    scene = {
+        "mesh": {"file": str(file), "boundaries": marks},
+        "material": {"young": 100.0, "poisson": 0.3},
+        "displacement": [{"boundary": "bottom", "x": 0.0, "y": 0.0}, {"boundary": "top", "x": 0.0, "y": -0.03}],
+        "contact": {"boundary": "upper", "against": "lower"},
+        "accuracy": {"target": 0.8, "of": "energy", "refinement": "uniform"},
+    }
+    found = solve(parse_scene(scene), WORLD)
+    assert len(found.levels) > 1
+    tagged = found.discretisation.tagged
+    assert np.ptp(WORLD.allgather(tagged.mesh.topology.index_map(2).size_local)) <= 2
+    for side in ("upper", "lower"):
+        own = np.array(WORLD.allgather(len(tagged.facets(side))))
+        assert np.ptp(own) <= 2
 
 
 @pytest.mark.mpi

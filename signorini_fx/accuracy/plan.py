@@ -151,7 +151,7 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
 def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) -> Plan:
     """Curved sides stay curved: all cells are divided then, because dolfinx bisects straight ones only."""
     drawn = file.file.suffix.lower() in DRAWN
-    tagged = load_file(file, comm, degree=2 if drawn else None, sections=scene.sections)
+    tagged = load_file(file, comm, 0, 2 if drawn else None, scene.sections, scene.touching)
     curved = curvature(tagged) > STRAIGHT * tagged.size
     degree = compat.geometry_degree(tagged.mesh)
     simplices = tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")

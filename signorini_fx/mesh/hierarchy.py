@@ -51,7 +51,7 @@ def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
             mesh = _mesh_on(mesh, 0.5**halvings)
         elif isinstance(mesh, MeshFile):
             curved = scene.element.degree == 2 and mesh.file.suffix.lower() in DRAWN  # as without a requested accuracy
-            mesh = load_file(mesh, comm, halvings, degree=2 if curved else None)
+            mesh = load_file(mesh, comm, halvings, 2 if curved else None, (), scene.touching)
         else:
             try:
                 for _ in range(halvings):

@@ -233,7 +233,7 @@ class Meshes:
         """The scene on the mesh with the current divisions."""
         if self._file is not None:
             given, halvings, degree = self._given, self._halvings, self._plan.geometry
-            tagged = load_file(self._file, self._comm, halvings, degree, given.sections)
+            tagged = load_file(self._file, self._comm, halvings, degree, given.sections, given.touching)
             return self._given.model_copy(update={"mesh": tagged})
         if self._generated:
             return scene_on(self._given, self._coarsest / self._divisions)
