@@ -222,6 +222,15 @@ def test_what_is_refused(given, match):
         solve(parse_scene({"material": MATERIAL, **contact, **given}), MPI.COMM_SELF)
 
 
+def test_an_expression_cannot_tell_both_sides():
+    """Where two bodies lie on each other it finds the facets of both, and the message says what to do."""
+    placed = load_mesh(parse_scene({"body": BOTH, "material": MATERIAL, "contact": ON_EACH_OTHER}), MPI.COMM_SELF)
+    tagged = tag_boundaries(placed.mesh, dict.fromkeys(("high", "low"), "abs(x[1] - 1) < 1e-9"))
+    given = parse_scene({"mesh": tagged, "material": MATERIAL, "contact": {"boundary": "high", "against": "low"}})
+    with pytest.raises(SceneError, match=r"'low' shares 4 facets with .* 'high': .* take names of the mesh file"):
+        solve(given, MPI.COMM_SELF)
+
+
 def test_pictures_of_nodes_that_coincide():
     """Nodes of two bodies at the same place are two points, and apart by the relative displacement of the contact."""
     from signorini_fx.results.outer_surface import gather_outer_surface

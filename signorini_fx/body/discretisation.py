@@ -385,7 +385,10 @@ def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[n
                 if total:
                     message = f"boundary {name!r} shares {total} facets with the contact boundary {other!r}: "
                     message += "a facet can touch one foundation only"
-                    if scene.sides[1] is not None:
+                    if path.rpartition(".")[0] == before.rpartition(".")[0]:
+                        message += "; where two bodies touch, an expression finds the facets of both: take names of the"
+                        message += " mesh file, or a [[body]] for each"
+                    elif scene.sides[1] is not None:
                         message += "; of a body that several others touch there, all contacts name it in 'against'"
                     problems.append((path, message))
     for path, effect in scene.listed():

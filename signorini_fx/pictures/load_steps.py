@@ -60,9 +60,10 @@ def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] =
     if solved.any():  # the figures of a step without a solution mean nothing
         steps = {name: np.asarray(column)[solved] for name, column in steps.items()}
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(4.4, 4.6), layout="constrained")
+        names = _boundaries(steps)
+        figure = Figure(figsize=(4.4, 4.6 + 0.3 * len(names)), layout="constrained")  # with room for the legend
         upper, lower = figure.subplots(2, 1)
-        if names := _boundaries(steps):
+        if names:
             _draw_of_each(upper, lower, steps, names)
         else:
             _draw(upper, lower, steps)
