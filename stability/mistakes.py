@@ -3735,6 +3735,20 @@ MUTANTS = (
         tests=("fewer_nodes::test_a_support_at_a_point_between_two_bodies",),
     ),
     Mutant(
+        "solving/untouched",
+        "touched[last.gone].any()",
+        "touched[last.gone].all()",
+        "dense tangents: a point comes into contact without a traction",
+        tests=("untouched",),
+    ),
+    Mutant(
+        "solving/untouched",
+        "trans=int(transposed)",
+        "trans=0",
+        "dense tangents: the adjoint of one without symmetry is solved with the tangent itself",
+        tests=("untouched",),
+    ),
+    Mutant(
         "solving/fewer_nodes",
         "missing.aypx(-1.0, system.load)",
         "system.load.copy(missing)",

@@ -34,6 +34,7 @@ from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.contact.resting_place import Rest
 from signorini_fx.errors import SceneError
+from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.choice import SystemSize, choose_system
 from signorini_fx.linalg.elasticity import Elasticity, LoadCase
 from signorini_fx.method import Settings
@@ -291,6 +292,7 @@ class ElasticBody:
         *,
         coarser: MeshLevel | None = None,
         allowed: Callable[[fem.Function], float] | None = None,
+        choose: Callable[[Elasticity, SystemSize, str], tuple[ElasticSystem, str]] = choose_system,
         **others: Any,
     ) -> Task:
         """Its contact problem, ready for ``strategy.solve_task`` or for a user-defined algorithm; collective.
@@ -303,10 +305,11 @@ class ElasticBody:
             coarser: coarser meshes for multigrid.
             allowed: the regularisation error allowed for path-following at a displacement, in the energy norm; None:
                 that of the settings, relative to the energy norm of the displacement.
+            choose: the elastic system, and the reason for its kind.
             others: natural_gamma, has_coulomb and history, see ``Task``.
         """
         assert self.at_contact is not None
-        system, reason = choose_system(self.elasticity(cases, coarser), self.system_size, self.settings.linear_algebra)
+        system, reason = choose(self.elasticity(cases, coarser), self.system_size, self.settings.linear_algebra)
         system.set_load(factors)
         share = self.settings.regularisation_error
 

@@ -39,6 +39,7 @@ from signorini_fx.solving.load_path import LoadPath
 from signorini_fx.solving.load_steps import LoadStep, judged, load_step, recalled_step, step_result
 from signorini_fx.solving.nested import carry_over
 from signorini_fx.solving.restart import Kept
+from signorini_fx.solving.untouched import choose_touched
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
 # Called after a load step that has a solution.
@@ -319,6 +320,7 @@ def contact_task(d: Discretisation, history: History, coarser: MeshLevel | None 
         d.law,
         coarser=coarser,
         allowed=_allowed(d),
+        choose=choose_touched,
         natural_gamma=d.scales.gamma,
         has_coulomb=d.scene.has_coulomb,
         history=history,
