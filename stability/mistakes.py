@@ -4395,6 +4395,27 @@ MUTANTS = (
         "uniqueness: points with Tresca friction have none",
         tests=("uniqueness::test_tresca_friction_beside_coulomb",),
     ),
+    Mutant(
+        "gmsh_reader",
+        "_is_inner(gmsh, 2, face)",
+        "False",
+        "tools from drawings: faces between two solids are surface",
+        tests=("shapes::test_a_drawing_of_two_solids",),
+    ),
+    Mutant(
+        "motion_names",
+        "motion[:dim] - along @ (along.T @ motion[:dim])",
+        "motion[:dim]",
+        "names of motions: a rotation has the axis of one of its combinations with translations",
+        tests=("check::test_names_of_several_motions",),
+    ),
+    Mutant(
+        "sampling",
+        '2 * (name == "around")',
+        "0",
+        "pictures of torsion: the radial displacement",
+        tests=("torsion_in_scenes::test_pictures_show_the_displacement_around_the_axis",),
+    ),
 )
 
 # Some from every module.
