@@ -122,6 +122,9 @@ KRYLOV_STEPS = 1000
 FINER_LEVELS = (1.5, 3.0)
 # A coarsest mesh with more unknowns is coarsened further by aggregation, with fewer it is factorised.  Choice.
 MOST_COARSEST_UNKNOWNS = 3_000
+# On several ranks each rank has the whole factor of so few unknowns of contact.  Measured: with 3,900 of them a factor
+# takes as long on two ranks as on one, and each solve twice as long.
+MOST_REPLICATED_UNKNOWNS = 10_000
 # A direction in which contact adds more than this share of a node's own stiffness is held on coarse levels too.
 HELD_STIFFNESS = 0.5
 # Chebyshev's smoother damps this part of the spectrum, in shares of the estimated largest eigenvalue.  Source: PETSc's.

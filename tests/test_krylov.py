@@ -185,19 +185,20 @@ def test_coarse_matrix_of_truncated_functions(gamma, monkeypatch):
     task = contact_task(d, History())
     assert solve_task(task, task.start).status is Status.CONVERGED
     (found,) = made
-    held, soft = found._truncated_at
+    levels = found._levels
+    held, soft = levels._truncated_at
     assert (np.trace(held, axis1=1, axis2=2) > 0.5).any() == (gamma > 1e3)
-    added = dense(found._contact) - dense(found._elastic)
-    softly = dense(found._nodes.matrix(soft))
+    matrix, unknowns = dense(task.system.matrix), levels.unknowns
+    added = dense(found._contact) - matrix[np.ix_(unknowns, unknowns)]
+    softly = dense(levels.nodes.matrix(soft))
     if gamma < 1e3:
         np.testing.assert_allclose(softly, added, rtol=0, atol=1e-9 * np.abs(added).max())
     else:
         assert np.abs(softly).max() < np.abs(added).max()
-    functions, unknowns = dense(found._truncated), found._unknowns
-    matrix = dense(task.system.matrix)
+    functions = dense(levels.truncated.interpolation)
     matrix[np.ix_(unknowns, unknowns)] += softly
-    wanted = functions.T @ matrix @ functions + np.diag(1e-10 * np.diag(dense(found._hierarchy.coarse[0])))
-    np.testing.assert_allclose(dense(found._coarse[0]), wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
+    wanted = functions.T @ matrix @ functions + np.diag(1e-10 * np.diag(dense(levels.hierarchy.coarse[0])))
+    np.testing.assert_allclose(dense(levels.truncated.coarse[0]), wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
 
 
 def dense(matrix):

@@ -19,54 +19,53 @@ Array = npt.NDArray[np.float64]
 
 
 class JoinedBodies:
-    """S E B and B^T D B at the contact unknowns c, D without what E holds.
+    """What contact holds of two bodies, at each point and in the frame of its relative displacement.
 
     Args:
         contact: the map, with S.
-        places: the contact unknowns.
+        places: the contact unknowns c.
         elastic: A_cc.
+
+    Attributes:
+        shape: of blocks, (n, d, d).
+        operator: B at the contact unknowns.
+        lift: S there.
     """
 
     def __init__(self, contact: ContactMap, places: PETSc.IS, elastic: PETSc.Mat) -> None:
         assert contact.lift is not None
-        self._contact, self._elastic = contact, elastic
         first, last = contact.operator.getOwnershipRange()
         rows = PETSc.IS().createStride(last - first, first, 1, comm=contact.operator.comm)
-        self._operator = contact.operator.createSubMatrix(rows, places)
-        self._lift = contact.lift.createSubMatrix(places, None)
-        stiffness = self._blocks(elastic.ptap(self._lift))
-        self._scale = np.trace(stiffness, axis1=1, axis2=2) / stiffness.shape[1]
+        self.operator = contact.operator.createSubMatrix(rows, places)
+        self.lift = contact.lift.createSubMatrix(places, None)
+        self.shape: tuple[int, ...] = contact.points.movable.shape
+        self.matrix = contact.law
+        self._elastic = self._blocks(elastic.ptap(self.lift))
+        self._scale = np.trace(self._elastic, axis1=1, axis2=2) / self.shape[1]
         self._scale[self._scale <= 0] = 1.0  # where supports prescribe all of a point
 
     def _blocks(self, matrix: PETSc.Mat) -> Array:
         """The blocks on the diagonal of a matrix with rows for the points, shape (n, d, d)."""
-        shape = self._contact.points.movable.shape
+        size = self.shape[1]
         starts, columns, values = matrix.getValuesCSR()
         row = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
         column = columns - matrix.getOwnershipRange()[0]
-        same = row // shape[1] == column // shape[1]
-        found = np.zeros(shape)
-        found[row[same] // shape[1], row[same] % shape[1], column[same] % shape[1]] = values[same]
+        same = row // size == column // size
+        found = np.zeros(self.shape)
+        found[row[same] // size, row[same] % size, column[same] % size] = values[same]
         return found
 
-    def moved(self, held: Array) -> PETSc.Mat:
-        """S E B from projections E of shape (n, d, d); collective."""
-        return self._lift.matMult(self._contact.law(held)).matMult(self._operator)
-
-    def split(self, tangent: PETSc.Mat | None) -> tuple[PETSc.Mat, PETSc.Mat]:
-        """S E B, and B^T D B of what E does not hold; collective.
+    def split(self, reduced: PETSc.Mat | None) -> tuple[Array, Array]:
+        """E, and D of what E does not hold.
 
         Args:
-            tangent: (A + C)_cc.
+            reduced: S^T (A + C)_cc S.
         """
-        assert tangent is not None
-        added = tangent.copy()
-        added.axpy(-1.0, self._elastic, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-        laws = self._blocks(added.ptap(self._lift)) / self._scale[:, None, None]
+        assert reduced is not None
+        laws = (self._blocks(reduced) - self._elastic) / self._scale[:, None, None]
         _, stiffness, directions = np.linalg.svd(laws)
         stiff = directions * (stiffness > HELD_STIFFNESS)[:, :, None]
         held = stiff.transpose(0, 2, 1) @ stiff
         free = np.eye(held.shape[1]) - held
         soft = free @ (laws + laws.transpose(0, 2, 1)) @ free * (self._scale / 2)[:, None, None]
-        rest = self._contact.law(soft).matMult(self._operator)
-        return self.moved(held), self._operator.transposeMatMult(rest)
+        return held, soft

@@ -21,7 +21,7 @@ from signorini_fx.linalg.assembled import AssembledSystem
 from signorini_fx.linalg.callbacks import called_back, weakly
 from signorini_fx.linalg.elasticity import Elasticity
 from signorini_fx.linalg.full import can_factorise, enough_memory, factor_defaults, factor_memory, use_factorisation
-from signorini_fx.linalg.multigrid import ContactPreconditioner, Hierarchy
+from signorini_fx.linalg.multigrid import ContactLevels, ContactPreconditioner, Hierarchy
 from signorini_fx.linalg.petsc_c import call
 from signorini_fx.linalg.rigid_unknowns import of_nodes
 from signorini_fx.tuned import INEXACT_TOLERANCE, KRYLOV_STEPS, KRYLOV_TOLERANCE
@@ -85,6 +85,13 @@ class KrylovSystem(AssembledSystem):
         return Hierarchy.of(e.matrix, e.level)
 
     @cached_property
+    def levels(self) -> ContactLevels:
+        """Of the hierarchy, as contact truncates them; collective."""
+        size = self.contact.points.dimension
+        rigid = int(np.count_nonzero(~self.fixed[self.fixed.size - self.elasticity.rigid :]))
+        return ContactLevels(self.hierarchy, self.matrix, self._touched, size, self.contact, rigid=rigid)
+
+    @cached_property
     def _touched(self) -> npt.NDArray[np.int64]:
         """The unknowns of this rank that contact can act on, ascending; prescribed ones left out."""
         operator = self.contact.operator
@@ -98,7 +105,6 @@ class KrylovSystem(AssembledSystem):
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """CG, or FGMRES where the matrix is not symmetric, to a residual against the forces; see ``multigrid``."""
-        matrix = ksp.getOperators()[0]
         ksp.setType(PETSc.KSP.Type.CG if symmetric else PETSc.KSP.Type.FGMRES)
         if not options.user_sets("ksp_"):  # another method may not know this norm
             ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
@@ -108,11 +114,7 @@ class KrylovSystem(AssembledSystem):
         contact = int(parallel.global_sum(self.comm, np.array(self._touched.size)))
         if contact == 0 or options.user_sets("pc_type") or not self.hierarchy.interpolations:
             return
-        size = self.contact.points.dimension
-        rigid = int(np.count_nonzero(~self.fixed[self.fixed.size - self.elasticity.rigid :]))
-        preconditioner = ContactPreconditioner(
-            self.hierarchy, matrix, self._touched, self.fixed, size, self.contact, rigid=rigid, symmetric=symmetric
-        )
+        preconditioner = ContactPreconditioner(self.levels, self.fixed, symmetric=symmetric)
         self._preconditioners[ksp.handle] = preconditioner
         pc.setType(PETSc.PC.Type.PYTHON)
         pc.setPythonContext(SimpleNamespace(setUp=weakly(preconditioner.setUp), apply=weakly(preconditioner.apply)))

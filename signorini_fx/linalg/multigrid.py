@@ -4,7 +4,8 @@ The hierarchy is that of smoothed aggregation for A, the stiffness without conta
 C = B^T D B, which lives on the contact unknowns c and is as large as gamma.  What it holds, the directions in which C
 is no smaller than A, must not move on coarse levels either.  With E the projection onto these directions, the finest
 interpolation P becomes (I - E) P and the smoother leaves them alone: truncation, as in monotone multigrid (Kornhuber
-1994; Graeser & Kornhuber 2009).  The coarse matrices follow by products of the size of the contact boundary,
+1994; Graeser & Kornhuber 2009).  The coarse matrices follow by products of the size of the contact boundary
+(``truncation``),
 
     A_1' = A_1 - X^T W - W^T X + X^T A_cc X + Y^T C Y,   X = E P_c,  Y = P_c - X,  W = (A P)_c,
 
@@ -26,22 +27,20 @@ from signorini_fx import parallel
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.linalg import options
 from signorini_fx.linalg.callbacks import called_back
+from signorini_fx.linalg.direct import use_direct
 from signorini_fx.linalg.elasticity import Level
-from signorini_fx.linalg.full import can_factorise, factorisation_package
 from signorini_fx.linalg.joined import JoinedBodies
 from signorini_fx.linalg.nodal_blocks import NodalBlocks
 from signorini_fx.linalg.petsc_c import call
 from signorini_fx.linalg.rigid_unknowns import relative_to_rigid_bodies, with_rigid_bodies
+from signorini_fx.linalg.truncation import TruncatedLevels
 from signorini_fx.tuned import MOST_COARSEST_UNKNOWNS, SMOOTHED_SPECTRUM
 
 Array = npt.NDArray[np.float64]
-# Coarse functions that truncation leaves nothing of get this share of the diagonal that they had: far below the
-# smallest eigenvalue of a coarse matrix, far above its round-off.
-_SHIFT = 1e-10
 _ESTIMATING_STEPS = 10
+_FEW = 300  # unknowns that PETSc's own factor, without the overhead of a package, is good enough for
 # Directions held and soft stiffnesses that differ by less make no other levels: the cycle need not be exact.
 _SAME_PLACE, _SAME_STIFFNESS = 1e-3, 0.1
-_SUBSET, _DIFFERENT = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 
 
 @dataclass(frozen=True)
@@ -144,18 +143,25 @@ def _largest_eigenvalue(matrix: PETSc.Mat) -> float:
     return float(np.max(ksp.computeEigenvalues().real, initial=1.0))
 
 
-class ContactPreconditioner:
-    """F, V-cycle, F for a tangent of contact, as a context of PETSc's ``python`` preconditioner.
+class ContactLevels:
+    """All that the preconditioners of one system share: it follows from A, but for the truncation of the levels.
 
     Args:
         hierarchy: of A.
         matrix: A.
         unknowns: the contact unknowns of this rank, in the local part of x, ascending.
-        fixed: the prescribed unknowns of this rank.
         size: unknowns per node.
         contact: the map B, by which two bodies move together on coarse levels; see ``joined``.
         rigid: how many of the contact unknowns of this rank are those of rigid bodies, the last ones.
-        symmetric: whether the tangent is.
+
+    Attributes:
+        places: the contact unknowns, by their numbers.
+        diagonal: of A; infinite where a rigid body moves.
+        nodes: the blocks of the nodes in contact.
+        joined: the blocks of two bodies; None: contact is with a rigid foundation.
+        inverse: D^-1, zero where contact holds.
+        truncated: the levels.
+        times: how many times they were truncated.
     """
 
     def __init__(
@@ -163,87 +169,129 @@ class ContactPreconditioner:
         hierarchy: Hierarchy,
         matrix: PETSc.Mat,
         unknowns: npt.NDArray[np.int64],
-        fixed: npt.NDArray[np.bool_],
         size: int,
         contact: ContactMap,
         *,
         rigid: int = 0,
-        symmetric: bool,
     ) -> None:
         self._comm = matrix.comm.tompi4py()
-        self._rigid = parallel.any_rank(self._comm, rigid > 0)
-        self._hierarchy = hierarchy
-        self._symmetric = symmetric
-        self._unknowns = unknowns
+        self.hierarchy, self.unknowns = hierarchy, unknowns
         first = matrix.getOwnershipRange()[0]
-        self._places = PETSc.IS().createGeneral((first + unknowns).astype(PETSc.IntType), comm=matrix.comm)
+        self.places = PETSc.IS().createGeneral((first + unknowns).astype(PETSc.IntType), comm=matrix.comm)
         # All that is needed of A: its rows at the contact unknowns, and its diagonal.
-        rows = matrix.createSubMatrix(self._places, None)
-        self._elastic = matrix.createSubMatrix(self._places, self._places)
-        self._diagonal = matrix.getDiagonal()
-        self._fixed = fixed
-        self._prescribed = self._diagonal.getArray(readonly=True)[fixed]
-        self._interpolation = hierarchy.interpolations[0]
-        self._product = rows.matMult(self._interpolation)
-        self._nodes = NodalBlocks(self._elastic, unknowns[: unknowns.size - rigid], size)
-        self._diagonal.getArray()[unknowns[unknowns.size - rigid :]] = np.inf  # which no smoother moves
-        # P_c, with room for what a projection of its nodes may mix.
-        self._unmixed = self._interpolation.createSubMatrix(self._places, None)
-        self._at_contact = self._unmixed.copy()
-        self._joined = None if contact.lift is None else JoinedBodies(contact, self._places, self._elastic)
-        none = self._nodes.matrix(np.zeros(self._nodes.shape))
-        if self._joined is not None:
-            none = self._joined.moved(np.zeros(contact.points.movable.shape))
-        elif self._rigid:
-            self._unmixed = relative_to_rigid_bodies(contact, self._places, rigid).matMult(self._unmixed)
-        mixed = none.matMult(self._unmixed)
-        self._at_contact.axpy(1.0, mixed, structure=_DIFFERENT)
-        self._truncated = self._interpolation.copy()
-        self._truncated.axpy(1.0, self._in_all_rows(mixed), structure=_DIFFERENT)
-        self._coarse: list[PETSc.Mat] = []
+        rows = matrix.createSubMatrix(self.places, None)
+        elastic = matrix.createSubMatrix(self.places, self.places)
+        self.diagonal = matrix.getDiagonal()
+        self.diagonal.getArray()[unknowns[unknowns.size - rigid :]] = np.inf  # which no smoother moves
+        self.nodes = NodalBlocks(elastic, unknowns[: unknowns.size - rigid], size)
+        self.joined = None if contact.lift is None else JoinedBodies(contact, self.places, elastic)
+        functions = hierarchy.interpolations[0].createSubMatrix(self.places, None)
+        if self.joined is not None:
+            functions = self.joined.operator.matMult(functions)
+        elif parallel.any_rank(self._comm, rigid > 0):
+            functions = relative_to_rigid_bodies(contact, self.places, rigid).matMult(functions)
+        self.truncated = TruncatedLevels(
+            self.joined or self.nodes,
+            None if self.joined is None else self.joined.lift,
+            functions,
+            elastic,
+            rows.matMult(hierarchy.interpolations[0]),
+            hierarchy.interpolations,
+            hierarchy.coarse,
+            self.places,
+        )
+        self.inverse = self._inverse_diagonal()
+        self.times = 0
         self._truncated_at: tuple[Array, Array] | None = None
+
+    def truncate(self, held: Array, soft: Array, reduced: PETSc.Mat | None) -> None:
+        """Truncate the levels where the directions held are others; collective.
+
+        Args:
+            held: projections onto the directions that contact holds at the nodes, see ``NodalBlocks.split``.
+            soft: the rest of its stiffness there.
+            reduced: S^T (A + C)_cc S of two bodies.
+        """
+        if not parallel.any_rank(self._comm, self._differs(held, soft)):
+            return
+        self._truncated_at = held, soft
+        self.times += 1
+        self.truncated.truncate(*((held, soft) if self.joined is None else self.joined.split(reduced)))
+        nodes, first = self.nodes, self.diagonal.getOwnershipRange()[0]
+        names = (first + self.unknowns).astype(PETSc.IntType)
+        if nodes.columns.size:
+            values = nodes.values(nodes.inverse(held))
+            starts = nodes.starts.astype(PETSc.IntType)
+            self.inverse.setValuesIJV(starts, names[nodes.columns], values, rowmap=names[: starts.size - 1])
+        self.inverse.assemble()
+
+    def _differs(self, held: Array, soft: Array) -> bool:
+        """Whether the levels are to be truncated anew on account of this rank."""
+        if self._truncated_at is None:
+            return True
+        known = self._truncated_at
+        near = _SAME_STIFFNESS * np.abs(known[1]) + _SAME_PLACE * self.nodes.scale[:, None, None]
+        return bool((np.abs(held - known[0]) > _SAME_PLACE).any() or (np.abs(soft - known[1]) > near).any())
+
+    def _inverse_diagonal(self) -> PETSc.Mat:
+        """D^-1, with room for the directions of the nodes in contact that are free to move; collective."""
+        nodes = self.nodes
+        unknowns = self.unknowns[: nodes.starts.size - 1]
+        first, last = self.diagonal.getOwnershipRange()
+        others = np.ones(last - first, dtype=bool)
+        others[unknowns] = False
+        counts = np.ones(last - first, dtype=np.int64)
+        counts[unknowns] = np.diff(nodes.starts)
+        starts = np.concatenate(([0], np.cumsum(counts)))
+        columns, values = np.empty(starts[-1], dtype=np.int64), np.zeros(starts[-1])
+        columns[starts[:-1][others]] = first + np.flatnonzero(others)
+        values[starts[:-1][others]] = 1.0 / self.diagonal.getArray(readonly=True)[others]
+        place = np.repeat(starts[unknowns] - nodes.starts[:-1], np.diff(nodes.starts)) + np.arange(nodes.columns.size)
+        columns[place] = first + unknowns[nodes.columns]
+        csr = (starts.astype(PETSc.IntType), columns.astype(PETSc.IntType), values)
+        sizes = self.diagonal.getSizes()
+        return PETSc.Mat().createAIJ((sizes, sizes), csr=csr, comm=self._comm)
+
+
+class ContactPreconditioner:
+    """F, V-cycle, F for a tangent of contact, as a context of PETSc's ``python`` preconditioner.
+
+    Args:
+        levels: of the system.
+        fixed: the prescribed unknowns of this rank.
+        symmetric: whether the tangent is.
+    """
+
+    def __init__(self, levels: ContactLevels, fixed: npt.NDArray[np.bool_], *, symmetric: bool) -> None:
+        self._levels, self._fixed, self._symmetric = levels, fixed, symmetric
+        self._places, self._unknowns = levels.places, levels.unknowns
+        self._prescribed = levels.diagonal.getArray(readonly=True)[fixed]
         self._contact_rows: PETSc.Mat | None = None
         self._contact: PETSc.Mat | None = None
-        self._inverse: PETSc.Mat | None = None
-        self._create_cycle(matrix)
-        self._solver = self._create_solver()
-        self._right, self._left = self._elastic.createVecs()
-        self._residual = matrix.createVecLeft()
+        self._reduced: PETSc.Mat | None = None
+        self._create_cycle()
+        self._solver = PETSc.PC().create(self._places.comm)  # of the contact unknowns, whose graph is that of a surface
+        use_direct(self._solver, self._places.getSize(), symmetric=symmetric)
 
-    def _in_all_rows(self, mixed: PETSc.Mat) -> PETSc.Mat:
-        """A matrix with rows at the contact unknowns as one with rows at all unknowns; collective."""
-        starts, columns, values = mixed.getValuesCSR()
-        counts = np.zeros(self._diagonal.getLocalSize(), dtype=PETSc.IntType)
-        counts[self._unknowns] = np.diff(starts)
-        csr = (np.concatenate(([0], np.cumsum(counts))).astype(PETSc.IntType), columns, values)
-        sizes = (self._diagonal.getSizes(), mixed.getSizes()[1])
-        return PETSc.Mat().createAIJ(sizes, csr=csr, comm=self._comm)
-
-    def _create_solver(self) -> PETSc.PC:
-        """A direct solver for the contact unknowns; their graph is that of a surface."""
-        solver = PETSc.PC().create(self._comm)
-        if can_factorise(self._comm):
-            solver.setType(PETSc.PC.Type.CHOLESKY if self._symmetric else PETSc.PC.Type.LU)
-            solver.setFactorSolverType(factorisation_package(self._comm, symmetric=self._symmetric))
-        else:
-            solver.setType(PETSc.PC.Type.REDUNDANT)
-        return solver
-
-    def _create_cycle(self, matrix: PETSc.Mat) -> None:
+    def _create_cycle(self) -> None:
         """A V-cycle with Chebyshev's iteration on each level, Jacobi inside."""
-        levels = self._hierarchy
+        levels, truncated = self._levels.hierarchy, self._levels.truncated
         depth = len(levels.interpolations)
-        cycle = PETSc.PC().create(matrix.comm)
+        cycle = PETSc.PC().create(self._places.comm)
         cycle.setOptionsPrefix(options.PREFIX)
-        cycle.setOperators(matrix)
         cycle.setType(PETSc.PC.Type.MG)
         cycle.setMGLevels(depth + 1)
-        for level, interpolation in enumerate((self._truncated, *levels.interpolations[1:])):
+        for level, interpolation in enumerate((truncated.interpolation, *levels.interpolations[1:])):
             cycle.setMGInterpolation(depth - level, interpolation)
         self._smoothers = [cycle.getMGSmoother(level) for level in range(depth - 1, 0, -1)]
         self._smoothers.append(cycle.getMGCoarseSolve())
+        coarsest = levels.coarse[-1].getSize()[0]
+        if coarsest > _FEW:
+            use_direct(self._smoothers[-1].getPC(), coarsest, symmetric=self._symmetric)
         for smoother in self._smoothers[:-1]:
             smoother.getPC().setType(PETSc.PC.Type.JACOBI)
+        for smoother, matrix in zip(self._smoothers, truncated.coarse, strict=True):
+            smoother.setOperators(matrix)
         # On the finest level D^-1 is a matrix of its own, zero where contact holds; no option may change that.
         finest = cycle.getMGSmoother(depth)
         finest.setOptionsPrefix(f"{options.PREFIX}mg_finest_")
@@ -266,85 +314,27 @@ class ContactPreconditioner:
             self._contact.setOption(PETSc.Mat.Option.SPD, True)
         self._solver.setOperators(self._contact)
         self._solver.setUp()
-        held, soft = self._nodes.split(self._contact, self._contact_rows)
-        if parallel.any_rank(self._comm, self._differs(held, soft)):
-            self._truncated_at = held, soft
-            self._truncate(held, soft)
-        self._finest.setOperators(tangent, self._inverse)
+        self._right, self._left = self._contact.createVecs()
+        self._residual = tangent.createVecLeft()
+        if (joined := self._levels.joined) is not None:
+            self._reduced = self._contact.ptap(joined.lift, result=self._reduced)
+        self._held = self._levels.nodes.split(self._contact, self._contact_rows)
+        self._truncate()
+        self._finest.setOperators(tangent, self._levels.inverse)
         self._cycle.setOperators(tangent)
         self._cycle.setUp()
 
-    def _differs(self, held: Array, soft: Array) -> bool:
-        """Whether the levels are to be truncated anew on account of this rank."""
-        if self._truncated_at is None:
-            return True
-        known = self._truncated_at
-        near = _SAME_STIFFNESS * np.abs(known[1]) + _SAME_PLACE * self._nodes.scale[:, None, None]
-        return bool((np.abs(held - known[0]) > _SAME_PLACE).any() or (np.abs(soft - known[1]) > near).any())
-
-    def _truncate(self, held: Array, soft: Array) -> None:
-        """(I - E) P, D^-1 and the coarse matrices; collective."""
-        onto, rest = self._nodes.matrix(held), self._nodes.matrix(soft)
-        if self._joined is not None:
-            onto, rest = self._joined.split(self._contact)
-        moved = onto.matMult(self._unmixed)
-        left = self._at_contact.copy()
-        left.axpy(-1.0, moved, structure=_SUBSET)
-        yielding = left
-        if self._rigid and self._joined is None:
-            yielding = self._unmixed.copy()
-            yielding.axpy(-1.0, moved, structure=_DIFFERENT)
-        rows = self._places.getIndices()
-        if rows.size:
-            starts, columns, values = left.getValuesCSR()
-            self._truncated.setValuesIJV(starts, columns, values, rowmap=rows)
-        self._truncated.assemble()
-        self._inverse = self._inverse_diagonal(held)
-        half = moved.transposeMatMult(self._product)
-        change = moved.transposeMatMult(self._elastic.matMult(moved))
-        change.axpy(1.0, yielding.transposeMatMult(rest.matMult(yielding)), structure=_DIFFERENT)
-        change.axpy(-1.0, half, structure=_DIFFERENT)
-        change.axpy(-1.0, half.transpose(PETSc.Mat()), structure=_DIFFERENT)
-        below = (*self._hierarchy.interpolations[1:], None)
-        # PCMG keeps the matrices that it was first given, so that these change in place.
-        new = not self._coarse
-        for place, (level, interpolation) in enumerate(zip(self._hierarchy.coarse, below, strict=True)):
-            if new:
-                self._coarse.append(level.copy())
-            coarse, diagonal = self._coarse[place], level.getDiagonal()
-            if not new:
-                coarse.zeroEntries()
-                coarse.axpy(1.0, level, structure=_SUBSET)
-            coarse.axpy(1.0, change, structure=_DIFFERENT if new else _SUBSET)
-            diagonal.scale(_SHIFT)
-            coarse.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD_VALUES)
-            coarse.setOption(PETSc.Mat.Option.SPD, True)
-            self._smoothers[place].setOperators(coarse)
-            if interpolation is not None:
-                change = interpolation.transposeMatMult(change.matMult(interpolation))
-
-    def _inverse_diagonal(self, held: Array) -> PETSc.Mat:
-        """D^-1 of the directions that are free to move."""
-        nodes = self._nodes
-        unknowns = self._unknowns[: nodes.starts.size - 1]
-        first, last = self._diagonal.getOwnershipRange()
-        others = np.ones(last - first, dtype=bool)
-        others[unknowns] = False
-        counts = np.ones(last - first, dtype=np.int64)
-        counts[unknowns] = np.diff(nodes.starts)
-        starts = np.concatenate(([0], np.cumsum(counts)))
-        columns, values = np.empty(starts[-1], dtype=np.int64), np.empty(starts[-1])
-        columns[starts[:-1][others]] = first + np.flatnonzero(others)
-        values[starts[:-1][others]] = 1.0 / self._diagonal.getArray(readonly=True)[others]
-        place = np.repeat(starts[unknowns] - nodes.starts[:-1], np.diff(nodes.starts)) + np.arange(nodes.columns.size)
-        columns[place] = first + unknowns[nodes.columns]
-        values[place] = nodes.values(nodes.inverse(held))
-        csr = (starts.astype(PETSc.IntType), columns.astype(PETSc.IntType), values)
-        sizes = self._diagonal.getSizes()
-        return PETSc.Mat().createAIJ((sizes, sizes), csr=csr, comm=self._comm)
+    def _truncate(self) -> None:
+        """Let the levels be those of this tangent; collective."""
+        self._levels.truncate(*self._held, self._reduced)
+        self._times = self._levels.times
 
     def solve_contact(self, right: PETSc.Vec, x: PETSc.Vec) -> None:
-        """X = F b, zero elsewhere; collective."""
+        """X = F b, zero elsewhere; collective.  A solve begins with this."""
+        if self._times != self._levels.times:  # for another tangent
+            self._truncate()
+            for smoother in self._smoothers:
+                smoother.setUp()
         self._right.getArray()[:] = right.getArray(readonly=True)[self._unknowns]
         self._solver.apply(self._right, self._left)
         x.set(0.0)

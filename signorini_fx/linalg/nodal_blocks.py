@@ -31,7 +31,7 @@ class NodalBlocks:
         self._comm, self._sizes = elastic.comm, elastic.getSizes()
         self._first = elastic.getOwnershipRange()[0]
         nodes, node = np.unique(unknowns // size, return_inverse=True)
-        self.shape = (nodes.size, size, size)
+        self.shape: tuple[int, ...] = (nodes.size, size, size)
         self._node, self._component = node.ravel(), unknowns % size
         counts = np.bincount(self._node, minlength=nodes.size)[self._node]
         self.starts = np.concatenate(([0], np.cumsum(counts)))
@@ -53,15 +53,24 @@ class NodalBlocks:
         node, row, column = self._node[self._rows], self._component[self._rows], self._component[self.columns]
         return np.asarray(blocks[node, row, column])
 
-    def matrix(self, blocks: Array) -> PETSc.Mat:
-        """The matrix with these blocks; collective."""
+    def matrix(self, blocks: Array, into: PETSc.Mat | None = None) -> PETSc.Mat:
+        """The matrix with these blocks; collective.
+
+        Args:
+            blocks: see above.
+            into: an earlier one, which is filled again; None: a new one.
+        """
         none = self._sizes[0][0] - self._node.size
         csr = (
             np.pad(self.starts, (0, none), "edge").astype(PETSc.IntType),
             (self._first + self.columns).astype(PETSc.IntType),
             self.values(blocks),
         )
-        return PETSc.Mat().createAIJ(self._sizes, csr=csr, comm=self._comm)
+        if into is None:
+            return PETSc.Mat().createAIJ(self._sizes, csr=csr, comm=self._comm)
+        into.setValuesCSR(*csr)
+        into.assemble()
+        return into
 
     def _blocks(self, matrix: PETSc.Mat) -> Array:
         """Those of a matrix like A_cc."""
