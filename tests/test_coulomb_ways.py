@@ -138,6 +138,31 @@ def test_one_bound_proves_nothing(monkeypatch, push, kind, status, fallbacks):
     assert alone(scene, check=False).status is status
 
 
+@pytest.mark.parametrize("solver", [{}, {"algorithm": "alm"}, {"fallbacks": False}])
+def test_friction_that_nothing_presses(solver):
+    """A block beside a wall that leans away from it is drawn up, where friction would hold it if it were jammed between
+    the wall and its support: but it is apart, the pressures found are zero, and so is what friction carries.
+    """
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 3, "ny": 3}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "right", "x": 0.0},
+            "traction": {"boundary": "top", "y": 1.0},
+            "contact": {
+                "boundary": "left",
+                "gap": 0.1,
+                "direction": [-1.0, -0.1],
+                "friction": {"law": "coulomb", "coefficient": 0.5},
+            },
+            "solver": solver,
+        }
+    )
+    solution = alone(scene, check=False)
+    assert solution.status is Status.SLIDES_AT_PRESSURES
+    assert "friction at this pressure carries at most 0 of the loads" in solution.history.events
+
+
 def test_a_node_that_only_supports_press():
     """In the second step a support pushes one corner into the foundation: no force that the body feels tells that the
     bound of the first step is not that of the law, F times the pressure of the penalty.
