@@ -79,6 +79,16 @@ def test_what_is_wrong_is_noticed(seed, spoil, answers):
     assert found.kind == (RIGHT if spoil is None else WRONG), found.worst
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_planes_of_symmetry(known, monkeypatch):
+    """Where supports hold both bodies across a plane, the normal on it is that of both halves; elsewhere it is not."""
+    if not known:
+        monkeypatch.setattr(mortar.Side, "mirrored", lambda side, *_: side)
+    assert row_of(95032, "bodies").kind == (RIGHT if known else WRONG)
+    if known:
+        assert row_of(95794, "bodies").kind == RIGHT
+
+
 @pytest.mark.parametrize("seed", [0, 1, 3, 7])
 def test_joint_rigid_motions_do_not_move_the_points(seed):
     """The oracle's own map: zero on them, and one body alone moves all points by as much."""

@@ -18,6 +18,7 @@ from scipy.spatial.distance import cdist
 
 from stability.oracle import elements
 from stability.oracle.bodies.plane import PlaneBody
+from stability.oracle.bodies.symmetry import across_planes
 from stability.oracle.body import listed
 from stability.oracle.elements import Array, Ints, at_points
 from stability.oracle.space.body import Body
@@ -65,6 +66,13 @@ class Side:
         middle = np.array([[0.5]] if self.flat else [[0.3, 0.3]])
         for facet in range(len(self.nodes)):
             self.sign[facet] = np.sign(self.across(facet, middle)[0] @ outward[facet, 0])
+        self.mirrors = np.zeros((*self.x.shape, self.x.shape[1]))
+
+    def mirrored(self, body: Body | PlaneBody, master: Side) -> Side:
+        """The same with the normals of its mirror images beyond planes of symmetry, too."""
+        self.mirrors = across_planes(body, self.normals, self.nodes[:, : self.width], master.nodes)
+        del self.normals
+        return self
 
     @property
     def width(self) -> int:
@@ -118,8 +126,9 @@ class Side:
     @cached_property
     def normals(self) -> Array:
         """Of length one at the nodes with test functions, zero at others."""
-        size = np.linalg.norm(self.moments[1], axis=1, keepdims=True)
-        return np.asarray(np.divide(self.moments[1], size, out=np.zeros_like(self.x), where=size > 0))
+        moment = self.moments[1] - np.einsum("nij,nj->ni", self.mirrors, self.moments[1])
+        size = np.linalg.norm(moment, axis=1, keepdims=True)
+        return np.asarray(np.divide(moment, size, out=np.zeros_like(self.x), where=size > 0))
 
     @property
     def used(self) -> Ints:
@@ -141,7 +150,8 @@ class Side:
 def points_between(body: Body | PlaneBody, part: int) -> Points:
     """The points of a contact of two bodies."""
     effect = listed(body.scene, "contact")[part]
-    slave, master = Side(body, effect["boundary"]), Side(body, effect["against"])
+    master = Side(body, effect["against"])
+    slave = Side(body, effect["boundary"]).mirrored(body, master)
     bonded = effect.get("kind") == "bonded"
     pieces = _pieces(slave, master)
     size, dimension = len(body.x), body.x.shape[1]
@@ -174,6 +184,8 @@ def points_between(body: Body | PlaneBody, part: int) -> Points:
     own, others = ((shares @ matrix.tocsr()).toarray() / weight[:, None] for matrix in (own, others))
     operator = np.einsum("nm,ij->nimj", own - others, np.eye(dimension))
     operator += _turning((shares @ arms.tocsr()).toarray(), body.x, distance)
+    # Across a plane of symmetry nothing moves relative to the mirror image.
+    operator -= np.einsum("nij,njmk->nimk", slave.mirrors[nodes], operator)
     gap = at_points(effect.get("gap", 0.0), body.x[nodes])
     if bonded:
         gap = np.zeros(len(nodes))
