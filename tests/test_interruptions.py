@@ -1,5 +1,6 @@
 """Ctrl-C, SIGTERM and exceptions at every moment of a solve: they arrive, and are never taken for numerics."""
 
+import gc
 import json
 import os
 import shutil
@@ -73,6 +74,15 @@ PLACES = {
     "estimate": (stress_recovery.StressRecovery, "squares", (PLANE, f"{FULL}, levels = 2")),
     "writing": (files, "write_csv", (PLANE, FULL)),
 }
+
+
+@pytest.fixture(autouse=True)
+def collecting():
+    """Garbage is collected all the time, also while an exception passes through PETSc, which was a crash."""
+    thresholds = gc.get_threshold()
+    gc.set_threshold(1)
+    yield
+    gc.set_threshold(*thresholds)
 
 
 @pytest.fixture(scope="module")

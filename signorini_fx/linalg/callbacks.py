@@ -7,6 +7,7 @@ Python's collector of cycles sees it only in some builds, and a solver that PETS
 
 from __future__ import annotations
 
+import gc
 import weakref
 from collections.abc import Callable
 from functools import wraps
@@ -29,6 +30,7 @@ def called_back(function: Callable[P, T]) -> Callable[P, T]:
             return function(*args, **kwargs)
         except BaseException as error:
             _raised.append(error)
+            gc.disable()  # Python loses an exception that passes through C while garbage is collected, and crashes
             raise
 
     return guarded
@@ -57,12 +59,16 @@ def solve(solver: Callable[..., object], *arguments: Any) -> None:
         BaseException: the first one that a function raised that PETSc called.
     """
     _raised.clear()
+    collecting = gc.isenabled()
     with signals.deferred():
         try:
             solver(*arguments)
         except BaseException:
             if not _raised:
                 raise
+        finally:
+            if collecting:
+                gc.enable()
     if _raised:
         del _raised[1:]
         raise _raised.pop()

@@ -69,15 +69,11 @@ class PartialFactor:
         scaled = [load[self.inner] / size for load, size in zip(loads, self._sizes, strict=True)]
         last = np.arange(inside, inside + count + len(loads), dtype=row.dtype)  # the diagonal, zero
         of_load, at = np.nonzero(scaled) if loads else (last[:0], last[:0])
-        entries = (
-            np.concatenate((values, np.asarray(scaled)[of_load, at] if loads else [], 0.0 * last)),
-            (
-                np.concatenate((row, self._order[at], last)),
-                np.concatenate((column, (inside + count + of_load).astype(row.dtype), last)),
-            ),
-        )
+        values = np.concatenate((values, np.asarray(scaled)[of_load, at] if loads else [], 0.0 * last))
+        row = np.concatenate((row, self._order[at], last))
+        column = np.concatenate((column, (inside + count + of_load).astype(row.dtype), last))
+        found = sp.csr_array((values, (row, column)), shape=(inside + count + len(loads),) * 2)
         del values, row, column, upper
-        found = sp.csr_array(entries, shape=(inside + count + len(loads),) * 2)
         csr = (found.indptr.astype(PETSc.IntType), found.indices.astype(PETSc.IntType, copy=False), found.data)
         self._whole = PETSc.Mat().createSBAIJ(found.shape, 1, csr=csr, comm=PETSc.COMM_SELF)
         self._whole.setOption(PETSc.Mat.Option.SPD, definite)
