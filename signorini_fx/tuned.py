@@ -81,8 +81,8 @@ FAINT_DISPLACEMENT = 1e-3
 # --- linear algebra --------------------------------------------------------------------------------------------------
 
 # Below this number of unknowns a sparse factorisation costs no more than condensing onto the contact nodes saves.
-# No record; docs/performance.md measures both ways on larger meshes.
-FEWEST_CONDENSED_UNKNOWNS = 4_000
+# No record in the plane; in space, docs/performance.md, "Three dimensions".
+FEWEST_CONDENSED_UNKNOWNS = {2: 4_000, 3: 1_500}
 # A sparse factorisation takes about 50 n^1.5 operations in two dimensions and 8 n^2 in three, a dense one n^3 / 3: the
 # cheaper one is taken.  Factor and exponent by dimension.  Source: nested dissection for the powers.  No record for the
 # factors.
@@ -96,9 +96,9 @@ MOST_CONDENSED_UNKNOWNS = {2: 10**9, 3: 5_000}
 # From this number of unknowns on a Krylov method with multigrid is taken, by dimension; in the plane where the memory
 # ends.  Source: docs/performance.md, "Three dimensions".
 FEWEST_KRYLOV_UNKNOWNS = {3: 20_000}
-# The same for two bodies in contact, where the contact points are so few that the system can be condensed onto them.
-# Source: docs/performance.md, "Two bodies".
-FEWEST_KRYLOV_UNKNOWNS_OF_PAIRS = {3: 40_000}
+# The same where the contact points are so few that the system can be condensed onto them.
+# Source: docs/performance.md, "Three dimensions".
+FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED = {3: 40_000}
 # Multigrid for plain displacements takes three times as many steps for a Poisson's ratio of 0.49 as for one of 0.4, and
 # twenty times as many for 0.4999: above it a factorisation is taken.  Tuned on the block of tests/spaces.py.
 LARGEST_MULTIGRID_POISSON = 0.49

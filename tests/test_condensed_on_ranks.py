@@ -9,7 +9,7 @@ from scenes import example1
 from test_ranks import agree, same_on_all_ranks
 
 from signorini_fx import parallel, solve
-from signorini_fx.linalg import choice, keep_diagonal
+from signorini_fx.linalg import choice, keep_diagonal, partial_factor
 from signorini_fx.linalg.schur import SchurComplement
 from signorini_fx.scene.reading import parse_scene
 
@@ -150,3 +150,15 @@ def test_where_several_ranks_condense(change, reason):
         few = WORLD.size == 1 or (not change and (WORLD.size <= 4 or requested == "condensed"))
         assert kind == ("condensed" if few else "full")
         assert few or reason in why
+
+
+def test_a_rank_that_cannot_condense(monkeypatch):
+    """One rank has no memory for its factor: all of them take the full system, and none waits for it."""
+    scene = example1(bound=1.5, nx=96, ny=32, linear_algebra="condensed")
+    expected = solve(scene, WORLD)
+    assert expected.linear_algebra.startswith("condensed")
+    if WORLD.rank == WORLD.size - 1:
+        monkeypatch.setattr(partial_factor, "_MEMORY", ((23, 1),))  # one megabyte
+    found = solve(scene, WORLD)
+    assert found.linear_algebra == "full: MUMPS could not condense the system"
+    np.testing.assert_allclose(found.contact.forces, expected.contact.forces, rtol=0, atol=1e-8)

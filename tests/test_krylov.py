@@ -305,33 +305,20 @@ def test_chosen_for_large_bodies_in_space(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("unknowns", "retained", "paired", "expected"),
+    ("unknowns", "retained", "expected"),
     [
-        (33_627, 2_400, True, "condensed"),
-        (33_627, 2_400, False, "krylov"),
-        (33_627, 3_100, True, "krylov"),  # 3100^3 / 3 > 8 * 33627^2
-        (40_000, 2_400, True, "krylov"),
-        (15_000, 1_000, True, "condensed"),
+        (1_400, 100, "full"),
+        (1_600, 100, "condensed"),
+        (33_627, 2_400, "condensed"),
+        (33_627, 3_100, "krylov"),  # 3100^3 / 3 > 8 * 33627^2
+        (15_000, 2_000, "full"),
+        (40_000, 2_400, "krylov"),
     ],
 )
-def test_two_bodies_are_condensed_for_longer(unknowns, retained, paired, expected):
+def test_the_kind_in_space(unknowns, retained, expected):
     """By the unknowns, and by those that contact touches."""
-    size = choice.SystemSize(MPI.COMM_SELF, unknowns, 3, retained, held=True, compressible=True, paired=paired)
+    size = choice.SystemSize(MPI.COMM_SELF, unknowns, 3, retained, held=True, compressible=True)
     assert choice.choose_kind(size, "auto")[0] == expected
-
-
-def test_a_pair_is_known_by_its_points():
-    """Two boxes on each other are a pair, and one on a rigid plane is none."""
-    sides = {"length": 1.0, "width": 1.0, "height": 1.0, "nx": 1, "ny": 1, "nz": 1}
-    box = {"generator": "box", "parameters": sides}
-    held = {"boundary": "lower.bottom", "x": 0.0, "y": 0.0, "z": 0.0}
-    pair = {"boundary": "upper.bottom", "against": "lower.top"}
-    bodies = [{"name": "lower", "mesh": box}, {"name": "upper", "mesh": box, "shift": [0.0, 0.0, 1.0]}]
-    for contact, paired in ((pair, True), ({"boundary": "upper.top"}, False)):
-        data = {"body": bodies, "material": {"young": 1.0, "poisson": 0.3}, "displacement": held, "contact": contact}
-        scene = parse_scene(data)
-        found = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
-        assert found.system_size.paired == paired
 
 
 RANKED = {

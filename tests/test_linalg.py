@@ -35,7 +35,8 @@ def test_one_triangle_makes_a_symmetric_matrix(size, triangle):
 
 @pytest.mark.parametrize("definite", [True, False])
 @pytest.mark.parametrize("count", [0, 3])
-def test_schur_complement_with_loads(definite, count):
+@pytest.mark.parametrize("placed", [None, 40, 30])
+def test_schur_complement_with_loads(definite, count, placed):
     """Against dense algebra, in odd units, with loads of very different sizes and none."""
     generator = np.random.default_rng(count)
     half = generator.normal(size=(40, 40)) * (generator.random((40, 40)) < 0.2)
@@ -46,7 +47,8 @@ def test_schur_complement_with_loads(definite, count):
     matrix = PETSc.Mat().createDense((40, 40), array=dense, comm=COMM)
     matrix.assemble()
     matrix = matrix.convert("aij")
-    found = schur.SchurComplement(matrix, retained, loads, definite=definite)
+    positions = None if placed is None else np.repeat(generator.normal(size=(placed // 2, 2)), 2, axis=0)
+    found = schur.SchurComplement(matrix, retained, loads, positions, definite=definite)
     lift = np.linalg.solve(dense[np.ix_(inside, inside)], dense[np.ix_(inside, retained)])
     expected = dense[np.ix_(retained, retained)] - dense[np.ix_(retained, inside)] @ lift
     np.testing.assert_allclose(found.dense, expected, rtol=0, atol=1e-12 * np.abs(expected).max())

@@ -130,14 +130,14 @@ class ElasticBody:
     @property
     def system_size(self) -> SystemSize:
         """The figures that decide which kind of elastic system it gets."""
-        retained, held, paired, across = 0, False, False, int(self.space.mesh.topology.dim)
+        retained, held, across = 0, False, int(self.space.mesh.topology.dim)
         if self.boundary is not None and self.at_contact is not None:
             reached = parallel.gather_rows(self.comm, np.unique(self.boundary.reached))
             retained = self.dimension * int(np.unique(reached).size)
             everywhere: Any = self.boundary.points.everywhere
-            held, paired = self.at_contact.held_by(everywhere, everywhere), self.boundary.paired
+            held = self.at_contact.held_by(everywhere, everywhere)
         if self.mixed is None:
-            return SystemSize(self.comm, self.dofs, across, retained, held, self.compressible, paired=paired)
+            return SystemSize(self.comm, self.dofs, across, retained, held, self.compressible)
         touched = self.prescribed.copy()
         touched[_touched(self.contact)] = True
         enclosed = retained > 0 and self._encloses(touched)

@@ -57,6 +57,11 @@ class MeshLevel:
         return int(self.space.dofmap.index_map_bs)
 
     @property
+    def positions(self) -> npt.NDArray[np.float64]:
+        """Of the unknowns of this rank, shape (n, 3)."""
+        return np.repeat(self.motions.x[: self._owned], self.block, axis=0)
+
+    @property
     def _owned(self) -> int:
         return int(self.space.dofmap.index_map.size_local)
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 from signorini_fx.linalg import ElasticSystem, options
 from signorini_fx.linalg.condensed import CondensedSystem
@@ -16,7 +17,7 @@ from signorini_fx.linalg.krylov import KrylovSystem
 from signorini_fx.tuned import (
     FEWEST_CONDENSED_UNKNOWNS,
     FEWEST_KRYLOV_UNKNOWNS,
-    FEWEST_KRYLOV_UNKNOWNS_OF_PAIRS,
+    FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED,
     MOST_CONDENSED_UNKNOWNS,
     SPARSE_OPERATIONS,
 )
@@ -42,7 +43,6 @@ class SystemSize:
         compressible: whether the material is far enough from incompressible for multigrid.
         definite: whether the matrix is positive semi-definite.
         enclosed: whether what contact does not touch is singular: contact and supports enclose an incompressible body.
-        paired: whether two bodies are in contact.
     """
 
     comm: MPI.Comm
@@ -53,7 +53,6 @@ class SystemSize:
     compressible: bool
     definite: bool = True
     enclosed: bool = False
-    paired: bool = False
 
 
 def choose_system(elasticity: Elasticity, size: SystemSize, requested: str) -> tuple[ElasticSystem, str]:
@@ -65,7 +64,12 @@ def choose_system(elasticity: Elasticity, size: SystemSize, requested: str) -> t
         requested: ``full``, ``krylov``, ``condensed`` or ``auto``.
     """
     kind, reason = choose_kind(size, requested)
-    return _KINDS[kind](elasticity), f"{kind}: {reason}"
+    try:
+        return _KINDS[kind](elasticity), f"{kind}: {reason}"
+    except PETSc.Error:
+        if kind != "condensed":
+            raise
+        return _KINDS["full"](elasticity), "full: MUMPS could not condense the system"
 
 
 def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:
@@ -120,9 +124,8 @@ def krylov_from(size: SystemSize, requested: str) -> float:
         return 0.0 if requested == "krylov" else math.inf
     if not size.compressible or any(options.user_sets(start) for start in ("pc_", "ksp_", "mat_")):
         return math.inf
-    # Multigrid takes more steps for two bodies than for one.  A dense matrix of few contact points is cheap for longer.
-    condensed = size.paired and against_condensing(size) is None
-    fewest = FEWEST_KRYLOV_UNKNOWNS_OF_PAIRS if condensed else FEWEST_KRYLOV_UNKNOWNS
+    # A dense matrix of few contact points is cheap for longer than a sparse one.
+    fewest = FEWEST_KRYLOV_UNKNOWNS if against_condensing(size) else FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED
     return fewest.get(size.dimension, math.inf)
 
 
@@ -137,7 +140,7 @@ def against_condensing(size: SystemSize) -> str | None:
         return "PETSc has no MUMPS"
     if options.user_sets("pc_") or options.user_sets("ksp_") or options.user_sets("mat_"):
         return "the options choose a linear solver"
-    if size.unknowns < FEWEST_CONDENSED_UNKNOWNS:
+    if size.unknowns < FEWEST_CONDENSED_UNKNOWNS[size.dimension]:
         return f"only {size.unknowns} unknowns"
     factor, exponent = SPARSE_OPERATIONS[size.dimension]
     border = round((size.comm.size - 1) * math.sqrt(2 * size.unknowns))  # straight cuts through a square

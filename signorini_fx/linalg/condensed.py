@@ -104,7 +104,7 @@ class CondensedSystem(DenseSystem):
         touched = np.unique(parallel.gather_rows(e.comm, np.unique(e.contact.operator.getValuesCSR()[1])))
         retained = touched[(first <= touched) & (touched < last)] - first
         loads = [case.load.getArray(readonly=True) for case in e.cases]
-        schur = SchurComplement(e.matrix, retained, loads, definite=e.definite)
+        schur = SchurComplement(e.matrix, retained, loads, e.positions, definite=e.definite)
         contact = e.contact.among(retained, e.fixed[retained])
         dense, relative = schur.dense, RelativeUnknowns.of(schur.dense, contact)
         if relative is not None:

@@ -37,6 +37,7 @@ class Level(Protocol):
         coarser: the next coarser level; None: there is none.
         block: unknowns per node.
         interpolation: from the unknowns on the coarser level, prescribed ones left out; None: there is none.
+        positions: of the unknowns of this rank, shape (n, 3).
     """
 
     @property
@@ -49,6 +50,10 @@ class Level(Protocol):
 
     @property
     def interpolation(self) -> PETSc.Mat | None:
+        """See above."""
+
+    @property
+    def positions(self) -> npt.NDArray[np.float64]:
         """See above."""
 
     def modes(self) -> PETSc.NullSpace:
@@ -84,6 +89,11 @@ class Elasticity:
     def comm(self) -> MPI.Comm:
         """The ranks that share the body."""
         return self.contact.points.comm
+
+    @property
+    def positions(self) -> npt.NDArray[np.float64] | None:
+        """Of the displacements of this rank, its first unknowns; None: not known."""
+        return None if self.level is None else self.level.positions
 
     def resultant(self, cases: Sequence[LoadCase], factors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """The work of load cases times their factors on the free rigid motions, shape (k,), see ``total_work``."""

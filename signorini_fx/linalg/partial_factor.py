@@ -6,21 +6,25 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 from petsc4py import PETSc
-from scipy.sparse.csgraph import breadth_first_order
 
+from signorini_fx.linalg.elimination_order import dissected, nearest_first
 from signorini_fx.linalg.petsc_c import call
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
-_FACTOR_CHOLESKY = 2  # MAT_FACTOR_CHOLESKY of petscmat.h
+_FACTOR_LU, _FACTOR_CHOLESKY = 1, 2  # MAT_FACTOR_LU and MAT_FACTOR_CHOLESKY of petscmat.h
+_LU_SYMBOLIC = 25  # MATOP_LUFACTOR_SYMBOLIC
+ERROR_IN_LIBRARY = 76  # PETSC_ERR_LIB
+_ORDER_OF_USER = 1  # INFOG(7)
 _SOLVE_INTERIOR_ONLY = 0  # ICNTL(26): the Schur variables are not touched
-_MEMORY_RELAXATION = (14, 30)  # ICNTL(14), per cent
+_MEMORY = ((14, 30), (14, 300))  # ICNTL(14), per cent more than estimated, one after another until it is enough
 _SMALL = 20  # powers of two by which the entries of a load are smaller than those of the matrix
 
 
@@ -34,6 +38,8 @@ class PartialFactor:
         places: of each column its place among those that stay, -1: it is inner, or if it is none of this rank empty.
         count: number of those that stay.
         loads: right-hand sides b, shape (n,).
+        positions: of the first of these unknowns, shape (at most n, d), from which the order of their elimination is
+            taken; None: minimum degree.
         definite: whether A_ii is positive definite.
 
     Attributes:
@@ -45,13 +51,23 @@ class PartialFactor:
     """
 
     def __init__(
-        self, rows: sp.csr_array, places: Indices, count: int, loads: Sequence[Array] = (), *, definite: bool
+        self,
+        rows: sp.csr_array,
+        places: Indices,
+        count: int,
+        loads: Sequence[Array] = (),
+        positions: Array | None = None,
+        *,
+        definite: bool,
     ) -> None:
         self.inner = np.flatnonzero(places[: rows.shape[0]] < 0)
         self._count, inside = count, self.inner.size
         stay = places >= 0
         to = np.full(places.size, -1, dtype=rows.indices.dtype)
-        to[_nearest_first(rows, stay)] = np.arange(inside)
+        # Of an indefinite matrix, of a mixed element, minimum degree takes fewer operations.
+        self._in_order = positions is not None and definite and _order_is_taken()
+        known = positions if self._in_order else None
+        to[nearest_first(rows, stay) if known is None else dissected(rows, self.inner, known)] = np.arange(inside)
         to[stay] = inside + places[stay]
         self._order = to[self.inner]
         # With a Schur complement MUMPS does not scale, and pivots below an absolute threshold would be lost.
@@ -91,22 +107,13 @@ class PartialFactor:
         del self._whole
         if not inside:  # some MUMPS fail with nothing to eliminate
             return np.zeros((count, count)), np.zeros((self._sizes.size, count))
-        handle = ctypes.c_void_p()
-        call("MatGetFactor", whole, b"mumps", _FACTOR_CHOLESKY, ctypes.byref(handle))
-        self._factor = handle
         self._right, self._found = whole.createVecs()
-        stays = np.arange(inside, whole.getSize()[0], dtype=PETSc.IntType)
-        call("MatFactorSetSchurIS", handle, PETSc.IS().createGeneral(stays, comm=whole.comm))
-        call("MatMumpsSetIcntl", handle, *_MEMORY_RELAXATION)
-        # MatFactorInfo is a struct of doubles; zeros are its defaults.
-        info = (ctypes.c_double * 32)()
-        call("MatCholeskyFactorSymbolic", handle, whole, None, ctypes.byref(info))
-        call("MatCholeskyFactorNumeric", handle, whole, ctypes.byref(info))
+        self._factor = handle = _factorise(whole, inside, _MEMORY, in_order=self._in_order)
         dense = ctypes.c_void_p()
         call("MatFactorCreateSchurComplement", handle, ctypes.byref(dense), None)
         entries = ctypes.POINTER(ctypes.c_double)()
         call("MatDenseGetArrayRead", dense, ctypes.byref(entries))
-        values = np.ctypeslib.as_array(entries, shape=(stays.size, stays.size)).copy()
+        values = np.ctypeslib.as_array(entries, shape=(whole.getSize()[0] - inside,) * 2).copy()
         call("MatDenseRestoreArrayRead", dense, ctypes.byref(entries))
         call("MatDestroy", ctypes.byref(dense))
         _symmetrise(values)
@@ -132,22 +139,61 @@ def _power(size: float) -> float:
     return float(2.0 ** np.round(np.log2(size))) if size > 0 else 1.0
 
 
-def _nearest_first(rows: sp.csr_array, stay: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:
-    """The inner unknowns in the order of their distance in the graph from those that stay, shape (m,).
+@cache
+def _order_is_taken() -> bool:
+    """Whether ``_factorise`` can prescribe the order: not with all versions of PETSc."""
+    whole = PETSc.Mat().createSBAIJ(
+        (3, 3), 1, csr=([0, 2, 3, 4], [0, 2, 1, 2], [1.0, 1.0, 1.0, 0.0]), comm=PETSc.COMM_SELF
+    )
+    used = ctypes.c_int()
+    try:
+        factor = _factorise(whole, 2, _MEMORY, in_order=True)
+    except PETSc.Error:
+        return False
+    call("MatMumpsGetInfog", factor, 7, ctypes.byref(used))
+    call("MatDestroy", ctypes.byref(factor))
+    return used.value == _ORDER_OF_USER
 
-    Minimum degree, by which MUMPS orders with a Schur complement, takes the first of equal degrees, so that the
-    operations depend on the numbering, by up to a factor of three; of all that were tried this one is among the best.
+
+def _factorise(whole: PETSc.Mat, inside: int, memory: Sequence[tuple[int, int]], *, in_order: bool) -> ctypes.c_void_p:
+    """Factorise the first rows and columns of a symmetric matrix; those of the others become the Schur complement.
+
+    Args:
+        whole: the matrix.
+        inside: number of those rows.
+        memory: what is tried one after another, as numbers and values of ICNTL.
+        in_order: whether to eliminate them one after another, where PETSc lets MUMPS know; else by minimum degree.
+
+    Raises:
+        PETSc.Error: PETSc has no MUMPS, or the factorisation broke down.
     """
-    own, size = rows.shape
-    # A node more, from which the search begins; columns of other ranks have no row and end it.
-    columns = np.concatenate((rows.indices, np.flatnonzero(stay).astype(rows.indices.dtype)))
-    ends = np.concatenate((rows.indptr, np.full(size - own, rows.indptr[-1]), [columns.size]))
-    graph = sp.csr_array((np.broadcast_to(1.0, columns.size), columns, ends), shape=(size + 1,) * 2)
-    order = breadth_first_order(graph, size, return_predecessors=False)
-    inner = np.append(~stay[:own], np.zeros(size + 1 - own, dtype=bool))
-    order = order[inner[order]]
-    inner[order] = False  # what the search has not reached is left
-    return np.concatenate((order, np.flatnonzero(inner)))
+    factor, broken = ctypes.c_void_p(), ctypes.c_int()
+    call("MatGetFactor", whole, b"mumps", _FACTOR_CHOLESKY, ctypes.byref(factor))
+    every = np.arange(whole.getSize()[0], dtype=PETSc.IntType)
+    call("MatFactorSetSchurIS", factor, PETSc.IS().createGeneral(every[inside:], comm=whole.comm))
+    call("MatMumpsSetIcntl", factor, *memory[0])
+    info = (ctypes.c_double * 32)()  # MatFactorInfo is a struct of doubles; zeros are its defaults
+    if in_order:
+        # PETSc passes an order on in the symbolic LU factorisation alone, which is borrowed.
+        lent, symbolic = ctypes.c_void_p(), ctypes.c_void_p()
+        small = PETSc.Mat().createConstantDiagonal((1, 1), 1.0, comm=PETSc.COMM_SELF).convert("aij")
+        call("MatGetFactor", small, b"mumps", _FACTOR_LU, ctypes.byref(lent))
+        call("MatGetOperation", lent, _LU_SYMBOLIC, ctypes.byref(symbolic))
+        call("MatDestroy", ctypes.byref(lent))
+        call("MatSetOperation", factor, _LU_SYMBOLIC, symbolic)
+        order = PETSc.IS().createGeneral(every, comm=whole.comm)
+        call("MatLUFactorSymbolic", factor, whole, order, order, ctypes.byref(info))
+        call("MatLUFactorNumeric", factor, whole, ctypes.byref(info))
+    else:
+        call("MatCholeskyFactorSymbolic", factor, whole, None, ctypes.byref(info))
+        call("MatCholeskyFactorNumeric", factor, whole, ctypes.byref(info))
+    call("MatFactorGetError", factor, ctypes.byref(broken))
+    if not broken.value:
+        return factor
+    call("MatDestroy", ctypes.byref(factor))
+    if not memory[1:]:
+        raise PETSc.Error(ERROR_IN_LIBRARY)
+    return _factorise(whole, inside, memory[1:], in_order=in_order)
 
 
 def _symmetrise(values: Array, block: int = 256) -> None:

@@ -21,7 +21,7 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.sparse.csgraph import connected_components
 
 from signorini_fx import parallel
-from signorini_fx.linalg.partial_factor import PartialFactor
+from signorini_fx.linalg.partial_factor import ERROR_IN_LIBRARY, PartialFactor
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -35,6 +35,7 @@ class SchurComplement:
         retained: local numbers of the dofs c of this rank that stay; those of all ranks stacked are in the order of the
             dense matrix.
         loads: right-hand sides b, the entries of this rank.
+        positions: see ``PartialFactor``.
         definite: whether A_ii is positive definite.
 
     Attributes:
@@ -47,7 +48,13 @@ class SchurComplement:
     """
 
     def __init__(
-        self, matrix: PETSc.Mat, retained: Indices, loads: Sequence[Array] = (), *, definite: bool = True
+        self,
+        matrix: PETSc.Mat,
+        retained: Indices,
+        loads: Sequence[Array] = (),
+        positions: Array | None = None,
+        *,
+        definite: bool = True,
     ) -> None:
         self.matrix, self.retained = matrix, retained
         self._comm: MPI.Comm = matrix.comm.tompi4py()
@@ -70,9 +77,15 @@ class SchurComplement:
         self._places = np.flatnonzero(touched)
         places = np.where(numbers >= 0, np.searchsorted(self._places, numbers), -1)
         between = sp.coo_array(rows[np.flatnonzero(numbers[:own] >= 0)])
-        self._factor = PartialFactor(rows, places, self._places.size, loads, definite=definite)
+        self._factor = PartialFactor(rows, places, self._places.size, loads, positions, definite=definite)
         del rows, inner
-        dense, condensed = self._factor.eliminate()
+        broken = False
+        try:
+            dense, condensed = self._factor.eliminate()
+        except PETSc.Error:
+            broken = True
+        if parallel.any_rank(self._comm, broken):
+            raise PETSc.Error(ERROR_IN_LIBRARY)
         there = np.flatnonzero(numbers[between.col] >= 0)
         of_row = numbers[:own][numbers[:own] >= 0][between.row[there]]
         row, column, entry = (
@@ -101,7 +114,7 @@ class SchurComplement:
         at_joint[self._cut :] = parallel.gather_rows(self._comm, values)
         for block in self._blocks:
             right = between[block.border] - block.across @ at_joint[self._cut + block.stay]
-            at_joint[block.border] = solve_triangular(block.factor, right, lower=True, trans=1)
+            at_joint[block.border] = solve_triangular(block.factor, right, lower=True, trans=1, check_finite=False)
         every = result.getArray()
         right = load.getArray(readonly=True)[self._factor.inner] - self._factor.toward @ at_joint[self._places]
         every[self._factor.inner] = self._factor.solve(right)
@@ -175,7 +188,8 @@ class SchurComplement:
             every[there] += values
         between, found = np.empty(self._cut), every[self._cut :]
         for block in self._blocks:
-            between[block.border] = solve_triangular(block.factor, every[block.border], lower=True)
+            right = every[block.border]
+            between[block.border] = solve_triangular(block.factor, right, lower=True, check_finite=False)
             found[block.stay] -= block.across.T @ between[block.border]
         return found, between
 

@@ -162,7 +162,8 @@ def contact_stiffness(d: Discretisation) -> tuple[Nodal, Nodal] | str:
     rows = np.zeros((len(starts) - 1, retained.size))
     rows[np.repeat(np.arange(len(rows)), np.diff(starts)), np.searchsorted(retained, columns)] = values
     try:
-        condensed = SchurComplement(elasticity.matrix, retained, definite=elasticity.definite).dense[np.ix_(free, free)]
+        of = elasticity.matrix, retained, (), elasticity.positions
+        condensed = SchurComplement(*of, definite=elasticity.definite).dense[np.ix_(free, free)]
     except PETSc.Error:
         return "a part of the body moves freely though its contact points are fixed"
     return condensed, rows[:, free]
