@@ -8,6 +8,7 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1, table_of
 from spaces import block as block_in_space
+from test_loose_bodies import stack
 
 from signorini_fx import compat
 from signorini_fx.algorithms.ssn import SemismoothNewton
@@ -503,6 +504,33 @@ def test_a_rigid_motion_is_no_deformation():
     gap = lambda x: effect.gap(x) - 3 * CERTIFICATE_TOLERANCE * left  # noqa: E731
     scene = solution.scene.model_copy(update={"contact": (effect.model_copy(update={"gap": gap}),)})
     refused(judged(solution, scene=scene), "entered")
+
+
+@pytest.mark.parametrize(("size", "stress"), [(1.0, 1.0), (1e-6, 1e9)])
+def test_a_body_that_moves_far_does_not_deform_another_one(size, stress):
+    """Two blocks move by half of their size until a third one deforms them by a thousandth of that: a gap that is wrong
+    by a share of what deforms them is not right because they have moved far.
+    """
+    friction = {"law": "coulomb", "coefficient": 0.5}
+    solution = alone(stack(-0.5005, friction, friction, gap=0.5, size=size, stress=stress))
+    assert solution.certificate.holds
+    x = solution.discretisation.space.tabulate_dof_coordinates()[:, :2]
+    u = solution.displacement.x.array.reshape(-1, 2)
+    down = u[:, 1] < -0.25 * size
+    left = 0.0
+    for body in (down, ~down):
+        motions = np.zeros((np.count_nonzero(body), 2, 3))
+        motions[:, 0, 0] = motions[:, 1, 1] = size
+        motions[:, 0, 2], motions[:, 1, 2] = -x[body, 1], x[body, 0]
+        flat = motions.reshape(-1, 3)
+        rest = u[body].ravel() - flat @ np.linalg.lstsq(flat, u[body].ravel())[0]
+        left = max(left, np.linalg.norm(rest.reshape(-1, 2), axis=1).max())
+    assert left < 1e-3 * size
+    contact = solution.scene.contact
+    for error, figure in ((3, "entered"), (-3, "pressure_at_distance")):
+        gap = 0.5 * size - error * CERTIFICATE_TOLERANCE * left
+        scene = solution.scene.model_copy(update={"contact": (contact[0].model_copy(update={"gap": gap}), contact[1])})
+        refused(judged(solution, scene=scene), figure)
 
 
 @pytest.mark.parametrize(("n", "degree"), [(4, 1), (4, 2), (8, 1)])

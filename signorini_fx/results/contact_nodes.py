@@ -361,7 +361,9 @@ def sides_of(
         from signorini_fx.results.paired_claim import claim_of
 
         paired = pairs_of(scene, tagged, space) if pairs is None else pairs
-        claims = {place: claim_of(pair, space) for place, pair in paired.items()}
+        for place, pair in paired.items():
+            effect = scene.contact[place]
+            claims[place] = claim_of(pair, space, *map(tagged.facets, (effect.boundary, str(effect.against))))
     x = node_positions(space)[:, : space.mesh.geometry.dim]
 
     def side(place: int, effect: Any) -> ContactSide:

@@ -6,16 +6,17 @@ import scipy.sparse as sp
 from dolfinx import fem
 
 from signorini_fx.body.paired_points import PairedSides
-from signorini_fx.results.paired_sides import Claim
+from signorini_fx.results.paired_sides import Claim, Indices
 
 
-def claim_of(pair: PairedSides, space: fem.FunctionSpace) -> Claim:
-    """What the solver says of a pair on this rank."""
+def claim_of(pair: PairedSides, space: fem.FunctionSpace, slave: Indices, master: Indices) -> Claim:
+    """What the solver says of a pair on this rank, whose sides are these facets according to the problem."""
     found, (own, others, turning) = pair.coupling, pair.shares()
     return Claim(
         space.mesh.comm,
-        pair.slave.facets,
-        pair.master.facets,
+        slave,
+        master,
+        (pair.slave.facets, pair.master.facets),
         pair.slave.nodes[found.nodes] - space.dofmap.index_map.local_range[0],
         found.weight,
         found.distance,

@@ -48,6 +48,7 @@ class Facets:
 
     Attributes:
         nodes: global numbers of their nodes, shape (f, k).
+        points: those of them with test functions, see ``Facet``, shape (f, t).
     """
 
     def __init__(self, space: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> None:
@@ -62,6 +63,7 @@ class Facets:
         names = space.dofmap.index_map.local_to_global(nodes.ravel()).reshape(nodes.shape)
         rows = numbers, names, x[nodes], x[of_cells].mean(axis=1)
         self._numbers, self.nodes, self._x, self._inside = (parallel.gather_rows(comm, one) for one in rows)
+        self.points = _tested(self.nodes, dim)
         self._made: dict[int, Facet] = {}
         self._middle = self._x.mean(axis=1)
         self._radius = np.linalg.norm(self._x - self._middle[:, None], axis=2).max(axis=1)
@@ -123,8 +125,8 @@ class Facet:
         self._along = np.array(ends) - self._start
         self.kind = {(2, 2): "interval", (3, 3): "triangle", (3, 4): "quadrilateral"}[dim, len(corner)]
         self.quadratic = len(self.nodes) > len(corner)
-        self._quadratic_triangle = self.kind == "triangle" and len(self.nodes) == 6
-        self.points = self.nodes[: len(corner)] if self._quadratic_triangle else self.nodes
+        self.points = _tested(self.nodes, dim)
+        self._quadratic_triangle = len(self.points) < len(self.nodes)
         straight = self.kind == "triangle" or (self.kind == "quadrilateral" and _is_parallelogram(x))
         self.rule = _POINTS["triangle" if straight and not self.quadratic else "quadrilateral"]
         self._corner = np.array(corner)
@@ -220,6 +222,11 @@ class Facet:
     def flat_parts(self) -> list[FlatPart]:
         """The linear parts in their planes."""
         return [FlatPart.of(part, corners) for part, corners in self.placed_parts]
+
+
+def _tested(nodes: npt.NDArray[np.int64], dim: int) -> npt.NDArray[np.int64]:
+    """Those nodes of facets, shape (..., k), that have test functions: the vertices on quadratic triangles."""
+    return nodes[..., :3] if dim == 3 and nodes.shape[-1] == 6 else nodes
 
 
 def _is_parallelogram(x: Array) -> bool:

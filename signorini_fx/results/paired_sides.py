@@ -7,6 +7,10 @@ What the solver claims of a pair are weights, distances, and shares of the nodes
 and forces and moments balance because of the latter.  At some points, drawn at random, the integrals are computed again
 by other code: facets of the mesh are evaluated by basix, in the plane rays from the slave find the master, in space the
 slave is cut by each master in turn, and polygons are integrated by collapsed rules.
+
+Both sides consist of the facets that the problem names, no fewer and no others.  Functions of a node without a point
+are taken over by points beside it, so that a facet with such a node, and with a point that has taken over nothing, must
+not be covered.
 """
 
 from __future__ import annotations
@@ -42,8 +46,9 @@ class Claim:
 
     Attributes:
         comm: the ranks; methods that take or give values at nodes are collective.
-        slave: owned facets of the side with the points, local numbers.
+        slave: owned facets of the side with the points, local numbers, as the problem names them.
         master: those of the other side.
+        paired: the facets of both sides that the solver has paired.
         points: local node of each point, shape (n,).
         weight: area (in the plane: length), shape (n,).
         distance: d_i, length, shape (n, d).
@@ -63,6 +68,7 @@ class Claim:
     comm: MPI.Comm
     slave: Indices
     master: Indices
+    paired: tuple[Indices, Indices]
     points: npt.NDArray[np.int64]
     weight: Array
     distance: Array
@@ -155,6 +161,8 @@ def defect(claim: Claim, space: fem.FunctionSpace) -> float:
     found.append(_largest(claim.own @ arm - claim.others @ arm + claim.distance / size))
     for motion in _rigid((x - middle) / size):
         found.append(_largest(claim.relative(motion)))
+    named = claim.slave, claim.master
+    found.append(float(any(np.setxor1d(*both).size for both in zip(claim.paired, named, strict=True))))
     found.append(_sampled(claim, space))
     return parallel.global_max(comm, float(max(found)))
 
@@ -185,9 +193,12 @@ def _sampled(claim: Claim, space: fem.FunctionSpace) -> float:
     place = np.searchsorted(every, claim.reached)
     choice = np.flatnonzero(claim.alone)
     most = -(-_SAMPLED[dim] // claim.comm.size)
-    choice = np.random.default_rng(len(claim.points)).permutation(choice)[:most]
+    draw = np.random.default_rng(len(claim.points))
+    choice = draw.permutation(choice)[:most]
     around = {int(point): slave.around(names[[point]]) for point in choice}
-    numbers = np.unique(np.concatenate([np.empty(0, dtype=np.int64), *around.values()]))
+    bare, worst = _bare(claim, slave.points, names)
+    bare = draw.permutation(bare)[:most]
+    numbers = np.unique(np.concatenate([bare, *around.values()]))
     normals = None
     if dim == 2:
         normals = interpolated_normals([slave[k] for k in slave.around(slave.nodes[numbers].ravel())])
@@ -199,7 +210,9 @@ def _sampled(claim: Claim, space: fem.FunctionSpace) -> float:
         number: pieces_of(facet, [master[k] for k in master.near(facet, claim.reach)], claim.reach, normals)
         for number, facet in facets.items()
     }
-    worst = 0.0
+    for number in bare:
+        if sum(piece.weight.sum() for piece in known[int(number)]) > _COVERED * facets[int(number)].area:
+            worst = 1.0
     for point in choice:
         node = int(names[point])
         total, own, others = 0.0, np.zeros(every.size), np.zeros(every.size)
@@ -228,6 +241,25 @@ def _sampled(claim: Claim, space: fem.FunctionSpace) -> float:
             errors.append(_largest(integrals))
         worst = max(worst, *errors)
     return worst
+
+
+def _bare(claim: Claim, nodes: npt.NDArray[np.int64], names: npt.NDArray[np.int64]) -> tuple[Any, float]:
+    """Facets of the slave that must not be covered: they have a node without a point, and a point that has taken over
+    no function; collective.
+
+    Args:
+        claim: what is claimed.
+        nodes: those of the facets that have test functions, global numbers, shape (f, t).
+        names: of the nodes of the points of this rank.
+
+    Returns:
+        The share of this rank of these facets, and 1 if a point has taken over functions where no node is without.
+    """
+    pointed, alone = parallel.gather_rows(claim.comm, np.column_stack((names, claim.alone)).astype(np.int64)).T
+    without = ~np.isin(nodes, pointed).all(axis=1)
+    found = np.flatnonzero(without & np.isin(nodes, pointed[alone > 0]).any(axis=1))
+    needless = ~np.isin(pointed[alone == 0], nodes[without])
+    return found[claim.comm.rank :: claim.comm.size], float(needless.any())
 
 
 def _functions(facet: Facet, pieces: list[Piece], hats: bool) -> list[Array]:

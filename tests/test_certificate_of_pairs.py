@@ -1,0 +1,115 @@
+"""A solver that pairs two bodies wrongly does not get its result certified."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from signorini_fx import Status, parallel, solve
+from signorini_fx.body import paired_points
+from signorini_fx.results import paired_sides
+from signorini_fx.scene.reading import parse_scene
+
+COMM = MPI.COMM_WORLD
+COUPLE, PAIRED = paired_points.couple, paired_points.PairedSides.of.__func__
+
+
+def scene():
+    """A block on another one, beyond whose end it stands out; the points are on the lower one, which is softer."""
+
+    def mesh(count):
+        parameters = {"length": 1.0, "height": 1.0, "nx": count, "ny": count, "cell": "quadrilateral"}
+        return {"generator": "rectangle", "parameters": parameters}
+
+    return parse_scene(
+        {
+            "body": [
+                {"name": "lower", "mesh": mesh(6)},
+                {"name": "upper", "mesh": mesh(4), "shift": [0.25, 1.0]},
+            ],
+            "material": [
+                {"region": "lower", "young": 100.0, "poisson": 0.3},
+                {"region": "upper", "young": 200.0, "poisson": 0.3},
+            ],
+            "displacement": [{"boundary": "lower.bottom", "x": 0.0, "y": 0.0}],
+            "traction": {"boundary": "upper.top", "x": 0.05, "y": "-(1 + 0.3*x[0])"},
+            "contact": {
+                "boundary": "upper.bottom",
+                "against": "lower.top",
+                "friction": {"law": "coulomb", "coefficient": 0.3},
+            },
+        }
+    )
+
+
+def with_facets(change):
+    """Pair other facets than those of the scene; ``change``: of the x[0] of their middles, which of them stay."""
+
+    def paired(cls, space, pair, facets, *rest):
+        from dolfinx.mesh import compute_midpoints
+
+        sides = [
+            side[change[k](compute_midpoints(space.mesh, 1, side)[:, 0])] if change[k] else side
+            for k, side in enumerate(facets)
+        ]
+        return PAIRED(cls, space, pair, tuple(sides), *rest)
+
+    return paired
+
+
+def point_left_out(slave, master, *rest, **settings):
+    """Without the point at x[0] = 1/2, and without its area."""
+    found = COUPLE(slave, master, *rest, **settings)
+    keep = ~np.isclose(slave.x[found.nodes, 0], 0.5)
+    rows = np.repeat(keep, 2)
+    lost = parallel.global_sum(COMM, found.weight[~keep].sum())
+    assert lost > 0.1
+    kept = {name: getattr(found, name)[keep] for name in ("nodes", "weight", "normal", "distance", "slave", "master")}
+    return replace(
+        found, **kept, turning=found.turning[rows], alone=found.alone[keep], covered=found.covered - float(lost)
+    )
+
+
+def smaller(slave, master, *rest, **settings):
+    """Areas that are too small, of points that all have taken over functions of others, as they say."""
+    found = COUPLE(slave, master, *rest, **settings)
+    return replace(found, weight=0.9 * found.weight, covered=0.9 * found.covered, alone=np.zeros_like(found.alone))
+
+
+CHANGES = {
+    "right": (None, None),
+    "a facet of the points is missing": ((lambda x: x < 0.8, None), None),
+    "a facet of the other side is missing": ((None, lambda x: x < 0.8), None),
+    "a point is missing": (None, point_left_out),
+    "areas": (None, smaller),
+}
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_wrong_pairing_is_noticed(name, monkeypatch):
+    """All balance forces and moments, and what is missing is missing for solver and certificate alike."""
+    facets, couple = CHANGES[name]
+    if facets is not None:
+        monkeypatch.setattr(paired_points.PairedSides, "of", classmethod(with_facets(facets)))
+    if couple is not None:
+        monkeypatch.setattr(paired_points, "couple", couple)
+    found = solve(scene(), COMM, check=False)
+    if name == "right":
+        assert found.status is Status.CONVERGED
+        assert found.certificate.coupling < 1e-10
+        return
+    assert found.status is Status.NOT_CERTIFIED
+    assert found.certificate.coupling > 0.09
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", [name for name, (facets, _) in CHANGES.items() if facets])
+def test_a_facet_is_missing_where_nothing_is_sampled(name, monkeypatch):
+    """Far from all points at which integrals are computed again: the facets are those that the scene names, or not."""
+    monkeypatch.setattr(paired_sides, "_SAMPLED", dict.fromkeys(paired_sides._SAMPLED, 0))
+    monkeypatch.setattr(paired_points.PairedSides, "of", classmethod(with_facets(CHANGES[name][0])))
+    found = solve(scene(), COMM, check=False)
+    assert found.status is Status.NOT_CERTIFIED
+    assert found.certificate.coupling == 1.0
