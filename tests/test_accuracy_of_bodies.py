@@ -158,6 +158,16 @@ Mesh.MeshSizeMax = 0.3;
 """
 
 
+def test_errors_of_a_file_name_its_body(tmp_path):
+    (tmp_path / "block.geo").write_text(BLOCK)
+    mesh = {"file": str(tmp_path / "block.geo"), "boundaries": {"nowhere": "x[0] > 7"}}
+    with pytest.raises(SceneError) as caught:
+        solve(stacked((block(2), mesh), accuracy={"target": 0.1}), MPI.COMM_SELF)
+    assert [path for path, _ in caught.value.problems] == ["body[1].mesh.boundaries.nowhere"]
+    with pytest.raises(MeshError, match=r"body 'upper': .*nothing\.geo"):
+        solve(stacked((block(2), {"file": str(tmp_path / "nothing.geo")}), accuracy={"target": 0.1}), MPI.COMM_SELF)
+
+
 def test_what_cannot_be_divided():
     """Quadrilaterals from the caller are refused, with the name of the body, before anything is solved."""
     own = generate_mesh("rectangle", {"nx": 2, "ny": 2}, MPI.COMM_SELF)

@@ -200,3 +200,14 @@ def test_any_number_of_loads_and_supports():
     many = one.model_copy(update=update)
     errors = [alone(scene).stress.error for scene in (one, many)]
     assert errors[1] == pytest.approx(errors[0], rel=1e-9)
+
+
+def test_round_off_of_places_decides_nothing():
+    """On a regular mesh nodes are at whole multiples of the first interval, but for round-off of the arc length."""
+    pressure = np.array([168.0, 125.0, 100.0, 69.0, 44.0])
+    found = []
+    for start, h in ((0.0, 1.0), (0.3, 0.1), (0.7, 0.1), (1e3, 0.3)):
+        s = start + h * np.arange(5)
+        [squares] = interval_squares(straight(s, pressure))
+        found.append(squares / h)
+    np.testing.assert_allclose(found, np.tile(found[0], (4, 1)), rtol=1e-5)

@@ -11,6 +11,7 @@ from test_springs import COMM, ELEMENTS, PLANE, POISSON, SIZE, YOUNG, body, scen
 
 from signorini_fx import SceneError
 from signorini_fx.check.checks import check_scene
+from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.results.certificate import certify
 from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.reading import parse_scene
@@ -460,3 +461,37 @@ def test_mistakes_of_supports(mistake):
     held, message = SUPPORTS_REFUSED[mistake]
     with pytest.raises(SceneError, match=message):
         check_scene(scene(body(), displacement=[held]), COMM)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("bodies", [True, False], ids=["bodies", "one mesh"])
+def test_a_point_with_nodes_of_two_bodies(bodies):
+    """Which of them is supported is not guessed, on all ranks alike; a point of one of them is."""
+    meshes = [
+        {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": n, "ny": 2}} for n in (3, 2)
+    ]
+    scene = {
+        "body": [
+            {"name": "lower", "mesh": meshes[0]},
+            {"name": "upper", "mesh": meshes[1], "shift": [0.0, 1.0]},
+        ],
+        "material": {"young": 100.0, "poisson": 0.3},
+        "displacement": [{"boundary": "lower.bottom", "x": 0.0, "y": 0.0}, {"at": [0.0, 1.0], "x": 0.0}],
+        "traction": {"boundary": "upper.top", "y": -1.0},
+        "contact": {"boundary": "upper.bottom", "against": "lower.top"},
+    }
+    if not bodies:
+        scene["mesh"] = load_mesh(parse_scene(scene), COMM)
+        del scene["body"]
+    whose = "of the bodies 'lower' and 'upper'" if bodies else "of parts that do not share their nodes"
+    message = rf"displacement\[1\]\.at: 2 nodes of the mesh are at \(0, 1\), {whose}: .*choose a point"
+    with pytest.raises(SceneError, match=message):
+        check_scene(parse_scene(scene), COMM)
+    scene["displacement"][1]["at"] = [0.0, 2.0]
+    found = solve(parse_scene(scene), COMM)
+    owned = found.displacement.function_space.dofmap.index_map.size_local
+    x, u = (one[:owned, :2] for one in nodes(found))
+    held = np.linalg.norm(x - [0.0, 2.0], axis=1) < 1e-9
+    beside = np.linalg.norm(x - [0.0, 1.0], axis=1) < 1e-9
+    assert np.abs(u[held, 0]).max(initial=0.0) < 1e-15
+    assert COMM.allreduce(np.count_nonzero(np.abs(u[beside, 0]) > 1e-6)) == 2

@@ -208,3 +208,73 @@ def test_materials_that_meet():
     assert said(middle, (0.5, 0.5, 0.5)) is None
     assert said(middle, (0.5, 0.0, 0.5)) == MEET
     assert said(parted(solid, lambda x: (x[:, 0] > 0.5) & (x[:, 1] > 0.5)), (0.5, 0.5, 0.5)) == CORNER
+
+
+def bodies(wide, n=4, young=(100.0, 100.0), comm=COMM, cell="quadrilateral", **contact):
+    """A block of 2 x 1 on one that is as wide between mirrors, or twice as wide; pressed by a given displacement."""
+
+    def mesh(width):
+        return {
+            "generator": "rectangle",
+            "parameters": {"length": width, "height": 1.0, "nx": int(width * n), "ny": n, "cell": cell},
+        }
+
+    upper = {"y": -0.01} | ({"x": "0.004 * (x[0] - 1)"} if wide else {})  # about what is natural
+    sides = [] if wide else [{"boundary": f"{name}.left", "x": 0.0} for name in ("upper", "lower")]
+    return parse_scene(
+        {
+            "body": [
+                {"name": "upper", "mesh": mesh(2.0), "shift": [0.0, 1.0]},
+                {"name": "lower", "mesh": mesh(4.0 if wide else 2.0), "shift": [-1.0 if wide else 0.0, 0.0]},
+            ],
+            "material": [
+                {"young": value, "poisson": 0.3, "region": name}
+                for name, value in zip(("upper", "lower"), young, strict=True)
+            ],
+            "displacement": [
+                {"boundary": "upper.top", **upper},
+                {"boundary": "lower.bottom", "y": 0.0, **({"x": 0.0} if wide else {})},
+                *sides,
+            ],
+            "contact": {"boundary": "upper.bottom", "against": "lower.top", "points": "boundary", **contact},
+        }
+    )
+
+
+FRICTION = {"friction": {"law": "coulomb", "coefficient": 0.3}}
+PRESSED = {
+    "as wide": ({}, False),
+    "as wide, of two materials": ({"young": (100.0, 300.0)}, False),
+    "as wide, with friction": (FRICTION, False),
+    "as wide, bonded": ({"kind": "bonded"}, False),
+    "on a wider one": ({}, True),
+    "on a wider one, of two materials": ({"young": (300.0, 100.0)}, True),
+    "on a wider one, bonded": ({"kind": "bonded"}, True),
+}
+
+
+@pytest.mark.parametrize("name", PRESSED)
+def test_edges_of_bodies_that_touch(name):
+    """A block on one as wide is under a uniform pressure; on a wider one the stress at edges grows with each mesh."""
+    more, grows = PRESSED[name]
+    scenes = [bodies(grows, n, **more) for n in (4, 8, 16)]
+    found = [solve(scene, MPI.COMM_SELF).stress for scene in scenes]
+    growth = np.diff(np.log([one.largest().value for one in found]))
+    assert (growth > 0.08).all() if grows else np.abs(growth).max() < 1e-6
+    expected = "it is at the end of the boundary upper.bottom" if grows else None
+    assert [said(scenes[0], place) for place in ((2.0, 1.0), (0.0, 1.0), (1.0, 1.0))] == [expected, expected, None]
+    if grows:
+        assert {one.as_dict()["von_mises"]["no_limit"] for one in found} == {expected}
+
+
+@pytest.mark.mpi
+def test_more_of_bodies_that_touch():
+    """Nothing is said of the ends of a boundary that nothing touches, nor of a gap; bonds join materials."""
+    assert said(bodies(True, **FRICTION), (3.0, 1.0)) is None
+    assert said(bodies(True, cell="triangle"), (2.0, 1.0)) == "it is at the end of the boundary upper.bottom"
+    bonded = bodies(False, young=(100.0, 300.0), kind="bonded")
+    assert said(bonded, (2.0, 1.0)) == "it is where materials meet at the boundary"
+    assert said(bonded, (0.0, 1.0)) is None  # a mirror
+    above = bodies(True)
+    lifted = above.body[0].model_copy(update={"shift": (0.0, 1.2)})
+    assert said(above.model_copy(update={"body": (lifted, above.body[1])}), (2.0, 1.2)) is None

@@ -428,6 +428,27 @@ def test_a_section_that_a_file_names(tmp_path, several):
     assert not read_file(file).boundaries["cut"].size  # nobody else stores them
 
 
+@pytest.mark.mpi
+def test_a_section_of_a_file_whose_cells_are_halved(tmp_path):
+    """A bar and a block are one rod of length 4, also on the finer meshes of a requested accuracy."""
+    file, mpi = COMM.bcast(tmp_path) / "bar.geo", COMM
+    if mpi.rank == 0:
+        file.write_text(DRAWN)
+    mpi.barrier()
+    block = {"generator": "rectangle", "parameters": {"length": 1.0, "nx": 3, "ny": 3, "cell": "triangle"}}
+    scene = {
+        "body": [{"name": "bar", "mesh": {"file": str(file)}}, {"name": "block", "mesh": block, "shift": [3.0, 0.0]}],
+        "material": {"young": YOUNG, "poisson": 0.0},
+        "displacement": [{"boundary": "bar.left", "x": 0.0, "y": 0.0}, {"boundary": "block.right", "x": 0.0}],
+        "contact": {"boundary": "bar.right", "against": "block.left", "kind": "bonded"},
+        "preload": {"section": "bar.cut", "shortening": 0.03},
+        "accuracy": {"target": 0.5},
+    }
+    found = solve(parse_scene(scene))
+    assert len(found.levels) > 1
+    assert np.isclose(found.preloads[0].force, YOUNG * 0.03 / 4.0, rtol=1e-4)
+
+
 MISTAKES = {
     "no section": ({"section": "nowhere", "shortening": 0.1}, "preload[0].section: the mesh has no facets 'nowhere'"),
     "outside": ({"section": "left", "shortening": 0.1}, "preload[0].section: 'left' has no facets inside the mesh"),

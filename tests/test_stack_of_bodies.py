@@ -4,6 +4,7 @@ All forces follow from statics: each joint carries the load above it.
 """
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -13,9 +14,14 @@ from test_summary_schema import VALIDATOR
 from signorini_fx import solve, write_results
 from signorini_fx.display import on_several_bodies
 from signorini_fx.pictures import load_steps
+from signorini_fx.pictures.boundary_profiles import boundaries_of, panels_of
+from signorini_fx.report import evidence, sections
+from signorini_fx.report.advice import next_steps
 from signorini_fx.report.comparison import compare
-from signorini_fx.report.reading import read_csv
+from signorini_fx.report.markup import Markup, long_table
+from signorini_fx.report.reading import ResultFiles, read_csv
 from signorini_fx.report.sections import outcome
+from signorini_fx.report.sections_in_space import resultants
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.studies.parameter_study import figures_of
@@ -106,6 +112,66 @@ def test_forces_of_each_contact(tmp_path, monkeypatch):
     cards = str(outcome(summary))
     assert "largest contact pressure" in cards
     assert "contact force on" not in cards
+    assert "what the other body exerts on the body of the boundary;" in cards
+    told = str(evidence.scene(summary))
+    assert re.search(
+        "body<small>pad</small>.*rectangle length = 20, height = 5, nx = 4, ny = 2; shift = .10, 20.<", told
+    )
+    assert "made in Python" not in told
+    contact = read_csv(folder / "contact.csv")
+    heads = re.findall("<th[^>]*>([^<]*)</th>", str(long_table("", {"friction_force_x left_pad.top": [1.0]}, "")))
+    assert heads == ["friction force x left_pad.top"]
+    for against, who in (
+        (contact["against"], "the other body on the body of the boundary"),
+        (["", *contact["against"]], "the foundation or the other body on the body of the boundary"),
+        ([""], "the foundation on the body"),
+    ):
+        captions = []
+        monkeypatch.setattr(sections, "drawn_by", lambda *_, caption, to=captions, **__: to.append(caption) or Markup())
+        sections.steps(ResultFiles(folder), steps, {"against": against})
+        assert captions[0] == f"Above: forces of {who}. Below: friction force over displacement."
+
+
+def test_curves_that_cover_each_other(monkeypatch):
+    """Of those that are alike the first one is wider, with dashes as long as those on it; so in the lower axes."""
+    pressing, rubbing, motion = np.array([[2.0, 2.0, 2.0], [0.0, 0.3, -0.3], [0.0, 1e-5, 2e-5]])
+    steps = {"status": np.full(3, "converged"), "time": np.arange(3.0), "name": np.full(3, "")}
+    for name, sign, moves in (("a", 1, 0), ("b", 1, 1), ("c", -1, 1), ("d", 1, 0)):
+        for axis, share in zip("xyz", (0, 0, 1), strict=True):
+            steps[f"contact_force_{axis} {name}"] = share * sign * pressing
+            steps[f"friction_force_{axis} {name}"] = (axis == "x") * sign * rubbing
+            steps[f"mean_tangential_displacement_{axis} {name}"] = moves * motion
+    seen = []
+    monkeypatch.setattr(load_steps, "finish", lambda figure, *_: seen.append(figure))
+    load_steps.load_steps("unused", steps)
+    upper, lower = seen[0].axes
+    widths = {line.get_label(): line.get_linewidth() for line in upper.lines}
+    for kind in ("contact force z", "friction force x"):
+        a, b, c, d = (widths[f"{name}: {kind}"] for name in "abcd")
+        assert (a, b, c) == pytest.approx((3 * d, 2 * d, d))
+    dashes = {n: load_steps._wider({"linewidth": 1.0, "linestyle": (0, (4.5, 1.8))}, n)["linestyle"][1] for n in (0, 2)}
+    assert dashes[0] == pytest.approx(np.multiply(dashes[2], 3))  # matplotlib multiplies them by the width
+    assert [line.get_linewidth() / lower.lines[3].get_linewidth() for line in lower.lines[:4]] == [2, 1, 1, 1]
+    assert (lower.get_xlabel()[:31], lower.get_ylabel()) == ("mean tangential displacement x ", "friction force x")
+
+
+def test_a_bond_has_no_friction_bound():
+    columns = {name: np.full(3, 1.0) for name in ("s", "x", "y", "shear", "u_t", "u_n", "weight", "pressure", "gap")}
+    table = {**columns, "boundary": np.full(3, "a"), "friction": np.full(3, "stick"), "state": np.full(3, "stick")}
+    for bound, count in ((np.inf, 1), (2.0, 3)):
+        (boundary,) = boundaries_of({**table, "s": np.arange(3.0), "bound": np.full(3, bound)})
+        assert len(panels_of(boundary, "friction")[0].curves) == count
+
+
+def test_what_to_do_next_with_bodies_in_space():
+    """Their meshes can be made finer if all of them are from files or generators."""
+    made = {"generator": "box", "parameters": {}}
+    table = {name: np.full(9, given) for name, given in (("boundary", "a"), ("state", "contact"), ("friction", "none"))}
+    table["bound"] = np.zeros(9)
+    for mesh, said in (({"file": "a.step"}, "--accuracy 0.2"), ("<TaggedMesh>", "on a finer mesh as well")):
+        scene = {"mesh": None, "body": [{"mesh": made}, {"mesh": mesh}]}
+        summary = {"status": "converged", "converged": True, "contact_nodes": 9, "dimension": 3, "scene": scene}
+        assert said in " ".join(next_steps(summary, table))
 
 
 def test_the_error_of_forces_that_cancel():
@@ -126,3 +192,13 @@ def test_the_error_of_forces_that_cancel():
     force = 1000.0 * 0.7 / (1.3 * 0.4) * 0.01
     np.testing.assert_allclose(squeezed.contact.forces_of_each[:, 0], [[force, 0.0], [-force, 0.0]], atol=1e-4 * force)
     assert squeezed.price_list[-1].force < 1e-3
+
+
+@pytest.mark.parametrize(("against", "whom"), [("head.bottom", "pad.top"), (None, "the body")])
+def test_whom_the_forces_of_one_contact_in_space_act_on(against, whom):
+    row = {"boundary": "pad.top", "against": against}
+    names = ("contact_force", "friction_force", "contact_moment", "friction_moment")
+    summary = {**{key: [0.0, 0.0, 1.0] for key in names}, "contact_force_through": None, "contact_boundaries": [row]}
+    table = {name: np.full(4, given) for name, given in (("boundary", "pad.top"), ("state", "open"), ("friction", ""))}
+    page = str(resultants({**summary, "scene": {"contact": [row]}}, {**table, "weight": np.ones(4)}))
+    assert f">on {whom}<" in page

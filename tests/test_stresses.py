@@ -6,7 +6,9 @@ from mpi4py import MPI
 from spaces import box
 
 from signorini_fx.accuracy.stress_recovery import StressRecovery
+from signorini_fx.report.sections import outcome
 from signorini_fx.results.files import write_results
+from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 
@@ -204,6 +206,43 @@ def test_two_materials():
         assert one.largest("zz").value == pytest.approx(POISSON * 300.0 * strain / (1 - POISSON**2), rel=1e-6)
         assert one.largest("xx").place[1] >= 0.5
     assert found.error == pytest.approx(0.0, abs=1e-6)
+    told = found.as_dict()
+    for one in (told, told["recovered"]):
+        assert [one[name]["region"] for name in ("von_mises", "largest_zz", "smallest_zz")] == [
+            "stiff",
+            "stiff",
+            "soft",
+        ]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("order", [1, -1])
+def test_which_of_two_bodies(order):
+    """At the line that both have in common the upper one is stretched and the lower one is pressed."""
+    strains = {"upper": 2e-3, "lower": -1e-3}
+    rectangle = {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 4, "ny": 2}}
+    scene = {
+        "body": [
+            {"name": name, "mesh": rectangle, "shift": [0.0, float(name == "upper")]} for name in [*strains][::order]
+        ],
+        "material": [{"young": YOUNG, "poisson": POISSON}],
+        "displacement": [
+            {"boundary": f"{name}.{side}", "x": f"{strain} * x[0]", "y": 0.0}
+            for name, strain in strains.items()
+            for side in ("left", "right", "bottom", "top")
+        ],
+    }
+    solution = solve(parse_scene(scene), COMM)
+    told = solution.stress.as_dict()
+    for one in (told, told["recovered"]):
+        found = [one[name]["region"] for name in ("von_mises", "largest_principal", "smallest_principal")]
+        assert found == ["upper", "upper", "lower"]
+    line = next(
+        line for line in render({**summarise(solution, None), "stress": told}).splitlines() if "at most" in line
+    )
+    assert line.partition(";")[0].endswith(") in upper")
+    card = str(outcome({**summarise(solution, None), "stress": told, "scene": scene}))
+    assert card.count(" in upper") == 2
 
 
 def test_summary(tmp_path):
@@ -216,6 +255,7 @@ def test_summary(tmp_path):
     assert stress["largest_zz"]["value"] == solution.stress.largest("zz").value
     assert stress["recovered"]["von_mises"]["value"] == solution.stress.recovered.largest().value
     assert stress["error"] == solution.stress.error
+    assert "region" not in stress["von_mises"]
     assert "stress" not in write_results(solution, tmp_path / "without", pictures=False, fields=False)
     still = solve(parse_scene(scene_without_loads()), MPI.COMM_SELF)
     assert still.stress.as_dict()["error"] is None

@@ -16,7 +16,7 @@ mpl.use("Agg")
 
 def unit_in(label):
     """What one unit at the axis stands for."""
-    found = re.search(r" \(unit \$10\^\{(-?\d+)\}\$\)$", label)
+    found = re.search(r"\s\(unit \$10\^\{(-?\d+)\}\$\)$", label)
     return 10.0 ** int(found.group(1)) if found else 1.0
 
 

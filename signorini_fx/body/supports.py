@@ -82,7 +82,8 @@ def dirichlet_conditions(
         for component, value in components(effect, index, tagged):
             subspace = space.sub(component)
             if effect.at is not None:
-                dofs = (space.mesh.geometry.dim * node_at(space, effect, index, tagged) + component).astype(np.int32)
+                node = node_at(space, effect, index, tagged, [body.name for body in scene.body])
+                dofs = (space.mesh.geometry.dim * node + component).astype(np.int32)
                 at = in_space(np.array([effect.at]))
                 support = fem.dirichletbc(default_scalar_type(sample(value, at)[0]), dofs, subspace)
             elif isinstance(value, float):
@@ -113,11 +114,24 @@ def on_axis(x: npt.NDArray[np.float64], tagged: TaggedMesh) -> npt.NDArray[np.bo
     return np.asarray(np.abs(x[:, 0]) <= _SAME_POINT * tagged.size)
 
 
-def node_at(space: fem.FunctionSpace, effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> Any:
+def node_at(
+    space: fem.FunctionSpace,
+    effect: PrescribedDisplacement,
+    index: int,
+    tagged: TaggedMesh,
+    bodies: Sequence[str] = (),
+) -> Any:
     """The node of this rank at the point of an effect, ghosts included, shape (1,) or (0,); collective.
 
+    Args:
+        space: the displacements.
+        effect: is prescribed at a point.
+        index: of the effect in the scene, for errors.
+        tagged: the mesh.
+        bodies: regions that are bodies with meshes of their own, for errors.
+
     Raises:
-        SceneError: there is none on any rank.
+        SceneError: there is none on any rank, or there are several.
     """
     point, x = np.array(effect.at), node_positions(space)[:, : tagged.dimension]
     away = np.linalg.norm(x - point, axis=1)
@@ -127,6 +141,17 @@ def node_at(space: fem.FunctionSpace, effect: PrescribedDisplacement, index: int
         place = np.round(nearest[np.argmin(nearest[:, 0]), 1:] / tagged.size, 9) * tagged.size
         at = ", ".join(f"{value:.6g}" for value in place)
         raise SceneError([(f"displacement[{index}].at", f"no node of the mesh is at {effect.place}; near is ({at})")])
+    owned = found[found < space.dofmap.index_map.size_local]
+    count = int(parallel.global_sum(tagged.mesh.comm, np.array(owned.size)))
+    if count > 1:
+        nodes = {body: np.isin(owned, space.dofmap.list[tagged.cells(body)]).any() for body in bodies}
+        there = [body for body, here in nodes.items() if parallel.any_rank(tagged.mesh.comm, bool(here))]
+        of = f" of the bodies {' and '.join(map(repr, there))}" if there else " of parts that do not share their nodes"
+        message = (
+            f"{count} nodes of the mesh are at {effect.place},{of}: which one is meant is not known; choose a point at "
+            "which there is one node, or a boundary of one of them"
+        )
+        raise SceneError([(f"displacement[{index}].at", message)])
     return found
 
 

@@ -7,10 +7,10 @@ from typing import Any
 
 from mpi4py import MPI
 
-from signorini_fx.errors import MeshError
+from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.gmsh_files import DRAWN
 from signorini_fx.mesh.refinement import refine
-from signorini_fx.mesh.tagged import coarser_parameters, load_file
+from signorini_fx.mesh.tagged import TaggedMesh, coarser_parameters, load_file
 from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene
 
 
@@ -45,19 +45,22 @@ def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
         MeshError: a mesh cannot be divided; the message names the body.
     """
     halved = []
-    for body in scene.body:
+    for place, body in enumerate(scene.body):
         mesh: Any = body.mesh
-        if isinstance(mesh, MeshGenerator):
-            mesh = _mesh_on(mesh, 0.5**halvings)
-        elif isinstance(mesh, MeshFile):
-            curved = scene.element.degree == 2 and mesh.file.suffix.lower() in DRAWN  # as without a requested accuracy
-            mesh = load_file(mesh, comm, halvings, 2 if curved else None, (), scene.touching)
-        else:
-            try:
+        try:
+            if isinstance(mesh, MeshFile):
+                curved = scene.element.degree == 2 and mesh.file.suffix.lower() in DRAWN  # as without a given accuracy
+                sections = scene.sections_of(body.name)
+                mesh = load_file(mesh, comm, halvings, 2 if curved else None, sections, scene.touching)
+            elif isinstance(mesh, TaggedMesh):
                 for _ in range(halvings):
                     mesh = refine(mesh)
-            except MeshError as error:
-                raise MeshError(f"body {body.name!r}: {error}") from None
+        except SceneError as error:
+            raise SceneError([(f"body[{place}].{path}", message) for path, message in error.problems]) from None
+        except MeshError as error:
+            raise MeshError(f"body {body.name!r}: {error}") from None
+        if isinstance(mesh, MeshGenerator):
+            mesh = _mesh_on(mesh, 0.5**halvings)
         halved.append(body.model_copy(update={"mesh": mesh}))
     return scene.model_copy(update={"body": tuple(halved)})
 

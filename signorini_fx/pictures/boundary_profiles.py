@@ -215,6 +215,8 @@ def panels_of(boundary: Boundary, side: str) -> list[Panel]:
         Curve("friction bound", r"\pm\,\mathfrak{F}\,g", bound, LIMIT),
         Curve("friction bound, other direction", "", -bound, LIMIT),
     ]
+    if not np.isfinite(bound).any():  # a bond
+        bounds = []
     inside = " in the section" if boundary.twisted else ""
     shears = [Curve(f"shear stress{inside}", r"\mu", shear, MULTIPLIER)]
     motions = [Curve(f"{moves}tangential displacement{inside}", r"\tau_T\,\mathbf{y}", motion, MOTION)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -107,13 +107,14 @@ def _draw(upper: Axes, lower: Axes, steps: Table) -> None:
         if largest_of(forces[name]) > 1e-6 * scale:  # components that are zero up to round-off are not shown
             label = name.replace("_", " ")
             upper.plot(times, forces[name] * 10.0**power, label=label, **_DOTS, **style)
-    upper.set_ylabel(f"{measure}{unit_of(power, 'force')}")
+    upper.set_ylabel(_above(measure, unit_of(power, "force")))
     motion = np.asarray(steps[motion_name], dtype=np.float64)
     out = decimal_power(largest_of(motion))
     power = decimal_power(largest_of(resisting))
     lower.plot(motion * 10.0**out, resisting * 10.0**power, **_DOTS, **MULTIPLIER)
     lower.set(
-        xlabel=f"mean tangential displacement{which}{unit_of(out, 'length')}", ylabel=f"{drawn}{unit_of(power, kind)}"
+        xlabel=f"mean tangential displacement{which}{unit_of(out, 'length')}",
+        ylabel=_above(drawn, unit_of(power, kind)),
     )
 
 
@@ -140,22 +141,49 @@ def _draw_of_each(upper: Axes, lower: Axes, steps: Table, boundaries: Sequence[s
         for one, (axis, _) in zip(boundaries, rubbing, strict=True)
     ]
     scale = largest_of(*(force for _, force in (*pressing, *rubbing)))
-    power, out = decimal_power(scale), decimal_power(largest_of(*motion))
+    farthest = largest_of(*motion)
+    power, out = decimal_power(scale), decimal_power(farthest)
     resisting = decimal_power(largest_of(*(force for _, force in rubbing)))
     for k, one in enumerate(boundaries):
         colour = {"color": _COLOURS[k % len(_COLOURS)]}
-        curves = (("contact", pressing[k], MULTIPLIER), ("friction", rubbing[k], MOTION))
-        for kind, (axis, force), style in curves:
+        for kind, curves, style in (("contact", pressing, MULTIPLIER), ("friction", rubbing, MOTION)):
+            axis, force = curves[k]
             if largest_of(force) > 1e-6 * scale:
+                later = sum(_alike(force, [other for _, other in curves[k + 1 :]], scale))
                 label = f"{plain(one)}: {kind} force {axis}"
-                upper.plot(times, force * 10.0**power, label=label, **_DOTS, **(style | colour))
+                upper.plot(times, force * 10.0**power, label=label, **(_DOTS | style | colour | _wider(style, later)))
         if largest_of(rubbing[k][1]) > 1e-6 * scale:
-            lower.plot(motion[k] * 10.0**out, rubbing[k][1] * 10.0**resisting, **_DOTS, **(MULTIPLIER | colour))
-    upper.set_ylabel(f"force{'' if in_space else ' per thickness'}{unit_of(power, 'force')}")
+            moves = _alike(motion[k], motion[k + 1 :], farthest)
+            later = sum(map(min, moves, _alike(rubbing[k][1], [other for _, other in rubbing[k + 1 :]], scale)))
+            style = _DOTS | MULTIPLIER | colour | _wider(MULTIPLIER, later)
+            lower.plot(motion[k] * 10.0**out, rubbing[k][1] * 10.0**resisting, **style)
+    upper.set_ylabel(_above(f"force{'' if in_space else ' per thickness'}", unit_of(power, "force")))
+    along = {axis for axis, force in rubbing if largest_of(force) > 1e-6 * scale}
+    which = f" {along.pop()}" if len(along) == 1 else ""
     lower.set(
-        xlabel=f"mean tangential displacement{unit_of(out, 'length')}",
-        ylabel=f"friction{unit_of(resisting, 'force')}",
+        xlabel=f"mean tangential displacement{which * in_space}{unit_of(out, 'length')}",
+        ylabel=_above(f"friction force{which}", unit_of(resisting, "force")),
     )
+
+
+def _above(name: str, unit: str) -> str:
+    """A label of two lines: the labels of both panels would run into each other; ``unit`` may be empty."""
+    return f"{name}\n{unit.lstrip()}" if unit else name
+
+
+def _alike(curve: Floats, others: Sequence[Floats], size: float) -> list[bool]:
+    """Which curves would hide this one, if they are drawn later; those of forces in a chain of bodies do."""
+    return [largest_of(other - curve) < _ALIKE * size for other in others]
+
+
+def _wider(style: Mapping[str, Any], times: int) -> dict[str, Any]:
+    """The width of a line with so many on it, and its marks and dashes, which are as long as before."""
+    factor = 1 + times
+    found = {"linewidth": factor * style["linewidth"], "markersize": factor * _DOTS["markersize"]}
+    if "linestyle" in style:
+        start, dashes = style["linestyle"]
+        found["linestyle"] = start, tuple(dash / factor for dash in dashes)
+    return found
 
 
 def _mark_names(axes: Axes, steps: Table) -> int:
@@ -187,6 +215,7 @@ def _mark_names(axes: Axes, steps: Table) -> int:
 
 _DOTS: dict[str, Any] = {"marker": "o", "markersize": 2.5}
 _COLOURS = (INK, BLUE, ORANGE, "#009e73", "#cc79a7", MUTED)  # of boundaries
+_ALIKE = 0.01  # curves whose distance is less, over the largest value
 _BETWEEN = 0.15  # names, over the length of the one before
 _ROW = 12.0  # height of a row of names, points
 _MOST_FRAMES = 120
@@ -249,8 +278,9 @@ def _stress_panel(axes: Axes, boundary: Boundary, power: int, name: str) -> None
     """Pressure, shear and its bounds, with one scale for all."""
     pressure, shear, bound = (boundary.floats(key) * 10.0**power for key in ("pressure", "shear", "bound"))
     if boundary.has_friction:
-        boundary.draw(axes, bound, **LIMIT, label=r"friction bounds $\pm\,\mathfrak{F}\,g$")
-        boundary.draw(axes, -bound, **LIMIT)
+        if np.isfinite(bound).any():  # a bond has none
+            boundary.draw(axes, bound, **LIMIT, label=r"friction bounds $\pm\,\mathfrak{F}\,g$")
+            boundary.draw(axes, -bound, **LIMIT)
         boundary.draw(axes, shear, **MOTION, label=r"shear stress $\mu$")
         if boundary.twisted:
             boundary.draw(

@@ -47,7 +47,7 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
         known = "" if mean is None else f" (that of the stress is about {percent(mean)} in the mean)"
         if not in_space(summary):
             cure = "solve with --levels 3 (a mesh from a generator), or ask for an accuracy, as with --accuracy 0.05"
-        elif {"generator", "file"} & set(summary["scene"]["mesh"] or ()):
+        elif all({"generator", "file"} & set(mesh or ()) for mesh in _meshes(summary["scene"])):
             cure = "ask for an accuracy, as with --accuracy 0.2"
         else:  # not every mesh from Python can be refined
             cure = "solve on a finer mesh as well, and compare"
@@ -64,6 +64,11 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
     if summary.get("fields"):
         advice.append(f"Look at the fields in ParaView: {', '.join(summary['fields'])}.")
     return advice
+
+
+def _meshes(scene: dict[str, Any]) -> list[Any]:
+    """The mesh of a scene, or those of its bodies."""
+    return [body["mesh"] for body in scene.get("body") or ()] or [scene["mesh"]]
 
 
 def _zone_sizes(contact: dict[str, Any]) -> list[int]:

@@ -78,20 +78,21 @@ def certificate(summary: dict[str, Any]) -> Markup:
 
 
 # What a scene holds besides effects that have a row each.
-_TOLD_APART = ("title", "mesh", "element", "contact", "load_steps", "solver", "accuracy", "units")
+_TOLD_APART = ("title", "mesh", "body", "element", "contact", "load_steps", "solver", "accuracy", "units")
 
 
 def scene(summary: dict[str, Any]) -> Markup:
     """The effects of the scene, the method, and the scene as JSON."""
     scene = summary["scene"]
-    mesh = scene["mesh"]
     rows: list[tuple[str, str]] = []
-    if isinstance(mesh, dict) and "generator" in mesh:
-        refined = ", then divided" if mesh.get("refined") else ""
-        rows.append((_named("mesh", mesh["generator"]), f"{shown(mesh['parameters'])}{refined}"))
-    else:
-        said = {key: value for key, value in mesh.items() if value} if isinstance(mesh, dict) else {}
-        rows.append(("mesh", shown(said) or "made in Python"))
+    bodies = scene.get("body") or ()
+    for body in bodies:
+        generator, data = _mesh(body["mesh"])
+        moved = _data(body, "name", "mesh")
+        rows.append((_named("body", body["name"]), "; ".join(filter(None, (f"{generator} {data}".strip(), moved)))))
+    if not bodies:
+        generator, data = _mesh(scene["mesh"])
+        rows.append((_named("mesh", generator), data))
     rows.append(("element", shown(scene["element"])))
     for kind, given in scene.items():
         nothing = None if kind in ("material", "displacement") else 0.0
@@ -116,6 +117,14 @@ def scene(summary: dict[str, Any]) -> Markup:
             folded("The whole scene with all defaults", whole),
         ]
     )
+
+
+def _mesh(given: Any) -> tuple[str, str]:
+    """The generator of a mesh, "" for another one, and the data of the mesh."""
+    if isinstance(given, dict) and "generator" in given:
+        return given["generator"], shown(given["parameters"]) + ", then divided" * bool(given.get("refined"))
+    said = {key: value for key, value in given.items() if value} if isinstance(given, dict) else {}
+    return "", shown(said) or "made in Python"
 
 
 def _named(name: str, remark: str) -> Markup:

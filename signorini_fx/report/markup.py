@@ -124,7 +124,8 @@ def long_table(title: str, columns: Mapping[str, Any], file: str) -> Markup:
         half = _MOST_ROWS // 2
         text = f"The first and the last {half} of {len(rows)} rows; {file} has all of them."
         remark, rows = [tag("p", text, class_="note")], [*rows[:half], *rows[-half:]]
-    names = [name.replace("_", " ") for name in columns]
+    # Behind a blank there is the name of a boundary, which stays as it is.
+    names = [" ".join([first.replace("_", " "), *rest]) for first, *rest in (name.split(" ", 1) for name in columns)]
     return folded(f"{title}, {len(rows)} row{'s' * (len(rows) != 1)}", *remark, table(names, rows))
 
 

@@ -64,7 +64,7 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     elif summary.get("resultants"):
         found["Forces"] = sections.forces(summary)
     if "steps" in summary:
-        found["Load steps"] = sections.steps(folder, folder.columns("steps.csv", len(summary["steps"])))
+        found["Load steps"] = sections.steps(folder, folder.columns("steps.csv", len(summary["steps"])), contact)
     lines = [tag("li", line) for line in next_steps(summary, contact)]
     if lines:
         found["What to do next"] = tag("ul", *lines)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -68,13 +69,20 @@ def outcome(summary: dict[str, Any]) -> Markup:
     if "safety" in summary:
         cards.insert(0, _safety_card(summary["safety"]))
     cards.append(_card("seconds", f"{seconds_of(summary):.3g}", None))
-    whole, pairs = in_space(summary) or is_axisymmetric(summary["scene"]), touch_each_other(summary)
+    whole = in_space(summary) or is_axisymmetric(summary["scene"])
     measure = "what" if whole else "per unit thickness, and what"
     named = "" if summary["scene"].get("units", {}).get("length") else "; units are those of the scene"
     digits = "Figures with an estimated error are rounded to it, others to four digits; all digits are in summary.json."
-    who = "the other body exerts on that of the boundary" if pairs else "the foundation exerts on the body"
-    note = f"Forces are {measure} {who}{named}. {digits}"
+    who, body = _sides(entry.get("against") for entry in summary["scene"].get("contact", []))
+    note = f"Forces are {measure} {who} exerts on {body}{named}. {digits}"
     return joined([status, *warned, tag("dl", *cards, class_="figures"), tag("p", note, class_="note")])
+
+
+def _sides(against: Iterable[str | None]) -> tuple[str, str]:
+    """What exerts the forces of contacts, and on what, from the other boundary of each; none or "": it is rigid."""
+    found = {bool(name) for name in against}
+    who = {(True,): "the other body", (False, True): "the foundation or the other body"}
+    return who.get(tuple(sorted(found)), "the foundation"), "the body of the boundary" if True in found else "the body"
 
 
 def _card(label: str, value: str, error: float | None) -> Markup:
@@ -103,11 +111,13 @@ def _cards(summary: dict[str, Any]) -> dict[str, tuple[str, str]]:
 
 def _stress_card(stress: dict[str, Any]) -> Markup:
     """The larger one of the raw and the recovered von Mises stress, and what it is worth."""
-    values = {"raw": stress["von_mises"]["value"]}
+    found = {"raw": stress["von_mises"]}
     if stress.get("recovered"):
-        values["recovered"] = stress["recovered"]["von_mises"]["value"]
+        found["recovered"] = stress["recovered"]["von_mises"]
+    values = {name: one["value"] for name, one in found.items()}
     shown = {name: with_unit(figure(value, between(stress)), "stress") for name, value in values.items()}
-    told = ", ".join(f"{name} {value}" for name, value in shown.items())
+    inside = {name: f" in {one['region']}" if one.get("region") else "" for name, one in found.items()}
+    told = ", ".join(f"{name} {value}{inside[name]}" for name, value in shown.items())
     if why := stress["von_mises"].get("no_limit"):
         told = f"no limit as the mesh is refined: {why} ({told})"
     label = tag("dt", "largest von Mises stress")
@@ -170,14 +180,16 @@ def profiles(contact: dict[str, Any]) -> Markup:
     from signorini_fx.pictures.boundary_profiles import boundaries_of, boundary_profiles
 
     frictional = bool(np.any(contact["bound"] != 0) or np.any(contact["friction"] != "none"))
-    sides = {"contact": "Contact pressure; normal displacement and foundation; below, what is in contact."}
+    other, _ = _sides(contact.get("against", ()))
+    beside = other.replace("the ", "")
+    sides = {"contact": f"Contact pressure; normal displacement and {beside}; below, what is in contact."}
     if frictional:
         sides["friction"] = "Shear and its bounds; tangential displacement; below, where the contact sticks and slips."
     drawn = [
         drawn_by(boundary_profiles, contact, sides=[side], caption=caption, class_="still curves")
         for side, caption in sides.items()
     ]
-    signs = "Normal displacement above the foundation is penetration; shear has the sign of the slip."
+    signs = f"Normal displacement above {other} is penetration; shear has the sign of the slip."
     if "shear_z" in contact:
         signs += " Friction acts along the section and around the axis: both parts together are bounded."
     apart = contact["state"] == "open"
@@ -250,8 +262,8 @@ def _zones(summary: dict[str, Any]) -> Markup | None:
     return joined([table(["zone", "from", "to", "chord"], rows), tag("p", note, class_="note")])
 
 
-def steps(folder: ResultFiles, steps: dict[str, Any]) -> Markup:
-    """Forces step by step, the animation, and the table of the steps."""
+def steps(folder: ResultFiles, steps: dict[str, Any], contact: dict[str, Any]) -> Markup:
+    """Forces step by step, the animation, and the table of the steps; ``contact``: columns of ``contact.csv``."""
     from signorini_fx.pictures.load_steps import load_steps, step_animation
 
     parts = []
@@ -261,7 +273,8 @@ def steps(folder: ResultFiles, steps: dict[str, Any]) -> Markup:
         parts.append(picture(body, "gif", caption, caption, "moving"))
     if any(name.startswith("contact_force_x") for name in steps):
         resisting = "torque of friction" if "torque" in steps else "friction force"
-        caption = f"Above: forces of the foundation on the body. Below: {resisting} over displacement."
+        who, whom = _sides(contact.get("against", ()))
+        caption = f"Above: forces of {who} on {whom}. Below: {resisting} over displacement."
         pictures = [drawn_by(load_steps, steps, caption=caption)]
         solid = any(name.startswith("contact_force_z") for name in steps)
         if (not solid or "torque" in steps) and (folder.path / "contact_steps.csv").is_file():

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.display import clean, on_several_bodies
+from signorini_fx.display import clean, on_several_bodies, touch_each_other
 from signorini_fx.report.digits import estimated_errors, figure
 from signorini_fx.report.markup import Markup, drawn_by, joined, long_table, table, tag
 
@@ -42,7 +42,8 @@ def resultants(summary: dict[str, Any], contact: dict[str, Any]) -> Markup:
             )
         ]
     )
-    parts = [table(["on the body", "components", "size", "moment about the origin"], rows)]
+    whom = summary["contact_boundaries"][0]["boundary"] if touch_each_other(summary) else "the body"
+    parts = [table([f"on {whom}", "components", "size", "moment about the origin"], rows)]
     if several:  # their moments are among the resultants of all boundaries
         each = [
             (f"{kind} on {row['boundary']}", figure(row[name]), figure(float(np.linalg.norm(row[name]))))

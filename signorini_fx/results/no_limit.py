@@ -6,6 +6,10 @@ like a negative power of the distance if the angle within the body is large enou
 Where a load along the boundary jumps it grows like a logarithm (Timoshenko and Goodier, Theory of Elasticity, section
 38), and where materials meet at the boundary, or their interface has a corner, like a power again (Bogy, J. Appl. Mech.
 38 (1971) 377-386): for most pairs of materials, a few are bounded and named all the same.
+
+Bodies that touch are judged one by one.  Where the edge of one of them, of 90 degrees or more, presses on another one
+the stress has no limit in both, though materials decide how fast it grows (Dundurs and Lee, J. Elasticity 2 (1972)
+109-112); where they are bonded the corner of both together decides.
 """
 
 from __future__ import annotations
@@ -44,6 +48,8 @@ _BOUNDED = {
 _CURVED, _ROUND_OFF = np.degrees(CORNER_ANGLE), 1.0
 # A place so many facets away from a vertex is beside it.
 _BESIDE = 1.01
+# A gap or an overlap of bodies, or a step between their sides, that is less than this share of a facet is none.
+_NEAR = 0.1
 # Share of a facet by which the load beside a vertex is taken within it, and share of a load that is a jump.
 _WITHIN, _JUMP = 1e-6, 1e-3
 
@@ -58,6 +64,8 @@ class _Facet:
         traction: just beside each vertex, but for pressure, shape (n, d); not a number where it is not known.
         kind: what is prescribed there.
         names: by which boundaries.
+        piece: number of the connected piece of the mesh that it is of.
+        paired: how it may touch another body: "contact", "bonded", or "" if it does not.
         loaded: the boundaries whose loads act there.
     """
 
@@ -66,11 +74,19 @@ class _Facet:
     traction: Array
     kind: str
     names: tuple[str, ...]
+    paired: str
+    piece: int
     loaded: tuple[str, ...]
 
     @property
     def size(self) -> float:
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
+
+    def reaches(self, points: Array) -> bool:
+        """Whether points of shape (n, d) are on it, but for gaps between bodies that are small beside it."""
+        near = _NEAR * self.size
+        within = (points >= self.vertices.min(axis=0) - near) & (points <= self.vertices.max(axis=0) + near)
+        return bool(within.all() and (np.abs((points - self.vertices[0]) @ self.normal) <= near).all())
 
 
 def why_no_limit(body: Discretisation, place: tuple[float, ...], step: float = 0.0) -> str | None:
@@ -86,28 +102,55 @@ def why_no_limit(body: Discretisation, place: tuple[float, ...], step: float = 0
     every = [facet for own in body.comm.allgather(_facets_near(body, np.array(place), step)) for facet in own]
     found = [_where_materials_meet(body, np.array(place), every)]
     for one, other in combinations(every, 2):
+        if one.piece != other.piece:
+            continue
         distance = np.linalg.norm(one.vertices[:, None] - other.vertices[None], axis=2)
         first, second = np.nonzero(distance <= 1e-8 * body.tagged.size)
         size = min(one.size, other.size)
         near = np.linalg.norm(one.vertices[first] - place, axis=1) <= _BESIDE * size
         if len(first) == body.tagged.dimension - 1 and near.any():
-            found += [_reason(one, other), _where_loads_jump(one, other, first, second)]
+            others = [facet for facet in every if facet.piece != one.piece and facet.reaches(one.vertices[first])]
+            found += [_reason(one, other, others), _where_loads_jump(one, other, first, second)]
     return min((reason for reason in found if reason is not None), default=None)
 
 
-def _reason(one: _Facet, other: _Facet) -> str | None:
-    """Why the stress has no limit where two facets meet."""
-    turn = float(np.degrees(np.arccos(np.clip(one.normal @ other.normal, -1.0, 1.0))))
-    reentrant = (other.vertices.mean(axis=0) - one.vertices.mean(axis=0)) @ one.normal > 0
-    angle = 180 + turn if reentrant else 180 - turn
+def _reason(one: _Facet, other: _Facet, others: list[_Facet]) -> str | None:
+    """Why the stress has no limit where two facets of a body meet, and facets of others are."""
+    turn, angle = _corner(one.normal, other.normal, other.vertices.mean(axis=0) - one.vertices.mean(axis=0))
     kinds = tuple(sorted({one.kind, other.kind}))
     alike = len(kinds) == 1
-    if (alike and turn <= _CURVED) or angle <= _BOUNDED[kinds] + (_CURVED if alike else _ROUND_OFF):
+    if one.paired or other.paired:
+        touched = any(facet.paired for facet in others)
+        if (one.paired and other.paired) or not touched:
+            filled = touched and one.paired == other.paired == "bonded"
+            return None if filled or angle <= 180 + _CURVED else "it is at a reentrant corner of the body"
+        side = one if one.paired else other
+        beyond = [
+            _corner(-side.normal, facet.normal, (facet.vertices - side.vertices[:1]).mean(axis=0))[1]
+            for facet in others
+            if not facet.paired
+        ]
+        together = angle + min(beyond, default=180.0)
+        if angle < 90 - _ROUND_OFF or together <= 180 + _ROUND_OFF:
+            return None
+    elif (alike and turn <= _CURVED) or angle <= _BOUNDED[kinds] + (_CURVED if alike else _ROUND_OFF):
         return None
-    if alike and one.kind != "guided":
+    elif alike and one.kind != "guided":
         return "it is at a reentrant corner of the body"
     names = sorted({*one.names, *other.names} - ({*one.names} & {*other.names} if not alike else set()))
     return f"it is at the end of the boundar{'ies' if len(names) > 1 else 'y'} {' and '.join(names)}"
+
+
+def _corner(normal: Array, other: Array, toward: Array) -> tuple[float, float]:
+    """How far the normal turns from one facet to another one, and the angle within the body between them, degrees.
+
+    Args:
+        normal: of the one.
+        other: that of the other one.
+        toward: from the one to the other.
+    """
+    turn = float(np.degrees(np.arccos(np.clip(normal @ other, -1.0, 1.0))))
+    return turn, 180 + turn if toward @ normal > 0 else 180 - turn
 
 
 def _where_loads_jump(
@@ -140,6 +183,8 @@ def _where_loads_jump(
 def _where_materials_meet(body: Discretisation, place: Array, boundary: list[_Facet]) -> str | None:
     """Whether materials meet at the boundary, or their interface has a corner, within a facet of a place; collective.
 
+    Those of bodies that touch do not, unless they are bonded.
+
     It shows in the angles, in space solid angles, that the cells of each material have at a vertex.
     """
     if len(body.scene.material) == 1:
@@ -147,8 +192,12 @@ def _where_materials_meet(body: Discretisation, place: Array, boundary: list[_Fa
     every = _cells_near(body, place)
     whole = 2 * np.pi if body.tagged.dimension == 2 else 4 * np.pi
     found: list[str] = []
-    for vertex in (one.vertex for one in every):
-        here = [one for one in every if np.linalg.norm(one.vertex - vertex) <= 1e-8 * body.tagged.size]
+    for vertex, joined in ((one.vertex, one.joined) for one in every):
+        here = [
+            one
+            for one in every
+            if one.joined == joined and np.linalg.norm(one.vertex - vertex) <= 1e-8 * body.tagged.size
+        ]
         angles = {kind: sum(one.angle for one in here if one.kind == kind) for kind in (one.kind for one in here)}
         if len(angles) == 1 or np.linalg.norm(vertex - place) > _BESIDE * min(one.length for one in here):
             continue
@@ -156,7 +205,8 @@ def _where_materials_meet(body: Discretisation, place: Array, boundary: list[_Fa
         facets = [
             facet
             for facet in boundary
-            if (np.linalg.norm(facet.vertices - vertex, axis=1) <= 1e-8 * body.tagged.size).any()
+            if facet.paired != "bonded"
+            and (np.linalg.norm(facet.vertices - vertex, axis=1) <= 1e-8 * body.tagged.size).any()
         ]
         # A flat boundary that only guides is a mirror.
         mirror = bool(facets) and all(facet.kind == "guided" for facet in facets) and abs(2 * total / whole - 1) < 1e-6
@@ -172,10 +222,13 @@ def _where_materials_meet(body: Discretisation, place: Array, boundary: list[_Fa
 
 
 class _CellAtVertex(NamedTuple):
-    """A cell at one of its vertices, shape (d,): its kind of material, its angle there, its longest edge there."""
+    """A cell at one of its vertices, shape (d,): its kind of material, a number of all pieces that bonds join to its
+    own, its angle there, its longest edge there.
+    """
 
     vertex: Array
     kind: int
+    joined: int
     angle: float
     length: float
 
@@ -206,6 +259,7 @@ def _cells_near(body: Discretisation, place: Array) -> list[_CellAtVertex]:
     kinds = [kind_of(material) for material in body.scene.material]
     (number,) = of_materials(body.scene, body.tagged, lambda one: (float(kinds.index(kind_of(one))),))
     kind = number.x.array[number.function_space.dofmap.list[cells, 0]]
+    joined, of_cell = _joined_pieces(body), body.pieces.of_cell
     edges = vertices[:, neighbours] - vertices[:, :, None]
     length = np.linalg.norm(edges, axis=3)
     distance, reach = np.linalg.norm(vertices - place, axis=2), _BESIDE * length.max(axis=2)
@@ -214,12 +268,25 @@ def _cells_near(body: Discretisation, place: Array) -> list[_CellAtVertex]:
         _CellAtVertex(
             vertices[cell, corner],
             int(kind[cell]),
+            int(joined[of_cell[cell]]),
             _angle(edges[cell, corner]),
             float(length[cell, corner].max()),
         )
         for cell, corner in np.argwhere(close)
     ]
     return [one for rows in body.comm.allgather(own) for one in rows]
+
+
+def _joined_pieces(body: Discretisation) -> npt.NDArray[np.int64]:
+    """For each connected piece of the mesh one number of all pieces that bonds join to it; collective."""
+    found = np.arange(body.pieces.count)
+    for effect in body.scene.contact:
+        if effect.against is not None and effect.kind == "bonded":
+            facets = np.concatenate([body.tagged.facets(name) for name in (effect.boundary, effect.against)])
+            own = np.unique(body.pieces.of_cell[facet_entities(body.tagged.mesh, facets)[:, 0]])
+            pieces = sorted({piece for rows in body.comm.allgather(own.tolist()) for piece in rows})
+            found[np.isin(found, found[pieces])] = found[pieces].min()
+    return found
 
 
 def _angle(edges: Array) -> float:
@@ -251,9 +318,9 @@ def _facets_near(body: Discretisation, place: Array, step: float) -> list[_Facet
         normal = _normal(vertices[k], middle)
         beside = vertices[k] + _WITHIN * (vertices[k].mean(axis=0) - vertices[k])
         traction, loaded = _traction(body, int(numbers[k]), beside, step)
-        found.append(
-            _Facet(vertices[k], normal, traction, *_condition(body, int(numbers[k]), normal, vertices[k]), loaded)
-        )
+        condition = _condition(body, int(numbers[k]), normal, vertices[k])
+        piece = int(body.pieces.of_cell[entities[k, 0]])
+        found.append(_Facet(vertices[k], normal, traction, *condition, piece, loaded))
     return found
 
 
@@ -276,19 +343,27 @@ def _normal(vertices: Array, inside: Array) -> Array:
     return np.asarray(normal * np.sign(normal @ (vertices.mean(axis=0) - inside)))
 
 
-def _condition(body: Discretisation, facet: int, normal: Array, corners: Array) -> tuple[str, tuple[str, ...]]:
-    """What is prescribed on a facet, and by which boundaries."""
+def _condition(body: Discretisation, facet: int, normal: Array, corners: Array) -> tuple[str, tuple[str, ...], str]:
+    """What is prescribed on a facet, by which boundaries, and how it may touch another body."""
     scene, tagged, dim = body.scene, body.tagged, body.tagged.dimension
     supports = [effect for effect in scene.displacement if effect.where and facet in tagged.facets(effect.where)]
-    contacts = [effect for effect in scene.contact if facet in tagged.facets(effect.boundary)]
-    rows: list[Array] = [normal for effect in (*supports, *contacts) if getattr(effect, "normal", 0.0) is not None]
+    contacts = [
+        (effect, name)
+        for effect in scene.contact
+        for name in (effect.boundary, effect.against)
+        if name is not None and facet in tagged.facets(name)
+    ]
+    paired = ["bonded" if effect.kind == "bonded" else "contact" for effect, _ in contacts if effect.against]
+    touching = [effect for effect, _ in contacts]
+    rows: list[Array] = [normal for effect in (*supports, *touching) if getattr(effect, "normal", 0.0) is not None]
     for effect in supports:
         rows += [np.eye(dim)[k] for k, value in enumerate(effect.components[:dim]) if value is not None]
-    names = tuple(effect.boundary for effect in (*supports, *contacts))
+    names = (*(effect.boundary for effect in supports), *(name for _, name in contacts))
     if body.scene.axisymmetric and on_axis(corners, body.tagged).all():
         rows.append(np.eye(dim)[0])
     still = scene.torsion and any(effect.components[2] is not None for effect in supports)  # around the axis
     if not rows and not still:
-        return "free", ()
+        return "free", (), ""
     whole = still or np.linalg.matrix_rank(np.array(rows), tol=1e-6) == dim
-    return "held" if whole or any(effect.friction.acts for effect in contacts) else "guided", names
+    held = whole or any(effect.friction.acts for effect in touching)
+    return "held" if held else "guided", names, min(paired, default="")

@@ -6,7 +6,7 @@ difference says what both are worth.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any
@@ -39,10 +39,12 @@ class Extreme:
     Attributes:
         value: a stress.
         place: a point, length, shape (d,).
+        cell: global number of the cell whose stress it is: at an interface there is one on each side.
     """
 
     value: float
     place: tuple[float, ...]
+    cell: int
 
 
 @dataclass(frozen=True, repr=False)
@@ -130,7 +132,7 @@ class StressFields:
         """Where a field is smallest, see ``largest``: by default the largest compression."""
         return self._extreme(field, component, sign=-1.0)
 
-    def _extremes(self) -> dict[str, dict[str, Any]]:
+    def _extremes(self) -> dict[str, Extreme]:
         found = {
             "von_mises": self.largest(),
             "largest_principal": self.largest("principal", 0),
@@ -138,7 +140,7 @@ class StressFields:
         }
         if self.stress.outward is not None:
             found |= {"largest_zz": self.largest("zz"), "smallest_zz": self.smallest("zz")}
-        return {name: {"value": one.value, "place": list(one.place)} for name, one in found.items()}
+        return found
 
     def _extreme(self, field: str, component: int, *, sign: float) -> Extreme:
         if field not in ("von_mises", "principal", *_COMPONENTS):
@@ -153,8 +155,11 @@ class StressFields:
         at = int(values.argmax()) if values.size else 0
         own = float(values[at]) if values.size else -np.inf
         best, rank = comm.allreduce((own, -comm.rank), op=MPI.MAX)
-        place = comm.bcast(tuple(map(float, x[at])) if -rank == comm.rank and values.size else (), root=-rank)
-        return Extreme(sign * best, place)
+        where: tuple[tuple[float, ...], int] = (), -1
+        if -rank == comm.rank and values.size:
+            cell = np.flatnonzero((space.dofmap.list == at).any(axis=1))[:1].astype(np.int32)
+            where = tuple(map(float, x[at])), int(space.mesh.topology.index_map(x.shape[1]).local_to_global(cell)[0])
+        return Extreme(sign * best, *comm.bcast(where, root=-rank))
 
     def _nodal(self) -> Nodal:
         """The tensor at the points of its function space on this rank, shape (n, 3, 3)."""
@@ -246,19 +251,36 @@ class Stresses(RawStresses):
     def as_dict(self) -> dict[str, Any]:
         """Extremes of the raw stress and those of the recovered one, with the estimated error, JSON-safe; collective.
 
-        With each why it has no limit, if it is known to have none, see ``no_limit``.  The stress out of the plane is
-        among them in plane strain.
+        With each why it has no limit, if it is known to have none, see ``no_limit``, and the name of its body or of the
+        region of its material, if there are several.  The stress out of the plane is among them in plane strain.
         """
         d, found, recovered = self.discretisation, self._extremes(), None
         finite = not parallel.any_rank(d.comm, not np.isfinite(self.stress.displacement.x.array).all())
+        reasons: dict[tuple[float, ...], str | None] = {}
         if finite:
             recovered = self.recovered._extremes()
-            extremes = [*found.values(), *recovered.values()]
-            places = dict.fromkeys(tuple(extreme["place"]) for extreme in extremes)
+            places = dict.fromkeys(one.place for one in (*found.values(), *recovered.values()))
             reasons = {place: why_no_limit(d, place, self.place) for place in places}
-            for extreme in extremes:
-                extreme["no_limit"] = reasons[tuple(extreme["place"])]
-        return {**found, "recovered": recovered, "error": self.error if finite else None}
+        parts = [body.name for body in d.scene.body] or [one.region for one in d.scene.material]
+
+        def row(one: Extreme) -> dict[str, Any]:
+            named = {"region": _part_of(d, one.cell, parts)} if len(parts) > 1 else {}
+            limit = {"no_limit": reasons[one.place]} if finite else {}
+            return {"value": one.value, "place": list(one.place), **named, **limit}
+
+        rows = {name: row(one) for name, one in found.items()}
+        others = None if recovered is None else {name: row(one) for name, one in recovered.items()}
+        return {**rows, "recovered": others, "error": self.error if finite else None}
+
+
+def _part_of(d: Discretisation, cell: int, parts: Sequence[str | None]) -> str | None:
+    """The one of some regions that a cell is in, by its global number; None: in none of them; collective."""
+    cells = d.tagged.mesh.topology.index_map(d.tagged.dimension)
+    own = cell - cells.local_range[0]
+    here = [place for place, name in enumerate(parts) if name is not None and own in d.tagged.cells(name)]
+    found = here[0] if here and 0 <= own < cells.size_local else -1
+    at = int(parallel.global_max(d.comm, found))
+    return None if at < 0 else parts[at]
 
 
 @dataclass(frozen=True, repr=False)

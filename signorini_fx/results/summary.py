@@ -375,7 +375,8 @@ def _largest(summary: dict[str, Any]) -> str:
     """The largest von Mises stress, raw and recovered, with the digits that both have; or why it has no limit."""
     stress = summary["stress"]
     raw, recovered, apart = stress["von_mises"], stress["recovered"], between(stress)
-    told = f"{_digits(raw['value'], apart)} at most, at {point_in_words(raw['place'])}"
+    region = f" in {raw['region']}" if raw.get("region") else ""
+    told = f"{_digits(raw['value'], apart)} at most, at {point_in_words(raw['place'])}{region}"
     if recovered is not None and apart is not None:
         told += f"; recovered {_digits(recovered['von_mises']['value'], apart)}"
     if (why := raw.get("no_limit")) is not None:
