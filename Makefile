@@ -10,6 +10,9 @@ RUFF := build/ruff-0.17.5
 SPHINX := build/sphinx-9.0.4
 BUILD := build/build-1.6.1
 
+# A registry that does not answer at once is asked for minutes.
+PIP := python3 -m pip install --retries 9
+
 help:       ## list the targets
 	@sed -nE 's/^([a-z-]+):.*## /\1\t/p' Makefile | expand -t 12
 
@@ -66,7 +69,7 @@ dist: $(BUILD)  ## make an archive of the sources and a wheel, and check them (d
 	rm -rf dist build/installed
 	PYTHONPATH=$(BUILD) python3 -m build -o dist .
 	PYTHONPATH=$(BUILD) python3 -m twine check --strict dist/*
-	python3 -m pip install -qq --no-deps --target build/installed dist/*.whl
+	$(PIP) -qq --no-deps --target build/installed dist/*.whl
 	! grep -nP '!\[|\]\((?!https:)' build/installed/*.dist-info/METADATA
 	cd build/installed && for name in $$(cd ../..; git ls-files signorini_fx meshes ':!*README*'); do \
 	  test -e $$name || test -e signorini_fx/$$name || { echo "$$name is not in the wheel"; exit 1; }; done
@@ -78,17 +81,17 @@ clean:      ## remove everything that these targets made, except the image
 # Debian stable has no ruff; the formatting depends on its version, so the version is pinned.
 $(RUFF):
 	rm -rf $@.d
-	python3 -m pip install -qq --no-deps --target $@.d ruff==$(@:build/ruff-%=%)
+	$(PIP) -qq --no-deps --target $@.d ruff==$(@:build/ruff-%=%)
 	mv $@.d/bin/ruff $@
 	rm -rf $@.d
 
 $(SPHINX):
 	rm -rf $@.d
-	python3 -m pip install -qq --target $@.d sphinx==$(@:build/sphinx-%=%) myst-parser==5.2.0 furo==2025.12.19 \
+	$(PIP) -qq --target $@.d sphinx==$(@:build/sphinx-%=%) myst-parser==5.2.0 furo==2025.12.19 \
 		numpy==2.4.2 pydantic==2.12.5
 	mv $@.d $@
 
 $(BUILD):
 	rm -rf $@.d
-	python3 -m pip install -qq --target $@.d build==$(@:build/build-%=%) twine==7.0.0
+	$(PIP) -qq --target $@.d build==$(@:build/build-%=%) twine==7.0.0
 	mv $@.d $@
