@@ -57,13 +57,14 @@ def generate(comm: MPI.Comm, /, *, nx: int = 30, other: int = 24, dimension: int
         corners = [sum(((k >> axis) & 1) * strides[axis] for axis in range(dimension)) for k in range(2**dimension)]
         cells.append(first[:, None] + np.array(corners) + sum(map(len, points)))
         points.append(x)
-    every = [np.concatenate(part) if comm.rank == 0 else part[0][:0] for part in (cells, points)]
+    every = [np.concatenate(part) for part in (cells, points)]
+    brought, nodes = (np.array_split(part, comm.size)[comm.rank] for part in every)
     element = basix.ufl.element("Lagrange", ("quadrilateral", "hexahedron")[dimension - 2], 1, shape=(dimension,))
-    x, up = every[1][every[0]], np.arange(2**dimension) >> z & 1
+    x, up = every[1].take(brought, axis=0), np.arange(2**dimension) >> z & 1
     sides = np.concatenate([x[:, up == 0], x[:, up == 1]])
     owner = shares(comm, x.mean(axis=1), sides[(np.abs(sides[..., z]) < 2 * _APART).all(axis=1)])
     divide = partitioner(owner)
-    mesh = dmesh.create_mesh(comm, every[0].astype(np.int64), x=every[1], e=ufl.Mesh(element), partitioner=divide)
+    mesh = dmesh.create_mesh(comm, brought.astype(np.int64), x=nodes, e=ufl.Mesh(element), partitioner=divide)
     heights = {"bottom": -1.0, "lower": 0.0, "upper": _APART, "top": 1.0 + _APART}
     marks: dict[str, Any] = {name: lambda x, y=y: np.abs(x[z] - y) < 1e-9 for name, y in heights.items()}
     marks |= {name: lambda x, y=y: np.abs(x[0] - y) < 1e-9 for name, y in (("left", 0.0), ("right", 3.0))}
