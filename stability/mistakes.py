@@ -2105,7 +2105,7 @@ MUTANTS = (
     ),
     Mutant(
         "results/paired_sides",
-        "found.append(_sampled(claim, space))",
+        "found.append(_sampled(claim, space, slave, master, reach))",
         "pass",
         "two bodies: the certificate does not integrate anew",
         tests=("two_bodies::test_the_certificate_notices_a_wrong_map",),
@@ -2115,6 +2115,27 @@ MUTANTS = (
         "any(np.setxor1d(*both).size for both in zip(claim.paired, named, strict=True))",
         "0",
         "two bodies: the certificate believes the solver which facets are the sides",
+        tests=("certificate_of_pairs",),
+    ),
+    Mutant(
+        "results/paired_sides",
+        "usual_reach(slave, master) if claim.allowed is None else claim.allowed",
+        "claim.reach",
+        "two bodies: the certificate believes the solver how far partners are",
+        tests=("certificate_of_pairs",),
+    ),
+    Mutant(
+        "forms/certificate",
+        "claim_of(data.pair, space, facets, master, given.reach)",
+        "claim_of(data.pair, space, facets, data.pair.master.facets, given.reach)",
+        "two bodies of forms: the certificate believes the solver which facets are the other side",
+        tests=("certificate_of_pairs",),
+    ),
+    Mutant(
+        "forms/certificate",
+        "claim_of(data.pair, space, facets, master, given.reach)",
+        "claim_of(data.pair, space, facets, master)",
+        "two bodies of forms: the certificate knows no reach but the usual one",
         tests=("certificate_of_pairs",),
     ),
     Mutant(

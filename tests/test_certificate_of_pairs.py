@@ -4,15 +4,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import ufl
+from dolfinx import fem
 from mpi4py import MPI
+from two_bodies import assembled, facets, forms, grid
 
 from signorini_fx import Status, parallel, solve
 from signorini_fx.body import paired_points
+from signorini_fx.body.foundation import Coulomb, Pair
+from signorini_fx.forms.contact_problem import ContactProblem
+from signorini_fx.pairs import coupling
 from signorini_fx.results import paired_sides
+from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.scene.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
 COUPLE, PAIRED = paired_points.couple, paired_points.PairedSides.of.__func__
+USUAL = coupling.default_reach
 
 
 def scene():
@@ -113,3 +121,60 @@ def test_a_facet_is_missing_where_nothing_is_sampled(name, monkeypatch):
     found = solve(scene(), COMM, check=False)
     assert found.status is Status.NOT_CERTIFIED
     assert found.certificate.coupling == 1.0
+
+
+def opening(reach=None):
+    """Forms of a user: a block on another one, with a wedge between them that opens towards the end, pressed down by
+    more than the wedge is high.
+    """
+    slope, blocks = 0.01, (((6, 6), (0.0, 0.0), (1.0, 1.0)), ((4, 4), (0.0, 1.0), (1.0, 2.0)))
+    tilted = None, lambda x: x + np.outer(slope * x[:, 0], (0.0, 1.0))
+    lower, upper = (grid("quadrilateral", *block, place) for block, place in zip(blocks, tilted, strict=True))
+    mesh = assembled("quadrilateral", lower, upper, comm=COMM)
+    space, a, v = forms(mesh, 1, 100.0)
+    bottom, slave, master, top = (
+        facets(mesh, lambda x, at=at, slope=slope: np.isclose(x[1], at + slope * x[0]))
+        for at, slope in ((0.0, 0.0), (1.0, 0.0), (1.0, slope), (2.0, slope))
+    )
+    bcs = [
+        fem.dirichletbc(np.array(moved), fem.locate_dofs_topological(space, 1, side), space)
+        for side, moved in ((bottom, (0.0, 0.0)), (top, (0.0, -2 * slope)))
+    ]
+    nothing = ufl.inner(fem.Constant(mesh, (0.0, 0.0)), v) * ufl.dx
+    return ContactProblem(a, nothing, bcs, contact=Pair(slave, master, friction=Coulomb(0.3), reach=reach))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", [name for name, (facets, _) in CHANGES.items() if facets])
+def test_facets_that_the_user_named_are_missing(name, monkeypatch):
+    """The user's forms: the certificate takes both sides from ``Pair``, not from what the solver has paired."""
+    monkeypatch.setattr(paired_sides, "_SAMPLED", dict.fromkeys(paired_sides._SAMPLED, 0))
+    monkeypatch.setattr(paired_points.PairedSides, "of", classmethod(with_facets(CHANGES[name][0])))
+    problem = opening()
+    with pytest.raises(ConvergenceError):
+        problem.solve()
+    assert problem.status is Status.NOT_CERTIFIED
+    assert problem.certificate.coupling == 1.0
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("reach", [None, 0.5])
+@pytest.mark.parametrize("factor", [1.0, 0.01, 100.0])
+def test_a_wrong_reach_is_noticed(factor, reach, monkeypatch):
+    """With too small a reach the bodies pass through each other beyond their first facets, and all balances hold."""
+
+    def wrong(slave, master, *rest, reach=None, **settings):
+        return COUPLE(
+            slave, master, *rest, reach=factor * (USUAL(slave.x, master.x) if reach is None else reach), **settings
+        )
+
+    monkeypatch.setattr(paired_points, "couple", wrong)
+    problem = opening(reach)
+    if factor == 1.0:
+        problem.solve()
+        assert problem.certificate.coupling < 1e-10
+        return
+    with pytest.raises(ConvergenceError):
+        problem.solve()
+    assert problem.status is Status.NOT_CERTIFIED
+    assert problem.certificate.coupling > 0.9

@@ -2,12 +2,13 @@
 
 Equilibrium is that of the user's forms: the action of ``a`` on the displacement and ``L`` are assembled anew, without
 the matrix.  Contact conditions, weights, normals and the forces of contact tractions come from the independent code of
-``results``.  Both sides share the user's forms and the values of gap, friction, direction and measure at the nodes.
+``results``, on the facets that the user named.  Both sides share the user's forms and the values of gap, friction,
+direction and measure at the nodes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,6 +18,7 @@ from dolfinx import fem
 
 from signorini_fx.body.assembly import action, assemble
 from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.foundation import Foundation, Pair
 from signorini_fx.body.foundations import Data
 from signorini_fx.results.certificate import Balance, Certificate, judged
 from signorini_fx.results.contact_nodes import ContactNodes, ContactSide
@@ -27,6 +29,7 @@ from signorini_fx.results.tools import Driving, unbalanced
 from signorini_fx.scales import Scales
 
 Nodal = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int32]
 
 
 def certify(
@@ -41,6 +44,8 @@ def certify(
     law: Law,
     before: Before | None,
     tools: Sequence[Driving],
+    contact: Sequence[Foundation | Pair],
+    named: tuple[Sequence[Indices], Mapping[int, Indices]],
 ) -> Certificate:
     """Check the conditions of a problem from the displacement and the contact tractions alone; collective.
 
@@ -56,6 +61,8 @@ def certify(
         law: the contact law that the method promises.
         before: the end of the previous step; None: there is none.
         tools: how rigid tools have moved, and what drives them.
+        contact: the foundations and pairs as the user gave them.
+        named: their facets, and those of the other side of each pair by its number, see ``facets_of``.
     """
     space = displacement.function_space
     dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
@@ -69,7 +76,10 @@ def certify(
     )
     external, nothing = assemble(L).reshape(-1, dim), np.zeros_like(internal)
     balance = Balance(SurfaceQuadrature(space), internal, external, supports, scales, scales, nothing)
-    sides = [_side(one, space) for one in data]
+    sides = [
+        _side(one, given, facets, named[1].get(k), space)
+        for k, (one, given, facets) in enumerate(zip(data, contact, named[0], strict=True))
+    ]
     tractions = Tractions.of(state)
     moved = tuple(tool for tool, _ in tools)
     found = judged(displacement, balance, sides, tractions, law=law, before=before, tools=moved)
@@ -79,25 +89,32 @@ def certify(
     return replace(found, equilibrium=max(found.equilibrium, left))
 
 
-def _side(data: Data, space: fem.FunctionSpace) -> ContactSide:
+def _side(
+    data: Data, given: Foundation | Pair, facets: Indices, master: Indices | None, space: fem.FunctionSpace
+) -> ContactSide:
+    """One foundation or pair; what the user named decides which facets meet, and up to which distance."""
+
     def bound(nodes: npt.NDArray[Any], pressure: Nodal) -> Nodal:
         found = data.given[nodes] + data.coefficient[nodes] * np.abs(pressure)
         found = np.minimum(found, data.cap[nodes])
         return np.where(pressure == 0, 0.0, found) if data.cohesive else found
 
-    claim, along, ellipse = None, data.shape.direction, data.shape.ellipse
-    if data.pair is not None:
+    claim, by_geometry, along, ellipse = None, False, data.shape.direction, data.shape.ellipse
+    if isinstance(given, Pair):
         from signorini_fx.results.paired_claim import claim_of
 
-        claim = claim_of(data.pair, space, data.facets, data.pair.master.facets)
+        assert data.pair is not None
+        assert master is not None
+        claim = claim_of(data.pair, space, facets, master, given.reach)
+        by_geometry = not given.bonded and isinstance(given.gap, str)
     return ContactSide(
-        data.facets,
+        facets,
         lambda nodes: (data.gap if data.allowance is None else data.allowance)[nodes],
         bound,
         data.bilateral,
         None if along is None else lambda nodes: along[nodes],
         data.shape.factor,
         claim,
-        data.pair is not None and data.pair.by_geometry,
+        by_geometry,
         None if ellipse is None else lambda nodes: (ellipse.along[nodes], ellipse.ratio[nodes]),
     )

@@ -127,7 +127,7 @@ class ContactProblem:
             )
         self.u = fem.Function(space, name="displacement") if u is None else u
         self._options = petsc_options_prefix, dict(petsc_options or {})
-        self._given, self._touching = (a, L), [*facets, *masters.values()]
+        self._given, self._named = (a, L), (facets, masters)
         self._law, self._parts = law_of(stress, self.u), parts_of(materials, space.mesh)
         self._stresses: RawStresses | None = None
         self._names = [f"contact {k}" for k in range(len(facets))]
@@ -172,8 +172,8 @@ class ContactProblem:
         if self._law is None:
             raise RuntimeError("only the form knows the stresses: give stress=, a function of the displacement")
         if self._stresses is None:
-            y, fixed = self.u.copy(), self._prescribed[0]
-            self._stresses = stresses_of(self._law, y, self._parts, self._given, self._touching, fixed)
+            y, fixed, touching = self.u.copy(), self._prescribed[0], [*self._named[0], *self._named[1].values()]
+            self._stresses = stresses_of(self._law, y, self._parts, self._given, touching, fixed)
         return self._stresses
 
     @property
@@ -190,8 +190,7 @@ class ContactProblem:
         if any(getattr(one, "measure", None) is not None for one in self.contact):
             raise FormError([("stress", "there is no error estimate where the forms are multiplied by a measure")])
         assert outcome is not None
-        facets = self._foundations.facets
-        return errors_of(stress, self.u, self.state, facets, self._names, outcome, self._scales.modulus)
+        return errors_of(stress, self.u, self.state, self._named[0], self._names, outcome, self._scales.modulus)
 
     def price_list(self, *coarser: ContactProblem) -> list[Price]:
         """Errors and costs of the last solve here and on coarser meshes, and those expected of the next; collective.
@@ -258,8 +257,7 @@ class ContactProblem:
         with options.applied(*self._options):
             data, law = self._update()
             begun = self._start
-            rest = self._task.rest
-            data = data if rest is None else rest.data_from(data)
+            data = data if (rest := self._task.rest) is None else rest.data_from(data)
             if begun is None:
                 begun = Start(data, law, ActiveSets.all_in_contact(*data.mu_hat.shape), 0)
             else:  # friction is that of the pressure with which the last step has ended
@@ -377,6 +375,8 @@ class ContactProblem:
             Law(*self._task.promised(outcome)),
             self._relative,
             driving_of(self._tools, self.tools),
+            self.contact,
+            self._named,
         )
         self.status = outcome.status
         if outcome.status is Status.CONVERGED and not self.certificate.holds:

@@ -9,8 +9,12 @@ from signorini_fx.body.paired_points import PairedSides
 from signorini_fx.results.paired_sides import Claim, Indices
 
 
-def claim_of(pair: PairedSides, space: fem.FunctionSpace, slave: Indices, master: Indices) -> Claim:
-    """What the solver says of a pair on this rank, whose sides are these facets according to the problem."""
+def claim_of(
+    pair: PairedSides, space: fem.FunctionSpace, slave: Indices, master: Indices, reach: float | None = None
+) -> Claim:
+    """What the solver says of a pair on this rank, whose sides are these facets according to the problem, with partners
+    up to this distance; None: up to the usual one.
+    """
     found, (own, others, turning) = pair.coupling, pair.shares()
     return Claim(
         space.mesh.comm,
@@ -28,6 +32,7 @@ def claim_of(pair: PairedSides, space: fem.FunctionSpace, slave: Indices, master
         found.covered,
         found.hats,
         found.reach,
+        reach,
         pair.across,
         pair.planes,
     )

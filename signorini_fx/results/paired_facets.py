@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 from scipy.optimize import brentq
+from scipy.spatial import cKDTree
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities
@@ -35,6 +36,8 @@ _TURNING = 0.5
 _FACING = -0.2
 # Distance from a parallelogram, relative to its diagonal, that is round-off.
 _PARALLEL = 1e-9
+# Beyond the smallest distance of both sides facets are partners within this share of the size of the smaller side.
+_REACH = 0.2
 # Share of a facet below which an overlap is round-off.
 _NOTHING = 1e-9
 
@@ -68,6 +71,11 @@ class Facets:
         self._middle = self._x.mean(axis=1)
         self._radius = np.linalg.norm(self._x - self._middle[:, None], axis=2).max(axis=1)
 
+    @property
+    def x(self) -> Array:
+        """Positions of their nodes, those of several facets several times, length, shape (f k, d)."""
+        return np.asarray(self._x.reshape(-1, self._x.shape[2]))
+
     def __getitem__(self, k: Any) -> Facet:
         if k not in self._made:
             closure = self._closures[self._numbers[k]]
@@ -87,6 +95,12 @@ class Facets:
         beyond = self._radius + facet.size
         across = np.sqrt(np.maximum(np.sum(apart**2, axis=1) - along**2, 0.0))
         return np.flatnonzero((np.abs(along) <= reach + beyond) & (across <= beyond + _TURNING * np.abs(along)))
+
+
+def usual_reach(slave: Facets, master: Facets) -> float:
+    """The distance beyond which facets are no partners where the problem names none, length."""
+    nearest = float(cKDTree(master.x).query(slave.x)[0].min())
+    return nearest + _REACH * min(float(np.linalg.norm(np.ptp(side.x, axis=0))) for side in (slave, master))
 
 
 class Facet:

@@ -27,7 +27,7 @@ from mpi4py import MPI
 from signorini_fx import parallel
 from signorini_fx.body.averages import from_owners, to_owners
 from signorini_fx.body.node_positions import node_positions
-from signorini_fx.results.paired_facets import Facet, Facets, Piece, interpolated_normals, pieces_of
+from signorini_fx.results.paired_facets import Facet, Facets, Piece, interpolated_normals, pieces_of, usual_reach
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -59,7 +59,8 @@ class Claim:
         alone: points that have taken over no function of another node, shape (n,).
         covered: area of the overlap, of all ranks.
         hats: whether functions are the hats of the vertices themselves.
-        reach: distance beyond which facets are no partners, length.
+        reach: distance beyond which facets were no partners, length.
+        allowed: the same as the problem names it; None: the usual one.
         across: projectors onto the directions across planes of symmetry, of which ``operator``, traction and normal
             have no component, shape (n, d, d).
         planes: the same by the global numbers of all nodes of the slave on such planes.
@@ -80,6 +81,7 @@ class Claim:
     covered: float
     hats: bool
     reach: float
+    allowed: float | None
     across: Array
     planes: Mapping[int, Array]
 
@@ -163,7 +165,10 @@ def defect(claim: Claim, space: fem.FunctionSpace) -> float:
         found.append(_largest(claim.relative(motion)))
     named = claim.slave, claim.master
     found.append(float(any(np.setxor1d(*both).size for both in zip(claim.paired, named, strict=True))))
-    found.append(_sampled(claim, space))
+    slave, master = (Facets(space, own) for own in named)
+    reach = usual_reach(slave, master) if claim.allowed is None else claim.allowed
+    found.append(abs(claim.reach / reach - 1.0))
+    found.append(_sampled(claim, space, slave, master, reach))
     return parallel.global_max(comm, float(max(found)))
 
 
@@ -182,12 +187,11 @@ def _rigid(arm: Array) -> list[Array]:
     return found
 
 
-def _sampled(claim: Claim, space: fem.FunctionSpace) -> float:
+def _sampled(claim: Claim, space: fem.FunctionSpace, slave: Facets, master: Facets, reach: float) -> float:
     """The largest error of the integrals of some points of this rank, relative to their weights and the sizes of
-    facets; collective.
+    facets, with partners up to a distance; collective.
     """
     dim = space.mesh.geometry.dim
-    slave, master = (Facets(space, own) for own in (claim.slave, claim.master))
     names = claim.points + space.dofmap.index_map.local_range[0]
     every = np.unique(np.concatenate((claim.reached, slave.nodes.ravel(), master.nodes.ravel())))
     place = np.searchsorted(every, claim.reached)
@@ -207,7 +211,7 @@ def _sampled(claim: Claim, space: fem.FunctionSpace) -> float:
             normals[node] = normal / np.linalg.norm(normal)
     facets = {int(number): slave[number] for number in numbers}
     known = {
-        number: pieces_of(facet, [master[k] for k in master.near(facet, claim.reach)], claim.reach, normals)
+        number: pieces_of(facet, [master[k] for k in master.near(facet, reach)], reach, normals)
         for number, facet in facets.items()
     }
     for number in bare:
