@@ -363,7 +363,8 @@ def sides_of(
         paired = pairs_of(scene, tagged, space) if pairs is None else pairs
         for place, pair in paired.items():
             effect = scene.contact[place]
-            claims[place] = claim_of(pair, space, *map(tagged.facets, (effect.boundary, str(effect.against))))
+            slave, master = map(tagged.facets, (effect.boundary, str(effect.against)))
+            claims[place] = claim_of(pair, space, slave, master)
     x = node_positions(space)[:, : space.mesh.geometry.dim]
 
     def side(place: int, effect: Any) -> ContactSide:

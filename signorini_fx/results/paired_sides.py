@@ -167,7 +167,7 @@ def defect(claim: Claim, space: fem.FunctionSpace) -> float:
     found.append(float(any(np.setxor1d(*both).size for both in zip(claim.paired, named, strict=True))))
     slave, master = (Facets(space, own) for own in named)
     reach = usual_reach(slave, master) if claim.allowed is None else claim.allowed
-    found.append(abs(claim.reach / reach - 1.0))
+    found.append(float(not np.isclose(claim.reach, reach, atol=0.0)))  # which may be zero, or infinite
     found.append(_sampled(claim, space, slave, master, reach))
     return parallel.global_max(comm, float(max(found)))
 
