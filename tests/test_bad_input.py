@@ -22,6 +22,7 @@ from petsc4py import PETSc
 from scenes import example1
 
 from signorini_fx import cli, petsc_start
+from signorini_fx.check.petsc_options import refuse_mistyped
 from signorini_fx.cli.options import parsed_accuracy, parsed_budget
 from signorini_fx.csv_text import as_name, as_text
 from signorini_fx.errors import MachineError, MeshError, OptionsError, OutputError, ResultError, SceneError
@@ -299,7 +300,7 @@ def test_mistyped_option(mistake, others):
         found[options.PREFIX + key] = said
     try:
         with pytest.raises(OptionsError, match=f"^PETSc option -sfx_{name} {value}: ."):
-            options.refuse_mistyped(COMM)
+            refuse_mistyped(COMM)
         assert {key: found.getString(options.PREFIX + key) for key in given_options} == given_options
     finally:
         for key in given_options:
@@ -312,7 +313,7 @@ def test_right_options(petsc):
     for key, said in RIGHT.items():
         petsc[options.PREFIX + key] = said
     petsc["sfx_snes_monitor"] = None
-    options.refuse_mistyped(COMM)
+    refuse_mistyped(COMM)
     assert all(petsc.hasName(options.PREFIX + key) for key in (*RIGHT, "snes_monitor"))
 
 
@@ -321,10 +322,10 @@ def test_options_that_crash(petsc):
     """Eigenvalues that are estimated in no step: PETSc ends with a segmentation fault, which a small process takes."""
     petsc["sfx_ksp_rtol"] = "1e-9"
     petsc["sfx_mg_levels_ksp_max_it"] = "2"
-    options.refuse_mistyped(COMM)
+    refuse_mistyped(COMM)
     petsc["sfx_mg_levels_esteig_ksp_max_it"] = "0"
     with pytest.raises(OptionsError, match=r"^PETSc option -sfx_mg_levels_esteig_ksp_max_it 0: PETSc crashes with it$"):
-        options.refuse_mistyped(COMM)
+        refuse_mistyped(COMM)
 
 
 @pytest.mark.mpi

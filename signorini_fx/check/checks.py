@@ -22,11 +22,11 @@ from signorini_fx.body.loads import group_of, load_groups
 from signorini_fx.body.mixed import MIXED_FORMS
 from signorini_fx.check.cost import Cost, contact_nodes, estimated_cost, friction_kind, linear_solves, memory_finding
 from signorini_fx.check.findings import scene_findings
+from signorini_fx.check.petsc_options import refuse_mistyped
 from signorini_fx.check.planned import attempts_for
 from signorini_fx.contact.reactions import ZERO
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.material import LOCKING_POISSON
-from signorini_fx.linalg.options import refuse_mistyped
 from signorini_fx.mesh.hierarchy import coarser_scenes
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, Timings

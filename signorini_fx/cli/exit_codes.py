@@ -107,6 +107,6 @@ def _refused_by_petsc(error: Exception) -> SignoriniError | None:
         return None
     from petsc4py import PETSc
 
-    from signorini_fx.linalg.options import refused
+    from signorini_fx.check.petsc_options import refused
 
     return refused(error) if isinstance(error, PETSc.Error) else None

@@ -8,7 +8,8 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from signorini_fx.linalg.options import PREFIX, refused
+from signorini_fx.check.petsc_options import refused
+from signorini_fx.linalg.options import PREFIX
 
 
 @contextmanager

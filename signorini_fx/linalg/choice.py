@@ -102,7 +102,7 @@ def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:
 
 def for_multigrid(size: SystemSize) -> str | None:
     """Why a Krylov method with multigrid is better than a factorisation; None: it is not; collective."""
-    if options.user_sets("pc_") or options.user_sets("ksp_") or options.user_sets("mat_"):
+    if options.user_chooses_solver():
         return None
     factor = factor_memory(size.unknowns, size.dimension)
     if not enough_memory(size.comm, factor):
@@ -122,7 +122,7 @@ def krylov_from(size: SystemSize, requested: str) -> float:
     """
     if requested != "auto":
         return 0.0 if requested == "krylov" else math.inf
-    if not size.compressible or any(options.user_sets(start) for start in ("pc_", "ksp_", "mat_")):
+    if not size.compressible or options.user_chooses_solver():
         return math.inf
     # A dense matrix of few contact points is cheap for longer than a sparse one.
     fewest = FEWEST_KRYLOV_UNKNOWNS if against_condensing(size) else FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED
@@ -138,7 +138,7 @@ def against_condensing(size: SystemSize) -> str | None:
         return ranks
     if not has_package("mumps"):
         return "PETSc has no MUMPS"
-    if options.user_sets("pc_") or options.user_sets("ksp_") or options.user_sets("mat_"):
+    if options.user_chooses_solver():
         return "the options choose a linear solver"
     if size.unknowns < FEWEST_CONDENSED_UNKNOWNS[size.dimension]:
         return f"only {size.unknowns} unknowns"

@@ -21,8 +21,8 @@ from signorini_fx.attempts import METHOD, for_mesh, step_limit, tried
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import contact_table
 from signorini_fx.body.mesh_levels import MeshLevel
+from signorini_fx.check.petsc_options import refuse_mistyped
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.linalg import options
 from signorini_fx.machine import signals
 from signorini_fx.mesh.hierarchy import coarser_scenes
 from signorini_fx.records import History, Progress
@@ -79,7 +79,7 @@ def solve(
     """
     scene = as_scene(scene)
     refuse_other_than_comm(comm)
-    options.refuse_mistyped(comm)
+    refuse_mistyped(comm)
     if callable(observers) or not all(map(callable, observers)):
         raise TypeError("observers: a list of functions is expected, such as [print_progress]")
     with signals.together(comm):
