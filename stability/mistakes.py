@@ -2759,14 +2759,14 @@ MUTANTS = (
         tests=("certificate::test_potential_energy",),
     ),
     Mutant(
-        "contact/state",
+        "functionals",
         "trial - bound / 2",
         "trial - bound",
         "primal functional: friction beyond the bound",
         tests=("example1",),
     ),
     Mutant(
-        "contact/state",
+        "functionals",
         "data.lambda_hat**2 - (pressure - data.lambda_hat) ** 2",
         "data.lambda_hat**2 + (pressure - data.lambda_hat) ** 2",
         "dual functional: compliance, sign",

@@ -17,12 +17,12 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import ContactTable, contact_table
 from signorini_fx.body.deformation import Deformation
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.contact.state import Functionals
 from signorini_fx.display import html_table
 from signorini_fx.errors import SignoriniError
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.contact_boundaries import ContactFigures, contact_figures
+from signorini_fx.results.functionals import Functionals
 from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.safety import Safety, safety_of
 from signorini_fx.results.stresses import Stresses
