@@ -85,6 +85,11 @@ def local_max(values: npt.NDArray[Any], default: float = 0.0) -> float:
     return float(values.max()) if values.size else default
 
 
+def largest(comm: MPI.Comm, values: npt.NDArray[Any], default: float = 0.0) -> float:
+    """Largest entry over the ranks of arrays, each of which may be empty: it then counts as ``default``."""
+    return global_max(comm, local_max(values, default))
+
+
 def on_root(comm: MPI.Comm, function: Callable[[], T]) -> T:
     """Run ``function`` on the first rank and give its result, or its error, to all ranks.
 

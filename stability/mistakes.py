@@ -848,8 +848,8 @@ MUTANTS = (
     ),
     Mutant(
         "augmentation",
-        "max(other, parallel.global_max(comm, parallel.local_max(one)) / gamma / (length or 1.0))",
-        "parallel.global_max(comm, parallel.local_max(one)) / gamma / (length or 1.0)",
+        "max(other, parallel.largest(comm, one) / gamma / (length or 1.0))",
+        "parallel.largest(comm, one) / gamma / (length or 1.0)",
         "a shear across its slip has settled",
         tests=("augmentation::test_a_shear_that_does_not_point_along_the_slip_has_not_settled",),
     ),
@@ -975,7 +975,7 @@ MUTANTS = (
     ),
     Mutant(
         "augmentation",
-        "parallel.global_max(system.comm, parallel.local_max(stiffness))",
+        "parallel.largest(system.comm, stiffness)",
         "parallel.local_max(stiffness)",
         "augmentation: stiffness of the contact nodes of this rank",
         ranks=2,
@@ -2351,7 +2351,7 @@ MUTANTS = (
     ),
     Mutant(
         "body/deformation",
-        "parallel.global_max(body.comm, parallel.local_max(moved[assembly == number]))",
+        "parallel.largest(body.comm, moved[assembly == number])",
         "parallel.local_max(moved[assembly == number])",
         "deformation: displacement of this rank only",
         ranks=2,
@@ -4361,7 +4361,7 @@ MUTANTS = (
     ),
     Mutant(
         "body/elastic",
-        "parallel.global_max(self.comm, parallel.local_max(values)) or 1.0",
+        "parallel.largest(self.comm, values) or 1.0",
         "1.0",
         "units: prescribed rows have a one on the diagonal",
         tests=("units::test_the_size_of_the_forces",),

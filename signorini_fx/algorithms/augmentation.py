@@ -60,7 +60,7 @@ class Augmentation:
     def __post_init__(self) -> None:
         system = self.newton.problem.system
         stiffness = system.contact.stiffness(system.matrix.getDiagonal())
-        self._stiffness = parallel.global_max(system.comm, parallel.local_max(stiffness))
+        self._stiffness = parallel.largest(system.comm, stiffness)
 
     @property
     def settled(self) -> bool:
@@ -80,22 +80,22 @@ class Augmentation:
         size = sum(_both(points.scale, *after)) or sum(_both(points.scale, *before))
         gammas = (data.gamma_n, data.gamma_t)
         u_n, u_t = newton.problem.traces(newton.x)
-        length = parallel.global_max(comm, parallel.local_max(np.maximum(np.abs(u_n), length_of(u_t))))
+        length = parallel.largest(comm, np.maximum(np.abs(u_n), length_of(u_t)))
         # If all motion is round-off, the scale is the displacement that the tractions could cause.
-        stress = parallel.global_max(comm, parallel.local_max(np.maximum(*_both(points.felt, *after))))
+        stress = parallel.largest(comm, np.maximum(*_both(points.felt, *after)))
         length = max(length, FAINT_DISPLACEMENT * stress / self._stiffness)
         # At its bound, that of the problem just solved, the shear gives no information about slip.
         sticks = length_of(after[1]) < data.friction_bound(newton.multipliers()[0])
         moved = (np.abs(after[0] - before[0]), length_of(after[1] - before[1]) * sticks)
         slip = slip_of(u_t, data)
         wrong = np.minimum(length_of(slip) / (length or 1.0), length_of(_astray(after[1], slip)) / (stress or 1.0))
-        least = (0.0, parallel.global_max(comm, parallel.local_max(wrong)))
+        least = (0.0, parallel.largest(comm, wrong))
         lefts, violations, slow = [], [], []
         for change, last, gamma, one, other in zip(changes, self.changes, gammas, moved, least, strict=True):
             share = change / last if last > 0 else np.nan
             beyond = share / (1 - share) if share < 1 else np.inf
             left = change * max(1.0, float(np.nanmin([beyond, self._stiffness / gamma]))) / (size or 1.0)
-            violation = max(other, parallel.global_max(comm, parallel.local_max(one)) / gamma / (length or 1.0))
+            violation = max(other, parallel.largest(comm, one) / gamma / (length or 1.0))
             slow.append(bool(share > SLOW_SHARE) and max(left, violation) > self.tolerance)
             lefts.append(left)
             violations.append(violation)

@@ -106,7 +106,7 @@ def _touching(newton: SemismoothNewton, data: RegularisedData) -> ActiveSets | N
 def touching_nodes(comm: PETSc.Comm, data: RegularisedData) -> npt.NDArray[np.bool_]:
     """The nodes without a gap where displacements are counted from, shape (n,); collective."""
     gap = np.abs(data.gap)
-    closed: npt.NDArray[np.bool_] = gap <= _CLOSED * parallel.global_max(comm, parallel.local_max(gap))
+    closed: npt.NDArray[np.bool_] = gap <= _CLOSED * parallel.largest(comm, gap)
     return closed
 
 

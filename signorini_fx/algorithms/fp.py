@@ -98,7 +98,6 @@ def _missed(newton: SemismoothNewton, data: RegularisedData, law: FrictionLaw) -
     # The bound of a bond is infinite.
     away = np.abs(np.subtract(following, bound, out=np.zeros_like(bound), where=np.isfinite(following)))
     felt = np.maximum(points.felt(pressure, shear), points.felt(shear, pressure))
-    each = (parallel.local_max(values) for values in (away, felt, np.abs(pressure)))
-    largest, size, any_size = (parallel.global_max(points.comm, value) for value in each)
+    largest, size, any_size = (parallel.largest(points.comm, values) for values in (away, felt, np.abs(pressure)))
     size = size or any_size
     return largest / size if size > 0 else 0.0

@@ -89,7 +89,7 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     reach = data.gamma_n
     # The pole is a mean stiffness at the contact nodes, below the largest one; it may be too small to matter.
     stiffness = system.contact.stiffness(system.matrix.getDiagonal())
-    largest = parallel.global_max(system.comm, parallel.local_max(stiffness))
+    largest = parallel.largest(system.comm, stiffness)
     if largest > NEGLIGIBLE_POLE * data.gamma_n:
         second = newton.x.duplicate()
         force = -2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(origin))

@@ -185,7 +185,7 @@ class Task:
         if natural_gamma is None:
             side = (points.weight / parallel.global_sum(comm, points.weight.sum())) ** (1.0 / (points.dimension - 1))
             stiffness = system.contact.stiffness(system.matrix.getDiagonal())
-            natural_gamma = parallel.global_max(comm, parallel.local_max(stiffness * side))
+            natural_gamma = parallel.largest(comm, stiffness * side)
         if has_coulomb is None:
             follows = law is not None and (law.cohesive is not None or bool((law.coefficient > 0).any()))
             has_coulomb = parallel.any_rank(comm, follows)

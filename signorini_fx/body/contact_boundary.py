@@ -324,7 +324,7 @@ def contact_part(
     else:
         every = assemble(form).reshape(-1, dim)
         size = np.linalg.norm(every, axis=1)
-        least *= parallel.global_max(space.mesh.comm, parallel.local_max(size))
+        least *= parallel.largest(space.mesh.comm, size)
         nodes = np.flatnonzero(size > least).astype(np.int32)
         weight, normal = size[nodes], every[nodes] / size[nodes, None]
         free = ~fixed.reshape(-1, dim)[nodes]

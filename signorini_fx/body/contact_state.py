@@ -49,7 +49,7 @@ class ContactState(PointState):
         boundary = self.boundary
         normal = boundary.nodal_forces(self.pressure, np.zeros_like(self.shear))
         along = boundary.nodal_forces(np.zeros_like(self.pressure), self.shear)
-        count = int(parallel.global_max(boundary.comm, parallel.local_max(boundary.part, -1))) + 1
+        count = int(parallel.largest(boundary.comm, boundary.part, -1)) + 1
         found = np.zeros((count, 2, normal.shape[1]))
         np.subtract.at(found, boundary.part, np.stack((normal, along), axis=1))
         return parallel.global_sum(boundary.comm, found)

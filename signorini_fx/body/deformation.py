@@ -56,7 +56,7 @@ def deformation_of(body: Discretisation, displacement: fem.Function) -> Deformat
     for number in range(int(pieces.assembly.max()) + 1):
         corners = pieces.bounds[pieces.assembly == number].reshape(-1, body.dimension)
         size = min(body.tagged.size, float(np.hypot.reduce(np.ptp(corners, axis=0))))
-        furthest = parallel.global_max(body.comm, parallel.local_max(moved[assembly == number]))
+        furthest = parallel.largest(body.comm, moved[assembly == number])
         share = max(share, furthest / size)
     return Deformation(gradient, share)
 

@@ -173,7 +173,7 @@ class ElasticBody:
         diagonal = stiffness.getDiagonal()
         values = diagonal.getArray()
         # In any unit it is neither small nor large beside the other entries.
-        values[fixed] = parallel.global_max(self.comm, parallel.local_max(values)) or 1.0
+        values[fixed] = parallel.largest(self.comm, values) or 1.0
         stiffness.setDiagonal(diagonal)
         if self.mixed is not None:
             joined = self.mixed.joined(stiffness, rotation, fixed)
@@ -241,7 +241,7 @@ class ElasticBody:
         if self.mixed is not None and self._encloses(self.prescribed):
             reason = "nothing determines the pressure: supports hold the whole boundary of the incompressible body"
             raise SceneError([("displacement", reason)])
-        of = self.stiffness, self.prescribed, cases, self.contact, free, self.level(coarser)
+        of = self.stiffness, cases, self.contact, free, self.level(coarser)
         return Elasticity(*of, definite=self.mixed is None, rigid=self._rigid)
 
     def case(

@@ -96,7 +96,7 @@ def check_axes(normal: Array, ellipse: Ellipse, path: str, comm: Any) -> None:
         FormError: they have none somewhere.
     """
     across = np.linalg.norm(np.cross(normal, ellipse.along), axis=1)
-    longest = parallel.global_max(comm, parallel.local_max(np.linalg.norm(ellipse.along, axis=1)))
+    longest = parallel.largest(comm, np.linalg.norm(ellipse.along, axis=1))
     if parallel.any_rank(comm, not (across > _NO_DIRECTION * longest).all()):
         reason = "is zero or along the normal somewhere: it must have a part along the foundation"
         raise FormError([(f"{path}.along", reason)])

@@ -235,7 +235,7 @@ class Foundations:
                 continue
             if one.measure is not None:
                 factor = at(one.measure, f"contact[{k}].measure", minimum=0.0)
-                largest = parallel.global_max(self._space.mesh.comm, parallel.local_max(np.nan_to_num(factor)))
+                largest = parallel.largest(self._space.mesh.comm, np.nan_to_num(factor))
                 factor[factor <= _ROUND_OFF * largest] = 0.0
             along: Any = self._distances[k].direction if k in self._distances else one.direction
             if along is not None:

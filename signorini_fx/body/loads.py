@@ -183,7 +183,7 @@ class FormCoefficients:
             form = self.inventory.compile(f"total of {effect.name}", lambda: fem.form(density * where(metadata=degree)))
             found = float(parallel.global_sum(mesh.comm, np.array(fem.assemble_scalar(form))))
             corners = facet_vertices(mesh, self.tagged.facets(boundary))
-            most = parallel.global_max(mesh.comm, parallel.local_max(np.abs(sample(spread, corners.reshape(-1, 3).T))))
+            most = parallel.largest(mesh.comm, np.abs(sample(spread, corners.reshape(-1, 3).T)))
             tagged, axisymmetric = self.tagged, self.scene.axisymmetric
             scales = Scales.of(tagged.dimension, self.scene.young, tagged.size, axisymmetric=axisymmetric)
             if not abs(found) > _ROUND_OFF * most * scales.surface:

@@ -77,7 +77,7 @@ def _near(body: Discretisation, index: int, about: float) -> _Floats:
     assert data is not None
     here = boundary.part == index
     gap = data.gap[here]
-    least = -parallel.global_max(body.comm, parallel.local_max(-gap, -np.inf))
+    least = -parallel.largest(body.comm, -gap, -np.inf)
     return np.asarray(boundary.x[here][gap <= least + about])
 
 

@@ -274,7 +274,7 @@ def _gaps(d: Discretisation, index: int) -> str:
     assert d.boundary is not None
     assert d.data is not None
     here = d.data.gap[d.boundary.part == index]
-    low, high = (parallel.global_max(d.comm, parallel.local_max(sign * here, -np.inf)) for sign in (-1.0, 1.0))
+    low, high = (parallel.largest(d.comm, sign * here, -np.inf) for sign in (-1.0, 1.0))
     found = (0.0 if abs(gap) < ZERO * d.tagged.size else gap for gap in (-low, high))
     return " to ".join(f"{gap:.4g}" for gap in found)
 

@@ -163,7 +163,7 @@ def _gaps(body: Discretisation, data: RegularisedData, moved: float, *, estimate
     assert boundary is not None
     comm, size = boundary.comm, body.tagged.size
     unilateral = np.ones(boundary.size, dtype=bool) if data.bilateral is None else ~data.bilateral
-    smallest = -parallel.global_max(comm, parallel.local_max(-data.gap, -np.inf))
+    smallest = -parallel.largest(comm, -data.gap, -np.inf)
     found = []
     if smallest < -ZERO * size and not any(effect.moves for effect in body.scene.contact):
         level: Literal["warning", "note"] = "warning" if -smallest > 0.01 * size else "note"
@@ -249,7 +249,7 @@ def _heights(body: Discretisation) -> list[Finding]:
             count, number, total = parallel.global_sum(
                 boundary.comm, np.array([np.count_nonzero(heights), heights.size, along[heights].sum()], dtype=float)
             )
-            least = -parallel.global_max(boundary.comm, parallel.local_max(-along[heights], -1.0))
+            least = -parallel.largest(boundary.comm, -along[heights], -1.0)
             turned = math.degrees(math.acos(min(1.0, max(-1.0, least))))
             if 2 * count > number and 2 * total > count and turned > _TURNED:
                 told = ", ".join(rounded(c) for c in direction)
@@ -330,7 +330,7 @@ def _displacement_scale(body: Discretisation, step: int) -> float:
     """
     applied = body.applied_at(step)
     owned = sum((factor * load.start for factor, load in applied), np.zeros(body.fixed.size))
-    prescribed = parallel.global_max(body.comm, parallel.local_max(np.abs(owned)))
+    prescribed = parallel.largest(body.comm, np.abs(owned))
 
     def total(balanced: bool) -> float:
         own = (factor * load.forces for factor, load in applied if load.balanced is balanced)
@@ -356,7 +356,7 @@ def _uniqueness(scene: Scene, boundary: ContactBoundary, law: FrictionLaw | None
     found = []
     for index, _ in enumerate(scene.contact):
         here = np.zeros(0) if law is None else law.coefficient[boundary.part == index]
-        largest = parallel.global_max(boundary.comm, parallel.local_max(here))
+        largest = parallel.largest(boundary.comm, here)
         if largest > limit:
             found.append(
                 Finding(

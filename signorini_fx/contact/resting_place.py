@@ -70,7 +70,7 @@ def resting_place(
         return None
     u_n, u_t = motions.normal @ motion, motions.tangential @ motion
     # A motion along the normals has no tangential part except for round-off.
-    still = parallel.global_max(comm, parallel.local_max(np.abs(u_t))) <= 1e-12 * float(np.abs(motion).max())
+    still = parallel.largest(comm, np.abs(u_t)) <= 1e-12 * float(np.abs(motion).max())
     return Rest(motion, u_n, np.zeros_like(u_t) if still else u_t)
 
 

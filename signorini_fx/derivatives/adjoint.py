@@ -180,9 +180,7 @@ class TransposedTangent:
             given = (moved == 0.0) & law.exact
             step = law.gamma * law.tied_tractions(np.where(given, 0.0, untied))
             chi = chi + step
-            change, size = (
-                parallel.global_max(right.comm, parallel.local_max(np.abs(values))) for values in (step, chi)
-            )
+            change, size = (parallel.largest(right.comm, np.abs(values)) for values in (step, chi))
             if not np.isfinite(change):
                 raise AdjointError("the tangent at the solution is singular: there is no derivative")
             stalls = change > 0.5 * last and change <= _ROUND_OFF * size

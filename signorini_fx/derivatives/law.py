@@ -107,7 +107,7 @@ def _between(
 ) -> int:
     """Points of all ranks that would change their set if hardly anything changed; collective."""
     comm = state.points.comm
-    largest = parallel.global_max(comm, parallel.local_max(np.abs(state.pressure)))
+    largest = parallel.largest(comm, np.abs(state.pressure))
     size = np.where(state.in_contact, state.pressure, gamma[0] * (state.u_n - state.gap))
     opening = ~state.bilateral & (np.abs(size) <= BETWEEN * largest)
     bound = np.where(np.isfinite(state.bound), state.bound, 0.0)

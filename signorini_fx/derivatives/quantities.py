@@ -135,7 +135,7 @@ class LargestPressure:
     def _norm(self, boundary: ContactBoundary, pressure: Nodal) -> float:
         here = boundary.part == self.part
         pushing = np.where(here, np.maximum(pressure, 0.0), 0.0)
-        largest = parallel.global_max(boundary.comm, parallel.local_max(pushing))
+        largest = parallel.largest(boundary.comm, pushing)
         if largest == 0:
             return 0.0
         sums = np.array([boundary.weight @ (pushing / largest) ** self.power, boundary.weight[here].sum()])
@@ -180,7 +180,7 @@ class ContactArea:
     def _sums(self, boundary: ContactBoundary, pressure: Nodal) -> tuple[float, float, float, float]:
         """The area, the largest pressure, and S and T relative to it; zeros where nothing presses."""
         pushing = np.where(boundary.part == self.part, np.maximum(pressure, 0.0), 0.0)
-        largest = parallel.global_max(boundary.comm, parallel.local_max(pushing))
+        largest = parallel.largest(boundary.comm, pushing)
         if largest == 0:
             return 0.0, 0.0, 0.0, 0.0
         shares = np.array([boundary.weight @ (pushing / largest) ** power for power in (1.0, self.power)])

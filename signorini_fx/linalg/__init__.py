@@ -21,21 +21,25 @@ class ElasticSystem(Protocol):
     """A x = b for the elastic body without contact, and the contact map in its unknowns.
 
     Attributes:
-        comm: the ranks that share the system.
         matrix: A, symmetric; the contact iteration adds B^T D B to it.
         load: b, the load cases times their current factors.
         start: a vector x that satisfies the prescribed displacements times the same factors, elsewhere the rigid motion
             that is nearest to them.
-        fixed: the prescribed entries of the local part of x.
         contact: B, from x to the relative displacement at the contact points.
     """
 
-    comm: MPI.Comm
     matrix: PETSc.Mat
     load: PETSc.Vec
     start: PETSc.Vec
-    fixed: npt.NDArray[np.bool_]
     contact: ContactMap
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The ranks that share the system."""
+
+    @property
+    def fixed(self) -> npt.NDArray[np.bool_]:
+        """The prescribed entries of the local part of x."""
 
     @property
     def resultant(self) -> npt.NDArray[np.float64]:

@@ -11,7 +11,7 @@ it owns, as contact points are where their unknowns are; what is dense is so sma
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -19,35 +19,23 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.motions import RigidLoad
 from signorini_fx.linalg.elasticity import Elasticity, LoadCase
+from signorini_fx.linalg.plain import PlainSystem
 from signorini_fx.linalg.relative import RelativeUnknowns
 from signorini_fx.linalg.schur import SchurComplement
 
 
 @dataclass
-class DenseSystem:
-    """See ``ElasticSystem``: a dense matrix with one load, which stays as it is."""
+class DenseSystem(PlainSystem):
+    """See ``ElasticSystem``: a dense matrix."""
 
     definite = True  # also where the matrix of all unknowns is not
-    comm: MPI.Comm
-    matrix: PETSc.Mat
-    load: PETSc.Vec
-    start: PETSc.Vec
-    resultant: npt.NDArray[np.float64]
-    fixed: npt.NDArray[np.bool_]
-    contact: ContactMap
 
     @property
     def solver_defaults(self) -> dict[str, str]:
         """None."""
         return {}
-
-    @property
-    def inexact(self) -> bool:
-        """Never: dense."""
-        return False
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """A dense factorisation by LAPACK, on every rank."""
@@ -55,31 +43,9 @@ class DenseSystem:
         alone = PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU
         ksp.getPC().setType(alone if self.comm.size == 1 else PETSc.PC.Type.REDUNDANT)
 
-    def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
-        """None: it is the default."""
-        return False
-
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
         """Only for the same matrix: a dense factorisation is cheap."""
         return moved == 0
-
-    def set_load(self, factors: npt.NDArray[np.float64]) -> None:
-        """Nothing: its load stays as it is."""
-
-    def set_case(self, number: int, case: LoadCase) -> None:
-        """Nothing, likewise."""
-
-    def with_load(self, load: PETSc.Vec) -> DenseSystem:
-        """The same with this load."""
-        return replace(self, load=load.copy())
-
-    def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
-        """X itself."""
-        return x
-
-    def unknowns(self, displacement: PETSc.Vec) -> PETSc.Vec:
-        """A copy."""
-        return displacement.copy()
 
 
 @dataclass
@@ -112,7 +78,7 @@ class CondensedSystem(DenseSystem):
         matrix = dense_matrix(e.comm, dense, contact.fixed.size)
         load, start = matrix.createVecRight(), matrix.createVecRight()
         none = np.zeros(e.free)
-        system = cls(e.comm, matrix, load, start, none, contact.fixed, contact, e, [], schur, relative)
+        system = cls(matrix, load, start, none, contact, e, [], schur, relative)
         system.cases = [system._condensed(*case) for case in zip(e.cases, schur.loads, schur.between, strict=True)]
         system.set_load(np.ones(len(e.cases)))
         return system

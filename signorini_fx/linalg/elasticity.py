@@ -66,7 +66,6 @@ class Elasticity:
 
     Attributes:
         matrix: A, symmetric; prescribed rows and columns are empty but for the diagonal.
-        fixed: the prescribed unknowns of this rank.
         cases: the load cases.
         contact: B, from the unknowns to the relative displacement at the contact points.
         free: number of rigid motions that are free.
@@ -77,7 +76,6 @@ class Elasticity:
     """
 
     matrix: PETSc.Mat
-    fixed: npt.NDArray[np.bool_]
     cases: Sequence[LoadCase]
     contact: ContactMap
     free: int = 0
@@ -89,6 +87,11 @@ class Elasticity:
     def comm(self) -> MPI.Comm:
         """The ranks that share the body."""
         return self.contact.points.comm
+
+    @property
+    def fixed(self) -> npt.NDArray[np.bool_]:
+        """The prescribed unknowns of this rank."""
+        return self.contact.fixed
 
     @property
     def positions(self) -> npt.NDArray[np.float64] | None:

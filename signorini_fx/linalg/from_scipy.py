@@ -60,7 +60,7 @@ def from_scipy(
     petsc = _matrix(kept)
     petsc.setOption(PETSc.Mat.Option.SPD, True)
     case = LoadCase(_vector(lifted), _vector(start), resultant)
-    return Elasticity(petsc, fixed, [case], contact, len(motions)), FreeMotions.of(contact, motions)
+    return Elasticity(petsc, [case], contact, len(motions)), FreeMotions.of(contact, motions)
 
 
 def _matrix(matrix: Any) -> PETSc.Mat:

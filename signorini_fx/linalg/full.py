@@ -94,9 +94,7 @@ def use_factorisation(ksp: PETSc.KSP, *, symmetric: bool, definite: bool = True)
 
 @dataclass
 class FullSystem(AssembledSystem):
-    """See ``ElasticSystem``: x holds the displacement dofs themselves."""
-
-    inexact: bool = False
+    """See ``ElasticSystem``: factorised by a package, on any number of ranks."""
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """A direct factorisation, Cholesky if the matrix is symmetric."""

@@ -32,13 +32,8 @@ _LAST = 1e-7  # share of the forces that is never left: ten times that at which 
 
 @dataclass
 class KrylovSystem(AssembledSystem):
-    """See ``ElasticSystem``: x holds the unknowns of the stiffness themselves.
+    """See ``ElasticSystem``: solved by CG or FGMRES with multigrid."""
 
-    Attributes:
-        inexact: whether the last solve was a loose one.
-    """
-
-    inexact: bool = False
     _forces: float = 0.0
     _before: float = 0.0  # the residual that the last solve of the same Newton iteration began with; 0: there is none
     # By the handles of their KSP: what PETSc held would be freed late on several ranks, or never.

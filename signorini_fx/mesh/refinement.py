@@ -31,7 +31,7 @@ def mark(comm: MPI.Comm, squares: npt.NDArray[np.float64], share: float = 0.5) -
         Marked cells of this rank (local numbers).
     """
     total = float(parallel.global_sum(comm, squares.sum()))
-    low, high = 0.0, parallel.global_max(comm, parallel.local_max(squares))
+    low, high = 0.0, parallel.largest(comm, squares)
     for _ in range(60):  # bisection for the threshold: no rank needs the cells of another
         middle = (low + high) / 2
         held = float(parallel.global_sum(comm, squares[squares >= middle].sum()))

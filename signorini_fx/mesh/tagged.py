@@ -151,7 +151,7 @@ def check_fits(scene: Scene, tagged: TaggedMesh) -> None:
         SceneError: keys of another dimension than that of the mesh; linear elements on curved cells; a negative radius.
     """
     problems = dimension_problems(scene, tagged.dimension)
-    inside = parallel.global_max(tagged.mesh.comm, parallel.local_max(-tagged.mesh.geometry.x[:, 0]))
+    inside = parallel.largest(tagged.mesh.comm, -tagged.mesh.geometry.x[:, 0])
     if scene.axisymmetric and inside > STRAIGHT * tagged.size:
         problems.append(("mesh", f"has points with x[0] = {-inside:g}: it is the radius of an axisymmetric body"))
     if scene.element.degree == 1 and curvature(tagged) > STRAIGHT * tagged.size:
@@ -208,7 +208,7 @@ def curvature(tagged: TaggedMesh) -> float:
     ends, corners = basix.topology(cell)[1], len(basix.geometry(cell))
     x = mesh.geometry.x[compat.geometry_cells(mesh)][:, :, : tagged.dimension]
     away = [x[:, corners + side] - (x[:, a] + x[:, b]) / 2 for side, (a, b) in enumerate(ends)]
-    return parallel.global_max(mesh.comm, parallel.local_max(np.linalg.norm(away, axis=2)))
+    return parallel.largest(mesh.comm, np.linalg.norm(away, axis=2))
 
 
 def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm) -> TaggedMesh:

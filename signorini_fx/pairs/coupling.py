@@ -166,7 +166,7 @@ def couple(
     total = float(area.sum())
     found = Coupling(nodes, weight, normal, distance, own, others, turning, overlap, total, alone, whole, reach)
     size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in used)
-    if (deepest := parallel.global_max(comm, parallel.local_max(-found.gap, -np.inf))) > _DEEP * size:
+    if (deepest := parallel.largest(comm, -found.gap, -np.inf)) > _DEEP * size:
         raise PairingError(
             f"its facets lie up to {deepest:.3g} behind those of the other side, of a size of {size:.3g}: check the "
             "facets, and that the bodies do not lie inside each other"

@@ -72,9 +72,7 @@ class Problem(ABC):
         self._motions = motions
         self._forced_first = False
         self._definite: set[int] = set()
-        self._stiffness = parallel.global_max(
-            system.comm, parallel.local_max(system.matrix.getDiagonal().getArray(readonly=True))
-        )
+        self._stiffness = parallel.largest(system.comm, system.matrix.getDiagonal().getArray(readonly=True))
 
     @property
     def affine(self) -> bool:
@@ -143,12 +141,9 @@ class Problem(ABC):
         # What follows the pressure of nodes that supports press into the foundation is no scale for others, nor is
         # what a pressure and a shear undo in each other.
         felt = np.maximum(left * self.points.felt(np.where(np.isfinite(bound), bound, 0.0)), felt)
-        size = parallel.local_max(felt)
+        away, size = (parallel.largest(self.system.comm, values) for values in (self.away(x), felt))
         if self.system.contact.paired:
             size = max(size, self._least_traction(x))
-        away, size = (
-            parallel.global_max(self.system.comm, value) for value in (parallel.local_max(self.away(x)), size)
-        )
         return away / size if size > 0 else away
 
     def accept(self, x: PETSc.Vec, sets: ActiveSets, tolerance: float) -> bool:
@@ -179,7 +174,7 @@ class Problem(ABC):
         stretch = data.gamma_n * np.maximum(far, np.abs(data.gap))
         if data.has_friction:
             stretch = np.maximum(stretch, data.gamma_t * length(u_t))
-        largest = parallel.global_max(self.system.comm, parallel.local_max(self.points.weight * stretch))
+        largest = parallel.largest(self.system.comm, self.points.weight * stretch)
         return bool(largest * np.finfo(float).eps > tolerance * self.force_scale)
 
     def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:

@@ -291,7 +291,7 @@ def judged(
     found["coupling"] = nodes.coupling_error(supports, y / (far or 1.0))
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
     inside = _FAINT * scales.stress(strained)
-    finest = -parallel.global_max(comm, parallel.local_max(-scales.side(nodes.weight), -np.inf))
+    finest = -parallel.largest(comm, -scales.side(nodes.weight), -np.inf)
     stress = max(_largest(comm, nodes.felt(supports)), inside, _ROUND_OFF * balance.stiffest.modulus * far / finest)
     # What supports take of a traction leaves its round-off in the directions that are free, and in the penetration.
     stress = max(stress, _ROUND_OFF * _largest(comm, np.linalg.norm(nodes.traction, axis=1)))

@@ -82,7 +82,7 @@ def contact_figures(scene: Scene, contact: ContactState) -> list[ContactFigures]
                 mean_pressure=normal / touching if touching > 0 else None,
                 contact_force=(contact.forces_of_each[part, 0] + 0.0).tolist(),
                 friction_force=(contact.forces_of_each[part, 1] + 0.0).tolist(),
-                max_pressure=parallel.global_max(comm, parallel.local_max(pressure, -np.inf)),
+                max_pressure=parallel.largest(comm, pressure, -np.inf),
                 tangential_force=tangential,
                 friction_limit=limit,
             )

@@ -126,7 +126,7 @@ class ContactNodes:
                 weight = weight if spread[-1] is None else _sums(forces, spread[-1].sum(axis=1))
             least = 0.0
             if side.factor is not None:  # which may be zero at a node: on the axis of a body of revolution
-                least = _ROUND_OFF * parallel.global_max(forces.space.mesh.comm, parallel.local_max(weight))
+                least = _ROUND_OFF * parallel.largest(forces.space.mesh.comm, weight)
             nodes = np.flatnonzero(weight > least)
             normal = outward[nodes] if side.direction is None else side.direction(nodes)
             here = np.flatnonzero(np.asarray(tractions.part) == part)
@@ -219,7 +219,7 @@ class ContactNodes:
         moment = (arm[:, :1] * force[:, 1:] - arm[:, 1:] * force[:, :1]) if plane else np.cross(arm, force)
         size = np.linalg.norm(force, axis=1).sum()
         total = parallel.global_sum(comm, np.concatenate((force.sum(axis=0), moment.sum(axis=0), [size])))
-        reach = parallel.global_max(comm, parallel.local_max(np.linalg.norm(arm, axis=1)))
+        reach = parallel.largest(comm, np.linalg.norm(arm, axis=1))
         return total[:-1], float(total[-1]), reach
 
     def terms(self, owned: Nodal) -> Nodal:

@@ -263,7 +263,7 @@ def _cells_near(body: Discretisation, place: Array) -> list[_CellAtVertex]:
     edges = vertices[:, neighbours] - vertices[:, :, None]
     length = np.linalg.norm(edges, axis=3)
     distance, reach = np.linalg.norm(vertices - place, axis=2), _BESIDE * length.max(axis=2)
-    close = distance <= parallel.global_max(body.comm, parallel.local_max(reach[distance <= reach]))
+    close = distance <= parallel.largest(body.comm, reach[distance <= reach])
     own = [
         _CellAtVertex(
             vertices[cell, corner],

@@ -122,7 +122,7 @@ def _step_summary(result: StepResult, names: list[str], *, figures: bool) -> dic
         motions = contact.mean_tangential_of_each if names else [contact.mean_tangential_displacement]
         for name, (pressing, rubbing) in zip(names or [""], forces, strict=True):
             row |= {**_by_axis("contact_force", pressing, name), **_by_axis("friction_force", rubbing, name)}
-        row["max_pressure"] = parallel.global_max(contact.boundary.comm, parallel.local_max(contact.pressure))
+        row["max_pressure"] = parallel.largest(contact.boundary.comm, contact.pressure)
         for name, motion in zip(names or [""], motions, strict=True):
             row |= _by_axis("mean_tangential_displacement", motion, name)
         row |= {

@@ -69,7 +69,7 @@ class ToolMotion:
             gap, normal = shape.distance(x)
             moved, _ = shape.distance((x - self.reference - self.translation) @ turn + self.reference)
             off = np.abs(moved - gap + np.sum(normal * self.at(x), axis=1))
-        return float(parallel.global_max(boundary.comm, parallel.local_max(off)))
+        return parallel.largest(boundary.comm, off)
 
     def as_dict(self, contact: ContactState, effect: Any, *, axisymmetric: bool = False) -> dict[str, Any]:
         """A row of the summary: its motion, the force and moment of the body on it, and ``gap_error``; collective.

@@ -162,12 +162,10 @@ def _projected(
     some = sp.csr_array(every[(points.dimension * rows[:, None] + np.arange(points.dimension)).ravel()] @ change)
     csr = (some.indptr.astype(PETSc.IntType), some.indices.astype(PETSc.IntType), some.data)
     size = ((some.shape[0], None), (np.count_nonzero(here), None))
-    operator, free = (
-        PETSc.Mat().createAIJ(size, csr=csr, comm=system.comm),
-        np.zeros(np.count_nonzero(here), dtype=bool),
-    )
-    contact = ContactMap(operator, points, free, paired=system.contact.paired)
-    return DenseSystem(system.comm, matrix, load, start, system.resultant, free, contact)
+    operator = PETSc.Mat().createAIJ(size, csr=csr, comm=system.comm)
+    none = np.zeros(np.count_nonzero(here), dtype=bool)
+    contact = ContactMap(operator, points, none, paired=system.contact.paired)
+    return DenseSystem(matrix, load, start, system.resultant, contact)
 
 
 def _linear(
