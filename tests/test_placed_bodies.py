@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import basix.ufl
 import numpy as np
 import pytest
 import ufl
@@ -12,7 +13,9 @@ from scipy.linalg import expm
 from two_bodies import assembled, grid
 
 from signorini_fx import MeshError, SceneError, parallel, solve
+from signorini_fx.check.checks import check_scene
 from signorini_fx.mesh.tagged import load_mesh, tag_boundaries
+from signorini_fx.results.summary import summarise
 from signorini_fx.scene.reading import parse_scene
 
 WORLD = MPI.COMM_WORLD
@@ -210,7 +213,11 @@ ON_EACH_OTHER = {"boundary": "b.bottom", "against": "a.top"}
         # A material of one body is not that of the other, which was the case in silence.
         (
             {"body": BOTH, "material": {**MATERIAL, "region": "a"}, "contact": ON_EACH_OTHER},
-            "material: 4 cells are in none of the regions that have a material",
+            "material: 4 cells of 'b' are in none of the regions that have a material",
+        ),
+        (
+            {"body": BOTH, "contact": [ON_EACH_OTHER, ON_EACH_OTHER]},
+            r"contact\[1\]: boundary '\S+' is in contact twice: name it as against, and the others as boundary",
         ),
         ({"body": BOTH, "contact": {**ON_EACH_OTHER, "gap": "1/(x[0] - x[0])"}}, r"contact\[0\].gap: is inf at"),
     ],
@@ -220,6 +227,79 @@ def test_what_is_refused(given, match):
     contact = {"contact": {"boundary": "bottom"}}
     with pytest.raises((SceneError, MeshError), match=match):
         solve(parse_scene({"material": MATERIAL, **contact, **given}), MPI.COMM_SELF)
+
+
+def stacked(names, *contact, young, **more):
+    """Plates of the length 4 on each other, from the first below to the last, with each contact between neighbours."""
+    plate = {"generator": "rectangle", "parameters": {"length": 4.0, "height": 1.0, "nx": 4, "ny": 1}}
+    return parse_scene(
+        {
+            "body": [{"name": name, "mesh": plate, "shift": [0.0, k]} for k, name in enumerate(names)],
+            "material": [{"young": e, "poisson": 0.3, "region": name} for name, e in zip(names, young, strict=True)],
+            "displacement": {"boundary": f"{names[0]}.bottom", "x": 0.0, "y": 0.0},
+            "traction": {"boundary": f"{names[-1]}.top", "pressure": 1.0},
+            "contact": [
+                {"boundary": f"{above}.bottom", "against": f"{below}.top", **one}
+                for below, above, one in zip(names, names[1:], contact, strict=False)
+            ],
+            **more,
+        }
+    )
+
+
+def said(given):
+    """Paths and messages of ``check``."""
+    return [(one.path, one.message) for one in check_scene(given, MPI.COMM_SELF).findings]
+
+
+def test_bodies_by_their_names():
+    """Messages and the summary call a body by the name that the scene gives it, not by where it lies."""
+    free = stacked(("z table", "a cup"), {}, young=(100.0, 100.0))
+    listed, held = (dict(said(free))[path] for path in ("mesh", "displacement"))
+    assert "body 'z table' (4 cells, x[0] 0 to 4, x[1] 0 to 1); body 'a cup' (4 cells" in listed
+    assert "nor the contact resists body 'a cup' in the translation along (1, 0); prescribe" in held
+    assert "z table" not in held
+    friction = {"friction": {"law": "coulomb", "coefficient": 0.3}}
+    solution = solve(stacked(("z table", "a cup"), friction, young=(100.0, 100.0)), MPI.COMM_SELF)
+    summary = summarise(solution, solution.table)
+    assert [row["body"] for row in summary["pieces"]] == ["z table", "a cup"]
+
+
+def test_bodies_in_several_pieces():
+    """A body whose mesh falls apart has a name that is no piece's, which are numbered."""
+    low, high = ([[0.0, 0.0], [1.0, 1.0]], [[3.0, 0.0], [4.0, 1.0]])
+    points = np.array([[[x, y] for x in (a[0], b[0]) for y in (a[1], b[1])] for a, b in (low, high)])
+    straight = ufl.Mesh(basix.ufl.element("Lagrange", "quadrilateral", 1, shape=(2,)))
+    cells = np.arange(8, dtype=np.int64).reshape(2, 4)
+    halves = dmesh.create_mesh(MPI.COMM_SELF, cells=cells, x=points.reshape(8, 2), e=straight)
+    bodies = [{"name": "feet", "mesh": tag_boundaries(halves, {"soles": "x[1] < 1e-9", "tops": "x[1] > 1 - 1e-9"})}]
+    bodies.append({"name": "top", "mesh": stacked(("a",), young=(1.0,)).body[0].mesh, "shift": [0.0, 1.0]})
+    contact = {"boundary": "tops", "against": "top.bottom"}
+    given = {"body": bodies, "material": MATERIAL, "contact": contact}
+    findings = dict(said(parse_scene({**given, "displacement": {"boundary": "top.top", "x": 0.0, "y": 0.0}})))
+    assert "piece 1 of 3, in body 'feet' (1 cell, x[0] 0 to 1" in findings["displacement"]
+    assert "; body 'top' (4 cells" in findings["mesh"]
+
+
+def test_what_bonds_hold():
+    """A bonded body needs no friction, and no load that presses it on."""
+    friction = {"friction": {"law": "coulomb", "coefficient": 0.3}}
+    glued = stacked(("low", "middle"), {"kind": "bonded"}, young=(100.0, 100.0))
+    message = "the supports do not hold body 'middle' in translations and rotations: bonds do"
+    assert ("displacement", message) in said(glued)
+    on_it = stacked(("low", "middle", "high"), {"kind": "bonded"}, friction, young=(100.0,) * 3)
+    held = dict(said(on_it))["displacement"]
+    assert "the supports and bonds do not hold body 'high' in translations and rotations: friction must" in held
+    assert "'middle'" not in held
+
+
+def test_a_soft_layer_is_no_beam():
+    """A layer between stiff plates is compressed by a hundredth; the estimate of a beam of it was twice the size."""
+    bond = {"kind": "bonded"}
+    layers = stacked(("low", "middle", "high"), bond, bond, young=(1e5, 100.0, 1e5))
+    assert not [message for _, message in said(layers) if "the deformation is not small" in message]
+    soft = stacked(("low", "middle", "high"), bond, bond, young=(1.0, 1.0, 1.0))
+    assert [message for _, message in said(soft) if "the deformation is not small" in message]
 
 
 def test_an_expression_cannot_tell_both_sides():

@@ -82,6 +82,17 @@ def test_a_second_name():
     }
 
 
+def test_short_names_of_bodies():
+    """A boundary of a body has a short name too where that is unique, which is shown only if the scene uses it."""
+    plate = {"generator": "rectangle", "parameters": {"nx": 2, "ny": 1, "cell": "triangle"}}
+    disk = {"generator": "half_disk", "parameters": {}}
+    bodies = [{"name": "plate", "mesh": plate}, {"name": "disk", "mesh": disk, "shift": [0.5, 3.0]}]
+    contact = {"boundary": "arc", "against": "plate.top"}
+    scene = parse_scene({"body": bodies, "material": {"young": 1.0, "poisson": 0.3}, "contact": contact})
+    names = {one.name for one in gather_setup(load_mesh(scene, MPI.COMM_SELF), scene).boundaries}
+    assert names == {"arc", "disk.top", "plate.top", "plate.bottom", "plate.left", "plate.right"}
+
+
 def areas_of_cells(polygons):
     """The area of polygons of the plane, whose corners are in order."""
     x, y = np.moveaxis(polygons, 2, 0)

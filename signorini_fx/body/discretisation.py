@@ -219,6 +219,8 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
 
         scene = with_chosen_sides(scene, tagged, facets, lame[1])
     pieces = find_pieces(tagged.mesh)
+    if scene.body:
+        pieces = pieces.of_bodies(tagged.mesh.comm, {body.name: tagged.cells(body.name) for body in scene.body})
     space = fem.functionspace(tagged.mesh, ("Lagrange", scene.element.degree, (tagged.mesh.geometry.dim,)))
     names = MIXED_FORMS if scene.element.volumetric == "mixed" else ELASTIC_FORMS[: 1 if reduced is None else 2]
     inventory = Inventory(list(names))

@@ -34,14 +34,19 @@ def check_covers(scene: Scene, tagged: TaggedMesh) -> None:
     """
     region, own = scene.material[0].region, tagged.mesh.topology.index_map(tagged.mesh.topology.dim).size_local
     if len(scene.material) == 1 and region in tagged.regions:
-        inside = int(np.count_nonzero(tagged.cells(str(region)) < own))
-        if bare := int(parallel.global_sum(tagged.mesh.comm, np.array(own - inside))):
-            raise _bare(bare)
+        _check_bare(scene, tagged, np.setdiff1d(np.arange(own), tagged.cells(str(region))))
 
 
-def _bare(count: int) -> SceneError:
-    """Cells without a material."""
-    return SceneError([("material", f"{count} cells are in none of the regions that have a material")])
+def _check_bare(scene: Scene, tagged: TaggedMesh, bare: npt.NDArray[Any]) -> None:
+    """Refuse cells of this rank without a material, and name the bodies that they are of; collective."""
+    comm = tagged.mesh.comm
+    count = int(parallel.global_sum(comm, np.array(bare.size)))
+    if not count:
+        return
+    names = [body.name for body in scene.body]
+    names = [name for name in names if parallel.any_rank(comm, bool(np.isin(bare, tagged.cells(name)).any()))]
+    of_bodies = f" of {' and '.join(map(repr, names))}" if names else ""
+    raise SceneError([("material", f"{count} cells{of_bodies} are in none of the regions that have a material")])
 
 
 def of_materials(scene: Scene, tagged: TaggedMesh, numbers: Callable[[Any], tuple[float, ...]]) -> tuple[Any, ...]:
@@ -65,12 +70,9 @@ def of_materials(scene: Scene, tagged: TaggedMesh, numbers: Callable[[Any], tupl
         covered[dofs] += 1
         for function, value in zip(found, numbers(material), strict=True):
             function.x.array[dofs] = value
-    owned = covered[: space.dofmap.index_map.size_local]
-    counts = parallel.global_sum(mesh.comm, np.array([np.sum(owned == 0), np.sum(owned > 1)]))
-    bare, twice = (int(count) for count in counts)
-    if bare:
-        raise _bare(bare)
-    if twice:
+    owned = covered[space.dofmap.list[: space.dofmap.index_map.size_local, 0]]
+    _check_bare(scene, tagged, np.flatnonzero(owned == 0))
+    if twice := int(parallel.global_sum(mesh.comm, np.array(np.sum(owned > 1)))):
         raise SceneError([("material", f"{twice} cells are in several of the regions that have a material")])
     for function in found:
         function.x.scatter_forward()

@@ -21,9 +21,7 @@ def names_of(moved: _Rows, motions: RigidMotions, members: npt.NDArray[np.int64]
     found = []
     moved = moved / np.abs(moved).max()  # the size of a motion means nothing
     rows, tools, pieces = moved.reshape(-1, motions.each, moved.shape[1]), motions.moving, motions.pieces
-    things = [
-        (motions.pieces.describe(int(one)), rows[one], motions.centre[one], motions.length[one]) for one in members
-    ]
+    things = [(motions.pieces.called(int(one)), rows[one], motions.centre[one], motions.length[one]) for one in members]
     if tools is not None:
         of = [f"the foundation of contact[{part}]" for part in tools.parts]
         things += [(*row, tools.length) for row in zip(of, rows[pieces.count :], tools.centre, strict=True)]

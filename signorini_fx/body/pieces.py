@@ -7,13 +7,15 @@ faces, and vertices that two pieces share act like ball joints.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from dolfinx import la
 from dolfinx import mesh as dmesh
+from mpi4py import MPI
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
@@ -37,6 +39,7 @@ class Pieces:
             listed more than once.
         pin_points: where they are, shape (pins, d).
         assembly: which pieces are joined by pins: number of the assembly that each piece is in, shape (pieces,).
+        bodies: name of the body that each piece is of, in a scene with several; empty where bodies have no names.
     """
 
     of_cell: _Labels
@@ -45,6 +48,7 @@ class Pieces:
     pins: _Labels
     pin_points: npt.NDArray[np.float64]
     assembly: _Labels
+    bodies: tuple[str, ...] = ()
 
     @property
     def count(self) -> int:
@@ -55,7 +59,25 @@ class Pieces:
         """Which piece it is and where."""
         cells = int(self.cells[piece])
         where = extent(self.bounds[piece])
-        return f"piece {piece + 1} of {self.count} ({cells} cell{'s' * (cells > 1)}, {where})"
+        return f"{self._numbered(piece)} ({cells} cell{'s' * (cells > 1)}, {where})"
+
+    def called(self, piece: int) -> str:
+        """Which piece it is, for a sentence: a body by its name alone, any other piece as ``describe`` does."""
+        whole = bool(self.bodies) and self.bodies.count(self.bodies[piece]) == 1
+        return self._numbered(piece) if whole else self.describe(piece)
+
+    def _numbered(self, piece: int) -> str:
+        number = f"piece {piece + 1} of {self.count}"
+        if not self.bodies:
+            return number
+        name = f"body {self.bodies[piece]!r}"
+        return name if self.bodies.count(self.bodies[piece]) == 1 else f"{number}, in {name}"
+
+    def of_bodies(self, comm: MPI.Comm, cells: Mapping[str, npt.NDArray[np.int32]]) -> Pieces:
+        """The same with the names of bodies, each of which has these cells on this rank; collective."""
+        here = [np.bincount(self.of_cell[some], minlength=self.count) for some in cells.values()]
+        most = parallel.global_sum(comm, np.array(here)).argmax(axis=0)
+        return replace(self, bodies=tuple(np.array(list(cells), dtype=object)[most]))
 
     def as_rows(self) -> list[dict[str, Any]]:
         """One row per piece, ready for JSON; ``joined_to`` lists the pieces (from 1) that it is pinned to."""
@@ -65,6 +87,7 @@ class Pieces:
             rows.append(
                 {
                     "piece": piece + 1,
+                    "body": self.bodies[piece] if self.bodies else None,
                     "cells": int(self.cells[piece]),
                     "bounds": self.bounds[piece].tolist(),
                     "joined_to": [int(other) + 1 for other in np.unique(here[here != piece])],

@@ -83,7 +83,7 @@ def _equilibrium_of(
     if several:
         it = "pieces joined by hinges" if np.isin(motions.pieces.pins, members).any() else "bodies that may touch"
         if members.size == 1:
-            it = motions.pieces.describe(int(members[0]))
+            it = motions.pieces.called(int(members[0]))
     tangential = np.zeros((0, free.shape[1])) if contact is None else contact.tangential[contact.friction]
     normal = np.zeros((0, free.shape[1])) if contact is None else contact.normal
     loose = null_space(np.concatenate((normal, tangential.reshape(-1, free.shape[1]))))
@@ -116,8 +116,14 @@ def _equilibrium_of(
             f"{when}there is no static equilibrium{of_it}: the loads {drives} {names}, {cannot}: "
             f"{cure}, or prescribe a displacement; {proved}",
         )
-    alone = "friction" if null_space(contact.normal).shape[1] else "the contact alone"
-    text = f"the supports do not hold {names_of(free, motions, members)}: {alone} must"
+    bonds = contact.bilateral & np.isinf(contact.given)
+    bonded = np.concatenate((contact.normal[bonds], contact.tangential[bonds].reshape(-1, free.shape[1])))
+    left = null_space(bonded) if bonds.any() else np.eye(free.shape[1])
+    if not left.shape[1]:
+        return Finding("note", "displacement", f"the supports do not hold {names_of(free, motions, members)}: bonds do")
+    alone = "friction" if null_space(contact.normal @ left).shape[1] else "the contact alone"
+    who = "the supports and bonds" if bonds.any() else "the supports"
+    text = f"{who} do not hold {names_of(free @ left, motions, members)}: {alone} must"
     if several:
         text = f"{it}: {text}"
     given = contact.given[:, None, None] > 0

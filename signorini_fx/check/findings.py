@@ -48,9 +48,11 @@ def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Find
     found += [*_pieces(body), *_locking(body), *_idle(body), *equilibrium(body)]
     # Without an estimate it only matters whether anything acts at all; it is that of a beam in the plane or in space.
     estimates = estimates and not scene.of(Resistance) and not scene.axisymmetric
-    moved = max(_displacement_scale(body, step) for step in range(scene.steps)) if estimates else float(_acts(body))
+    moduli = [material.young for material in scene.material]
+    moved = _displacement_scale(body, min(moduli)) if estimates else float(_acts(body))
     if estimates:
-        found += _odd_displacements(body, moved)
+        # A layer of the softest material is not what bends: only what the stiffest one would do is certainly too much.
+        found += _odd_displacements(body, _displacement_scale(body, max(moduli)), moved)
     if body.boundary is not None and data is not None:
         found += [
             *_gaps(body, data, moved, estimates=estimates),
@@ -299,12 +301,18 @@ def _fall_lines(slope: _Rows, comm: MPI.Comm) -> list[_Rows]:
 _HARDLY = 1e-8
 
 
-def _odd_displacements(body: Discretisation, moved: float) -> list[Finding]:
-    """Loads that are too large for linear elasticity, or hardly felt; usually two units are inconsistent."""
+def _odd_displacements(body: Discretisation, moved: float, most: float) -> list[Finding]:
+    """Loads that are too large for linear elasticity, or hardly felt; usually two units are inconsistent.
+
+    Args:
+        body: the scene and its mesh.
+        moved: how far a body of the stiffest of its materials would move, an estimate, length.
+        most: the same of the softest one.
+    """
     size = body.tagged.size
-    if 0 < moved < _HARDLY * size:
+    if 0 < most < _HARDLY * size:
         message = (
-            f"loads and prescribed displacements move the body by about {moved:.1g} (an estimate) only, its size is "
+            f"loads and prescribed displacements move the body by about {most:.1g} (an estimate) only, its size is "
             f"{size:.3g}: are E and the loads in the same units, such as MPa?"
         )
         return [Finding("note", f"material, {body.scene.forces_at}, displacement", message)]
@@ -324,10 +332,15 @@ def _acts(body: Discretisation) -> bool:
     return parallel.any_rank(body.comm, any(load.forces.any() or load.start.any() or load.drives for load in acting))
 
 
-def _displacement_scale(body: Discretisation, step: int) -> float:
-    """Largest prescribed displacement, the deflection of a beam of the body's outline under the loads, and the
-    expansion of the body, lengths.
+def _displacement_scale(body: Discretisation, young: float) -> float:
+    """Largest prescribed displacement, the deflection of a beam of the body's outline with this Young's modulus under
+    the loads, and the expansion of the body, lengths; the largest sum of a load step.
     """
+    return max(_displacement_at(body, step, young) for step in range(body.scene.steps))
+
+
+def _displacement_at(body: Discretisation, step: int, young: float) -> float:
+    """The same of one load step."""
     applied = body.applied_at(step)
     owned = sum((factor * load.start for factor, load in applied), np.zeros(body.fixed.size))
     prescribed = parallel.largest(body.comm, np.abs(owned))
@@ -340,12 +353,11 @@ def _displacement_scale(body: Discretisation, step: int) -> float:
     force, swelling = total(balanced=False), total(balanced=True)
     x = body.tagged.mesh.geometry.x[:, : body.tagged.dimension].astype(np.float64)
     low, high = parallel.global_bounds(body.comm, x)
-    softest = min(material.young for material in body.scene.material)
     height, *width = sorted(high - low)[:-1]  # in the plane forces are per width
-    bent = 4 * force / softest / float(np.prod(width)) * float(body.tagged.size / height) ** 3
+    bent = 4 * force / young / float(np.prod(width)) * float(body.tagged.size / height) ** 3
     # Prevented expansion is a pressure on the whole surface, of at least the area of the outline along its edges.
     size = float(body.tagged.size)
-    return prescribed + bent + swelling / softest / body.scales.depth / size ** (body.tagged.dimension - 2)
+    return prescribed + bent + swelling / young / body.scales.depth / size ** (body.tagged.dimension - 2)
 
 
 # --- uniqueness, gamma, methods --------------------------------------------------------------------------------------

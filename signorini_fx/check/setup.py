@@ -78,12 +78,19 @@ def _lines(scene: Scene, tagged: TaggedMesh) -> list[Floats]:
 
 
 def _shown(tagged: TaggedMesh, acting: dict[str, list[Effect]]) -> list[str]:
-    """The boundaries that are shown: of two of the same facets only that which the scene uses; collective."""
+    """The boundaries that are shown: of two of the same facets only that which the scene uses, and of ``right`` and
+    ``body.right`` the longer one; collective.
+    """
     used = [name for name, effects in acting.items() if effects]
     facets = {name: tagged.facets(name) for name in acting}
     same = np.array([[np.array_equal(facets[name], facets[other]) for other in used] for name in acting], dtype=np.int8)
     tagged.mesh.comm.Allreduce(MPI.IN_PLACE, same, MPI.MIN)
-    return [name for name, twins in zip(acting, same, strict=True) if acting[name] or not twins.any()]
+    bodies = tagged.origin.get("bodies", {})
+    whole = {name for name in acting if name.partition(".")[0] in bodies}
+    short = {name.partition(".")[2] for name in whole} - whole
+    return [
+        name for name, twins in zip(acting, same, strict=True) if acting[name] or not (twins.any() or name in short)
+    ]
 
 
 def draw_setup(scene: Scene, comm: MPI.Comm, file: Path) -> None:

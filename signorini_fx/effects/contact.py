@@ -149,7 +149,10 @@ class Contact(Effect):
     def contradictions(self, scene: Any, place: int) -> Contradictions:
         """See ``Effect``."""
         if any(other.boundary == self.boundary for other in scene.contact[:place]):
-            yield ("contact", place), f"boundary {self.boundary!r} is in contact twice: describe it in one [[contact]]"
+            cure = "describe it in one [[contact]]"
+            if self.against is not None:
+                cure = "name it as against, and the others as boundary: several contacts may be against the same one"
+            yield ("contact", place), f"boundary {self.boundary!r} is in contact twice: {cure}"
         if self.foundation is not None:
             for other in ("against", "direction"):
                 if getattr(self, other) is not None:

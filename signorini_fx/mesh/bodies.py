@@ -190,7 +190,7 @@ def _check_alike(bodies: Sequence[Body], meshes: Sequence[BodyArrays]) -> None:
         if kind != kinds[0]:
             raise MeshError(
                 f"body {body.name!r} has {kind}, body {bodies[0].name!r} {kinds[0]}: the elements of a mesh are all of "
-                "one kind, so give all bodies the same"
+                "one kind, so give all bodies the same, generators by their parameter 'cell'"
             )
     dim = meshes[0].dimension
     problems = []

@@ -408,7 +408,8 @@ def _listed(pieces: list[dict[str, Any]], most: int = 4) -> str:
     """Where the first few pieces are."""
 
     def one(row: dict[str, Any]) -> str:
-        return f"{row['cells']} cells, {extent(row['bounds'])}"
+        name = "" if row["body"] is None else f"{row['body']}, "
+        return f"{name}{row['cells']} cells, {extent(row['bounds'])}"
 
     return "; ".join([one(row) for row in pieces[:most]] + ["..."] * (len(pieces) > most))
 
