@@ -2139,6 +2139,13 @@ MUTANTS = (
         tests=("certificate_of_pairs",),
     ),
     Mutant(
+        "body/section_loads",
+        "abs(averages.shares) @ from_owners(known, averages.nodes, boundary.comm)[:, 0] > 0",
+        "of_points",
+        "preload: a section at the other body's side of a contact is taken",
+        tests=("preload::test_a_section_at_the_contact_of_two_bodies",),
+    ),
+    Mutant(
         "results/paired_sides",
         "bare = draw.permutation(bare)[:most]",
         "bare = bare[:0]",

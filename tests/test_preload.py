@@ -473,6 +473,46 @@ def test_mistakes(name):
     assert words in str(raised.value).replace("\n", " ")
 
 
+def pressed_pair(points="boundary", axis=(0.0, 1.0), **contact):
+    """A coarse block on a fine one, of which one has a section between its only rows of nodes, in contact both."""
+
+    def block(nx, ny):
+        parameters = {"length": 1.0, "height": 1.0, "nx": nx, "ny": ny, "cell": "triangle"}
+        return {"generator": "rectangle", "parameters": parameters}
+
+    bodies = [("lower", block(5, 4), 0.0), ("upper", block(3, 1), 1.0)]
+    return parse_scene(
+        {
+            "body": [{"name": name, "mesh": mesh, "shift": [0.0, y]} for name, mesh, y in bodies],
+            "material": {"young": YOUNG, "poisson": 0.3},
+            "displacement": [{"boundary": "lower.bottom", "y": 0.0}]
+            + [{"boundary": f"{name}.left", "x": 0.0} for name in ("lower", "upper")],
+            "traction": {"boundary": "upper.top", "y": -0.01 * YOUNG},
+            "contact": {"boundary": "lower.top", "against": "upper.bottom", "points": points, **contact},
+            "preload": {"point": [0.52, 1.47], "axis": list(axis), "region": "upper", "shortening": 0.01},
+        }
+    )
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("points", ["boundary", "against"])
+def test_a_section_at_the_contact_of_two_bodies(points):
+    """The other body would see the displacement on one side of the section alone, whichever has the points: what it
+    lost of the pressure was up to a third.
+    """
+    with pytest.raises(SceneError, match="holds nodes of the section"):
+        solve(pressed_pair(points))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("points", ["boundary", "against"])
+def test_a_section_across_a_contact_of_two_bodies(points):
+    """Along the contact a bond holds the section, and contact without friction does not."""
+    with pytest.raises(SceneError, match="holds nodes of the section"):
+        solve(pressed_pair(points, axis=(1.0, 0.0), kind="bonded"))
+    assert solve(pressed_pair(points, axis=(1.0, 0.0))).converged
+
+
 def test_a_section_that_ends_inside():
     scene = {
         "mesh": drawn(COMM, 2, whole=False),

@@ -247,7 +247,8 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         if scene.of(SectionJump):
             from signorini_fx.body.section_loads import holds, section_loads
 
-            held = partial(holds, fixed=fixed, turned=turned, boundary=boundary)
+            bonded = [k for k, one in enumerate(scene.contact) if one.kind == "bonded"]
+            held = partial(holds, fixed=fixed, turned=turned, boundary=boundary, bonded=bonded)
             applied += section_loads(scene, tagged, space, terms, mixed, inventory, held)
         if boundary is not None and scene.fluids_enter:
             from signorini_fx.body.entering_fluid import EnteringFluid

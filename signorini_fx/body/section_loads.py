@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -13,6 +13,7 @@ from dolfinx import default_scalar_type, fem
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble
+from signorini_fx.body.averages import from_owners
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.loads import AppliedLoad
 from signorini_fx.body.mixed import MixedPressure
@@ -87,22 +88,36 @@ def section_loads(
 
 
 def holds(
-    section: Section, fixed: npt.NDArray[np.bool_], turned: TurnedNodes | None, boundary: ContactBoundary | None
+    section: Section,
+    fixed: npt.NDArray[np.bool_],
+    turned: TurnedNodes | None,
+    boundary: ContactBoundary | None,
+    bonded: Sequence[int] = (),
 ) -> bool:
-    """Whether contact or prescribed displacements hold nodes of a section on this rank along its axis.
+    """Whether contact or prescribed displacements hold nodes of a section on this rank along its axis; collective.
 
     They would see the displacement on one of its sides alone.
+
+    Args:
+        section: across the body.
+        fixed: which displacement components are prescribed at the owned nodes, shape (owned dofs,).
+        turned: nodes for which ``fixed`` is told in their own frames; None: there are none.
+        boundary: the contact points; None: there are none.
+        bonded: numbers of the contacts that hold in all directions.
     """
     dim = section.axis.size
     nodes = np.flatnonzero(section.nodes[: fixed.size // dim])
     frames = np.eye(dim)[None] if turned is None else turned.frames_at(nodes)
     along = np.abs(np.einsum("nij,i->nj", frames, section.axis)) > _ALONG
-    if (fixed.reshape(-1, dim)[nodes] & along).any():
-        return True
+    found = bool((fixed.reshape(-1, dim)[nodes] & along).any())
     if boundary is None:
-        return False
-    normal = boundary.normal[section.nodes[boundary.nodes]]
-    return bool((np.abs(normal @ section.axis) > _ALONG).any())
+        return found
+    of_points = section.nodes[boundary.nodes]
+    if (averages := boundary.averages) is not None:  # points see other nodes than their own, and the other body's
+        known = section.nodes[: fixed.size // dim, None].astype(np.float64)
+        of_points = abs(averages.shares) @ from_owners(known, averages.nodes, boundary.comm)[:, 0] > 0
+    holding = (np.abs(boundary.normal @ section.axis) > _ALONG) | np.isin(boundary.part, bonded)
+    return found or bool((of_points & holding).any())
 
 
 def jump_of(
