@@ -1151,7 +1151,7 @@ MUTANTS = (
     ),
     Mutant(
         "contact/holding_sets",
-        "motions.held_by(sets.contact, _stick(sets, data), sets.turned)",
+        "holds(sets, data, motions)",
         "True",
         "sets of another friction bound, which do not hold the body, are kept",
         within="hold",
@@ -1570,8 +1570,8 @@ MUTANTS = (
     ),
     Mutant(
         "linalg/nodal_blocks",
-        "free @ (added + added.transpose(0, 2, 1)) @ free * (self.scale / 2)[:, None, None]",
-        "free @ (added + added.transpose(0, 2, 1)) @ free * self.scale[:, None, None]",
+        "free @ (added + added.transpose(0, 2, 1)) @ free * (scale / 2)[:, None, None]",
+        "free @ (added + added.transpose(0, 2, 1)) @ free * scale[:, None, None]",
         "soft contact twice on coarse levels",
         tests=("krylov::test_coarse_matrix_of_truncated_functions",),
     ),

@@ -5,20 +5,17 @@ from __future__ import annotations
 from functools import partial
 
 from signorini_fx.algorithms.augmentation import Augmentation
-from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.contact.laws import ActiveSets, RegularisedData
 from signorini_fx.records import Status
 
 
 def augmented_lagrangian(
-    newton: SemismoothNewton,
+    augmentation: Augmentation,
     data: RegularisedData,
     first_sets: ActiveSets | None,
     *,
-    natural: float,
-    first_iteration: int,
-    tolerance: float,
     max_outer: int,
+    first_iteration: int = 1,
     inner_iterations: int | None = None,
     gamma_factor: float = 1.0,
 ) -> Status:
@@ -27,18 +24,15 @@ def augmented_lagrangian(
     Each problem starts from the variables of the previous one (section 7.1).
 
     Args:
-        newton: the inner method.
+        augmentation: the update, with the inner method and the errors allowed.
         data: the first problem; its gamma stays, or grows.
         first_sets: sets of the very first linear solve.
-        natural: a gamma with which few problems suffice; a smaller one is increased towards it if convergence is slow.
-        first_iteration: number of the very first linear solve.
-        tolerance: for the errors of lambda and of mu in the norm of L2(Gamma_c), relative to their own norms, and for
-            penetration and elastic slip, relative to the displacements.
         max_outer: regularised problems allowed.
+        first_iteration: number of the very first linear solve.
         inner_iterations: linear solves allowed for one problem (inexact ALM); None: until its sets repeat.
         gamma_factor: growth of gamma_1 and gamma_2 from one problem to the next.
     """
-    augmentation = Augmentation(newton, natural, tolerance)
+    newton = augmentation.newton
     for step in range(max_outer):
         status = newton.solve(
             data,

@@ -38,8 +38,10 @@ class Augmentation:
 
     Attributes:
         newton: the inner method.
-        natural: a gamma with which few updates suffice, stress per length.
-        tolerance: relative error allowed.
+        natural: a gamma with which few updates suffice, stress per length; a smaller one is increased towards it if
+            convergence is slow.
+        tolerance: for the errors of lambda and of mu in the norm of L2(Gamma_c), relative to their own norms, and for
+            penetration and elastic slip, relative to the displacements.
         changes: the last changes of pressure and shear that the body feels, ``ContactPoints.scale``; nan: not known.
         slow: which of the two were slow at the last update.
         left: remaining relative error of the multipliers.

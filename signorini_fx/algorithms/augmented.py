@@ -10,6 +10,7 @@ from signorini_fx.algorithms.alm import augmented_lagrangian
 from signorini_fx.algorithms.augmentation import Augmentation
 from signorini_fx.algorithms.coulomb_statics import coulomb_start, proved
 from signorini_fx.algorithms.fp import fixed_point
+from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
 from signorini_fx.records import Status
@@ -48,15 +49,8 @@ def by_augmentation(
     s, newton = task.settings, task.iterate.newton
     given = replace(data, gamma_n=failed.data.gamma_n, gamma_t=failed.data.gamma_t)
     if start.law is None or not task.has_coulomb:
-        status = augmented_lagrangian(
-            newton,
-            data,
-            ActiveSets.all_in_contact(*given.mu_hat.shape),
-            natural=automatic_gamma(task),
-            first_iteration=1,
-            tolerance=s.tolerance,
-            max_outer=s.max_outer_iterations,
-        )
+        sets = ActiveSets.all_in_contact(*given.mu_hat.shape)
+        status = augmented_lagrangian(augmentation_on(task, newton), data, sets, max_outer=s.max_outer_iterations)
     else:
         status = _augmented_coulomb(task, start, start.law, given, data, monolithic=monolithic)
     if status is not Status.CONVERGED:
@@ -88,7 +82,7 @@ def _augmented_coulomb(
         kept = task.motions.points.immovable  # whose pressure augmentation does not change, see ``shifts``
         pressure = np.where(kept, data.lambda_hat, multipliers[0])
         status = augmented_lagrangian(
-            task.iterate.unsymmetric_newton,
+            augmentation_on(task, task.iterate.unsymmetric_newton),
             replace(
                 data,
                 gamma_n=AUGMENTED_NEWTON_SHARE * data.gamma_n,
@@ -99,9 +93,6 @@ def _augmented_coulomb(
                 coupling=law.coefficient,
             ),
             newton.problem.sets,
-            natural=automatic_gamma(task),
-            first_iteration=1,
-            tolerance=s.tolerance,
             max_outer=s.max_outer_iterations,
         )
     else:
@@ -113,9 +104,14 @@ def _augmented_coulomb(
             None,
             tolerance=s.tolerance,
             max_outer=s.max_outer_iterations,
-            augmentation=Augmentation(newton, automatic_gamma(task), s.tolerance),
+            augmentation=augmentation_on(task, newton),
         )
     return proved(task, newton.problem, law, status)
+
+
+def augmentation_on(task: Task, newton: SemismoothNewton) -> Augmentation:
+    """The update of augmented Lagrangian methods on the problems of an inner method of the task."""
+    return Augmentation(newton, automatic_gamma(task), task.settings.tolerance)
 
 
 def automatic_gamma(task: Task) -> float:

@@ -16,8 +16,8 @@ import numpy as np
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.alm import augmented_lagrangian
-from signorini_fx.algorithms.augmentation import Augmentation, with_enough_digits
-from signorini_fx.algorithms.augmented import automatic_gamma, by_augmentation, softened
+from signorini_fx.algorithms.augmentation import with_enough_digits
+from signorini_fx.algorithms.augmented import augmentation_on, automatic_gamma, by_augmentation, softened
 from signorini_fx.algorithms.continuation import continuation
 from signorini_fx.algorithms.coulomb_newton import coulomb_newton
 from signorini_fx.algorithms.coulomb_statics import coulomb_start, proved
@@ -190,13 +190,11 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
             return Outcome(status, newton, found, regularisation_error=error)
         case "alm":
             status = augmented_lagrangian(
-                newton,
+                augmentation_on(task, newton),
                 data,
                 start.sets,
-                natural=automatic_gamma(task),
-                first_iteration=start.iteration,
-                tolerance=s.tolerance,
                 max_outer=s.max_outer_iterations,
+                first_iteration=start.iteration,
                 inner_iterations=None if s.inner_iterations == "auto" else s.inner_iterations,
                 gamma_factor=s.gamma_factor,
             )
@@ -236,22 +234,16 @@ def _coulomb(task: Task, start: Start, law: FrictionLaw) -> Outcome:
             first_sets,
             tolerance=s.tolerance,
             max_outer=s.max_outer_iterations,
-            augmentation=Augmentation(newton, automatic_gamma(task), s.tolerance) if s.algorithm == "alm" else None,
+            augmentation=augmentation_on(task, newton) if s.algorithm == "alm" else None,
             damping=damping,
         )
 
     def monolithic() -> Status:
         if s.algorithm != "alm":
             return coulomb_newton(task.iterate.unsymmetric_newton, data, law, first_sets)
-        return augmented_lagrangian(
-            task.iterate.unsymmetric_newton,
-            replace(data, bound=law.given, coupling=law.coefficient),
-            first_sets,
-            natural=automatic_gamma(task),
-            first_iteration=1,
-            tolerance=s.tolerance,
-            max_outer=s.max_outer_iterations,
-        )
+        coupled = replace(data, bound=law.given, coupling=law.coefficient)
+        augmentation = augmentation_on(task, task.iterate.unsymmetric_newton)
+        return augmented_lagrangian(augmentation, coupled, first_sets, max_outer=s.max_outer_iterations)
 
     started = s.coulomb == "auto" and start.multipliers is not None and start.step == 0 and s.algorithm != "alm"
     first = s.coulomb == "newton" or started

@@ -68,18 +68,23 @@ def hold(
             kept_contact = _least(points, opening, share) if opening_counts else ~everywhere
             stick = kept_stick | (kept_contact & able & ~sets.slip)
             held = replace(following, contact=following.contact | kept_contact).sticking(stick)
-            if motions.held_by(held.contact, _stick(held, data), held.turned):
+            if holds(held, data, motions):
                 return held, None, True
     # The iterate is still far from a solution: hold the body with all nodes that can, and let the next iterates
     # release.
     contact = following.contact | (here & sets.contact)
     everything = replace(following, contact=contact).sticking(here & contact & able)
-    if motions.held_by(contact, _stick(everything, data), everything.turned):
+    if holds(everything, data, motions):
         return everything, None, True
-    if motions.held_by(sets.contact, _stick(sets, data), sets.turned):
+    if holds(sets, data, motions):
         return sets, None, True
     # Sets of a problem with another friction bound need not hold it either.
     return replace(following, contact=following.contact | here).sticking(here & able), None, True
+
+
+def holds(sets: ActiveSets, data: RegularisedData, motions: FreeMotions) -> bool:
+    """Whether sets resist every rigid motion, in space also by slip in another direction; collective."""
+    return motions.held_by(sets.contact, _stick(sets, data), sets.turned)
 
 
 def fewest_constraints(

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.contact.map import ContactMap
-from signorini_fx.tuned import HELD_STIFFNESS
+from signorini_fx.linalg.nodal_blocks import stiff_and_soft
 
 Array = npt.NDArray[np.float64]
 
@@ -62,10 +62,4 @@ class JoinedBodies:
             reduced: S^T (A + C)_cc S.
         """
         assert reduced is not None
-        laws = (self._blocks(reduced) - self._elastic) / self._scale[:, None, None]
-        _, stiffness, directions = np.linalg.svd(laws)
-        stiff = directions * (stiffness > HELD_STIFFNESS)[:, :, None]
-        held = stiff.transpose(0, 2, 1) @ stiff
-        free = np.eye(held.shape[1]) - held
-        soft = free @ (laws + laws.transpose(0, 2, 1)) @ free * (self._scale / 2)[:, None, None]
-        return held, soft
+        return stiff_and_soft((self._blocks(reduced) - self._elastic) / self._scale[:, None, None], self._scale)

@@ -82,9 +82,8 @@ class KrylovSystem(AssembledSystem):
     @cached_property
     def levels(self) -> ContactLevels:
         """Of the hierarchy, as contact truncates them; collective."""
-        size = self.contact.points.dimension
         rigid = int(np.count_nonzero(~self.fixed[self.fixed.size - self.elasticity.rigid :]))
-        return ContactLevels(self.hierarchy, self.matrix, self._touched, size, self.contact, rigid=rigid)
+        return ContactLevels(self.hierarchy, self.matrix, self._touched, self.contact, rigid=rigid)
 
     @cached_property
     def _touched(self) -> npt.NDArray[np.int64]:

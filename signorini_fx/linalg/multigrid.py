@@ -150,7 +150,6 @@ class ContactLevels:
         hierarchy: of A.
         matrix: A.
         unknowns: the contact unknowns of this rank, in the local part of x, ascending.
-        size: unknowns per node.
         contact: the map B, by which two bodies move together on coarse levels; see ``joined``.
         rigid: how many of the contact unknowns of this rank are those of rigid bodies, the last ones.
 
@@ -169,7 +168,6 @@ class ContactLevels:
         hierarchy: Hierarchy,
         matrix: PETSc.Mat,
         unknowns: npt.NDArray[np.int64],
-        size: int,
         contact: ContactMap,
         *,
         rigid: int = 0,
@@ -183,7 +181,7 @@ class ContactLevels:
         elastic = matrix.createSubMatrix(self.places, self.places)
         self.diagonal = matrix.getDiagonal()
         self.diagonal.getArray()[unknowns[unknowns.size - rigid :]] = np.inf  # which no smoother moves
-        self.nodes = NodalBlocks(elastic, unknowns[: unknowns.size - rigid], size)
+        self.nodes = NodalBlocks(elastic, unknowns[: unknowns.size - rigid], contact.points.dimension)
         self.joined = None if contact.lift is None else JoinedBodies(contact, self.places, elastic)
         functions = hierarchy.interpolations[0].createSubMatrix(self.places, None)
         if self.joined is not None:

@@ -11,6 +11,22 @@ from signorini_fx.tuned import HELD_STIFFNESS
 Array = npt.NDArray[np.float64]
 
 
+def stiff_and_soft(added: Array, scale: Array) -> tuple[Array, Array]:
+    """Projections E onto the directions that contact holds, and the rest of what it adds, blocks of shape (n, d, d).
+
+    Args:
+        added: what contact adds to the stiffness, relative to ``scale``, shape (n, d, d).
+        scale: force per length, shape (n,).
+    """
+    # The blocks of the monolithic method are not symmetric: what they hold is what they do not map to nearly zero.
+    _, stiffness, directions = np.linalg.svd(added)
+    stiff = directions * (stiffness > HELD_STIFFNESS)[:, :, None]
+    held = stiff.transpose(0, 2, 1) @ stiff
+    free = np.eye(held.shape[1]) - held
+    soft = free @ (added + added.transpose(0, 2, 1)) @ free * (scale / 2)[:, None, None]
+    return held, soft
+
+
 class NodalBlocks:
     """The blocks that contact matrices have at the nodes of this rank.
 
@@ -101,13 +117,7 @@ class NodalBlocks:
         added[constrained[:, :, None] | constrained[:, None, :]] = 0.0
         node, component = np.nonzero(constrained)
         added[node, component, component] = 1.0 / np.finfo(float).eps
-        # The blocks of the monolithic method are not symmetric: what they hold is what they do not map to nearly zero.
-        _, stiffness, directions = np.linalg.svd(added)
-        stiff = directions * (stiffness > HELD_STIFFNESS)[:, :, None]
-        held = stiff.transpose(0, 2, 1) @ stiff
-        free = np.eye(self.shape[1]) - held
-        rest = free @ (added + added.transpose(0, 2, 1)) @ free * (self.scale / 2)[:, None, None]
-        return held, rest
+        return stiff_and_soft(added, self.scale)
 
     def inverse(self, held: Array) -> Array:
         """Of the diagonal of A, on the directions that are not held; what contact adds softly takes no fewer steps."""

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.contact.holding_sets import fewest_constraints, hold
+from signorini_fx.contact.holding_sets import fewest_constraints, hold, holds
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData, length, release
 from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.contact.points import ContactPoints
@@ -155,8 +155,7 @@ class Problem(ABC):
 
     def holds(self, sets: ActiveSets, data: RegularisedData) -> bool:
         """Whether these sets resist every rigid motion; collective."""
-        stick = ~sets.slip if data.has_friction else np.zeros_like(sets.contact)
-        return self._motions.held_by(sets.contact, stick, sets.turned if data.has_friction else None)
+        return holds(sets, data, self._motions)
 
     def constraints(
         self, sets: ActiveSets, opening: Nodal, slipping: Nodal
