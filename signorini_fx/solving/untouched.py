@@ -7,6 +7,8 @@ With a dense A, and D zero at points that are apart, J = A + B^T D B differs fro
 While the unknowns k stay the same, or become a little fewer, only S is factorised again.  Eliminating the others costs
 less than factorising J, so that nothing is lost where they change each time.  A_oo is regular if J is: what it maps to
 zero, A does too, as A is positive semi-definite, and so does J.
+
+Every rank has A and eliminates alike, and of the tangent only the rows and columns k travel.
 """
 
 from __future__ import annotations
@@ -17,9 +19,11 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.linalg import lapack, solve_triangular
 
+from signorini_fx import parallel
 from signorini_fx.linalg import ElasticSystem, options
 from signorini_fx.linalg.callbacks import called_back
 from signorini_fx.linalg.choice import SystemSize, choose_system
@@ -50,24 +54,40 @@ class Eliminated:
 
 
 class UntouchedUnknowns:
-    """Those of a dense matrix A, for all tangents made of it.
+    """Those of a dense matrix A, for all tangents made of it; all methods are collective.
 
     Args:
-        matrix: A, symmetric and positive semi-definite, on one rank; it stays as it is.
+        matrix: A, symmetric and positive semi-definite; it stays as it is.
+        entries: all of A, the same on all ranks.
+
+    Attributes:
+        comm: the ranks.
+        here: which unknowns are on this rank.
     """
 
-    def __init__(self, matrix: PETSc.Mat) -> None:
-        self._matrix = matrix
+    def __init__(self, matrix: PETSc.Mat, entries: Array) -> None:
+        self._matrix, self._entries = matrix, entries
+        self.comm: MPI.Comm = matrix.comm.tompi4py()
+        self.here = slice(*matrix.getOwnershipRange())
         self._last: Eliminated | None = None
 
     def eliminated(self, tangent: Array) -> Eliminated | None:
-        """A without unknowns at which a tangent does not differ from it; None: without none, or it is singular then."""
-        matrix = self._matrix.getDenseArray(readonly=True)
-        differs = tangent != matrix
-        touched, last = differs.any(axis=0) | differs.any(axis=1), self._last
+        """A without unknowns at which a tangent does not differ from it; None: without none, or it is singular then.
+
+        Args:
+            tangent: the rows of this rank.
+        """
+        differs, last = tangent != self._matrix.getDenseArray(readonly=True), self._last
+        touched = parallel.global_sum(self.comm, differs.any(axis=0).astype(np.int64)) > 0
+        touched |= parallel.gather_rows(self.comm, differs.any(axis=1))
         if last is None or touched[last.gone].any() or np.count_nonzero(touched) < FEWER_TOUCHED * last.stays.size:
-            self._last = _without(matrix, np.flatnonzero(touched), np.flatnonzero(~touched))
+            self._last = _without(self._entries, np.flatnonzero(touched), np.flatnonzero(~touched))
         return self._last
+
+    def among(self, tangent: Array, some: Indices) -> Array:
+        """The rows and columns of some unknowns, ascending, of a tangent whose rows of this rank are given."""
+        own = some[(self.here.start <= some) & (some < self.here.stop)] - self.here.start
+        return parallel.gather_rows(self.comm, tangent[np.ix_(own, some)])
 
 
 def _without(matrix: Array, stays: Indices, gone: Indices) -> Eliminated | None:
@@ -97,10 +117,11 @@ class TangentFactor:
     @called_back
     def setUp(self, pc: PETSc.PC) -> None:
         """Factorise what is left of the tangent; a zero pivot is a failure of the preconditioner."""
-        left = pc.getOperators()[1].getDenseArray(readonly=True)
-        self._without = without = self._untouched.eliminated(left)
+        tangent = pc.getOperators()[1].getDenseArray(readonly=True)
+        self._without = without = self._untouched.eliminated(tangent)
+        left = self._untouched.among(tangent, np.arange(tangent.shape[1]) if without is None else without.stays)
         if without is not None:
-            left = left[np.ix_(without.stays, without.stays)] - without.product
+            left -= without.product
         *self._factor, failed = lapack.dpotrf(left, lower=1) if self._symmetric else lapack.dgetrf(left)
         reasons = PETSc.PC.FailedReason
         pc.setFailedReason(reasons.FACTOR_NUMERIC_ZEROPIVOT if failed else reasons.NOERROR)
@@ -108,12 +129,16 @@ class TangentFactor:
     @called_back
     def apply(self, pc: PETSc.PC, right: PETSc.Vec, x: PETSc.Vec) -> None:
         """X = J^-1 right."""
-        x.getArray()[:] = self._solved(right.getArray(readonly=True), transposed=False)
+        self._solve(right, x, transposed=False)
 
     @called_back
     def applyTranspose(self, pc: PETSc.PC, right: PETSc.Vec, x: PETSc.Vec) -> None:
         """X = J^-T right."""
-        x.getArray()[:] = self._solved(right.getArray(readonly=True), transposed=True)
+        self._solve(right, x, transposed=True)
+
+    def _solve(self, right: PETSc.Vec, x: PETSc.Vec, *, transposed: bool) -> None:
+        every = parallel.gather_rows(self._untouched.comm, right.getArray(readonly=True))
+        x.getArray()[:] = self._solved(every, transposed=transposed)[self._untouched.here]
 
     def _solved(self, right: Array, *, transposed: bool) -> Array:
         e = self._without
@@ -139,7 +164,7 @@ class TouchedSystem(CondensedSystem):
 
     @cached_property
     def _untouched(self) -> UntouchedUnknowns:
-        return UntouchedUnknowns(self.matrix)
+        return UntouchedUnknowns(self.matrix, self.entries)
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """See ``ElasticSystem``."""
@@ -149,9 +174,8 @@ class TouchedSystem(CondensedSystem):
 
 
 def choose_touched(elasticity: Elasticity, size: SystemSize, requested: str) -> tuple[ElasticSystem, str]:
-    """As ``choose_system``, but a ``TouchedSystem`` where it is condensed, on one rank, and large enough."""
+    """As ``choose_system``, but a ``TouchedSystem`` where it is condensed and large enough."""
     system, reason = choose_system(elasticity, size, requested)
-    dense = isinstance(system, CondensedSystem) and system.comm.size == 1
-    if not dense or system.fixed.size < FEWEST_UNTOUCHED or options.user_sets("pc_"):
+    if not isinstance(system, CondensedSystem) or len(system.entries) < FEWEST_UNTOUCHED or options.user_sets("pc_"):
         return system, reason
     return TouchedSystem(**{one.name: getattr(system, one.name) for one in fields(CondensedSystem)}), reason
