@@ -3827,6 +3827,21 @@ MUTANTS = (
     ),
     Mutant(
         "solving/untouched",
+        "touched |= parallel.gather_rows(self.comm, differs.any(axis=1))",
+        "pass",
+        "dense tangents: only the columns in which they differ count, not the rows",
+        tests=("untouched",),
+    ),
+    Mutant(
+        "solving/untouched",
+        "parallel.global_sum(self.comm, differs.any(axis=0).astype(np.int64)) > 0",
+        "differs.any(axis=0)",
+        "dense tangents on several ranks: a rank knows only the points that are its own",
+        ranks=2,
+        tests=("untouched",),
+    ),
+    Mutant(
+        "solving/untouched",
         "touched[last.gone].any()",
         "touched[last.gone].all()",
         "dense tangents: a point comes into contact without a traction",
