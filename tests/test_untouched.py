@@ -28,11 +28,13 @@ def elastic() -> np.ndarray:
 
 
 def tangent(elastic: np.ndarray, points: Sequence[int], *, symmetric: bool) -> np.ndarray:
-    """With a block of two unknowns of each of these points, as at slip with Coulomb friction if it has no symmetry."""
+    """With a block of two unknowns of each of these points, as at slip with Coulomb friction if it has no symmetry, of
+    every second one transposed.
+    """
     found = elastic.copy()
     for point in points:
-        block = [[1e4, 0.0], [0.0, 1e4]] if symmetric else [[1e4, 0.0], [3e3, 0.0]]
-        found[2 * point : 2 * point + 2, 2 * point : 2 * point + 2] += block
+        block = np.array([[1e4, 0.0], [0.0, 1e4]] if symmetric else [[1e4, 0.0], [3e3, 0.0]])
+        found[2 * point : 2 * point + 2, 2 * point : 2 * point + 2] += block.T if point % 2 else block
     return found
 
 
