@@ -10,7 +10,7 @@ from spaces import block
 
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.check.checks import check_scene
-from signorini_fx.linalg.full import has_package
+from signorini_fx.linalg.factorisation import has_package
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Timings
 

@@ -12,7 +12,7 @@ from test_two_bodies import paraboloids
 
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.contact.laws import ActiveSets
-from signorini_fx.linalg import direct, krylov, multigrid
+from signorini_fx.linalg import factorisation, krylov, multigrid
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Timings
 from signorini_fx.solving.one_mesh import contact_task
@@ -91,7 +91,7 @@ def test_two_tangents_share_the_levels():
 @pytest.mark.parametrize("symmetric", [True, False])
 def test_direct_solvers_of_all_ranks_and_of_each(most, symmetric, monkeypatch):
     """Of the matrix of a chain of springs, with a flow along it if it is not symmetric; factorised twice."""
-    monkeypatch.setattr(direct, "MOST_REPLICATED_UNKNOWNS", most)
+    monkeypatch.setattr(factorisation, "MOST_REPLICATED_UNKNOWNS", most)
     n = 40 * WORLD.size
     matrix = PETSc.Mat().createAIJ(((None, n), (None, n)), nnz=(3, 2), comm=WORLD)
     for row in range(*matrix.getOwnershipRange()):
@@ -100,7 +100,7 @@ def test_direct_solvers_of_all_ranks_and_of_each(most, symmetric, monkeypatch):
                 matrix.setValue(row, column, value)
     matrix.assemble()
     pc = PETSc.PC().create(WORLD)
-    direct.use_direct(pc, n, symmetric=symmetric)
+    factorisation.use_direct(pc, n, symmetric=symmetric)
     x, b = matrix.createVecs()
     first, last = b.getOwnershipRange()
     for factor in (1.0, 3.0):

@@ -9,7 +9,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.linalg import options
-from signorini_fx.linalg.full import factor_defaults, use_factorisation
+from signorini_fx.linalg.factorisation import factor_defaults, use_factorisation
 
 
 class Factor:

@@ -35,7 +35,7 @@ from signorini_fx.body.pieces import Pieces
 from signorini_fx.body.quadrature import strain_degree
 from signorini_fx.effects.material import mixed_forms
 from signorini_fx.errors import InstallationError
-from signorini_fx.linalg.full import has_package
+from signorini_fx.linalg.factorisation import has_package
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.scene.model import Scene

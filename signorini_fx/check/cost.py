@@ -13,7 +13,7 @@ from signorini_fx import parallel
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.effects.contact import Contact
 from signorini_fx.linalg import choice
-from signorini_fx.linalg.full import factor_entries
+from signorini_fx.linalg.factorisation import factor_entries
 from signorini_fx.records import Finding
 from signorini_fx.scene.model import Scene
 from signorini_fx.tuned import (

@@ -15,7 +15,7 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.errors import OptionsError
-from signorini_fx.linalg.full import has_package
+from signorini_fx.linalg.factorisation import has_package
 from signorini_fx.linalg.options import PREFIX, watches
 from signorini_fx.machine.launcher import environment_of_no_rank
 

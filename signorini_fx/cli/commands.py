@@ -237,7 +237,7 @@ def info(_: argparse.Namespace) -> int:
     from mpi4py import MPI
 
     from signorini_fx import parallel
-    from signorini_fx.linalg.full import factorisation_package
+    from signorini_fx.linalg.factorisation import factorisation_package
     from signorini_fx.mesh.files import sandbox
     from signorini_fx.results.versions import versions
 

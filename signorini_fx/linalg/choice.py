@@ -12,7 +12,8 @@ from petsc4py import PETSc
 from signorini_fx.linalg import ElasticSystem, options
 from signorini_fx.linalg.condensed import CondensedSystem
 from signorini_fx.linalg.elasticity import Elasticity
-from signorini_fx.linalg.full import FullSystem, can_factorise, enough_memory, factor_memory, has_package
+from signorini_fx.linalg.factorisation import can_factorise, enough_memory, factor_memory, has_package
+from signorini_fx.linalg.full import FullSystem
 from signorini_fx.linalg.krylov import KrylovSystem
 from signorini_fx.tuned import (
     FEWEST_CONDENSED_UNKNOWNS,

@@ -21,6 +21,7 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.contact.motions import RigidLoad
 from signorini_fx.linalg.elasticity import Elasticity, LoadCase
+from signorini_fx.linalg.factorisation import factor_type
 from signorini_fx.linalg.plain import PlainSystem
 from signorini_fx.linalg.relative import RelativeUnknowns
 from signorini_fx.linalg.schur import SchurComplement
@@ -40,8 +41,8 @@ class DenseSystem(PlainSystem):
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """A dense factorisation by LAPACK, on every rank."""
         ksp.setType(PETSc.KSP.Type.PREONLY)
-        alone = PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU
-        ksp.getPC().setType(alone if self.comm.size == 1 else PETSc.PC.Type.REDUNDANT)
+        alone = self.comm.size == 1
+        ksp.getPC().setType(factor_type(symmetric=symmetric) if alone else PETSc.PC.Type.REDUNDANT)
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
         """Only for the same matrix: a dense factorisation is cheap."""

@@ -20,7 +20,13 @@ from signorini_fx.linalg import options
 from signorini_fx.linalg.assembled import AssembledSystem
 from signorini_fx.linalg.callbacks import called_back, weakly
 from signorini_fx.linalg.elasticity import Elasticity
-from signorini_fx.linalg.full import can_factorise, enough_memory, factor_defaults, factor_memory, use_factorisation
+from signorini_fx.linalg.factorisation import (
+    can_factorise,
+    enough_memory,
+    factor_defaults,
+    factor_memory,
+    use_factorisation,
+)
 from signorini_fx.linalg.multigrid import ContactLevels, ContactPreconditioner, Hierarchy
 from signorini_fx.linalg.petsc_c import call
 from signorini_fx.linalg.rigid_unknowns import of_nodes

@@ -27,8 +27,8 @@ from signorini_fx import parallel
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.linalg import options
 from signorini_fx.linalg.callbacks import called_back
-from signorini_fx.linalg.direct import use_direct
 from signorini_fx.linalg.elasticity import Level
+from signorini_fx.linalg.factorisation import use_direct
 from signorini_fx.linalg.joined import JoinedBodies
 from signorini_fx.linalg.nodal_blocks import NodalBlocks
 from signorini_fx.linalg.petsc_c import call
