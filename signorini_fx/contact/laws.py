@@ -228,13 +228,17 @@ def multipliers(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData)
     # A point that is about to open has a negative pressure for one step, and a negative bound: the map stays affine.
     bound = data.bound if data.coupling is None else data.bound + data.coupling * pressure
     trial = trial_shear(u_t, data)
-    turned = (sets.turning / data.gamma_t)[:, None] * sets.across(trial)
-    return pressure, np.where(sets.slip[:, None], at_bound(sets, bound) + turned, trial)
+    return pressure, np.where(sets.slip[:, None], sliding_shear(sets, bound, trial, data.gamma_t), trial)
 
 
 def at_bound(sets: ActiveSets, bound: Nodal) -> Nodal:
     """F g e on A_f and zero on I_f, where the bound may be infinite."""
     return np.where(sets.slip, bound, 0.0)[:, None] * sets.direction
+
+
+def sliding_shear(sets: ActiveSets, bound: Nodal, trial: Nodal, per: float = 1.0) -> Nodal:
+    """F g e + k (I - e e^T) s on A_f with s = ``trial`` / ``per``; the second term is zero in the plane."""
+    return at_bound(sets, bound) + (sets.turning / per)[:, None] * sets.across(trial)
 
 
 def slip_multiplier(sets: ActiveSets, mu: Nodal, u_t: Nodal, data: RegularisedData) -> Nodal:
@@ -262,18 +266,21 @@ def next_sets(u_n: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, data: RegularisedDat
         slip = np.where(np.abs(over) <= _AT_BOUND * np.where(np.isfinite(bound), bound, 0.0), leaning > 0, over > 0)
     else:
         slip = data.sigma * over * (size + bound) + leaning > 0
-    transmits = bound > 0
+    return ActiveSets.of(contact, *_directed(slip, mu + xi / data.sigma, u_t, bound, data))
+
+
+def _directed(
+    slip: npt.NDArray[np.bool_], shear: Nodal, u_t: Nodal, bound: Nodal, data: RegularisedData
+) -> tuple[Nodal, Nodal]:
+    """The direction e of ``ActiveSets``, along the shear where points slip, along the motion where the bound is zero;
+    and k, F g over the slip along e, no less than what reaches the bound.
+    """
     motion = slip_of(u_t, data)
-    direction = np.where(transmits[:, None], unit(mu + xi / data.sigma), unit(motion))
-    direction = np.where((slip | ~transmits)[:, None], direction, 0.0)
-    return ActiveSets.of(contact, direction, _turning(direction, motion, bound, data))
-
-
-def _turning(direction: Nodal, motion: Nodal, bound: Nodal, data: RegularisedData) -> Nodal:
-    """K of ``ActiveSets``: F g over the slip along e, no less than what reaches the bound."""
+    direction = np.where((bound > 0)[:, None], np.where(slip[:, None], unit(shear), 0.0), unit(motion))
     along = data.gamma_t * inner(direction, motion) + inner(direction, data.mu_hat)
     reach = np.maximum(along, bound)
-    return data.gamma_t * np.divide(bound, reach, out=np.zeros_like(bound), where=(reach > 0) & np.isfinite(bound))
+    where = (reach > 0) & np.isfinite(bound)
+    return direction, data.gamma_t * np.divide(bound, reach, out=np.zeros_like(bound), where=where)
 
 
 def classify(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> ActiveSets:
@@ -283,7 +290,7 @@ def classify(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) ->
         return next_sets(u_n, u_t, trial, trial, data)
     # At slip points mu is at its bound by construction, also where the pressure has changed sign, or mu its direction.
     bound = data.friction_bound(trial_pressure(u_n, data))
-    shear = at_bound(sets, bound) + (sets.turning / data.gamma_t)[:, None] * sets.across(trial)
+    shear = sliding_shear(sets, bound, trial, data.gamma_t)
     direction = np.where(inner(shear, shear)[:, None] > 0, unit(shear), sets.direction)
     mu = np.where(sets.slip[:, None], np.where(sets.slip, bound, 0.0)[:, None] * direction, trial)
     return next_sets(u_n, u_t, slip_multiplier(sets, mu, u_t, data), mu, data)
@@ -336,13 +343,8 @@ def natural_sets(u_n: Nodal, u_t: Nodal, data: RegularisedData) -> ActiveSets:
     contact = keep_closed(trial_pressure(u_n, data) > 0, data)
     if data.bound is None:
         return ActiveSets.of(contact, np.zeros_like(u_t))
-    trial, motion = trial_shear(u_t, data), slip_of(u_t, data)
-    slip = length(trial) > data.bound
-    transmits = data.bound > 0
-    direction = np.where((slip & transmits)[:, None], unit(trial), 0.0)
-    # No shear is transmitted where the bound is zero; the direction has no effect.
-    direction = np.where(transmits[:, None], direction, unit(motion))
-    return ActiveSets.of(contact, direction, _turning(direction, motion, data.bound, data))
+    trial = trial_shear(u_t, data)
+    return ActiveSets.of(contact, *_directed(length(trial) > data.bound, trial, u_t, data.bound, data))
 
 
 def law_residual(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> Nodal:

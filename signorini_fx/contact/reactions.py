@@ -81,13 +81,14 @@ class Reactions:
         given = np.where(self.friction, np.inf, 0.0)
         return replace(self, given=given, coefficient=np.zeros_like(given), cap=np.full_like(given, np.inf))
 
-    def against(self, motion: Nodal, unit_of_force: float) -> tuple[Nodal, npt.NDArray[np.int64], Nodal]:
+    def against(self, motion: Nodal, unit_of_force: float) -> tuple[Nodal, Nodal, npt.NDArray[np.int64], Nodal]:
         """The tractions that do most work on a motion of shape (k,).
 
         Returns:
-            Edges of the cone and directions within it, one per row, the resultants of unlimited tractions; the node
-            that each of them presses, shape (m,), -1 for friction without pressure; and the resultant of limited
-            tractions that does the most work, shape (k,), in the given unit.
+            Edges of the cone and directions within it, one per row, the resultants of unlimited tractions that are not
+            round-off, and their lengths, shape (m,); the node that each of them presses, shape (m,), -1 for friction
+            without pressure; and the resultant of limited tractions that does the most work, shape (k,), in the given
+            unit.
         """
         away, slip = self.normal @ motion, self.tangential @ motion
         along = unit(slip)
@@ -108,7 +109,9 @@ class Reactions:
         lift[capped] = (self.cap[capped] - self.given[capped]) / self.coefficient[capped]
         lift[away + self.coefficient * size <= 0] = 0.0
         bound = np.where(stick, 0.0, np.where(lift > 0, self.cap, self.given)) / unit_of_force
-        return edges, node, bound @ pull + (lift / unit_of_force) @ self.normal
+        lengths = np.linalg.norm(edges, axis=1)
+        real = lengths > ZERO
+        return edges[real], lengths[real], node[real], bound @ pull + (lift / unit_of_force) @ self.normal
 
 
 def reactions(
@@ -199,15 +202,11 @@ def nearest(here: Reactions, load: Nodal, *, unlimited: bool = False) -> Nearest
         before = left
         if proves(rest[:-1]):
             proof = rest[:-1], passive
-        edges, node, bounded = here.against(rest[:-1], size)
-        lengths = np.linalg.norm(edges, axis=1)
-        real = lengths > ZERO
-        rows = np.column_stack((edges[real] / lengths[real, None], np.zeros(np.count_nonzero(real))))
+        edges, lengths, node, bounded = here.against(rest[:-1], size)
+        rows = np.column_stack((edges / lengths[:, None], np.zeros(lengths.size)))
         if not unlimited:
-            rows, node = np.vstack((rows, np.append(bounded, 1.0))), np.append(node[real], -1)
+            rows, node = np.vstack((rows, np.append(bounded, 1.0))), np.append(node, -1)
             rows[-1] /= np.linalg.norm(rows[-1])
-        else:
-            node = node[real]
         work = rows @ rest
         most = np.argsort(-work, kind="stable")[: _COLUMNS * target.size]
         most = most[work[most] > max(_STATIONARY, _SLIGHT * left)]
@@ -234,10 +233,8 @@ def most_work(here: Reactions, motion: Nodal, size: float, forces: float, *, unl
     """The most work that admissible tractions do on a motion, in units of ``size``: those with a bound, and others as
     far as round-off of the motion lets them, whose sum is at most ``_LARGEST`` times ``forces``.
     """
-    edges, _, bounded = here.against(motion, size)
-    lengths = np.linalg.norm(edges, axis=1)
-    real = lengths > ZERO
-    beyond = float(np.max(edges[real] @ motion / lengths[real], initial=0.0))
+    edges, lengths, _, bounded = here.against(motion, size)
+    beyond = float(np.max(edges @ motion / lengths, initial=0.0))
     return (0.0 if unlimited else float(bounded @ motion)) + _LARGEST * forces / size * beyond
 
 

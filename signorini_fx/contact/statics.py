@@ -249,16 +249,14 @@ def largest_multiple(here: Reactions, dead: Nodal, live: Nodal) -> Limit | None:
             pressed = np.unique(pressing[forces[: len(columns)] > 0])
         if limit <= found * (1 + _CLOSE) or stalled > _STALLED:
             break
-        edges, node, bounded = here.against(motion, size)
-        lengths = np.linalg.norm(edges, axis=1)
-        real = lengths > ZERO
-        new = np.column_stack((edges[real] / lengths[real, None], np.zeros(np.count_nonzero(real))))
+        edges, lengths, node, bounded = here.against(motion, size)
+        new = np.column_stack((edges / lengths[:, None], np.zeros(lengths.size)))
         work = new @ dual
         most = np.argsort(-work, kind="stable")[: 4 * (k + 1)]
         most = most[work[most] > 0]
         limited = np.append(bounded, 1.0)
         columns = np.vstack((columns, new[most], limited / np.linalg.norm(limited)))
-        pressing = np.concatenate((pressing, node[real][most], [-1]))
+        pressing = np.concatenate((pressing, node[most], [-1]))
     if found < 0:
         return None
     return Limit(max(limit, found), found, best, pressed[pressed >= 0])

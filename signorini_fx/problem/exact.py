@@ -20,11 +20,11 @@ from signorini_fx import parallel
 from signorini_fx.contact.laws import (
     ActiveSets,
     Nodal,
-    at_bound,
     inner,
     keep_closed,
     length,
     onto_disc,
+    sliding_shear,
     slip_of,
     unit,
 )
@@ -74,8 +74,7 @@ class ExactProblem(Problem):
         if data.bound is None:
             return np.zeros_like(u_t)
         bound = data.bound if data.coupling is None else data.bound + data.coupling * pressure
-        # The contribution of slip perpendicular to its direction is zero in the plane.
-        return at_bound(sets, bound) + sets.turning[:, None] * sets.across(slip_of(u_t, data))
+        return sliding_shear(sets, bound, slip_of(u_t, data))
 
     def _classify(self, x: PETSc.Vec) -> ActiveSets:
         u_n, u_t = self.traces(x)
@@ -87,7 +86,7 @@ class ExactProblem(Problem):
         bound, motion = self.data.friction_bound(pressure), slip_of(u_t, self.data)
         # A point passes through stick: from slip it sticks where it would move against mu, from stick it slips.
         slip = np.where(self.sets.slip, ~(inner(self.sets.direction, motion) < 0), length(shear) > bound)
-        turned = at_bound(self.sets, bound) + self.sets.turning[:, None] * self.sets.across(motion)
+        turned = sliding_shear(self.sets, bound, motion)
         turned = np.where((length(turned) > 0)[:, None], unit(turned), self.sets.direction)
         direction = np.where(slip[:, None], np.where(self.sets.slip[:, None], turned, unit(shear)), 0.0)
         # Where a support prescribes the slip there is nothing to iterate; where the bound is zero, the point moves
