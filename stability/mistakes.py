@@ -2147,6 +2147,20 @@ MUTANTS = (
     ),
     Mutant(
         "results/paired_sides",
+        "nodes[without[np.argsort(away[without], kind=\"stable\")]], draw.permutation(taken), draw",
+        "nodes[:0], draw.permutation(taken), draw",
+        "two bodies: the certificate does not miss a part of the contact without any point",
+        tests=("certificate_of_pairs",),
+    ),
+    Mutant(
+        "results/paired_sides",
+        "draw.permutation(taken), draw.permutation(nodes)",
+        "taken[:0], nodes[:0]",
+        "two bodies: the certificate does not ask for areas of points that have taken over functions",
+        tests=("certificate_of_pairs",),
+    ),
+    Mutant(
+        "results/paired_sides",
         "bare = draw.permutation(bare)[:most]",
         "bare = bare[:0]",
         "two bodies: the certificate does not miss a point",

@@ -7,7 +7,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from two_bodies import assembled, facets, forms, grid
+from two_bodies import assembled, facets, facets_of_piece, forms, grid
 
 from signorini_fx import Status, parallel, solve
 from signorini_fx.body import paired_points
@@ -69,7 +69,11 @@ def with_facets(change):
 def point_left_out(slave, master, *rest, **settings):
     """Without the point at x[0] = 1/2, and without its area."""
     found = COUPLE(slave, master, *rest, **settings)
-    keep = ~np.isclose(slave.x[found.nodes, 0], 0.5)
+    return kept_of(found, ~np.isclose(slave.x[found.nodes, 0], 0.5))
+
+
+def kept_of(found, keep):
+    """Some points of a coupling, as if they were all."""
     rows = np.repeat(keep, 2)
     lost = parallel.global_sum(COMM, found.weight[~keep].sum())
     assert lost > 0.1
@@ -178,3 +182,56 @@ def test_a_wrong_reach_is_noticed(factor, reach, monkeypatch):
         problem.solve()
     assert problem.status is Status.NOT_CERTIFIED
     assert problem.certificate.coupling > 0.9
+
+
+def feet():
+    """Forms of a user: two feet on a plate, pressed down; the left side of one is held, also where it stands."""
+    blocks = ((7, 3), (0.0, 0.0), (3.0, 1.0)), ((4, 3), (0.2, 1.0), (1.0, 2.0)), ((4, 3), (2.0, 1.0), (2.8, 2.0))
+    mesh = assembled("quadrilateral", *(grid("quadrilateral", *block) for block in blocks), comm=COMM)
+    space, a, v = forms(mesh, 1, 100.0)
+    top, side, bottom = (
+        facets(mesh, lambda x, k=k, at=at: np.isclose(x[k], at)) for k, at in ((1, 2.0), (0, 0.2), (1, 0.0))
+    )
+    sides = [
+        facets_of_piece(mesh, lambda x: np.isclose(x[1], 1.0), lambda x, upper=upper: (x[1] > 1.0) == upper)
+        for upper in (True, False)
+    ]
+    down, still = (0.0, -0.02), (0.0, 0.0)
+    bcs = [
+        fem.dirichletbc(np.array(moved), fem.locate_dofs_topological(space, 1, there), space)
+        for there, moved in ((bottom, still), (top, down), (side, down))
+    ]
+    nothing = ufl.inner(fem.Constant(mesh, still), v) * ufl.dx
+    return ContactProblem(a, nothing, bcs, contact=Pair(*sides, friction=Coulomb(0.3)))
+
+
+def one_foot(slave, master, *rest, **settings):
+    """Without all points of the foot on the right, and without its area."""
+    found = COUPLE(slave, master, *rest, **settings)
+    return kept_of(found, slave.x[found.nodes, 0] < 1.5)
+
+
+def lighter(slave, master, *rest, **settings):
+    """Half the area of the points that have taken over functions, and as much less of the whole."""
+    found = COUPLE(slave, master, *rest, **settings)
+    assert parallel.global_sum(COMM, np.count_nonzero(~found.alone)) == 1
+    weight = found.weight * np.where(found.alone, 1.0, 0.5)
+    return replace(found, weight=weight, covered=float(parallel.global_sum(COMM, weight.sum())))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("change", "least"), [(None, 0.0), (one_foot, 0.4), (lighter, 0.1)])
+def test_points_that_no_others_miss(change, least, monkeypatch):
+    """A foot that stands alone loses all of its points, and none of the others has a facet with one that is lost; a
+    point that has taken over functions of a held node has a wrong area.  Forces and moments of what is left balance.
+    """
+    monkeypatch.setattr(paired_points, "couple", COUPLE if change is None else change)
+    problem = feet()
+    if change is None:
+        problem.solve()
+        assert problem.certificate.coupling < 1e-10
+        return
+    with pytest.raises(ConvergenceError):
+        problem.solve()
+    assert problem.status is Status.NOT_CERTIFIED
+    assert problem.certificate.coupling > least

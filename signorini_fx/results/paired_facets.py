@@ -52,6 +52,7 @@ class Facets:
     Attributes:
         nodes: global numbers of their nodes, shape (f, k).
         points: those of them with test functions, see ``Facet``, shape (f, t).
+        middle: the means of the positions of their nodes, length, shape (f, d).
     """
 
     def __init__(self, space: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> None:
@@ -68,8 +69,8 @@ class Facets:
         self._numbers, self.nodes, self._x, self._inside = (parallel.gather_rows(comm, one) for one in rows)
         self.points = _tested(self.nodes, dim)
         self._made: dict[int, Facet] = {}
-        self._middle = self._x.mean(axis=1)
-        self._radius = np.linalg.norm(self._x - self._middle[:, None], axis=2).max(axis=1)
+        self.middle = self._x.mean(axis=1)
+        self._radius = np.linalg.norm(self._x - self.middle[:, None], axis=2).max(axis=1)
 
     @property
     def x(self) -> Array:
@@ -90,7 +91,7 @@ class Facets:
 
     def near(self, facet: Facet, reach: float) -> npt.NDArray[np.int64]:
         """The facets that may be over or under another one within a distance, as it sees them along its normal."""
-        apart = self._middle - facet.bounds[0] / 2 - facet.bounds[1] / 2
+        apart = self.middle - facet.bounds[0] / 2 - facet.bounds[1] / 2
         along = apart @ facet.outward
         beyond = self._radius + facet.size
         across = np.sqrt(np.maximum(np.sum(apart**2, axis=1) - along**2, 0.0))

@@ -10,7 +10,11 @@ slave is cut by each master in turn, and polygons are integrated by collapsed ru
 
 Both sides consist of the facets that the problem names, no fewer and no others.  Functions of a node without a point
 are taken over by points beside it, so that a facet with such a node, and with a point that has taken over nothing, must
-not be covered.
+not be covered.  All functions together are one where the slave is covered, whoever has taken them over:
+
+    sum_i w_i D_ij = integral of N_j over the covered part,
+
+which is tried at some nodes too: of those without a point, and of points that have taken over functions.
 """
 
 from __future__ import annotations
@@ -23,6 +27,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
+from scipy.spatial import cKDTree
 
 from signorini_fx import parallel
 from signorini_fx.body.averages import from_owners, to_owners
@@ -202,7 +207,9 @@ def _sampled(claim: Claim, space: fem.FunctionSpace, slave: Facets, master: Face
     around = {int(point): slave.around(names[[point]]) for point in choice}
     bare, worst = _bare(claim, slave.points, names)
     bare = draw.permutation(bare)[:most]
-    numbers = np.unique(np.concatenate([bare, *around.values()]))
+    mine, claimed = _areas(claim, slave, master, names)
+    beside = {int(node): slave.around(np.array([node])) for node in mine}
+    numbers = np.unique(np.concatenate([bare, *around.values(), *beside.values()]))
     normals = None
     if dim == 2:
         normals = interpolated_normals([slave[k] for k in slave.around(slave.nodes[numbers].ravel())])
@@ -214,6 +221,14 @@ def _sampled(claim: Claim, space: fem.FunctionSpace, slave: Facets, master: Face
         number: pieces_of(facet, [master[k] for k in master.near(facet, reach)], reach, normals)
         for number, facet in facets.items()
     }
+    for node, area in zip(mine, claimed, strict=True):
+        size = 0.0
+        for number in beside[int(node)]:
+            facet = facets[int(number)]
+            size += facet.area
+            row = int(np.flatnonzero(facet.nodes == node)[0])
+            area -= sum(facet.shape(piece.at)[:, row] @ piece.weight for piece in known[int(number)])
+        worst = max(worst, abs(area) / size)
     for number in bare:
         if sum(piece.weight.sum() for piece in known[int(number)]) > _COVERED * facets[int(number)].area:
             worst = 1.0
@@ -264,6 +279,37 @@ def _bare(claim: Claim, nodes: npt.NDArray[np.int64], names: npt.NDArray[np.int6
     found = np.flatnonzero(without & np.isin(nodes, pointed[alone > 0]).any(axis=1))
     needless = ~np.isin(pointed[alone == 0], nodes[without])
     return found[claim.comm.rank :: claim.comm.size], float(needless.any())
+
+
+def _areas(
+    claim: Claim, slave: Facets, master: Facets, names: npt.NDArray[np.int64]
+) -> tuple[npt.NDArray[np.int64], Array]:
+    """Some nodes of the slave, the share of this rank, and what the functions of all points make the integrals of the
+    shape functions of these nodes over the covered part; collective.
+
+    A third each are nodes that no point of theirs stands for, those nearest to the other side; nodes that points see
+    which have taken over functions; and any.
+
+    Args:
+        claim: what is claimed.
+        slave: its facets.
+        master: those of the other side.
+        names: of the nodes of the points of this rank.
+    """
+    comm, draw = claim.comm, np.random.default_rng(len(slave.nodes))
+    nodes, first = np.unique(slave.nodes.ravel(), return_index=True)
+    away = cKDTree(master.middle).query(slave.x[first])[0]
+    taken = claim.reached[np.unique(claim.own[~claim.alone].indices)]
+    pointed, taken = (np.unique(parallel.gather_rows(comm, one[:, None])) for one in (names, taken))
+    without = np.flatnonzero(~np.isin(nodes, pointed))
+    groups = nodes[without[np.argsort(away[without], kind="stable")]], draw.permutation(taken), draw.permutation(nodes)
+    each = -(-_SAMPLED[slave.x.shape[1]] // len(groups))
+    chosen = np.unique(np.concatenate([group[:each] for group in groups]))
+    sums, areas = claim.own.T @ claim.weight, np.zeros(chosen.size)
+    seen = np.isin(chosen, claim.reached)
+    areas[seen] = sums[np.searchsorted(claim.reached, chosen[seen])]
+    here = slice(comm.rank, None, comm.size)
+    return chosen[here], parallel.global_sum(comm, areas)[here]
 
 
 def _functions(facet: Facet, pieces: list[Piece], hats: bool) -> list[Array]:
