@@ -229,6 +229,25 @@ def test_clipping():
         assert area == pytest.approx(hit.mean() * 3.2**2, abs=0.08)
 
 
+@pytest.mark.parametrize("noise", [0.0, 1e-17, 1e-16, 1e-12])
+def test_clipping_along_edges(noise):
+    """A quarter of a triangle is cut by all of them, whose edges are its own but for round-off: no area is lost."""
+    generator, count = np.random.default_rng(0), 5000
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    middles = (corners + np.roll(corners, -1, axis=0)) / 2
+    quarters = np.array([*(np.stack((corners[k], middles[k], middles[k - 1])) for k in range(3)), middles])
+
+    def moved(triangles):
+        return triangles + noise * generator.standard_normal((count, 3, 2))
+
+    subject, total = moved(quarters[generator.integers(4, size=count)]), np.zeros(count)
+    for quarter in quarters:
+        polygon, sizes = clip(subject, moved(quarter))
+        x, y = np.where(np.arange(polygon.shape[1])[:, None] < sizes[:, None, None], polygon, polygon[:, :1]).T
+        total += (x * np.roll(y, -1, axis=0) - np.roll(x, -1, axis=0) * y).sum(axis=0) / 2
+    np.testing.assert_allclose(total, 1 / 8, rtol=0, atol=10 * noise + 1e-15)
+
+
 def test_points_have_positive_weights():
     """A node whose own function has one, but takes over a larger negative one, carries no point: the next one does."""
     from types import SimpleNamespace

@@ -191,8 +191,9 @@ def clip(subject: Array, window: Array) -> tuple[Array, Indices]:
         # Of each side first the corner that stays, then where it crosses the edge.
         every = np.stack((polygon, cut), axis=2).reshape(len(polygon), 2 * size, 2)
         stays = np.stack((inside, crosses), axis=2).reshape(len(polygon), 2 * size)
-        order = np.argsort(~stays, axis=1, kind="stable")[:, : size + 1]
-        count = np.minimum(stays.sum(axis=1), size + 1)
+        # One more than before; where corners are on the edge but for round-off the cut may go to and fro along it.
+        count = stays.sum(axis=1)
+        order = np.argsort(~stays, axis=1, kind="stable")[:, : count.max(initial=1)]
         polygon = np.take_along_axis(every, order[..., None], axis=1)
     return polygon, count
 

@@ -221,14 +221,14 @@ def _sampled(claim: Claim, space: fem.FunctionSpace, slave: Facets, master: Face
         number: pieces_of(facet, [master[k] for k in master.near(facet, reach)], reach, normals)
         for number, facet in facets.items()
     }
-    for node, area in zip(mine, claimed, strict=True):
-        size = 0.0
-        for number in beside[int(node)]:
+    for k, area in enumerate(claimed):
+        left, size = float(area), 0.0
+        for number in beside[int(mine[k])]:
             facet = facets[int(number)]
             size += facet.area
-            row = int(np.flatnonzero(facet.nodes == node)[0])
-            area -= sum(facet.shape(piece.at)[:, row] @ piece.weight for piece in known[int(number)])
-        worst = max(worst, abs(area) / size)
+            row = int(np.flatnonzero(facet.nodes == mine[k])[0])
+            left -= float(sum(facet.shape(piece.at)[:, row] @ piece.weight for piece in known[int(number)]))
+        worst = max(worst, abs(left) / size)
     for number in bare:
         if sum(piece.weight.sum() for piece in known[int(number)]) > _COVERED * facets[int(number)].area:
             worst = 1.0
