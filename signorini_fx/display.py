@@ -128,7 +128,9 @@ def point_in_words(place: Sequence[float]) -> str:
 
 def resultant_in_words(row: dict[str, Any], scene: dict[str, Any]) -> str:
     """What acts through a boundary and where, from a row of a summary with its scene; with torsion the torque."""
-    nowhere = "" if is_axisymmetric(scene) else ", a couple or none"
+    moment = row["moment"] if isinstance(row["moment"], list) else [row["moment"]]
+    couple = f"({', '.join(f'{m:.6g}' for m in moment)})" if len(moment) > 1 else f"{moment[0]:.6g}"
+    nowhere = "" if is_axisymmetric(scene) else f", a couple of {couple}" if any(moment) else ", no couple"
     where = nowhere if row["acts_at"] is None else f", acts at {point_in_words(row['acts_at'])}"
     torque = f", torque {row['moment'][1]:.6g}," if is_twisted(scene) else ""
     name = "" if row["boundary"] is None else f"{row['boundary']}: "

@@ -98,6 +98,17 @@ def test_between_the_last_node_and_the_first():
     assert not zone_ends(ring_table(12, np.ones_like)).size
 
 
+@pytest.mark.parametrize(("count", "least"), [(8, 8), (200, 5)])
+def test_a_part_in_contact_has_nodes(count, least):
+    """The last node of a side is in contact: of a coarse one all is drawn, as nothing of the part was to be seen."""
+    columns = {name: np.zeros(count) for name in ("y", "gap", "u_n", "u_t", "shear", "bound", "weight")}
+    columns |= {"x": np.linspace(170.0, 200.0, count), "s": np.linspace(0.0, 30.0, count)}
+    columns |= {"to_next": np.append(np.diff(columns["s"]), 0.0), "pressure": (np.arange(count) == 0) * 1.0}
+    columns |= {"state": np.where(columns["pressure"] > 0, "stick", "open"), "friction": np.full(count, "stick")}
+    [boundary] = boundaries_of({**columns, "boundary": np.full(count, "foot")})
+    assert least <= len(boundary.near().coordinate) < (count + 1 if count == least else count)
+
+
 def test_pictures_close_the_curve():
     """A curve along the boundary ends with its first value, in pictures and in tables to zoom into."""
     table = ring_table(12, hump)

@@ -1,13 +1,18 @@
 """Scenes in which two deformable bodies are in contact."""
 
+import json
+import re
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from test_summary_schema import VALIDATOR
 
-from signorini_fx import ConvergenceError, SceneError, Status, read_scene, solve
+from signorini_fx import ConvergenceError, SceneError, Status, read_scene, solve, write_results
 from signorini_fx.cli import main
+from signorini_fx.pictures import load_steps
+from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene.reading import parse_scene
 
 DEMO = Path(__file__).parent.parent / "demos" / "scenes" / "two_cylinders.toml"
@@ -322,8 +327,22 @@ def in_balance(solution):
     return every
 
 
-def test_shrink_fit():
-    """Lame's pressure, and both sides carry the torque; the gap by geometry of straight facets is warned of."""
+def drawn_steps(steps, monkeypatch):
+    """Labels, values and the axis labels of the picture of load steps: of the upper axes, then of the lower ones."""
+    seen = []
+    monkeypatch.setattr(load_steps, "finish", lambda figure, *_: seen.append(figure))
+    load_steps.load_steps("unused", steps)
+    return [
+        ({line.get_label(): np.asarray(line.get_ydata()) for line in axes.lines}, axes.get_ylabel())
+        for axes in seen[0].axes
+    ]
+
+
+def test_shrink_fit(monkeypatch, tmp_path):
+    """Lame's pressure, and both sides carry the torque; the gap by geometry of straight facets is warned of.
+
+    The seat closes around the shaft: resultants on it are round-off, and friction transmits the torque.
+    """
     solution = solve(read_scene(DEMO.parent / "shrink_fit.toml"))
     weight = solution.contact.boundary.weight
     assert solution.contact.pressure @ weight / weight.sum() == pytest.approx(92.87, rel=1e-3)
@@ -331,6 +350,67 @@ def test_shrink_fit():
     every = in_balance(solution)
     assert every["seat"].moment == pytest.approx(torque, rel=2e-3)
     assert every["bore"].moment == pytest.approx(-torque, rel=2e-3)
+    summary = summarise(solution, solution.table)
+    (figures,) = summary["contact_boundaries"]
+    assert figures["friction_moment"] == pytest.approx(torque, rel=1e-5)
+    assert figures["moment_limit"] == pytest.approx(0.15 * 92.87 * 2 * np.pi * 20.0**2, rel=1e-3)
+    text = render(summary)
+    assert f"seat: a moment of {torque:.4f}"[:-5] in text
+    assert "about its middle of at most 350" in text
+    assert re.search(r"rim: \(0, 0\) by traction, a couple of -?301\d\d", text)
+    write_results(solution, tmp_path / "out", fields=False, pictures=False)
+    VALIDATOR.validate(json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8")))
+    steps = {name: np.array([row[name] for row in summary["steps"]]) for name in summary["steps"][0]}
+    assert steps["pressure_integral"] == pytest.approx([92.87 * 40 * np.pi] * 2, rel=1e-3)
+    assert steps["friction_moment"] == pytest.approx([0.0, figures["friction_moment"]], abs=1e-6 * torque)
+    (upper, _), (lower, name) = drawn_steps(steps, monkeypatch)
+    assert set(upper) >= {"integral of the pressure"}
+    assert not [label for label in upper if "contact force" in label]
+    assert name.startswith("moment of friction")
+    assert lower["moment of friction"][1] / figures["friction_moment"] == pytest.approx(1e-4)
+
+
+def test_a_ring_on_a_rigid_shaft(monkeypatch):
+    """In space: friction carries the torque about the axis; pushed too, the ring has a resultant, which is drawn."""
+
+    def ring(push):
+        return solve(
+            parse_scene(
+                {
+                    "mesh": {
+                        "generator": "ring",
+                        "parameters": {"nr": 2, "nt": 4, "nz": 2},
+                    },
+                    "material": {"young": 1000.0, "poisson": 0.3},
+                    "traction": [
+                        {"boundary": "outer", "x": "-0.1 * x[1]", "y": "0.1 * x[0]", "factors": [0.0, 1.0]},
+                        {"boundary": "outer", "x": push, "factors": [0.0, 1.0]},
+                    ],
+                    "contact": {
+                        "boundary": "inner",
+                        "foundation": {"shape": "cylinder", "centre": [0, 0, 0], "axis": [0, 0, 1], "radius": 1.0},
+                        "gap": -0.01,
+                        "friction": {"law": "coulomb", "coefficient": 0.3},
+                    },
+                }
+            )
+        )
+
+    solution = ring(0.0)
+    outer = next(one for one in solution.resultants.every() if one.boundary == "outer")
+    summary = summarise(solution, solution.table)
+    (figures,) = summary["contact_boundaries"]
+    assert figures["friction_moment"] == pytest.approx([0.0, 0.0, -outer.moment[2]], abs=1e-7 * abs(outer.moment[2]))
+    assert abs(outer.moment[2]) < figures["moment_limit"] < 1.05 * 0.3 * figures["pressure_integral"]
+    steps = {name: np.array([row[name] for row in summary["steps"]]) for name in summary["steps"][0]}
+    _, (lower, name) = drawn_steps(steps, monkeypatch)
+    assert name.startswith("moment of friction")
+    assert lower["moment of friction z"][1] < 0
+    summary = summarise(pushed := ring(0.05), pushed.table)
+    steps = {name: np.array([row[name] for row in summary["steps"]]) for name in summary["steps"][0]}
+    (upper, _), (_, name) = drawn_steps(steps, monkeypatch)
+    assert "contact force x" in upper
+    assert name.startswith("friction force")
 
 
 def test_check_compares_facets_with_the_fit(tmp_path, capsys):

@@ -50,6 +50,7 @@ STATES = {
 }
 
 _SMALL_PART = 0.5  # of a boundary: if the surroundings of the contact are less, only they are drawn
+_FEWEST = 5  # nodes of a part of it that is drawn alone: the curves of fewer are hardly to be seen
 
 
 @dataclass(frozen=True)
@@ -124,6 +125,8 @@ class Boundary(ContactColumns):
         first, last = float(inside.min()), float(inside.max())
         spacing = (high - low) / max(len(self.coordinate) - 1, 1)
         around = 0.75 * (last - first) + 2 * min(spacing, 0.02 * (high - low))
+        away = np.sort(np.maximum(first - self.coordinate, self.coordinate - last))
+        around = max(around, float(away[:_FEWEST][-1]))
         first, last = max(first - around, low), min(last + around, high)
         return (first, last) if last - first < _SMALL_PART * (high - low) else None
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +49,8 @@ Floats = npt.NDArray[np.float64]
 
 def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] = SCREEN) -> None:
     """Draw the forces of the foundation on the body step by step, and the friction force against the motion; of a body
-    that is twisted the torque of friction; between bodies those of each boundary.
+    that is twisted the torque of friction; between bodies those of each boundary.  On a boundary that closes around a
+    body forces balance each other: there the integral of the pressure and the moment of friction.
 
     Args:
         path_stem: where to write, without suffix.
@@ -86,6 +87,9 @@ def _draw(upper: Axes, lower: Axes, steps: Table) -> None:
     count = len(shown)
     names = [f"{kind}_{axis}" for kind in ("contact_force", "friction_force") for axis in shown]
     forces = {name: np.asarray(steps[name], dtype=np.float64) for name in names}
+    closed = _closed(steps, "", forces.values())
+    if closed is not None:
+        return _draw_closed(upper, lower, steps, [("", *closed)])
     scale = largest_of(*forces.values())
     power = decimal_power(scale)
     pressing = [MULTIPLIER, MULTIPLIER | {"color": MUTED}][:count]
@@ -134,6 +138,14 @@ def _draw_of_each(upper: Axes, lower: Axes, steps: Table, boundaries: Sequence[s
         axis = max(every, key=lambda one: largest_of(every[one]))
         return axis, every[axis]
 
+    closed = {
+        one: found
+        for one in boundaries
+        if (found := _closed(steps, f" {one}", [largest(kind, one)[1] for kind in ("contact_force", "friction_force")]))
+    }
+    if len(closed) == len(boundaries):
+        return _draw_closed(upper, lower, steps, [(one, *closed[one]) for one in boundaries])
+    boundaries = [one for one in boundaries if one not in closed]
     pressing, rubbing = ([largest(kind, one) for one in boundaries] for kind in ("contact_force", "friction_force"))
     in_space = len(axes) == 3
     motion = [
@@ -164,6 +176,46 @@ def _draw_of_each(upper: Axes, lower: Axes, steps: Table, boundaries: Sequence[s
         xlabel=f"mean tangential displacement{which * in_space}{unit_of(out, 'length')}",
         ylabel=_above(f"friction force{which}", unit_of(resisting, "force")),
     )
+
+
+def _closed(steps: Table, behind: str, forces: Iterable[Floats]) -> tuple[Floats, dict[str, Floats]] | None:
+    """Integral of the pressure and moment of friction, by axis, where a boundary closes around a body and the forces
+    on it balance each other; None elsewhere.  ``behind``: what the names of its columns end with.
+    """
+    if f"pressure_integral{behind}" not in steps:
+        return None
+    pressing = np.asarray(steps[f"pressure_integral{behind}"], dtype=np.float64)
+    if largest_of(*forces) > _BALANCED * largest_of(pressing):
+        return None
+    names = {axis: f"friction_moment{axis and '_'}{axis}{behind}" for axis in ("", "x", "y", "z")}
+    moments = {axis: np.asarray(steps[name], dtype=np.float64) for axis, name in names.items() if name in steps}
+    return pressing, moments
+
+
+def _draw_closed(
+    upper: Axes, lower: Axes, steps: Table, closed: Sequence[tuple[str, Floats, dict[str, Floats]]]
+) -> None:
+    """Boundaries whose resultants are nought: integrals of the pressure, and the largest component of the moments of
+    friction, over time.
+    """
+    times = np.asarray(steps["time"], dtype=np.float64)
+    largest = [max(moments.items(), key=lambda one: largest_of(one[1])) for _, _, moments in closed]
+    measure = "force" if largest[0][0] else "force per thickness"
+    power = decimal_power(largest_of(*(pressing for _, pressing, _ in closed)))
+    turning = decimal_power(largest_of(*(moment for _, moment in largest)))
+    for k, (name, pressing, _) in enumerate(closed):
+        colour = {"color": _COLOURS[k % len(_COLOURS)]}
+        axis, moment = largest[k]
+        of = f"{plain(name)}: " if name else ""
+        upper.plot(
+            times, pressing * 10.0**power, label=f"{of}integral of the pressure", **(_DOTS | MULTIPLIER | colour)
+        )
+        label = f"{of}moment of friction {axis}".rstrip()
+        lower.plot(times, moment * 10.0**turning, label=label, **(_DOTS | MOTION | (colour if name else {})))
+    upper.set_ylabel(_above(measure, unit_of(power, "force")))
+    lower.set(xlabel="time", ylabel=_above("moment of friction", unit_of(turning, "moment")))
+    if len(closed) > 1:
+        lower.legend(loc="best")
 
 
 def _above(name: str, unit: str) -> str:
@@ -215,6 +267,7 @@ def _mark_names(axes: Axes, steps: Table) -> int:
 
 _DOTS: dict[str, Any] = {"marker": "o", "markersize": 2.5}
 _COLOURS = (INK, BLUE, ORANGE, "#009e73", "#cc79a7", MUTED)  # of boundaries
+_BALANCED = 1e-3  # resultants on a boundary that closes around a body, over the integral of the pressure
 _ALIKE = 0.01  # curves whose distance is less, over the largest value
 _BETWEEN = 0.15  # names, over the length of the one before
 _ROW = 12.0  # height of a row of names, points

@@ -208,7 +208,7 @@ def forces(summary: dict[str, Any]) -> Markup:
 
 def _resultants(summary: dict[str, Any]) -> Markup | None:
     """Force, moment and point of action through each boundary."""
-    nowhere = "" if is_axisymmetric(summary["scene"]) else "a couple or none"
+    nowhere = "" if is_axisymmetric(summary["scene"]) else "nowhere: a couple or none"
     rows = [
         (
             entry.get("boundary") or "whole body",
@@ -240,6 +240,8 @@ def _contact_boundaries(summary: dict[str, Any]) -> Markup | None:
         "mean_pressure": f"mean pressure{bracketed('stress')}",
         "tangential_force": f"tangential force{bracketed('force')}",
         "friction_limit": f"friction limit{bracketed('force')}",
+        "friction_moment": f"moment of friction about its middle{bracketed('moment')}",
+        "moment_limit": f"moment limit{bracketed('moment')}",
     }
     used = [key for key in names if any(entry.get(key) is not None for entry in entries)]
     rows = [tuple(figure(entry.get(key)) if key != "boundary" else entry[key] for key in used) for entry in entries]
@@ -275,6 +277,8 @@ def steps(folder: ResultFiles, steps: dict[str, Any], contact: dict[str, Any]) -
         resisting = "torque of friction" if "torque" in steps else "friction force"
         who, whom = _sides(contact.get("against", ()))
         caption = f"Above: forces of {who} on {whom}. Below: {resisting} over displacement."
+        if any(name.startswith("friction_moment") for name in steps):
+            caption = f"Forces of {who} on {whom}, and of friction; where they balance each other, pressure and moment."
         pictures = [drawn_by(load_steps, steps, caption=caption)]
         solid = any(name.startswith("contact_force_z") for name in steps)
         if (not solid or "torque" in steps) and (folder.path / "contact_steps.csv").is_file():

@@ -11,6 +11,7 @@ from scipy.optimize import minimize
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_state import ContactState
+from signorini_fx.results.closed_boundaries import one_or_three, turning_of
 from signorini_fx.scene.model import Scene
 
 Array = npt.NDArray[np.float64]
@@ -36,6 +37,9 @@ class ContactFigures:
         friction_limit: integral of the friction bound, a force: F N for Coulomb friction with one coefficient, the
             bound times the area for Tresca friction, which acts on open nodes too; infinite for a bond.  Of friction
             ellipses the largest resultant in the direction of this one; in any direction, if there is none.
+        friction_moment: of a boundary that closes around a body, the moment of friction about its middle, see
+            ``Turning``; a number in the plane, shape (3,) in space; None of others.
+        moment_limit: the largest possible value of its size; None likewise.
     """
 
     boundary: str
@@ -48,6 +52,8 @@ class ContactFigures:
     friction_force: list[float]
     tangential_force: float
     friction_limit: float
+    friction_moment: float | list[float] | None = None
+    moment_limit: float | None = None
 
     def as_dict(self) -> dict[str, object]:
         """All figures."""
@@ -59,7 +65,8 @@ def contact_figures(scene: Scene, contact: ContactState) -> list[ContactFigures]
     boundary, comm = contact.boundary, contact.boundary.comm
     shear = -boundary.nodal_forces(np.zeros_like(contact.pressure), contact.shear)
     found = []
-    for part, effect in enumerate(scene.contact):
+    every = turning_of(scene, contact)
+    for part, (effect, turning) in enumerate(zip(scene.contact, every, strict=True)):
         here = boundary.part == part
         weight, pressure = boundary.weight[here], contact.pressure[here]
         sums = np.array(
@@ -85,6 +92,8 @@ def contact_figures(scene: Scene, contact: ContactState) -> list[ContactFigures]
                 max_pressure=parallel.largest(comm, pressure, -np.inf),
                 tangential_force=tangential,
                 friction_limit=limit,
+                friction_moment=None if turning is None else one_or_three(turning.moment),
+                moment_limit=None if turning is None else turning.limit,
             )
         )
     return found

@@ -29,8 +29,10 @@ from signorini_fx.machine.terminal import Line
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, Record, StepRecord
 from signorini_fx.report.digits import between, estimated_errors, figure, percent
 from signorini_fx.results.certificate import JUDGED
+from signorini_fx.results.closed_boundaries import friction_in_words, one_or_three, turning_of
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.results.versions import versions
+from signorini_fx.scene.model import Scene
 
 # Of summary.schema.json: it grows when a key goes or changes its meaning, not when one is added.
 SCHEMA_VERSION = 1
@@ -97,7 +99,9 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
             names = []
         last, shown = solution.last_step, solution.shown_steps
         summary["results_of"] = {"step": last.step, "name": last.name, "time": last.time, "status": last.status.value}
-        summary["steps"] = [_step_summary(result, names, figures=result in shown) for result in solution.steps]
+        summary["steps"] = [
+            _step_summary(solution.scene, result, names, figures=result in shown) for result in solution.steps
+        ]
     summary["compiled"] = solution.discretisation.inventory.forms
     summary["certificate"] = solution.certificate.as_dict()
     summary["timings"] = parallel.largest_timings(solution.comm, solution.timings.total)
@@ -105,7 +109,7 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
     return summary
 
 
-def _step_summary(result: StepResult, names: list[str], *, figures: bool) -> dict[str, Any]:
+def _step_summary(scene: Scene, result: StepResult, names: list[str], *, figures: bool) -> dict[str, Any]:
     """A row of the table of load steps; ``figures``: whether they mean anything, else they are not a number; ``names``:
     contact boundaries whose forces have no sum that acts on one body.
     """
@@ -125,6 +129,11 @@ def _step_summary(result: StepResult, names: list[str], *, figures: bool) -> dic
         row["max_pressure"] = parallel.largest(contact.boundary.comm, contact.pressure)
         for name, motion in zip(names or [""], motions, strict=True):
             row |= _by_axis("mean_tangential_displacement", motion, name)
+        if names or len(scene.contact) == 1:
+            for name, turning in zip(names or [""], turning_of(scene, contact), strict=True):
+                if turning is not None:
+                    row |= _by_axis("pressure_integral", turning.pressure_integral, name)
+                    row |= _by_axis("friction_moment", one_or_three(turning.moment), name)
         row |= {
             "friction_work": contact.friction_work,
             **({"torque": float(contact.moments[1][1])} if contact.boundary.twisted else {}),
@@ -360,9 +369,7 @@ def _contact_boundaries(summary: dict[str, Any]) -> list[Line]:
         mean = "" if row["mean_pressure"] is None else f", mean pressure there {row['mean_pressure']:.6g}"
         areas.append(f"{row['boundary']}: {row['contact_area']:.6g} of {row['area']:.6g}{mean}")
         if row["friction_limit"] > 0:
-            limit = f"of at most {row['friction_limit']:.6g}" if np.isfinite(row["friction_limit"]) else "in a bond"
-            told = f"{row['tangential_force']:.6g} {limit}"
-            friction.append(f"{row['boundary']}: {told}")
+            friction.append(f"{row['boundary']}: {friction_in_words(row)}")
     return [*_labelled("in contact", areas), *_labelled("friction", friction)]
 
 

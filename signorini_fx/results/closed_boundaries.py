@@ -1,0 +1,93 @@
+"""What friction transmits where a contact boundary closes around a body, such as the seat of a hub on its shaft.
+
+Its pressures balance each other, and its shears may turn the body without pushing it: the resultants are round-off
+then, while the moment about the middle of the boundary is what the fit is made for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx import parallel
+from signorini_fx.body.contact_state import ContactState
+from signorini_fx.scene.model import Scene
+
+Array = npt.NDArray[np.float64]
+
+# A boundary is closed if the sum of its normals, by their areas, is a smaller share of its area: on straight facets of
+# unequal lengths it is no exact zero.
+_CLOSED = 0.01
+# Resultants that are a smaller share of the integral of the pressure come from the mesh.
+SLIGHT = 1e-3
+
+
+@dataclass(frozen=True)
+class Turning:
+    """Friction on a closed boundary, in the plane per unit thickness.
+
+    Attributes:
+        pressure_integral: integral of the pressure, a force.
+        moment: of friction on the body of this boundary about the middle of the boundary, force times length, shape
+            (1,) in the plane (counterclockwise), (3,) in space.
+        limit: the largest moment that the friction bounds allow in that direction; infinite for a bond.
+    """
+
+    pressure_integral: float
+    moment: Array
+    limit: float
+
+
+def turning_of(scene: Scene, contact: ContactState) -> list[Turning | None]:
+    """Friction on each contact boundary, in the order of the scene; None where it is not closed; collective."""
+    if scene.axisymmetric or contact.boundary.twisted:
+        return [None] * len(scene.contact)
+    return [_of_part(contact, part) for part in range(len(scene.contact))]
+
+
+def _of_part(contact: ContactState, part: int) -> Turning | None:
+    boundary, comm = contact.boundary, contact.boundary.comm
+    here = boundary.part == part
+    weight, x, normal = boundary.weight[here], boundary.centre[here], boundary.normal[here]
+    dim = x.shape[1]
+    ones = np.ones((len(x), 1))
+    sums = np.concatenate((x, normal, ones, contact.pressure[here, None]), axis=1)
+    total = parallel.global_sum(comm, weight @ sums)
+    area = float(total[2 * dim])
+    if not np.linalg.norm(total[dim : 2 * dim]) < _CLOSED * area:
+        return None
+    arm = x - total[:dim] / area
+    force = -boundary.nodal_forces(np.zeros_like(contact.pressure), contact.shear)[here]
+    moment = parallel.global_sum(comm, _cross(arm, force).sum(axis=0))
+    size = float(np.linalg.norm(moment))
+    turn = moment / size if size > 0 else np.eye(len(moment))[-1]
+    way = np.column_stack((-arm[:, 1], arm[:, 0])) * turn if dim == 2 else np.cross(turn, arm)
+    reach = np.linalg.norm(np.einsum("nij,ni->nj", boundary.tangents[here], way), axis=1)
+    most = weight * np.where(reach > 0, contact.bound[here] * reach, 0.0)
+    return Turning(float(total[-1]), moment, float(parallel.global_sum(comm, np.array(most.sum()))))
+
+
+def friction_in_words(row: dict[str, Any]) -> str:
+    """The friction of a row of ``contact_boundaries``: the force, or the moment where it is that which is transmitted,
+    and the largest possible value.
+    """
+    force, limit = f"{row['tangential_force']:.6g}", row["friction_limit"]
+    if row["friction_moment"] is not None and row["tangential_force"] < SLIGHT * row["pressure_integral"]:
+        force = f"a moment of {np.linalg.norm(row['friction_moment']):.6g} about its middle"
+        limit = row["moment_limit"]
+    return f"{force} of at most {limit:.6g}" if np.isfinite(limit) else f"{force} in a bond"
+
+
+def one_or_three(moment: Array) -> float | list[float]:
+    """A moment as tables have it."""
+    return float(moment[0]) if moment.size == 1 else [float(component) for component in moment]
+
+
+def _cross(arm: Array, force: Array) -> Array:
+    """Moments, shape (n, 1) in the plane, (n, 3) in space."""
+    if arm.shape[1] == 3:
+        return np.asarray(np.cross(arm, force))
+    return (arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0])[:, None]
