@@ -1,6 +1,7 @@
 """Two bodies in space: GetFEM, Kratos and CalculiX solve the same scene on the same meshes, one after another.
 
-    ./env python3 bench/bodies_rivals.py [--cells 10,20] [--laws none,coulomb] [--rounds 3] [--kratos DIR] [--ccx ccx]
+    ./env python3 bench/bodies_rivals.py [--cells 10,20] [--laws frictionless,coulomb] [--rounds 3] [--kratos DIR]
+                                         [--ccx PROGRAM]
 
 The upper one of two blocks of hexahedra that do not match, with paraboloids between them, is pressed and pushed by its
 top onto the lower one, whose bottom is held.  Answers are compared before times: the force on the top, and the
@@ -242,8 +243,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--ccx", default=os.environ.get("CCX", "ccx"), metavar="PROGRAM")
     given = parser.parse_args(arguments)
     sizes = [int(word) for word in given.cells.split(",")]
+    laws = given.laws.split(",")
+    if unknown := set(laws) - set(COEFFICIENTS):
+        parser.error(f"no law {', '.join(sorted(unknown))}: there are {', '.join(COEFFICIENTS)}")
     options = given.kratos, given.ccx, given.linear_algebra, given.rounds
-    for row in rows(sizes, given.laws.split(","), *options):
+    for row in rows(sizes, laws, *options):
         print(row, flush=True)
     return 0
 
