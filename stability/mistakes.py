@@ -1640,7 +1640,7 @@ MUTANTS = (
         tests=("no_limit::test_reentrant_corner_and_edges_in_space",),
     ),
     Mutant(
-        "no_limit",
+        "near_place",
         "whole or any(effect.friction.acts for effect in touching)",
         "whole",
         "contact with friction guides only",
@@ -1662,8 +1662,8 @@ MUTANTS = (
     ),
     Mutant(
         "no_limit",
-        "body.comm.allgather(_facets_near(body, np.array(place), step))",
-        "[_facets_near(body, np.array(place), step)]",
+        "body.comm.allgather(facets_near(body, np.array(place), step))",
+        "[facets_near(body, np.array(place), step)]",
         "facets of this rank alone beside a place",
         ranks=2,
         tests=("no_limit",),
@@ -4100,7 +4100,7 @@ MUTANTS = (
         tests=("no_limit",),
     ),
     Mutant(
-        "results/no_limit",
+        "near_place",
         "normal * np.sign(normal @ (vertices.mean(axis=0) - inside))",
         "normal",
         "corners: normals may point inwards",

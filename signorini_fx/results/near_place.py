@@ -1,0 +1,213 @@
+"""The facets of the boundary and the cells near a place, and what is prescribed and loaded there; for ``no_limit``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import basix
+import numpy as np
+import numpy.typing as npt
+from dolfinx import mesh as dmesh
+
+from signorini_fx import compat, parallel
+from signorini_fx.body.assembly import facet_entities
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.loads import SampledPoints
+from signorini_fx.body.moduli import of_materials
+from signorini_fx.body.supports import on_axis
+from signorini_fx.scene.effect import Force, InitialStrain
+
+Array = npt.NDArray[np.float64]
+
+# A place so many facets away from a vertex is beside it.
+BESIDE = 1.01
+# A gap or an overlap of bodies, or a step between their sides, that is less than this share of a facet is none.
+_NEAR = 0.1
+# Share of a facet by which the load beside a vertex is taken within it.
+_WITHIN = 1e-6
+
+
+@dataclass(frozen=True)
+class BoundaryFacet:
+    """An exterior facet.
+
+    Attributes:
+        vertices: shape (n, d).
+        normal: outward, shape (d,).
+        traction: just beside each vertex, but for pressure, shape (n, d); not a number where it is not known.
+        kind: what is prescribed there.
+        names: by which boundaries.
+        piece: number of the connected piece of the mesh that it is of.
+        paired: how it may touch another body: "contact", "bonded", or "" if it does not.
+        loaded: the boundaries whose loads act there.
+    """
+
+    vertices: Array
+    normal: Array
+    traction: Array
+    kind: str
+    names: tuple[str, ...]
+    paired: str
+    piece: int
+    loaded: tuple[str, ...]
+
+    @property
+    def size(self) -> float:
+        """The diagonal of the box around it, length."""
+        return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
+
+    def reaches(self, points: Array) -> bool:
+        """Whether points of shape (n, d) are on it, but for gaps between bodies that are small beside it."""
+        near = _NEAR * self.size
+        within = (points >= self.vertices.min(axis=0) - near) & (points <= self.vertices.max(axis=0) + near)
+        return bool(within.all() and (np.abs((points - self.vertices[0]) @ self.normal) <= near).all())
+
+
+def facets_near(body: Discretisation, place: Array, step: float) -> list[BoundaryFacet]:
+    """Exterior facets of this rank with a vertex within their size from a place."""
+    mesh, dim = body.tagged.mesh, body.tagged.dimension
+    mesh.topology.create_connectivity(dim - 1, dim)
+    numbers = dmesh.exterior_facet_indices(mesh.topology)
+    entities = facet_entities(mesh, numbers)
+    cell_type = getattr(basix.CellType, mesh.topology.cell_name())
+    corners = np.array(basix.topology(cell_type)[dim - 1])
+    nodes = compat.geometry_cells(mesh)[entities[:, 0]]
+    x = np.asarray(mesh.geometry.x[..., :dim], dtype=np.float64)
+    vertices = x[np.take_along_axis(nodes, corners[entities[:, 1]], axis=1)]
+    size = np.linalg.norm(np.ptp(vertices, axis=1), axis=1)
+    close = np.linalg.norm(vertices - place, axis=2).min(axis=1, initial=np.inf) <= BESIDE * size
+    found = []
+    for k in np.flatnonzero(close):
+        middle = x[nodes[k][: len(basix.geometry(cell_type))]].mean(axis=0)
+        normal = _normal(vertices[k], middle)
+        beside = vertices[k] + _WITHIN * (vertices[k].mean(axis=0) - vertices[k])
+        traction, loaded = _traction(body, int(numbers[k]), beside, step)
+        condition = _condition(body, int(numbers[k]), normal, vertices[k])
+        piece = int(body.pieces.of_cell[entities[k, 0]])
+        found.append(BoundaryFacet(vertices[k], normal, traction, *condition, piece, loaded))
+    return found
+
+
+def _traction(body: Discretisation, facet: int, points: Array, step: float) -> tuple[Array, tuple[str, ...]]:
+    """The loads on a facet but for pressure, shape (n, d), and their boundaries."""
+    total, names = np.zeros_like(points), []
+    for load in body.scene.of(Force):
+        factor, now = body.scene.now(load, step)
+        if load.where is not None and factor != 0 and facet in body.tagged.facets(load.where):
+            # A form of the user's own is not known at a point; without a normal there is no pressure.
+            on = SampledPoints(points, np.zeros((len(points), 1, points.shape[1])), body.coefficients.whole, np.nan)
+            total += factor * now.density_at(on)[:, 0]
+            names.append(load.where)
+    return total, tuple(names)
+
+
+def _normal(vertices: Array, inside: Array) -> Array:
+    """The unit normal of a facet that points away from a point inside."""
+    normal = np.linalg.svd(vertices - vertices.mean(axis=0))[2][-1]
+    return np.asarray(normal * np.sign(normal @ (vertices.mean(axis=0) - inside)))
+
+
+def _condition(body: Discretisation, facet: int, normal: Array, corners: Array) -> tuple[str, tuple[str, ...], str]:
+    """What is prescribed on a facet, by which boundaries, and how it may touch another body."""
+    scene, tagged, dim = body.scene, body.tagged, body.tagged.dimension
+    supports = [effect for effect in scene.displacement if effect.where and facet in tagged.facets(effect.where)]
+    contacts = [
+        (effect, name)
+        for effect in scene.contact
+        for name in (effect.boundary, effect.against)
+        if name is not None and facet in tagged.facets(name)
+    ]
+    paired = ["bonded" if effect.kind == "bonded" else "contact" for effect, _ in contacts if effect.against]
+    touching = [effect for effect, _ in contacts]
+    rows: list[Array] = [normal for effect in (*supports, *touching) if getattr(effect, "normal", 0.0) is not None]
+    for effect in supports:
+        rows += [np.eye(dim)[k] for k, value in enumerate(effect.components[:dim]) if value is not None]
+    names = (*(effect.boundary for effect in supports), *(name for _, name in contacts))
+    if body.scene.axisymmetric and on_axis(corners, body.tagged).all():
+        rows.append(np.eye(dim)[0])
+    still = scene.torsion and any(effect.components[2] is not None for effect in supports)  # around the axis
+    if not rows and not still:
+        return "free", (), ""
+    whole = still or np.linalg.matrix_rank(np.array(rows), tol=1e-6) == dim
+    held = whole or any(effect.friction.acts for effect in touching)
+    return "held" if held else "guided", names, min(paired, default="")
+
+
+class CellAtVertex(NamedTuple):
+    """A cell at one of its vertices, shape (d,): its kind of material, a number of all pieces that bonds join to its
+    own, its angle there, its longest edge there.
+    """
+
+    vertex: Array
+    kind: int
+    joined: int
+    angle: float
+    length: float
+
+
+def cells_near(body: Discretisation, place: Array) -> list[CellAtVertex]:
+    """The cells of all ranks at each vertex near a place, which is within an edge of it; collective."""
+    mesh, dim = body.tagged.mesh, body.tagged.dimension
+    cell_type = getattr(basix.CellType, mesh.topology.cell_name())
+    corners = basix.geometry(cell_type)
+    neighbours = [
+        [end for edge in basix.topology(cell_type)[1] if corner in edge for end in edge if end != corner]
+        for corner in range(len(corners))
+    ]
+    cells = np.arange(mesh.topology.index_map(dim).size_local)
+    x = np.asarray(mesh.geometry.x[..., :dim], dtype=np.float64)
+    vertices = x[compat.geometry_cells(mesh)[cells][:, : len(corners)]]
+    strained = bool(body.scene.of(InitialStrain))
+
+    def kind_of(material: Any) -> tuple[Any, ...]:
+        return (
+            material.orthotropic,
+            material.lame,
+            material.grading,
+            material.poisson_grading,
+            strained and material.expansion,
+        )
+
+    kinds = [kind_of(material) for material in body.scene.material]
+    (number,) = of_materials(body.scene, body.tagged, lambda one: (float(kinds.index(kind_of(one))),))
+    kind = number.x.array[number.function_space.dofmap.list[cells, 0]]
+    joined, of_cell = _joined_pieces(body), body.pieces.of_cell
+    edges = vertices[:, neighbours] - vertices[:, :, None]
+    length = np.linalg.norm(edges, axis=3)
+    distance, reach = np.linalg.norm(vertices - place, axis=2), BESIDE * length.max(axis=2)
+    close = distance <= parallel.largest(body.comm, reach[distance <= reach])
+    own = [
+        CellAtVertex(
+            vertices[cell, corner],
+            int(kind[cell]),
+            int(joined[of_cell[cell]]),
+            _angle(edges[cell, corner]),
+            float(length[cell, corner].max()),
+        )
+        for cell, corner in np.argwhere(close)
+    ]
+    return [one for rows in body.comm.allgather(own) for one in rows]
+
+
+def _joined_pieces(body: Discretisation) -> npt.NDArray[np.int64]:
+    """For each connected piece of the mesh one number of all pieces that bonds join to it; collective."""
+    found = np.arange(body.pieces.count)
+    for effect in body.scene.contact:
+        if effect.against is not None and effect.kind == "bonded":
+            facets = np.concatenate([body.tagged.facets(name) for name in (effect.boundary, effect.against)])
+            own = np.unique(body.pieces.of_cell[facet_entities(body.tagged.mesh, facets)[:, 0]])
+            pieces = sorted({piece for rows in body.comm.allgather(own.tolist()) for piece in rows})
+            found[np.isin(found, found[pieces])] = found[pieces].min()
+    return found
+
+
+def _angle(edges: Array) -> float:
+    """The angle between two directions, or the solid angle between three, shape (d, d)."""
+    along = edges / np.linalg.norm(edges, axis=1, keepdims=True)
+    pairs = along @ along.T
+    if len(along) == 2:
+        return float(np.arccos(np.clip(pairs[0, 1], -1.0, 1.0)))
+    # Van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125-126.
+    below = 1 + pairs[0, 1] + pairs[0, 2] + pairs[1, 2]
+    return float(2 * np.arctan2(abs(np.linalg.det(along)), below))
