@@ -2105,7 +2105,7 @@ MUTANTS = (
     ),
     Mutant(
         "results/paired_sides",
-        "found.append(_sampled(claim, space, slave, master, reach))",
+        "found.append(sampled(claim, space, slave, master, reach))",
         "pass",
         "two bodies: the certificate does not integrate anew",
         tests=("two_bodies::test_the_certificate_notices_a_wrong_map",),
@@ -2146,14 +2146,14 @@ MUTANTS = (
         tests=("preload::test_a_section_at_the_contact_of_two_bodies",),
     ),
     Mutant(
-        "results/paired_sides",
+        "paired_integrals",
         'nodes[without[np.argsort(away[without], kind="stable")]]',
         "nodes[:0]",
         "two bodies: the certificate does not miss a part of the contact without any point",
         tests=("certificate_of_pairs",),
     ),
     Mutant(
-        "results/paired_sides",
+        "paired_integrals",
         "chosen = np.unique(np.concatenate([group[:each] for group in groups]))",
         "chosen = np.unique(groups[0][:each])",
         "two bodies: the certificate does not ask for areas of points that have taken over functions",
@@ -2167,7 +2167,7 @@ MUTANTS = (
         tests=("pairs::test_clipping_along_edges",),
     ),
     Mutant(
-        "results/paired_sides",
+        "paired_integrals",
         "bare = draw.permutation(bare)[:most]",
         "bare = bare[:0]",
         "two bodies: the certificate does not miss a point",

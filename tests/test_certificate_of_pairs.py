@@ -14,7 +14,7 @@ from signorini_fx.body import paired_points
 from signorini_fx.body.foundation import Coulomb, Pair
 from signorini_fx.forms.contact_problem import ContactProblem
 from signorini_fx.pairs import coupling
-from signorini_fx.results import paired_sides
+from signorini_fx.results import paired_integrals
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.scene.reading import parse_scene
 
@@ -120,7 +120,7 @@ def test_a_wrong_pairing_is_noticed(name, monkeypatch):
 @pytest.mark.parametrize("name", [name for name, (facets, _) in CHANGES.items() if facets])
 def test_a_facet_is_missing_where_nothing_is_sampled(name, monkeypatch):
     """Far from all points at which integrals are computed again: the facets are those that the scene names, or not."""
-    monkeypatch.setattr(paired_sides, "_SAMPLED", dict.fromkeys(paired_sides._SAMPLED, 0))
+    monkeypatch.setattr(paired_integrals, "_SAMPLED", dict.fromkeys(paired_integrals._SAMPLED, 0))
     monkeypatch.setattr(paired_points.PairedSides, "of", classmethod(with_facets(CHANGES[name][0])))
     found = solve(scene(), COMM, check=False)
     assert found.status is Status.NOT_CERTIFIED
@@ -152,7 +152,7 @@ def opening(reach=None):
 @pytest.mark.parametrize("name", [name for name, (facets, _) in CHANGES.items() if facets])
 def test_facets_that_the_user_named_are_missing(name, monkeypatch):
     """The user's forms: the certificate takes both sides from ``Pair``, not from what the solver has paired."""
-    monkeypatch.setattr(paired_sides, "_SAMPLED", dict.fromkeys(paired_sides._SAMPLED, 0))
+    monkeypatch.setattr(paired_integrals, "_SAMPLED", dict.fromkeys(paired_integrals._SAMPLED, 0))
     monkeypatch.setattr(paired_points.PairedSides, "of", classmethod(with_facets(CHANGES[name][0])))
     problem = opening()
     with pytest.raises(ConvergenceError):

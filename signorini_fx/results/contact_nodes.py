@@ -24,7 +24,7 @@ from signorini_fx.scene.model import Scene
 
 if TYPE_CHECKING:
     from signorini_fx.body.paired_points import PairedSides
-    from signorini_fx.results.paired_sides import Claim
+    from signorini_fx.results.paired_claim import Claim
 
 Nodal = npt.NDArray[np.float64]
 

@@ -2,11 +2,102 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
+from mpi4py import MPI
 
+from signorini_fx.body.averages import from_owners, to_owners
 from signorini_fx.body.paired_points import PairedSides
-from signorini_fx.results.paired_sides import Claim, Indices
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int32]
+
+# A node that lies under a sliver of a point stands for at least this share of it: a stress is a force over an area.
+_SLIVER = 1e-3
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What the solver claims of a pair with n contact points on this rank, made of m nodes of all ranks.
+
+    Attributes:
+        comm: the ranks; methods that take or give values at nodes are collective.
+        slave: owned facets of the side with the points, local numbers, as the problem names them.
+        master: those of the other side.
+        paired: the facets of both sides that the solver has paired.
+        points: local node of each point, shape (n,).
+        weight: area (in the plane: length), shape (n,).
+        distance: d_i, length, shape (n, d).
+        reached: global numbers of the m nodes, ascending.
+        own: D, scipy sparse, shape (n, m).
+        others: M, scipy sparse, shape (n, m).
+        operator: the relative displacement from displacements of these nodes, scipy sparse, shape (n d, m d).
+        alone: points that have taken over no function of another node, shape (n,).
+        covered: area of the overlap, of all ranks.
+        hats: whether functions are the hats of the vertices themselves.
+        reach: distance beyond which facets were no partners, length.
+        allowed: the same as the problem names it; None: the usual one.
+        across: projectors onto the directions across planes of symmetry, of which ``operator``, traction and normal
+            have no component, shape (n, d, d).
+        planes: the same by the global numbers of all nodes of the slave on such planes.
+    """
+
+    comm: MPI.Comm
+    slave: Indices
+    master: Indices
+    paired: tuple[Indices, Indices]
+    points: npt.NDArray[np.int64]
+    weight: Array
+    distance: Array
+    reached: npt.NDArray[np.int64]
+    own: Any
+    others: Any
+    operator: Any
+    alone: npt.NDArray[np.bool_]
+    covered: float
+    hats: bool
+    reach: float
+    allowed: float | None
+    across: Array
+    planes: Mapping[int, Array]
+
+    def gap(self, normal: Array) -> Array:
+        """The distance of both sides along normals at the points, length, shape (n,)."""
+        return np.asarray(np.sum(normal * self.distance, axis=1))
+
+    def relative(self, owned: Array) -> Array:
+        """The relative displacement at the points from that of the owned nodes, shape (owned nodes, d)."""
+        there = from_owners(owned, self.reached, self.comm)
+        return np.asarray(self.operator @ there.ravel()).reshape(self.distance.shape)
+
+    def terms(self, owned: Array) -> Array:
+        """The sums of the magnitudes of what ``relative`` adds up, shape (n, d)."""
+        there = from_owners(np.abs(owned), self.reached, self.comm)
+        return np.asarray(abs(self.operator) @ there.ravel()).reshape(self.distance.shape)
+
+    def forces(self, traction: Array, owned: int) -> tuple[npt.NDArray[np.int64], Array, Array]:
+        """What tractions at the points, shape (n, d), do to both bodies: owned nodes, forces on them, and their areas;
+        ``owned``: how many nodes this rank owns.
+        """
+        dim = self.distance.shape[1]
+        forces = (self.operator.T @ (self.weight[:, None] * traction).ravel()).reshape(-1, dim)
+        shares = abs(self.own) + abs(self.others)
+        shares.data = np.maximum(shares.data, _SLIVER)
+        area = shares.T @ self.weight
+        found = to_owners(np.column_stack((forces, area)), self.reached, self.comm, owned)
+        nodes = np.flatnonzero(found[:, -1] > 0)
+        return nodes, found[nodes, :-1], found[nodes, -1]
+
+    def moved(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Whether a node that a point depends on has a flag, from shape (owned nodes, d) to shape (n, d)."""
+        there = from_owners(flags.astype(np.float64), self.reached, self.comm)
+        return np.asarray((abs(self.own) + abs(self.others)) @ there > 0)
 
 
 def claim_of(
@@ -17,22 +108,22 @@ def claim_of(
     """
     found, (own, others, turning) = pair.coupling, pair.shares()
     return Claim(
-        space.mesh.comm,
-        slave,
-        master,
-        (pair.slave.facets, pair.master.facets),
-        pair.slave.nodes[found.nodes] - space.dofmap.index_map.local_range[0],
-        found.weight,
-        found.distance,
-        pair.reached,
-        own,
-        others,
-        sp.csr_array(sp.kron(own - others, sp.eye_array(found.distance.shape[1])) + turning),
-        found.alone,
-        found.covered,
-        found.hats,
-        found.reach,
-        reach,
-        pair.across,
-        pair.planes,
+        comm=space.mesh.comm,
+        slave=slave,
+        master=master,
+        paired=(pair.slave.facets, pair.master.facets),
+        points=pair.slave.nodes[found.nodes] - space.dofmap.index_map.local_range[0],
+        weight=found.weight,
+        distance=found.distance,
+        reached=pair.reached,
+        own=own,
+        others=others,
+        operator=sp.csr_array(sp.kron(own - others, sp.eye_array(found.distance.shape[1])) + turning),
+        alone=found.alone,
+        covered=found.covered,
+        hats=found.hats,
+        reach=found.reach,
+        allowed=reach,
+        across=pair.across,
+        planes=pair.planes,
     )

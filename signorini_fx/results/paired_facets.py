@@ -1,4 +1,4 @@
-"""Facets of both sides of a pair, and their overlap found facet by facet, for the certificate; see ``paired_sides``.
+"""Facets of both sides of a pair, and their overlap, facet by facet, for the certificate; see ``paired_integrals``.
 
 It shares no code with ``pairs``: shape functions are those of the cells, in the plane rays from points of the slave
 meet the master, in space polygons of the slave are cut by those of the master (see ``paired_polygons``).
