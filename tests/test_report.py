@@ -27,7 +27,7 @@ from signorini_fx import cli, parallel
 from signorini_fx.effects.contact import UnilateralContact
 from signorini_fx.errors import OutputError, ResultError
 from signorini_fx.mesh.tagged import tag_boundaries
-from signorini_fx.pictures import load_steps
+from signorini_fx.pictures import step_animation
 from signorini_fx.pictures.fields import FIELDS
 from signorini_fx.records import Status
 from signorini_fx.report import advice, evidence, interactive, markup
@@ -309,13 +309,13 @@ def test_animation(folders):
 
 def test_many_load_steps(tmp_path, monkeypatch):
     """Of too many steps some are left out, never the last."""
-    monkeypatch.setattr(load_steps, "_MOST_FRAMES", 4)
+    monkeypatch.setattr(step_animation, "_MOST_FRAMES", 4)
     rows = {"step": np.repeat(np.arange(10.0), 2), "boundary": np.repeat("b", 20)}
     rows |= {name: np.tile([0.0, 1.0], 10) for name in ("x", "s")}
     rows |= {name: np.zeros(20) for name in ("y", "shear", "bound")}
     rows |= {"state": np.repeat("stick", 20), "friction": np.repeat("none", 20)}
     rows["pressure"] = 1 + rows["step"]  # or frames that are equal would be made one
-    load_steps.step_animation(tmp_path / "a.gif", rows)
+    step_animation.step_animation(tmp_path / "a.gif", rows)
     with Image.open(tmp_path / "a.gif") as image:
         assert image.n_frames == 4  # steps 0, 3, 6 and 9
 

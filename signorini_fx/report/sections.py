@@ -266,7 +266,8 @@ def _zones(summary: dict[str, Any]) -> Markup | None:
 
 def steps(folder: ResultFiles, steps: dict[str, Any], contact: dict[str, Any]) -> Markup:
     """Forces step by step, the animation, and the table of the steps; ``contact``: columns of ``contact.csv``."""
-    from signorini_fx.pictures.load_steps import load_steps, step_animation
+    from signorini_fx.pictures.load_steps import load_steps
+    from signorini_fx.pictures.step_animation import step_animation
 
     parts = []
     body = folder.picture("deformed.gif")
