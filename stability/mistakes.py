@@ -1992,7 +1992,7 @@ MUTANTS = (
     ),
     Mutant(
         "pictures/setup",
-        "name.xyann = right, up + (free.y0 - box.y0) * 72.0 / figure.dpi",
+        "name.xyann = right + moved[0], up + moved[1]",
         "pass",
         "setup: names cover each other",
         tests=("setup_pictures::test_names_do_not_cover_each_other",),
@@ -4542,6 +4542,34 @@ MUTANTS = (
         "0",
         "pictures of torsion: the radial displacement",
         tests=("torsion_in_scenes::test_pictures_show_the_displacement_around_the_axis",),
+    ),
+    Mutant(
+        "closed_boundaries",
+        "contact.bound[here] * reach",
+        "contact.bound[here]",
+        "values: the limit of the moment of friction without its arm",
+        tests=("two_bodies_scenes::test_shrink_fit",),
+    ),
+    Mutant(
+        "closed_boundaries",
+        "-boundary.nodal_forces(np.zeros_like(contact.pressure), contact.shear)[here]",
+        "boundary.nodal_forces(np.zeros_like(contact.pressure), contact.shear)[here]",
+        "values: the moment of friction on the other body",
+        tests=("two_bodies_scenes::test_shrink_fit",),
+    ),
+    Mutant(
+        "check/equilibrium",
+        "null_space(bonded)",
+        "np.eye(free.shape[1])",
+        "statics: what bonds hold is said to need friction",
+        tests=("placed_bodies::test_what_bonds_hold",),
+    ),
+    Mutant(
+        "pictures/setup",
+        "_ON_ANOTHER * within",
+        "0 * within",
+        "pictures: names lie across the boundaries of others",
+        tests=("setup_pictures::test_names_do_not_cover_each_other",),
     ),
 )
 

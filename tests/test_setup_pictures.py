@@ -1,5 +1,7 @@
 """Pictures of a scene before it is solved: what acts where, on any number of ranks."""
 
+import itertools
+
 import numpy as np
 import pytest
 from matplotlib.text import Text
@@ -192,6 +194,40 @@ def test_names_do_not_cover_each_other(monkeypatch):
     figure.draw_without_rendering()
     one, other = figure.axes[0].texts
     assert one.get_text() == "on the left"
-    assert not Text.get_window_extent(one).overlaps(Text.get_window_extent(other))
-    assert one.xyann[1] == 0.0
-    assert 0 < abs(other.xyann[1]) < 20
+    boxes = [Text.get_window_extent(text) for text in (one, other)]
+    assert not boxes[0].overlaps(boxes[1])
+    # Each is beside its own side: within the strip both lay across both sides, and one was taken for the other.
+    left, right = figure.axes[0].transData.transform([[0.0, 10.0], [1.0, 10.0]])[:, 0]
+    assert boxes[0].x1 < left
+    assert boxes[1].x0 > right
+    assert max(abs(one.xyann[1]), abs(other.xyann[1])) < 20
+
+
+def test_names_that_stay_within(monkeypatch):
+    """Where a load has arrows the name is within the body; moved out of the way of others, it has a line."""
+    drawn = []
+    monkeypatch.setattr(setup_pictures, "finish", lambda figure, *_: drawn.append(figure))
+    corners = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 1.0], [0.0, 1.0]])
+    none, load = np.zeros((1, 2)), np.array([[0.0, -1.0]])
+    sides = [
+        setup_pictures.Boundary(name, ("traction",), corners[None, list(ends)], np.array([[0.0, y]]), load, none)
+        for name, ends, y in (
+            ("above", (2, 3), 1.0),
+            ("below", (0, 1), -1.0),
+            ("again below", (0, 1), -1.0),
+            ("once more below", (0, 1), -1.0),
+            ("below too", (0, 1), -1.0),
+        )
+    ]
+    setup_pictures.Setup("plate", corners[None], sides).draw("nowhere")
+    (figure,) = drawn
+    figure.draw_without_rendering()
+    texts = {text.get_text(): text for text in figure.axes[0].texts if text.get_text()}
+    boxes = [Text.get_window_extent(text) for text in texts.values()]
+    assert len(boxes) == 5
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+    for text in texts.values():
+        place = 8.0 if text.get_text() != "above" else -8.0
+        away = abs(text.xyann[1] - place) > 1.5 * boxes[0].height * 72 / figure.dpi
+        assert text.arrow_patch.get_visible() == away
+    assert any(text.arrow_patch.get_visible() for text in texts.values())

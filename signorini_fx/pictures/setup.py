@@ -35,6 +35,8 @@ _LIGHTER = 0.55  # share of white in the colours of facets, on which arrows are 
 _VISIBLE = 0.02  # a load of less than this share of the largest one has no arrow
 _ABOVE = 5e-4  # of the size of the body: colours are so far in front of it
 _MOVES = 6  # a name is moved by so many of its heights at most
+_ON_ANOTHER = 3  # a name is moved by less than so many of its heights if it lies on another boundary
+_ALONG = 120  # points along a facet as long as the body, by which it is found whether a name lies on it
 _MOST_EDGES = 60_000  # of cells: more would be a black body
 
 
@@ -116,7 +118,8 @@ class Setup:
             figure, axes, flat, toward = self._plane() if self.dimension == 2 else self._space()
             names = self._marks(axes, flat, toward)
             self._legend(figure)
-            _spread(figure, names)
+            obstacles = self._obstacles(axes) if self.dimension == 2 else []
+            _spread(figure, names, obstacles)
             finish(figure, path_stem, plain(self.title), suffixes)
 
     # --- the body ----------------------------------------------------------------------------------------------------
@@ -279,11 +282,26 @@ class Setup:
             va="top" if away[1] < -0.5 else "bottom" if away[1] > 0.5 else "center",
             fontsize=8.5,
             color=color,
-            arrowprops={"arrowstyle": "-", **line} if self.dimension == 3 else None,
+            arrowprops={"arrowstyle": "-", **line, "visible": self.dimension == 3},
             bbox={"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.75},
             annotation_clip=False,
             zorder=8,
         )
+
+    def _obstacles(self, axes: Axes) -> list[Callable[[], tuple[Floats, bool]]]:
+        """Of each name in the plane: points along the other boundaries, in pixels, and whether nothing acts on its own
+        one, whose name may be on the outer side then; the pixels are known when the figure has been laid out.
+        """
+        shown = [one for one in self.boundaries if len(one.corners)]
+        size = float(np.ptp(self.polygons.reshape(-1, self.dimension), axis=0).max())
+
+        def of(own: Boundary) -> Callable[[], tuple[Floats, bool]]:
+            bare = not own.kinds
+            others = [_along(one.corners, size) for one in shown if one is not own]
+            points = np.concatenate(others) if others else np.empty((0, 2))
+            return lambda: (np.asarray(axes.transData.transform(points)), bare)
+
+        return [of(one) for one in shown]
 
     def _hatch(self, axes: Axes, size: float) -> None:
         """In the plane, strokes on the outer side of boundaries, where the foundation is."""
@@ -321,17 +339,65 @@ def _lighter(colour: str) -> tuple[float, ...]:
     return tuple(_LIGHTER + (1 - _LIGHTER) * share for share in to_rgb(colour))
 
 
-def _spread(figure: Figure, names: Sequence[Annotation]) -> None:
-    """Move names that cover others up or down, to the nearest free place."""
+def _spread(
+    figure: Figure, names: Sequence[Annotation], obstacles: Sequence[Callable[[], tuple[Floats, bool]]] = ()
+) -> None:
+    """Move names that cover others up or down, to the nearest free place.
+
+    In the plane a name that lies across another boundary is taken for its name: then it is moved too, to the outer side
+    of its own one if nothing acts there, and one that has left its place has a line to its boundary.
+
+    Args:
+        figure: with the names.
+        names: of boundaries.
+        obstacles: in the plane, of each name, see ``Setup._obstacles``.
+    """
     figure.draw_without_rendering()
-    taken: list[Any] = []
-    for name in names:
+    ticks = [tick for axes in figure.axes for tick in (*axes.get_xticklabels(), *axes.get_yticklabels())]
+    taken = [tick.get_window_extent() for tick in ticks if obstacles and tick.get_text()]
+    shifts = sorted(range(-_MOVES, _MOVES + 1), key=abs)
+    for k, name in enumerate(names):
         box = Text.get_window_extent(name)
-        places = [box.translated(0.0, k * (box.height + 2)) for k in sorted(range(-_MOVES, _MOVES + 1), key=abs)]
-        free = next((one for one in places if not any(one.overlaps(other) for other in taken)), box)
-        taken.append(free)
+        others, bare = obstacles[k]() if obstacles else (np.empty((0, 2)), False)
+        place = figure.axes[0].transData.transform(name.xy) if obstacles else np.zeros(2)
+        outside = box.translated(*_across(box, place, name.xyann))
+
+        def cost(one: tuple[Any, int, bool], others: Floats = others) -> float:
+            """Of covering other names, of lying on another boundary, and of rows away from its place."""
+            within = np.all((others > one[0].min) & (others < one[0].max), axis=1).any()
+            covers = any(one[0].overlaps(other) for other in taken)
+            return float(1000.0 * covers + _ON_ANOTHER * within + one[2] + abs(one[1]))
+
+        places = [(box.translated(0.0, m * (box.height + 2)), m, False) for m in shifts]
+        places += [(outside.translated(0.0, m * (outside.height + 2)), m, True) for m in shifts if bare]
+        free = min(places, key=cost)
+        taken.append(free[0])
+        moved = (np.array(free[0].min) - box.min) * 72.0 / figure.dpi
         right, up = name.xyann
-        name.xyann = right, up + (free.y0 - box.y0) * 72.0 / figure.dpi
+        name.xyann = right + moved[0], up + moved[1]
+        if obstacles and abs(free[1]) > 1 and name.arrow_patch is not None:
+            name.arrow_patch.set_visible(True)
+
+
+def _across(box: Any, place: Floats, away: tuple[float, float]) -> Floats:
+    """How far a name is moved to the other side of its boundary, in pixels, shape (2,).
+
+    Args:
+        box: of the name.
+        place: of the boundary that the name is beside, pixels, shape (2,).
+        away: from there to the name.
+    """
+    back = -2 * (np.array([(box.x0 + box.x1) / 2, (box.y0 + box.y1) / 2]) - place)
+    return np.where(np.abs(away) > 0.5 * np.abs(away).max(initial=0.0), back, 0.0)
+
+
+def _along(corners: Floats, size: float) -> Floats:
+    """Points along facets of the plane, of shape (f, 2, 2), so close that no name of a body of this size, length, lies
+    between them.
+    """
+    longest = float(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1).max())
+    share = np.linspace(0.0, 1.0, 2 + int(_ALONG * longest / size))[:, None, None]
+    return np.asarray(corners[:, 0] + share * (corners[:, 1] - corners[:, 0])).reshape(-1, 2)
 
 
 def _some(points: Floats, spacing: float) -> npt.NDArray[np.intp]:
