@@ -1443,7 +1443,7 @@ MUTANTS = (
     ),
     Mutant(
         "linalg/partial_factor",
-        "self._sizes[:, None] * values[count:, :count]",
+        "(self._sizes / self._unit)[:, None] * values[count:, :count]",
         "values[count:, :count]",
         "condensed loads in the units in which they were factorised",
         tests=("linalg::test_schur_complement_with_loads",),

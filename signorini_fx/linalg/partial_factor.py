@@ -110,15 +110,14 @@ class PartialFactor:
         self._right, self._found = whole.createVecs()
         self._factor = handle = _factorise(whole, inside, _MEMORY, in_order=self._in_order)
         dense = ctypes.c_void_p()
-        call("MatFactorCreateSchurComplement", handle, ctypes.byref(dense), None)
+        call("MatFactorGetSchurComplement", handle, ctypes.byref(dense), None)
         entries = ctypes.POINTER(ctypes.c_double)()
         call("MatDenseGetArrayRead", dense, ctypes.byref(entries))
-        values = np.ctypeslib.as_array(entries, shape=(whole.getSize()[0] - inside,) * 2).copy()
+        values = self._unit * np.ctypeslib.as_array(entries, shape=(whole.getSize()[0] - inside,) * 2)
         call("MatDenseRestoreArrayRead", dense, ctypes.byref(entries))
-        call("MatDestroy", ctypes.byref(dense))
         _symmetrise(values)
         call("MatMumpsSetIcntl", handle, 26, _SOLVE_INTERIOR_ONLY)
-        return self._unit * values[:count, :count], self._sizes[:, None] * values[count:, :count]
+        return values[:count, :count], (self._sizes / self._unit)[:, None] * values[count:, :count]
 
     def solve(self, right: Array) -> Array:
         """A_ii^-1 times a right-hand side, shape (m,); no back substitution where it is zero."""
