@@ -81,7 +81,9 @@ class Pair:
 
     The contact points are on the first side, the slave: take the softer body, of equal ones that with the finer mesh.
     The relative displacement of both sides keeps to the gap; the pressure pushes them apart, friction acts between
-    them, with opposite forces and moments on both.
+    them, with opposite forces and moments on both.  There is no ``measure``: where the user's forms are multiplied by
+    one, such as 2 pi r of axisymmetric ones, pressures and bounds of friction are per length or area without it, a
+    nodal mean of 2 pi r times the stress.
 
     Attributes:
         facets: exterior facets of the slave by their local numbers, or (meshtags, tag), with one tag or several.
