@@ -10,7 +10,7 @@ whoever has taken them over:
 
     sum_i w_i D_ij = integral of N_j over the covered part,
 
-which is tried at some nodes too: of those without a point, and of points that have taken over functions.
+which is tried at some nodes too: of those that no point sees, and of points that have taken over functions.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def sampled(claim: Claim, space: fem.FunctionSpace, slave: Facets, master: Facet
     choice = draw.permutation(np.flatnonzero(claim.alone))[:most]
     bare, worst = _bare(claim, slave.points, names)
     bare = draw.permutation(bare)[:most]
-    nodes, areas = _areas(claim, slave, master, names)
+    nodes, areas = _areas(claim, slave, master)
     around = [slave.around(names[[point]]) for point in choice]
     beside = [slave.around(nodes[[k]]) for k in range(len(nodes))]
     overlaps = _overlaps(claim, slave, master, reach, np.unique(np.concatenate([bare, *around, *beside])))
@@ -160,33 +160,31 @@ def _bare(claim: Claim, nodes: npt.NDArray[np.int64], names: npt.NDArray[np.int6
     return found[claim.comm.rank :: claim.comm.size], float(needless.any())
 
 
-def _areas(
-    claim: Claim, slave: Facets, master: Facets, names: npt.NDArray[np.int64]
-) -> tuple[npt.NDArray[np.int64], Array]:
+def _areas(claim: Claim, slave: Facets, master: Facets) -> tuple[npt.NDArray[np.int64], Array]:
     """Some nodes of the slave, the share of this rank, and what the functions of all points make the integrals of the
     shape functions of these nodes over the covered part; collective.
 
-    A third each are nodes that no point of theirs stands for, those nearest to the other side; nodes that points see
-    which have taken over functions; and any.
+    A third each are nodes that no point sees, those nearest to the other side; nodes that points see which have taken
+    over functions; and any.
 
     Args:
         claim: what is claimed.
         slave: its facets.
         master: those of the other side.
-        names: of the nodes of the points of this rank.
     """
     comm, draw = claim.comm, np.random.default_rng(len(slave.nodes))
     nodes, first = np.unique(slave.nodes.ravel(), return_index=True)
     away = cKDTree(master.middle).query(slave.x[first])[0]
-    taken = claim.reached[np.unique(claim.own[~claim.alone].indices)]
-    pointed, taken = (np.unique(parallel.gather_rows(comm, one[:, None])) for one in (names, taken))
-    without = np.flatnonzero(~np.isin(nodes, pointed))
+    rows = claim.own, claim.own[~claim.alone]
+    seen, taken = (claim.reached[np.unique(one.indices)] for one in rows)
+    seen, taken = (np.unique(parallel.gather_rows(comm, one[:, None])) for one in (seen, taken))
+    without = np.flatnonzero(~np.isin(nodes, seen))
     groups = nodes[without[np.argsort(away[without], kind="stable")]], draw.permutation(taken), draw.permutation(nodes)
     each = -(-_SAMPLED[slave.x.shape[1]] // len(groups))
     chosen = np.unique(np.concatenate([group[:each] for group in groups]))
     sums, areas = claim.own.T @ claim.weight, np.zeros(chosen.size)
-    seen = np.isin(chosen, claim.reached)
-    areas[seen] = sums[np.searchsorted(claim.reached, chosen[seen])]
+    mine = np.isin(chosen, claim.reached)
+    areas[mine] = sums[np.searchsorted(claim.reached, chosen[mine])]
     here = slice(comm.rank, None, comm.size)
     return chosen[here], parallel.global_sum(comm, areas)[here]
 
