@@ -193,7 +193,7 @@ def test_getfem_comes_to_the_same_forces_of_two_bodies():
     passed over with a word.
     """
     pytest.importorskip("getfem")
-    rows = list(bodies_rivals.rows([10], ["coulomb"], "", "no such program", "condensed"))
+    rows = list(bodies_rivals.rows([10], ["coulomb"], "", "no such program", "condensed", 1))
     cells = {row.split("|")[3].strip(): [cell.strip() for cell in row.split("|")] for row in rows[2:]}
     across, down = (float(word) for word in cells["GetFEM"][4].split(", "))
     assert across == pytest.approx(0.1861, rel=0.02)  # the package
