@@ -3847,6 +3847,13 @@ MUTANTS = (
         tests=("fewer_nodes::test_a_support_at_a_point_between_two_bodies",),
     ),
     Mutant(
+        "check/findings",
+        "_displacement_scale(body, max(moduli))",
+        "_displacement_scale(body, min(moduli))",
+        "check: a soft layer between stiff bodies is taken for a beam that bends",
+        tests=("placed_bodies::test_a_soft_layer_is_no_beam",),
+    ),
+    Mutant(
         "solving/untouched",
         "touched |= parallel.gather_rows(self.comm, differs.any(axis=1))",
         "pass",
