@@ -21,7 +21,7 @@ from scenes import alone, example1
 
 from signorini_fx import parallel
 from signorini_fx.errors import OutputError, SceneError
-from signorini_fx.linalg import choice, full
+from signorini_fx.linalg import choice, factorisation
 from signorini_fx.manifest import MANIFEST, PART
 from signorini_fx.mesh.tagged import generate_mesh
 from signorini_fx.results import files
@@ -227,12 +227,12 @@ def without(monkeypatch):
     """Take packages for factorisation away from PETSc."""
 
     def take(*packages):
-        real = full.has_package
+        real = factorisation.has_package
 
         def has(package, kind="cholesky"):
             return package not in packages and real(package, kind)
 
-        monkeypatch.setattr(full, "has_package", has)
+        monkeypatch.setattr(factorisation, "has_package", has)
         monkeypatch.setattr(choice, "has_package", has)
 
     return take

@@ -16,7 +16,7 @@ from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.check.checks import check_scene
 from signorini_fx.effects.displacement import PrescribedDisplacement
-from signorini_fx.linalg import choice, full, krylov, multigrid
+from signorini_fx.linalg import choice, factorisation, krylov, multigrid
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scene.reading import parse_scene
@@ -300,7 +300,7 @@ def test_chosen_for_large_bodies_in_space(monkeypatch):
         assert kind(solid) == "full"
     finally:
         table.delValue("pc_type")
-    monkeypatch.setattr(full, "MEMORY_SHARE", 1e-9)
+    monkeypatch.setattr(factorisation, "MEMORY_SHARE", 1e-9)
     assert [kind(scene) for scene in (plane, solid, rubber)] == ["krylov", "krylov", "krylov"]
 
 
