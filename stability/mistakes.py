@@ -3854,6 +3854,13 @@ MUTANTS = (
         tests=("placed_bodies::test_a_soft_layer_is_no_beam",),
     ),
     Mutant(
+        "pairs/overlap_space",
+        "_RATIONAL = 12",
+        "_RATIONAL = 8",
+        "two bodies in space: too few points where facets are no parallelograms",
+        tests=("certificate_of_pairs::test_faces_that_are_no_parallelograms",),
+    ),
+    Mutant(
         "solving/untouched",
         "touched |= parallel.gather_rows(self.comm, differs.any(axis=1))",
         "pass",

@@ -13,6 +13,7 @@ from signorini_fx import Status, parallel, solve
 from signorini_fx.body import paired_points
 from signorini_fx.body.foundation import Coulomb, Pair
 from signorini_fx.forms.contact_problem import ContactProblem
+from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.pairs import coupling
 from signorini_fx.results import paired_integrals
 from signorini_fx.results.solution import ConvergenceError
@@ -245,3 +246,34 @@ def test_points_that_no_others_miss(change, least, monkeypatch):
         problem.solve()
     assert problem.status is Status.NOT_CERTIFIED
     assert problem.certificate.coupling > least
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_faces_that_are_no_parallelograms(degree):
+    """Integrands are no polynomials there; solver and certificate, whose rules differ, integrate them alike."""
+
+    def block(counts, low, twist):
+        def place(x):
+            return x + 16 * np.outer(np.prod(x[:, :2] * (1 - x[:, :2]), axis=1), twist)
+
+        mesh = assembled("hexahedron", grid("hexahedron", counts, (0, 0, low), (1, 1, low + 1), place))
+        return tag_boundaries(mesh, {"bottom": f"abs(x[2] - {low}) < 1e-9", "top": f"abs(x[2] - {low + 1}) < 1e-9"})
+
+    found = solve(
+        parse_scene(
+            {
+                "body": [
+                    {"name": "lower", "mesh": block((2, 2, 1), 0, [0.2, -0.1, 0.0])},
+                    {"name": "upper", "mesh": block((3, 3, 1), 1, [-0.2, 0.07, 0.0])},
+                ],
+                "element": {"degree": degree},
+                "material": {"young": 100.0, "poisson": 0.3},
+                "displacement": {"boundary": "lower.bottom", **dict.fromkeys("xyz", 0.0)},
+                "traction": {"boundary": "upper.top", "x": 1.0, "z": "-1 - x[0]"},
+                "contact": {"boundary": "upper.bottom", "against": "lower.top", "kind": "bonded"},
+            }
+        ),
+        MPI.COMM_SELF,
+    )
+    assert found.converged
+    assert found.certificate.coupling < 1e-8

@@ -20,10 +20,10 @@ from signorini_fx.pairs.surface import Lagrange, Surface
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
-# Degree of the quadrature on each triangle, by the degree of the functions; on quadrilaterals and on curved triangles
+# Degrees of the quadrature on each triangle, by the degree of the functions; on quadrilaterals and on curved triangles
 # integrands are no polynomials, but bilinear functions on parallelograms are.
 _DEGREES = {1: 2, 2: 4}
-_RATIONAL = 8
+_RATIONAL = 12
 _PARALLELOGRAMS = 4
 # Difference of opposite edges, as a share of the size, below which a quadrilateral counts as a parallelogram, and
 # distance of a node from the middle of an edge below which it is straight.
@@ -89,7 +89,7 @@ def space_overlap(slave: Surface, master: Surface, reach: float, some: Indices) 
     triangles, pair = _fan(polygon, count)
     both = slave.functions, master.functions
     curved = _curved(slave, own.facet[here]) or _curved(master, other.facet[there])
-    degree = _RATIONAL if curved else _degree(both, (own.patches.corners[here], other.patches.corners[there]))
+    degree = _degree(both, (own.patches.corners[here], other.patches.corners[there]), curved=curved)
     points, weights = basix.make_quadrature(basix.CellType.triangle, degree)
     first, second = (triangles[:, k] - triangles[:, 0] for k in (1, 2))
     p = triangles[:, :1] + points[:, :1] * first[:, None] + points[:, 1:] * second[:, None]
@@ -113,12 +113,12 @@ def _curved(side: Surface, facets: Indices) -> bool:
     return bool((away > _PARALLEL * np.linalg.norm(corners[:, 1:2] - corners[:, :1], axis=2)).any())
 
 
-def _degree(both: tuple[Lagrange, Lagrange], corners: tuple[Array, Array]) -> int:
+def _degree(both: tuple[Lagrange, Lagrange], corners: tuple[Array, Array], *, curved: bool) -> int:
     """Of the quadrature on each triangle; ``corners``: of the parts of both sides, shape (m, c, 3)."""
-    if all(one.simplex for one in both):
-        return max(_DEGREES[one.degree] for one in both)
-    linear = all(one.degree == 1 for one in both)
-    return _PARALLELOGRAMS if linear and all(map(_parallelograms, corners)) else _RATIONAL
+    highest = max(one.degree for one in both)
+    if all(one.simplex for one in both) and not curved:
+        return _DEGREES[highest]
+    return _PARALLELOGRAMS if highest == 1 and all(map(_parallelograms, corners)) else _RATIONAL
 
 
 def _parallelograms(corners: Array) -> bool:

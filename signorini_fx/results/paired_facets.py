@@ -29,7 +29,7 @@ Array = npt.NDArray[np.float64]
 
 # Points of a rule along each direction: in the plane; in space for linear triangles and parallelograms, and for others,
 # on which integrands may be no polynomials.
-_POINTS = {"interval": 10, "triangle": 4, "quadrilateral": 7}
+_POINTS = {"interval": 10, "triangle": 4, "quadrilateral": 10}
 # Tangent of the angle between the normals along a facet and that in its middle.
 _TURNING = 0.5
 # Facets whose normals have a larger product do not face each other.
