@@ -1,7 +1,9 @@
 """Which files in a folder are results: those that the folder's manifest lists; nothing else is replaced or removed.
 
-The manifest is a text file in the folder, one path a line.  A folder within it may have a manifest of its own.  What is
-not complete yet stands in a hidden folder with a name that nobody else uses.
+The manifest is a text file in the folder, one path a line.  A path that ends with a slash is a folder that the same run
+has made, with a manifest of its own whose line ``../`` says so.  Both must say it: a folder that another run has filled
+is a result of its own, wherever it is.  Runs write no symbolic links, so that no link is a result.  What is not
+complete yet stands in a hidden folder with a name that nobody else uses.
 """
 
 from __future__ import annotations
@@ -14,45 +16,72 @@ from pathlib import Path
 
 MANIFEST, PART = ".signorini_fx", ".signorini_fx.part"
 _NEW = f"{MANIFEST}.new"
+_OF_THE_FOLDER_ABOVE = "../"
 
 
-def add(folder: Path, names: Iterable[str], *, alone: bool = False) -> None:
+def add(folder: Path, names: Iterable[str], *, alone: bool = False, inner: bool = False) -> None:
     """List files.
 
     Args:
         folder: an existing folder.
         names: paths in it.
         alone: whether nothing else is listed any more.
+        inner: whether the folder belongs to the run of the folder above it, see ``begin_inner``.
 
     Raises:
         OSError: the manifest cannot be written.
     """
-    every = sorted({*names} if alone else {*names, *_lines(folder)})
+    every = {*names, *(() if alone else _lines(folder)), *([_OF_THE_FOLDER_ABOVE] if inner else [])}
     new = folder / _NEW
-    new.write_text("".join(f"{name}\n" for name in every), encoding="utf-8")
+    new.unlink(missing_ok=True)  # a link is not followed
+    new.write_text("".join(f"{name}\n" for name in sorted(every)), encoding="utf-8")
     new.replace(folder / MANIFEST)
 
 
+def begin_inner(folder: Path, name: str) -> None:
+    """Make a folder that belongs to the run that fills the folder above it, and list it there.
+
+    Args:
+        folder: an existing folder.
+        name: of the folder in it; what is there already is not ``foreign``.
+
+    Raises:
+        OSError: a manifest cannot be written.
+    """
+    add(folder, [f"{name}/"])
+    (folder / name).mkdir(exist_ok=True)
+    add(folder / name, [], inner=True)
+
+
+def is_inner(folder: Path) -> bool:
+    """Whether a folder says that it belongs to the run that fills the folder above it."""
+    return _OF_THE_FOLDER_ABOVE in _lines(folder)
+
+
 def ours(folder: Path) -> set[str]:
-    """The files in a folder that manifests list, and these manifests, as paths in it."""
+    """The files in a folder that its manifest lists, with those of inner folders of the same run, as paths in it."""
     if not folder.is_dir():
         return set()
     # What a manifest says of places outside, also by way of links, does not count.
-    found = {name for name in _lines(folder) if _within(folder, name)}
-    found |= {name for name in (MANIFEST, _NEW) if (folder / name).is_file()}
-    return found | {f"{inner.name}/{name}" for inner in _folders(folder) for name in ours(inner)}
+    listed = {name for name in _lines(folder) if _within(folder, name)}
+    folders = {name.rstrip("/") for name in listed if name.endswith("/")}
+    inner = {name for name in folders if not (folder / name).is_symlink() and is_inner(folder / name)}
+    of_the_manifest = {name for name in (MANIFEST, _NEW) if (folder / name).is_file()}
+    return {name for name in listed if not name.endswith("/")}.union(
+        of_the_manifest, *({f"{name}/{file}" for file in ours(folder / name)} for name in inner)
+    )
 
 
 def foreign(folder: Path, names: Iterable[str]) -> list[str]:
     """What is at the place of these files and folders, or in these folders, and is not listed."""
     listed = ours(folder)
-    found = []
+    found = [name for name in (MANIFEST, _NEW, PART) if (folder / name).is_symlink()]
     for name in names:
         path = folder / name
         if path.is_dir() and not path.is_symlink():
             inside = (f"{name}/{file}" for file in files(path))
-            found += [file for file in inside if file not in listed]
-        elif os.path.lexists(path) and name not in listed:
+            found += [file for file in inside if file not in listed or (folder / file).is_symlink()]
+        elif os.path.lexists(path) and (name not in listed or path.is_symlink()):
             found.append(name)
     return found
 
@@ -63,13 +92,15 @@ def remove(folder: Path) -> None:
     Raises:
         OSError: something cannot be removed.
     """
+    names = ours(folder) - {MANIFEST}
     # Manifests go last, so that the next run can go on if this one is interrupted.
-    for name in sorted(ours(folder) - {MANIFEST}, key=lambda name: name.endswith(MANIFEST)):
-        inner = (folder / name).parent
-        (folder / name).unlink(missing_ok=True)
-        if inner != folder:
-            shutil.rmtree(inner / PART, ignore_errors=True)
-        _remove_empty(inner, folder)
+    for name in sorted(names, key=lambda name: name.endswith(MANIFEST)):
+        file = folder / name
+        if not file.is_symlink() and not file.is_dir():
+            file.unlink(missing_ok=True)
+        if file.name == MANIFEST:  # of an inner folder
+            shutil.rmtree(file.parent / PART, ignore_errors=True)
+        _remove_empty(file.parent, folder)
 
 
 def files(folder: Path) -> list[str]:
@@ -78,20 +109,21 @@ def files(folder: Path) -> list[str]:
 
 
 def _lines(folder: Path) -> list[str]:
+    """What the manifest lists; a link is no manifest."""
+    manifest = folder / MANIFEST
     try:
-        return (folder / MANIFEST).read_text(encoding="utf-8").splitlines()
+        return [] if manifest.is_symlink() else manifest.read_text(encoding="utf-8").splitlines()
     except (OSError, ValueError):
         return []
 
 
 def _within(folder: Path, name: str) -> bool:
+    """Whether a path leads to a place in the folder, with no link and no other result folder on the way."""
     parts = Path(name).parts
-    inner = [folder.joinpath(*parts[: k + 1]) for k in range(len(parts) - 1)]
-    return bool(parts) and ".." not in parts and not os.path.isabs(name) and not any(map(Path.is_symlink, inner))
-
-
-def _folders(folder: Path) -> list[Path]:
-    return [path for path in folder.iterdir() if path.is_dir() and not path.is_symlink() and path.name != PART]
+    if not parts or ".." in parts or os.path.isabs(name):
+        return False
+    way = [folder.joinpath(*parts[: k + 1]) for k in range(len(parts) - 1)]
+    return not any(path.is_symlink() or os.path.lexists(path / MANIFEST) for path in way)
 
 
 def _files(folder: Path) -> Iterator[Path]:

@@ -17,6 +17,7 @@ from signorini_fx.accuracy import level_results, stress_recovery
 from signorini_fx.algorithms import ssn
 from signorini_fx.linalg import callbacks, multigrid, schur
 from signorini_fx.machine import signals
+from signorini_fx.manifest import MANIFEST
 from signorini_fx.problem import exact, regularised, tangent
 from signorini_fx.records import History
 from signorini_fx.results import files
@@ -96,8 +97,12 @@ def older(tmp_path_factory):
 def left_alone(older, folder):
     """Whether a folder is as it was, but for what an interrupted run can be gone on from."""
     added = {path.name for path in folder.iterdir()} - {path.name for path in older.iterdir()}
-    same = all((folder / path.name).read_bytes() == path.read_bytes() for path in older.iterdir())
-    return same and added <= {"checkpoint", "last_level"}
+    kept = [path for path in older.iterdir() if path.name != MANIFEST]
+    same = all((folder / path.name).read_bytes() == path.read_bytes() for path in kept)
+    lines, older_lines = (set((place / MANIFEST).read_text().split("\n")) for place in (folder, older))
+    # The manifest lists what the interrupted run has made, so that the next one may remove it.
+    listed = {f"{name}/" for name in added} <= lines and older_lines <= lines
+    return same and listed and added <= {"checkpoint", "last_level"}
 
 
 class Enough(Exception):

@@ -121,7 +121,8 @@ def test_what_a_killed_run_leaves(tmp_path, monkeypatch):
     """Its checkpoint, its last mesh and its hidden folders are known to the next run, which removes them."""
     scene, out = parse_scene(tomllib.loads(SCENE)), tmp_path / "out"
     solution = solve(scene, SELF, checkpoint=out)
-    files.write_results(solution, out / files.LAST_LEVEL, fields=False, pictures=False)
+    with ResultFolder(SELF, out / files.LAST_LEVEL, files.FILES, inner=True) as inner:
+        files.write_results(solution, inner, fields=False, pictures=False)
     (out / "checkpoint" / manifest.PART).mkdir()
     (out / "checkpoint" / manifest.PART / "half").write_text("half")
     (out / manifest.PART).mkdir()
@@ -204,18 +205,18 @@ def test_what_is_no_longer_listed(tmp_path):
 
 
 def test_what_is_not_complete(tmp_path):
-    """A folder under way, and what a manifest in it says, is no result; manifests are the last to go."""
-    (tmp_path / "inner").mkdir()
+    """A folder under way, and what a manifest in it says, is no result."""
+    manifest.begin_inner(tmp_path, "inner")
+    (tmp_path / manifest.PART).mkdir()
     for folder in (tmp_path / manifest.PART, tmp_path / "inner"):
-        folder.mkdir(exist_ok=True)
         (folder / "a.csv").touch()
         manifest.add(folder, ["a.csv"])
-    assert manifest.ours(tmp_path) == {"inner/a.csv", f"inner/{manifest.MANIFEST}"}
+    assert manifest.ours(tmp_path) == {manifest.MANIFEST, "inner/a.csv", f"inner/{manifest.MANIFEST}"}
 
 
 def test_manifests_go_last(tmp_path, monkeypatch):
     """So that the next run can go on where this one is interrupted."""
-    (tmp_path / "inner").mkdir()
+    manifest.begin_inner(tmp_path, "inner")
     (tmp_path / "inner" / "z.csv").touch()
     manifest.add(tmp_path / "inner", ["z.csv"])
     removed = []
@@ -223,3 +224,22 @@ def test_manifests_go_last(tmp_path, monkeypatch):
     monkeypatch.setattr(Path, "unlink", lambda path, **how: removed.append(path.name) or plain(path, **how))
     manifest.remove(tmp_path)
     assert removed == ["z.csv", manifest.MANIFEST]
+
+
+def test_results_of_another_run_in_an_inner_folder(solution, tmp_path):
+    """A folder named as one that a run makes is a result of its own where another run has filled it, and nobody fills
+    the folder that a run has made.
+    """
+    files.write_results(solution, tmp_path / files.LAST_LEVEL, fields=False, pictures=False)
+    before = content(tmp_path / files.LAST_LEVEL)
+    with pytest.raises(OutputError, match=r"last_level/.*: no earlier run"):
+        ResultFolder(SELF, tmp_path, (*files.FILES, *files.INNER))
+    files.write_results(solution, tmp_path, fields=False, pictures=False)
+    assert content(tmp_path / files.LAST_LEVEL) == before
+    with ResultFolder(SELF, tmp_path / "out", (*files.FILES, *files.INNER)):
+        with ResultFolder(SELF, tmp_path / "out" / files.LAST_LEVEL, files.FILES, inner=True) as inner:
+            files.write_results(solution, inner, fields=False, pictures=False)
+        before = content(tmp_path / "out")
+        with pytest.raises(OutputError, match=r"belongs to the run into .*out/: choose another folder"):
+            files.write_results(solution, tmp_path / "out" / files.LAST_LEVEL, fields=False, pictures=False)
+        assert content(tmp_path / "out") == before

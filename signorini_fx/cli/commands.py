@@ -70,7 +70,8 @@ def solve(options: argparse.Namespace) -> int:
     chosen_format(fields)  # fail early if it cannot be written
 
     def write_level(solution: Solution) -> None:
-        files.write_results(solution, path / files.LAST_LEVEL, fields=fields, pictures=False)
+        with ResultFolder(comm, path / files.LAST_LEVEL, files.FILES, inner=True) as inner:
+            files.write_results(solution, inner, fields=fields, pictures=False)
         progress.last_level = path / files.LAST_LEVEL
 
     line = ProgressLine()
@@ -85,7 +86,7 @@ def solve(options: argparse.Namespace) -> int:
     # Watched on all ranks or on none, shown by the first.
     watched = parallel.on_root(comm, lambda: not options.quiet and terminal.is_terminal(sys.stderr))
     try:
-        with ResultFolder(comm, path, files.FILES) as folder:
+        with ResultFolder(comm, path, (*files.FILES, *files.INNER)) as folder:
             try:
                 solution = solver.solve(
                     scene,

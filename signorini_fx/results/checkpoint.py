@@ -35,7 +35,7 @@ from signorini_fx.scene.model import Scene
 Nodal = npt.NDArray[np.float64]
 Figures = dict[str, Any]
 
-_FORMAT = 3
+_FORMAT = 4
 _SCENE, _FIGURES, _NODES, _FIELD = "scene.json", "figures.json", "nodes.npz", "displacement.bin"
 # Nodes are the same if their positions agree to this share of the size of the body.
 _SAME = 1e-9
@@ -187,8 +187,9 @@ class Checkpoint:
                 if not self._begun:
                     if self.path.is_dir():
                         manifest.remove(self.path)
-                    self.path.mkdir(parents=True, exist_ok=True)
-                    manifest.add(self.path, [_SCENE], alone=True)
+                    self.path.parent.mkdir(parents=True, exist_ok=True)
+                    manifest.begin_inner(self.path.parent, self.path.name)
+                    manifest.add(self.path, [_SCENE], alone=True, inner=True)
                     told = {"format": _FORMAT, "scene": _described(self._scene)}
                     (self.path / _SCENE).write_text(json.dumps(told), encoding="utf-8")
                 shutil.rmtree(self.path / manifest.PART, ignore_errors=True)

@@ -35,7 +35,7 @@ from signorini_fx.scene.values import kind_of
 T = TypeVar("T")
 # The result of the last completed mesh, while the next one is being solved.
 LAST_LEVEL = "last_level"
-# Everything that a run may write, although some files are written by some runs only, and the report of its result.
+# All files of a result, although some are written by some runs only, and its report.
 FILES = (
     *(
         "history.csv",
@@ -57,9 +57,9 @@ FILES = (
     TURNING,
     *(f"field_{name}.{kind}" for name in FIELDS for kind in ("png", "pdf")),
     "report.html",
-    LAST_LEVEL,
-    CHECKPOINT,
 )
+# Folders that a solve fills on its way, and removes at its end.
+INNER = (LAST_LEVEL, CHECKPOINT)
 # The columns that come first in the table of all load steps, and those that it leaves out.
 _CONSTANT_COLUMNS = ("against", "gap", "slip", "slip_x", "slip_y", "slip_z", "weight", "n_x", "n_y", "n_z")
 _LEADING_COLUMNS = ("x", "y", "z", "s", "boundary")

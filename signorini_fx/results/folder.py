@@ -13,7 +13,7 @@ import errno
 import fcntl
 import os
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Self
 
@@ -38,6 +38,7 @@ class ResultFolder:
         comm: the ranks of the run.
         path: made if it does not exist.
         names: the files and folders that the run may write.
+        inner: whether it belongs to the run that has claimed the folder above, which removes it at its end.
 
     Attributes:
         part: where to write what ``commit`` will move into place.
@@ -47,11 +48,12 @@ class ResultFolder:
             no earlier run has written.
     """
 
-    def __init__(self, comm: MPI.Comm, path: str | Path, names: Iterable[str]) -> None:
+    def __init__(self, comm: MPI.Comm, path: str | Path, names: Iterable[str], *, inner: bool = False) -> None:
         if not str(path):
             raise OutputError("a result folder has a name: '.' is the current folder")
         self._comm = comm
         self._names = (SUMMARY, *names)
+        self._inner = inner
         self._made = False
         self.path = Path(path)
         self.part = self.path / manifest.PART
@@ -88,12 +90,12 @@ class ResultFolder:
         def move() -> None:
             try:
                 new = manifest.files(self.part)
-                self._refuse_foreign(new)
+                self._refuse(manifest.foreign(self.path, new))
                 # Listed before they are there: if this is interrupted, the next run knows them.
                 manifest.add(self.path, new)
                 (self.path / SUMMARY).unlink(missing_ok=True)
                 manifest.remove(self.path)
-                manifest.add(self.path, new, alone=True)
+                manifest.add(self.path, new, alone=True, inner=self._inner)
                 for name in sorted(new, key=lambda name: name == SUMMARY):
                     (self.path / name).parent.mkdir(parents=True, exist_ok=True)
                     (self.part / name).replace(self.path / name)
@@ -107,9 +109,9 @@ class ResultFolder:
         with signals.deferred():  # the older result goes and the new one comes as a whole
             parallel.on_root(self._comm, move)
 
-    def _refuse_foreign(self, names: Iterable[str]) -> None:
-        if found := manifest.foreign(self.path, names):
-            listed = ", ".join(found[:5]) + (f" and {len(found) - 5} more" if len(found) > 5 else "")
+    def _refuse(self, foreign: Sequence[str]) -> None:
+        if foreign:
+            listed = ", ".join(foreign[:5]) + (f" and {len(foreign) - 5} more" if len(foreign) > 5 else "")
             raise OutputError(
                 f"{self.path}: {listed}: no earlier run lists this as its own, so it stays: move it, or choose another "
                 "folder"
@@ -130,10 +132,15 @@ class ResultFolder:
     def _claim(self) -> None:
         try:
             self._made = not self.path.exists()
+            if self._inner:
+                self._refuse(manifest.foreign(self.path.parent, [self.path.name]))
+                manifest.begin_inner(self.path.parent, self.path.name)
+            elif manifest.is_inner(self.path):
+                raise OutputError(f"{self.path}: belongs to the run into {self.path.parent}/: choose another folder")
             self.path.mkdir(parents=True, exist_ok=True)
             self._lock = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)
             _lock(self._lock)
-            self._refuse_foreign(self._names)
+            self._refuse(manifest.foreign(self.path, self._names))
             shutil.rmtree(self.part, ignore_errors=True)
             self.part.mkdir()
         except OutputError:

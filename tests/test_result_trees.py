@@ -1,0 +1,201 @@
+"""In any tree of folders a run removes and replaces only what an earlier run into the same folder has written."""
+
+import os
+import random
+import shutil
+import tomllib
+from functools import partial
+from pathlib import Path
+
+import pytest
+from mpi4py import MPI
+from scenes import alone, example1
+
+from signorini_fx import manifest
+from signorini_fx.cli import main
+from signorini_fx.errors import OutputError, ResultError
+from signorini_fx.report.page import write_report
+from signorini_fx.results import files
+from signorini_fx.results.folder import ResultFolder
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
+from signorini_fx.studies import files as study_files
+from signorini_fx.studies import parameter_study, work_precision
+from signorini_fx.studies.work_precision import Study
+
+SELF = MPI.COMM_SELF
+SCENE = """
+mesh = { generator = "rectangle", parameters = { nx = 4, ny = 2 } }
+material = { young = 5000.0, poisson = 0.4 }
+solver = { levels = 2 }
+[[displacement]]
+boundary = "top"
+x = 0.0
+y = -0.01
+[[contact]]
+boundary = "bottom"
+"""
+NAMES = ("a", "b", "results", "vtu", "checkpoint", "last_level", "displacement.bp", "0-00000")
+STRANGERS = (
+    *("notes.txt", "contact.csv", "summary.json", "history.csv", "sweep.csv", "work_precision.csv", "report.html"),
+    *("stress.bp", "vtu/a.vtu", "checkpoint/0-00000/mine.npz", "last_level/summary.json", "last_level/mine"),
+)
+
+
+def every(root):
+    """All files and links below a folder: what is in them, where they lead."""
+    found = {}
+    for place, folders, names in os.walk(root):
+        for name in (*folders, *names):
+            path = Path(place, name)
+            if path.is_symlink():
+                found[path] = os.readlink(path)
+            elif path.is_file():
+                found[path] = path.read_bytes()
+    return found
+
+
+def lines(file):
+    """The lines of a file; none if there is no such file."""
+    return file.read_text().splitlines() if file.is_file() and not file.is_symlink() else []
+
+
+class Tree:
+    """A tree of folders that remembers which folder's run has written each file."""
+
+    def __init__(self, root, solution, killed, chance):
+        self.root, self.solution, self.killed, self.chance = root, solution, killed, chance
+        self.writer = {}  # of each file: the folder that the run was told to fill; None: a stranger
+
+    def run(self, folder, run):
+        """Run something that fills a folder, and check that all that others have written is still there."""
+        before = every(self.root)
+        refused = False
+        try:
+            refused = run(folder) == 2
+        except OutputError:
+            refused = True
+        after = every(self.root)
+        lost = {path for path in before if after.get(path) != before[path]}
+        # The report of an intermediate result goes with it.
+        owner = folder.parent if "../" in lines(folder / manifest.MANIFEST) else folder
+        assert {path for path in lost if self.writer.get(path) != owner} == set()
+        if refused:
+            assert {path for path in lost if path.name != manifest.MANIFEST} == set()
+        self.writer = {path: self.writer.get(path) for path in after}
+        self.writer.update({path: owner for path in after if path not in before or path in lost})
+        return refused
+
+    def grow(self, folder, depth):
+        """Random results, strangers' files, links and half-written runs, in a folder and below it."""
+        folder.mkdir(exist_ok=True)
+        for what in self.chance.sample(("result", "fields", "killed", "level", "part", "file", "link"), 3):
+            self.put(folder, what)
+        for name in self.chance.sample(NAMES, self.chance.randrange(3) if depth else 0):
+            if not (folder / name).exists():
+                self.grow(folder / name, depth - 1)
+
+    def put(self, folder, what):
+        """One thing in a folder."""
+        if what in ("result", "fields"):
+            self.run(folder, partial(write, self.solution, what == "fields"))
+        elif what == "killed" and not any(folder.iterdir()):
+            shutil.copytree(self.killed, folder, dirs_exist_ok=True)
+            self.writer.update(dict.fromkeys(every(folder), folder))
+        elif what == "level":
+            self.run(folder, partial(write_level, self.solution))
+        elif what == "part" and not (folder / manifest.PART).exists():
+            (folder / manifest.PART).mkdir()
+            (folder / manifest.PART / "half").write_text("half")
+            self.writer[folder / manifest.PART / "half"] = folder
+        elif what == "file":
+            path = folder / self.chance.choice(STRANGERS)
+            if not os.path.lexists(path) and not any(map(Path.is_symlink, path.parents)):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(f"mine {path}")
+                self.writer[path] = None
+        elif what == "link":
+            path = folder / self.chance.choice((*NAMES, *STRANGERS[:8], manifest.MANIFEST))
+            if not os.path.lexists(path):
+                path.symlink_to(self.chance.choice([self.root / "outside", self.root / "outside" / "mine.txt"]))
+                self.writer[path] = None
+
+
+def write(solution, fields, folder):
+    """The files of a solution."""
+    files.write_results(solution, folder, fields="vtu" if fields else False, pictures=False)
+
+
+def write_level(solution, folder):
+    """The result of a coarser mesh, as a solve writes it."""
+    with (
+        ResultFolder(SELF, folder, (*files.FILES, *files.INNER)),
+        ResultFolder(SELF, folder / files.LAST_LEVEL, files.FILES, inner=True) as inner,
+    ):
+        files.write_results(solution, inner, fields=False, pictures=False)
+
+
+def report(folder):
+    """The report of a result folder; a folder without a result has none."""
+    try:
+        write_report(folder)
+    except (ResultError, OutputError):
+        return 2
+    return 0
+
+
+@pytest.fixture(scope="module")
+def solution():
+    """A small solution."""
+    return alone(example1(bound=1.5, nx=6, ny=2))
+
+
+@pytest.fixture(scope="module")
+def killed(tmp_path_factory, solution):
+    """What a run leaves that was killed after its first mesh."""
+    folder = tmp_path_factory.mktemp("killed") / "out"
+    solve(parse_scene(tomllib.loads(SCENE)), SELF, checkpoint=folder)
+    with ResultFolder(SELF, folder / files.LAST_LEVEL, files.FILES, inner=True) as inner:
+        files.write_results(solution, inner, fields=False, pictures=False)
+    (folder / manifest.PART).mkdir()
+    (folder / manifest.PART / "half").write_text("half")
+    return folder
+
+
+@pytest.mark.parametrize("seeds", [range(6), pytest.param(range(6, 306), marks=pytest.mark.long)], ids=["few", "many"])
+def test_what_is_not_of_this_run_stays(seeds, solution, killed, tmp_path, monkeypatch, capsys):
+    """In random trees every command is run on each level in a random order: what others have written stays as it is."""
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE)
+    # The studies write their files as always; what is in them does not matter here.
+    row = {"method": "m", "size": 1.0, "seconds": 1.0, "status": "converged"}
+    monkeypatch.setattr(work_precision, "run_study", lambda *_, **__: Study(None, [row], {}, "", 0.0))
+    monkeypatch.setattr(study_files, "write_study", lambda _, part, **__: (part / "work_precision.csv").write_text("w"))
+    monkeypatch.setattr("signorini_fx.studies.conclusions.advice", lambda _: "")
+    monkeypatch.setattr(parameter_study, "run", lambda *_: None)
+    monkeypatch.setattr(parameter_study, "write", lambda _, part: (part / "sweep.csv").write_text("s"))
+    monkeypatch.setattr("signorini_fx.cli.commands.EXIT_NO_SOLUTION", 0)
+    refusals = runs = 0
+    for seed in seeds:
+        chance = random.Random(seed)
+        root = tmp_path / str(seed)
+        (root / "outside").mkdir(parents=True)
+        (root / "outside" / "mine.txt").write_text("mine")
+        tree = Tree(root, solution, killed, chance)
+        tree.grow(root / "top", 2)
+        commands = [
+            lambda out: main(["solve", str(scene), "--out", str(out), "--no-fields", "--no-pictures", "--quiet"]),
+            lambda out: main(["sweep", str(scene), "--out", str(out), "--set", "material.young=1:2:2"]),
+            lambda out: main(["work-precision", str(scene), "--out", str(out)]),
+            report,
+            partial(write, solution, False),
+            partial(write, solution, True),
+        ]
+        levels = [Path(place) for place, _, _ in os.walk(root / "top") if not place.endswith(manifest.PART)]
+        for folder in chance.sample(levels, min(len(levels), 4)):
+            for command in chance.sample(commands, 2):
+                refusals += tree.run(folder, command)
+                runs += 1
+        capsys.readouterr()
+        shutil.rmtree(root)
+    assert 0 < refusals < runs
