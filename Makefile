@@ -62,8 +62,8 @@ oracle:     ## check 5,000 random scenes with a program that shares no code with
 mutants:    ## put small mistakes into copies of the package, and report which of them no test notices (docs/mutants.md)
 	./env python3 -m stability.mutants
 
-docs: $(SPHINX)  ## build README, docs/, demos and docstrings as a site (build/docs/docs/index.html)
-	PYTHONPATH=$(SPHINX) python3 -m sphinx -q -n -W --keep-going -c docs . build/docs
+docs: $(SPHINX)  ## build README, docs/, demos and docstrings as a site; warnings are errors (build/docs/docs/index.html)
+	PYTHONPATH=$(SPHINX) python3 -m sphinx -q -E -n -W --keep-going -c docs . build/docs
 
 dist: $(BUILD)  ## make an archive of the sources and a wheel, and check them (dist/)
 	rm -rf dist build/installed

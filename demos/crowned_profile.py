@@ -5,7 +5,7 @@
 # the pressure: here $g(s) = c_1 s^2 + c_2 s^4 + c_3 s^{16}$. The force is prescribed, so that the largest pressure
 # cannot be below the mean one, $P / 2a$, where the mesh adds half a cell to each end. Its smooth form is minimised:
 #
-# $$\min_c \; \Big( \frac{1}{|\Gamma|} \int_\Gamma \lambda^{20} \Big)^{1/20}.$$
+# $$\min_c \; \Bigl( \frac{1}{|\Gamma|} \int_\Gamma \lambda^{20} \Bigr)^{1/20}.$$
 #
 # One adjoint solve gives its derivatives by all parameters, which are Constants of the gap.
 

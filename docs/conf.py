@@ -12,8 +12,10 @@ from typing import Any
 import pydantic
 import sphinx.util.typing as sphinx_typing
 from docutils import nodes
+from docutils.utils.math import MathError
 from docutils.utils.math.latex2mathml import tex2mathml
 from myst_parser.parsers.sphinx_ import MystParser
+from sphinx.util import logging
 
 _ROOT = Path(__file__).resolve().parent.parent
 _PACKAGE = (_ROOT / "signorini_fx" / "__init__.py").read_text(encoding="utf-8")
@@ -144,7 +146,11 @@ napoleon.GoogleDocstring._consume_inline_attribute = _inline
 def _formula(writer: Any, node: nodes.Element) -> None:
     """A formula as MathML, which browsers draw by themselves."""
     block = isinstance(node, nodes.math_block)
-    formula = tex2mathml(node.astext(), as_block=block)
+    try:
+        formula = tex2mathml(node.astext(), as_block=block)
+    except MathError as error:
+        logging.getLogger(__name__).warning("this formula cannot be shown: %s", error, location=node)
+        raise nodes.SkipNode from None
     writer.body.append(
         f'<div class="math" style="overflow-x: auto; padding: 0.6em 0">{formula}</div>' if block else formula
     )

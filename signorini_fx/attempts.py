@@ -65,6 +65,10 @@ AUGMENTED_NEWTON = Attempt(
     "the same with friction bounds that follow the pressure, where there is a monolithic form: it finds what no fixed "
     "point does near a limit load",
 )
+REGULARISED = Attempt(
+    "ssn in place of alm",
+    "all that is tried with `ssn`, then augmentation from its solution, or else that solution, with its regularisation",
+)
 AGAIN = Attempt(
     "from the first load step by augmentation",
     "in a ramp with Coulomb friction, once, at its first load step that fails or is hard: all load steps begin with "
@@ -95,7 +99,7 @@ PLAN: dict[str, tuple[Attempt, ...]] = {
         BOTH,
     ),
     "Coulomb friction": (FIXED_POINT, MONOLITHIC, AUGMENTED, AUGMENTED_NEWTON, *DAMPED.values()),
-    "load step": (METHOD, AUGMENTED, AGAIN, WITHOUT, HALF),
+    "load step": (METHOD, AUGMENTED, REGULARISED, AGAIN, WITHOUT, HALF),
     "mesh": (COARSER,),
 }
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from signorini_fx.machine.terminal import printable
+
 # The columns of a table by name, arrays of one entry per row.
 Table = Mapping[str, Any]
 # What begins a formula in Excel, LibreOffice or Google Sheets; the apostrophe is their sign for text.
@@ -13,7 +15,8 @@ _TEXT = "'"
 
 
 def as_text(name: str) -> str:
-    """A name with an apostrophe before it where it would be a formula, or looks as if it had got one."""
+    """A name without control characters, with an apostrophe where it would be a formula, or seems to have got one."""
+    name = printable(name)
     return f"{_TEXT}{name}" if name.lstrip(_TEXT).startswith(_FORMULA) else name
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
 
+from signorini_fx.machine.terminal import printable
 from signorini_fx.records import Status
 from signorini_fx.units import is_axisymmetric, is_twisted
 
@@ -13,12 +14,15 @@ from signorini_fx.units import is_axisymmetric, is_twisted
 def html_table(columns: Sequence[str], rows: Iterable[Sequence[Any]], caption: str = "") -> str:
     """A table in HTML; numbers with six digits."""
 
-    def cell(value: Any) -> str:
-        return escape(f"{value:.6g}" if isinstance(value, float) else str(value))
+    def safe(text: str) -> str:
+        return escape(printable(text))
 
-    head = "".join(f"<th>{escape(name)}</th>" for name in columns)
+    def cell(value: Any) -> str:
+        return safe(f"{value:.6g}" if isinstance(value, float) else str(value))
+
+    head = "".join(f"<th>{safe(name)}</th>" for name in columns)
     body = "".join(f"<tr>{''.join(f'<td>{cell(value)}</td>' for value in row)}</tr>" for row in rows)
-    return f"<table><caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    return f"<table><caption>{safe(caption)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
 def clean(value: Any, scale: float) -> Any:
@@ -40,6 +44,19 @@ def storage(size: float) -> str:
     if size < 1e6:
         return "below 1 MB"
     return f"{size / 1e6:.0f} MB" if size < 1e9 else f"{size / 1e9:.1f} GB"
+
+
+def status_in_words(summary: dict[str, Any]) -> str:
+    """How a solve has ended, and whether its scene lacks something of what was meant."""
+    return str(summary["status"]) + (", incomplete" if summary.get("incomplete") else "")
+
+
+def deformation_in_words(figures: dict[str, float]) -> str:
+    """How small the deformation is."""
+    return (
+        f"strains and rotations of {figures['gradient']:.1e} on average, displacements of at most "
+        f"{figures['displacement']:.1e} times the size of the body"
+    )
 
 
 def touch_each_other(summary: dict[str, Any]) -> bool:

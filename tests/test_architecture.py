@@ -76,7 +76,7 @@ def test_the_core_stands_alone(folder):
 def test_the_core_is_small():
     """Lines of its packages, comments and docstrings included."""
     files = [path for folder in architecture.CORE for path in (PACKAGE / folder).glob("*.py")]
-    assert sum(len(path.read_text(encoding="utf-8").splitlines()) for path in files) <= 7300
+    assert sum(len(path.read_text(encoding="utf-8").splitlines()) for path in files) <= 7600
 
 
 def test_algorithms_and_linear_algebra_are_strangers():

@@ -26,6 +26,7 @@ from signorini_fx.check.petsc_options import refuse_mistyped
 from signorini_fx.cli.options import parsed_accuracy, parsed_budget
 from signorini_fx.csv_text import as_name, as_text
 from signorini_fx.errors import MachineError, MeshError, OptionsError, OutputError, ResultError, SceneError
+from signorini_fx.forms.options import applied
 from signorini_fx.linalg import options
 from signorini_fx.machine import compilation, requirements, terminal
 from signorini_fx.mesh.files.formats import read_file
@@ -315,6 +316,32 @@ def test_right_options(petsc):
     petsc["sfx_snes_monitor"] = None
     refuse_mistyped(COMM)
     assert all(petsc.hasName(options.PREFIX + key) for key in (*RIGHT, "snes_monitor"))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "said",
+    [
+        *(f"snes_type {kind}" for kind in ("ngmres", "nrichardson", "qn", "ncg", "ngs", "anderson", "ms", "ksponly")),
+        *("snes_mf", "snes_mf true", "snes_mf_operator", "snes_fd", "snes_fd_color"),
+        *("snes_convergence_test default", "snes_lag_jacobian 2", "npc_snes_type ngmres"),
+    ],
+)
+def test_options_that_exchange_the_method(petsc, said):
+    """They are refused by name, in scenes and in forms; what leaves the method as it is, is not."""
+    name, _, value = said.partition(" ")
+    message = f"^PETSc option -sfx_{said}: it would take the place of the semi-smooth Newton method"
+    petsc[options.PREFIX + name] = value or None
+    with pytest.raises(OptionsError, match=message):
+        refuse_mistyped(COMM)
+    with pytest.raises(OptionsError, match=message), applied("other_", {}):
+        pass
+    petsc.delValue(options.PREFIX + name)
+    with pytest.raises(OptionsError, match=message), applied("other_", {name: value or None}):
+        pass
+    for other, kept in (("snes_type", "newtonls"), ("snes_lag_jacobian", "1"), ("snes_mf", "false")):
+        petsc[options.PREFIX + other] = kept
+    refuse_mistyped(COMM)
 
 
 @pytest.mark.mpi

@@ -203,12 +203,13 @@ def test_getfem_comes_to_the_same_forces_of_two_bodies():
 
 
 def test_the_deck_for_calculix(tmp_path, capsys, monkeypatch):
-    """Its draft leaves out how soft contact is; without ccx nothing is compared."""
+    """Its draft is whole; without ccx nothing is compared."""
     deck, scene = tmp_path / "block.inp", tmp_path / "draft.toml"
     deck.write_text(calculix.block(4, "coulomb"))
-    text, left_out, _ = draft(deck, read_file(deck), scene)
-    assert [line.split(": ")[1] for line in left_out] == ["soft contact", "soft sticking"]
-    scene.write_text(calculix.of_block(text))
+    drafted = draft(deck, read_file(deck), scene)
+    assert not drafted.lost
+    assert not drafted.noted
+    scene.write_text(calculix.of_block(drafted.text))
     solution = solve(read_scene(scene), MPI.COMM_SELF)
     assert solution.certificate.holds
     assert solution.scene.contact[0].against is None

@@ -133,6 +133,20 @@ def test_one_node_of_many(algorithm):
     refused(certificate, "equilibrium")
 
 
+@pytest.mark.parametrize("algorithm", ["alm", "exact"])
+def test_shear_along_the_normal(algorithm):
+    """A part of the pressure that is called shear does the same to the body: it is refused all the same."""
+    solution = solved("Tresca", algorithm)
+    tractions, boundary = Tractions.of(solution.contact), solution.contact.boundary
+    sticks = np.linalg.norm(tractions.shear, axis=1) < 0.5 * 1.5  # so that the bound is kept
+    part = np.where(sticks, 1e-3 * tractions.pressure, 0.0)
+    assert part.max() > 0
+    shear = tractions.shear + part[:, None] * boundary.normal
+    found = judged(solution, pressure=lambda pressure: pressure - part, shear=lambda _: shear)
+    refused(found, "friction_cone")
+    assert found.equilibrium < CERTIFICATE_TOLERANCE
+
+
 KINDS = {
     "shear the other way": ({"shear": lambda c: -Tractions.of(c).shear}, ("equilibrium", "wrong_way_slip")),
     "no shear": ({"shear": lambda c: 0 * Tractions.of(c).shear}, ("equilibrium",)),

@@ -78,10 +78,12 @@ def kept_of(found, keep):
     rows = np.repeat(keep, 2)
     lost = parallel.global_sum(COMM, found.weight[~keep].sum())
     assert lost > 0.1
-    kept = {name: getattr(found, name)[keep] for name in ("nodes", "weight", "normal", "distance", "slave", "master")}
-    return replace(
-        found, **kept, turning=found.turning[rows], alone=found.alone[keep], covered=found.covered - float(lost)
-    )
+    kept = {
+        name: getattr(found, name)[keep]
+        for name in ("nodes", "weight", "normal", "distance", "slave", "master", "centre")
+    }
+    kept |= {name: getattr(found, name)[rows] for name in ("slave_turning", "master_turning")}
+    return replace(found, **kept, alone=found.alone[keep], covered=found.covered - float(lost))
 
 
 def smaller(slave, master, *rest, **settings):

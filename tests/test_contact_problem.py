@@ -330,6 +330,69 @@ def test_a_solve_begins_with_the_sets_of_the_last_one():
     assert block.problem.history.linear_solves - first < first / 2
 
 
+@pytest.mark.mpi
+@pytest.mark.parametrize("counts", [(12, 4), (6, 2, 2)])
+@pytest.mark.parametrize("algorithm", ["ssn", "alm"])
+def test_directions_that_change_after_a_step(counts, algorithm):
+    """The old shear is along the new direction, for solver and certificate, and what was tried before has no effect."""
+    dim = len(counts)
+
+    def begun():
+        block = Block(counts)
+        direction = fem.Constant(block.mesh, -np.eye(dim)[-1])
+        floor = Foundation(block.bottom, friction=Coulomb(0.5), direction=direction)
+        problem = ContactProblem(block.a, block.L, block.bcs, floor, algorithm=algorithm)
+        block.aside.value = 0.002
+        problem.solve()
+        problem.advance()
+        return block, direction, problem
+
+    (block, direction, problem), (_, other, direct) = begun(), begun()
+    for tilt in (0.3, -0.2, 0.05, 0.04):
+        direction.value[0] = tilt
+        problem.solve()
+        assert problem.certificate.holds
+    other.value[0] = 0.04
+    # Augmentation stops at changes of 1e-7.
+    assert np.abs(problem.u.x.array - direct.solve().x.array).max(initial=0) <= 1e-7 * 0.01
+    sizes = (problem.state.shear, problem.state.pressure)
+    shear, pressure = (COMM.allreduce(np.abs(one).max(initial=0), MPI.MAX) for one in sizes)
+    assert shear > 0.1 * pressure > 0
+    problem.advance()
+    block.aside.value = 0.004
+    problem.solve()
+    assert problem.certificate.holds
+
+
+@pytest.mark.parametrize("settings", [{}, {"coulomb": "newton"}, {"linear_algebra": "full"}])
+def test_places_that_are_tried_in_a_step(settings):
+    """A circle on a block: wherever it has been since the last step, the result is that of its last place, and a place
+    that is near the last one takes one or two linear solves.
+    """
+
+    def begun():
+        block = Block((24, 8))
+        bottom = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(block.V, 1, block.bottom), block.V)
+        circle = {"shape": "circle", "centre": (1.2, 1.5), "radius": 0.5}
+        wheel = Foundation(block.top, shape=circle, friction=Coulomb(0.3))
+        problem = ContactProblem(block.a, block.L, [bottom], wheel, **settings)
+        problem.place(0, shift=(0.0, -0.03))
+        problem.solve()
+        problem.advance()
+        return problem
+
+    problem, direct = begun(), begun()
+    for shift, most in ((0.5, None), (0.01, None), (0.0101, 2), (0.0102, 2), (0.0005, None)):
+        before = problem.history.linear_solves
+        problem.place(0, shift=(shift, -0.03))
+        problem.solve()
+        assert problem.certificate.worst < 1e-9
+        assert most is None or problem.history.linear_solves - before <= most
+    direct.place(0, shift=(0.0005, -0.03))
+    direct.solve()
+    assert np.abs(problem.u.x.array - direct.u.x.array).max() <= 1e-12 * 0.03
+
+
 def test_path_following_reaches_the_error_asked_for():
     """Of a body that is deformed by what is prescribed, in the energy norm."""
     friction, allowed = Coulomb(0.3), 0.03
@@ -347,6 +410,28 @@ def test_what_is_not_certified_is_no_solution(monkeypatch):
     with pytest.raises(ConvergenceError, match="certificate does not hold"):
         block.problem.solve()
     assert block.problem.status is Status.NOT_CERTIFIED
+
+
+def test_after_a_solve_without_a_solution_the_next_one_begins_where_it_began(monkeypatch):
+    """Back at its loads a problem is solved as if nothing had been tried in between."""
+    solves = []
+    for fails in (False, True):
+        block = Block(friction=Tresca(2.0), gap=lambda x: 0.004 * (x[0] - 1.5) ** 2)
+        block.problem.solve()
+        exact = block.problem.u.x.array.copy()
+        if fails:
+            block.down.value, block.aside.value, block.load.value = -0.002, 0.01, -50.0
+            with monkeypatch.context() as patch:
+                patch.setattr(contact_problem, "certify", lambda *given: Certificate(equilibrium=1e-3))
+                with pytest.raises(ConvergenceError):
+                    block.problem.solve()
+            assert np.abs(block.problem.u.x.array - exact).max() > 1e-3
+            block.down.value, block.aside.value, block.load.value = -0.01, 0.0, 0.0
+        before = len(block.problem.history.iterations)
+        block.problem.solve()
+        solves.append(len(block.problem.history.iterations) - before)
+        assert np.abs(block.problem.u.x.array - exact).max() <= 1e-12
+    assert solves[0] == solves[1]
 
 
 # --- outcomes --------------------------------------------------------------------------------------------------------

@@ -380,3 +380,37 @@ def test_after_advance_in_space():
     assert across.derivatives == pytest.approx([0.0, -2.0], abs=1e-9)
     with pytest.raises(RuntimeError, match="depends on the slip"):
         mean(problem, by)
+
+
+@pytest.mark.parametrize("stale", ["factor", "matrix"])
+def test_a_factor_of_other_sets_is_none_of_the_solution(stale):
+    """The last factor of the solver may be that of an earlier iterate, and its matrix that of a later one."""
+    mesh = plain_box((2.0, 1.0), (4, 2))
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    y, z, young = ufl.TrialFunction(space), ufl.TestFunction(space), fem.Constant(mesh, 1000.0)
+    down = np.array([0.002, -0.01])
+    held = fem.dirichletbc(down, fem.locate_dofs_topological(space, 1, side(mesh, 1, 1.0)), space)
+    foundation = Foundation(side(mesh, 1, 0.0), gap=lambda x: 0.01 * x[0], friction=Coulomb(0.3))
+    problem = ContactProblem(
+        young * hooke(y, z, 1.0),
+        fem.Constant(mesh, 0.0) * z[0] * ufl.dx,
+        [held],
+        foundation,
+        linear_algebra="full",
+        coulomb="newton",
+        gamma_n=1e5,
+        gamma_t=1e5,
+    )
+    problem.solve()
+    wanted = problem.gradient("moment 0", [young]).derivatives
+    newton = problem._task.iterate.unsymmetric_newton
+    jacobian, ksp, tangent = newton.snes.getJacobian()[0], newton.snes.getKSP(), newton.problem.tangent
+    right = tangent.inserted[jacobian.handle]
+    if stale == "factor":
+        tangent.insert(jacobian, 0.0 * right)
+    ksp.getPC().setReusePreconditioner(False)
+    ksp.setOperators(jacobian)
+    ksp.setUp()
+    newton.problem.factorised(jacobian)
+    tangent.insert(jacobian, right if stale == "factor" else 0.0 * right)
+    assert problem.gradient("moment 0", [young]).derivatives == pytest.approx(wanted, rel=1e-9)

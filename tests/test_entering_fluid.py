@@ -7,11 +7,14 @@ import pytest
 from mpi4py import MPI
 from spaces import box
 
-from signorini_fx import SceneError
+from signorini_fx import SceneError, parallel
+from signorini_fx.body.joint_loads import JointLoads
+from signorini_fx.body.node_positions import node_positions
+from signorini_fx.check.checks import check_scene
 from signorini_fx.parallel import gather_rows
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import certify
-from signorini_fx.results.entered_fluid import astray
+from signorini_fx.results.joint_loads import astray
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import Law, Tractions
 from signorini_fx.scene.reading import parse_scene
@@ -21,18 +24,18 @@ COMM = MPI.COMM_WORLD
 LENGTH, HEIGHT, LAYER, WEIGHT = 2.0, 1.0, 0.05, 10.0
 
 
-def dam(heavy, level=3.0, dim=2, up=None, notch=0.11, gap=None, **more):
+def dam(heavy, level=3.0, dim=2, up=None, notch=0.11, gap=None, cells=40, closed="none", **more):
     """A stiff block on a thin soft layer without friction, held against the water on its left at a point; a joint at
     its heel is open from the beginning.
     """
-    mesh = {"generator": "rectangle", "parameters": {"length": LENGTH, "height": HEIGHT, "nx": 40, "ny": 20}}
+    mesh = {"generator": "rectangle", "parameters": {"length": LENGTH, "height": HEIGHT, "nx": cells, "ny": 20}}
     at, axis = (LENGTH, LAYER), dim - 1
     held = [{"at": at, "x": 0.0}]
     if dim == 3:
         mesh = box("hexahedra", (20, 1, 10), size=(LENGTH, 1.0, HEIGHT), comm=COMM)
         held = [{"at": (LENGTH, y, 0.1), "x": 0.0} for y in (0.0, 1.0)] + [{"boundary": "front", "y": 0.0}]
     layer = 2 * LAYER if dim == 3 else LAYER
-    fluid = {"boundary": "left", "level": level, "weight": WEIGHT, "enters": ["bottom"]}
+    fluid = {"boundary": "left", "level": level, "weight": WEIGHT, "enters": ["bottom"], "closed": closed}
     return parse_scene(
         {
             "mesh": mesh,
@@ -78,10 +81,9 @@ def test_a_crack_under_a_dam(heavy, solver):
     """The base opens as far as Navier's formula says, to one cell, and the fluid follows it by one point."""
     solution = solve(dam(heavy, solver=solver), COMM)
     state = solution.contact
-    x, wet = along(state, state.fluid)
+    x, wet = along(state, state.joint.pressure)
     _, open_ = along(state, state.pressure == 0.0)
     assert solution.certificate.holds
-    assert solution.safety is None
     assert x[open_ > 0].max() == pytest.approx(crack(heavy), abs=0.05)
     assert np.array_equal(np.flatnonzero(wet), np.arange(open_.sum() + 1))
     assert wet[wet > 0] == pytest.approx(30.0)
@@ -108,7 +110,7 @@ def test_what_stays_closed_stays_dry():
     """
     gap = "0.01 if x[0] < 0.11 or 1.0 < x[0] < 1.2 else 0"
     solution = solve(dam(120.0, gap=gap), COMM)
-    x, wet = along(solution.contact, solution.contact.fluid)
+    x, wet = along(solution.contact, solution.contact.joint.pressure)
     _, open_ = along(solution.contact, solution.contact.pressure == 0.0)
     assert solution.certificate.holds
     assert x[wet > 0] == pytest.approx([0.0, 0.05, 0.1, 0.15])
@@ -123,7 +125,7 @@ def test_where_the_fluid_may_not_be_proves_nothing():
     bottom["friction"] = {"law": "coulomb", "coefficient": 0.6}
     scene = dam(75.0, contact=bottom, displacement=[], material={"young": 1e6, "poisson": 0.3})
     solution = solve(scene, COMM, check=False)
-    x, wet = along(solution.contact, solution.contact.fluid)
+    x, wet = along(solution.contact, solution.contact.joint.pressure)
     thrust, end = 30.0 - 5.0, x[wet > 0].max() + 0.025
     assert solution.status is Status.SLIDES
     assert 0.6 * (75.0 - 30.0 * end) < thrust
@@ -131,14 +133,16 @@ def test_where_the_fluid_may_not_be_proves_nothing():
 
 
 def test_rising_and_falling_water():
-    """The crack grows with the level and closes with it; at last the block tips or floats, which is a named outcome."""
+    """The crack grows with the level; when it falls, what the water has reached stays wet; at last the block tips or
+    floats, which is a named outcome.
+    """
     level = "3 if 1.5 < t < 2.5 else 3.6 if t > 3.5 else 2"
     scene = dam(75.0, level, load_steps={"times": [1.0, 2.0, 3.0, 4.0]})
     solution = solve(scene, COMM, check=False)
-    rows = [along(step.contact, step.contact.fluid) for step in solution.steps[:3]]
+    rows = [along(step.contact, step.contact.joint.pressure) for step in solution.steps[:3]]
     ends = [x[wet > 0].max() for x, wet in rows]
     assert [step.status for step in solution.steps[:3]] == [Status.CONVERGED] * 3
-    assert ends == pytest.approx([0.15, crack(75.0) + 0.02, 0.15], abs=0.04)
+    assert ends == pytest.approx([0.15, crack(75.0) + 0.02, crack(75.0) + 0.02], abs=0.04)
     assert solution.status in (Status.TIPS, Status.OPEN)
 
 
@@ -171,7 +175,7 @@ def test_two_bodies(gap):
         }
     )
     solution = solve(scene, COMM)
-    x, wet = along(solution.contact, solution.contact.fluid)
+    x, wet = along(solution.contact, solution.contact.joint.pressure)
     assert solution.certificate.holds
     if gap != 0.01:
         assert x[wet > 0] == pytest.approx([0.0, 0.2, 0.4, 0.6, 0.8])
@@ -198,7 +202,7 @@ def test_friction_is_that_of_the_effective_pressure():
     )
     solution = solve(scene, COMM)
     normal, friction = solution.contact.forces
-    uplift = np.dot(solution.contact.fluid, solution.contact.boundary.weight)
+    uplift = np.dot(solution.contact.joint.pressure, solution.contact.boundary.weight)
     assert uplift == pytest.approx(30.0 * 0.9)  # five points, the first of them half
     assert normal[1] == pytest.approx(80.0 - uplift)
     assert friction[0] == pytest.approx(-0.5 * (80.0 - uplift), rel=1e-6)
@@ -210,6 +214,7 @@ def test_friction_is_that_of_the_effective_pressure():
         lambda q: np.where(np.arange(q.size) < 2, 0.0, q),  # dry although it is open and connected
         lambda q: 1.1 * q,  # another pressure
         lambda q: np.where(np.arange(q.size) == q.size - 5, 30.0, q),  # wet although nothing leads there
+        lambda q: np.where(np.arange(q.size) < 5, 30.0, q),  # one point more than the open ones lead to
         lambda q: 0.0 * q,
     ],
 )
@@ -220,16 +225,109 @@ def test_a_certificate_that_does_not_hold(lie):
     tractions = Tractions.of(solution.contact)
     order = np.argsort(solution.contact.boundary.x[:, 0])
     told = np.zeros(order.size)
-    told[order] = lie(tractions.fluid[order])
+    told[order] = lie(tractions.joint.pressure[order])
+    lied = replace(tractions, joint=replace(tractions.joint, pressure=told, reached=told[:, None] > 0))
     discretisation = solution.discretisation
     law = Law(solution.parameters["gamma_n"], solution.parameters["gamma_t"])
     arguments = scene, discretisation.tagged, solution.displacement
     assert certify(*arguments, tractions, law=law).holds
-    assert certify(*arguments, replace(tractions, fluid=told), law=law).equilibrium > 1e-3
+    assert certify(*arguments, lied, law=law).equilibrium > 1e-3
     # A displacement in equilibrium with such pressures would not help.
     forces = NodalForces(scene, discretisation.tagged, solution.displacement.function_space)
     assert not astray(forces, tractions, 0)
-    assert astray(forces, replace(tractions, fluid=told), 0)
+    assert astray(forces, lied, 0)
+
+
+def test_the_smallest_region(monkeypatch):
+    """Of all regions that begin at the water, each put on the base by hand, the solution has the first one at whose end
+    the base is closed; the water stays where it is although all of the base would be wet on the way of larger steps.
+    """
+    solution = solve(dam(75.0), COMM)
+    _, wet = along(solution.contact, solution.contact.joint.pressure)
+    front = []
+    for count in range(4, np.count_nonzero(wet) + 1):
+        end = 0.05 * (count - 0.5)
+
+        def given(self, reached, end=end):
+            x = node_positions(self._space)
+            return [(x[:, 0] < end) & (x[:, 1] < 1e-9)]
+
+        with monkeypatch.context() as put:
+            put.setattr(JointLoads, "beginning", given)
+            put.setattr(JointLoads, "grown", lambda self, open_, reached: reached)
+            state = solve(dam(75.0), COMM, check=False).contact
+        front.append(along(state, state.pressure)[1][count - 1])
+    assert front[:-1] == [0.0] * (len(front) - 1)
+    assert front[-1] > 0.0
+
+
+def test_finer_meshes():
+    """The front is Navier's to a cell on three meshes, and does not fall behind as the water rises."""
+    level = "2.6 + 0.1*t"
+    for cells in (20, 40, 80):
+        notch = LENGTH / cells * 2.2
+        scene = dam(75.0, level, cells=cells, notch=notch, load_steps={"times": [1.0, 2.0, 3.0, 4.0]})
+        steps = solve(scene, COMM).steps
+        ends = [along(one.contact, one.contact.joint.pressure) for one in steps]
+        ends = [x[wet > 0].max() for x, wet in ends]
+        assert ends == sorted(ends)
+        assert ends[-1] == pytest.approx(crack(75.0), abs=2.1 * LENGTH / cells)
+        alone = solve(dam(75.0, 3.0, cells=cells, notch=notch), COMM).contact
+        x, wet = along(alone, alone.joint.pressure)
+        assert ends[-1] == x[wet > 0].max()
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("closed", "share"), [("none", 0.0), ("linear", 0.5), ("full", 1.0)])
+def test_closed_contact(closed, share):
+    """Under a heavy block that stays closed: the uplift of what is closed, and the reaction of the contact."""
+    solution = solve(dam(200.0, closed=closed, gap="0.01 if x[0] < 0.11 else 0"), COMM)
+    state = solution.contact
+    assert solution.certificate.holds
+    x, pressure = along(state, state.joint.pressure)
+    assert pressure[x < 0.16] == pytest.approx(30.0)
+    rest = 0.5 * 0.05 if closed == "none" else share * (LENGTH - 0.15)
+    total = parallel.global_sum(COMM, np.array(state.joint.pressure @ state.boundary.weight))
+    assert total == pytest.approx(30.0 * (0.15 + rest), rel=1e-9)
+    assert state.forces[0][1] == pytest.approx(200.0 - total, rel=1e-7)  # equilibrium
+    assert solution.table.columns["water"] == pytest.approx(pressure)
+
+
+def test_the_unsafe_default_is_told():
+    """Only where closed contact is dry."""
+    for closed, count in (("none", 1), ("linear", 0), ("full", 0)):
+        found = [one for one in check_scene(dam(120.0, closed=closed), COMM).findings if one.path == "fluid[0].closed"]
+        assert len(found) == count
+
+
+@pytest.mark.parametrize("closed", ["none", "full"])
+def test_safety_with_the_water_in(closed):
+    """A stiff block that friction holds: s (thrust + F uplift) = F weight, and the share of its friction."""
+    bottom = {"boundary": "bottom", "gap": "0.01 if x[0] < 0.11 else 0"}
+    bottom["friction"] = {"law": "coulomb", "coefficient": 0.5}
+    scene = dam(200.0, closed=closed, contact=bottom, displacement=[], material={"young": 1e6, "poisson": 0.3})
+    solution = solve(scene, COMM)
+    joint, weight = solution.contact.joint, solution.contact.boundary.weight
+    uplift, thrust = joint.pressure @ weight, 25.0
+    assert solution.safety.bound == pytest.approx(0.5 * 200.0 / (thrust + 0.5 * uplift), rel=1e-6)
+    # With its friction as it is the same block tips about its toe at full uplift, before it slides.
+    turning = 30.0 / 2 - 10.0 / 3 + joint.pressure @ (weight * (LENGTH - solution.contact.boundary.x[:, 0]))
+    used = max(thrust / (0.5 * (200.0 - uplift)), turning / 200.0)
+    assert solution.safety.friction_used == pytest.approx(used, rel=1e-6)
+    assert "translation along (1, 0)" in solution.safety.motion
+
+
+def test_restart(tmp_path):
+    """What water that has fallen again had reached is there after a restart."""
+    level = "3 if 1.5 < t < 2.5 else 2"
+    scene = dam(75.0, level, load_steps={"times": [1.0, 2.0, 3.0]})
+    whole = solve(scene, COMM, checkpoint=tmp_path)
+    again = solve(scene, COMM, checkpoint=tmp_path, restart=True)
+    for step, other in zip(whole.steps, again.steps, strict=True):
+        assert other.certificate.holds
+        assert np.array_equal(step.contact.joint.reached, other.contact.joint.reached)
+        assert step.contact.pressure == pytest.approx(other.contact.pressure, rel=1e-9, abs=1e-9)
+    assert again.steps[-1].contact.joint.recalled
 
 
 WATER = {"boundary": "left", "level": 3.0, "weight": 10.0}
@@ -242,6 +340,7 @@ WATER = {"boundary": "left", "level": 3.0, "weight": 10.0}
         ({"fluid": WATER | {"boundary": "top", "enters": ["bottom"]}}, "enters: boundary 'top' does not meet 'bottom'"),
         ({"fluid": WATER | {"enters": "bottom"}}, "enters"),
         ({"contact": {"boundary": "bottom", "kind": "bilateral"}}, "enters: contact of 'bottom' cannot open"),
+        ({"fluid": WATER | {"closed": "full"}}, "closed: is of a fluid that enters contact"),
         ({"solver": {"algorithm": "exact"}}, "solver.algorithm: exact is not possible yet where a fluid enters"),
         ({"accuracy": {"target": 0.1}}, "accuracy: a requested accuracy is not possible yet where a fluid enters"),
     ],

@@ -7,10 +7,12 @@ import pytest
 from error_bounds import drawn, effectivity, energy_of_difference, of_several_materials, on_finer_mesh, pressed, problem
 from scenes import alone, example1
 
+from signorini_fx.accuracy.cell_pieces import free_motions
 from signorini_fx.accuracy.equilibrated_stress import Equilibration, Loads
 from signorini_fx.accuracy.error_bound import Bounded, error_bound
 from signorini_fx.accuracy.local_stress import constant_forces
-from signorini_fx.accuracy.triangles import Triangles, divide, free_motions
+from signorini_fx.accuracy.quantity_bounds import mean_displacement
+from signorini_fx.accuracy.triangles import Triangles, divide
 from signorini_fx.accuracy.triangulated import quadratic
 from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.errors import SceneError
@@ -389,6 +391,61 @@ def test_forces_of_a_uniform_state():
     low, high = sheared.force_bounds("left", (1.0, 0.0))
     assert high - low < 1e-6
     assert (low + high) / 2 == pytest.approx(-2.0, abs=1e-6)
+
+
+def test_what_is_not_in_equilibrium_widens_the_bounds(monkeypatch):
+    """By its work on the error, which is known of a uniform state with a small change of its displacement."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 4, "ny": 2}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}],
+            "traction": {"boundary": "top", "y": -1.0},
+            "contact": {"boundary": "right", "gap": 1.0},
+        }
+    )
+    solution = alone(scene)
+    changed = solution.displacement.copy()
+    x = changed.function_space.tabulate_dof_coordinates()
+    changed.x.array.reshape(-1, 2)[:] += 1e-4 * np.column_stack((x[:, 0] * x[:, 1], np.sin(3 * x[:, 0]) * x[:, 1]))
+    far = energy_of_difference(solution, replace(solution, displacement=changed))
+    exact = 0.3 * 1.3 / 1000.0 * 2.0  # plane strain: nu (1 + nu) / E times the length
+    original, missing = Equilibration.stress, 0.5
+
+    def bounds():
+        return mean_displacement(solution.discretisation, changed, solution.contact, "right", (1.0, 0.0))
+
+    found = bounds()
+    assert found[0] < exact < found[1]
+
+    def unbalanced(self, loads, prescribed):
+        """Of the unit load alone, whose prescribed displacements are zero."""
+        stress = original(self, loads, prescribed)
+        even = np.full_like(stress.squares, missing**2 / stress.squares.size)
+        return stress if prescribed.any() else replace(stress, squares=even)
+
+    monkeypatch.setattr(Equilibration, "stress", unbalanced)
+    low, high = bounds()
+    assert found[0] - low >= missing * far
+    assert high - found[1] >= missing * far
+
+
+def test_a_mean_along_no_axis_of_a_boundary_that_slides():
+    """The part of the unit load that its rollers take changes nothing: the mean is that of the exact state."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 4, "ny": 2}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}],
+            "traction": [{"boundary": "top", "y": -1.0}, {"boundary": "left", "y": 0.0}],
+            "contact": {"boundary": "right", "gap": 1.0},
+        }
+    )
+    solution = alone(scene)
+    low, high = solution.mean_displacement_bounds("left", (0.8, -0.6))
+    exact = 0.6 * 0.91 / 1000.0 / 2.0  # plane strain: (1 - nu^2) / E, at half the height
+    assert low <= exact <= high
+    assert high - low < 1e-6 * exact
 
 
 def test_what_has_no_bound():

@@ -8,10 +8,11 @@ from spaces import block, box
 
 from signorini_fx import compat
 from signorini_fx.accuracy import stress_in_space
+from signorini_fx.accuracy.cell_pieces import free_motions
 from signorini_fx.accuracy.error_bound import error_bound
 from signorini_fx.accuracy.error_bound_in_space import BoundedInSpace
 from signorini_fx.accuracy.stress_in_space import Loads, equilibrated
-from signorini_fx.accuracy.tetrahedra import EDGES, FACES, Tetrahedra, free_motions
+from signorini_fx.accuracy.tetrahedra import EDGES, FACES, Tetrahedra
 from signorini_fx.accuracy.tetrahedral import bernstein, coefficients
 from signorini_fx.results.summary import summarise
 from signorini_fx.scene.expressions import Expression

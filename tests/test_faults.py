@@ -184,7 +184,7 @@ def test_interrupted(tmp_path, number):
     mesh = int(re.search(r"on mesh (\d)", line)[1])
     assert mesh >= 3
     assert whole(tmp_path / "out" / files.LAST_LEVEL) == 200 // 2 ** (5 - mesh) + 1
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {files.LAST_LEVEL, CHECKPOINT}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {files.LAST_LEVEL, CHECKPOINT, MANIFEST}
 
 
 def test_killed_between_meshes(tmp_path):

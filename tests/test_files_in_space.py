@@ -5,6 +5,7 @@ import json
 import re
 
 import gmsh
+import h5py
 import meshio
 import numpy as np
 import pytest
@@ -17,8 +18,10 @@ from scenes import alone, table_of
 from signorini_fx import cli
 from signorini_fx.compat import geometry_degree
 from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.mesh.files.arrays import from_raw
 from signorini_fx.mesh.files.cells import CELLS, completed
 from signorini_fx.mesh.files.formats import read_file, write_file
+from signorini_fx.mesh.files.raw import RawMesh
 from signorini_fx.mesh.files.shape import is_straight, measures, quality
 from signorini_fx.mesh.files.step import names_of_faces
 from signorini_fx.mesh.halving import halved, straightened
@@ -665,3 +668,129 @@ def test_curved_cells_of_a_drawing(drawings):
             }
         )
         assert geometry_degree(load_mesh(scene, MPI.COMM_SELF).mesh) == degree
+
+
+def bodies_of(first, second, shared=False):
+    """A cube of hexahedra, and one of six tetrahedra above it, each straight or with midside nodes."""
+    corners = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], float)
+    tets = np.array([(0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)]) + 8
+    points = np.concatenate((corners, corners + np.array([0.0, 0.0, 1.0 if shared else 1.5])))
+    if shared:
+        tets = np.where(tets < 12, tets - 4, tets)
+    blocks = []
+    for kind, cells in ((first, np.arange(8)[None]), (second, tets)):
+        whole = CELLS.get(kind) or CELLS["hexahedron27"]
+        for own in whole.nodes[len(whole.corners) : {"hexahedron20": 20}.get(kind)]:
+            ends, place = np.unique(cells[:, list(own)], axis=0, return_inverse=True)
+            cells = np.column_stack((cells, len(points) + place.reshape(-1)))
+            points = np.concatenate((points, points[ends].mean(axis=1)))
+        blocks.append((kind, cells))
+    return RawMesh(points, blocks, {"low": [np.arange(1), np.empty(0, int)], "up": [np.empty(0, int), np.arange(6)]})
+
+
+@pytest.mark.parametrize("first", ["hexahedron", "hexahedron20", "hexahedron27"])
+@pytest.mark.parametrize("second", ["tetra", "tetra10"])
+def test_another_body_of_other_cells(first, second):
+    """It has no face in common: hexahedra are cut, and straight cells get nodes, without a change of any volume."""
+    mesh = from_raw(bodies_of(first, second), "two bodies")
+    curved = "0" in second or first != "hexahedron"
+    assert mesh.kind == ("tetra10" if curved else "tetra")
+    assert "hexahedra are cut into tetrahedra" in mesh.note
+    assert ("in the middle of their edges" in mesh.note) == (curved and (first == "hexahedron" or second == "tetra"))
+    for region in ("low", "up"):
+        volume = measures(mesh.points, mesh.cells[mesh.regions[region]], mesh.cell)
+        assert volume.sum() == pytest.approx(1.0, rel=1e-12)
+    assert measures(mesh.points, mesh.facets, mesh.facet).sum() == pytest.approx(12.0, rel=1e-12)
+    assert is_straight(mesh.points, mesh.cells, mesh.cell)
+
+
+@pytest.mark.parametrize("second", ["tetra", "tetra10"])
+@pytest.mark.parametrize("first", ["hexahedron", "hexahedron20"])
+def test_bodies_with_common_nodes_are_one(first, second):
+    """Their boundary would not be conforming."""
+    with pytest.raises(MeshError, match="only bodies without common nodes may differ"):
+        from_raw(bodies_of(first, second, shared=True), "one body")
+
+
+@pytest.mark.parametrize("kind", ["quad8", "quad9", "triangle6"])
+def test_another_body_of_another_order(kind):
+    """In the plane: the straight body gets nodes in the middle of its edges, and keeps its shape."""
+    cell = CELLS["quad9" if kind == "quad8" else kind]
+    count = 8 if kind == "quad8" else len(cell.nodes)
+    corners = np.array(cell.corners, float)
+    nodes = np.array([corners[list(own)].mean(axis=0) for own in cell.nodes[:count]])
+    points = np.concatenate((nodes, corners + np.array([3.0, 0.0])))
+    straight_ = np.arange(count, count + len(corners))[None]
+    raw = RawMesh(points, [(kind, np.arange(count)[None]), (kind.rstrip("0123456789"), straight_)])
+    mesh = from_raw(raw, "two bodies")
+    assert mesh.kind == cell.kind
+    np.testing.assert_allclose(measures(mesh.points, mesh.cells, mesh.cell), 1.0 if "quad" in kind else 0.5)
+
+
+def without_dimension(file):
+    """Take away how many coordinates a node has, as old MED files do not say it."""
+    with h5py.File(file, "r+") as data:
+        (mesh,) = data["ENS_MAA"].values()
+        del mesh.attrs["ESP"]
+
+
+@pytest.mark.parametrize(("kind", "dim"), [("triangle", 2), ("quad", 3), ("tetra", 3)])
+def test_med_without_the_number_of_coordinates(tmp_path, kind, dim):
+    """It follows from the coordinates; a number that does not fit is an error."""
+    cell, file = CELLS[kind], tmp_path / "mesh.med"
+    points = np.array(cell.corners, float)
+    points = np.pad(points, ((0, 0), (0, dim - points.shape[1])))
+    meshio.write(file, meshio.Mesh(points, [(kind, np.arange(len(points))[None])]))
+    wanted = read_file(file)
+    without_dimension(file)
+    found = read_file(file)
+    np.testing.assert_array_equal(found.points, wanted.points)
+    np.testing.assert_array_equal(found.cells, wanted.cells)
+    with h5py.File(file, "r+") as data:
+        (mesh,) = data["ENS_MAA"].values()
+        next(iter(mesh.values()))["NOE"]["COO"].attrs["NBR"] = 7
+    with pytest.raises(MeshError, match=f"{points.size} coordinates of 7 nodes"):
+        read_file(file)
+
+
+@pytest.mark.parametrize("order", [list(range(7)), [4, 2, 1, 3, 0, 5, 6], [6, 5, 4, 3, 2, 1, 0]])
+def test_med_with_27_nodes(tmp_path, order):
+    """The nodes in the middle of faces are in the order of this program, whichever they have in the file; one that is
+    twice is an error.
+    """
+    cell, file = CELLS["hexahedron27"], tmp_path / "mesh.med"
+    corners = np.array(cell.corners, float) @ np.array([[2.0, 0.3, 0.0], [0.0, 1.0, 0.1], [0.2, 0.0, 1.5]])
+    points = np.array([corners[list(own)].mean(axis=0) for own in cell.nodes])
+    points[8:20] += 0.03 * np.sin(5 * points[8:20])  # curved
+    whole = completed("hexahedron20")
+    points[20:] = whole[1][20:] @ points[:20]
+    cells = np.concatenate((np.arange(20), 20 + np.array(order)))[None]
+    face = cell.facet_nodes[0]
+    write_med(file, points, {"H27": cells, "QU9": np.array([face])})
+    mesh = read_file(file)
+    np.testing.assert_array_equal(mesh.cells, np.arange(27)[None])
+    np.testing.assert_array_equal(mesh.points, points)
+    (rows,) = mesh.boundaries.values()
+    assert set(mesh.facets[rows[0]]) == set(face)
+    write_med(file, points, {"H27": np.where(cells == 26, 25, cells)})
+    with pytest.raises(MeshError, match="middle of no face"):
+        read_file(file)
+
+
+def write_med(file, points, cells):
+    """A MED file with types of cells that meshio does not write; each has a family of its own, called by its type."""
+    meshio.write(file, meshio.Mesh(points, []))
+    with h5py.File(file, "r+") as data:
+        (mesh,) = data["ENS_MAA"].values()
+        step = next(iter(mesh.values()))
+        groups = step.require_group("MAI")
+        families = data["FAS"][next(iter(data["ENS_MAA"]))].require_group("ELEME")
+        for number, (kind, nodes) in enumerate(cells.items(), 1):
+            found = groups.create_group(kind).create_dataset("NOD", data=(nodes + 1).flatten(order="F"))
+            found.attrs["NBR"] = len(nodes)
+            groups[kind].create_dataset("FAM", data=np.full(len(nodes), -number))
+            family = families.create_group(f"FAM_{-number}_{kind}")
+            family.attrs["NUM"] = -number
+            group = family.create_group("GRO")
+            group.attrs["NBR"] = 1
+            group.create_dataset("NOM", data=np.array([[*kind.encode().ljust(80, b"\0")]], dtype=np.int8))

@@ -117,3 +117,25 @@ def test_bad_values(friction, more, message):
     with pytest.raises(SceneError, match=message) as caught:
         check()
     assert len(caught.value.problems) == 1
+
+
+@pytest.mark.parametrize(
+    ("friction", "wanted"),
+    [
+        (coulomb("0.1*t"), lambda t, pressing: 0.1 * t * pressing),
+        (coulomb("0.4 - 0.1*t"), lambda t, pressing: (0.4 - 0.1 * t) * pressing),
+        ({"law": "tresca", "bound": "t*x[0]"}, lambda t, pressing: 2.0 * t),
+    ],
+)
+def test_a_foundation_that_moves_while_its_friction_changes(friction, wanted):
+    """The foundation slides below the block in every step: friction is what the bound of its own time allows."""
+    plane = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "shift": ["-0.05*t", "1e-3"]}
+    still = [{"boundary": "top", "x": 0.0, "y": 0.0}]
+    contact = {"boundary": "bottom", "foundation": plane, "friction": friction}
+    more = {"displacement": still, "traction": [], "contact": contact, "load_steps": {"times": [1.0, 2.0, 3.0]}}
+    solution = solve(dragged(friction, more=more), COMM)
+    assert solution.status is Status.CONVERGED
+    for t, step in zip((1.0, 2.0, 3.0), solution.steps, strict=True):
+        (_, pressing), (along, _) = step.contact.forces
+        assert pressing > 0.0
+        assert -along == pytest.approx(wanted(t, pressing), rel=1e-7)

@@ -131,6 +131,23 @@ def test_rotating_bar(cells, degree):
         assert y[end, 0] == pytest.approx(unit * length**3 / 3, rel=1e-10)
 
 
+@pytest.mark.parametrize("axis", [[1.0, 2.0, 0.0], [0.0, -1.0, 3.0], None])
+def test_rotation_about_any_axis_in_space(axis):
+    """The resultant is m omega^2 times the arm of the centre of mass from the axis, all of whose numbers count."""
+    about, density, speed = np.array([0.3, -0.4, 0.9]), 2.0, 3.0
+    given = {"speed": speed, "about": about.tolist(), **({} if axis is None else {"axis": axis})}
+    held = {"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0}
+    material = {**SOFT, "density": density}
+    solution = solve(scene(body("tetrahedra"), 1, material, displacement=held, rotation=given), COMM, check=False)
+    along = np.array([0.0, 0.0, 1.0] if axis is None else axis)
+    arm = np.array([*SIZE, 1.0]) / 2 - about
+    arm -= along * (along @ arm) / (along @ along)
+    wanted = density * np.prod([*SIZE, 1.0]) * speed**2 * arm
+    drag = solution.resultants.body_force()
+    assert drag.force == pytest.approx(wanted, abs=1e-11 * np.abs(wanted).max())
+    assert solution.resultants.of("left").force == pytest.approx(-wanted, abs=1e-9 * np.abs(wanted).max())
+
+
 @pytest.mark.mpi
 def test_rotation_in_the_plane():
     """Without an axis about x[2]: the force points away from the given point."""

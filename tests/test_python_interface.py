@@ -194,8 +194,8 @@ def test_points_of_a_sweep_are_short():
 def test_signature_of_a_table():
     """Keys and defaults, as help and a notebook show them."""
     shown = (
-        "(*, boundary, against=None, points='auto', distance='geometry', gap=0.0, direction=None, foundation=None, "
-        "friction=NoFriction(law='none'), kind='unilateral')"
+        "(*, boundary, against=None, points='auto', distance='geometry', adjust=None, gap=0.0, direction=None, "
+        "foundation=None, friction=NoFriction(law='none'), kind='unilateral')"
     )
     assert str(inspect.signature(sfx.UnilateralContact)) == shown
     assert str(inspect.signature(sfx.LinearElastic)).startswith(

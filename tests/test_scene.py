@@ -106,13 +106,13 @@ def test_one_table_instead_of_a_list():
 @pytest.mark.parametrize(
     ("path", "value", "expected", "message"),
     [
-        ("foo", 1, "foo", "unknown key; there are: title, mesh, body, element, material"),
+        ("foo", 1, "foo", "unknown key; there are: title, incomplete, mesh, body, element, material"),
         ("material.rho", 1, "material.rho", "unknown key: weight is written [gravity]"),
         (
             "contact.0.slack",
             1,
             "contact[0].slack",
-            "unknown key; there are: boundary, against, points, distance, gap, direction, foundation, friction, kind",
+            "unknown key; there are: boundary, against, points, distance, adjust, gap, direction, foundation,",
         ),
         ("contact.0.friction.rate", 1, "contact[0].friction.rate", "unknown key; there are: law, bound"),
         ("traction.0.factors", 5, "traction[0].factors", "must be a list in brackets"),

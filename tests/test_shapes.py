@@ -747,3 +747,28 @@ def test_an_indenter_from_a_drawing(files, name):
     exact = force(sphere)
     assert exact > 0
     assert force(drawn | ({"size": 0.1} if name.endswith("step") else {})) == pytest.approx(exact, rel=0.05)
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.2])
+@pytest.mark.parametrize("kind", ["edge", "cone"])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_distances_are_distances(kind, dim, radius):
+    """They differ by no more than the points are apart, also between faces, and the closest point is on the surface."""
+    chance = np.random.default_rng(dim)
+    for angle in (20.0, 50.0, 80.0):
+        if kind == "cone":
+            table = {"tip": [0.0] * dim, "axis": [0.3, -1.0, 0.5][:dim], "angle": angle}
+        else:
+            turn = np.radians(2 * angle)
+            normals = [[0.0, 1.0, 0.0][:dim], [np.sin(turn), np.cos(turn), 0.0][:dim]]
+            table = {"point": [0.0] * dim, "normals": normals}
+        shape = shape_class(kind).model_validate({"shape": kind, **table, "radius": radius})
+        x = chance.normal(size=(4000, dim))
+        near = x + 1e-3 * chance.normal(size=x.shape)
+        outside = shape.initial(x)[0] > 0
+        both = outside & (shape.initial(near)[0] > 0)
+        off = np.abs(shape.initial(x)[0] - shape.initial(near)[0])[both]
+        assert (off <= (1 + 1e-9) * np.linalg.norm(x - near, axis=1)[both]).all()
+        distance, normal = shape.initial(x)
+        foot, _ = shape.initial(x - distance[:, None] * normal)
+        assert np.abs(foot[outside]).max() < 1e-9

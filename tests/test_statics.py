@@ -1,13 +1,18 @@
 """Which loads admissible contact tractions balance: against linear programmes, and known limits of rigid bodies."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from mpi4py import MPI
 from scipy import sparse
 from scipy.optimize import linprog
 
 from signorini_fx.body.kinematics import KINEMATICS
 from signorini_fx.body.rigid import rigid_modes
+from signorini_fx.contact.laws import FrictionLaw
 from signorini_fx.contact.reactions import Reactions, nearest
+from signorini_fx.contact.reactions import reactions as reactions_at
 from signorini_fx.contact.statics import escape, largest_multiple, null_space, separable, squeezed
 from signorini_fx.records import Status
 
@@ -195,3 +200,21 @@ def test_null_space_of_rows_with_round_off():
     assert max(products) > 1e-16  # what a decision by eigenvalues takes for a motion that is resisted
     assert null_space(np.zeros((0, 3))).shape == (3, 3)
     assert null_space(np.eye(3)).shape == (3, 0)
+
+
+def test_the_most_that_capped_friction_can_do():
+    """Against a motion that lifts each node, by the pressure that friction is worth most with; nodes have areas."""
+    chance = np.random.default_rng(5)
+    for _ in range(20):
+        count, tangents, k = 4, 2, 5
+        rows, motion = chance.normal(size=(count, 1 + tangents, k)), chance.normal(size=k)
+        rows[:, 0] *= -np.sign(rows[:, 0] @ motion)[:, None]
+        given, coefficient, cap, weight = chance.uniform(0.1, 1.0, (4, count))
+        points = SimpleNamespace(size=count, dimension=1 + tangents, weight=weight, comm=MPI.COMM_SELF)
+        motions = SimpleNamespace(points=points, count=k, relative=rows, of_point=np.zeros(count))
+        found = reactions_at(motions, FrictionLaw(given, coefficient, cap), None)
+        *_, resultant = found.against(motion, 2.0)
+        away, slip = rows[:, 0] @ motion, np.linalg.norm(rows[:, 1:] @ motion, axis=1)
+        least, most = np.minimum(given, cap), np.maximum(cap - given, 0.0) / coefficient
+        wanted = weight * np.maximum(least * slip, most * away + np.where(most > 0, cap, least) * slip)
+        assert 2.0 * resultant @ motion == pytest.approx(wanted.sum(), rel=1e-12)

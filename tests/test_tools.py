@@ -9,6 +9,7 @@ import pytest
 from boxes import Box, boxes_mesh
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scipy.linalg import expm
 
 from signorini_fx import ConvergenceError, SceneError, solve
 from signorini_fx.check.checks import check_scene
@@ -385,6 +386,29 @@ def test_how_far_the_linearised_gap_is_off(turn):
     assert np.isclose(largest, step[0] ** 2 / (2 * 2.0), rtol=0.05)
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+def test_how_far_the_gap_of_a_plane_that_turns_is_off(dim):
+    """Its distance where it ends up is that of the moved plane, by hand."""
+    chance = np.random.default_rng(dim)
+    centre, step, turn = chance.normal(size=dim), 0.1 * chance.normal(size=dim), 0.3 * chance.normal(size=2 * dim - 3)
+    normal, point, x = chance.normal(size=dim), chance.normal(size=dim), chance.normal(size=(7, dim))
+    normal /= np.linalg.norm(normal)
+    x[6] *= 100.0  # where nothing is pressed
+    velocity = np.zeros((3, 3))  # of a turn, whose exponential is the rotation
+    axis = turn if dim == 3 else np.array([0.0, 0.0, turn[0]])
+    velocity[[0, 0, 1], [1, 2, 2]] = -axis[2], axis[1], -axis[0]
+    velocity = (velocity - velocity.T)[:dim, :dim]
+    matrix = expm(velocity)
+    moved = (x - centre - step - (point - centre) @ matrix.T) @ (matrix @ normal)
+    linear = (x - point) @ normal - (step + (x - centre) @ velocity.T) @ normal
+    shape = SimpleNamespace(distance=lambda x: ((x - point) @ normal, np.tile(normal, (len(x), 1))))
+    boundary = SimpleNamespace(centre=x, part=np.zeros(7, dtype=int), comm=MPI.COMM_SELF)
+    contact = SimpleNamespace(boundary=boundary, pressure=np.array([1.0] * 6 + [0.0]))
+    found = ToolMotion(0, "top", centre, step, turn).gap_error(contact, shape)
+    assert np.isclose(found, np.abs(moved - linear)[:6].max(), rtol=1e-12)
+    assert found < 0.5 * np.abs(moved - linear)[6]
+
+
 def scaled(solution, length, force):
     (tool,) = solution.last_step.tools
     return np.append(tool.translation / length, tool.rotation), solution.contact.pressure * length**2 / force
@@ -429,11 +453,34 @@ def test_the_certificate_knows_the_force():
     assert judged().worst < 1e-9
     for force in ([1.0, -20.1], [1.01, -20.0]):
         assert judged(block(2, "coulomb", **{**given, "force": force})).equilibrium > 1e-4
+    for share in (1e-5, 1e-3):  # of the largest force at the tool
+        other = judged(block(2, "coulomb", **{**given, "force": [1.0, -20.0 * (1 + share)]}))
+        assert 0.5 * share < other.equilibrium < 2 * share
     turned = block(2, "coulomb", **{**given, "moment": 0.1, "prescribed": {}})
     assert judged(turned).equilibrium > 1e-4
     assert not judged(tools=(dataclasses.replace(tool, translation=1.01 * tool.translation),)).holds
     assert not judged(tools=()).holds
     assert not judged(tools=(dataclasses.replace(tool, rotation=np.array([1e-3])),)).holds
+
+
+def test_the_certificate_knows_a_small_force():
+    """On a body whose stress is that of another load a thousand times as large."""
+    given = {"force": [0.0, -0.02], "prescribed": {"x": 0.0, "rotation": 0.0}}
+    scene = block(2, "none", **given)
+    side = {"boundary": "right", "x": 20.0}
+    scene = parse_scene({**scene.model_dump(exclude_unset=True), "traction": side})
+    solution = solve(scene)
+    tools = solution.last_step.tools
+    contact = scene.contact[0]
+
+    def judged(force):
+        entry = contact.model_copy(update={"foundation": contact.foundation.model_copy(update={"force": force})})
+        other, tagged = scene.model_copy(update={"contact": (entry,)}), solution.discretisation.tagged
+        tractions, law = Tractions.of(solution.contact), solution.certificate.law
+        return certify(other, tagged, solution.displacement, tractions, law=law, tools=tools)
+
+    assert judged((0.0, -0.02)).holds
+    assert not judged((0.0, -0.02 * (1 + 1e-4))).holds
 
 
 @pytest.mark.parametrize("unit", [(1e-9, 1.0), (1e9, 1.0)])
@@ -562,6 +609,7 @@ def test_rigid_coupling_bends_a_column_as_a_beam(algebra):
     row = moved.as_dict(solution.contact, scene.contact[0])
     # What the body does to the rigid body balances what drives it.
     assert np.allclose([*row["force"], row["moment"]], [0.0, -push, -pull], atol=1e-9)
+    assert row["gap_error"] is None  # there is no gap
     assert np.isclose(moved.rotation[0], -turned, rtol=1e-8)
     assert np.allclose(moved.translation, [height / 2 * turned, push * height / young], rtol=1e-8)
     x = solution.contact.boundary.x

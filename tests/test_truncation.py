@@ -21,7 +21,9 @@ WORLD = MPI.COMM_WORLD
 
 
 def test_coarse_matrix_of_two_bodies(monkeypatch):
-    """P'^T (A + B^T D B) P' with D what contact adds softly, and P' = P - S E B P, on which E B is zero."""
+    """P'^T (A + B^T D B) P' with D what contact adds softly, and P' = P - S E B P, on which E B is nearly zero: turning
+    makes B S differ from one by 1e-5 here, and S is corrected by one step of Newton's method, which squares that.
+    """
     made, matrices = [], []
 
     def levels(hierarchy, matrix, *arguments, **how):
@@ -47,7 +49,7 @@ def test_coarse_matrix_of_two_bodies(monkeypatch):
     operator, lift = dense(levels.joined.operator), dense(levels.joined.lift)
     functions = every.copy()
     functions[unknowns] -= lift @ held @ operator @ every[unknowns]
-    assert np.abs(held @ operator @ functions[unknowns]).max() < 1e-12
+    assert np.abs(held @ operator @ functions[unknowns]).max() < 1e-8
     np.testing.assert_allclose(dense(levels.truncated.interpolation), functions, rtol=0, atol=1e-13)
     matrix = dense(matrices[0])
     matrix[np.ix_(unknowns, unknowns)] += operator.T @ soft @ operator

@@ -158,9 +158,9 @@ def test_ratios_of_stiffness(dim, counts, monkeypatch):
 
 
 def test_normals_of_both_sides():
-    """Frictionless tractions are along the normals of the side with the points: what they have along x differs between
-    both by the slope of the gap times the pressure, of cylinders of one radius R at most a / R of the largest pressure.
-    It is an error of the linear theory, as large as the strains, that falls with the load and not with the mesh.
+    """Frictionless tractions are along normals half-way between both sides: on meshes that are mirror images it does
+    not matter which side has the points, and of bodies of one radius R none has a part along x.  Along the normals of
+    one side both differed by a / R of the largest pressure, on any mesh.
     """
 
     def tractions(count, scale, slave):
@@ -175,5 +175,6 @@ def test_normals_of_both_sides():
     for count, scale in ((16, 1), (16, 4), (32, 1)):
         (one, share, largest), (other, *_) = (tractions(count, scale, slave) for slave in (0, 1))
         across, along = np.abs(one - other).max(axis=0) / largest
-        assert across == pytest.approx(share, rel=0.07)
-        assert along < 1e-8
+        assert across < 1e-4 * share
+        assert along < 1e-7
+        assert np.abs(one[:, 0]).max() < 1e-3 * share * largest

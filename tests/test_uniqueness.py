@@ -233,3 +233,21 @@ def test_random_scenes():
 def test_many_random_scenes():
     """The same in 200 scenes."""
     assert searched(200, 2)[0] >= 60
+
+
+@pytest.mark.parametrize("given", [{"force": 0.1}, {"shortening": 1e-4}])
+def test_a_preload_by_force_is_not_proved_by_the_stiffness_of_a_fixed_shortening(given):
+    """Friction alone holds the far end of a block: the shortening is an unknown of the problem."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 3.0, "nx": 12, "ny": 4}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}],
+            "preload": {"point": [1.37, 0.0], "axis": [1.0, 0.0], **given},
+            "traction": [{"boundary": "top", "y": -1.0}],
+            "contact": [{"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.1}}],
+        }
+    )
+    found = alone(scene).uniqueness
+    assert found.proved == ("shortening" in given)
+    assert ("not tried where a force determines the shortening" in str(found)) == ("force" in given)

@@ -7,11 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from signorini_fx.accuracy.arrays import Array, Ints
 from signorini_fx.accuracy.bounded_scene import Refused
-from signorini_fx.accuracy.triangles import Array
 
+_EPS = float(np.finfo(float).eps)
 # Share of displacements and forces below which they are round-off.
-ROUND_OFF = 64 * float(np.finfo(float).eps)
+ROUND_OFF = 64 * _EPS
+# Why contact tractions are not known for a part of the body that moves freely without them.
+UNBALANCED = "no admissible tractions near the nodal ones balance the loads"
 # Lengths below this share of the size of the body are equal.
 SAME = 1e-9
 
@@ -71,6 +74,22 @@ class ErrorBound:
             **{name: getattr(self, name) for name in ("error", "duality", "data", "moved", "round_off")},
             "statement": str(self),
         }
+
+
+def small_rests(loads: Array, tractions: Array, pieces: list[tuple[int, Ints]]) -> Array:
+    """What loads and contact tractions may leave on free motions as round-off, force, shape (k,).
+
+    A piece has its own scale, above the round-off of all pieces together, which are solved for together.
+
+    Args:
+        loads: their work on the motions, shape (k,).
+        tractions: the sum of the sizes of that of the tractions, shape (k,).
+        pieces: that have free motions, with the columns of these.
+    """
+    size, found = np.abs(loads) + tractions, np.zeros(len(loads))
+    for _, columns in pieces:
+        found[columns] = ROUND_OFF * size[columns].max() + _EPS * size.max()
+    return found
 
 
 def work_of_loads(energy: float, above: float, size: float, error: float, cells: int) -> tuple[float, float]:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx import compat
-from signorini_fx.accuracy.triangles import Array
+from signorini_fx.accuracy.arrays import Array
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.effects.contact import UnilateralContact
@@ -22,6 +22,9 @@ from signorini_fx.scene.expressions import in_space, sample
 
 # Entries of a scene that are looked at; any other one could act on the body unseen.
 _KNOWN = (LinearElastic, BodyForce, SurfaceTraction, PrescribedDisplacement, UnilateralContact)
+
+# Share of the loads below which quadrature knows them.
+_UNKNOWN = 1e-10
 
 
 class Refused(Exception):
@@ -93,6 +96,7 @@ def refuse_unknown(d: Discretisation) -> None:
         (compat.geometry_degree(mesh) > 1, "a guaranteed bound is for straight cells"),
         (kind == "quadrilateral" and degree > 1, "on quadrilaterals a guaranteed bound is for degree 1"),
         (kind == "hexahedron", "in space a guaranteed bound is for tetrahedra"),
+        (d.motions.pieces.pins.size > 0, "a body whose parts share nothing but a point has no guaranteed bound"),
         (d.tools is not None, "a guaranteed bound is for foundations that no force moves"),
         (d.mixed is not None, "a guaranteed bound is for elements without a pressure of their own"),
         (d.moduli is not None, "an orthotropic material has no guaranteed bound"),
@@ -119,3 +123,41 @@ def refuse_unknown(d: Discretisation) -> None:
     ):
         if wrong:
             raise Refused(reason)
+
+
+def assumptions(d: Discretisation, *, coulomb: bool, unknown: float) -> str:
+    """What a bound rests on, in words; "": the data alone.
+
+    Args:
+        d: the discretised scene.
+        coulomb: whether its friction bound is the computed one.
+        unknown: share of the loads that quadrature does not know, which is counted.
+    """
+    seen = [
+        name
+        for name, value in (
+            *(("gap", one.gap_in(d.tagged.dimension)) for one in d.scene.contact),
+            *(("friction bound", getattr(one.friction, "bound", 0.0)) for one in d.scene.contact),
+        )
+        if not isinstance(value, float)
+    ]
+    told = [
+        f"the {' and the '.join(dict.fromkeys(seen))} assumed to be as they are seen at points of each facet"
+        if seen
+        else "",
+        f"quadrature of the loads, two rules of which differ by {unknown:.1e} of them, is counted"
+        if unknown > _UNKNOWN
+        else "",
+        "of the body with the straight cells of the mesh" if _may_have_arcs(d.scene) else "",
+        "of the Tresca problem with the computed friction bound, converged or not: that this is the bound of the exact "
+        "solution is assumed"
+        if coulomb
+        else "",
+    ]
+    return "; ".join(filter(None, told))
+
+
+def _may_have_arcs(scene: Any) -> bool:
+    """Whether a mesh may stand for a body with arcs: all but rectangles and boxes may."""
+    meshes = [body.mesh for body in scene.body] or [scene.mesh]
+    return not all(getattr(mesh, "generator", None) in ("rectangle", "block", "box") for mesh in meshes)

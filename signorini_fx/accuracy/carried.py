@@ -6,7 +6,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order
 
-from signorini_fx.accuracy.triangles import Array, Ints
+from signorini_fx.accuracy.arrays import Array, Ints
+from signorini_fx.accuracy.cell_pieces import pieces_of_cells
 
 
 def carried(centre: Array, sides: Ints, held: Ints, missed: Array) -> tuple[Array, Array]:
@@ -15,13 +16,15 @@ def carried(centre: Array, sides: Ints, held: Ints, missed: Array) -> tuple[Arra
     Args:
         centre: of the cells, length, shape (n, d).
         sides: the cells at both sides of each facet, -1 for none, shape (f, 2).
-        held: cells with a facet that is held; none: the last cell of the body takes the rest.
+        held: cells with a facet that is held; in a piece without one a cell of it takes the rest.
         missed: bounds of the force that each cell misses, shape (n,).
     """
-    count, start = len(centre), held if held.size else np.array([0])
+    count, piece = len(centre), pieces_of_cells(sides, len(centre))
+    loose = np.setdiff1d(np.arange(piece.max(initial=-1) + 1), piece[held])
+    start = np.concatenate((held, np.unique(piece, return_index=True)[1][loose]))
     inner = np.flatnonzero((sides >= 0).all(axis=1))
     graph = sp.csr_matrix((np.ones(inner.size), tuple(sides[inner].T)), shape=(count, count))
-    # One more node joins all cells that are held.
+    # One more node joins all cells that take what the others pass on.
     root = sp.csr_matrix((np.ones(start.size), (np.full(start.size, 0), start)), shape=(1, count))
     whole = sp.bmat([[graph, None], [root, sp.csr_matrix((1, 1))]], format="csr")
     order, before = breadth_first_order(whole, count, directed=False)
@@ -30,9 +33,4 @@ def carried(centre: Array, sides: Ints, held: Ints, missed: Array) -> tuple[Arra
     for one in order[:0:-1]:
         total[before[one]] += total[one]
         couple[before[one]] += couple[one] + total[one] * arm[one]
-    todo = np.ones(count, dtype=bool)
-    todo[order[order < count]] = False
-    if todo.any():  # several pieces: each is summed up as if it were a path
-        total[:count][todo] = missed[todo].sum()
-        couple[:count][todo] = missed[todo].sum() * count * float(np.linalg.norm(np.ptp(centre, axis=0)))
     return total[:count], couple[:count]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from signorini_fx.accuracy.arrays import Array, Ints
 from signorini_fx.accuracy.local_stress import LocalStress
-from signorini_fx.accuracy.triangles import Array, Ints, Triangles
+from signorini_fx.accuracy.triangles import Triangles
 
 
 class DividedCells:

@@ -13,11 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from signorini_fx.accuracy.arrays import Array
 from signorini_fx.accuracy.carried import carried
+from signorini_fx.accuracy.cell_pieces import free_motions
 from signorini_fx.accuracy.definite_factor import Factor
 from signorini_fx.accuracy.divided_cells import DividedCells
 from signorini_fx.accuracy.local_stress import LocalStress, reference
-from signorini_fx.accuracy.triangles import Array, Triangles, free_motions
+from signorini_fx.accuracy.triangles import Triangles
 
 # Pivots of motions that are free, relative.
 _FREE = 1e-10
@@ -31,10 +33,12 @@ class Loads:
     Attributes:
         body: integrals of the force per volume times the barycentric coordinates, force, shape (n, 3, 2).
         traction: linear tractions at both ends of each edge of the boundary, zero elsewhere, stress, shape (e, 2, 2).
+        unknown: bound of the force on each triangle that quadrature does not know, shape (n,); 0: none.
     """
 
     body: Array
     traction: Array
+    unknown: Array | float = 0.0
 
 
 @dataclass(frozen=True)
@@ -45,12 +49,18 @@ class Equilibrated:
         stress: (xx, yy, xy) on each third of each triangle, opposite its corners, at the corners of the third: the two
             next ones of the triangle, and the centroid; shape (n, 3, 3, 3).
         tractions: at both ends of each edge out of its first triangle, stress, shape (e, 2, 2).
-        missing: bound of the work of what is not in equilibrium by round-off per unit of the energy norm.
+        squares: of bounds of the work of what is not in equilibrium by round-off, per unit of the energy norm, shape
+            (n,).
     """
 
     stress: Array
     tractions: Array
-    missing: float
+    squares: Array
+
+    @property
+    def missing(self) -> float:
+        """The bound for all triangles."""
+        return float(np.sqrt(self.squares.sum()))
 
 
 class Equilibration:
@@ -107,7 +117,7 @@ class Equilibration:
             pin = int(np.argmax(np.linalg.norm(left, axis=1)))
             unit = left[pin] / np.linalg.norm(left[pin])
             left -= np.outer(left @ unit, unit)
-            diagonal[pin] += float(values.max())
+            diagonal[pin] += float(values[(rows == pin) & (columns == pin)].sum())
         upper = sp.coo_matrix((values, (rows, columns)), shape=(free.size, free.size)).tocsr()
         return sp.csr_matrix(upper + sp.diags_array(diagonal))
 
@@ -152,21 +162,21 @@ class Equilibration:
         return Equilibrated(stress, tractions, _round_off(t, loads, self._held, tractions, rest))
 
 
-def _round_off(t: Triangles, loads: Loads, held: Array, tractions: Array, rest: Array) -> float:
-    """Bound of the work of what is not in equilibrium, per unit of the energy norm.
+def _round_off(t: Triangles, loads: Loads, held: Array, tractions: Array, rest: Array) -> Array:
+    """Squares of bounds of the work of what is not in equilibrium, per unit of the energy norm, shape (n,).
 
-    The forces and couples that a triangle misses are carried from triangle to triangle to a held edge, or to the last
-    triangle of a body without one, by linear tractions: those with a resultant R and a couple M about the middle of an
+    The forces and couples that a triangle misses are carried from triangle to triangle to a held edge, or to a
+    triangle of a piece without one, by linear tractions: those with a resultant R and a couple M about the middle of an
     edge of length l are at most R / l + 6 M / l^2.  The stress of each that balances these is bounded by the norm of
     the map from tractions to stresses.
     """
     force = np.abs(tractions).max(axis=(1, 2)) * t.length
     own = force[t.of_triangle].max(axis=1) + np.abs(loads.body).sum(axis=(1, 2))
-    missed = own * (rest + 32 * _EPS)
+    missed = own * (rest + 32 * _EPS) + loads.unknown
     start = t.outer[np.einsum("eii->e", held)[t.outer] > 0]
     total, couple = carried(t.x[t.corners].mean(axis=1), t.sides, t.sides[start].max(axis=1), missed)
     shape = np.linalg.norm(t.jacobian, axis=(1, 2)) ** 2 / (2 * t.area)
     size = float(np.linalg.norm(reference()[0], 2))
     sides = t.length[t.of_triangle]
     forces = total + 6 * (couple + total * sides.max(axis=1)) / sides.min(axis=1)
-    return float(np.sqrt((((size * shape**2 * forces) ** 2) / t.softest).sum()))
+    return np.asarray((size * shape**2 * forces) ** 2 / t.softest)

@@ -17,19 +17,29 @@ space.  Straight cells, one rank.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.accuracy.bounded_error import ROUND_OFF, SAME, ErrorBound, out, work_of_loads
+from signorini_fx.accuracy.arrays import Array
+from signorini_fx.accuracy.bounded_error import (
+    ROUND_OFF,
+    SAME,
+    UNBALANCED,
+    ErrorBound,
+    out,
+    small_rests,
+    work_of_loads,
+)
 from signorini_fx.accuracy.bounded_scene import Refused
+from signorini_fx.accuracy.cell_pieces import free_motions, of_each_piece
 from signorini_fx.accuracy.equilibrated_stress import Equilibrated, Equilibration, Loads
 from signorini_fx.accuracy.linear_displacement import Given, smallest_energy
 from signorini_fx.accuracy.stress_products import from_strain, square
-from signorini_fx.accuracy.triangles import GAUSS, Array, Triangles, free_motions
+from signorini_fx.accuracy.triangles import GAUSS, Triangles
 from signorini_fx.accuracy.triangulated import FacetsInContact, Problem, on_bernstein, on_line, quadratic
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
@@ -73,18 +83,36 @@ class Enclosure:
         duality: gap of the functionals with the strain of the computed displacement, energies, shape (n,).
         stress: in equilibrium.
         data: squares of the bounds of what the stress does not hold of the loads, shape (n,).
-        round_off: bound of the work of what sums leave, per unit of the energy norm.
-        size: energy norm of the computed displacement.
+        energy: squares of the energy norm of the computed displacement, shape (n,).
         t: the triangles.
+        inside: the triangles of the pieces that are looked at, each of which is a body of its own, shape (n,).
     """
 
     v: Admissible
     duality: Array
     stress: Equilibrated
     data: Array
-    round_off: float
-    size: float
+    energy: Array
     t: Triangles
+    inside: npt.NDArray[np.bool_]
+
+    def of(self, inside: npt.NDArray[np.bool_]) -> Enclosure:
+        """The same of some pieces.
+
+        Args:
+            inside: their triangles, shape (n,).
+        """
+        return replace(self, inside=inside)
+
+    @cached_property
+    def size(self) -> float:
+        """Energy norm of the computed displacement."""
+        return float(np.sqrt(self.energy[self.inside].sum()))
+
+    @cached_property
+    def round_off(self) -> float:
+        """Bound of the work of what sums leave, per unit of the energy norm."""
+        return float(np.sqrt(self.stress.squares[self.inside].sum())) + ROUND_OFF * self.size
 
     @cached_property
     def difference(self) -> Array:
@@ -94,12 +122,12 @@ class Enclosure:
     @cached_property
     def gap(self) -> float:
         """Of the functionals, twice, energy per thickness."""
-        return float((self.v.contact + square(self.t, self.difference)).sum())
+        return float((self.v.contact + square(self.t, self.difference))[self.inside].sum())
 
     @property
     def missed(self) -> float:
         """Bound of the work of what is not in equilibrium with the loads per unit of the energy norm."""
-        return float(np.sqrt(self.data.sum())) + self.round_off
+        return float(np.sqrt(self.data[self.inside].sum())) + self.round_off
 
     @property
     def distance(self) -> float:
@@ -109,7 +137,7 @@ class Enclosure:
     @property
     def radius(self) -> float:
         """Bound of the distance of the stress of the solution from the mean of both stresses."""
-        contact = float(self.v.contact.sum())
+        contact = float(self.v.contact[self.inside].sum())
         return float(np.sqrt((self.gap - contact) / 4 + contact / 2 + self.missed * self.distance))
 
 
@@ -153,14 +181,14 @@ class Bounded(Problem):
             free = np.eye(2) - self.held[one.edges]
             traction[one.edges] += np.einsum("eij,eaj->eai", free, one.traction)
         bubble = 2 / 3 * (self.middle - self.y[t.edges].mean(axis=1))
-        stress = self.equilibration.stress(Loads(self.body, traction), self.y[t.edges] + bubble[:, None])
+        stress = self.equilibration.stress(Loads(self.body, traction, self.unknown), self.y[t.edges] + bubble[:, None])
         between = square(t, from_strain(t, computed) - stress.stress)
         v = self._beside(self._admissible(np.zeros_like(self.y)), computed)
         if v.moved.sum() > _LITTLE * between.sum():
             # The first one is cheap; the second one is better where the regularisation lets many nodes enter.
             v = min(v, self._beside(self._admissible(self._entered()), computed), key=lambda one: one.squares.sum())
-        size = float(np.sqrt(_energy(t, computed).sum()))
-        return Enclosure(v, v.contact + between, stress, self._data(), stress.missing + ROUND_OFF * size, size, t)
+        every = np.ones(len(t.corners), dtype=bool)
+        return Enclosure(v, v.contact + between, stress, self._data(), _energy(t, computed), t, every)
 
     def bound(self) -> ErrorBound:
         """The bound of the error."""
@@ -174,7 +202,9 @@ class Bounded(Problem):
         if not any(one.bound.any() for one in self.contacts):
             above = (float(np.sqrt(found.gap)) + 2 * found.missed) ** 2 / 2
             energy = _energy(t, v.strain).sum() / 2 - self.work(v.y, v.middle)
-            work = work_of_loads(energy, above, found.size, total, len(t.corners))
+            least, most = work_of_loads(energy, above, found.size, total, len(t.corners))
+            unknown = self.unknown_work(v.y, v.middle)
+            work = least - unknown, most + unknown
         round_off = found.round_off
         return ErrorBound(float(total), found.size, duality, missed, moved, round_off, squares, self.assumed, work)
 
@@ -227,6 +257,7 @@ class Bounded(Problem):
         loads = np.einsum("ncd,ncdk->k", self.body, modes[t.corners]) + work(
             self.traction, np.arange(len(t.edges))
         ).sum(axis=0)
+        pieces = of_each_piece(t, modes.reshape(t.x.size, -1))
         rows, low, high, start, weight = [], [], [], [], []
         for one in self.contacts:
             for end in (0, 1):
@@ -243,16 +274,17 @@ class Bounded(Problem):
                     weight.append(1 / t.length[one.edges])
         a, least, most = np.concatenate(rows), np.concatenate(low), np.concatenate(high)
         z, flexible = np.concatenate(start), np.concatenate(weight)
-        scale = np.abs(loads).max() + np.abs(a * z[:, None]).sum(axis=0).max()
-        for _ in range(_BALANCES):
-            rest = loads + a.T @ z
-            if np.abs(rest).max() <= ROUND_OFF * scale:
-                break
-            room = np.minimum(z - least, most - z) > 0
-            use = a * (flexible * room)[:, None]
-            z = np.clip(z - use @ np.linalg.lstsq(use.T @ a, rest, rcond=1e-12)[0], least, most)
-        else:
-            raise Refused("no admissible tractions near the nodal ones balance the loads")
+        small = small_rests(loads, np.abs(a * z[:, None]).sum(axis=0), pieces)
+        for _, own in pieces:
+            for _ in range(_BALANCES):
+                rest = loads[own] + a[:, own].T @ z
+                if np.abs(rest).max() <= small[own].min():
+                    break
+                room = np.minimum(z - least, most - z) > 0
+                use = a[:, own] * (flexible * room)[:, None]
+                z = np.clip(z - use @ np.linalg.lstsq(use.T @ a[:, own], rest, rcond=1e-12)[0], least, most)
+            else:
+                raise Refused(UNBALANCED)
         parts = iter(np.split(z, np.cumsum([len(part) for part in start])[:-1]))
         for one in self.contacts:
             for end in (0, 1):

@@ -10,11 +10,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from signorini_fx.accuracy.bounded_error import ROUND_OFF, SAME, ErrorBound, out, work_of_loads
+from signorini_fx.accuracy.arrays import Array, Ints
+from signorini_fx.accuracy.bounded_error import (
+    ROUND_OFF,
+    SAME,
+    UNBALANCED,
+    ErrorBound,
+    out,
+    small_rests,
+    work_of_loads,
+)
 from signorini_fx.accuracy.bounded_scene import Refused
+from signorini_fx.accuracy.cell_pieces import free_motions, of_each_piece
 from signorini_fx.accuracy.linear_displacement import Given, smallest_energy
 from signorini_fx.accuracy.stress_in_space import Equilibrated, Loads, equilibrated
-from signorini_fx.accuracy.tetrahedra import FACES, TWICE, Tetrahedra, free_motions
+from signorini_fx.accuracy.tetrahedra import FACES, TWICE, Tetrahedra
 from signorini_fx.accuracy.tetrahedral import (
     GAUSS,
     WEIGHTS,
@@ -24,7 +34,6 @@ from signorini_fx.accuracy.tetrahedral import (
     coefficients,
     onto_disc,
 )
-from signorini_fx.accuracy.triangles import Array, Ints
 
 # Share of the square of the bound below which what is moved does not count.
 _LITTLE = 0.1
@@ -121,9 +130,27 @@ class BoundedInSpace(ProblemInSpace):
             -(own + np.einsum("fak,fd->fadk", push, one.normal))
             for own, push, one in zip(work, normal, self.contacts, strict=True)
         ]
-        scale = np.abs(loads).max() + sum(
-            np.abs(push * one.pressure[:, :, None]).sum() for push, one in zip(normal, self.contacts, strict=True)
+        pieces = of_each_piece(t, modes.reshape(t.x.size, -1))
+        sizes = (
+            np.abs(push * one.pressure[:, :, None]).sum(axis=(0, 1))
+            for push, one in zip(normal, self.contacts, strict=True)
         )
+        small = small_rests(loads, sum(sizes, np.zeros(loads.size)), pieces)
+        for _, own in pieces:
+            self._balance_piece(
+                loads[own], [push[..., own] for push in normal], [pull[..., own] for pull in across], small[own].min()
+            )
+
+    def _balance_piece(self, loads: Array, normal: list[Array], across: list[Array], small: float) -> None:
+        """Change pressures and shears so that they balance the loads of a piece.
+
+        Args:
+            loads: their work on its free motions, force, shape (k,).
+            normal: that of unit pressures at the vertices of the faces of each contact, shapes (m, 3, k).
+            across: that of unit shears, shapes (m, 3, 3, k).
+            small: what may be left of it, force.
+        """
+        t = self.t
         for _ in range(_BALANCES):
             rest, flexible = loads.copy(), np.zeros((loads.size, loads.size))
             for push, pull, one in zip(normal, across, self.contacts, strict=True):
@@ -133,7 +160,7 @@ class BoundedInSpace(ProblemInSpace):
                 flexible += np.einsum(
                     "fadk,fadl->kl", pull / t.area[one.faces, None, None, None], pull * inside[:, :, None, None]
                 )
-            if np.abs(rest).max() <= ROUND_OFF * scale:
+            if np.abs(rest).max() <= small:
                 return
             step = np.linalg.lstsq(flexible, rest, rcond=1e-12)[0]
             for push, pull, one in zip(normal, across, self.contacts, strict=True):
@@ -142,7 +169,7 @@ class BoundedInSpace(ProblemInSpace):
                 one.pressure = (one.pressure - self._room(one)[:, :, 0] * (push @ step) / area).clip(min=0.0)
                 changed = one.shear - inside[:, :, None] * (pull @ step) / area[:, :, None]
                 one.shear = onto_disc(changed, one.least)
-        raise Refused("no admissible tractions near the nodal ones balance the loads")
+        raise Refused(UNBALANCED)
 
     @staticmethod
     def _room(one: FacesInContact) -> Array:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
+from signorini_fx.accuracy.arrays import Array, Ints
+from signorini_fx.accuracy.cell_pieces import rigid_motions
 from signorini_fx.accuracy.definite_factor import Factor
 from signorini_fx.accuracy.tetrahedra import COLUMNS, ROWS, TWICE, Tetrahedra
-from signorini_fx.accuracy.triangles import Array, Ints, Triangles
+from signorini_fx.accuracy.triangles import Triangles
 
 # Components along directions that are closer are one and the same; given ones may differ by as much.
 _SAME = 1e-9
@@ -34,14 +35,25 @@ class Given:
     value: Array
 
     def fixes(self, t: Triangles | Tetrahedra) -> bool:
-        """Whether they leave no rigid motion free."""
-        arm = (t.x - t.x.mean(axis=0))[self.vertex] / np.ptp(t.x, axis=0).max()
-        turns = [
-            arm[:, i] * self.direction[:, j] - arm[:, j] * self.direction[:, i]
-            for i, j in combinations(range(arm.shape[1]), 2)
-        ]
-        modes = np.column_stack((self.direction, *turns))
-        return float(np.linalg.eigvalsh(modes.T @ modes)[0]) > _SAME * len(modes)
+        """Whether they leave no rigid motion of any piece free."""
+        of_row = t.piece_of_vertex[self.vertex]
+        for piece in range(int(t.piece.max()) + 1):
+            inside, rows = np.flatnonzero(t.piece_of_vertex == piece), of_row == piece
+            place = np.searchsorted(inside, self.vertex[rows])
+            works = np.einsum("rdk,rd->rk", rigid_motions(t.x[inside])[place], self.direction[rows])
+            if not float(np.linalg.eigvalsh(works.T @ works)[0]) > _SAME * len(works):
+                return False
+        return True
+
+    @staticmethod
+    def at_rest(vertex: Ints, d: int) -> Given:
+        """No displacement in any direction.
+
+        Args:
+            vertex: where, shape (r,).
+            d: the dimension.
+        """
+        return Given(np.repeat(vertex, d), np.tile(np.eye(d), (len(vertex), 1)), np.zeros(d * len(vertex)))
 
     @staticmethod
     def joined(*parts: Given) -> Given:

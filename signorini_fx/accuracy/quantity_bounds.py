@@ -22,13 +22,14 @@ from __future__ import annotations
 import numpy as np
 from dolfinx import fem
 
+from signorini_fx.accuracy.arrays import Array, Ints
 from signorini_fx.accuracy.bounded_error import ROUND_OFF, SAME
 from signorini_fx.accuracy.bounded_scene import Refused
+from signorini_fx.accuracy.cell_pieces import free_motions, of_each_piece
 from signorini_fx.accuracy.equilibrated_stress import Loads
 from signorini_fx.accuracy.error_bound import Bounded
 from signorini_fx.accuracy.linear_displacement import Given, smallest_energy
 from signorini_fx.accuracy.stress_products import from_strain, product, square
-from signorini_fx.accuracy.triangles import Array, free_motions
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.scene.effect import Force
@@ -92,22 +93,22 @@ class _Quantity(Bounded):
     def mean(self, boundary: str, direction: Array) -> tuple[float, float]:
         """See ``mean_displacement``."""
         t, edges = self.t, self._edges(boundary)
-        if free_motions(t, self.held).size:
+        pieces = np.unique(t.piece_of_vertex[t.edges[edges]])
+        if np.isin([piece for piece, _ in of_each_piece(t, free_motions(t, self.held))], pieces).any():
             raise Refused("a mean displacement has bounds where supports hold the body without its contact")
         unit = np.zeros((len(t.edges), 2, 2))
-        free = np.eye(2) - self.held[edges]
-        unit[edges] = np.einsum("eij,j->ei", free, direction)[:, None] / t.length[edges].sum()
+        unit[edges] = direction / t.length[edges].sum()  # what supports take of it neither stress nor w know
         stress = self.equilibration.stress(Loads(np.zeros((len(t.corners), 3, 2)), unit), np.zeros_like(unit))
         load = np.zeros((len(t.x), 2))
         for k in (0, 1):
             np.add.at(load, t.edges[:, k], t.length[:, None] * (2 * unit[:, k] + unit[:, 1 - k]) / 6)
-        w = smallest_energy(t, self._closed(np.zeros((len(t.edges), 2))), load)[0]
+        w = smallest_energy(t, self._closed(np.zeros((len(t.edges), 2)), pieces), load)[0]
         y, middle = self.enclosure.v.y, self.enclosure.v.middle
         share = t.length[edges] / t.length[edges].sum()
         mean = float(share @ ((y[t.edges[edges]].sum(axis=1) + 4 * middle[edges]) / 6 @ direction))
-        residual, size = self._residual(w)
-        low, high = self._within(stress.stress - from_strain(t, self._strain(w)), stress.missing, size)
-        return mean + residual + low, mean + residual + high
+        residual, size, unknown = self._residual(w)
+        low, high = self._within(stress.stress - from_strain(t, self._strain(w)), stress.missing, size, pieces)
+        return mean + residual + low - unknown, mean + residual + high + unknown
 
     def force(self, boundary: str, direction: Array) -> tuple[float, float]:
         """See ``force``."""
@@ -122,7 +123,8 @@ class _Quantity(Bounded):
             raise Refused(f"loads act on the support {boundary!r}: its own force is not known apart from them")
         value = np.zeros((len(t.edges), 2))
         value[edges] = direction
-        given = self._closed(value)
+        pieces = np.unique(t.piece_of_vertex[t.edges[edges]])
+        given = self._closed(value, pieces)
         if not given.fixes(t):
             raise Refused("a force has bounds where supports and contacts hold the body")
         z, missed = smallest_energy(t, given)
@@ -136,17 +138,19 @@ class _Quantity(Bounded):
             unloaded = Loads(np.zeros((len(t.corners), 3, 2)), none)
             stress = self.equilibration.stress(unloaded, np.stack((value, value), axis=1))
             difference, missing = difference - stress.stress, stress.missing
-        residual, size = self._residual(z)
-        low, high = self._within(difference, missing, size)
-        return low - residual, high - residual
+        residual, size, unknown = self._residual(z)
+        low, high = self._within(difference, missing, size, pieces)
+        return low - residual - unknown, high - residual + unknown
 
-    def _closed(self, value: Array) -> Given:
+    def _closed(self, value: Array, pieces: Ints) -> Given:
         """Components where forces of supports and contacts act; without friction there is none along a contact.
 
         Args:
             value: of the displacement on edges, shape (e, 2).
+            pieces: whose quantity it is; others do not move.
         """
         t, parts = self.t, [Given.of_facets(self.t.edges, self.held, value)]
+        parts.append(Given.at_rest(np.flatnonzero(~np.isin(t.piece_of_vertex, pieces)), 2))
         for one in self.contacts:
             slips = not (one.bound.any() or one.least.any())
             projectors = np.zeros_like(self.held)
@@ -158,24 +162,26 @@ class _Quantity(Bounded):
         """Of a displacement that is linear on triangles, at corners, shape (n, 3, 3)."""
         return self.t.strain_at_corners(w, w[self.t.edges].mean(axis=1))
 
-    def _residual(self, w: Array) -> tuple[float, float]:
-        """The work L(w) - a(v, w), and the size of what is summed up."""
+    def _residual(self, w: Array) -> tuple[float, float, float]:
+        """The work L(w) - a(v, w), the size of what is summed up, and how far L(w) is not known by quadrature."""
         t = self.t
         # The strain of w is constant: the mean of that of v is enough.
         own = t.stress(self.enclosure.v.strain.mean(axis=1)[:, None])[:, 0]
         parts = t.area * (own * self._strain(w)[:, 0] * [1.0, 1.0, 2.0]).sum(axis=1)
-        outside = self.work(w, w[t.edges].mean(axis=1))
-        return float(outside - parts.sum()), float(abs(outside) + np.abs(parts).sum())
+        middle = w[t.edges].mean(axis=1)
+        outside, unknown = self.work(w, middle), self.unknown_work(w, middle)
+        return float(outside - parts.sum()), float(abs(outside) + np.abs(parts).sum()), unknown
 
-    def _within(self, stress: Array, missing: float, size: float) -> tuple[float, float]:
+    def _within(self, stress: Array, missing: float, size: float, pieces: Ints) -> tuple[float, float]:
         """Bounds of the integral of a stress times eps(u - v).
 
         Args:
             stress: on the thirds at their corners, shape (n, 3, 3, 3).
             missing: what of it is not in equilibrium, ``Equilibrated.missing``.
             size: of other sums that are added.
+            pieces: where the stress is.
         """
-        t, found = self.t, self.enclosure
+        t, found = self.t, self.enclosure.of(np.isin(self.t.piece, pieces))
         centre = float(product(t, stress, found.difference).sum()) / 2
         norm = float(np.sqrt(square(t, stress).sum()))
         half = found.radius * norm + found.distance * missing

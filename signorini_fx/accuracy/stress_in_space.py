@@ -15,12 +15,13 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
+from signorini_fx.accuracy.arrays import Array
 from signorini_fx.accuracy.carried import carried
+from signorini_fx.accuracy.cell_pieces import free_motions
 from signorini_fx.accuracy.definite_factor import Factor
 from signorini_fx.accuracy.linear_displacement import assembled, free_basis
 from signorini_fx.accuracy.macro_tetrahedra import MacroStress
-from signorini_fx.accuracy.tetrahedra import FACES, Tetrahedra, free_motions
-from signorini_fx.accuracy.triangles import Array
+from signorini_fx.accuracy.tetrahedra import FACES, Tetrahedra
 
 # Pivots of motions that are free, relative.
 _FREE = 1e-10
@@ -93,12 +94,12 @@ class _System:
         basis = free_basis(vectors, sizes > _FREE)
         # As many tied unknowns as there are free motions: loads in balance cause no force there.
         left = basis.T @ free_motions(t, held)
-        pins = np.zeros(basis.shape[1])
+        pins, diagonal = np.zeros(basis.shape[1]), (basis.T @ matrix @ basis).diagonal()
         for _ in range(left.shape[1]):
             pin = int(np.argmax(np.linalg.norm(left, axis=1)))
             along = left[pin] / np.linalg.norm(left[pin])
             left -= np.outer(left @ along, along)
-            pins[pin] = float(matrix.diagonal().max())
+            pins[pin] = float(diagonal[pin])
         upper = sp.triu(basis.T @ matrix @ basis + sp.diags_array(pins), format="csr")
         upper.sort_indices()
         self._factor = Factor(upper) if basis.shape[1] else None
@@ -240,8 +241,8 @@ def _cross_matrix(a: Array) -> Array:
 def _missing(t: Tetrahedra, loads: Loads, held: Array, tractions: Array, rest: Array, energy: Array) -> float:
     """Bound of the work of what is not in equilibrium, per unit of the energy norm.
 
-    The forces and couples that a tetrahedron misses are carried from one to the next to a held face, or to the last
-    tetrahedron of a body without one, by linear tractions: those with a resultant R and a couple M about the centre of
+    The forces and couples that a tetrahedron misses are carried from one to the next to a held face, or to a
+    tetrahedron of a piece without one, by linear tractions: those with a resultant R and a couple M about the centre of
     a face are at most R / A + 12 M / (A h), with its area A and its least height h.  The stress of each tetrahedron
     that balances these is bounded by the norm of the map from moments to stresses.
     """

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from signorini_fx.accuracy.triangles import Array, Triangles
+from signorini_fx.accuracy.arrays import Array
+from signorini_fx.accuracy.triangles import Triangles
 
 
 def from_strain(t: Triangles, strain: Array) -> Array:

@@ -7,7 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from signorini_fx.accuracy.triangles import Array, Ints
+from signorini_fx.accuracy.arrays import Array, Ints
+from signorini_fx.accuracy.cell_pieces import pieces_of_cells, pieces_of_vertices
 
 # Corners of the face opposite each corner, and of each edge.
 FACES: Ints = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
@@ -16,8 +17,6 @@ EDGES: Ints = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
 ROWS: Ints = np.array([0, 1, 2, 1, 0, 0])
 COLUMNS: Ints = np.array([0, 1, 2, 2, 2, 1])
 TWICE: Array = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
-# Pivots of motions that are free, relative.
-_FREE = 1e-10
 
 
 @dataclass(frozen=True)
@@ -58,6 +57,11 @@ class Tetrahedra:
         return self._faces[0]
 
     @property
+    def facets(self) -> Ints:
+        """The faces."""
+        return self.faces
+
+    @property
     def of_tetrahedron(self) -> Ints:
         """Faces of each tetrahedron, the i-th opposite its i-th corner, shape (n, 4)."""
         return self._faces[1]
@@ -87,6 +91,16 @@ class Tetrahedra:
         found = np.full((len(self.faces), 2), -1)
         found[face[~second], 0], found[face[second], 1] = cell[~second], cell[second]
         return found
+
+    @cached_property
+    def piece(self) -> Ints:
+        """The piece of the body that each cell is in, from 0, shape (n,)."""
+        return pieces_of_cells(self.sides, len(self.corners))
+
+    @cached_property
+    def piece_of_vertex(self) -> Ints:
+        """The piece that each vertex is in, shape (v,)."""
+        return pieces_of_vertices(self.corners, self.piece, len(self.x))
 
     @cached_property
     def sign(self) -> Array:
@@ -169,24 +183,3 @@ class Tetrahedra:
                 grad[:, a] += 4 * bubble[:, k, :, None] * g[:, b, None]
                 grad[:, b] += 4 * bubble[:, k, :, None] * g[:, a, None]
         return np.asarray((grad[..., ROWS, COLUMNS] + grad[..., COLUMNS, ROWS]) / 2)
-
-
-def free_motions(t: Tetrahedra, held: Array) -> Array:
-    """An orthonormal basis of the rigid motions that the held faces leave free, shape (3 v, k).
-
-    Args:
-        t: the tetrahedra.
-        held: projector onto the directions in which each face is held, shape (f, 3, 3).
-    """
-    centre = t.x.mean(axis=0)
-    arm = (t.x - centre) / np.abs(t.x - centre).max()
-    modes = np.zeros((len(t.x), 3, 6))
-    modes[:, :, :3] = np.eye(3)
-    for k in range(3):
-        modes[:, :, 3 + k] = np.cross(np.eye(3)[k], arm)
-    some = held.any(axis=(1, 2))
-    rows = np.einsum("fij,fajk->faik", held[some], modes[t.faces[some]]).reshape(-1, 6)
-    values, vectors = np.linalg.eigh(rows.T @ rows / max(len(rows), 1))
-    free = vectors[:, values <= _FREE * max(values[-1], 1.0)]
-    basis: Array = np.linalg.qr(modes.reshape(-1, 6) @ free)[0]
-    return basis

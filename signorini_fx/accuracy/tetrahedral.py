@@ -10,15 +10,16 @@ from dolfinx import fem
 from scipy.spatial import cKDTree
 
 from signorini_fx import compat
+from signorini_fx.accuracy.arrays import Array, Ints
 from signorini_fx.accuracy.bounded_error import SAME
-from signorini_fx.accuracy.bounded_scene import Points, Refused, lame_of, refuse_unknown
+from signorini_fx.accuracy.bounded_scene import Points, Refused, assumptions, lame_of, refuse_unknown
 from signorini_fx.accuracy.tetrahedra import Tetrahedra
-from signorini_fx.accuracy.triangles import Array, Ints
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.effects.contact import CoulombFriction, TrescaFriction, UnilateralContact
 from signorini_fx.effects.displacement import PrescribedDisplacement
+from signorini_fx.scene.cut_simplices import cut
 from signorini_fx.scene.effect import Force
 from signorini_fx.scene.load_steps import factor_at
 
@@ -92,7 +93,7 @@ class ProblemInSpace:
     """A scene with its solution as plain arrays on tetrahedra."""
 
     def __init__(self, d: Discretisation, y: fem.Function, contact: ContactState | None, place: float) -> None:
-        self._d, self._place, self.assumed = d, place, ""
+        self._d, self._place = d, place
         refuse_unknown(d)
         self._arrays(y)
         self.held = np.zeros((len(self.t.faces), 3, 3))
@@ -105,6 +106,11 @@ class ProblemInSpace:
             if contact is None
             else [self._contact(number, effect, contact) for number, effect in enumerate(d.scene.contact)]
         )
+
+    @property
+    def assumed(self) -> str:
+        """What all that is proved rests on."""
+        return assumptions(self._d, coulomb=self._d.scene.has_coulomb, unknown=0.0)
 
     def _arrays(self, y: fem.Function) -> None:
         """Tetrahedra, and the displacement at vertices and middles of edges."""
@@ -174,7 +180,10 @@ class ProblemInSpace:
             faces = self._faces(load.where)
             given = factor * load.density_at(self.on(faces, GAUSS))
             linear = np.linalg.solve(moments, np.einsum("q,qa,fqd->fad", WEIGHTS, GAUSS, given))
-            if np.abs(given - GAUSS @ linear).max(initial=0.0) > _LOADED * np.abs(given).max(initial=0.0):
+            inside, owner, points = _in_parts(self.t.x[self.t.faces[faces]], self.t.normal[faces], load)
+            away = factor * load.density_at(points) - inside @ linear[owner]
+            size = np.abs(given).max(initial=0.0)
+            if max(np.abs(given - GAUSS @ linear).max(initial=0.0), np.abs(away).max(initial=0.0)) > _LOADED * size:
                 raise Refused(
                     f"in space a guaranteed bound is for tractions that are linear on each facet: that of "
                     f"{load.where!r} is not"
@@ -192,7 +201,11 @@ class ProblemInSpace:
                 continue
             x = np.einsum("qc,ncd->nqd", _INSIDE, t.x[t.corners])
             given = factor * np.broadcast_to(load.density_at(Points(x, np.zeros_like(x))), x.shape)
-            if np.ptp(given, axis=1).max() > _LOADED * np.abs(given).max():
+            _, owner, points = _in_parts(t.x[t.corners], np.zeros((len(t.corners), 3)), load)
+            away = (
+                factor * np.broadcast_to(load.density_at(points), points.x.shape) - given.mean(axis=1)[owner][:, None]
+            )
+            if max(np.ptp(given, axis=1).max(), np.abs(away).max()) > _LOADED * np.abs(given).max():
                 raise Refused("in space a guaranteed bound is for body forces that are constant in each cell")
             self.body += given.mean(axis=1)
 
@@ -237,10 +250,6 @@ class ProblemInSpace:
             case CoulombFriction():
                 least = at_vertices(contact.bound).clip(min=0.0)
                 bounds = least @ GAUSS.T
-                self.assumed = (
-                    "of the Tresca problem with the computed friction bound, converged or not: that this is the bound "
-                    "of the exact solution is assumed"
-                )
             case _:
                 least, bounds = np.zeros_like(pressure), np.zeros((len(faces), len(GAUSS)))
         shear = at_vertices(np.einsum("nij,nj->ni", boundary.tangents, contact.shear))
@@ -248,6 +257,24 @@ class ProblemInSpace:
         found = FacesInContact(faces, normal, points.value(effect.gap), below, bounds, pressure, shear, least)
         found.shear = onto_disc(shear, least)
         return found
+
+
+def _in_parts(x: Array, normal: Array, load: Force) -> tuple[Array, Ints, Points]:
+    """A point in each corner of the parts of faces or tetrahedra in which a load does not jump.
+
+    Args:
+        x: corners, length, shape (n, k, 3).
+        normal: shape (n, 3).
+        load: whose expressions say where it may jump.
+
+    Returns:
+        Their barycentric coordinates, shape (m, k, k), the face or tetrahedron that each part is in, shape (m,), and
+        the points.
+    """
+    owner, parts = cut(x, load.given.values())
+    inside = 0.99 * parts + 0.01 * parts.mean(axis=1, keepdims=True)
+    at = inside @ x[owner]
+    return inside, owner, Points(at, np.broadcast_to(normal[owner][:, None], at.shape))
 
 
 def onto_disc(shear: Array, least: Array) -> Array:

@@ -6,15 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
+from signorini_fx.accuracy.arrays import Array, Ints
+from signorini_fx.accuracy.cell_pieces import pieces_of_cells, pieces_of_vertices
 
 # Points and weights on (0, 1).
 GAUSS = (np.polynomial.legendre.leggauss(8)[0] + 1) / 2, np.polynomial.legendre.leggauss(8)[1] / 2
-# Pivots of motions that are free, relative.
-_FREE = 1e-10
 
 
 @dataclass(frozen=True)
@@ -47,6 +44,11 @@ class Triangles:
         return self._edges[0]
 
     @property
+    def facets(self) -> Ints:
+        """The edges."""
+        return self.edges
+
+    @property
     def of_triangle(self) -> Ints:
         """Edges of each triangle, the i-th opposite its i-th corner, shape (n, 3)."""
         return self._edges[1]
@@ -59,6 +61,16 @@ class Triangles:
             forward = self.corners[:, (i + 1) % 3] < self.corners[:, (i + 2) % 3]
             found[self.of_triangle[:, i], np.where(forward, 0, 1)] = np.arange(len(self.corners))
         return found
+
+    @cached_property
+    def piece(self) -> Ints:
+        """The piece of the body that each cell is in, from 0, shape (n,)."""
+        return pieces_of_cells(self.sides, len(self.corners))
+
+    @cached_property
+    def piece_of_vertex(self) -> Ints:
+        """The piece that each vertex is in, shape (v,)."""
+        return pieces_of_vertices(self.corners, self.piece, len(self.x))
 
     @cached_property
     def length(self) -> Array:
@@ -180,17 +192,3 @@ def divide(t: Triangles, y: Array, middle: Array) -> tuple[Triangles, Array, Arr
             mid[:, i] / 4 + (mid[:, j] + mid[:, k]) / 2 - (at[:, j] + at[:, k]) / 8
         )
     return found, np.concatenate((y, middle)), between, halves.T
-
-
-def free_motions(t: Triangles, held: Array) -> Array:
-    """An orthonormal basis of the rigid motions that the held edges leave free, shape (2 v, k)."""
-    centre = t.x.mean(axis=0)
-    size = np.abs(t.x - centre).max()
-    modes = np.zeros((len(t.x), 2, 3))
-    modes[:, 0, 0] = modes[:, 1, 1] = 1.0
-    modes[:, :, 2] = np.column_stack((-(t.x - centre)[:, 1], (t.x - centre)[:, 0])) / size
-    rows = np.einsum("eij,eajk->eaik", held, modes[t.edges]).reshape(-1, 3)
-    values, vectors = np.linalg.eigh(rows.T @ rows / len(rows))
-    free = vectors[:, values <= _FREE * max(values[-1], 1.0)]
-    basis: Array = np.linalg.qr(modes.reshape(-1, 3) @ free)[0]
-    return basis

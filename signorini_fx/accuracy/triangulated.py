@@ -11,10 +11,12 @@ from dolfinx import fem
 from scipy.spatial import cKDTree
 
 from signorini_fx import compat
+from signorini_fx.accuracy.arrays import Array, Ints
 from signorini_fx.accuracy.bounded_error import SAME
-from signorini_fx.accuracy.bounded_scene import Points, Refused, lame_of, refuse_unknown
+from signorini_fx.accuracy.bounded_scene import Points, Refused, assumptions, lame_of, refuse_unknown
+from signorini_fx.accuracy.integrated_loads import in_triangles, on_edges
 from signorini_fx.accuracy.local_stress import constant_forces
-from signorini_fx.accuracy.triangles import GAUSS, Array, Triangles, divide
+from signorini_fx.accuracy.triangles import GAUSS, Triangles, divide
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
@@ -73,7 +75,7 @@ class Problem:
     """A scene with its solution as plain arrays on triangles."""
 
     def __init__(self, d: Discretisation, y: fem.Function, contact: ContactState | None, place: float) -> None:
-        self._d, self._place, self.assumed = d, place, ""
+        self._d, self._place = d, place
         refuse_unknown(d)
         if d.tagged.dimension != 2:
             raise Refused("in space the error alone has a guaranteed bound")
@@ -82,14 +84,24 @@ class Problem:
         self.held = np.zeros((len(t.edges), 2, 2))
         self.traction = np.zeros((len(t.edges), 2, 2))
         self.missed_on_edges = np.zeros(len(t.edges))
+        # Of the loads on each triangle what quadrature does not know, force.
+        self.unknown = np.zeros(len(t.corners))
         self._supports()
-        self._tractions()
         self._body()
+        self.unknown_inside = self.unknown.copy()
+        self._tractions()
         self.contacts = (
             []
             if contact is None
             else [self._contact(number, effect, contact) for number, effect in enumerate(d.scene.contact)]
         )
+
+    @property
+    def assumed(self) -> str:
+        """What all that is proved rests on."""
+        size = float((self.t.length[:, None, None] * np.abs(self._on_edges)).sum() + np.abs(self.body).sum())
+        unknown = float(self.unknown.sum()) / size if size > 0 else 0.0
+        return assumptions(self._d, coulomb=self._d.scene.has_coulomb, unknown=unknown)
 
     def _triangulate(self, y: fem.Function) -> None:
         """Triangles of the cells, with degree 2 four of each, and the displacement at vertices and middles of edges."""
@@ -165,62 +177,88 @@ class Problem:
         values, vectors = np.linalg.eigh(self.held)
         self.held = np.einsum("eik,ek,ejk->eij", vectors, np.where(values > SAME, 1.0, 0.0), vectors)
 
+    def _forces(self, *, inside: bool) -> list[tuple[float, Force]]:
+        """The loads in the body, or those on its boundary, that act, with their factors."""
+        scene = self._d.scene
+        every = [(factor_at(scene.factors_of(load), self._place), load) for load in scene.of(Force)]
+        return [(factor, load) for factor, load in every if factor != 0 and (load.where is None) == inside]
+
     def _tractions(self) -> None:
         """Linear tractions with the moments of those given, and the square of what they miss on each edge."""
-        s, w = GAUSS
-        total = np.zeros((len(self.t.edges), len(s), 2))
-        for load in self._d.scene.of(Force):
-            factor = factor_at(self._d.scene.factors_of(load), self._place)
-            if load.where is not None and factor != 0:
-                edges = self._edges(load.where)
-                total[edges] += factor * load.density_at(self.along(edges, s))
-        total -= np.einsum("eij,eqj->eqi", self.held, total)
-        self._on_edges = total
-        first, second = np.einsum("q,eqd->ed", w * (1 - s), total), np.einsum("q,eqd->ed", w * s, total)
-        self.traction = np.stack((4 * first - 2 * second, 4 * second - 2 * first), axis=1)
-        linear = np.einsum("qa,ead->eqd", np.column_stack((1 - s, s)), self.traction)
-        self.missed_on_edges = self.t.length * np.einsum("q,eqd->e", w, (total - linear) ** 2)
+        t, loads = self.t, self._forces(inside=False)
+        self._on_edges, self._unknown_on_edges = np.zeros((2, len(t.edges), 3, 2))
+        if not loads:
+            return
+        acts_on = [self._edges(str(load.where)) for _, load in loads]
+        edges = np.unique(np.concatenate(acts_on))
+
+        def density(owner: Ints, points: Points) -> Array:
+            """Without what supports take of it."""
+            force = np.zeros_like(points.x)
+            for (factor, load), own in zip(loads, acts_on, strict=True):
+                rows = np.flatnonzero(np.isin(edges[owner], own))
+                force[rows] += factor * load.density_at(Points(points.x[rows], points.normal[rows]))
+            return np.asarray(force - np.einsum("mij,mqj->mqi", self.held[edges[owner]], force))
+
+        found = on_edges(t, edges, density, [value for _, load in loads for value in load.given.values()])
+        self._on_edges[edges], self._unknown_on_edges[edges] = found.moments, found.unknown
+        first, second = (found.moments[:, k] + found.moments[:, 1] / 2 for k in (0, 2))
+        self.traction[edges] = np.stack((4 * first - 2 * second, 4 * second - 2 * first), axis=1)
+        self.missed_on_edges[edges] = t.length[edges] * found.missed
+        np.add.at(self.unknown, t.sides[edges].max(axis=1), t.length[edges] * found.unknown.sum(axis=(1, 2)))
 
     def _body(self) -> None:
         """Moments of the body force, and the square of what constants on the thirds miss of it in each triangle."""
-        t = self.t
-        loads = [load for load in self._d.scene.of(Force) if load.where is None]
+        t, loads = self.t, self._forces(inside=True)
         self.body, self.missed_inside = np.zeros((len(t.corners), 3, 2)), np.zeros(len(t.corners))
-        self._bubbles = np.zeros_like(self.body)
+        self._bubbles, self._unknown_bubbles = np.zeros((2, len(t.corners), 3, 2))
         if not loads:
             return
-        # On each third, so that the constants are seen: products of Gauss' points, collapsed.
-        s, w = GAUSS
-        a, b = (grid.ravel() for grid in np.meshgrid(s, s, indexing="ij"))
-        weight = np.outer(w * (1 - s), w).ravel() * 2
-        local = np.column_stack((1 - a - b * (1 - a), a, b * (1 - a)))
-        for third in range(3):
+
+        def density(_: Ints, points: Points) -> Array:
+            parts = [factor * np.broadcast_to(load.density_at(points), points.x.shape) for factor, load in loads]
+            return np.asarray(sum(parts, np.zeros_like(points.x)))
+
+        values, means = [value for _, load in loads for value in load.given.values()], []
+        for third in range(3):  # so that the constants are seen
             corners = np.full((3, 3), 1 / 3)
             corners[0], corners[1] = np.eye(3)[(third + 1) % 3], np.eye(3)[(third + 2) % 3]
-            barycentric = local @ corners
-            x = np.einsum("qc,ncd->nqd", barycentric, t.x[t.corners])
-            points = Points(x, np.zeros_like(x))
-            force = np.zeros_like(x)
-            for load in loads:
-                factor = factor_at(self._d.scene.factors_of(load), self._place)
-                force += factor * np.broadcast_to(load.density_at(points), x.shape)
-            self.body += np.einsum("n,q,qc,nqd->ncd", t.area / 3, weight, barycentric, force)
-            bubbles = 4 * barycentric[:, [1, 2, 0]] * barycentric[:, [2, 0, 1]]
-            self._bubbles += np.einsum("n,q,qc,nqd->ncd", t.area / 3, weight, bubbles, force)
-            mean = np.einsum("q,nqd->nd", weight, force)
-            self.missed_inside += t.area / 3 * np.einsum("q,nqd->n", weight, (force - mean[:, None]) ** 2)
-            self._means = [*getattr(self, "_means", []), mean]
+            found = in_triangles(np.einsum("kc,ncd->nkd", corners, t.x[t.corners]), density, values)
+            # Barycentric coordinates of the triangle are linear in those of the third, and so are their products.
+            pairs = [np.outer(corners[:, (i + 1) % 3], corners[:, (i + 2) % 3]).ravel() for i in range(3)]
+            share = t.area[:, None, None] / 3
+            moments, unknown = found.moments, found.unknown
+            self.body += share * np.einsum("kc,nkd->ncd", corners, moments[:, :3])
+            self._bubbles += share * 4 * np.einsum("ck,nkd->ncd", np.array(pairs), moments[:, 3:])
+            self._unknown_bubbles += share * 4 * np.einsum("ck,nkd->ncd", np.array(pairs), unknown[:, 3:])
+            self.unknown += (share * unknown[:, :3]).sum(axis=(1, 2))
+            self.missed_inside += t.area / 3 * found.missed
+            means.append(found.means)
         # The constants have the moments of the force, and differ from its means.
-        differ = constant_forces(t, self.body) - np.stack(self._means, axis=1)
+        differ = constant_forces(t, self.body) - np.stack(means, axis=1)
         self.missed_inside += np.einsum("n,nid->n", t.area / 3, differ**2)
 
     def work(self, y: Array, middle: Array) -> float:
         """Of the loads on a displacement of degree 2, without what supports take of them, energy per thickness."""
-        t, every = self.t, np.arange(len(self.t.edges))
-        on_edges = np.einsum("eqd,q,eqd->e", self._on_edges, GAUSS[1], quadratic(y, middle, t.edges, every, GAUSS[0]))
+        t = self.t
+        on_edges = np.einsum("ebd,ebd->e", self._on_edges, self._bernstein(y, middle))
         above = middle[t.of_triangle] - y[t.edges].mean(axis=1)[t.of_triangle]
         inside = np.einsum("ncd,ncd->", self.body, y[t.corners]) + np.einsum("ncd,ncd->", self._bubbles, above)
         return float(t.length @ on_edges + inside)
+
+    def unknown_work(self, y: Array, middle: Array) -> float:
+        """How far that work is not known by quadrature, energy per thickness."""
+        t = self.t
+        on_edges = np.einsum("ebd,ebd->e", self._unknown_on_edges, np.abs(self._bernstein(y, middle)))
+        above = np.abs(middle[t.of_triangle] - y[t.edges].mean(axis=1)[t.of_triangle])
+        largest = np.abs(y[t.corners]).max(axis=(1, 2))
+        inside = self.unknown_inside @ largest + np.einsum("ncd,ncd->", self._unknown_bubbles, above)
+        return float(inside) + float(t.length @ on_edges)
+
+    def _bernstein(self, y: Array, middle: Array) -> Array:
+        """The coefficients of Bernstein of a displacement along the edges, shape (e, 3, 2)."""
+        a, b = y[self.t.edges[:, 0]], y[self.t.edges[:, 1]]
+        return np.stack((a, 2 * middle - (a + b) / 2, b), axis=1)
 
     def _contact(self, number: int, effect: UnilateralContact, contact: ContactState) -> FacetsInContact:
         """The facets of a contact, with admissible tractions near the nodal ones."""
@@ -270,10 +308,6 @@ class Problem:
             case CoulombFriction():
                 least = linear(contact.bound).clip(min=0.0)
                 bounds = on_line(least, GAUSS[0])
-                self.assumed = (
-                    "of the Tresca problem with the computed friction bound, converged or not: that this is the bound "
-                    "of the exact solution is assumed"
-                )
             case _:
                 least, bounds = np.zeros_like(pressure), np.zeros((len(edges), len(GAUSS[0])))
         shear = np.clip(linear(contact.shear[:, 0]), -least, least)

@@ -21,13 +21,13 @@ def softened(task: Task, start: Start, failed: Outcome) -> RegularisedData:
     """The first problem of augmentation, whose limit is the same for every gamma: a small one makes the problems
     easiest.  Where the problem with gamma was solved and only its limit was not, gamma stays.
     """
-    given = replace(failed.data, slip_origin=_without_elastic_slip(start, failed.data))
+    given = replace(failed.data, slip_origin=without_elastic_slip(start, failed.data))
     solved = task.settings.algorithm == "exact" and failed.newton is not task.iterate.newton
     share = 1.0 if solved else max(AUGMENTED_SHARE, min(1.0, START_GAMMA * task.natural_gamma / given.gamma_n))
     return replace(given, gamma_n=share * given.gamma_n, gamma_t=share * given.gamma_t)
 
 
-def _without_elastic_slip(start: Start, data: RegularisedData) -> Nodal | None:
+def without_elastic_slip(start: Start, data: RegularisedData) -> Nodal | None:
     """Where slip counts from without the part of it in earlier load steps that is due to the regularisation."""
     if start.elastic_slip is None or data.slip_origin is None:
         return data.slip_origin

@@ -17,7 +17,13 @@ import numpy as np
 from signorini_fx import parallel
 from signorini_fx.algorithms.alm import augmented_lagrangian
 from signorini_fx.algorithms.augmentation import with_enough_digits
-from signorini_fx.algorithms.augmented import augmentation_on, automatic_gamma, by_augmentation, softened
+from signorini_fx.algorithms.augmented import (
+    augmentation_on,
+    automatic_gamma,
+    by_augmentation,
+    softened,
+    without_elastic_slip,
+)
 from signorini_fx.algorithms.continuation import continuation
 from signorini_fx.algorithms.coulomb_newton import coulomb_newton
 from signorini_fx.algorithms.coulomb_statics import coulomb_start, proved
@@ -31,6 +37,7 @@ from signorini_fx.attempts import (
     FIXED_POINT,
     METHOD,
     MONOLITHIC,
+    REGULARISED,
     Attempt,
     for_coulomb,
     step_limit,
@@ -40,6 +47,8 @@ from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
 from signorini_fx.contact.statics import no_balance
 from signorini_fx.records import OuterRecord, Status
 from signorini_fx.tuned import (
+    ALM_PROBLEMS,
+    AUGMENTED_SOLVES,
     CONTINUATION_SHARE,
     LARGEST_GAMMA,
     LARGEST_GAMMA_RATIO,
@@ -77,7 +86,9 @@ def solve_task(task: Task, start: Start, most: int | None = None) -> Outcome:
 
 
 def _solve(task: Task, start: Start) -> Outcome:
-    """The method of the scene, and augmentation if it fails."""
+    """The method of the scene, and if it fails augmentation, or ``ssn`` if that is augmentation."""
+    if task.settings.algorithm == "alm" and task.settings.fallbacks and not start.without_fall_backs:
+        return _augmented_or_regularised(task, start)
     first = _by_method(task, start)
     failed = task.gave_up(first.status) and not task.has_coulomb and _may_augment(task, start)
     if not failed or task.history.exhausted:
@@ -86,6 +97,33 @@ def _solve(task: Task, start: Start) -> Outcome:
     task.history.add(f"{first.status.value}: {AUGMENTED} with gamma_n = {data.gamma_n:.3g}")
     last = by_augmentation(task, start, first, data)
     return last if last.status is Status.CONVERGED else replace(last, status=first.status)
+
+
+def _augmented_or_regularised(task: Task, start: Start) -> Outcome:
+    """``alm``; if that fails ``ssn``, and augmentation that begins at its solution."""
+    history, newton = task.history, task.iterate.newton
+    begin = newton.checkpoint()
+    with history.at_most(ALM_PROBLEMS * task.settings.max_iterations):
+        first = _by_method(task, start)
+    if not task.gave_up(first.status) or history.exhausted:
+        return first
+    history.add(f"{first.status.value}: {REGULARISED}")
+    newton.restore(begin)
+    second = _solve(task.with_algorithm("ssn"), start)
+    if second.status is not Status.CONVERGED:
+        return first
+    if second.augmented:
+        return second
+    solved, begun = second.newton.checkpoint(), start.begin_from(second.problem.sets, second.newton.multipliers())
+    monolithic = start.law is not None and _may_be_monolithic(start.law, second.data)
+    data = replace(second.data, slip_origin=without_elastic_slip(start, second.data))
+    with history.at_most(AUGMENTED_SOLVES):
+        last = by_augmentation(task, begun, second, data, monolithic=monolithic)
+    if last.status is Status.CONVERGED:
+        return last
+    history.add(f"{last.status.value}: the solution with gamma_n = {second.data.gamma_n:.3g} stays")
+    newton.restore(solved)
+    return replace(second, regularised=True)
 
 
 def _may_augment(task: Task, start: Start) -> bool:
@@ -245,8 +283,9 @@ def _coulomb(task: Task, start: Start, law: FrictionLaw) -> Outcome:
         augmentation = augmentation_on(task, task.iterate.unsymmetric_newton)
         return augmented_lagrangian(augmentation, coupled, first_sets, max_outer=s.max_outer_iterations)
 
-    started = s.coulomb == "auto" and start.multipliers is not None and start.step == 0 and s.algorithm != "alm"
-    first = s.coulomb == "newton" or started
+    # Later load steps have the multipliers of the previous one, but sets only where a solution of their own is near.
+    near = start.multipliers is not None and (start.step == 0 or start.sets is not None)
+    first = s.coulomb == "newton" or (s.coulomb == "auto" and near and s.algorithm != "alm")
     return _either_way(task, start, law, before, fixed, monolithic, monolithic_first=first)
 
 
@@ -284,7 +323,7 @@ def _either_way(
         first=monolithic_first,
         fallbacks=s.fallbacks,
         augmented=_may_augment(task, start) and not start.augmented,
-        damped=not start.without_fall_backs,
+        damped=not start.without_fall_backs and s.algorithm != "alm",
     )
 
     augmented = (AUGMENTED, AUGMENTED_NEWTON)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -80,6 +80,7 @@ class Outcome:
         data: the problem of the load step with the final gamma.
         monolithic: whether Coulomb friction was solved monolithically.
         augmented: whether augmentation was used as a fall-back, so that there is no regularisation error.
+        regularised: whether ``ssn`` was used as a fall-back of ``alm``, so that there is one.
         regularisation_error: the estimate of path-following, in the energy norm; None where it did not run.
     """
 
@@ -88,6 +89,7 @@ class Outcome:
     data: RegularisedData
     monolithic: bool = False
     augmented: bool = False
+    regularised: bool = False
     regularisation_error: float | None = None
 
     @property
@@ -233,9 +235,15 @@ class Task:
 
     def promised(self, outcome: Outcome) -> tuple[float, float]:
         """(gamma_1, gamma_2) of the contact law that a result promises to satisfy; infinite: without regularisation."""
-        if outcome.augmented or self.settings.algorithm in ("alm", "exact"):
+        if outcome.augmented or (self.settings.algorithm in ("alm", "exact") and not outcome.regularised):
             return np.inf, np.inf
         return outcome.problem.data.gamma_n, outcome.problem.data.gamma_t
+
+    def with_algorithm(self, algorithm: Literal["ssn", "alm"]) -> Task:
+        """The same problem with the same iterates by another algorithm."""
+        other = replace(self, settings=replace(self.settings, algorithm=algorithm))
+        vars(other)["iterate"] = self.iterate
+        return other
 
     def gave_up(self, status: Status) -> bool:
         """Whether a method has failed for another reason than a limit that the user has set."""

@@ -72,7 +72,7 @@ def with_chosen_sides(scene: Scene, tagged: TaggedMesh, facets: Facets, shear_mo
     collective.
 
     With ``points = "auto"`` sides stay where values of the gap or the friction are functions, which were written for
-    ``boundary``, where a fluid enters, and where other contacts or supports need the facets.
+    ``boundary``, where a load enters, and where other contacts or supports need the facets.
 
     Args:
         scene: the scene.
@@ -90,7 +90,7 @@ def with_chosen_sides(scene: Scene, tagged: TaggedMesh, facets: Facets, shear_mo
             continue
         if effect.points == "auto":
             ours, theirs = (SideFigures.of(name, tagged, shear_modulus) for name in (effect.boundary, effect.against))
-            entered = any(effect.boundary in fluid.enters for fluid in scene.fluids)
+            entered = any(effect.boundary in load.enters for load in scene.joint_loads.values())
             if theirs.better(ours) is None or not _plain(effect) or entered:
                 continue
         taken = [name for k, one in enumerate(contacts) if k != place for name in (one.boundary, one.against)]

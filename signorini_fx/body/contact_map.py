@@ -94,4 +94,10 @@ def _lift(boundary: ContactBoundary, operator: PETSc.Mat) -> PETSc.Mat | None:
     lift = sp.csr_array((sp.kron(averages.lift, sp.eye_array(dim)) @ frames).T)
     columns = (dim * averages.nodes[:, None] + np.arange(dim)).ravel()[lift.indices]
     csr = (lift.indptr.astype(PETSc.IntType), columns.astype(PETSc.IntType), lift.data)
-    return PETSc.Mat().createAIJ(operator.getSizes(), csr=csr, comm=operator.comm).transpose(PETSc.Mat())
+    found = PETSc.Mat().createAIJ(operator.getSizes(), csr=csr, comm=operator.comm).transpose(PETSc.Mat())
+    # Points see half the rotation of their own nodes, too, which is along other directions than the displacements that
+    # cause it: one step of Newton's method for the inverse of B S, S (2 - B S), leaves the square of a small angle.
+    turned = operator.matMult(found)
+    turned.scale(-1.0)
+    turned.shift(2.0)
+    return found.matMult(turned)

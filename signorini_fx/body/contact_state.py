@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.joint_pressure import JointPressure
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.state import PointState
 
@@ -20,12 +21,11 @@ class ContactState(PointState):
 
     Attributes:
         boundary: nodes, weights and normals.
-        fluid: pressure of fluids that have entered, stress, shape (n,): it presses besides lambda, and is zero where
-            the contact is dry; None: none enters.
+        joint: pressure of loads that have entered; None: none enters.
     """
 
     boundary: ContactBoundary
-    fluid: Nodal | None = None
+    joint: JointPressure | None = None
 
     @classmethod
     def of(cls, state: PointState, boundary: ContactBoundary) -> ContactState:

@@ -130,6 +130,8 @@ def contact_table(
         "side": contact.sliding_side(),
         "weight": boundary.weight,
     }
+    if contact.joint is not None:
+        scalars["water"] = contact.joint.pressure
     vectors = {
         "x": boundary.x[:, :dim],
         "n": boundary.normal[:, :dim],
@@ -161,6 +163,7 @@ def contact_table(
         "pressure": of["pressure"],
         **_components("shear", parts["shear"]),
         "bound": of["bound"],
+        **({"water": of["water"]} if "water" in of else {}),
         "state": np.where(of["touching"] > 0, state, "open"),
         "friction": np.where(of["bound"] > 0, state, "none"),
         **_components("slip", parts["slip"]),

@@ -250,11 +250,11 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
             bonded = [k for k, one in enumerate(scene.contact) if one.kind == "bonded"]
             held = partial(holds, fixed=fixed, turned=turned, boundary=boundary, bonded=bonded)
             applied += section_loads(scene, tagged, space, terms, mixed, inventory, held)
-        if boundary is not None and scene.fluids_enter:
-            from signorini_fx.body.entering_fluid import EnteringFluid
+        if boundary is not None and scene.joint_loads:
+            from signorini_fx.body.joint_loads import JointLoads
 
-            EnteringFluid(scene, tagged, space, boundary, 0)
-            nothing = np.zeros(fixed.size)  # which ``solving.entering_fluid`` replaces
+            JointLoads(scene, tagged, space, boundary, 0)
+            nothing = np.zeros(fixed.size)  # which ``solving.joint_loads`` replaces
             applied.append(AppliedLoad((1.0,) * scene.steps, (), (), nothing, fem.Function(space), grows=False))
     together(
         partial(check_finite, tagged.mesh.comm, applied),

@@ -235,12 +235,19 @@ class ElasticBody:
             found.coarser = None
         return found
 
-    def elasticity(self, cases: Sequence[LoadCase], coarser: MeshLevel | None = None) -> Elasticity:
-        """What linear algebra needs to know of the body; ``coarser``: coarser meshes for multigrid."""
-        free = self.motions.free.shape[1]
+    def refuse_enclosed(self) -> None:
+        """Refuse an incompressible body whose volume supports prescribe; collective.
+
+        Raises:
+            SceneError: nothing determines its pressure.
+        """
         if self.mixed is not None and self._encloses(self.prescribed):
             reason = "nothing determines the pressure: supports hold the whole boundary of the incompressible body"
             raise SceneError([("displacement", reason)])
+
+    def elasticity(self, cases: Sequence[LoadCase], coarser: MeshLevel | None = None) -> Elasticity:
+        """What linear algebra needs to know of the body; ``coarser``: coarser meshes for multigrid."""
+        free = self.motions.free.shape[1]
         of = self.stiffness, cases, self.contact, free, self.level(coarser)
         return Elasticity(*of, definite=self.mixed is None, rigid=self._rigid)
 

@@ -88,10 +88,11 @@ class Pair:
     Attributes:
         facets: exterior facets of the slave by their local numbers, or (meshtags, tag), with one tag or several.
         against: those of the other side, the master.
-        gap: "geometry": the distance of both sides along the normal of the slave as the meshes lie, negative where they
-            overlap; or a distance of sides that are nominally in contact, length: a number, a callable f(x) of points
-            of shape (3, n), a UFL expression, or a Function.  A fit between coarse meshes needs the latter.
+        gap: "geometry": the distance of both sides as the meshes lie, along normals half-way between both, negative
+            where they overlap; or a distance of sides that are nominally in contact, length: a number, a callable f(x)
+            of points of shape (3, n), a UFL expression, or a Function.  A fit between coarse meshes needs the latter.
         allowance: what is added to the distance by geometry, of the same kinds.
+        adjust: where the distance by geometry is at most this, length, it counts as zero; None: nowhere.
         friction: ``Coulomb``, ``Tresca``, or None.
         bilateral: whether the contact cannot open; the pressure then has any sign.
         bonded: whether both sides are tied as they lie, whatever gap and friction are.
@@ -106,3 +107,4 @@ class Pair:
     bilateral: bool = False
     bonded: bool = False
     reach: float | None = None
+    adjust: float | None = None

@@ -320,7 +320,7 @@ class Foundations:
             return at(0.0 if one.bonded else one.gap, f"contact[{number}].gap"), None
         allowance = at(one.allowance, f"contact[{number}].allowance")
         found, first = allowance.copy(), self._space.dofmap.index_map.local_range[0]
-        found[pair.slave.nodes[pair.coupling.nodes] - first] += pair.coupling.gap
+        found[pair.slave.nodes[pair.coupling.nodes] - first] += pair.coupling.adjusted(one.adjust)
         return found, allowance
 
     def _distance_of(self, number: int) -> Array:

@@ -155,22 +155,36 @@ class PairedSides:
 
         (frames, here), (axes, there) = told(slave), told(master)
         rests = (frames, here[:, dim:-1]), (axes, there[:, dim:-1])
-        across = mirrored(slave.surface, master.surface, rests)
-        slave = replace(slave, surface=replace(slave.surface, across=across))
+        across = (
+            mirrored(slave.surface, master.surface, rests),
+            mirrored(master.surface, slave.surface, (rests[1], rests[0])),
+        )
+        slave, master = (
+            replace(side, surface=replace(side.surface, across=planes))
+            for side, planes in zip((slave, master), across, strict=True)
+        )
         normals = np.abs(np.einsum("nij,ni->nj", frames, slave.surface.nodal_normals))
         unable = np.where(here[:, :dim], 0.0, normals).max(axis=1) <= _ALONG
         unable[~normals.any(axis=1)] = False  # nodes that no point belongs to
         unable |= here[:, -1]
         first, last = space.dofmap.index_map.local_range
         mine = (slave.nodes >= first) & (slave.nodes < last)
+        by_geometry = not pair.bonded and isinstance(pair.gap, str)
         try:
             found = couple(
-                slave.surface, master.surface, unable, bonded=pair.bonded, reach=pair.reach, comm=comm, mine=mine
+                slave.surface,
+                master.surface,
+                unable,
+                bonded=pair.bonded,
+                nominal=not by_geometry,
+                reach=pair.reach,
+                comm=comm,
+                mine=mine,
             )
         except PairingError as error:
             raise FormError([(name, str(error))]) from None
         turns = None if turned is None else frames[found.nodes]
-        return cls(slave, master, found, not pair.bonded and isinstance(pair.gap, str), turns)
+        return cls(slave, master, found, by_geometry, turns)
 
     @property
     def across(self) -> Array:
@@ -180,18 +194,22 @@ class PairedSides:
 
     @property
     def planes(self) -> dict[int, Array]:
-        """The same by the global numbers of all nodes of the slave on such planes."""
-        across = self.slave.surface.across
-        assert across is not None
-        return {int(self.slave.nodes[k]): across[k] for k in np.flatnonzero(across.any(axis=(1, 2)))}
+        """The same by the global numbers of all nodes of both sides on such planes."""
+        found = dict[int, Array]()
+        for side in (self.slave, self.master):
+            across = side.surface.across
+            assert across is not None
+            found |= {int(side.nodes[k]): across[k] for k in np.flatnonzero(across.any(axis=(1, 2)))}
+        return found
 
     @cached_property
     def reached(self) -> npt.NDArray[np.int64]:
         """Global numbers of the nodes that the points of this rank are made of, ascending, shape (m,)."""
         found, dim = self.coupling, self.slave.surface.dimension
         lift = found.lift(self.slave.surface)
-        own = np.concatenate((found.slave.indices, np.flatnonzero(np.diff(lift.tocsr().indptr))))
-        others = np.concatenate((found.master.indices, found.turning.indices // dim))
+        lifted = np.flatnonzero(np.diff(lift.tocsr().indptr))
+        own = np.concatenate((found.slave.indices, found.slave_turning.indices // dim, lifted))
+        others = np.concatenate((found.master.indices, found.master_turning.indices // dim))
         return np.unique(np.concatenate((self.slave.nodes[own], self.master.nodes[others])))
 
     def shares(self) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
@@ -201,7 +219,7 @@ class PairedSides:
         found, each = self.coupling, sp.eye_array(self.slave.surface.dimension)
         own, others = (side.columns(self.reached) for side in (self.slave, self.master))
         slave, master = sp.csr_array(found.slave @ own), sp.csr_array(found.master @ others)
-        turning = sp.csr_array(found.turning @ sp.kron(others, each))
+        turning = found.slave_turning @ sp.kron(own, each) + found.master_turning @ sp.kron(others, each)
         if self.across.any():
             at = np.arange(len(self.across) + 1)
             across = sp.bsr_array((self.across, at[:-1], at))
@@ -225,11 +243,10 @@ class PairedSides:
         own, others, turning = self.shares()
         known = np.column_stack((node_positions(space)[: len(fixed), :dim], fixed)).astype(np.float64)
         there = from_owners(known, self.reached, space.mesh.comm)
-        centre = np.asarray(found.slave @ self.slave.surface.x)
         lift = sp.csr_array(self.slave.columns(self.reached).T @ found.lift(self.slave.surface))
         moved = sp.csr_array(own - others)
-        averages = Averages(moved, self.reached, there[:, :dim], there[:, dim:] > 0, turning, centre, lift)
-        free = averages.any_of(~averages.fixed) if self.axes is None else np.ones(centre.shape, dtype=bool)
+        averages = Averages(moved, self.reached, there[:, :dim], there[:, dim:] > 0, turning, found.centre, lift)
+        free = averages.any_of(~averages.fixed) if self.axes is None else np.ones(found.centre.shape, dtype=bool)
         axes = np.tile(np.eye(dim), (nodes.size, 1, 1)) if self.axes is None else self.axes
         free &= np.einsum("nji,njk,nki->ni", axes, self.across, axes) < 0.5
         return ContactBoundary(

@@ -35,7 +35,7 @@ def foundations_of(
         if place in masters:
             gap = _evaluable(effect.gap)
             nominal, bonded = effect.distance == "nominal", isinstance(effect, BondedContact)
-            choice = {"gap": gap} if nominal else {"allowance": gap}
+            choice = {"gap": gap} if nominal else {"allowance": gap, "adjust": effect.adjust}
             found.append(Pair(on, masters[place], friction=friction, bilateral=bilateral, bonded=bonded, **choice))
             continue
         gap, shape, bonded = _evaluable(effect.gap), effect.surface, isinstance(effect, BondedContact)

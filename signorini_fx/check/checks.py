@@ -16,7 +16,6 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.plan import planned
-from signorini_fx.body import contact_data
 from signorini_fx.body.discretisation import Discretisation, prepare
 from signorini_fx.body.loads import group_of, load_groups
 from signorini_fx.body.mixed import MIXED_FORMS
@@ -24,10 +23,11 @@ from signorini_fx.check.cost import Cost, contact_nodes, estimated_cost, frictio
 from signorini_fx.check.findings import scene_findings
 from signorini_fx.check.petsc_options import refuse_mistyped
 from signorini_fx.check.planned import attempts_for
+from signorini_fx.check.refusals import refuse_beforehand
 from signorini_fx.contact.reactions import ZERO
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.material import LOCKING_POISSON
-from signorini_fx.mesh.hierarchy import coarser_scenes
+from signorini_fx.mesh.hierarchy import coarser_scenes, scene_on
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, Timings
 from signorini_fx.scene.effect import Force, Load, SectionJump
@@ -118,10 +118,13 @@ def _uniqueness(d: Discretisation) -> list[Finding]:
 def _validated(scene: Scene, comm: MPI.Comm) -> Discretisation:
     """The body of a scene, after all checks of the solver."""
     d = prepare(scene, load_mesh(scene, comm), Timings())
+    begun = d
     if scene.accuracy is not None:
-        planned(scene, scene.accuracy, comm)
-    if d.boundary is not None:
-        contact_data.first_sets(scene, d.boundary)
+        first = planned(scene, scene.accuracy, comm).scene
+        first = scene_on(first, 1.0) if first.generated else first  # whose meshes are coarser ones to begin with
+        if first != scene:  # other cells or elements
+            begun = prepare(first, load_mesh(first, comm), Timings())
+    refuse_beforehand(begun)
     return d
 
 

@@ -22,6 +22,8 @@ from signorini_fx.body.deformation import Deformation
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.motion_names import MOST_LISTED, rounded
 from signorini_fx.check.equilibrium import equilibrium
+from signorini_fx.check.jumping_loads import jumping_loads
+from signorini_fx.check.one_step import one_step
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.contact.reactions import ZERO
 from signorini_fx.records import SMALL_DEFORMATION, Finding
@@ -44,8 +46,9 @@ def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Find
     """
     scene, data = body.scene, body.data
     note = body.tagged.note
-    found = [Finding("note", "mesh", note)] if note else []
-    found += [*_pieces(body), *_locking(body), *_idle(body), *equilibrium(body)]
+    found = [Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in scene.incomplete]
+    found += [Finding("note", "mesh", note)] if note else []
+    found += [*_pieces(body), *_locking(body), *_idle(body), *equilibrium(body), *jumping_loads(body)]
     # Without an estimate it only matters whether anything acts at all; it is that of a beam in the plane or in space.
     estimates = estimates and not scene.of(Resistance) and not scene.axisymmetric
     moduli = [material.young for material in scene.material]
@@ -59,6 +62,7 @@ def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Find
             *_inwards(body),
             *_heights(body),
             *_moving(scene),
+            *one_step(body),
             *_uniqueness(scene, body.boundary, body.law),
             *_regularisation(scene, data, body.scales.gamma),
             *_monolithic(scene),
@@ -214,12 +218,11 @@ def _inwards(body: Discretisation) -> list[Finding]:
 
 
 def _moving(scene: Scene) -> list[Finding]:
-    """Foundations that move with the time, friction that depends on it, and fluids that enter the contact."""
-    message = "it presses on what is open of {}, found with the contact: statics and costs here are without this load"
+    """What effects say of themselves, foundations that move with the time, and friction that depends on it."""
     found = [
-        Finding("note", f"fluid[{index}].enters", message.format(" and ".join(map(repr, fluid.enters))))
-        for index, fluid in enumerate(scene.fluids)
-        if fluid.enters
+        Finding(kind, f"{path}.{key}", message)
+        for path, effect in scene.listed()
+        for kind, key, message in effect.remarks
     ]
     for index, effect in enumerate(scene.contact):
         if effect.moves:

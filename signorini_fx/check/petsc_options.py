@@ -20,6 +20,16 @@ from signorini_fx.linalg.options import PREFIX, watches
 from signorini_fx.machine.launcher import environment_of_no_rank
 
 _PATIENCE = 60.0  # seconds
+# Options that put another method in the place of ours, or another matrix or test into it, and the values that do not.
+_OFF = ("false", "no", "off", "0")
+_EXCHANGING = {
+    "snes_type": ("newtonls",),
+    "snes_lag_jacobian": ("1",),
+    "snes_convergence_test": (),
+    "snes_grid_sequence": ("0",),
+    **dict.fromkeys(("snes_mf", "snes_mf_operator", "snes_fd", "snes_fd_color"), _OFF),
+}
+_INNER_SOLVER = "npc_"
 
 
 def refuse_mistyped(comm: MPI.Comm) -> None:
@@ -34,6 +44,7 @@ def refuse_mistyped(comm: MPI.Comm) -> None:
     parallel.on_root(comm, lambda: _check_files({name: value for name, value in values.items() if watches(name)}))
     if not given:
         return
+    refuse_exchanged({name.removeprefix(PREFIX): value for name, value in given.items()})
     quiet = {name: value for name, value in given.items() if not watches(name)}
     if any("mg_" in name for name in quiet):
         parallel.on_root(comm, lambda: _check_crash(quiet))
@@ -52,6 +63,24 @@ def refuse_mistyped(comm: MPI.Comm) -> None:
     finally:
         for name, value in given.items():
             options[name] = value or None
+
+
+def refuse_exchanged(given: Mapping[str, str]) -> None:
+    """Refuse options with which PETSc would not run the Newton method of this package.
+
+    Args:
+        given: names without the prefix, and values.
+
+    Raises:
+        OptionsError: one of them does so; the message names it.
+    """
+    for name, value in given.items():
+        harmless = _EXCHANGING.get(name, () if name.startswith(_INNER_SOLVER) else None)
+        if harmless is not None and value.lower() not in harmless:
+            raise OptionsError(
+                f"PETSc option {_spelt({PREFIX + name: value})}: it would take the place of the semi-smooth Newton "
+                "method, of its matrix or of its test: leave it out, and choose by solver.algorithm"
+            )
 
 
 def refused(error: PETSc.Error) -> OptionsError | None:

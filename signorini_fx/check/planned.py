@@ -9,6 +9,7 @@ from signorini_fx.attempts import (
     FULL_STEPS,
     HALF,
     METHOD,
+    REGULARISED,
     WITHOUT,
     Attempt,
     for_coulomb,
@@ -40,16 +41,18 @@ def attempts_for(scene: Scene) -> tuple[tuple[str, tuple[str, ...], str], ...]:
             first=s.coulomb == "newton",
             fallbacks=s.fallbacks,
             augmented=s.algorithm != "alm",
+            damped=s.algorithm != "alm",
         )
         rows.append(("Coulomb friction", ways, f"at most {s.max_outer_iterations} problems each"))
-    step: tuple[Attempt, ...] = (METHOD, AUGMENTED) if s.fallbacks and s.algorithm != "alm" else (METHOD,)
+    other = REGULARISED if s.algorithm == "alm" else AUGMENTED
+    step: tuple[Attempt, ...] = (METHOD, other) if s.fallbacks else (METHOD,)
     rows.append(("a load step", step, f"at most {limit} linear solves together"))
     if ramp:
         most = (
             f"an increment that fails takes at most {FAILED_STEP} times the linear solves of the load step before it, "
             f"all that fail together {FAILED_RAMP} times those that do not"
         )
-        again = (AGAIN, WITHOUT) if scene.has_coulomb and len(step) > 1 else ()
+        again = (AGAIN, WITHOUT) if scene.has_coulomb and AUGMENTED in step else ()
         rows.append(("a load step of the ramp", (METHOD, *again[:1], HALF, *step[1:], *again[1:]), most))
     others = for_mesh(generated=scene.generated, ramp=ramp, fallbacks=s.fallbacks)
     if others and s.levels == 1 and scene.accuracy is None:

@@ -13,7 +13,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from signorini_fx.cli.exit_codes import EXIT_NO_SOLUTION, EXIT_OK
+from signorini_fx.cli.exit_codes import EXIT_INCOMPLETE, EXIT_NO_SOLUTION, EXIT_OK
 from signorini_fx.cli.options import changes
 from signorini_fx.errors import InstallationError, OutputError, SceneError, SignoriniError, cannot_be_written
 from signorini_fx.machine import terminal
@@ -291,7 +291,7 @@ def compare(options: argparse.Namespace) -> str:
     return compare(options.one, options.other)
 
 
-def mesh_file(options: argparse.Namespace) -> str:
+def mesh_file(options: argparse.Namespace) -> str | tuple[str, int]:
     """Rewrite or describe a mesh file."""
     from signorini_fx.mesh.files.formats import read_file, write_file
     from signorini_fx.mesh.info import mesh_info, render
@@ -316,14 +316,14 @@ def mesh_file(options: argparse.Namespace) -> str:
     return json.dumps(info, indent=2) if options.json else render(info, str(options.file))
 
 
-def _scene_draft(source: Path, mesh: MeshArrays, target: Path) -> str:
-    """Write the draft of a scene from an Abaqus deck; what it has and what it has not."""
+def _scene_draft(source: Path, mesh: MeshArrays, target: Path) -> tuple[str, int]:
+    """Write the draft of a scene from an Abaqus deck; what it has and what it has not, and the exit code."""
     from signorini_fx.mesh.files.abaqus_scene import draft
 
     if source.suffix.lower() != ".inp":
         raise OutputError(f"{target}: a scene is drafted from an Abaqus input file, .inp, and not from {source.name}")
-    text, left_out, beside = draft(source, mesh, target)
-    for file, content in {**beside, target: text}.items():
+    drafted = draft(source, mesh, target)
+    for file, content in {**drafted.files, target: drafted.text}.items():
         if os.path.lexists(file):
             raise OutputError(f"{file}: already exists: give another name, or remove it")
         try:
@@ -331,7 +331,11 @@ def _scene_draft(source: Path, mesh: MeshArrays, target: Path) -> str:
         except OSError as error:
             raise cannot_be_written(file, error) from None
     lines = [f"{target} is the draft of a scene; check it: signorini-fx check {target}"]
-    return "\n".join([*lines, *(f"left out: {one}" for one in left_out)])
+    lines += [f"left out: {remark}" for remark in drafted.noted]
+    if drafted.lost:
+        lines += [f"lost: {remark}" for remark in drafted.lost]
+        lines.append(f"{target} is incomplete: complete it, and remove from 'incomplete' what you have completed")
+    return "\n".join(lines), EXIT_INCOMPLETE if drafted.lost else EXIT_OK
 
 
 def completion(options: argparse.Namespace) -> str:

@@ -13,7 +13,7 @@ from signorini_fx.errors import SceneError, SignoriniError
 from signorini_fx.machine import terminal
 from signorini_fx.machine.launcher import started_as_root
 
-EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
+EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INCOMPLETE, EXIT_INTERRUPTED = 0, 1, 2, 3, 4, 130
 _OUT_OF_MEMORY = "memory ran out: signorini-fx check says how much a scene needs; ulimit -a shows the limits"
 _PATIENCE = 1.0  # seconds
 
@@ -25,12 +25,15 @@ def _complain(text: object) -> int:
     return EXIT_BAD_INPUT
 
 
-def on_one_process(run: Callable[[], str]) -> int:
-    """Run a command on one of several processes, and print its result."""
+def on_one_process(run: Callable[[], str | tuple[str, int]]) -> int:
+    """Run a command on one of several processes, and print its result, which may come with an exit code."""
     if not started_as_root():
         return EXIT_OK
+    code = EXIT_OK
     try:
-        terminal.say(run())
+        result = run()
+        text, code = result if isinstance(result, tuple) else (result, code)
+        terminal.say(text)
     except SignoriniError as error:
         return _complain(error)
     except MemoryError:
@@ -38,7 +41,7 @@ def on_one_process(run: Callable[[], str]) -> int:
     except KeyboardInterrupt:
         terminal.say("signorini-fx: interrupted", error=True)
         return EXIT_INTERRUPTED
-    return EXIT_BAD_INPUT if terminal.output_lost() else EXIT_OK
+    return EXIT_BAD_INPUT if terminal.output_lost() else code
 
 
 def on_ranks(run: Callable[[], int], source: object = None) -> int:

@@ -37,7 +37,8 @@ def parser() -> argparse.ArgumentParser:
     """The commands and their options."""
     after = (
         "What follows -- is passed to PETSc, for example: -- -sfx_snes_monitor -sfx_pc_factor_mat_solver_type mumps. "
-        "Exit codes: 0 solved, 1 no solution (the summary says why), 2 bad input, 3 internal error, 130 interrupted."
+        "Exit codes: 0 solved, 1 no solution (the summary says why), 2 bad input, 3 internal error, 4 an incomplete "
+        "draft, 130 interrupted."
     )
     main = _Parser(
         prog="signorini-fx",

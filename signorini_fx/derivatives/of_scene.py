@@ -181,7 +181,11 @@ def _check(scene: Scene) -> None:
             "material.torsion",
             "derivatives are not possible yet with torsion, but of forms of one's own",
         ),
-        (scene.fluids_enter, "fluid", "derivatives are not possible yet where a fluid enters contact"),
+        (
+            bool(scene.joint_loads),
+            next(iter(scene.joint_loads), ""),
+            "derivatives are not possible yet where it enters contact",
+        ),
         (scene.tightens_at(0), "preload", "derivatives are not possible yet with a preload by force"),
         (scene.solver.levels > 1, "solver.levels", "derivatives are those of one mesh: leave it out"),
         (scene.accuracy is not None, "accuracy", "derivatives are those of one mesh: leave it out"),

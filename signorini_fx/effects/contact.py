@@ -12,7 +12,7 @@ from signorini_fx.scene.base import Table, refused
 from signorini_fx.scene.effect import Array, Contradictions, Effect, text
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.rigid_shape import Distance, OneShape
-from signorini_fx.scene.values import Direction, NonNegativeTimedValue, SampledValue, shown
+from signorini_fx.scene.values import Direction, NonNegative, NonNegativeTimedValue, SampledValue, shown
 
 VectorField = Annotated[tuple[SampledValue, ...], Field(min_length=3, max_length=3)]
 
@@ -141,6 +141,7 @@ class Contact(Effect):
     against: str | None = None
     points: Literal["auto", "boundary", "against"] = "auto"
     distance: Literal["geometry", "nominal"] = "geometry"
+    adjust: NonNegative | None = None
     gap: SampledValue = 0.0
     direction: Direction | None = None
     foundation: OneShape = None
@@ -163,12 +164,15 @@ class Contact(Effect):
         if self.friction.ratio is not None:
             yield from self._not_with_directions(scene, place)
         if self.against is None:
-            for word, given in (("distance", self.distance == "nominal"), ("points", self.points != "auto")):
+            between = {"distance": self.distance == "nominal", "points": self.points != "auto"}
+            for word, given in {**between, "adjust": self.adjust is not None}.items():
                 if given:
                     yield ("contact", place, word), "is for contact against another boundary"
             return
         if self.against == self.boundary:
             yield ("contact", place, "against"), "is the boundary itself: two bodies have two boundaries"
+        if self.adjust is not None and self.distance == "nominal":
+            yield ("contact", place, "adjust"), "closes distances that the meshes have: with 'nominal' there are none"
         if self.direction is not None:
             yield ("contact", place, "direction"), "is that of the normal where two bodies touch: leave it out"
         if scene.solver.algorithm == "exact":
@@ -261,6 +265,8 @@ class UnilateralContact(Contact):
         points: which of both carries the contact points; ``auto``: that of the softer body, or of the finer mesh, see
             ``body.carrying_side``.
         distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie; ``nominal``: zero.
+        adjust: between two bodies, the distance of the meshes, length, that counts as zero, as do all that are smaller,
+            overlaps included; None: none does.
         gap: distance d to the foundation along ``direction``, a length; negative: initial penetration; it is added to
             the distance of a ``foundation``.
         direction: from the body to the foundation, any length; None: the outward normal of the body.
@@ -281,6 +287,7 @@ class BondedContact(Contact):
         against: name of the boundary of the other body; None: it is rigid.
         points: which of both carries the contact points, as in ``UnilateralContact``.
         distance: without effect.
+        adjust: without effect.
         gap: without effect.
         direction: without effect.
         foundation: what drives the rigid body, see ``scene.rigid_motion``; where its surface is does not matter.
@@ -296,7 +303,7 @@ class BondedContact(Contact):
         if self.against is None and self.tool is None:
             reason = "a bond needs the boundary of another body (against), or a foundation that force or moment moves"
             yield ("contact", place), reason
-        for key in ("distance", "gap", "friction"):
+        for key in ("distance", "adjust", "gap", "friction"):
             if key in self.model_fields_set:
                 yield ("contact", place, key), "a bond has none: both sides stay together as they lie"
 
@@ -315,6 +322,8 @@ class BilateralContact(Contact):
         points: which of both carries the contact points; ``auto``: that of the softer body, or of the finer mesh, see
             ``body.carrying_side``.
         distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie; ``nominal``: zero.
+        adjust: between two bodies, the distance of the meshes, length, that counts as zero, as do all that are smaller,
+            overlaps included; None: none does.
         gap: distance d to the foundation along ``direction``, a length; negative: initial penetration; it is added to
             the distance of a ``foundation``.
         direction: from the body to the foundation, any length; None: the outward normal of the body.

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, Literal
 
 import numpy as np
 
-from signorini_fx.scene.effect import Array, Coefficients, Contradictions, Force, Points
+from signorini_fx.scene.effect import Array, Coefficients, Contradictions, JointLoad, Points
 from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.values import NonNegative, TimedSampledValue
 
 
-class Fluid(Force):
+class Fluid(JointLoad):
     """Pressure of a fluid at rest on a boundary: its weight times the depth below its level, and none above.
 
     Attributes:
@@ -22,13 +23,13 @@ class Fluid(Force):
         factors: one number per load step; None: 1 in every step.
         live: whether the safety factor multiplies it; a preload is not live.
         enters: boundaries in contact that it enters from this one, as far as they are open.
+        closed: what contact carries that it has not entered: none, linear, from its pressure where it ends to zero at
+            the other end of the contact, in the plane, or full, its whole pressure.
     """
 
-    boundary: str
     level: TimedSampledValue
     weight: NonNegative
     up: Literal["x", "y", "z"] | None = None
-    enters: tuple[str, ...] = ()
 
     @property
     def given(self) -> dict[str, Any]:
@@ -39,8 +40,12 @@ class Fluid(Force):
         """See ``Effect``."""
         if scene.axisymmetric and self.up == "x":
             yield ("fluid", place, "up"), "must be along the axis of the body: y"
+        if scene.torsion and self.up is None:
+            yield ("fluid", place, "up"), "say along which axis it rises where the body is twisted: up = 'y'"
         if self.enters:
             yield from self._cannot_enter(scene, place)
+        elif self.closed != "none":
+            yield ("fluid", place, "closed"), "is of a fluid that enters contact: say which in enters"
 
     def _cannot_enter(self, scene: Any, place: int) -> Contradictions:
         """Why it cannot enter contact in a scene."""
@@ -52,6 +57,10 @@ class Fluid(Force):
                 yield here, f"contact of {name!r} cannot open: a fluid enters unilateral contact"
             elif contacts[name].points == "against":
                 yield here, f"the contact points of {name!r} are on the other body: exchange boundary and against"
+            for other in scene.fluid[:place]:
+                for same in ("closed", "live"):
+                    if name in other.enters and getattr(other, same) != getattr(self, same):
+                        yield ("fluid", place, same), f"must be the same for all fluids that enter {name!r}"
         for wrong, key, reason in (
             (scene.axisymmetric, ("material", 0, "hypothesis"), "axisymmetric"),
             (bool(scene.tools), here, "a foundation that force, moment or prescribed moves"),
@@ -62,6 +71,21 @@ class Fluid(Force):
         ):
             if wrong:
                 yield key, f"{reason} is not possible yet where a fluid enters contact"
+
+    @property
+    def remarks(self) -> Iterator[tuple[Literal["note", "warning"], str, str]]:
+        """See ``Effect``."""
+        if not self.enters:
+            return
+        where = " and ".join(map(repr, self.enters))
+        message = f"it presses on what is open of {where}, found with the contact: "
+        yield "note", "enters", message + "statics and costs here are without this load"
+        if self.closed == "none":
+            message = (
+                f"what is closed of {where} carries no uplift, which is not on the safe side: rules for dams ask for "
+                "closed = 'linear' or 'full'"
+            )
+            yield "warning", "closed", message
 
     @property
     def acts(self) -> bool:
@@ -108,4 +132,5 @@ weight = 0.0                               # of the fluid, force per volume
 #factors = [0.5, 1.0]                      # load steps, as above
 live = true                                # whether the safety factor multiplies it
 #enters = ["bottom"]                       # boundaries in contact that it enters from here, as far as they open
+closed = "none"                            # what they carry where they are closed: "none", "linear" or "full"
 """

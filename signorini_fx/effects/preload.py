@@ -94,7 +94,7 @@ class Preload(SectionJump):
         if self.factors is not None and min(self.factors[: self.locked_after]) <= 0:
             yield (*here, "factors"), "must be positive while the force acts"
         for wrong, reason in (
-            (scene.fluids_enter, "a fluid that enters a contact"),
+            (bool(scene.joint_loads), "a load that enters a contact"),
             (any(one.timed for one in scene.contact), "contact that depends on the time"),
         ):
             if wrong:

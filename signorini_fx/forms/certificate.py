@@ -20,8 +20,9 @@ from signorini_fx.body.assembly import action, assemble
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.foundation import Foundation, Pair
 from signorini_fx.body.foundations import Data
-from signorini_fx.results.certificate import Balance, Certificate, judged
+from signorini_fx.results.certificate import Certificate, judged
 from signorini_fx.results.contact_nodes import ContactNodes, ContactSide
+from signorini_fx.results.equilibrium import Balance
 from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.results.supports import Supports
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
@@ -105,8 +106,8 @@ def _side(
 
         assert data.pair is not None
         assert master is not None
-        claim = claim_of(data.pair, space, facets, master, given.reach)
         by_geometry = not given.bonded and isinstance(given.gap, str)
+        claim = claim_of(data.pair, space, (facets, master), given.reach, nominal=not by_geometry)
     return ContactSide(
         facets,
         lambda nodes: (data.gap if data.allowance is None else data.allowance)[nodes],
@@ -117,4 +118,5 @@ def _side(
         claim,
         by_geometry,
         None if ellipse is None else lambda nodes: (ellipse.along[nodes], ellipse.ratio[nodes]),
+        given.adjust if isinstance(given, Pair) else None,
     )

@@ -51,7 +51,7 @@ from signorini_fx.records import History, Inventory, Status
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.results.step_frames import carried, relative_to
+from signorini_fx.results.step_frames import LastSolution, StepEnd, relative_to
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.results.tool_motion import ToolMotion
 from signorini_fx.scales import Scales
@@ -148,10 +148,10 @@ class ContactProblem:
         self._task: Task
         self._prescribed: tuple[npt.NDArray[np.bool_], Array]
         self._fallen: Array  # the displacement of the resting place that slips are counted from
-        self._start: Start | None = None
-        self._normal: Array  # the normal displacement at the last advance
-        self._before: Before | None = None
-        self._relative: Before | None = None  # the same, moved along with the foundations since
+        self._last: StepEnd | None = None  # at the last advance
+        self._start: Start | None = None  # of the present step, in the frames of the present foundations
+        self._before: Before | None = None  # the end of the last step, as the present foundations see it
+        self._solution: LastSolution | None = None  # from which the next solve may begin
         self._outcome: Outcome | None = None
         self._state: ContactState | None = None
 
@@ -253,7 +253,6 @@ class ContactProblem:
             FormError: a value is not finite, or cannot be evaluated.
         """
         begin, self._marks = time.perf_counter(), len(self.history.iterations)
-        self._relative = self._before
         with options.applied(*self._options):
             data, law = self._update()
             begun = self._start
@@ -262,17 +261,16 @@ class ContactProblem:
                 begun = Start(data, law, ActiveSets.all_in_contact(*data.mu_hat.shape), 0)
             else:  # friction is that of the pressure with which the last step has ended
                 assert begun.multipliers is not None
+                assert self._last is not None
                 bound, origin = None if law is None else law.bound(begun.multipliers[0]), begun.data.slip_origin
                 moved = self._foundations.moved(self._boundary)
                 if moved is not None:  # slip is relative to the foundation
                     origin = origin + np.einsum("nij,ni->nj", self._boundary.tangents, moved)
-                    assert self._before is not None
-                    self._relative = relative_to(self._before, self._boundary, moved)
+                self._before = relative_to(self._last.before, self._boundary, moved)
                 begun = replace(begun, data=replace(begun.data, gap=data.gap, bound=bound, slip_origin=origin), law=law)
             begun = replace(begun, factors=np.ones(1))
-            if self._outcome is not None and self._outcome.status is Status.CONVERGED and self._start is None:
-                newton = self._outcome.newton
-                begun = begun.begin_from(newton.problem.sets, newton.multipliers())
+            if self._solution is not None:
+                begun = self._solution.begins(begun, self._boundary)
             self._begun = begun
             newton = self._task.iterate.newton
             checkpoint = newton.checkpoint()
@@ -287,7 +285,8 @@ class ContactProblem:
 
     def advance(self) -> None:
         """End a step of an own time loop: friction acts on what the next solve adds to the slip, from the shear of the
-        last one.
+        last one, of which the part along the new direction counts where that has changed.  Solves before the next call
+        start from here, whatever was tried between.
 
         Raises:
             RuntimeError: the last solve has no solution.
@@ -296,8 +295,9 @@ class ContactProblem:
             raise RuntimeError("there is no solution to advance from")
         law = Law(*self._task.promised(self._outcome))
         self._start = replace(self._outcome.next_step(self._begun), place=0.0)
-        self._normal = self._outcome.problem.traces(self._outcome.newton.x)[0]
-        self._before = Before.of(self.u.copy(), Tractions.of(self.state), law, self._relative, self.tools)
+        normal = self._outcome.problem.traces(self._outcome.newton.x)[0]
+        before = Before.of(self.u.copy(), Tractions.of(self.state), law, self._before, self.tools)
+        self._last = StepEnd(self._start, self._task.rest, normal, self._boundary, before)
         self._foundations.settle()
 
     def gradient(self, of: Any, by: Any) -> Gradient:
@@ -373,7 +373,7 @@ class ContactProblem:
             self._scales,
             state,
             Law(*self._task.promised(outcome)),
-            self._relative,
+            self._before,
             driving_of(self._tools, self.tools),
             self.contact,
             self._named,
@@ -381,6 +381,8 @@ class ContactProblem:
         self.status = outcome.status
         if outcome.status is Status.CONVERGED and not self.certificate.holds:
             self.status = Status.NOT_CERTIFIED
+        if self.status is Status.CONVERGED:
+            self._solution = LastSolution.of(outcome, self._begun.step, self._boundary)
 
     def _update(self) -> tuple[RegularisedData, FrictionLaw | None]:
         """Assemble what has changed since the last solve, and evaluate gap and friction; collective."""
@@ -416,14 +418,10 @@ class ContactProblem:
                 wrong = "bcs prescribe the displacement along the normal at all of its points, or measure is zero"
                 raise FormError([(f"contact[{k}]", wrong)])
         rest = None
-        if self._start is not None:
-            rest = self._task.rest
+        if self._last is not None:
             # A body that has fallen may have been taken hold of since: then it is counted from the initial position.
-            if rest is not None and parallel.any_rank(space.mesh.comm, bool(self._fallen[fixed].any())):
-                assert self._start.data.slip_origin is not None
-                data = replace(self._start.data, slip_origin=self._start.data.slip_origin + rest.u_t)
-                self._start, rest = replace(self._start, data=data), None
-            self._start, rest, self._normal = carried(self._start, rest, self._normal, self._boundary, boundary)
+            fallen = self._last.rest is not None and bool(self._fallen[fixed].any())
+            self._start, rest = self._last.seen_from(boundary, held=parallel.any_rank(space.mesh.comm, fallen))
         self._boundary = boundary
         elastic = self._elastic = elastic_body(space, self._a, self.bcs, fixed[:owned], boundary, self.settings)
         self._scales = scales_of(elastic, boundary, self._foundations.facets)

@@ -8,7 +8,7 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from signorini_fx.check.petsc_options import refused
+from signorini_fx.check.petsc_options import refuse_exchanged, refused
 from signorini_fx.linalg.options import PREFIX
 
 
@@ -21,12 +21,13 @@ def applied(prefix: str, given: Mapping[str, Any]) -> Iterator[None]:
         given: options without the prefix.
 
     Raises:
-        OptionsError: PETSc fails with them.
+        OptionsError: PETSc fails with them, or would run another method than ours with one of them.
     """
     database = PETSc.Options()
     wanted = {name: str(value) if value is not None else "" for name, value in given.items()}
     wanted |= {name.removeprefix(prefix): value for name, value in database.getAll().items() if name.startswith(prefix)}
     ours = PETSc.Options(PREFIX)
+    refuse_exchanged({name: value or "" for name, value in {**ours.getAll(), **wanted}.items()})
     before = {name: value for name, value in database.getAll().items() if name.startswith(PREFIX)}
     for name, value in wanted.items():
         ours[name] = value or None

@@ -1,7 +1,7 @@
 """Two bodies condensed onto relative displacements, which contact reaches one by one as it does those of one body.
 
-With S of ``ContactMap``, B S = 1, the rows of M = S B are relative displacements in the axes of the unknowns k of the
-nodes with points.  Among these M is the identity, so that those that are not prescribed can be replaced:
+With S of ``ContactMap`` the rows of S B, divided by their columns k, are M, relative displacements for the unknowns k
+of the nodes with points.  Among these M is the identity, so that those that are not prescribed can be replaced:
 
     x~ = (1 + N) x,   x = (1 - N) x~,   N: the rows k of M without its columns k,   N N = 0.
 
@@ -26,8 +26,8 @@ from signorini_fx.contact.map import ContactMap
 
 Array = npt.NDArray[np.float64]
 
-# By so much M may differ from the identity among the unknowns k.
-_ROUND_OFF = 1e-11
+# What is round-off in B, and in S B among the unknowns k, where its condition is at most the second number.
+_ROUND_OFF, _REGULAR = 1e-11, 1e6
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,12 @@ class RelativeUnknowns:
         moving = abs(lift) @ there > 0
         own, free = (sp.diags_array(flags.astype(np.float64)) for flags in (moving, ~fixed))
         every = sp.csr_array(lift @ operator)
-        if own.sum() != there.sum() or abs(own @ every @ own - own).max() > _ROUND_OFF:
+        square = (own @ every @ own + sp.eye_array(points.size) - own).toarray()
+        if own.sum() != there.sum() or not np.linalg.cond(square, 1) < _REGULAR:
             return None
+        if abs(square - np.eye(points.size)).max() > _ROUND_OFF:  # points turn with their own nodes
+            divided = np.linalg.solve(square, (own @ every).toarray())
+            every = sp.csr_array(np.where(np.abs(divided) > _ROUND_OFF / 1000, divided, 0.0))
         others = every - every @ own
         sums = sp.csr_array(free @ others)
         # A prescribed component of a node with a point cannot be replaced: there contact reaches what it did.

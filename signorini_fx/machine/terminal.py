@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import shutil
 import sys
 import textwrap
@@ -14,6 +15,18 @@ from typing import TextIO
 from signorini_fx.machine import launcher
 
 _lost = False
+# Control characters of ASCII and of Latin-1, those that turn the direction of writing, and whole escape sequences.
+_CONTROL = re.compile(
+    r"\x1b\[[0-?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)"
+    r"|[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]"
+)
+
+
+def printable(text: str) -> str:
+    """A text without control characters, but for the ends of lines and tabs: titles, names and messages of others may
+    have some, with which a terminal would change its state, and which no page or table can show.
+    """
+    return _CONTROL.sub("", text)
 
 
 def prepare() -> None:
@@ -47,11 +60,12 @@ class Line:
 
     def broken(self, width: int, *, colours: bool) -> str:
         """The line as a terminal with so many columns shows it; no word is broken."""
-        start = len(self.begin)
+        first, text = printable(self.begin), printable(self.text)
+        start = len(first)
         room = max(width - start, _NARROWEST)
-        parts = textwrap.wrap(self.text, room, break_long_words=False, break_on_hyphens=False) or [""]
+        parts = textwrap.wrap(text, room, break_long_words=False, break_on_hyphens=False) or [""]
         code = _COLOURS.get(self.kind) if colours else None
-        begin = self.begin if code is None else f"\x1b[{code}m{self.begin}\x1b[0m"
+        begin = first if code is None else f"\x1b[{code}m{first}\x1b[0m"
         return f"\n{' ' * start}".join([begin + parts[0], *parts[1:]])
 
 
@@ -69,13 +83,13 @@ def say(output: str | Iterable[Line], *, error: bool = False) -> None:
     stream = sys.stderr if error else sys.stdout
     try:
         if isinstance(output, str):
-            shown = [output]
+            shown = [printable(output)]
         elif is_terminal(stream):
             colours = "NO_COLOR" not in os.environ and os.environ.get("TERM") != "dumb"
             width = shutil.get_terminal_size().columns
             shown = [line.broken(width, colours=colours) for line in output]
         else:
-            shown = list(map(str, output))
+            shown = [printable(str(line)) for line in output]
         print("\n".join(shown), file=stream, flush=True)
     except OSError as reason:
         _give_up(stream, reason)

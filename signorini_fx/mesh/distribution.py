@@ -100,7 +100,8 @@ def from_root(
         corners: Floats = np.empty((0, 1, dim)) if held is None else points[held[0].corners]
         sides: Floats = np.empty((0, dim, dim)) if held is None else _sides(held[0], touching)
         owner = shares(comm, corners.mean(axis=1), sides)
-    mesh, found = distributed(comm, domain(_word(kind), kind.degree, dim), nodes[dim], points, tagged, owner)
+    even = domain(_word(kind), kind.degree, dim, int(basix.LagrangeVariant.equispaced))
+    mesh, found = distributed(comm, even, nodes[dim], points, tagged, owner)
     return mesh, found[dim - 1], found[dim]
 
 
@@ -122,6 +123,6 @@ def _order(kind: Cell) -> npt.NDArray[np.int64]:
     return of_gmsh[cell_perm_gmsh(dmesh.to_type(_word(kind)), len(kind.nodes))]
 
 
-def domain(word: str, degree: int, dim: int, variant: int = int(basix.LagrangeVariant.equispaced)) -> ufl.Mesh:
+def domain(word: str, degree: int, dim: int, variant: int) -> ufl.Mesh:
     """Cells of a shape, by dolfinx's word for it, with nodes at places that ``basix.LagrangeVariant`` numbers."""
     return ufl.Mesh(basix.ufl.element("Lagrange", word, degree, basix.LagrangeVariant(variant), shape=(dim,)))

@@ -3,11 +3,19 @@
 For the function psi_i of a point and its weight w_i = int psi_i over the covered part of the slave,
 
     D_ij = int psi_i N_j / w_i,   M_il = int psi_i (N_l o P) / w_i,   d_i = int psi_i (x_m - x_s) / w_i,
-    u_rel,i = sum_j D_ij u_j - sum_l M_il u_l + omega_i(u_m) x d_i,
+    n_i = sum_j D_ij n_j - sum_l M_il n_l, of length one,   with the normals n_j, n_l of both sides at their nodes,
+    u_rel,i = sum_j D_ij u_j - sum_l M_il u_l + (omega_i(u_s) + omega_i(u_m)) x d_i / 2,
     omega_i(u) = J_i^-1 sum_l a_il r_l x u_l,   r_l = x_l - xbar_i,   J_i = sum_l a_il (|r_l|^2 I - r_l r_l^T),
 
-where a_il is the area over which the slave facets around the point see the master facets around the node.  With their
-rotation omega the map is zero on every joint rigid motion, so that forces and moments of both sides balance.
+where a_il of the master is the area over which the slave facets around the point see the master facets around the node,
+and of the slave the area of those of these facets that are around the node.  With the rotation omega the map is zero on
+every joint rigid motion, so that forces and moments of both sides balance; they act half-way between both.
+
+The frame is half-way between both sides, too: with the normal or the rotation of one side alone, bodies that are mirror
+images of each other would show shear, of the order a / (2 F R) of friction over a contact of width 2 a.  P projects
+along the mean normals as well, which a first projection along those of the slave finds.  Where sides are nominally in
+contact, or tied, what is between them is due to their meshes alone.  There the frame is that of the slave, and the
+rotation that of the master, omega_i(u_m) x d_i: with D = 1 a ring of facets turns freely in another one.
 """
 
 from __future__ import annotations
@@ -21,10 +29,10 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx import parallel
-from signorini_fx.pairs.functions import carried, dual_coefficients, hats
+from signorini_fx.pairs.functions import carried, dual_coefficients, extended, hats
 from signorini_fx.pairs.overlap import Overlap
-from signorini_fx.pairs.overlap_plane import plane_overlap
-from signorini_fx.pairs.overlap_space import space_overlap
+from signorini_fx.pairs.overlap_plane import plane_overlap, turned_in_plane
+from signorini_fx.pairs.overlap_space import space_overlap, turned_in_space
 from signorini_fx.pairs.search import default_reach
 from signorini_fx.pairs.surface import Surface
 
@@ -37,6 +45,10 @@ _NO_ARM = 1e-12
 _ROUND_OFF = 1e-14
 # Share of the size of a side by which the bodies may overlap.
 _DEEP = 0.2
+# Share of a limit by which a gap that round-off puts beyond it is still within it.
+_ALIKE = 1e-6
+# Tangent of the angle between directions of projection below which they are the same but for round-off.
+_PARALLEL = 1e-12
 # Share of its area by which a facet may be covered too much by round-off.
 _TWICE = 1e-3
 
@@ -52,16 +64,21 @@ class Coupling:
     Attributes:
         nodes: the slave node of each, shape (n,).
         weight: w_i, area (in the plane: length), shape (n,).
-        normal: n_i, outward unit normal of the slave, shape (n, d).
+        normal: n_i, from the slave to the master, of length one, shape (n, d).
         distance: d_i, length, shape (n, d).
         slave: D, sparse, shape (n, nodes of the slave).
         master: M, sparse, shape (n, nodes of the master).
-        turning: omega_i(u_m) x d_i, sparse, shape (n d, d nodes of the master).
+        slave_turning: omega_i(u_s) x d_i / 2, sparse, shape (n d, d nodes of the slave); zero of sides that are
+            nominally in contact.
+        master_turning: omega_i(u_m) x d_i / 2, of those without the half, sparse, shape (n d, d nodes of the master).
+        centre: where forces act: at the same place on both sides, length, shape (n, d).
         overlap: where both sides meet, as far as this rank has found it.
         covered: area (in the plane: length) of the slave where they meet, of all ranks.
         alone: points that have taken over no function of another node, shape (n,).
         hats: whether the functions are hats, not dual ones.
         reach: distance beyond which facets were no partners, length.
+        directions: of projection at the nodes of the slave with test functions, of length one, shape (N, d); None: the
+            normals of the slave, as sides are nominally in contact.
     """
 
     nodes: Indices
@@ -70,12 +87,15 @@ class Coupling:
     distance: Array
     slave: sp.csr_array
     master: sp.csr_array
-    turning: sp.csr_array
+    slave_turning: sp.csr_array
+    master_turning: sp.csr_array
+    centre: Array
     overlap: Overlap
     covered: float
     alone: npt.NDArray[np.bool_]
     hats: bool
     reach: float
+    directions: Array | None
 
     def lift(self, slave: Surface) -> sp.csr_array:
         """Displacements of slave nodes, all along one direction, that move the points by one each: D times them is
@@ -98,6 +118,48 @@ class Coupling:
         """n_i . d_i, length, shape (n,)."""
         return np.einsum("nd,nd->n", self.normal, self.distance)
 
+    def adjusted(self, limit: float | None) -> Array:
+        """The gap, zero where it is at most a limit; None: there is no such limit."""
+        return self.gap if limit is None else np.where(self.gap <= (1.0 + _ALIKE) * limit, 0.0, self.gap)
+
+
+@dataclass(frozen=True)
+class _Tested:
+    """An overlap, as far as this rank has found it, with the functions of the points.
+
+    Attributes:
+        overlap: the overlap.
+        area: of each facet of the slave that is covered, of all ranks, shape (f,).
+        weighted: the functions times areas at its points, shape (p, q, t).
+        hats: whether the functions are hats.
+    """
+
+    overlap: Overlap
+    area: Array
+    weighted: Array
+    hats: bool
+
+    @classmethod
+    def of(cls, slave: Surface, master: Surface, overlap: Overlap, comm: MPI.Comm, *, bonded: bool) -> _Tested:
+        """With the functions on what is covered; collective."""
+        found_here = np.bincount(overlap.slave, overlap.weight.sum(axis=1), minlength=len(slave.nodes))
+        area: Array = parallel.global_sum(comm, found_here.astype(np.float64))
+        whole = bonded and len(slave.tests.places) < len(slave.functions.places)
+        coefficients = hats(slave) if whole else dual_coefficients(slave, overlap)
+        psi = np.einsum("pij,pqj->pqi", coefficients[overlap.slave], slave.tests.values(overlap.at))
+        return cls(overlap, area, psi * overlap.weight[..., None], whole)
+
+    @property
+    def covered(self) -> Indices:
+        """The facets of the slave that meet the other side."""
+        return np.flatnonzero(self.area)
+
+    def moments(self, slave: Surface, values: Array, comm: MPI.Comm) -> Array:
+        """Integrals of functions times values at the points, shape (p, q, k), by nodes, shape (N, k); collective."""
+        found = np.zeros((len(slave.x), values.shape[2]))
+        np.add.at(found, slave.points[self.overlap.slave], np.einsum("pqi,pqk->pik", self.weighted, values))
+        return parallel.global_sum(comm, found)
+
 
 def couple(
     slave: Surface,
@@ -105,6 +167,7 @@ def couple(
     unable: npt.NDArray[np.bool_],
     *,
     bonded: bool = False,
+    nominal: bool = False,
     reach: float | None = None,
     comm: MPI.Comm = MPI.COMM_SELF,
     mine: npt.NDArray[np.bool_] | None = None,
@@ -116,6 +179,7 @@ def couple(
         master: the other one.
         unable: nodes of the slave that cannot carry a point, because supports or another contact own them.
         bonded: whether the sides are tied, which on quadratic triangles takes the hats of the vertices.
+        nominal: whether the sides are nominally in contact, so that their normals are the same but for their meshes.
         reach: distance beyond which facets are no partners, length; None: a default.
         comm: the ranks that share the work; the other arguments are the same on all of them.
         mine: nodes of the slave whose points this rank takes; None: all.
@@ -128,31 +192,35 @@ def couple(
         reach = default_reach(*used)
     ends = len(slave.nodes) * comm.rank // comm.size, len(slave.nodes) * (comm.rank + 1) // comm.size
     some = np.arange(*ends)
-    overlap = (plane_overlap if slave.dimension == 2 else space_overlap)(slave, master, reach, some)
-    overlap = overlap.within(reach, slave, master)
-    found_here = np.bincount(overlap.slave, overlap.weight.sum(axis=1), minlength=len(slave.nodes))
-    area: Array = parallel.global_sum(comm, found_here.astype(np.float64))
-    covered = np.flatnonzero(area)
-    _check(slave, master, area, reach)
-    whole = bonded and len(slave.tests.places) < len(slave.functions.places)
-    coefficients = hats(slave) if whole else dual_coefficients(slave, overlap)
-    tests = slave.tests.values(overlap.at)
-    psi = np.einsum("pij,pqj->pqi", coefficients[overlap.slave], tests)
-    weighted = psi * overlap.weight[..., None]
+    project, turned = (plane_overlap, turned_in_plane) if slave.dimension == 2 else (space_overlap, turned_in_space)
+    overlap = project(slave, master, reach, some, None).within(reach, slave, master)
+    tested = _Tested.of(slave, master, overlap, comm, bonded=bonded)
+    _check(slave, master, tested.area, reach)
+    directions = None if nominal else _mean_normals(slave, master, tested, comm)
+    if directions is not None and turned(slave, directions) > _PARALLEL:
+        overlap = project(slave, master, reach, some, directions).within(reach, slave, master)
+        tested = _Tested.of(slave, master, overlap, comm, bonded=bonded)
+        _check(slave, master, tested.area, reach)
 
-    points = slave.points[overlap.slave]
+    points, weighted = slave.points[overlap.slave], tested.weighted
     count = len(slave.x)
-    weight = parallel.global_sum(comm, _gather(points, weighted.sum(axis=1), count))
-    own = _products(points, slave.nodes[overlap.slave], weighted, slave.functions.values(overlap.at), count, count)
-    seen = master.nodes[overlap.master]
-    others = _products(points, seen, weighted, master.functions.values(overlap.over), count, len(master.x))
-    moment = np.einsum("pqi,pqd->pid", weighted, overlap.distance(slave, master))
-    distance = parallel.global_sum(comm, _gather(points, moment, count))
-    spread = np.broadcast_to(overlap.weight.sum(axis=1)[:, None, None], (*points.shape, seen.shape[1]))
-    arms = _sparse(points, seen, spread, count, len(master.x))
-    own, others, arms = (_over_ranks(comm, matrix) for matrix in (own, others, arms))
+    weight = tested.moments(slave, np.ones((*weighted.shape[:2], 1)), comm)[:, 0]
+    seen = slave.nodes[overlap.slave], master.nodes[overlap.master]
+    shapes = slave.functions.values(overlap.at), master.functions.values(overlap.over)
+    sizes = count, len(master.x)
+    sums = [
+        _sparse(points, nodes, np.einsum("pqi,pqj->pij", weighted, shape), count, size)
+        for nodes, shape, size in zip(seen, shapes, sizes, strict=True)
+    ]
+    distance = tested.moments(slave, overlap.distance(slave, master), comm)
+    areas = overlap.weight.sum(axis=1)[:, None, None]
+    arms = [
+        _sparse(points, nodes, np.broadcast_to(areas, (*points.shape, nodes.shape[1])), count, size)
+        for nodes, size in zip(seen, sizes, strict=True)
+    ]
+    sums, arms = ([_over_ranks(comm, matrix) for matrix in matrices] for matrices in (sums, arms))
 
-    nodes, shares = carried(slave, covered, weight, unable)
+    nodes, shares = carried(slave, tested.covered, weight, unable)
     if not nodes.size:
         raise PairingError("supports or other contacts own all nodes of its covered part")
     if mine is not None:
@@ -160,11 +228,32 @@ def couple(
     weight = shares @ weight
     scale = sp.diags_array(1.0 / weight)
     distance = (shares @ distance) / weight[:, None]
-    own, others = (_clean(sp.csr_array(scale @ shares @ matrix)) for matrix in (own, others))
-    turning = _turning(sp.csr_array(shares @ arms), master.x, distance)
-    normal, alone = slave.nodal_normals[nodes], np.diff(shares.indptr) == 1
-    total = float(area.sum())
-    found = Coupling(nodes, weight, normal, distance, own, others, turning, overlap, total, alone, whole, reach)
+    own, others = (_clean(sp.csr_array(scale @ shares @ matrix)) for matrix in sums)
+    half = 0.0 if nominal else 0.5
+    turnings = [
+        _turning(sp.csr_array(shares @ matrix), side.x, part * distance)
+        for matrix, side, part in zip(arms, (slave, master), (half, 1.0 - half), strict=True)
+    ]
+    normal = slave.nodal_normals[nodes]
+    if not nominal:
+        normal = slave.in_planes(own @ slave.directions - others @ master.directions, nodes)
+    found = Coupling(
+        nodes=nodes,
+        weight=weight,
+        normal=normal,
+        distance=distance,
+        slave=own,
+        master=others,
+        slave_turning=turnings[0],
+        master_turning=turnings[1],
+        centre=own @ slave.x + half * distance,
+        overlap=overlap,
+        covered=float(tested.area.sum()),
+        alone=np.diff(shares.indptr) == 1,
+        hats=tested.hats,
+        reach=reach,
+        directions=directions,
+    )
     size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in used)
     if (deepest := parallel.largest(comm, -found.gap, -np.inf)) > _DEEP * size:
         raise PairingError(
@@ -172,6 +261,25 @@ def couple(
             "facets, and that the bodies do not lie inside each other"
         )
     return found
+
+
+def _mean_normals(slave: Surface, master: Surface, tested: _Tested, comm: MPI.Comm) -> Array:
+    """N_i of the nodes of the slave, as if each could carry a point, shape (N, d); collective.
+
+    Where a node has no point, the normal of the master is the mean of those beside it.
+    """
+    overlap = tested.overlap
+    ones = np.ones((*overlap.weight.shape, 1))
+    own = slave.functions.values(overlap.at) @ slave.directions[slave.nodes[overlap.slave]]
+    others = master.functions.values(overlap.over) @ master.directions[master.nodes[overlap.master]]
+    moments = tested.moments(slave, np.concatenate((ones, own, others), axis=2), comm)
+    nodes, shares = carried(slave, tested.covered, moments[:, 0], np.zeros(len(slave.x), dtype=bool))
+    means = shares @ moments
+    means = means[:, 1:] / means[:, :1]
+    dim = slave.dimension
+    found = slave.nodal_normals - extended(slave, nodes, means[:, dim:])
+    found[nodes] = means[:, :dim] - means[:, dim:]
+    return slave.in_planes(found, np.arange(len(found)))
 
 
 def _check(slave: Surface, master: Surface, covered: Array, reach: float) -> None:
@@ -216,17 +324,6 @@ def _nearest(slave: Surface, master: Surface) -> str:
     )
 
 
-def _gather(points: Indices, values: Array, count: int) -> Array:
-    found = np.zeros((count, *values.shape[2:]))
-    np.add.at(found, points, values)
-    return found
-
-
-def _products(points: Indices, nodes: Indices, weighted: Array, shape: Array, rows: int, columns: int) -> sp.csr_array:
-    """Integrals of test times shape functions."""
-    return _sparse(points, nodes, np.einsum("pqi,pqj->pij", weighted, shape), rows, columns)
-
-
 def _sparse(points: Indices, nodes: Indices, values: Array, rows: int, columns: int) -> sp.csr_array:
     here, there = (np.broadcast_to(at, values.shape) for at in (points[:, :, None], nodes[:, None]))
     return sp.csr_array(sp.coo_array((values.ravel(), (here.ravel(), there.ravel())), shape=(rows, columns)))
@@ -249,7 +346,7 @@ def _clean(matrix: sp.csr_array) -> sp.csr_array:
 
 
 def _turning(arms: sp.csr_array, x: Array, distance: Array) -> sp.csr_array:
-    """Omega_i(u_m) x d_i as a matrix, see ``Coupling.turning``; ``arms``: a_il, shape (n, nodes)."""
+    """Omega_i(u) x d_i as a matrix, see ``Coupling``; ``arms``: a_il, shape (n, nodes), ``distance``: d_i."""
     arms.sort_indices()
     count, dim = distance.shape
     row = np.repeat(np.arange(count), np.diff(arms.indptr))

@@ -59,13 +59,7 @@ def carried(
         The nodes, shape (n,), and the share of the function of each node in each point, columns with the sum one,
         sparse, shape (n, N).
     """
-    there = np.zeros(len(weight), dtype=bool)
-    there[side.points[covered]] = True
-    count, tests = len(weight), side.points[covered]
-    rows = np.repeat(tests, tests.shape[1], axis=1).ravel()
-    columns = np.tile(tests, (1, tests.shape[1])).ravel()
-    beside = sp.csr_array((np.ones(rows.size), (rows, columns)), shape=(count, count))
-    beside.data[:] = 1.0
+    there, beside = _beside(side, covered)
     for kept in (_KEPT, 0.0):
         able = there & ~unable & (weight > kept * side.area)
         while able.any():
@@ -75,7 +69,30 @@ def carried(
             if not weak.any():
                 return nodes, shares
             able[nodes[weak]] = False
-    return np.zeros(0, dtype=np.int64), sp.csr_array((0, count))
+    return np.zeros(0, dtype=np.int64), sp.csr_array((0, len(weight)))
+
+
+def extended(side: Surface, nodes: Indices, values: Array) -> Array:
+    """Values at some nodes, ascending, shape (n, k), and at all others with test functions the means of those beside
+    them, ring by ring, shape (N, k); zero where no ring arrives.
+    """
+    there, beside = _beside(side, np.arange(len(side.nodes)))
+    able = np.zeros(len(there), dtype=bool)
+    able[nodes] = True
+    _, shares = _taken_over(beside, there, able)
+    return np.asarray(shares.T @ values)
+
+
+def _beside(side: Surface, facets: Indices) -> tuple[npt.NDArray[np.bool_], sp.csr_array]:
+    """Which nodes have test functions on some facets, shape (N,), and which of them are on a facet together."""
+    tests, count = side.points[facets], len(side.area)
+    there = np.zeros(count, dtype=bool)
+    there[tests] = True
+    rows = np.repeat(tests, tests.shape[1], axis=1).ravel()
+    columns = np.tile(tests, (1, tests.shape[1])).ravel()
+    beside = sp.csr_array((np.ones(rows.size), (rows, columns)), shape=(count, count))
+    beside.data[:] = 1.0
+    return there, beside
 
 
 def _taken_over(

@@ -1,6 +1,6 @@
-"""The overlap of two sides in the plane: projection along the continuous normal of the slave side.
+"""The overlap of two sides in the plane: projection along a continuous direction on the slave side.
 
-The normal n(s) interpolates the nodal normals.  The slave point under a master point x has (x - x_s(s)) x n(s) = 0.
+The direction n(s) interpolates those at the nodes.  The slave point under a master point x has (x - x_s(s)) x n(s) = 0.
 Between the images of the ends of a master facet all integrands are smooth.
 """
 
@@ -16,7 +16,7 @@ from signorini_fx.pairs.surface import Surface
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
-# The continuous normal and that of a facet enclose an angle with at most this tangent.
+# The direction and the normal of a facet enclose an angle with at most this tangent.
 _TURNING = 1.0
 # Points of a segment of the overlap: integrands are rational where the normal turns.
 _POINTS = 8
@@ -26,7 +26,9 @@ _BISECTIONS, _STEPS = 30, 3
 _NOTHING = 1e-10
 
 
-def plane_overlap(slave: Surface, master: Surface, reach: float, some: Indices) -> Overlap:
+def plane_overlap(
+    slave: Surface, master: Surface, reach: float, some: Indices, directions: Array | None = None
+) -> Overlap:
     """The overlap, one piece for each pair of facets that meet.
 
     Args:
@@ -34,10 +36,11 @@ def plane_overlap(slave: Surface, master: Surface, reach: float, some: Indices) 
         master: the other one.
         reach: distance beyond which points are no partners, length.
         some: the facets of the slave that are paired, shape (m,).
+        directions: of projection at the nodes of the slave, shape (N, 2); None: its normals.
     """
     here, there = candidates(patches(slave, some), patches(master, np.arange(len(master.nodes))), reach, _TURNING)
     here = some[here]
-    normals = slave.nodal_normals[slave.nodes[here]]
+    normals = (slave.nodal_normals if directions is None else directions)[slave.nodes[here]]
     corners = slave.corners[here]
     ends = np.stack(
         [_under(slave, corners, normals, _end(master, there, place)) for place in (0.0, 1.0)], axis=1
@@ -55,6 +58,11 @@ def plane_overlap(slave: Surface, master: Surface, reach: float, some: Indices) 
     size = np.linalg.norm(slave.normals(here, at[..., None]), axis=2)
     weight = size * weights / 2 * width[:, None]
     return Overlap(here, there, at[..., None], over[..., None], weight)
+
+
+def turned_in_plane(slave: Surface, directions: Array) -> float:
+    """The largest distance of directions of projection from those that a first projection takes, of length one."""
+    return float(np.abs(directions - slave.nodal_normals)[slave.points].max())
 
 
 def patches(side: Surface, some: Indices) -> Patches:

@@ -1,8 +1,8 @@
 """The overlap of two sides in space (Puso and Laursen, Comput. Methods Appl. Mech. Engrg. 193 (2004) 601-629).
 
-Each linear part of a slave facet has a plane through its centroid.  Both parts are projected onto it, the polygon that
-they share is found by clipping, and a fan of triangles around its centre carries the quadrature.  Points are mapped
-back into both facets; weights are areas of the true slave surface.
+Each linear part of a slave facet has a plane through its centroid, across the direction of projection there.  Both
+parts are projected onto it, the polygon that they share is found by clipping, and a fan of triangles around its centre
+carries the quadrature.  Points are mapped back into both facets; weights are areas of the true slave surface.
 """
 
 from __future__ import annotations
@@ -65,7 +65,9 @@ class Parts:
         return cls(facet, reference, Patches(corners, normal))
 
 
-def space_overlap(slave: Surface, master: Surface, reach: float, some: Indices) -> Overlap:
+def space_overlap(
+    slave: Surface, master: Surface, reach: float, some: Indices, directions: Array | None = None
+) -> Overlap:
     """The overlap, some triangles for each pair of parts that meet.
 
     Args:
@@ -73,11 +75,15 @@ def space_overlap(slave: Surface, master: Surface, reach: float, some: Indices) 
         master: the other one.
         reach: distance beyond which parts are no partners, length.
         some: the facets of the slave that are paired, shape (m,).
+        directions: of projection at the nodes of the slave with test functions, shape (N, 3); None: the normals of the
+            parts of the slave.
     """
     own, other = Parts.of(slave, some), Parts.of(master, np.arange(len(master.nodes)))
-    here, there = candidates(own.patches, other.patches, reach, 0.0)
-    normal, centre = own.patches.normal[here], own.patches.centre[here]
-    axes = _axes(normal)
+    along, turning = own.patches.normal, np.asarray(np.zeros(len(own.facet)), dtype=np.float64)
+    if directions is not None:
+        along, turning = _along(slave, own, directions)
+    here, there = candidates(own.patches, other.patches, reach, turning)
+    centre, axes = own.patches.centre[here], _axes(along[here])
     flat, flat_master = (
         np.einsum("mcd,mkd->mck", corners - centre[:, None], axes)
         for corners in (own.patches.corners[here], other.patches.corners[there])
@@ -102,6 +108,23 @@ def space_overlap(slave: Surface, master: Surface, reach: float, some: Indices) 
         p = np.einsum("mqd,mkd->mqk", slave.positions(own.facet[here], at) - centre[pair][:, None], axes[pair])
         over = _projected(master, other.facet[there], over, p, centre[pair], axes[pair])
     return Overlap(own.facet[here], other.facet[there], at, over, area * true / projected)
+
+
+def turned_in_space(slave: Surface, directions: Array) -> float:
+    """The largest tangent of the angles between directions of projection and those that a first projection takes."""
+    return float(np.max(_along(slave, Parts.of(slave, np.arange(len(slave.nodes))), directions)[1]))
+
+
+def _along(side: Surface, parts: Parts, directions: Array) -> tuple[Array, Array]:
+    """The direction of projection at the middle of each part, of length one, shape (p, 3), and the tangent of its angle
+    to the normal there, shape (p,); ``directions``: at the nodes.
+    """
+    shape = side.tests.values(parts.reference.mean(axis=1))
+    along = np.einsum("pt,ptd->pd", shape, directions[side.points[parts.facet]])
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    normal = parts.patches.normal
+    cosine, sine = np.sum(along * normal, axis=1), np.linalg.norm(np.cross(along, normal), axis=1)
+    return along, sine / cosine
 
 
 def _curved(side: Surface, facets: Indices) -> bool:

@@ -15,6 +15,10 @@ Indices = npt.NDArray[np.int64]
 _FACING = -0.2
 # Share of the size of the smaller side within which facets are partners, beyond the smallest distance of both sides.
 _REACH = 0.2
+# Pairs that are tested at once: few, for memory, and enough, for time.
+_AT_ONCE = 4096
+# Bounds are widened by this factor against round-off.
+_MORE = 1.0 + 1e-9
 
 
 @dataclass(frozen=True)
@@ -53,29 +57,138 @@ def default_reach(slave: Array, master: Array) -> float:
     return nearest + _REACH * min(sizes)
 
 
-def candidates(slave: Patches, master: Patches, reach: float, turning: float) -> tuple[Indices, Indices]:
+def candidates(slave: Patches, master: Patches, reach: float, turning: npt.ArrayLike) -> tuple[Indices, Indices]:
     """Pairs of patches that face each other, one over the other as the slave's normal sees it, and within reach.
+
+    The slave is halved again and again.  Each part keeps those patches of the master that may belong to some patch of
+    it, so that neither time nor memory grow with the product of both sides.
 
     Args:
         slave: patches of the one side.
         master: those of the other one.
         reach: length.
-        turning: tangent of the angle between the directions of projection and the normal of a patch.
+        turning: tangent of the angle between the directions of projection and the normal of a patch, one for all
+            patches of the slave or one for each.
 
     Returns:
         Numbers of the slave and of the master patch of each pair, ascending, shape (m,) each.
     """
-    tree, centre, radius = cKDTree(master.centre), slave.centre, slave.radius
-    largest = float(master.radius.max())
-    near = tree.query_ball_point(centre, radius + largest + reach)
-    counts = np.array([len(found) for found in near], dtype=np.int64)
-    here = np.repeat(np.arange(len(centre)), counts)
-    there = np.concatenate([np.sort(np.asarray(found, dtype=np.int64)) for found in near]) if counts.any() else here
-    normal = slave.normal[here]
-    apart = master.centre[there] - centre[here]
-    beyond = radius[here] + master.radius[there]
-    along = np.einsum("md,md->m", apart, normal)
-    across = np.linalg.norm(apart - along[:, None] * normal, axis=1) - turning * np.abs(along)
-    facing = np.einsum("md,md->m", normal, master.normal[there]) < _FACING
-    kept = facing & (across <= beyond) & (np.abs(along) <= reach + beyond)
-    return here[kept], there[kept]
+    search = _Search.of(slave, master, reach, turning)
+    pairs: list[tuple[Indices, Indices]] = []
+    parts: list[tuple[Indices, Indices]] = []
+    if len(slave.corners) and len(master.corners):
+        parts.append((np.arange(len(slave.corners)), np.arange(len(master.corners))))
+    while parts:
+        part, others = parts.pop()
+        others = search.near(part, others)
+        if part.size > 1 and part.size * others.size > _AT_ONCE:
+            parts += [(half, others) for half in search.halves(part)]
+        elif others.size:
+            pairs += search.tested(part, others)
+    here, there = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0), dtype=np.int64)
+    order = np.lexsort((there, here))
+    return here[order], there[order]
+
+
+@dataclass(frozen=True)
+class _Ball:
+    """Middles of balls around patches, shape (p, d), and their radii, shape (p,), length."""
+
+    centre: Array
+    radius: Array
+    normal: Array
+
+    @classmethod
+    def around(cls, patches: Patches) -> _Ball:
+        """Around each patch."""
+        return cls(patches.centre, patches.radius, patches.normal)
+
+
+@dataclass(frozen=True)
+class _Search:
+    """What pairs of patches are tested with.
+
+    Attributes:
+        slave: around the patches of the one side.
+        master: around those of the other one.
+        reach: length.
+        turning: of each patch of the slave, shape (p,).
+        away: distance from its centre beyond which a patch of the slave has no partner, length, shape (p,).
+    """
+
+    slave: _Ball
+    master: _Ball
+    reach: float
+    turning: Array
+    away: Array
+
+    @classmethod
+    def of(cls, slave: Patches, master: Patches, reach: float, turning: npt.ArrayLike) -> _Search:
+        """For these patches."""
+        own, others = _Ball.around(slave), _Ball.around(master)
+        away = own.radius + float(others.radius.max(initial=0.0)) + reach
+        return cls(own, others, reach, np.broadcast_to(np.asarray(turning, dtype=np.float64), away.shape), away)
+
+    def tested(self, part: Indices, others: Indices) -> list[tuple[Indices, Indices]]:
+        """The pairs of a part of the slave with some patches of the master, some at a time."""
+        found = []
+        for some in np.array_split(others, -(-part.size * others.size // _AT_ONCE)):
+            here, there = np.repeat(part, some.size), np.tile(some, part.size)
+            normal = self.slave.normal[here]
+            apart = self.master.centre[there] - self.slave.centre[here]
+            beyond = self.slave.radius[here] + self.master.radius[there]
+            along = np.einsum("md,md->m", apart, normal)
+            turning = self.turning[here]
+            across = np.linalg.norm(apart - along[:, None] * normal, axis=1) - turning * np.abs(along)
+            facing = np.einsum("md,md->m", normal, self.master.normal[there]) < _FACING
+            kept = facing & (across <= _aslant(turning) * beyond) & (np.abs(along) <= self.reach + beyond)
+            kept &= np.linalg.norm(apart, axis=1) <= self.away[here]
+            found.append((here[kept], there[kept]))
+        return found
+
+    def halves(self, part: Indices) -> tuple[Indices, Indices]:
+        """A part of the slave, cut across where it is longest."""
+        centre = self.slave.centre[part]
+        order = np.argpartition(centre[:, np.ptp(centre, axis=0).argmax()], part.size // 2)
+        return part[order[: part.size // 2]], part[order[part.size // 2 :]]
+
+    def near(self, part: Indices, others: Indices) -> Indices:
+        """Those patches of the master that may be in a pair with some patch of a part of the slave, and a few more.
+
+        Let the normals of the part enclose angles up to t with their mean n.  From a patch of the part to a partner of
+        it the way has a along the patch's own normal and b across it, at most.  Then it has at most b + a sin t across
+        n, and a + b sin t along n; conversely a is at most what it has along n plus sin t times what it has across n.
+        The part is in a cylinder around n, which is as much larger.
+        """
+        own, seen = self.slave, self.master
+        centre = own.centre[part].mean(axis=0)
+        arms, apart = own.centre[part] - centre, seen.centre[others] - centre
+        size = float(np.linalg.norm(arms, axis=1).max())
+        kept = np.linalg.norm(apart, axis=1) <= _MORE * (size + float(self.away[part].max()))
+        mean = own.normal[part].mean(axis=0)
+        length = float(np.linalg.norm(mean))
+        axis = mean / length if length > 0 else mean
+        cosine = min(1.0, float((own.normal[part] @ axis).min()))
+        if cosine <= 0:
+            return others[kept]
+        others, apart = others[kept], apart[kept]
+        sine = np.sqrt(1.0 - cosine**2)
+        facing = seen.normal[others] @ axis < _FACING * cosine + np.sqrt(1.0 - _FACING**2) * sine + _MORE - 1.0
+        height, arms_height = apart @ axis, arms @ axis
+        width = np.linalg.norm(apart - height[:, None] * axis, axis=1)
+        own_width = float(np.linalg.norm(arms - arms_height[:, None] * axis, axis=1).max())
+        own_height = float(np.abs(arms_height).max())
+        beyond = float(own.radius[part].max()) + seen.radius[others]
+        turning = float(self.turning[part].max())
+        along = np.minimum(self.reach + beyond, np.abs(height) + own_height + (width + own_width) * sine)
+        across = turning * along + float(_aslant(np.array(turning))) * beyond
+        kept = facing & (width <= _MORE * (own_width + across + along * sine))
+        kept &= np.abs(height) <= _MORE * (own_height + along + across * sine)
+        return others[kept]
+
+
+def _aslant(turning: Array) -> Array:
+    """By how much further away across the normal a partner may be whose ball is met along a direction that encloses an
+    angle with this normal; ``turning``: its tangent.
+    """
+    return np.asarray(1.0 + turning**2 / np.sqrt(1.0 + turning**2))

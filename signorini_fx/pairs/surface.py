@@ -174,11 +174,28 @@ class Surface:
         """Outward unit normals at the nodes with test functions, means of those around them, with their mirror images
         where a plane of symmetry cuts the surface, shape (N, d); zero elsewhere.
         """
-        moment = self._integrals[1]
+        return self.in_planes(self._integrals[1], np.arange(len(self.x)))
+
+    def in_planes(self, vectors: Array, nodes: Indices) -> Array:
+        """Vectors at some nodes, shape (m, d), without what they have across planes of symmetry, and of length one;
+        zero where they are.
+        """
         if self.across is not None:
-            moment = moment - np.einsum("nij,nj->ni", self.across, moment)
-        size = np.linalg.norm(moment, axis=1, keepdims=True)
-        return np.divide(moment, size, out=np.zeros_like(moment), where=size > 0)
+            vectors = vectors - np.einsum("nij,nj->ni", self.across[nodes], vectors)
+        size = np.linalg.norm(vectors, axis=1, keepdims=True)
+        return np.divide(vectors, size, out=np.zeros_like(vectors), where=size > 0)
+
+    @cached_property
+    def directions(self) -> Array:
+        """``nodal_normals``, and between the vertices of quadratic triangles the means of those at both, of length one;
+        zero at nodes of no facet, shape (N, d).
+        """
+        if len(self.tests.places) == len(self.functions.places):
+            return self.nodal_normals
+        found = np.zeros(self.x.shape)
+        found[self.nodes] = self.tests.values(self.functions.places) @ self.nodal_normals[self.points]
+        size = np.linalg.norm(found, axis=1, keepdims=True)
+        return np.divide(found, size, out=np.zeros_like(found), where=size > 0)
 
     @cached_property
     def facet_areas(self) -> Array:

@@ -78,7 +78,7 @@ def certificate(summary: dict[str, Any]) -> Markup:
 
 
 # What a scene holds besides effects that have a row each.
-_TOLD_APART = ("title", "mesh", "body", "element", "contact", "load_steps", "solver", "accuracy", "units")
+_TOLD_APART = ("title", "incomplete", "mesh", "body", "element", "contact", "load_steps", "solver", "accuracy", "units")
 
 
 def scene(summary: dict[str, Any]) -> Markup:

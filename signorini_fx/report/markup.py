@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from signorini_fx.machine.terminal import printable
+
 _WIDE_TABLE = 8  # columns from which on the print uses small letters
 _WIDE_CELL = 16  # letters from which on a cell is broken into lines
 _BROAD = 1.6  # width over height from which on a picture is not made smaller than it can be read
@@ -30,7 +32,7 @@ class Markup(str):
 def tag(name: str, *children: str, **attributes: str) -> Markup:
     """An element; children and values of attributes are escaped unless they are markup (``class_`` means class)."""
     said = {key.rstrip("_"): value for key, value in attributes.items() if value or key != "class_"}
-    given = "".join(f' {key}="{html.escape(value)}"' for key, value in said.items())
+    given = "".join(f' {key}="{html.escape(printable(value))}"' for key, value in said.items())
     if name in _VOID:
         return Markup(f"<{name}{given}>")
     return Markup(f"<{name}{given}>{joined(children)}</{name}>")
@@ -49,7 +51,9 @@ def script(text: str, **attributes: str) -> Markup:
 
 def joined(parts: Iterable[str]) -> Markup:
     """One after the other, escaped unless they are markup."""
-    return Markup("".join(part if isinstance(part, Markup) else html.escape(part, quote=False) for part in parts))
+    return Markup(
+        "".join(part if isinstance(part, Markup) else html.escape(printable(part), quote=False) for part in parts)
+    )
 
 
 def shown(value: Any) -> str:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from signorini_fx import __version__, manifest
+from signorini_fx.display import status_in_words
 from signorini_fx.errors import OutputError, ResultError, cannot_be_written
 from signorini_fx.report import evidence, sections
 from signorini_fx.report.advice import next_steps
@@ -88,7 +89,7 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
             tag("meta", charset="utf-8"),
             tag("meta", name_="generator", content=f"signorini_fx {__version__}"),
             tag("meta", name_="viewport", content="width=device-width, initial-scale=1"),
-            tag("title", f"{title}: {summary['status']}"),
+            tag("title", f"{title}: {status_in_words(summary)}"),
             *(head() if 'class="plots' in found.get("Contact boundary", "") else []),
             tag("style", style),
         ),

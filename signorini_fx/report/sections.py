@@ -14,6 +14,7 @@ from signorini_fx.display import (
     on_several_bodies,
     results_of,
     safety_factor,
+    status_in_words,
     touch_each_other,
 )
 from signorini_fx.errors import PYVISTA
@@ -51,10 +52,13 @@ def outcome(summary: dict[str, Any]) -> Markup:
         verdict = f"{verdict} All figures are of {results_of(summary)}."
     if not good and summary["linear_solves"] == 0:
         verdict += " No linear system was solved: the figures are those of the body without displacement."
-    text = [tag("strong", summary["status"]), tag("p", verdict)]
+    text = [tag("strong", status_in_words(summary)), tag("p", verdict)]
+    if summary.get("incomplete"):
+        text.append(tag("p", "The scene lacks something of what was meant: these are results of another problem."))
     if not good:
         text.append(tag("p", f"What to do: {summary['advice']}."))
-    status = tag("div", *text, class_=f"status {'good' if good else 'short' if short else 'bad'}")
+    short |= good and bool(summary.get("incomplete"))
+    status = tag("div", *text, class_=f"status {'short' if short else 'good' if good else 'bad'}")
     warned = _findings(summary, "warning")
     errors = estimated_errors(summary)
     largest = max((abs(f) for key in ("contact_force", "friction_force") for f in summary.get(key, [])), default=0.0)

@@ -25,17 +25,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
-from mpi4py import MPI
 
-from signorini_fx import parallel
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import CERTIFICATE_TOLERANCE
-from signorini_fx.results.contact_nodes import ContactNodes, ContactSide, sides_of
+from signorini_fx.results.contact_nodes import ContactNodes, ContactSide
+from signorini_fx.results.contact_sides import sides_of
+from signorini_fx.results.equilibrium import (
+    FAINT,
+    LOST_UNITS,
+    ROUND_OFF,
+    Balance,
+    Units,
+    change_of_volume,
+    equilibrium,
+    share,
+)
 from signorini_fx.results.nodal_forces import NodalForces, left_over
 from signorini_fx.results.promised_law import UNREGULARISED, Before, Law, Tractions
 from signorini_fx.results.rigid_part import RigidPart
 from signorini_fx.results.supports import Supports
-from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.tool_motion import ToolMotion
 from signorini_fx.results.tools import given_in, unbalanced
 from signorini_fx.scales import Scales
@@ -60,30 +68,25 @@ JUDGED = (
 )
 # The others give the regularisation error, and how far the body moves.
 REPORTED = ("displacement", "penetration", "complementarity", "stick_slip")
-# Forces below this share of stiffness times displacement are round-off of a stress-free motion.
-_ROUND_OFF = 1e-8
-# Units in the last place of displacements and loads that an evaluation of their nodal forces may lose.
-_LOST_UNITS = 100.0
 # What a penalty makes of round-off may be 0.1 % of the mean stress in bodies that are not without stress.
 _ABOVE_THE_MEAN = 1e3
-# Contact stresses below this share of the mean stress in the body cannot be distinguished from zero.
-_FAINT = 1e-3
 
 
 @dataclass(frozen=True, repr=False)
 class Certificate:
     """How far a result is from the conditions of its problem; every figure is relative.
 
-    Forces are relative to the largest of internal and external ones, stresses to the largest pressure or shear without
-    what supports take of them, lengths to the deformation: the largest displacement without the rigid part of each body
-    (of penetration, complementarity and slip at stick nodes: to the largest displacement).
+    Each connected piece of the mesh has scales of its own: forces are relative to those of loads, contact and springs
+    on it where it is free, stresses to the largest pressure or shear without what supports take of them, lengths to the
+    deformation: the largest displacement without the rigid part (of penetration, complementarity and slip at stick
+    nodes: to the largest displacement).  What two pieces do to each other is relative to the larger scale.
 
     Attributes:
         equilibrium: residual of (3.3a) in the free unknowns, of all together and of the worst contact node as a stress;
             of a mixed element also that of its change of volume, relative to the mean strain.
         supports: largest difference from a prescribed displacement.
         negative_pressure: largest -lambda.
-        friction_cone: largest |mu| - F g, or shear across a plane of symmetry of two bodies.
+        friction_cone: largest |mu| - F g, or shear that is not tangential, or across a plane of symmetry of two bodies.
         wrong_way_slip: slip against mu, in space also perpendicular to it, excluded by (2.3e'): the smaller of the slip
             and the part of the shear that does not point along it.
         entered: largest tau_N y - d beyond what the law allows for.
@@ -187,57 +190,17 @@ def certify(
         dilation=forces.dilation(displacement, step, scale) if mixed else None,
     )
     sides = sides_of(scene, tagged, space, pairs)
-    if tractions is not None and tractions.fluid is not None:
-        from signorini_fx.results.entered_fluid import forces_entered
+    if tractions is not None and tractions.joint is not None:
+        from signorini_fx.results.joint_loads import forces_entered
 
-        balance = replace(balance, external=balance.external + forces_entered(forces, sides, tractions, step))
+        within = forces_entered(forces, sides, tractions, step, before)
+        balance = replace(balance, external=balance.external + within)
     found = judged(displacement, balance, sides, tractions, law=law, before=before, tools=tools)
     if tools and tractions is not None:
         nodes, given = ContactNodes.of(forces, sides, tractions), given_in(scene, tools, step, scale)
-        left = unbalanced(nodes, given, _FAINT * scales.stress(found.strain_energy) * nodes.area)
+        left = unbalanced(nodes, given, FAINT * scales.stress(found.strain_energy) * nodes.area)
         found = replace(found, equilibrium=max(found.equilibrium, left))
     return found
-
-
-@dataclass(frozen=True)
-class Balance:
-    """The forces on a body without contact, evaluated anew, and what they are compared with.
-
-    Attributes:
-        surface: integrals over its boundary.
-        internal: a(y, .) of the strains, forces, shape (owned nodes, d).
-        external: L, forces, shape (owned nodes, d).
-        supports: what is prescribed.
-        scales: of its lengths and stresses.
-        stiffest: the same with the largest modulus.
-        resisted: what resists the displacement on the boundary, the rest of a(y, .), forces, shape (owned nodes, d).
-        initial: those of initial strains where they are prevented, forces, shape (owned nodes, d).
-        prevented: energy of their stress then.
-        dilation: see ``NodalForces.dilation``; None: the pressure is no unknown.
-    """
-
-    surface: SurfaceQuadrature
-    internal: Nodal
-    external: Nodal
-    supports: Supports
-    scales: Scales
-    stiffest: Scales
-    resisted: Nodal
-    initial: Nodal | float = 0.0
-    prevented: float = 0.0
-    dilation: tuple[Nodal, Nodal] | None = None
-
-
-@dataclass(frozen=True)
-class _Units:
-    """What figures are relative to: a length of the deformation, of the displacement, and a stress; the latter is at
-    least ``penalty``, of which the round-off of a regularised law of two bodies is a tolerated share.
-    """
-
-    length: float
-    far: float
-    stress: float
-    penalty: float = 0.0
 
 
 def judged(
@@ -264,117 +227,88 @@ def judged(
     Raises:
         ValueError: the tractions are not those of the contact points.
     """
-    forces, supports, scales = balance.surface, balance.supports, balance.scales
+    forces, supports = balance.surface, balance.supports
     comm, dim = forces.space.mesh.comm, forces.dimension
     every = displacement.x.array.reshape(-1, dim)
     y, x = every[: forces.owned], forces.at_nodes[: forces.owned, :dim]
-    works = [np.sum(force * y) for force in (balance.internal, balance.resisted, balance.external, balance.initial)]
-    energy, stored, work, expanding = map(float, parallel.global_sum(comm, np.array(works)))
+    pieces = RigidPart(forces.space, x)
+    works = pieces.works(
+        *(force * y for force in (balance.internal, balance.resisted, balance.external, balance.initial))
+    )
+    energy, stored, work, expanding = map(float, works.sum(axis=0))
     strain_energy = max(0.0, left_over(half := energy / 2, balance.prevented - expanding))
     strained = max(half, strain_energy if balance.dilation is not None else 0.0)  # or its pressure takes of it
-    far = _largest(comm, np.linalg.norm(y, axis=1))
-    drawn = max((float(np.linalg.norm(tool.translation)) for tool in tools), default=0.0)
-    rigid = RigidPart(forces.space, x)
-    length = max(rigid.largest_beside(y), _ROUND_OFF * max(far, drawn))
+    scales, stiffest = balance.of_pieces(pieces)
+    # Of the initial strains it is not known which piece they strain.
+    halves = works[:, 0] / 2 if balance.dilation is None or strain_energy == half else np.full(pieces.count, strained)
+    mean = np.array([own.stress(max(half, 0.0)) for own, half in zip(scales, halves, strict=True)])
+    far = pieces.largest(np.linalg.norm(y, axis=1))
+    deformed = pieces.largest_beside(y)
+    length = np.maximum(deformed, ROUND_OFF * far.max())
     found: dict[str, Any] = {
-        "supports": _share(_largest(comm, supports.missed(y)), length),
-        "displacement": far / scales.size,
+        "supports": share(comm, supports.missed(y), length[supports.among(pieces.piece)]),
+        "displacement": float(far.max()) / balance.scales.size,
         "law": law,
         "strain_energy": strain_energy,
         "potential_energy": strain_energy + stored / 2 - work,
     }
-    volume = _change_of_volume(balance, far, strained)
+    volume = change_of_volume(balance, float(far.max()), strained)
     if tractions is None:
-        left = equilibrium(balance, y, None, _Units(length, far, 0.0))
-        return Certificate(equilibrium=max(left, volume), **found)
+        units = Units(length, far, np.zeros(pieces.count), np.zeros(pieces.count))
+        return Certificate(equilibrium=max(equilibrium(balance, pieces, y, None, units), volume), **found)
     nodes = ContactNodes.of(forces, sides, tractions)
-    found["coupling"] = nodes.coupling_error(supports, y / (far or 1.0))
+    at = nodes.pieces(pieces.piece)
+    found["coupling"] = nodes.coupling_error(supports, y / (float(far.max()) or 1.0))
+
+    def largest(values: Nodal) -> Nodal:
+        """Of the points of each piece, from either side."""
+        return np.max([pieces.largest(values, side) for side in at], axis=0)
+
+    drawn = np.zeros(len(nodes.nodes))
+    for tool in tools:
+        drawn[nodes.part(tool.part)] = np.linalg.norm(tool.translation)
+    length = np.maximum(length, ROUND_OFF * largest(drawn))
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
-    inside = _FAINT * scales.stress(strained)
-    finest = -parallel.largest(comm, -scales.side(nodes.weight), -np.inf)
-    stress = max(_largest(comm, nodes.felt(supports)), inside, _ROUND_OFF * balance.stiffest.modulus * far / finest)
+    stress = np.maximum(largest(nodes.felt(supports)), FAINT * mean)
+    moduli, sizes = np.array([(own.modulus, own.size) for own in stiffest]).T
+    fineness = largest(np.asarray(1.0 / balance.scales.side(nodes.weight)))
+    stress = np.maximum(stress, ROUND_OFF * moduli * far * fineness)
     # What supports take of a traction leaves its round-off in the directions that are free, and in the penetration.
-    stress = max(stress, _ROUND_OFF * _largest(comm, np.linalg.norm(nodes.traction, axis=1)))
-    length = max(length, _ROUND_OFF * _largest(comm, np.abs(nodes.pressure)) / law.gamma_n)
+    stress = np.maximum(stress, ROUND_OFF * largest(np.linalg.norm(nodes.traction, axis=1)))
+    length = np.maximum(length, ROUND_OFF * largest(np.abs(nodes.pressure)) / law.gamma_n)
     (u_n, slip), origin = nodes.traces(every, tools), np.zeros_like(nodes.shear)
     if before is not None:  # what is added to it has its round-off
         last = ContactNodes.of(forces, sides, before.tractions)
         so_far = before.displacement.x.array.reshape(-1, dim)
-        stress = max(stress, _ROUND_OFF * _largest(comm, last.felt(supports)))
-        common = _largest(comm, last.terms(so_far[: forces.owned]))
-        length = max(length, _ROUND_OFF * max(common, rigid.largest_beside(so_far[: forces.owned])))
+        stress = np.maximum(stress, ROUND_OFF * largest(last.felt(supports)))
+        common = largest(last.terms(so_far[: forces.owned]))
+        length = np.maximum(length, ROUND_OFF * np.maximum(common, pieces.largest_beside(so_far[: forces.owned])))
         slip, origin = slip - last.traces(so_far, before.tools)[1], last.shear
         if before.elastic_slip is not None and not np.isfinite(law.gamma_t):
             elastic = replace(before.tractions, shear=before.elastic_slip)
             slip = slip + nodes.rounded(ContactNodes.of(forces, sides, elastic).shear, power=-2)
-        if before.moved is not None:  # slip is relative to the foundation, and shear along it
-            moved = ContactNodes.of(forces, sides, replace(before.tractions, shear=before.moved)).shear
-            slip, origin = (
-                one - np.einsum("ni,ni->n", one, nodes.normal)[:, None] * nodes.normal for one in (slip - moved, origin)
-            )
+        if before.moved is not None:  # slip is relative to the foundation
+            slip = slip - ContactNodes.of(forces, sides, replace(before.tractions, shear=before.moved)).shear
+        # Foundations may have turned since: what was along them then need not be along them now.
+        slip, origin = nodes.along(slip), nodes.along(origin)
     # Most of the displacement that a relative one is the difference of may be common to two bodies.
-    terms = _ROUND_OFF * _largest(comm, nodes.terms(y))
+    terms = ROUND_OFF * largest(nodes.terms(y))
     penalty = terms * max((one for one in (law.gamma_n, law.gamma_t) if np.isfinite(one)), default=0.0)
-    mean = scales.stress(strained)
-    if mean > _LOST_UNITS * _ROUND_OFF * balance.stiffest.modulus * far / scales.size:
-        penalty = min(penalty, _ABOVE_THE_MEAN * mean)  # with a larger gamma nothing is known of the tractions
-    length, stress = max(length, terms), max(stress, penalty)
+    # With a larger gamma nothing is known of the tractions.
+    strains = mean > LOST_UNITS * ROUND_OFF * moduli * far.max() / sizes
+    penalty = np.where(strains, np.minimum(penalty, _ABOVE_THE_MEAN * mean), penalty)
+    length, stress = np.maximum(length, terms), np.maximum(stress, penalty)
+    stress = np.maximum(stress, ROUND_OFF * float(stress.max()))  # round-off of the joint system
     # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
-    still = _FAINT * scales.deflection(stress)
-    units = _Units(max(length, still), max(far, still), stress, penalty)
-    found |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, supports, units)
-    return Certificate(equilibrium=max(equilibrium(balance, y, nodes, units), volume), **found)
-
-
-def equilibrium(balance: Balance, y: Nodal, nodes: ContactNodes | None, units: _Units) -> float:
-    """The residual of (3.3a) in the free unknowns, of all together and of the worst contact node as a stress;
-    collective.
-
-    Args:
-        balance: forces on the body without contact.
-        y: displacements of the owned nodes, shape (owned nodes, d).
-        nodes: the contact points with the tractions at them; None: there are none.
-        units: what stresses and lengths are relative to.
-    """
-    comm, stiffest, supports = balance.surface.space.mesh.comm, balance.stiffest, balance.supports
-    spacing = stiffest.spacing(balance.surface.space.dofmap.index_map.size_global)
-    # A motion without stress, or without change of volume, has forces too: round-off of the largest modulus.
-    least = _ROUND_OFF * stiffest.stiffness(spacing) * _norm(comm, y)
-    loads = balance.external + balance.initial
-    force = max(least, *(_norm(comm, one) for one in (balance.internal, balance.resisted, loads)))
-    residual = balance.internal + balance.resisted - loads
-    if nodes is not None:
-        reached, contact_forces, area = nodes.forces()
-        np.add.at(residual, reached, contact_forces)
-        force = max(force, units.penalty * _norm(comm, area))
-    residual = supports.left(residual)
-    digits = _LOST_UNITS * np.finfo(float).eps
-    whole = _share(_norm(comm, residual) - digits * least / _ROUND_OFF, force)
-    if nodes is None:
-        return whole
-    # The stress at a node is known to the digits of loads, and of the displacement over the length of its side.
-    load = _largest(comm, np.linalg.norm(loads, axis=1))
-    lost = digits * (stiffest.modulus * units.far / stiffest.side(area) + load / area)
-    unbalanced = np.linalg.norm(residual[reached], axis=1) / area - lost
-    return max(whole, _share(_largest(comm, unbalanced), units.stress))
-
-
-def _change_of_volume(balance: Balance, far: float, strain_energy: float) -> float:
-    """How far the volume of a mixed element changes otherwise than its pressure says, relative to the mean strain, or
-    to what loads may cause (in an enclosed body a pressure, and no strain); ``far``: largest displacement; collective.
-    """
-    if balance.dilation is None:
-        return 0.0
-    (residual, volume), comm, scales = balance.dilation, balance.surface.space.mesh.comm, balance.scales
-    loads = float(parallel.global_sum(comm, np.linalg.norm(balance.external, axis=1).sum())) / scales.surface
-    strain = max(scales.stress(strain_energy), _FAINT * loads) / scales.modulus
-    spacing = scales.spacing(balance.surface.space.dofmap.index_map.size_global)
-    lost = _LOST_UNITS * np.finfo(float).eps * far / spacing
-    return _share(_norm(comm, residual) - lost * _norm(comm, volume), strain * _norm(comm, volume))
+    still = FAINT * np.array([own.deflection(most) for own, most in zip(scales, stress, strict=True)])
+    units = Units(np.maximum(length, still), np.maximum(far, still), stress, penalty)
+    points = Units(*(np.maximum(values[at[0]], np.where(at[1] < 0, 0.0, values[at[1]])) for values in units))
+    found |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, supports, points)
+    return Certificate(equilibrium=max(equilibrium(balance, pieces, y, nodes, units), volume), **found)
 
 
 def contact_conditions(
-    nodes: ContactNodes, u_n: Nodal, slip: Nodal, origin: Nodal, law: Law, supports: Supports, units: _Units
+    nodes: ContactNodes, u_n: Nodal, slip: Nodal, origin: Nodal, law: Law, supports: Supports, units: Units
 ) -> dict[str, float]:
     """How far contact points are from the law, the figures of ``Certificate`` by name; collective.
 
@@ -389,6 +323,7 @@ def contact_conditions(
     """
     pressure, shear, bilateral = nodes.pressure, nodes.rounded(nodes.shear, -1), nodes.bilateral
     comm, length, far, stress = nodes.evaluation.space.mesh.comm, units.length, units.far, units.stress
+    one = np.ones_like(stress)
     overlap, sheared = u_n - nodes.gap, np.linalg.norm(shear, axis=1)
     entered = overlap - pressure / law.gamma_n
     xi = slip - (shear - origin) / law.gamma_t
@@ -401,36 +336,28 @@ def contact_conditions(
     way = np.divide(xi, slipped[:, None], out=np.zeros_like(xi), where=(slipped > 0)[:, None])
     along = np.sum(shear * way, axis=1)
     astray = np.linalg.norm(shear - np.maximum(along, 0.0)[:, None] * way, axis=1)
+    # What is across a plane of symmetry, or along the normal, is no friction.
+    excluded = np.hypot(
+        np.linalg.norm(nodes.shear_across, axis=1), np.linalg.norm(nodes.shear - nodes.along(nodes.shear), axis=1)
+    )
     figures = {
-        "negative_pressure": (-pressure[~bilateral], stress),
-        "friction_cone": (np.maximum(sheared - nodes.bound, np.linalg.norm(nodes.shear_across, axis=1)), stress),
-        "wrong_way_slip": (_smaller(slipped, length, astray, stress), 1.0),
+        "negative_pressure": (-pressure[~bilateral], stress[~bilateral]),
+        "friction_cone": (np.maximum(sheared - nodes.bound, excluded), stress),
+        "wrong_way_slip": (_smaller(slipped, length, astray, stress), one),
         "entered": (np.where(bilateral, np.abs(entered), entered), length),
-        "pressure_at_distance": (_smaller(distance, length, pressure, stress), 1.0),
-        "slip_below_bound": (_smaller(slipped, length, nodes.bound - along, stress), 1.0),
+        "pressure_at_distance": (_smaller(distance, length, pressure, stress), one),
+        "slip_below_bound": (_smaller(slipped, length, nodes.bound - along, stress), one),
         "penetration": (np.where(bilateral, np.abs(overlap), overlap), far),
         "complementarity": (np.abs(pressure * overlap), stress * far),
-        "stick_slip": (np.linalg.norm(slip, axis=1)[sheared < nodes.bound - CERTIFICATE_TOLERANCE * stress], far),
+        "stick_slip": (
+            np.where(sheared < nodes.bound - CERTIFICATE_TOLERANCE * stress, np.linalg.norm(slip, axis=1), 0.0),
+            far,
+        ),
     }
-    return {name: _share(_largest(comm, violation), unit) for name, (violation, unit) in figures.items()}
+    return {name: share(comm, violation, unit) for name, (violation, unit) in figures.items()}
 
 
-def _smaller(a: Nodal, unit_a: float, b: Nodal, unit_b: float) -> Nodal:
+def _smaller(a: Nodal, unit_a: Nodal, b: Nodal, unit_b: Nodal) -> Nodal:
     """min(|a|, max(b, 0)), each in its own unit: zero where one of two conditions holds."""
-    return np.minimum(np.abs(a) / (unit_a or 1.0), np.maximum(b, 0.0) / (unit_b or 1.0))
-
-
-def _largest(comm: MPI.Comm, values: Nodal) -> float:
-    """The largest value over the ranks, not below zero; nan where one is nan."""
-    return parallel.global_max(comm, float(np.nan_to_num(np.max(values, initial=0.0), nan=np.inf)))
-
-
-def _norm(comm: MPI.Comm, values: Nodal) -> float:
-    return float(np.sqrt(parallel.global_sum(comm, np.sum(values**2))))
-
-
-def _share(part: float, whole: float) -> float:
-    """Nothing is a share of nothing, and what is not is more than any share of it; negative parts count as nothing."""
-    if part <= 0:
-        return 0.0
-    return float(part / whole) if whole > 0 else np.inf
+    first, second = (np.where(unit > 0, unit, 1.0) for unit in (unit_a, unit_b))
+    return np.minimum(np.abs(a) / first, np.maximum(b, 0.0) / second)

@@ -27,7 +27,8 @@ from scipy.spatial import cKDTree
 
 from signorini_fx import manifest, parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.errors import OutputError, SceneError, cannot_be_written
+from signorini_fx.errors import MeshError, OutputError, SceneError, cannot_be_written
+from signorini_fx.mesh.files.formats import files_of
 from signorini_fx.results.files import describe
 from signorini_fx.results.folder import CHECKPOINT, reserve
 from signorini_fx.scene.model import Scene
@@ -157,7 +158,7 @@ class Checkpoint:
                 named: dict[str, Any] = dict(zip(columns, pieces, strict=True))
                 with (part / _NODES).open("wb") as file:
                     np.savez(file, **named)
-                whole = {**figures, "files": dict(_digests(part))}
+                whole = {**figures, "files": dict(_digests(part, figures))}
                 (part / _FIGURES).write_text(json.dumps(whole), encoding="utf-8")
                 target = self._folder(level, step)
                 shutil.rmtree(target, ignore_errors=True)
@@ -243,13 +244,15 @@ def _whole(folder: Path) -> Figures | None:
     """The figures of a complete load step; None if something is missing or changed."""
     try:
         figures: Figures = json.loads((folder / _FIGURES).read_text(encoding="utf-8"))
-        return figures if figures.pop("files") == dict(_digests(folder)) else None
+        return figures if figures.pop("files") == dict(_digests(folder, figures)) else None
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
 
 
-def _digests(folder: Path) -> Iterator[tuple[str, str]]:
-    """Name and SHA-256 of every file in a folder but the figures."""
+def _digests(folder: Path, figures: Figures) -> Iterator[tuple[str, str]]:
+    """Name and SHA-256 of every file in a folder; of the figures that of their JSON without the digests."""
+    told = json.dumps(json.loads(json.dumps(figures)), sort_keys=True)
+    yield _FIGURES, hashlib.sha256(told.encode()).hexdigest()
     for path in sorted(folder.rglob("*")):
         if path.is_file() and path.name != _FIGURES:
             with path.open("rb") as file:
@@ -315,11 +318,17 @@ def _size_of(displacement: fem.Function) -> float:
 
 
 def _described(scene: Scene) -> dict[str, Any]:
-    """The scene as JSON with all defaults, its files by content; the title is nothing that changes a result."""
+    """The scene as JSON with all defaults, its files by content, without what changes no result: title, remarks."""
     told: dict[str, Any] = json.loads(json.dumps(describe(scene)))
     told.pop("title", None)
+    told.pop("incomplete", None)
     _add_contents(scene, told)
     return told
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _add_contents(given: Any, told: Any) -> None:
@@ -335,9 +344,8 @@ def _add_contents(given: Any, told: Any) -> None:
     elif isinstance(told, dict) and isinstance(given, BaseModel):
         if isinstance(path := getattr(given, "file", None), Path):
             try:
-                with path.open("rb") as file:
-                    told["content"] = hashlib.file_digest(file, "sha256").hexdigest()
-            except OSError:
+                told["content"] = " ".join(map(_digest, files_of(path)))
+            except (OSError, MeshError):
                 told["content"] = "unreadable"
         for key, entry in told.items():
             _add_contents(getattr(given, key, None), entry)

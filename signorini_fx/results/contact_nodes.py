@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
 
 from signorini_fx import parallel
-from signorini_fx.body.node_positions import node_positions
-from signorini_fx.effects.contact import BilateralContact, BondedContact, CoulombFriction, TrescaFriction
-from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.supports import Supports
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.tool_motion import ToolMotion
-from signorini_fx.scene.expressions import in_space, sample
-from signorini_fx.scene.model import Scene
 
 if TYPE_CHECKING:
-    from signorini_fx.body.paired_points import PairedSides
     from signorini_fx.results.paired_claim import Claim
 
 Nodal = npt.NDArray[np.float64]
@@ -32,6 +25,8 @@ Nodal = npt.NDArray[np.float64]
 _ALONG = 1e-8
 # A share of a sum below this is round-off, and so is a weight below this share of the largest one, on an axis.
 _ROUND_OFF = 1e-12
+# Share of a distance by which one that round-off has made larger is still the same.
+_AT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -47,6 +42,7 @@ class ContactSide:
         factor: of the measure, see ``SurfaceQuadrature.moments``.
         claim: what the solver says of both sides of a pair; None: the foundation is rigid.
         by_geometry: whether the distance of both sides of a pair along the normal is added to the gap.
+        adjust: the distance of both sides, length, that is taken for none, and all below it; None: there is none.
         ellipse: nodes -> the vector along which friction is that of ``bound``, shape (n, d), and the ratio of that
             across it, shape (n,); None: friction has no direction.
     """
@@ -60,6 +56,7 @@ class ContactSide:
     claim: Claim | None = None
     by_geometry: bool = False
     ellipse: Callable[[npt.NDArray[np.integer[Any]]], tuple[Nodal, Nodal]] | None = None
+    adjust: float | None = None
 
 
 @dataclass(frozen=True)
@@ -140,11 +137,13 @@ class ContactNodes:
                 gap = _averaged(forces, spread[-1], side.gap)[nodes] / weight[nodes]
             else:
                 gap = side.gap(nodes)
-            if side.claim is not None and not unmatched:
-                normal = normal - np.einsum("nij,nj->ni", side.claim.across, normal)
-                normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+            if side.claim is not None:
+                means = _normals_of(forces, side.claim, nodes)
+                normal = normal if unmatched else means
             if side.claim is not None and side.by_geometry:
-                gap = gap + side.claim.gap(normal)
+                apart = side.claim.gap(normal)
+                closed = np.zeros(nodes.size, bool) if side.adjust is None else apart - side.adjust <= _AT * side.adjust
+                gap = gap + (1.0 - closed) * apart
             bound, bilateral = side.bound(nodes, pressure), np.full(nodes.size, side.bilateral)
             columns.append((nodes, weight[nodes], normal, gap, bound, bilateral, pressure, shear))
         if parallel.any_rank(forces.space.mesh.comm, unmatched):
@@ -174,6 +173,10 @@ class ContactNodes:
         part = np.sum(vectors * self.across, axis=1) * (self.ratio**power - 1)
         return np.asarray(vectors + part[:, None] * self.across)
 
+    def along(self, vectors: Nodal) -> Nodal:
+        """The part of vectors at the points, shape (n, d), that is tangential."""
+        return np.asarray(vectors - np.sum(vectors * self.normal, axis=1)[:, None] * self.normal)
+
     @property
     def traction(self) -> Nodal:
         """Pressure and shear as one vector, stress, shape (n, d)."""
@@ -189,8 +192,7 @@ class ContactNodes:
         for number, part in enumerate(self._parts()):
             if number in moved:
                 here[part] -= self._at(moved[number].at(self._x))[part]
-        normal = np.sum(here * self.normal, axis=1)
-        return normal, here - normal[:, None] * self.normal
+        return np.sum(here * self.normal, axis=1), self.along(here)
 
     @property
     def _x(self) -> Nodal:
@@ -203,6 +205,22 @@ class ContactNodes:
             return np.array(every[self.nodes])
         sums = [every if products is None else self.evaluation.over_ranks(products @ every) for products in self.spread]
         return np.asarray(self._at_points(sums) / self.weight[:, None])
+
+    def pieces(self, of_node: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """The piece of the body at each point, and that on the other side, -1 where the foundation is rigid, shape
+        (n,); collective.
+
+        Args:
+            of_node: the piece that each owned node is in.
+        """
+        other = np.full(self.nodes.size, -1, dtype=np.int64)
+        for claim, part in self._paired():
+            other[part] = claim.on_other_side(of_node)
+        return of_node[self.nodes], other
+
+    def part(self, number: int) -> slice:
+        """The points of one contact boundary."""
+        return self._parts()[number]
 
     @property
     def area(self) -> float:
@@ -223,11 +241,13 @@ class ContactNodes:
         return total[:-1], float(total[-1]), reach
 
     def terms(self, owned: Nodal) -> Nodal:
-        """The sums of the magnitudes of what relative displacements of two bodies are added up of, at their points,
-        length, from displacements of shape (owned nodes, d).
+        """The sums of the magnitudes of what relative displacements of two bodies are added up of, 0 at points on a
+        rigid foundation, length, shape (n,), from displacements of shape (owned nodes, d).
         """
-        found = [np.linalg.norm(claim.terms(owned), axis=1) for claim, _ in self._paired()]
-        return np.concatenate([np.zeros(0), *found])
+        found = np.zeros(self.nodes.size)
+        for claim, part in self._paired():
+            found[part] = np.linalg.norm(claim.terms(owned), axis=1)
+        return found
 
     def forces(self) -> tuple[npt.NDArray[np.int64], Nodal, Nodal]:
         """What the tractions do to the body: the local nodes that they act on, shape (m,), the forces on them, shape
@@ -330,6 +350,20 @@ class ContactNodes:
         return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
+def _normals_of(forces: SurfaceQuadrature, claim: Claim, nodes: npt.NDArray[np.int64]) -> Nodal:
+    """Those of a pair at its points, means of both sides, but of the slave where they are nominally in contact, shape
+    (n, d); collective.
+    """
+    first = forces.space.dofmap.index_map.local_range[0]
+
+    def directed(nodes: npt.NDArray[np.int32], vectors: Nodal) -> Nodal:
+        return claim.in_planes(first + nodes.astype(np.int64), vectors)
+
+    if claim.nominal:
+        return forces.normals(claim.slave, directed)[nodes]
+    return claim.normal(*(forces.normals(side, directed) for side in (claim.slave, claim.master)))
+
+
 def _sums(forces: SurfaceQuadrature, values: Any) -> Nodal:
     """One number per node of this rank and its ghosts, summed over the ranks, shape (owned nodes,)."""
     return forces.over_ranks(np.repeat(np.ravel(values)[:, None], forces.dimension, axis=1))[:, 0]
@@ -341,77 +375,3 @@ def _averaged(forces: SurfaceQuadrature, products: Any, gap: Callable[[npt.NDArr
     reached = np.unique(products.indices)
     values[reached] = gap(reached)
     return _sums(forces, products @ values)
-
-
-def sides_of(
-    scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, pairs: Mapping[int, PairedSides] | None = None
-) -> list[ContactSide]:
-    """The parts of the boundary with contact as a scene describes them.
-
-    Args:
-        scene: the scene.
-        tagged: its mesh.
-        space: the displacements.
-        pairs: bodies in contact as the solver has paired them, by their places in ``scene.contact``; None: they are
-            paired anew.
-    """
-    claims: dict[int, Claim] = {}
-    if any(effect.against is not None for effect in scene.contact):
-        from signorini_fx.body.discretisation import pairs_of
-        from signorini_fx.results.paired_claim import claim_of
-
-        paired = pairs_of(scene, tagged, space) if pairs is None else pairs
-        for place, pair in paired.items():
-            effect = scene.contact[place]
-            slave, master = map(tagged.facets, (effect.boundary, str(effect.against)))
-            claims[place] = claim_of(pair, space, slave, master)
-    x = node_positions(space)[:, : space.mesh.geometry.dim]
-
-    def side(place: int, effect: Any) -> ContactSide:
-        bonded = isinstance(effect, BondedContact)
-
-        gap = effect.gap_in(tagged.dimension)
-
-        def along(nodes: npt.NDArray[Any]) -> Nodal:
-            found = np.zeros((nodes.size, x.shape[1]))  # the rest is around the axis
-            found[:, : tagged.dimension] = (
-                np.asarray(effect.direction) / np.linalg.norm(effect.direction)
-                if effect.surface is None
-                else gap.direction(in_space(x[nodes])).T
-            )
-            return found
-
-        return ContactSide(
-            effect.boundary,
-            lambda nodes: sample(gap, in_space(x[nodes])),
-            lambda nodes, pressure: (
-                np.full(nodes.size, np.inf)
-                if bonded
-                else _friction_bound(effect.friction, in_space(x[nodes]), pressure)
-            ),
-            bonded or isinstance(effect, BilateralContact),
-            None if effect.direction is None and effect.surface is None else along,
-            2 * np.pi * np.maximum(x[:, 0], 0.0) if scene.axisymmetric else None,
-            claim=claims.get(place),
-            by_geometry=not bonded and effect.distance == "geometry",
-            ellipse=None
-            if effect.friction.ratio is None
-            else lambda nodes: effect.friction.ellipse(in_space(x[nodes])),
-        )
-
-    return [side(place, effect) for place, effect in enumerate(scene.contact)]
-
-
-def _friction_bound(friction: Any, points: Nodal, pressure: Nodal) -> Nodal:
-    """F g of (6.1): g is given (Tresca) or the pressure at hand (Coulomb), up to the cap."""
-    if not friction.acts:
-        return np.zeros(pressure.size)
-    match friction:
-        case TrescaFriction(bound=bound):
-            return sample(bound, points)
-        case CoulombFriction(coefficient=coefficient, cap=cap, cohesion=cohesion):
-            bound = sample(coefficient, points) * np.abs(pressure)
-            if cohesion is not None:
-                bound = np.where(pressure == 0, 0.0, bound + sample(cohesion, points))
-            return bound if cap is None else np.minimum(bound, sample(cap, points))
-    raise TypeError(f"no friction law: {friction!r}")

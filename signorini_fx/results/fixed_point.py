@@ -23,7 +23,8 @@ from signorini_fx.accuracy.bounded_error import ErrorBound
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.laws import Nodal
-from signorini_fx.results.uniqueness import components, contact_stiffness, critical
+from signorini_fx.results.contact_stiffness import contact_stiffness
+from signorini_fx.results.uniqueness import components, critical
 
 # Eigenvalue problems that choose the weights; their work, a number of cubes of the size of the contact boundary.
 _EVALUATIONS, _WORK = 60, 2e9
@@ -70,14 +71,15 @@ class FixedPoint:
         )
 
 
-def fixed_point(d: Discretisation, contact: ContactState) -> FixedPoint:
+def fixed_point(d: Discretisation, contact: ContactState, place: float | None = None) -> FixedPoint:
     """The distance of a solution with Coulomb friction from the fixed point.
 
     Args:
         d: the discretised scene.
         contact: its contact nodes in the solution.
+        place: of the load step in the lists of factors; None: the last one.
     """
-    law, found = d.law, contact_stiffness(d)
+    law, found = d.law, contact_stiffness(d, place)
     assert law is not None
     if isinstance(found, str):
         return FixedPoint(np.inf, reason=found)

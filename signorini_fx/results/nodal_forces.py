@@ -61,9 +61,9 @@ class NodalForces(SurfaceQuadrature):
         self._mixed = scene.element.volumetric == "mixed"
         self._own = np.arange(owned, dtype=np.int32) if cells is None else cells[cells < owned]
 
-    def facets(self, boundary: str) -> Indices:
-        """Those of a boundary of the mesh, by its name."""
-        return self.tagged.facets(boundary)
+    def facets(self, boundary: Any) -> Indices:
+        """Those of a boundary of the mesh, by its name; of another part of it see ``SurfaceQuadrature``."""
+        return self.tagged.facets(boundary) if isinstance(boundary, str) else super().facets(boundary)
 
     def internal(self, displacement: fem.Function) -> Array:
         """a(y, .) of the strains of a displacement, forces, shape (owned nodes, d).

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from signorini_fx import parallel
 from signorini_fx.body.averages import to_owners
 from signorini_fx.body.node_positions import node_positions
-from signorini_fx.results.contact_nodes import sides_of
+from signorini_fx.results.contact_sides import sides_of
 from signorini_fx.results.solution import Solution
 
 Array = npt.NDArray[np.float64]

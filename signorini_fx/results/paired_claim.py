@@ -45,7 +45,10 @@ class Claim:
         allowed: the same as the problem names it; None: the usual one.
         across: projectors onto the directions across planes of symmetry, of which ``operator``, traction and normal
             have no component, shape (n, d, d).
-        planes: the same by the global numbers of all nodes of the slave on such planes.
+        planes: the same by the global numbers of all nodes of both sides on such planes.
+        named: global numbers of all nodes of the slave, ascending, shape (N,).
+        directions: of projection at those with test functions, shape (N, d); None: the normals of the slave.
+        nominal: whether the problem says that the sides are nominally in contact, or tied: for which None is right.
     """
 
     comm: MPI.Comm
@@ -66,6 +69,29 @@ class Claim:
     allowed: float | None
     across: Array
     planes: Mapping[int, Array]
+    named: npt.NDArray[np.int64]
+    directions: Array | None
+    nominal: bool
+
+    def in_planes(self, nodes: npt.NDArray[np.int64], vectors: Array) -> Array:
+        """Vectors at nodes of either side, by global numbers, without what they have across planes of symmetry, and of
+        length one; zero where they are, shape (m, d).
+        """
+        found = np.array(vectors)
+        for row in np.flatnonzero(np.isin(nodes, list(self.planes))):
+            found[row] -= self.planes[int(nodes[row])] @ found[row]
+        size = np.linalg.norm(found, axis=1, keepdims=True)
+        return np.divide(found, size, out=np.zeros_like(found), where=size > 0)
+
+    def normal(self, slave: Array, master: Array) -> Array:
+        """The mean normals at the points, from unit normals of both sides at the owned nodes, shape (owned nodes, d);
+        zero where a node is not on the side.
+        """
+        there = from_owners(np.column_stack((slave, master)), self.reached, self.comm)
+        normals, others = np.split(there, 2, axis=1)
+        found = self.own @ normals - self.others @ others
+        found = found - np.einsum("nij,nj->ni", self.across, found)
+        return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
 
     def gap(self, normal: Array) -> Array:
         """The distance of both sides along normals at the points, length, shape (n,)."""
@@ -94,6 +120,18 @@ class Claim:
         nodes = np.flatnonzero(found[:, -1] > 0)
         return nodes, found[nodes, :-1], found[nodes, -1]
 
+    def on_other_side(self, of_node: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """Numbers that the owned nodes have, at a node of the other side that each point meets most, -1 where it meets
+        none, shape (n,).
+        """
+        there = from_owners(of_node[:, None].astype(np.float64), self.reached, self.comm)[:, 0].astype(np.int64)
+        shares = abs(self.others).tocsr()
+        found = np.full(shares.shape[0], -1, dtype=np.int64)
+        for row in np.flatnonzero(np.diff(shares.indptr)):
+            span = slice(shares.indptr[row], shares.indptr[row + 1])
+            found[row] = there[shares.indices[span][np.argmax(shares.data[span])]]
+        return found
+
     def moved(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Whether a node that a point depends on has a flag, from shape (owned nodes, d) to shape (n, d)."""
         there = from_owners(flags.astype(np.float64), self.reached, self.comm)
@@ -101,16 +139,21 @@ class Claim:
 
 
 def claim_of(
-    pair: PairedSides, space: fem.FunctionSpace, slave: Indices, master: Indices, reach: float | None = None
+    pair: PairedSides,
+    space: fem.FunctionSpace,
+    sides: tuple[Indices, Indices],
+    reach: float | None = None,
+    *,
+    nominal: bool,
 ) -> Claim:
-    """What the solver says of a pair on this rank, whose sides are these facets according to the problem, with partners
-    up to this distance; None: up to the usual one.
+    """What the solver says of a pair on this rank, whose sides are these facets according to the problem, nominally in
+    contact or not, with partners up to this distance; None: up to the usual one.
     """
     found, (own, others, turning) = pair.coupling, pair.shares()
     return Claim(
         comm=space.mesh.comm,
-        slave=slave,
-        master=master,
+        slave=sides[0],
+        master=sides[1],
         paired=(pair.slave.facets, pair.master.facets),
         points=pair.slave.nodes[found.nodes] - space.dofmap.index_map.local_range[0],
         weight=found.weight,
@@ -126,4 +169,7 @@ def claim_of(
         allowed=reach,
         across=pair.across,
         planes=pair.planes,
+        named=pair.slave.nodes,
+        directions=found.directions,
+        nominal=nominal,
     )

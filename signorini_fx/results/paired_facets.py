@@ -30,9 +30,9 @@ Array = npt.NDArray[np.float64]
 # Points of a rule along each direction: in the plane; in space for linear triangles and parallelograms, and for others,
 # on which integrands may be no polynomials.
 _POINTS = {"interval": 10, "triangle": 4, "quadrilateral": 10}
-# Tangent of the angle between the normals along a facet and that in its middle.
-_TURNING = 0.5
-# Facets whose normals have a larger product do not face each other.
+# Tangent of the angle between directions of projection along a facet and its normal in the middle.
+_TURNING = 1.0
+# Facets, in space their linear parts, whose normals have a larger product do not face each other.
 _FACING = -0.2
 # Distance from a parallelogram, relative to its diagonal, that is round-off.
 _PARALLEL = 1e-9
@@ -40,6 +40,8 @@ _PARALLEL = 1e-9
 _REACH = 0.2
 # Share of a facet below which an overlap is round-off.
 _NOTHING = 1e-9
+# Of the quadrature of normals, exact where facets are straight.
+_DEGREE = 8
 
 
 class Facets:
@@ -165,6 +167,11 @@ class Facet:
         """Positions, length, shape (q, d)."""
         return np.asarray(self.shape(at) @ self._x)
 
+    @property
+    def corners(self) -> Array:
+        """Positions of its nodes, length, shape (k, d)."""
+        return self._x
+
     def tangents(self, at: Array) -> Array:
         """Derivatives of the position along the facet, shape (d - 1, q, d)."""
         slopes = self._tabulated(at, 1)[1:]
@@ -234,6 +241,15 @@ class Facet:
         return [(part, self.place(part)) for part in self.linear_parts]
 
     @cached_property
+    def outward_of_parts(self) -> Array:
+        """Outward unit normals of the linear parts, shape (parts, 3)."""
+        across = np.array([np.cross(x[2] - x[0], x[-1] - x[1]) for _, x in self.placed_parts])
+        across *= np.sign(np.sum(across * self.normal(np.array([p.mean(axis=0) for p in self.linear_parts])), axis=1))[
+            :, None
+        ]
+        return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
+
+    @cached_property
     def flat_parts(self) -> list[FlatPart]:
         """The linear parts in their planes."""
         return [FlatPart.of(part, corners) for part, corners in self.placed_parts]
@@ -251,7 +267,7 @@ def _is_parallelogram(x: Array) -> bool:
 
 @dataclass(frozen=True)
 class FlatPart:
-    """A linear part of a facet in space, projected onto the plane through its centre.
+    """A linear part of a facet in space, projected onto a plane through its centre.
 
     Attributes:
         part: its corners in the reference facet, shape (c, 2).
@@ -266,10 +282,11 @@ class FlatPart:
     flat: Array
 
     @classmethod
-    def of(cls, part: Array, corners: Array) -> FlatPart:
-        """From the corners in the reference facet and their positions."""
+    def of(cls, part: Array, corners: Array, normal: Array | None = None) -> FlatPart:
+        """From the corners in the reference facet and their positions; ``normal``: of the plane; None: of the part."""
         centre = corners.mean(axis=0)
-        normal = np.cross(corners[2] - corners[0], corners[-1] - corners[1])  # of a triangle: two of its sides
+        if normal is None:
+            normal = np.cross(corners[2] - corners[0], corners[-1] - corners[1])  # of a triangle: two of its sides
         axes = np.linalg.svd(normal[None] / np.linalg.norm(normal))[2][1:]
         return cls(part, centre, axes, (corners - centre) @ axes.T)
 
@@ -305,16 +322,18 @@ def pieces_of(
         facet: of the slave.
         masters: those of the other side that are near.
         reach: mean distance beyond which facets are no partners, length.
-        normals: in the plane the normals of the slave at its nodes, which are interpolated.
+        normals: directions of projection at the points of the slave, which are interpolated; in space None: normals of
+            the linear parts of the slave.
     """
     found: list[Piece] = []
-    masters = [master for master in masters if facet.outward @ master.outward < _FACING]
     if facet.kind == "interval":
         assert normals is not None
+        masters = [master for master in masters if facet.outward @ master.outward < _FACING]
         at_nodes = np.array([normals[int(node)] for node in facet.nodes])
         every = [_in_plane(facet, master, at_nodes) for master in masters]
     else:
-        every = _in_space(facet, masters)
+        directions = None if normals is None else np.array([normals[int(node)] for node in facet.points])
+        every = _in_space(facet, masters, directions)
     for master, pieces in zip(masters, every, strict=True):
         moment = sum(piece.weight @ (master.place(piece.over) - facet.place(piece.at)) for piece in pieces)
         if pieces and np.linalg.norm(moment) <= reach * sum(piece.weight.sum() for piece in pieces):
@@ -359,15 +378,21 @@ def _in_plane(facet: Facet, master: Facet, normals: Array) -> list[Piece]:
     return found
 
 
-def _in_space(facet: Facet, masters: Sequence[Facet]) -> list[list[Piece]]:
+def _in_space(facet: Facet, masters: Sequence[Facet], directions: Array | None) -> list[list[Piece]]:
     """The linear parts of the slave, each cut by those of the masters in its plane: the pieces with each master."""
     found: list[list[Piece]] = [[] for _ in masters]
-    for own in facet.flat_parts:
+    parts = facet.flat_parts
+    if directions is not None:
+        along = [(facet.hats(part.mean(axis=0, keepdims=True)) @ directions)[0] for part, _ in facet.placed_parts]
+        parts = [FlatPart.of(*placed, normal) for placed, normal in zip(facet.placed_parts, along, strict=True)]
+    for own, outward in zip(parts, facet.outward_of_parts, strict=True):
         centre, axes, flat = own.centre, own.axes, own.flat
         # Number and corners of a part of a master, in its reference facet and in the plane; points and their weights.
         shared: list[tuple[int, Array, Array, Array, Array]] = []
         for number, master in enumerate(masters):
-            for other, corners in master.placed_parts:
+            for (other, corners), normal in zip(master.placed_parts, master.outward_of_parts, strict=True):
+                if float(np.dot(outward, normal)) >= _FACING:
+                    continue
                 window = (corners - centre) @ axes.T
                 if (window.min(axis=0) > flat.max(axis=0)).any() or (window.max(axis=0) < flat.min(axis=0)).any():
                     continue
@@ -408,13 +433,14 @@ def _under(facet: Facet, at: Array, p: Array, centre: Array, axes: Array) -> Arr
     return at
 
 
-def interpolated_normals(facets: Sequence[Facet]) -> dict[int, Array]:
-    """The means of the normals around each node, of length one, between which the continuous normal interpolates."""
-    nodes, weights = gauss(_POINTS["interval"])
-    at = ((nodes + 1) / 2)[:, None]
-    found: dict[int, Array] = defaultdict(lambda: np.zeros(2))
+def mean_normals(facets: Sequence[Facet]) -> dict[int, Array]:
+    """The means of the normals around each node with test functions, and between the vertices of quadratic triangles
+    of those at both, of length one.
+    """
+    found: dict[int, Array] = defaultdict(lambda: np.zeros(facets[0].outward.size))
     for facet in facets:
-        moments = facet.shape(at).T @ (facet.normal(at) * (facet.areas(at) * weights)[:, None])
-        for node, moment in zip(facet.nodes, moments, strict=True):
+        at, weights = basix.make_quadrature(getattr(basix.CellType, facet.kind), _DEGREE)
+        moments = facet.hats(at).T @ (facet.normal(at) * (facet.areas(at) * weights)[:, None])
+        for node, moment in zip(facet.points, moments, strict=True):
             found[int(node)] += moment
     return {node: moment / np.linalg.norm(moment) for node, moment in found.items()}

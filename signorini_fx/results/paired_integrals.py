@@ -11,6 +11,10 @@ whoever has taken them over:
     sum_i w_i D_ij = integral of N_j over the covered part,
 
 which is tried at some nodes too: of those that no point sees, and of points that have taken over functions.
+
+What is projected along are the mean normals that a projection along those of the slave gives.  They are tried at some
+nodes, whose facets are covered, and so are half the rotations of both sides at the points, on displacements drawn at
+random.  Of sides that are nominally in contact it is the normals of the slave, and the rotation of the master.
 """
 
 from __future__ import annotations
@@ -25,7 +29,7 @@ from scipy.spatial import cKDTree
 
 from signorini_fx import parallel
 from signorini_fx.results.paired_claim import Claim
-from signorini_fx.results.paired_facets import Facet, Facets, Piece, interpolated_normals, pieces_of
+from signorini_fx.results.paired_facets import Facet, Facets, Piece, mean_normals, pieces_of
 
 Array = npt.NDArray[np.float64]
 # A facet of the slave and the pieces of the other side over it.
@@ -35,6 +39,10 @@ _Overlap = tuple[Facet, list[Piece]]
 _SAMPLED = {2: 16, 3: 6}
 # A facet that is covered by less than this share is not among them: its dual functions have few digits.
 _COVERED = 0.05
+# One that is covered by this share has no node without a function; nodes of such facets at which directions are tried.
+_WHOLE, _TRIED = 0.99, {2: 8, 3: 3}
+# Displacements on which rotations are tried, and share of the best resisted one below which nothing resists a rotation.
+_DISPLACEMENTS, _NO_ARM = 3, 1e-12
 
 
 def largest(values: Array) -> float:
@@ -56,7 +64,19 @@ def sampled(claim: Claim, space: fem.FunctionSpace, slave: Facets, master: Facet
     nodes, areas = _areas(claim, slave, master)
     around = [slave.around(names[[point]]) for point in choice]
     beside = [slave.around(nodes[[k]]) for k in range(len(nodes))]
-    overlaps = _overlaps(claim, slave, master, reach, np.unique(np.concatenate([bare, *around, *beside])))
+    # Directions are claimed, and tried where they come from.
+    claimed = np.unique(np.concatenate([bare, *around, *beside])).astype(np.int64)
+    needed = np.unique(slave.points[claimed])
+    if claim.directions is None:
+        directions = _normals(claim, slave, needed) if slave.x.shape[1] == 2 else None
+        worst = max(worst, float(not claim.nominal))
+    else:
+        rows = np.searchsorted(claim.named, needed)
+        directions = dict(zip(needed.tolist(), claim.directions[rows], strict=True))
+        tried = draw.permutation(needed)[: -(-_TRIED[space.mesh.geometry.dim] // claim.comm.size)]
+        errors = [_error_of_direction(claim, claim.directions, int(node), slave, master, reach) for node in tried]
+        worst = max([worst, float(claim.nominal), *errors])
+    overlaps = _overlaps(slave, master, reach, claimed, directions)
     errors = [
         worst,
         *(
@@ -73,24 +93,66 @@ def sampled(claim: Claim, space: fem.FunctionSpace, slave: Facets, master: Facet
 
 
 def _overlaps(
-    claim: Claim, slave: Facets, master: Facets, reach: float, numbers: npt.NDArray[np.int64]
+    slave: Facets,
+    master: Facets,
+    reach: float,
+    numbers: npt.NDArray[np.int64],
+    directions: dict[int, Array] | None,
 ) -> dict[int, _Overlap]:
-    """Facets of the slave, by their numbers, and what is over each."""
-    normals = None
-    if slave.x.shape[1] == 2:
-        normals = interpolated_normals([slave[k] for k in slave.around(slave.nodes[numbers].ravel())])
-        for node in normals.keys() & claim.planes.keys():
-            normal = normals[node] - claim.planes[node] @ normals[node]
-            normals[node] = normal / np.linalg.norm(normal)
+    """Facets of the slave, by their numbers, and what is over each; ``directions``: see ``pieces_of``."""
     facets = {int(number): slave[int(number)] for number in numbers}
     return {
-        number: (facet, pieces_of(facet, [master[k] for k in master.near(facet, reach)], reach, normals))
+        number: (facet, pieces_of(facet, [master[k] for k in master.near(facet, reach)], reach, directions))
         for number, facet in facets.items()
     }
 
 
-def _is_covered(facet: Facet, pieces: list[Piece]) -> bool:
-    return bool(sum(piece.weight.sum() for piece in pieces) > _COVERED * facet.area)
+def _normals(claim: Claim, side: Facets, nodes: npt.NDArray[np.int64]) -> dict[int, Array]:
+    """The normals of a side at some of its nodes with test functions, global numbers."""
+    found = mean_normals([side[k] for k in side.around(nodes)])
+    return {int(node): claim.in_planes(np.array([node]), found[int(node)][None])[0] for node in nodes}
+
+
+def _interpolated(facet: Facet, normals: dict[int, Array], at: Array) -> Array:
+    """The normal at places of a facet, which interpolates those at its nodes, shape (q, d)."""
+    at_nodes = np.array([normals[int(node)] for node in facet.points])
+    if len(facet.points) < len(facet.nodes):  # nodes between vertices are opposite to the third one
+        between = at_nodes.sum(axis=0) - at_nodes
+        at_nodes = np.concatenate((at_nodes, between / np.linalg.norm(between, axis=1, keepdims=True)))
+    return np.asarray(facet.shape(at) @ at_nodes)
+
+
+def _error_of_direction(
+    claim: Claim, directions: Array, node: int, slave: Facets, master: Facets, reach: float
+) -> float:
+    """The error of the direction of projection at a node of the slave; zero where some facet around it is not covered.
+
+    Args:
+        claim: what is claimed.
+        directions: the part of it that is tried.
+        node: its global number.
+        slave: facets of the slave.
+        master: those of the other side.
+        reach: distance beyond which facets are no partners, length.
+    """
+    numbers = slave.around(np.array([node]))
+    own = _normals(claim, slave, np.unique(slave.points[numbers]))
+    overlaps = list(_overlaps(slave, master, reach, numbers, own if slave.x.shape[1] == 2 else None).values())
+    if not all(_is_covered(facet, pieces, _WHOLE) for facet, pieces in overlaps):
+        return 0.0
+    seen = np.unique(np.concatenate([piece.master.points for _, pieces in overlaps for piece in pieces]))
+    others, total = _normals(claim, master, seen), np.zeros(slave.x.shape[1])
+    for facet, pieces in overlaps:
+        row = int(np.flatnonzero(facet.points == node)[0])
+        for piece, values in zip(pieces, _functions(facet, pieces, claim.hats), strict=True):
+            apart = _interpolated(facet, own, piece.at) - _interpolated(piece.master, others, piece.over)
+            total += (values[:, row] * piece.weight) @ apart
+    direction = claim.in_planes(np.array([node]), total[None])[0]
+    return largest(direction - directions[np.searchsorted(claim.named, node)])
+
+
+def _is_covered(facet: Facet, pieces: list[Piece], share: float = _COVERED) -> bool:
+    return bool(sum(piece.weight.sum() for piece in pieces) > share * facet.area)
 
 
 def _error_of_area(node: int, area: float, overlaps: Iterable[_Overlap]) -> float:
@@ -116,6 +178,7 @@ def _error_at(claim: Claim, point: int, node: int, every: npt.NDArray[np.int64],
         overlaps: the facets around it.
     """
     total, own, others = 0.0, np.zeros(every.size), np.zeros(every.size)
+    positions, areas = np.zeros((every.size, claim.distance.shape[1])), np.zeros((2, every.size))
     distance, size, clear = np.zeros(claim.distance.shape[1]), 0.0, True
     for facet, pieces in overlaps:
         if not pieces:
@@ -127,18 +190,60 @@ def _error_at(claim: Claim, point: int, node: int, every: npt.NDArray[np.int64],
         for piece, values in zip(pieces, psi, strict=True):
             weighted = values[:, row] * piece.weight
             total += weighted.sum()
-            for integrals, side, at in ((own, facet, piece.at), (others, piece.master, piece.over)):
-                np.add.at(integrals, np.searchsorted(every, side.nodes), weighted @ side.shape(at))
+            met = (own, areas[0], facet, piece.at), (others, areas[1], piece.master, piece.over)
+            for integrals, arms, side, at in met:
+                rows = np.searchsorted(every, side.nodes)
+                integrals[rows] += weighted @ side.shape(at)
+                arms[rows] += piece.weight.sum()
+                positions[rows] = side.corners
             distance += weighted @ (piece.master.place(piece.over) - facet.place(piece.at))
     if not clear or total <= 0:
         return 0.0
     weight, place = claim.weight[point], np.searchsorted(every, claim.reached)
+    far = float(np.linalg.norm(claim.distance[point])) / size
     errors = [abs(total / weight - 1.0), largest(distance / weight - claim.distance[point]) / size]
+    errors.append(_error_of_motion(claim, point, (own - others) / weight, areas, positions, place) / (1.0 + far))
     for integrals, shares in ((own, claim.own), (others, claim.others)):
         integrals /= weight
         integrals[place] -= shares[[point]].toarray().ravel()
         errors.append(largest(integrals))
     return float(max(errors))
+
+
+def _error_of_motion(
+    claim: Claim, point: int, shares: Array, areas: Array, x: Array, place: npt.NDArray[np.int64]
+) -> float:
+    """The largest error of the relative displacement at a point for some displacements drawn at random.
+
+    Args:
+        claim: what is claimed.
+        point: its number on this rank.
+        shares: D - M at m nodes, shape (m,).
+        areas: in which each side sees them, shape (2, m).
+        x: their positions, length, shape (m, d).
+        place: of the nodes that are reached among them.
+    """
+    dim, distance, draw = x.shape[1], claim.distance[point], np.random.default_rng(point)
+    rows, worst = claim.operator[dim * point : dim * (point + 1)], 0.0
+    parts = (0.0, 1.0) if claim.nominal else (0.5, 0.5)
+    for _ in range(_DISPLACEMENTS):
+        u = draw.uniform(-1.0, 1.0, x.shape)
+        moved: Array = shares @ u + sum(_turned(a, x, u, part * distance) for a, part in zip(areas, parts, strict=True))
+        moved = moved - claim.across[point] @ moved
+        worst = max(worst, largest(rows @ u[place].ravel() - moved))
+    return worst
+
+
+def _turned(a: Any, x: Array, u: Array, way: Array) -> Array:
+    """How the mean rotation of nodes with weights a turns a vector, shape (d,)."""
+    deep = np.zeros((len(x), 3)), np.zeros((len(x), 3)), np.zeros((1, 3))
+    for filled, values in zip(deep, (x, u, way[None]), strict=True):
+        filled[:, : x.shape[1]] = values
+    arm, moved, along = deep
+    arm = arm - a @ arm / a.sum()
+    inertia = np.eye(3) * (a @ np.sum(arm**2, axis=1)) - np.einsum("l,li,lj->ij", a, arm, arm)
+    turn = np.linalg.pinv(inertia, rcond=_NO_ARM, hermitian=True) @ (a @ np.cross(arm, moved))
+    return np.asarray(np.cross(turn, along[0])[: x.shape[1]])
 
 
 def _bare(claim: Claim, nodes: npt.NDArray[np.int64], names: npt.NDArray[np.int64]) -> tuple[Any, float]:

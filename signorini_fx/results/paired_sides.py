@@ -36,7 +36,12 @@ def not_held(claim: Claim, held: Array, y: Array) -> float:
     if not parallel.any_rank(claim.comm, bool(claim.across.any())):
         return 0.0
     known = np.column_stack((held.reshape(len(held), -1), y))
-    there, dim, worst = from_owners(known, claim.reached, claim.comm), y.shape[1], 0.0
+    there: Array = from_owners(known, claim.reached, claim.comm)
+    dim, worst = y.shape[1], 0.0
+    planes = np.array([node for node in claim.planes if node in claim.reached], dtype=np.int64)
+    for node, k in zip(planes, np.searchsorted(claim.reached, planes), strict=True):
+        plane, row = claim.planes[int(node)], there[k]
+        worst = max(worst, largest(row[:-dim].reshape(dim, dim) @ plane - plane) + largest(plane @ row[-dim:]))
     for point in np.flatnonzero(claim.across.any(axis=(1, 2))):
         nodes = claim.others.indices[claim.others.indptr[point] : claim.others.indptr[point + 1]]
         rows = [known[claim.points[[point]]], there[nodes]]

@@ -11,6 +11,7 @@ from dolfinx import fem
 
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.joint_pressure import JointPressure
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.results.tool_motion import ToolMotion
 
@@ -54,14 +55,14 @@ class Tractions:
         nodes: local number of the node (block of the function space), shape (n,).
         pressure: lambda, stress, shape (n,).
         shear: mu as a vector of the plane or of space, stress, shape (n, d): no frame is shared with the solver.
-        fluid: pressure of fluids that have entered, stress, shape (n,); None: none enters.
+        joint: pressure of loads that have entered; None: none enters.
     """
 
     part: npt.NDArray[Any]
     nodes: npt.NDArray[Any]
     pressure: Nodal
     shear: Nodal
-    fluid: Nodal | None = None
+    joint: JointPressure | None = None
 
     @classmethod
     def none(cls, boundary: ContactBoundary) -> Tractions:
@@ -73,7 +74,7 @@ class Tractions:
         """The contact tractions of a contact state."""
         boundary = state.boundary
         shear = np.einsum("ijk,ik->ij", boundary.tangents, state.shear)
-        return cls(boundary.part, boundary.nodes, state.pressure, shear, state.fluid)
+        return cls(boundary.part, boundary.nodes, state.pressure, shear, state.joint)
 
 
 @dataclass(frozen=True)

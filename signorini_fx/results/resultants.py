@@ -17,7 +17,8 @@ from signorini_fx.body.kinematics import KINEMATICS
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.display import clean, html_table
 from signorini_fx.mesh.tagged import TaggedMesh
-from signorini_fx.results.contact_nodes import ContactNodes, sides_of
+from signorini_fx.results.contact_nodes import ContactNodes
+from signorini_fx.results.contact_sides import sides_of
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.supports import Supports
@@ -198,10 +199,10 @@ class Resultants:
             nodes = ContactNodes.of(nodal, sides, tractions)
             reached, forces, _ = nodes.forces()
             np.add.at(left, reached, forces)
-            if tractions.fluid is not None:
-                from signorini_fx.results.entered_fluid import forces_of_fluid
+            if tractions.joint is not None:
+                from signorini_fx.results.joint_loads import forces_of_joint_loads
 
-                left -= forces_of_fluid(nodal, sides, tractions)
+                left -= forces_of_joint_loads(nodal, sides, tractions)
         return left
 
     def _through(self, boundary: str) -> dict[str, _Forces]:
@@ -219,9 +220,10 @@ class Resultants:
                 here = np.isin(state.boundary.part, parts)
                 forces = sign * state.boundary.nodal_forces(state.pressure, state.shear)
                 found["contact"] = _Forces(state.boundary.centre[here], forces[here])
-                if state.fluid is not None:
-                    forces = sign * state.boundary.nodal_forces(state.fluid, np.zeros_like(state.shear))
-                    found["fluid in contact"] = _Forces(state.boundary.centre[here], forces[here])
+                if state.joint is not None:
+                    forces = sign * state.boundary.nodal_forces(state.joint.pressure, np.zeros_like(state.shear))
+                    label = next(iter(scene.joint_loads.values())).label
+                    found[f"{label} in contact"] = _Forces(state.boundary.centre[here], forces[here])
         return found
 
     def _of_effects(self, boundary: str | None) -> dict[str, _Forces]:

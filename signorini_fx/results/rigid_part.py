@@ -1,12 +1,14 @@
-"""What the displacement of each body is without its rigid part: the length that a certificate compares others with."""
+"""The pieces of a body as a certificate sees them: what each deforms by, and largest values of each."""
 
 from __future__ import annotations
 
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
+from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.body.pieces import find_pieces
@@ -15,19 +17,28 @@ Array = npt.NDArray[np.float64]
 
 
 class RigidPart:
-    """The nearest rigid motions of the pieces of a mesh; pieces that can touch move independently of each other.
+    """The pieces of a mesh and their nearest rigid motions; pieces that can touch move independently of each other.
+
+    A bond between two pieces is contact, too: each is in equilibrium with its traction.
 
     Args:
         space: of the displacement; collective.
         x: positions of the owned nodes, length, shape (owned nodes, d).
+
+    Attributes:
+        count: number of pieces.
+        of_cell: number of the piece that each cell of this rank is in.
+        piece: number of the piece that each owned node is in.
+        size: diameters, length, shape (pieces,).
     """
 
     def __init__(self, space: fem.FunctionSpace, x: Array) -> None:
         pieces, self._comm, dim = find_pieces(space.mesh), space.mesh.comm, x.shape[1]
-        self._count, nodes = pieces.count, space.dofmap.index_map
+        self.count, self.of_cell, nodes = pieces.count, pieces.of_cell, space.dofmap.index_map
         of_node = np.zeros(nodes.size_local + nodes.num_ghosts, dtype=np.int64)
         of_node[space.dofmap.list] = pieces.of_cell[:, None]  # at a hinge either of both, which move there alike
-        self._piece = of_node[: len(x)]
+        self.piece = of_node[: len(x)]
+        self.size = np.linalg.norm(np.ptp(pieces.bounds, axis=1), axis=1)
         arm = self._without_mean(x)
         turns = dim * (dim - 1) // 2
         self._turned = np.zeros((*x.shape, turns))
@@ -36,8 +47,9 @@ class RigidPart:
         gram = self._sums(np.einsum("nik,nil->nkl", self._turned, self._turned).reshape(-1, turns**2))
         self._inverse = np.linalg.pinv(gram.reshape(-1, turns, turns), hermitian=True)
 
-    def largest_beside(self, y: Array) -> float:
-        """The largest displacement of a node after the nearest rigid motion of its piece is subtracted; collective.
+    def largest_beside(self, y: Array) -> Array:
+        """The largest displacement of a node of each piece after the nearest rigid motion of the piece is subtracted,
+        shape (pieces,); collective.
 
         Args:
             y: displacements of the owned nodes, length, shape (owned nodes, d).
@@ -45,13 +57,38 @@ class RigidPart:
         motion = self._without_mean(y)
         moment = self._sums(np.einsum("nik,ni->nk", self._turned, motion))
         angles = np.einsum("pkl,pl->pk", self._inverse, moment)
-        left = np.linalg.norm(motion - np.einsum("nik,nk->ni", self._turned, angles[self._piece]), axis=1)
-        return parallel.global_max(self._comm, float(np.nan_to_num(left.max(initial=0.0), nan=np.inf)))
+        return self.largest(np.linalg.norm(motion - np.einsum("nik,nk->ni", self._turned, angles[self.piece]), axis=1))
+
+    def largest(self, values: Array, piece: npt.NDArray[Any] | None = None) -> Array:
+        """The largest of values of each piece, not below zero, inf where one is nan, shape (pieces,); collective.
+
+        Args:
+            values: shape (n,).
+            piece: which piece each belongs to, -1: to none; None: values are those of the owned nodes.
+        """
+        piece = self.piece if piece is None else piece
+        found = np.zeros(self.count)
+        np.maximum.at(found, piece[piece >= 0], np.nan_to_num(values, nan=np.inf)[piece >= 0])
+        total = np.empty_like(found)
+        self._comm.Allreduce(found, total, op=MPI.MAX)
+        return total
+
+    def norms(self, vectors: Array, piece: npt.NDArray[Any] | None = None) -> Array:
+        """The norms of vectors at the owned nodes of each piece, or at others, shape (pieces,); collective."""
+        squares = vectors[:, None] ** 2 if vectors.ndim == 1 else np.sum(vectors**2, axis=1)[:, None]
+        which = self.piece if piece is None else piece
+        return np.asarray(np.sqrt(parallel.sums_by(self._comm, which, squares, self.count)[:, 0]))
+
+    def works(self, *products: Array) -> Array:
+        """The sums of products of forces and displacements at the owned nodes, shape (pieces, number of products);
+        collective.
+        """
+        return self._sums(np.column_stack([np.sum(product, axis=1) for product in products]))
 
     def _without_mean(self, values: Array) -> Array:
         sums = self._sums(np.column_stack((np.ones(len(values)), values)))
-        return np.asarray(values - (sums[:, 1:] / np.maximum(sums[:, :1], 1.0))[self._piece])
+        return np.asarray(values - (sums[:, 1:] / np.maximum(sums[:, :1], 1.0))[self.piece])
 
     def _sums(self, values: Array) -> Array:
         """Sums over the nodes of each piece, shape (pieces, ...)."""
-        return parallel.sums_by(self._comm, self._piece, values, self._count)
+        return parallel.sums_by(self._comm, self.piece, values, self.count)

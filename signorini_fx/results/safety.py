@@ -10,15 +10,17 @@ import numpy.typing as npt
 from signorini_fx import parallel
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.joint_pressure import work_on_motions
 from signorini_fx.body.limits import Surface, Unproved, factor_at_least, factor_at_most, surface_of
 from signorini_fx.body.motion_names import names_of
 from signorini_fx.contact.laws import FrictionLaw
-from signorini_fx.contact.motions import total_work
+from signorini_fx.contact.motions import FreeMotions, RigidLoad, total_work
 from signorini_fx.contact.reactions import reactions
 from signorini_fx.contact.resting_place import resting_place
 from signorini_fx.contact.statics import Limit, along_contact, largest_multiple
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.scene.effect import Force
+from signorini_fx.scene.model import Scene
 
 # A node whose gap is below this share of the size of the body is closed.
 _CLOSED = 1e-9
@@ -79,17 +81,20 @@ def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety 
         place: of the load step in the lists of factors.
 
     Returns:
-        None if supports hold the body, if no live load acts on its free motions, if a fluid enters the contact, whose
-        load depends on what opens, or if the tractions of the solution do not balance its loads at these nodes.
+        None if supports hold the body, if no live load acts on its free motions, or if the tractions of the solution do
+        not balance its loads at these nodes.  A load that has entered the contact stays where it is.
     """
     motions, boundary, count = d.motions, contact.boundary, d.motions.free.shape[1]
-    if not count or d.scene.fluids_enter:
+    if not count:
         return None
     at_contact, immovable = motions.at(boundary), boundary.points.immovable
     nothing: npt.NDArray[np.float64] = np.zeros(len(motions.of_all) - len(motions.free))
     driving = sum((factor * load.driven.forces for factor, load in d.applied_at(place) if load.driven), nothing)
     works = (motions.load_of(forces, d.comm, on) for forces, on in zip(_loads(d, place), (driving, None), strict=True))
-    live, dead = (total_work([(1.0, work)], count) for work in works)
+    live, dead = (
+        total_work([(1.0, work), *((1.0, load) for load in within)], count)
+        for work, within in zip(works, _within(contact, at_contact, d.scene), strict=True)
+    )
     law = d.law
     pressing = _touching(d, contact, live + dead, place) & ~immovable
     if law is not None:
@@ -151,6 +156,18 @@ def _loads(d: Discretisation, place: float) -> list[npt.NDArray[np.float64]]:
     return [
         nodal.external(place, some=[load for load in forces if load.live is live]).ravel() for live in (True, False)
     ]
+
+
+def _within(contact: ContactState, motions: FreeMotions, scene: Scene) -> tuple[list[RigidLoad], list[RigidLoad]]:
+    """The live and the other loads that have entered the contact; collective."""
+    if contact.joint is None:
+        return [], []
+    names = {name for load in scene.joint_loads.values() if load.live for name in load.enters}
+    parts = [part for part, effect in enumerate(scene.contact) if effect.boundary in names]
+    grows = np.isin(contact.boundary.part, parts)
+    pressure = contact.joint.pressure
+    of_live, of_dead = (work_on_motions(motions, np.where(here, pressure, 0.0)) for here in (grows, ~grows))
+    return [of_live], [of_dead]
 
 
 def _touching(

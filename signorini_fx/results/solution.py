@@ -249,7 +249,7 @@ class Solution:
 
         if self.contact is None or not self.converged:
             return None
-        return uniqueness(self.discretisation, self.contact)
+        return uniqueness(self.discretisation, self.contact, place=self._place)
 
     @cached_property
     def error_bound(self) -> ErrorBound | str | None:
@@ -269,7 +269,7 @@ class Solution:
 
         if self.contact is None or not self.converged or not self.scene.has_coulomb:
             return None
-        return fixed_point(self.discretisation, self.contact)
+        return fixed_point(self.discretisation, self.contact, self._place)
 
     def mean_displacement_bounds(self, boundary: str, direction: tuple[float, float]) -> tuple[float, float] | str:
         """Guaranteed bounds of the mean of u . direction over a boundary, a length; or why there are none; collective.

@@ -2,18 +2,96 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from signorini_fx import parallel
-from signorini_fx.algorithms.task import Start
+from signorini_fx.algorithms.task import Outcome, Start
 from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.contact.laws import ActiveSets, length, unit
 from signorini_fx.contact.laws import Nodal as Array
 from signorini_fx.contact.resting_place import Rest
 from signorini_fx.errors import FormError
 from signorini_fx.results.promised_law import Before
+
+
+@dataclass(frozen=True)
+class StepEnd:
+    """The end of a step of a loop, in the frames that its foundations had then.
+
+    Every solve of the next step starts from this end, wherever the foundations of the solves before it were.
+
+    Attributes:
+        start: of the next step.
+        rest: the resting place from which displacements are counted; None: from the initial position.
+        normal: displacement along the normals, length, shape (n,).
+        boundary: the contact points.
+        before: the same as the certificate sees it.
+    """
+
+    start: Start
+    rest: Rest | None
+    normal: Array
+    boundary: ContactBoundary
+    before: Before
+
+    def seen_from(self, boundary: ContactBoundary, *, held: bool) -> tuple[Start, Rest | None]:
+        """The start of the step and the resting place, in the frames that the same points have now; collective.
+
+        Args:
+            boundary: the points as they are now.
+            held: whether what has fallen to the resting place is held by now, so that slips count from the initial one.
+
+        Raises:
+            FormError: see ``carried``.
+        """
+        start, rest = self.start, self.rest
+        if held and rest is not None:
+            assert start.data.slip_origin is not None
+            start = replace(start, data=replace(start.data, slip_origin=start.data.slip_origin + rest.u_t))
+            rest = None
+        begun, place, _ = carried(start, rest, self.normal, self.boundary, boundary)
+        return begun, place
+
+
+@dataclass(frozen=True)
+class LastSolution:
+    """What the next solve of a loop may begin from: sets and multipliers of the last solution, in its frames.
+
+    Attributes:
+        sets: active sets.
+        multipliers: (lambda, mu).
+        step: number of its step.
+        boundary: the contact points.
+    """
+
+    sets: ActiveSets
+    multipliers: tuple[Array, Array]
+    step: int
+    boundary: ContactBoundary
+
+    @classmethod
+    def of(cls, outcome: Outcome, step: int, boundary: ContactBoundary) -> LastSolution:
+        """Those of the solution that a solve has reached."""
+        return cls(outcome.problem.sets, outcome.newton.multipliers(), step, boundary)
+
+    def begins(self, start: Start, boundary: ContactBoundary) -> Start:
+        """The start of a solve, from this solution in the frames that its points have now; collective.
+
+        Unchanged where the points are others, and in a step that begins with the iterate of the last one.
+        """
+        if boundary is self.boundary:
+            return start if start.step != self.step else start.begin_from(self.sets, self.multipliers)
+        if parallel.any_rank(boundary.comm, not np.array_equal(boundary.nodes, self.boundary.nodes)):
+            return start
+        rotation = np.einsum("nij,nik->njk", boundary.cotangents, self.boundary.tangents)
+        pressure, shear = self.multipliers
+        direction, shear = (np.einsum("njk,nk->nj", rotation, vectors) for vectors in (self.sets.direction, shear))
+        slips = self.sets.slip & (length(direction) > 0)
+        sets = ActiveSets.of(self.sets.contact, np.where(slips[:, None], unit(direction), 0.0), self.sets.turning)
+        return start.begin_from(sets, (pressure, shear))
 
 
 def carried(
@@ -57,13 +135,14 @@ def carried(
     return begun, None if rest is None else replace(rest, u_t=moved(rest.u_t)), normal
 
 
-def relative_to(before: Before, boundary: ContactBoundary, moved: Array) -> Before:
-    """The end of the last step as one begins from it whose foundations have moved, its shears along them.
+def relative_to(before: Before, boundary: ContactBoundary, moved: Array | None) -> Before:
+    """The end of the last step as one begins from it whose foundations may have turned and moved, with shears along
+    them.
 
     Args:
         before: as it was.
         boundary: the points as they are now.
-        moved: by which the foundations have moved at them, shape (n, d).
+        moved: by which the foundations have moved at them, shape (n, d); None: they have not.
     """
 
     def along(vectors: Array) -> Array:

@@ -15,6 +15,7 @@ from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.pieces import extent
 from signorini_fx.display import (
     clean,
+    deformation_in_words,
     effort_in_words,
     on_several_bodies,
     point_in_words,
@@ -22,12 +23,14 @@ from signorini_fx.display import (
     resultant_in_words,
     results_of,
     safety_in_words,
+    status_in_words,
     tool_in_words,
     touch_each_other,
 )
 from signorini_fx.machine.terminal import Line
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, Record, StepRecord
 from signorini_fx.report.digits import between, estimated_errors, figure, percent
+from signorini_fx.results.afterthoughts import afterthought, proved
 from signorini_fx.results.certificate import JUDGED
 from signorini_fx.results.closed_boundaries import friction_in_words, one_or_three, turning_of
 from signorini_fx.results.solution import Solution, StepResult
@@ -51,6 +54,7 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
     summary: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
         "title": solution.scene.title,
+        "incomplete": list(solution.scene.incomplete),
         "status": solution.status.value,
         "advice": solution.advice,
         "converged": solution.converged,
@@ -76,14 +80,9 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
     }
     if solution.contact is not None and table is not None:
         summary |= _contact_summary(solution, table)
-    if solution.scene.solver.uniqueness and solution.uniqueness is not None:
-        summary["uniqueness"] = solution.uniqueness.as_dict()
-    goal = solution.scene.accuracy
-    asked = solution.scene.solver.error_bound or (goal is not None and goal.certified)
-    if asked and (bound := solution.error_bound) is not None:
-        summary["error_bound"] = {"statement": f"none: {bound}"} if isinstance(bound, str) else bound.as_dict()
-        if not isinstance(bound, str) and solution.fixed_point is not None:
-            summary["error_bound"] |= solution.fixed_point.beside(bound)
+        safety = afterthought(solution.comm, "safety", summary["findings"], lambda: solution.safety)
+        summary |= {} if safety is None else {"safety": safety.as_dict()}
+    summary |= proved(solution, summary["findings"])
     if solution.functionals is not None:
         values = solution.functionals
         summary["functionals"] = {
@@ -184,7 +183,6 @@ def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
         "max_shear": float(np.abs(columns["shear"]).max()),
         "contact_boundaries": [one.as_dict() for one in solution.contact_figures],
         **({"tools": tools} if (tools := _tools(solution, contact)) else {}),
-        **({"safety": safety.as_dict()} if (safety := solution.safety) is not None else {}),
         **({"zones": zones} if "s" in columns else {}),
         **(_in_space(contact) if contact.boundary.x.shape[1] == 3 else {}),
     }
@@ -240,7 +238,8 @@ def render(summary: dict[str, Any]) -> str:
 
 def lines_of(summary: dict[str, Any]) -> list[Line]:
     """The summary for a terminal."""
-    heading = Line(f"{summary['title'] or 'scene'}: {summary['status']}", kind="good" if summary["converged"] else "")
+    good = summary["converged"] and not summary["incomplete"]
+    heading = Line(f"{summary['title'] or 'scene'}: {status_in_words(summary)}", kind="good" if good else "")
     lines = [heading, *_outcome(summary), *_warnings(summary)]
     if not summary["converged"] and summary["linear_solves"] == 0:  # follows from statics: there are no figures
         return lines
@@ -266,7 +265,7 @@ def lines_of(summary: dict[str, Any]) -> list[Line]:
     lines.append(_row("strain energy", _digits(summary["strain_energy"], errors.get("strain_energy"))))
     if "stress" in summary:
         lines.append(_row("von Mises stress", _largest(summary)))
-    lines.append(_row("deformation", _deformation(summary["deformation"])))
+    lines.append(_row("deformation", deformation_in_words(summary["deformation"])))
     certificate = summary["certificate"]
     lines.append(_row("certificate", _certificate(certificate), "" if certificate["holds"] else "error"))
     if "contact_force" in summary:
@@ -419,13 +418,6 @@ def _listed(pieces: list[dict[str, Any]], most: int = 4) -> str:
         return f"{name}{row['cells']} cells, {extent(row['bounds'])}"
 
     return "; ".join([one(row) for row in pieces[:most]] + ["..."] * (len(pieces) > most))
-
-
-def _deformation(figures: dict[str, float]) -> str:
-    return (
-        f"strains and rotations of {figures['gradient']:.1e} on average, displacements of at most "
-        f"{figures['displacement']:.1e} times the size of the body"
-    )
 
 
 def _certificate(figures: dict[str, Any]) -> str:

@@ -106,6 +106,10 @@ class Supports:
         askew = np.sum(y[self.askew] * self.normals, axis=1) - self.along
         return np.abs(np.concatenate(((y - self.value)[self.fixed], askew)))
 
+    def among(self, of_node: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """Numbers that the owned nodes have, in the order of ``missed``."""
+        return np.concatenate((np.broadcast_to(of_node[:, None], self.fixed.shape)[self.fixed], of_node[self.askew]))
+
     def left(self, vectors: Nodal, nodes: npt.NDArray[np.int64] | None = None) -> Nodal:
         """Vectors at the owned nodes, or at some of them, without the directions that are prescribed, shape (n, d)."""
         fixed = self.fixed if nodes is None else self.fixed[nodes]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -118,6 +118,28 @@ class SurfaceQuadrature:
             of_nodes = _clean(facets.table.test).T @ facets.moment
             np.add.at(total[:, : self.across], self._nodes[facets.cells], of_nodes)
         return self.over_ranks(total)
+
+    def normals(self, boundary: Any, directed: Callable[[Indices, Array], Array]) -> Array:
+        """Outward unit normals at the nodes of a boundary, means of those of the facets around them, between the
+        vertices of quadratic triangles the means of those at both; zero elsewhere, shape (owned nodes, d).
+
+        Args:
+            boundary: see ``facets``.
+            directed: makes unit vectors, where they may be, of vectors at the owned nodes, by their local numbers.
+        """
+        owned = np.arange(self.owned, dtype=np.int32)
+        found = directed(owned, self.moments(boundary))
+        if self._hats is None:
+            return found
+        layout, vertices, every = self.space.dofmap.dof_layout, self.with_ghosts(found), self._zero()
+        entities = facet_entities(self.space.mesh, self.facets(boundary))
+        for side in range(len(basix.topology(self._cell)[self.across - 1])):
+            cells = entities[entities[:, 1] == side, 0]
+            nodes = self._nodes[cells][:, layout.entity_closure_dofs(self.across - 1, side)]
+            every[nodes[:, 3:]] = vertices[nodes[:, :3]].sum(axis=1)[:, None] - vertices[nodes[:, :3]]  # opposite ones
+        # Both facets of an edge say the same.
+        between = directed(owned, self.over_ranks(every))
+        return np.where(np.any(found, axis=1, keepdims=True), found, between)
 
     def products(self, boundary: Any, factor: Array | None = None) -> Any:
         """Integrals of test times shape functions over the facets of this rank, scipy sparse, shape (nodes, nodes).

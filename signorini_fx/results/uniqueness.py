@@ -24,7 +24,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from petsc4py import PETSc
 from scipy.linalg import LinAlgError, cholesky, eigh
 from scipy.optimize import minimize
 
@@ -32,7 +31,7 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.laws import FrictionLaw, Nodal
 from signorini_fx.contact.state import PointState
-from signorini_fx.linalg.schur import SchurComplement
+from signorini_fx.results.contact_stiffness import ENTERS, contact_stiffness
 
 # Eigenvalues of the stiffness below this share of the largest one are free motions; smaller pivots are none.
 _FREE = 1e-10
@@ -42,15 +41,11 @@ _SMOOTH, _EVALUATIONS = 60, 150
 _INDEFINITE, _GAIN = 100.0, 1e-3
 # Share of the critical coefficient that is proved: what the eigenvalue is allowed to be wrong by.
 _PROVED = 1 - 1e-6
-# More components of contact points than this are not looked at: the matrices are dense.
-_MOST_COMPONENTS = 1200
 # Random starts of the search, steps of the friction coefficient on the way from zero and from a rough contact, the
 # multiple of the coefficient that is rough, and linear solves from one start.
 _STARTS, _PATH, _ROUGH, _SOLVES = 24, 12, 8.0, 60
 # Conditions hold to this share of loads and displacements; solutions differ by more of them, and by less than that.
 _EXACT, _SAME, _AWAY = 1e-9, 1e-3, 1e6
-
-_FLUID = "the load of a fluid that enters the contact depends on what opens"
 
 # Which normal components are closed, and +1 or -1 where a tangential one slips, 0 where it sticks.
 _Sets = tuple[npt.NDArray[np.bool_], Nodal]
@@ -120,53 +115,27 @@ class _Rough:
     free: Nodal
 
 
-def uniqueness(d: Discretisation, contact: ContactState | None, *, search: bool | None = None) -> Uniqueness:
+def uniqueness(
+    d: Discretisation, contact: ContactState | None, *, place: float | None = None, search: bool | None = None
+) -> Uniqueness:
     """The statement for a load step with a solution, given the ones before it.
 
     Args:
         d: the discretised scene.
         contact: its contact nodes in the solution; None: there is no solution yet, and no other one is searched for.
+        place: of the load step in the lists of factors; None: the last one.
         search: for other solutions; None: where this one is not proved to be the only one.
     """
     law = d.law
-    if d.scene.fluids_enter:
-        return Uniqueness(False, 0.0, reason=_FLUID)
+    if d.scene.joint_loads:
+        return Uniqueness(False, 0.0, reason=ENTERS)
     # Without a coefficient the problem is the minimum of a convex functional.
     if law is None or not d.scene.has_coulomb:
         return Uniqueness(True, np.inf)
-    found = contact_stiffness(d)
+    found = contact_stiffness(d, place)
     if isinstance(found, str):
         return Uniqueness(False, 0.0, reason=found)
     return uniqueness_of(*found, law, contact, search=search)
-
-
-def contact_stiffness(d: Discretisation) -> tuple[Nodal, Nodal] | str:
-    """The stiffness and the contact map for ``uniqueness_of``, with Coulomb friction; or why there is no proof."""
-    law = d.law
-    assert law is not None
-    for wrong, reason in (
-        (d.scene.fluids_enter, _FLUID),
-        (d.tools is not None, "not tried where a force moves a foundation"),
-        (law.cohesive is not None, "where a point with cohesion opens, its friction ends with a jump"),
-        (d.comm.size > 1, "the proof is for one rank"),
-    ):
-        if wrong:
-            return reason
-    elasticity = d.elasticity([])
-    operator = elasticity.contact.operator
-    starts, columns, values = operator.getValuesCSR()
-    retained = np.unique(columns).astype(np.int32)
-    if max(retained.size, len(starts) - 1) > _MOST_COMPONENTS:
-        return f"there are {len(starts) - 1} components of contact points, the proof is for at most {_MOST_COMPONENTS}"
-    free = ~elasticity.fixed[retained]
-    rows = np.zeros((len(starts) - 1, retained.size))
-    rows[np.repeat(np.arange(len(rows)), np.diff(starts)), np.searchsorted(retained, columns)] = values
-    try:
-        of = elasticity.matrix, retained, (), elasticity.positions
-        condensed = SchurComplement(*of, definite=elasticity.definite).dense[np.ix_(free, free)]
-    except PETSc.Error:
-        return "a part of the body moves freely though its contact points are fixed"
-    return condensed, rows[:, free]
 
 
 def uniqueness_of(

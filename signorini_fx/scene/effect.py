@@ -14,7 +14,7 @@ from functools import cache
 from importlib import import_module
 from inspect import cleandoc
 from types import GenericAlias
-from typing import Annotated, Any, Protocol, Self, TypeVar, get_origin
+from typing import Annotated, Any, Literal, Protocol, Self, TypeVar, get_origin
 
 import numpy as np
 import numpy.typing as npt
@@ -153,6 +153,11 @@ class Effect(Table):
         """Its values in words, as ``check`` lists them."""
         return ", ".join(f"{key} = {text(value)}" for key, value in self.given.items() if not is_zero(value))
 
+    @property
+    def remarks(self) -> Iterator[tuple[Literal["note", "warning"], str, str]]:
+        """What ``check`` says of it beside its values: how grave it is, the key, and the words."""
+        yield from ()
+
     def contradictions(self, scene: Any, place: int) -> Contradictions:
         """Why it does not go together with other entries: the place of the error in the scene, and the reason.
 
@@ -239,6 +244,25 @@ class VectorForce(Force):
     def density_at(self, at: Points) -> Array:
         """See ``Force``."""
         return at.vector(self.components)
+
+
+class JointLoad(Force):
+    """A pressure on a boundary that also acts within contact that it enters from there as it opens.
+
+    Attributes:
+        boundary: its name.
+        enters: boundaries in contact that it enters, as far as they are open.
+        closed: what contact carries that it has not entered: none, linear, from the pressure where it ends to zero at
+            the other end of the contact, or full, its pressure there.
+    """
+
+    boundary: str
+    enters: tuple[str, ...] = ()
+    closed: Literal["none", "linear", "full"] = "none"
+
+    def pressure(self, x: Array) -> Array:
+        """The pressure at points of shape (n, d), stress, shape (n,)."""
+        raise NotImplementedError
 
 
 class InitialStrain(Load):

@@ -14,7 +14,7 @@ import operator
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import reduce
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -244,6 +244,21 @@ class _Evaluator:
         return a <= b + room if isinstance(op, ast.LtE | ast.GtE) else a + room < b
 
 
+def _switches(node: ast.expr) -> list[tuple[ast.expr, ...]]:
+    """The numbers, or pairs of them, whose sign or difference decides how an expression goes on, inner ones first."""
+    found = [pair for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr) for pair in _switches(child)]
+    match node:
+        case ast.Compare(left=left, comparators=comparators):
+            found += pairwise((left, *comparators))
+        case ast.Call(func=ast.Name(id="abs" | "sign" | "sqrt"), args=[argument]):
+            found.append((argument,))
+        case ast.Call(func=ast.Name(id="min" | "max"), args=arguments):
+            found += combinations(arguments, 2)
+        case ast.BinOp(left=left, op=ast.Pow(), right=right) if not isinstance(right, ast.Constant) or right.value % 1:
+            found.append((left,))
+    return found
+
+
 @dataclass(frozen=True)
 class Expression:
     """A scalar function of the position, written as text.
@@ -296,6 +311,22 @@ class Expression:
         with np.errstate(all="ignore"):
             value = _Evaluator(_NUMPY, x, self._now).value(self._tree())
         return np.broadcast_to(np.asarray(value, dtype=float), x.shape[1:]).copy()
+
+    def switches(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """What changes its sign where the function may jump or have a kink, those inside others first, shape (k, n).
+
+        Comparisons give the difference of both sides; ``abs``, ``sign``, ``sqrt`` and powers their argument, ``min``
+        and ``max`` the differences of theirs.
+
+        Args:
+            x: points, shape (dim or 3, n).
+        """
+        evaluator, found = _Evaluator(_NUMPY, x, self._now), []
+        with np.errstate(all="ignore"):
+            for pair in _switches(self._tree()):
+                first, *second = (np.asarray(evaluator.value(node), dtype=float) for node in pair)
+                found.append(np.broadcast_to(first - second[0] if second else first, x.shape[1:]))
+        return np.array(found).reshape(len(found), x.shape[1])
 
     @property
     def _now(self) -> Any:

@@ -23,6 +23,7 @@ from signorini_fx.scene.effect import (
     Effect,
     Entries,
     Force,
+    JointLoad,
     Load,
     OneEntry,
     SectionJump,
@@ -148,6 +149,8 @@ class Scene(Table):
 
     Attributes:
         title: any text.
+        incomplete: what is missing of what was meant, such as what a draft of a deck of another program has lost;
+            results say so until it is removed; default: nothing.
         mesh: a generator with its parameters, a file, or a ``TaggedMesh``; its dimension is that of the scene; None:
             that of ``body``.
         body: several bodies in place of ``mesh``; default: none.
@@ -164,6 +167,7 @@ class Scene(Table):
     """
 
     title: str = ""
+    incomplete: tuple[str, ...] = ()
     mesh: MeshGenerator | MeshFile | InstanceOf[TaggedMeshBase] | None
     body: Annotated[tuple[Body, ...], BeforeValidator(_listed)] = ()
     element: Discretised = Discretised()
@@ -291,14 +295,9 @@ class Scene(Table):
         return tuple(effect.tool for effect in self.contact if effect.tool is not None)
 
     @property
-    def fluids(self) -> tuple[Any, ...]:
-        """The fluids that press on it."""
-        return getattr(self, "fluid", ())
-
-    @property
-    def fluids_enter(self) -> bool:
-        """Whether a fluid enters contact that opens."""
-        return any(fluid.enters for fluid in self.fluids)
+    def joint_loads(self) -> dict[str, JointLoad]:
+        """The loads that enter contact as it opens, by their paths in the scene."""
+        return {path: load for path, load in self.listed() if isinstance(load, JointLoad) and load.enters}
 
     @property
     def sections(self) -> tuple[str, ...]:

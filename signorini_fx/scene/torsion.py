@@ -45,6 +45,3 @@ def contradictions_of_torsion(scene: Any) -> Contradictions:
             continue
         if effect.axis is None or len(effect.axis) != 2 or effect.axis[0] != 0 or (effect.about or (0.0,))[0] != 0:
             yield ("displacement", place, "axis"), "must be that of the body: axis = [0.0, 1.0]"
-    for place, fluid in enumerate(scene.fluids):
-        if fluid.up is None:
-            yield ("fluid", place, "up"), "say along which axis it rises where the body is twisted: up = 'y'"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from math import floor
 
 import numpy as np
 from dolfinx import fem
@@ -14,8 +15,9 @@ from signorini_fx.attempts import HALF, METHOD, tried
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.deformation import Deformation, deformation_of
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.joint_pressure import JointPressure
 from signorini_fx.contact.laws import Nodal
-from signorini_fx.errors import SceneError
+from signorini_fx.contact.statics import no_balance
 from signorini_fx.records import Status, StepRecord, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Before, Law, Tractions
@@ -26,6 +28,10 @@ from signorini_fx.scene.model import Scene
 from signorini_fx.solving.load_path import LoadPath
 from signorini_fx.solving.loose_bodies import explained
 from signorini_fx.solving.restart import Kept
+
+# Share of what has been added since the last factor by which a limit is passed to be proved: well above the round-off
+# of statics.
+_BEYOND = 1e-6
 
 
 @dataclass(frozen=True)
@@ -76,7 +82,7 @@ def load_step(
         here = replace(
             begin,
             place=place,
-            factors=d.load(problem.system, place),
+            factors=_load_at(d, problem, begin, place, path),
             without_fall_backs=path.without_fall_backs,
             augmented=path.at.augmented,
         )
@@ -84,20 +90,26 @@ def load_step(
             history.add(StepRecord(here.step + 1, scene.name_at(here.place), scene.time_at(here.place)))
         history.move(step=here.step + 1, steps=scene.steps)
         with timings.phase("iterate"):
-            if scene.fluids_enter:
-                from signorini_fx.solving.entering_fluid import solve_with_fluid
+            joint = None
+            if scene.joint_loads:
+                from signorini_fx.solving.joint_loads import solve_with_joint_loads
 
-                outcome, fluid = solve_with_fluid(d, problem, here, path.allowed)
+                def holds(outcome: Outcome, joint: JointPressure) -> bool:
+                    stage = _certified(d, problem, here, outcome, earlier, timings, joint)
+                    return stage.status is Status.CONVERGED
+
+                entered = None if earlier is None else earlier.tractions.joint
+                outcome, joint = solve_with_joint_loads(d, problem, here, entered, path.allowed, holds)
             elif scene.tightens_at(place):
                 from signorini_fx.solving.preload import solve_tightened
 
-                (d, here, outcome), fluid = solve_tightened(d, problem, here, path.allowed), None
+                d, here, outcome = solve_tightened(d, problem, here, path.allowed)
             else:
-                outcome, fluid = solve_task(problem, here, path.allowed), None
+                outcome = solve_task(problem, here, path.allowed)
         reason = None
         if history.linear_solves > before:  # else it is proved of a body that ``check`` names
             outcome, reason = explained(d, problem, here, outcome)
-        result = _certified(d, problem, here, outcome, earlier, timings, fluid)
+        result = _certified(d, problem, here, outcome, earlier, timings, joint)
         result = replace(result, linear_solves=history.linear_solves - before, reason=reason)
         ended.append(LoadStep(result, here, outcome, earlier, d, problem))
         return ended[-1]
@@ -113,6 +125,25 @@ def load_step(
         settled=lambda step: step.result.status is Status.CONVERGED,
         restore=lambda: newton.restore(begun),
     )[-1]
+
+
+def _load_at(d: Discretisation, task: Task, start: Start, place: float, path: LoadPath) -> Nodal:
+    """The factors of the load cases at a place; where statics proves within a ramp that its load is the largest one, a
+    little beyond: which loads a ramp tries is arbitrary, and at the limit itself round-off would decide; collective.
+    """
+    factors = d.load(task.system, place)
+    if not path.halves or task.motions.count == 0:
+        return factors
+
+    def proved(factors: Nodal) -> bool:
+        task.system.set_load(factors)
+        return no_balance(start.law, start.data.bilateral, task.motions, task.system.resultant) is not None
+
+    beyond = d.load(task.system, place + _BEYOND * (place - floor(place)))
+    if proved(factors) or not proved(beyond):
+        return d.load(task.system, place)
+    task.history.add(f"statics: the load at time {d.scene.time_at(place):.6g} is the largest that can be held")
+    return beyond
 
 
 def _placed(
@@ -140,15 +171,9 @@ def on_moved_foundations(
     earlier: Discretisation, moved: Discretisation, task: Task, start: Start, last: Before | None
 ) -> tuple[Task, Start, Before]:
     """A load step on foundations that have moved: its contact problem, with the last displacement as its iterate, where
-    it starts, and the end of the last one as it begins from it; collective.
-
-    Raises:
-        SceneError: contact alone holds the body.
+    it starts, and the end of the last one as it begins from it; supports hold the body, see ``check.refusals``;
+    collective.
     """
-    if moved.motions.free.shape[1]:
-        number = next(k for k, effect in enumerate(moved.scene.contact) if effect.moves)
-        wrong = "moves with the time, so that supports must hold the body, and not contact alone"
-        raise SceneError([(f"contact[{number}].foundation", wrong)])
     assert earlier.boundary is not None
     assert moved.boundary is not None
     if last is None:  # slip is counted from the body without loads, at time 0
@@ -200,7 +225,7 @@ def recalled_step(
         recalled = kept.recall(d, problem, begin)
     if recalled is None:
         return None
-    result = _certified(d, problem, recalled.start, recalled.outcome, earlier, timings)
+    result = _certified(d, problem, recalled.start, recalled.outcome, earlier, timings, recalled.joint)
     if result.status is not Status.CONVERGED:
         task.history.add(f"restart: {result}: {result.status.value}: it is solved again")
         kept.forget(start.step)
@@ -218,7 +243,7 @@ def _certified(
     outcome: Outcome,
     last: Before | None,
     timings: Timings,
-    fluid: Nodal | None = None,
+    joint: JointPressure | None = None,
 ) -> StepResult:
     """The result of a load step, with the certificate's verdict; its linear solves are not counted yet.
 
@@ -229,12 +254,12 @@ def _certified(
         outcome: how it ended.
         last: the end of the load step before it; None: there is none.
         timings: of the mesh.
-        fluid: the pressure of fluids at the contact points, stress, shape (n,); None: none enters.
+        joint: the pressure of loads within the contact; None: none enters.
     """
     scene = discretisation.scene
     with timings.phase("certify"):
         displacement = discretisation.from_rest(task.rest, outcome.displacement())
-        contact = replace(discretisation.state(task, outcome, start), fluid=fluid)
+        contact = replace(discretisation.state(task, outcome, start), joint=joint)
         tools: tuple[ToolMotion, ...] = ()
         if discretisation.tools is not None:
             unknowns = discretisation.driven(outcome.displacement(), task.rest)

@@ -23,6 +23,7 @@ from signorini_fx.body.discretisation import Discretisation, discretise
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.check.cost import estimated_cost
 from signorini_fx.check.findings import result_findings, scene_findings
+from signorini_fx.check.refusals import refuse_beforehand
 from signorini_fx.contact.laws import RegularisedData
 from signorini_fx.linalg import finite, options
 from signorini_fx.linalg.choice import choose_system
@@ -66,6 +67,7 @@ def solve_mesh(
     with timings.phase("mesh"):
         tagged = load_mesh(scene, comm)
     discretisation = discretise(scene, tagged, timings)
+    refuse_beforehand(discretisation)
     for before, now in zip(scene.contact, discretisation.scene.contact, strict=True):
         if now.boundary != before.boundary:
             history.add(f"the contact points are on {now.boundary!r}, not on {before.boundary!r}: see contact.points")
@@ -169,7 +171,7 @@ def solve_contact(
         values = functionals(shown.certificate.potential_energy, shown.contact, replace(data, gap=shown.contact.gap))
     solution = replace(
         _solution(discretisation, progress.results, history, timings),
-        algorithm=_algorithm_name(discretisation.scene, monolithic=ended.monolithic),
+        algorithm=_algorithm_name(discretisation.scene, ended),
         functionals=values,
         parameters=_parameters(ended, data, shown.strain_energy),
         linear_algebra=task.linear_algebra,
@@ -337,13 +339,13 @@ def _parameters(outcome: Outcome, data: RegularisedData, energy: float) -> dict[
     return parameters
 
 
-def _algorithm_name(scene: Scene, *, monolithic: bool) -> str:
+def _algorithm_name(scene: Scene, ended: Outcome) -> str:
     """The algorithms that are used, in the paper's abbreviations."""
     settings = scene.solver
-    outer = "ssn" if settings.algorithm == "auto" else settings.algorithm
+    outer = "ssn" if settings.algorithm == "auto" or ended.regularised else settings.algorithm
     if not scene.has_coulomb:
         return outer
-    if monolithic:
+    if ended.monolithic:
         return "coulomb-newton" if outer == "ssn" else f"{outer}, coulomb-newton"
     return {"ssn": "fp", "alm": "alm-fp"}.get(outer, f"{outer}, fp")
 

@@ -16,6 +16,7 @@ from signorini_fx import parallel
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.joint_pressure import JointPressure
 from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, unit
 from signorini_fx.problem.exact import ExactProblem
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings, as_rows
@@ -36,6 +37,7 @@ class Recalled:
         outer: its regularised problems.
         events: its events.
         seconds: wall seconds by phase so far, the largest of all ranks.
+        joint: the pressure of loads within the contact; None: none enters.
     """
 
     outcome: Outcome
@@ -45,6 +47,7 @@ class Recalled:
     outer: list[OuterRecord]
     events: list[str]
     seconds: dict[str, float]
+    joint: JointPressure | None = None
 
     def accept(self, history: History, timings: Timings, path: LoadPath) -> None:
         """Take it for a load step of this run."""
@@ -121,6 +124,10 @@ class Kept:
             "direction": _in_space(sets.direction, tangents),
             "turning": sets.turning,
         }
+        if d.scene.joint_loads:
+            assert result.contact is not None
+            assert result.contact.joint is not None
+            nodal["reached"] = result.contact.joint.reached.astype(np.float64)
         rest_t = 0.0 if task.rest is None else task.rest.u_t
         parameters = {}
         for name, data in (("given", outcome.data), ("solved", problem.data)):
@@ -172,6 +179,11 @@ class Kept:
             return None
         displacement, nodal = found
         place = float(figures["place"])
+        joint = None
+        if d.scene.joint_loads:
+            from signorini_fx.solving.joint_loads import recalled_joint_loads
+
+            joint = recalled_joint_loads(d, task, place, nodal["reached"])
         start = replace(start, place=place, factors=d.load(task.system, place))
         task.iterate.begin_step(start)
         if task.rest is not None:
@@ -211,6 +223,7 @@ class Kept:
             [OuterRecord(**row) for row in figures["outer"]],
             figures["events"],
             figures["seconds"],
+            joint,
         )
 
 

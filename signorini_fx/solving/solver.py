@@ -135,8 +135,6 @@ def _checkpoint(
         without = "a scene without contact"
     elif not scene.several_steps and scene.solver.levels == 1:
         without = "a scene with one load step on one mesh"
-    elif scene.fluids_enter:  # what it has reached is not stored
-        without = "a scene with a fluid that enters a contact"
     elif any(effect.friction.timed for effect in scene.contact):  # nor is the law of a load step
         without = "a scene with friction that depends on the time"
     elif scene.element.volumetric == "mixed":  # nor its pressure

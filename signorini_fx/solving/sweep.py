@@ -18,6 +18,7 @@ from signorini_fx.attempts import step_limit
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation, discretise
 from signorini_fx.body.mesh_levels import MeshLevel
+from signorini_fx.check.refusals import refuse_beforehand
 from signorini_fx.contact.resting_place import Rest
 from signorini_fx.effects.contact import CoulombFriction, Friction
 from signorini_fx.errors import SceneError
@@ -169,14 +170,15 @@ def sweep(
         raise SceneError([("sweep", "give either coefficients or loads")])
     if scene.several_steps or not scene.contact:
         raise SceneError([("sweep", "needs a scene with contact and one load step")])
-    if scene.fluids_enter:
-        raise SceneError([("sweep", "is not possible yet where a fluid enters contact: solve each scene")])
+    if scene.joint_loads:
+        raise SceneError([("sweep", "is not possible yet where a load enters contact: solve each scene")])
     if scene.tightens_at(0) and loads is not None and min(loads, default=1.0) <= 0:
         raise SceneError([("sweep", "loads must be positive where a force tightens a section")])
     if coefficients is not None and not scene.has_coulomb:
         raise SceneError([("sweep", "coefficients need a scene with Coulomb friction")])
     values, of_loads = [*(coefficients or loads or ())], loads is not None
     discretisation = discretise(scene, load_mesh(scene, comm), Timings())
+    refuse_beforehand(discretisation)
     history = History()
     scene = discretisation.scene
     coarser, state = _coarser(scene, discretisation, values[:1], of_loads=of_loads)

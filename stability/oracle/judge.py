@@ -193,8 +193,10 @@ def _promised(
     algorithm = solver.get("algorithm", "auto")
     # Augmentation may have taken over in a later load step only.
     augmented = any("augmented Lagrangian" in event for event in answer.events)
-    if algorithm in ("alm", "exact") or (augmented and not answer.steps[number].regularised):
+    if (algorithm in ("alm", "exact") or augmented) and not answer.steps[number].regularised:
         return 0.0, 0.0
+    if algorithm == "alm":  # whose fall-back is regularised, with the gamma that it tells
+        return 1 / answer.gamma[0], 1 / answer.gamma[1]
     automatic = AUTOMATIC_GAMMA * body.young / body.size
     asked = [solver.get(name, "auto") for name in ("gamma_n", "gamma_t")]
     asked = [automatic if gamma == "auto" else gamma for gamma in asked]

@@ -11,14 +11,18 @@ import itertools
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh.files.abaqus_blocks import ROTATIONS, Block, blocks, components, real
+from signorini_fx.mesh.files.abaqus_assembly import AssemblyError, assembled
+from signorini_fx.mesh.files.abaqus_blocks import Block, real
+from signorini_fx.mesh.files.abaqus_groups import Group, Groups, agreeing, single
+from signorini_fx.mesh.files.abaqus_include import Source
 from signorini_fx.mesh.files.arrays import MeshArrays, plain
 from signorini_fx.mesh.files.cells import Corners, completed, straight
 from signorini_fx.mesh.files.raw import RawMesh, rows_of
@@ -72,23 +76,6 @@ def _kind(element: str) -> tuple[str, int]:
     )
 
 
-@dataclass(frozen=True)
-class Group:
-    """Nodes or faces, given one by one, for which a keyword says the same.
-
-    Attributes:
-        name: of the set that they make.
-        words: what is said, as a row says it of a set by its name.
-        nodes: their numbers in the file; of faces none.
-        values: of each node or face what is given there.
-    """
-
-    name: str
-    words: tuple[str, ...]
-    nodes: tuple[int, ...]
-    values: tuple[float, ...]
-
-
 # Sets of sets may name the same elements repeatedly: more members than this in all sets are an error.
 _MOST_MEMBERS = 20_000_000
 
@@ -104,7 +91,7 @@ class _Reader:
         self._room = room
         self._members = 0
         self._spelt: dict[str, str] = {}  # names in capitals, which the programs do not distinguish -> as they are here
-        self._unnamed: list[tuple[Block, tuple[str, ...], dict[Any, float]]] = []
+        self._groups = Groups([])
         self.points: dict[int, list[float]] = {}
         self.blocks: list[tuple[str, list[list[int]]]] = []
         self.elements: dict[int, tuple[int, int]] = {}  # number -> (block, row)
@@ -112,6 +99,8 @@ class _Reader:
         self.element_sets: dict[str, list[int]] = {}
         self.node_sets: dict[str, list[int]] = {}
         self.surfaces: dict[str, list[tuple[int, int]]] = {}  # name -> (element, face from 1 on)
+        self._sections: list[Block] = []
+        self.sections: dict[int, str | None] = {}
         self.groups: dict[int, list[Group]] = {}
         self.undefined: dict[str, int] = {}
         self.places: dict[int, int] = {}
@@ -120,9 +109,11 @@ class _Reader:
         parameters, rows = block.parameters, block.rows
         match block.keyword:
             case "NODE":
+                if parameters.get("SYSTEM", "R").upper() not in ("R", "RECTANGULAR"):
+                    raise ValueError("coordinates are expected along x, y and z")
                 for name, *x in rows:
                     if int(name) in self.points:
-                        raise ValueError(f"node {name} is defined twice: files with several parts are not supported")
+                        raise ValueError(f"node {name} is defined twice")
                     self.points[int(name)] = [real(value) for value in x[:3]]
                 if "NSET" in parameters:
                     name = self._name(parameters["NSET"])
@@ -136,66 +127,42 @@ class _Reader:
             case "SURFACE":
                 self._read_surface(parameters, rows)
             case "BOUNDARY" | "CLOAD" | "DLOAD":
-                self._read_single(block)
-            case "INCLUDE":
-                raise ValueError("*INCLUDE is not followed: put everything into one file")
+                apart = not any(completed(kind) for kind, _ in self.blocks)
+                sets = (partial(self._member, of) for of in (self.node_sets, self.element_sets))
+                self._groups.said += [(block, *group) for group in agreeing(block, *sets, apart=apart)]
+            case "SYSTEM" if rows:
+                raise ValueError("coordinates are expected along x, y and z")
             case "NGEN" | "NFILL" | "NCOPY" | "NMAP" | "ELGEN" | "ELCOPY":
                 raise ValueError("nodes and elements are not generated here: write them all into the file")
-            case "INSTANCE" if rows:
-                raise ValueError("*INSTANCE moves its part: write the mesh in its final position")
+            case "SOLIDSECTION" | "SHELLSECTION" | "MEMBRANESECTION":
+                self._sections.append(block)
 
     def _name(self, name: str) -> str:
         """A name as it was written first."""
         return self._spelt.setdefault(name.upper(), name)
 
-    def _read_single(self, block: Block) -> None:
-        """Supports, forces and pressures of single nodes and elements: those that agree are a group."""
-        found: dict[tuple[str, ...], dict[Any, float]] = {}
-        for target, *words in block.rows:
-            single = self._single(target)
-            match block.keyword:
-                case "BOUNDARY" if single is not None:
-                    for component, value in components(words).items():
-                        if component not in ROTATIONS:
-                            found.setdefault((str(component), "", repr(value)), {})[single] = value
-                case "CLOAD":
-                    value = real((*words, "0")[1])
-                    # Those that pull one side and those that push another are two groups, unless both signs belong to
-                    # one face, because its elements have no nodes in the middle of faces.
-                    sign = "-" if value < 0 and not any(completed(kind) for kind, _ in self.blocks) else ""
-                    forces = found.setdefault((words[0], sign), {})
-                    for node in self._member(self.node_sets, target) if single is None else [single]:
-                        forces[node] = forces.get(node, 0.0) + value
-                case "DLOAD" if words and re.fullmatch(r"P\d", words[0].upper()):
-                    members = self._member(self.element_sets, target) if single is None else [single]
-                    value = real((*words, "0")[1])
-                    faces = ((element, int(words[0][1:])) for element in members)
-                    found.setdefault(("P", repr(value)), {}).update(dict.fromkeys(faces, value))
-        self._unnamed += [(block, words, members) for words, members in found.items()]
+    def _free(self, name: str) -> str | None:
+        """A name that the file does not have."""
+        return None if name.upper() in self._spelt else self._name(name)
 
-    @staticmethod
-    def _single(word: str) -> int | None:
-        """The number of a node or element, perhaps with the name of its instance before it."""
-        plain = word.rpartition(".")[2]
-        return int(plain) if plain.isdigit() else None
-
-    def _name_groups(self) -> None:
-        """Every group is a set: one that the file names, or one with a name of its own."""
-        words = {"BOUNDARY": "support", "CLOAD": "force", "DLOAD": "pressure"}
-        known: dict[frozenset[Any], str] = {frozenset(nodes): name for name, nodes in self.node_sets.items()}
-        known |= {frozenset(faces): name for name, faces in self.surfaces.items()}
-        for block, said, members in self._unnamed:
-            key = frozenset(members)
-            if (name := known.get(key)) is None:
-                label = words[block.keyword]
-                name = next(name for n in itertools.count(1) if (name := f"{label}_{n}").upper() not in self._spelt)
-                known[key] = self._name(name)
-                if block.keyword == "DLOAD":
-                    self.surfaces[name] = list(members)
-                elif len(members) > 1:  # one node is no boundary
-                    self.node_sets[name] = list(members)
-            nodes = () if block.keyword == "DLOAD" else tuple(members)
-            self.groups.setdefault(block.line, []).append(Group(name, said, nodes, tuple(members.values())))
+    def _resolve_sections(self) -> None:
+        """Of an element in several sections the last one holds: what is left of the others is a set of its own."""
+        owner: dict[int, int] = {}
+        members = {}
+        for block in self._sections:
+            members[block.number] = self.element_sets.get(self._name(block.parameters["ELSET"]), [])
+            owner.update(dict.fromkeys(members[block.number], block.number))
+        for block in self._sections:
+            every = members[block.number]
+            kept = [element for element in every if owner[element] == block.number]
+            if len(kept) == len(every):
+                continue
+            self.sections[block.number] = None
+            if kept:
+                names = (self._free(f"{block.parameters['ELSET']}_rest{n or ''}") for n in itertools.count())
+                name = next(filter(None, names))
+                self.sections[block.number] = name
+                self.element_sets[name] = kept
 
     def _read_elements(self, parameters: dict[str, str], rows: list[list[str]]) -> None:
         if NO_BODY.match(parameters["TYPE"].upper()):
@@ -210,7 +177,7 @@ class _Reader:
         table = [words[n : n + count + 1] for n in range(0, len(words), count + 1)]
         for row, (element, *_) in enumerate(table):
             if element in self.elements:
-                raise ValueError(f"element {element} is defined twice: files with several parts are not supported")
+                raise ValueError(f"element {element} is defined twice")
             self.elements[element] = len(self.blocks), row
         if table:
             self.blocks.append((kind, [nodes for _, *nodes in table]))
@@ -247,8 +214,8 @@ class _Reader:
         for name in (word, word.rpartition(".")[2]):
             if (found := sets.get(self._name(name))) is not None:
                 return found
-        if (single := self._single(word)) is not None:
-            return [single]
+        if (number := single(word)) is not None:
+            return [number]
         raise ValueError(f"set {word!r} does not exist")
 
     def _read_surface(self, parameters: dict[str, str], rows: list[list[str]]) -> None:
@@ -268,7 +235,9 @@ class _Reader:
 
     def result(self) -> RawMesh:
         """Everything with the numbering of arrays; members of sets that are nothing of the body are passed over."""
-        self._name_groups()
+        self._resolve_sections()
+        tables = [nodes for _, nodes in self.blocks]
+        self.groups = self._groups.named(tables, self.node_sets, self.surfaces, self._free)
         place = self.places = {node: index for index, node in enumerate(self.points)}
         width = max((len(x) for x in self.points.values()), default=2)
         points = np.array([x + [0.0] * (width - len(x)) for x in self.points.values()]).reshape(-1, width)
@@ -336,7 +305,9 @@ class Model:
     Attributes:
         raw: its mesh.
         blocks: its keywords.
-        groups: line of a keyword -> what it says of single nodes and faces.
+        groups: number of a keyword -> what it says of single nodes and faces.
+        sections: number of the keyword of a section -> the set of its elements that no later section has; None: it has
+            none.  Sections that keep all of their elements are not listed.
         undefined: name of a set -> how many of its members the file does not define.
         places: number of a node -> its row in the mesh.
         surfaces: name of a surface -> its elements, each with a face from 1 on.
@@ -345,6 +316,7 @@ class Model:
     raw: RawMesh
     blocks: list[Block]
     groups: dict[int, list[Group]]
+    sections: dict[int, str | None]
     undefined: dict[str, int]
     places: dict[int, int]
     surfaces: dict[str, list[tuple[int, int]]]
@@ -354,21 +326,23 @@ def read_model(file: Path) -> Model:
     """The mesh of an Abaqus input file, and all of its keywords.
 
     Raises:
-        MeshError: it is not such a file, or has several parts; elements that are neither plane nor solid.
+        MeshError: it is not such a file, or one that it includes cannot be read; elements that are neither plane nor
+            solid.
     """
+    source = Source(file)
     try:
-        text = file.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise MeshError(f"{file}: cannot be read: {error.strerror or error}") from None
-    reader, every = _Reader(len(text)), list(blocks(text))
+        every = [replace(block, number=number) for number, block in enumerate(assembled(source.blocks()))]
+    except AssemblyError as error:
+        raise MeshError(f"{file}: {error.block.place}, *{error.block.name}: {error}") from None
+    reader = _Reader(source.size)
     for block in every:
-        with _named(file, f"line {block.line}, *{block.name}"):
+        with _named(file, f"{block.place}, *{block.name}"):
             reader.read(block)
     with _named(file, "sets and elements"):
         mesh = reader.result()
         if reader.passed_over | reader.elements.keys() and all(kind.startswith("line") for kind, _ in mesh.blocks):
             raise ValueError("there is no body of solid or plane elements, but beams, springs or the like")
-    return Model(mesh, every, reader.groups, reader.undefined, reader.places, reader.surfaces)
+    return Model(mesh, every, reader.groups, reader.sections, reader.undefined, reader.places, reader.surfaces)
 
 
 def read(file: Path) -> RawMesh:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 
@@ -15,6 +16,8 @@ class Block:
         keyword: in capitals and without blanks, which the programs ignore.
         parameters: in capitals -> value.
         line: in the file, from 1.
+        number: of the keyword, counted over all files.
+        file: the file that another one includes, by its name there; empty: the one that is read.
         rows: the data lines.
         name: the keyword as it is written, in capitals.
     """
@@ -24,26 +27,43 @@ class Block:
     line: int
     rows: list[list[str]] = field(default_factory=list)
     name: str = ""
+    file: str = ""
+    number: int = 0
+
+    @property
+    def place(self) -> str:
+        """Where it is, in words."""
+        return f"line {self.line}" + (f" of {self.file}" if self.file else "")
 
 
-def blocks(text: str) -> Iterator[Block]:
-    """The keywords one after the other."""
-    block: Block | None = None
-    joined = re.sub(r",[ \t]*\r?\n(?=[ \t]*\*?[A-Za-z]+ *=)", ",\0", text)  # a keyword line that is continued
+def joined_lines(text: str) -> Iterator[tuple[int, str]]:
+    """The lines of a file that are no comments, with their numbers; a keyword that is continued is one line."""
+    joined = re.sub(r",[ \t]*\r?\n(?=[ \t]*\*?[A-Za-z]+ *=)", ",\0", text)
     following = 1
     for whole in joined.split("\n"):
         number, following = following, following + 1 + whole.count("\0")
         line = whole.replace("\0", "").strip()
-        if not line or line.startswith("**"):
-            continue
+        if line and not line.startswith("**"):
+            yield number, line
+
+
+def heading(line: str) -> tuple[str, dict[str, str]]:
+    """A keyword as it is written, in capitals, and its parameters."""
+    first, *others = (word.strip() for word in line[1:].split(","))
+    pairs = (word.partition("=") for word in others)
+    parameters = {"".join(key.split()).upper(): value.strip().strip('"') for key, _, value in pairs}
+    return " ".join(first.upper().split()), parameters
+
+
+def blocks(lines: Iterable[tuple[int, str, str]]) -> Iterator[Block]:
+    """The keywords one after the other, from lines with their numbers and files."""
+    block: Block | None = None
+    for number, file, line in lines:
         if line.startswith("*"):
             if block is not None:
                 yield block
-            first, *others = (word.strip() for word in line[1:].split(","))
-            pairs = (word.partition("=") for word in others)
-            parameters = {"".join(key.split()).upper(): value.strip().strip('"') for key, _, value in pairs}
-            name = " ".join(first.upper().split())
-            block = Block(name.replace(" ", ""), parameters, number, name=name)
+            name, parameters = heading(line)
+            block = Block(name.replace(" ", ""), parameters, number, name=name, file=file)
         elif block is not None:
             words = [part.strip().strip('"') for part in line.rstrip(", \t").split(",")]
             # In a support an empty word says that there is one component only.
@@ -80,3 +100,8 @@ def components(words: Sequence[str]) -> dict[int, float]:
         return {int(component): 0.0 for component in held}
     first, last, value = (*words, "", "")[:3]
     return dict.fromkeys(range(int(first), int(last or first) + 1), real(value) if value else 0.0)
+
+
+def quoted(text: str) -> str:
+    """A text as a scene has it."""
+    return json.dumps(text, ensure_ascii=False)

@@ -16,23 +16,23 @@ from signorini_fx.mesh.files.shape import Floats
 _ALONG = 1.0 - 1e-6
 
 
-def read_section(deck: Deck, block: Block) -> None:
+def read_bolt(deck: Deck, block: Block) -> None:
     """The section of a reference node."""
     node, name = deck.single(block.parameters["NODE"]), block.parameters.get("SURFACE", "")
     if not name:
-        deck.leave_out(block, "the preload of a beam or truss, which is no part of the body")
+        deck.lose(block, "the preload of a beam or truss, which is no part of the body")
         return
     own = deck.surface(name)
     if node is None or own is None:
         what = f"{name!r} is no surface of faces" if own is None else "NODE is not a single node"
-        deck.leave_out(block, f"the preload: {what}")
+        deck.lose(block, f"the preload: {what}")
         return
     normal = _normal(deck, own)
     given = [real(word) for row in block.rows[:1] for word in row]
     if any(given) and normal is not None and abs(normal @ given) < _ALONG * np.linalg.norm(given):
-        deck.leave_out(block, "the direction of the preload: it is taken across the section")
+        deck.lose(block, "the direction of the preload: it is taken across the section")
     if normal is None:
-        deck.leave_out(block, f"the preload: the surface {name!r} is not in one plane: give point and axis of one")
+        deck.lose(block, f"the preload: the surface {name!r} is not in one plane: give point and axis of one")
         return
     deck.bolts[node] = own
 
@@ -60,13 +60,13 @@ def hold(deck: Deck, block: Block) -> None:
         if node in deck.bolts:
             drive(deck, block, "fixed", node, min(components(words)), 1.0)
         else:
-            deck.leave_out(block, f"{name!r} keeps the displacement that has been reached")
+            deck.lose(block, f"{name!r} keeps the displacement that has been reached")
 
 
 def drive(deck: Deck, block: Block, kind: str, node: int, component: int, value: float) -> None:
     """What a reference node is given: force, shortening (``prescribed``), or that it is ``fixed``."""
     if component != 1:
-        deck.leave_out(block, f"component {component} of node {node}: that of a preload has the first one only")
+        deck.lose(block, f"component {component} of node {node}: that of a preload has the first one only")
         return
     key = ("preload", str(node), kind)
     deck.loads.setdefault(key, Load("preload", str(node), (kind,), keyword=block.keyword)).values[deck.step] = value
@@ -91,10 +91,10 @@ def preload_tables(deck: Deck, steps: int) -> list[list[str]]:
             continue
         until = next((k for k in range(steps) if fixed[k] or moved[k] is not None), steps)
         if until == 0 or not all(force[k] and float(force[k] or 0.0) > 0 for k in range(until)):
-            deck.leave_out(None, f"{said}: give a positive force in each step until it is fixed, or a shortening")
+            deck.lose(None, f"{said}: give a positive force in each step until it is fixed, or a shortening")
             continue
         if any(value is not None for value in moved):
-            deck.leave_out(None, f"{said}: prescribed after a force: the length that the force leads to is kept")
+            deck.lose(None, f"{said}: prescribed after a force: the length that the force leads to is kept")
         # What comes after the section is fixed does not matter.
         values = [float(value or 0.0) for value in force[:until]]
         values += values[-1:] * (steps - until)

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.mesh.files.abaqus import Group, Model
+from signorini_fx.mesh.files.abaqus import Model
 from signorini_fx.mesh.files.abaqus_blocks import Block
+from signorini_fx.mesh.files.abaqus_groups import Group
 from signorini_fx.mesh.files.arrays import MeshArrays
 from signorini_fx.mesh.files.cells import CELLS, completed
 from signorini_fx.mesh.files.shape import Floats, Ints
@@ -50,22 +51,40 @@ class Load:
         return found
 
 
+@dataclass(frozen=True)
+class Section:
+    """A part of the body and its material.
+
+    Attributes:
+        region: its name in the mesh; empty: the whole body.
+        material: its name, in capitals.
+        orientation: that of its axes, in capitals; empty: those of the file.
+    """
+
+    region: str
+    material: str
+    orientation: str
+
+
 @dataclass
 class Deck:
     """What has been read, and what was left out.
 
     ``temperatures`` has those of the nodes at the end of each step that changes them, and those at rest as step -1.
+    ``turned`` has the axes of nodes with a *TRANSFORM, none where they differ from node to node.
     ``movers`` has the reference node of each rigid surface, ``coupled`` sets of nodes of the body with theirs, and
     ``turners`` the reference node for each node whose displacements are, in CalculiX, the rotations of a rigid body;
-    ``bolts`` has the surface of each reference node of a *PRE-TENSION SECTION.
+    ``bolts`` has the surface of each reference node of a *PRE-TENSION SECTION.  ``stiffness`` and ``sticking`` are
+    those of interactions, stress per length, and ``adjusted`` has the ADJUST of pairs: a length, or a set of nodes.
     """
 
     mesh: MeshArrays
     model: Model
-    said: dict[tuple[str, str], list[int]] = field(default_factory=dict)
+    said: dict[tuple[str, str, bool], list[str]] = field(default_factory=dict)
     title: str = ""
-    materials: dict[str, dict[str, float]] = field(default_factory=dict)
-    sections: list[tuple[str, str]] = field(default_factory=list)
+    materials: dict[str, dict[str, Any]] = field(default_factory=dict)
+    orientations: dict[str, Block] = field(default_factory=dict)
+    sections: list[Section] = field(default_factory=list)
     hypothesis: str = ""
     thickness: float = 1.0
     steps: list[str] = field(default_factory=list)
@@ -75,9 +94,12 @@ class Deck:
     ended: set[tuple[int, str]] = field(default_factory=set)
     amplitudes: dict[str, Block] = field(default_factory=dict)
     temperatures: dict[int, Floats] = field(default_factory=dict)
-    turned: set[int] = field(default_factory=set)
+    turned: dict[int, tuple[tuple[float, ...], ...]] = field(default_factory=dict)
     frictions: dict[str, dict[str, float]] = field(default_factory=dict)
+    stiffness: dict[str, float] = field(default_factory=dict)
+    sticking: dict[str, float] = field(default_factory=dict)
     pairs: list[tuple[str, str, str]] = field(default_factory=list)
+    adjusted: dict[tuple[str, str, str], str] = field(default_factory=dict)
     ties: list[tuple[str, str]] = field(default_factory=list)
     tied: set[str] = field(default_factory=set)
     rigid: set[str] = field(default_factory=set)
@@ -99,20 +121,38 @@ class Deck:
         """Of the mesh."""
         return "xyz"[: self.mesh.dim]
 
-    def leave_out(self, block: Block | None, why: str) -> None:
-        """Say that something is not in the scene."""
-        lines = self.said.setdefault((block.name if block else "", why), [])
-        if block and block.line not in lines:
-            lines.append(block.line)
+    def lose(self, block: Block | None, why: str) -> None:
+        """Say that something is not in the scene that changes its solution."""
+        self._say(block, why, lost=True)
 
-    @property
-    def left_out(self) -> list[str]:
-        """What is not in the scene; what is so for the same reason several times is one line."""
+    def note(self, block: Block | None, why: str) -> None:
+        """Say that something is told in another way, or is nothing that a scene is about."""
+        self._say(block, why, lost=False)
+
+    def _say(self, block: Block | None, why: str, *, lost: bool) -> None:
+        places = self.said.setdefault((block.name if block else "", why, lost), [])
+        if block and block.place not in places:
+            places.append(block.place)
+
+    def remarks(self, *, lost: bool) -> list[str]:
+        """What was lost, or only noted; what is so for the same reason several times is one line."""
         found = []
-        for (name, why), lines in self.said.items():
-            more = f" and {len(lines) - 1} more" if len(lines) > 1 else ""
-            found.append(f"line {lines[0]}, *{name}{more}: {why}" if lines else why)
+        for (name, why, changes), places in self.said.items():
+            more = f" and {len(places) - 1} more" if len(places) > 1 else ""
+            if changes is lost:
+                found.append(f"{places[0]}, *{name}{more}: {why}" if places else why)
         return found
+
+    def course(self, load: Load, steps: int) -> list[float]:
+        """The values of a load in the steps; supports that are not there in all of them are lost."""
+        values = load.by_step(steps)
+        kept = load.table == "displacement" or load.keys[0] == "prescribed"
+        if kept and None in values and any(value is not None for value in values):
+            free = ", ".join(name for name, value in zip(self.steps, values, strict=False) if value is None)
+            where = repr(load.target) if load.target else load.lines[0]
+            where = f"rigid body of node {load.target}" if load.table == "tool" else where
+            self.lose(None, f"{where} is free along {load.keys[-1]} in {free}: here it is held there")
+        return [value or 0.0 for value in values]
 
     def boundary(self, name: str) -> str | None:
         """The boundary of the mesh that a set or surface of the file is, whatever its case and its instance."""
@@ -197,8 +237,8 @@ def dimension(kind: str) -> int:
 
 
 def _known(name: str, names: Iterable[str]) -> str | None:
-    wanted = (name.upper(), plain_name(name))
-    return next((one for one in names if one.upper() in wanted), None)
+    known = {own.upper(): own for own in reversed(list(names))}
+    return known.get(name.upper(), known.get(plain_name(name)))
 
 
 def plain_name(name: str) -> str:

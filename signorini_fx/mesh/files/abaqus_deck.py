@@ -10,14 +10,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh.files.abaqus import NO_BODY, read_model
 from signorini_fx.mesh.files.abaqus_blocks import Block, real
-from signorini_fx.mesh.files.abaqus_bolts import read_section
+from signorini_fx.mesh.files.abaqus_bolts import read_bolt
 from signorini_fx.mesh.files.abaqus_content import Deck, plain_name
 from signorini_fx.mesh.files.abaqus_loads import read_body_forces, read_boundary, read_forces, read_surface_loads
+from signorini_fx.mesh.files.abaqus_material import frame, read_constants, read_section
 from signorini_fx.mesh.files.abaqus_temperatures import read_temperatures
-from signorini_fx.mesh.files.arrays import MeshArrays
+from signorini_fx.mesh.files.arrays import MeshArrays, plain
 
 # Keywords that the mesh is read from, that only group others, or that ask for output; without blanks.
 _SILENT = {
@@ -37,9 +40,13 @@ _SILENT = {
         "RIGIDBODY",
     ),
 }
+# Data of other physics and of other procedures.
+_WITHOUT_EFFECT = {
+    *("CONDUCTIVITY", "SPECIFICHEAT", "PHYSICALCONSTANTS", "GAPCONDUCTANCE", "GAPHEATGENERATION", "DAMPING"),
+    *("CONTACTDAMPING", "DESIGNVARIABLES", "VIEWFACTOR", "CFLUX", "DFLUX", "FILM", "RADIATE", "EMISSIVITY"),
+}
 _POINTS = re.compile("MASS|ROTARYI|HEATCAP")  # elements without stiffness
 _STRESS = re.compile(r"CPS|STRI|M3D|S\d")  # plane stress, if they are a plane body
-_SECTIONS = {"SHELLSECTION": "shells", "MEMBRANESECTION": "membranes", "BEAMSECTION": "beams"}
 # What a step does, unless it is static.
 _PROCEDURES = re.compile(
     "FREQUENCY|COMPLEXFREQUENCY|BUCKLE|DYNAMIC|MODALDYNAMIC|STEADYSTATEDYNAMICS|STEADYSTATETRANSPORT|HEATTRANSFER|VISCO"
@@ -61,23 +68,28 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
     """
     deck = Deck(mesh, read_model(file))
     for name, missing in deck.model.undefined.items():
-        deck.leave_out(None, f"members of the set {name!r} that are not defined, or no part of the body: {missing}")
+        say = deck.lose if name in deck.model.surfaces else deck.note
+        say(None, f"members of the set {name!r} that are not defined, or no part of the body: {missing}")
     _find_rigid(deck)
     for block in deck.model.blocks:
         if block.keyword == "PRE-TENSIONSECTION":
             with _placed(file, block):
-                read_section(deck, block)
+                read_bolt(deck, block)
     for block in deck.model.blocks:
-        if block.keyword == "AMPLITUDE":
-            deck.amplitudes[block.parameters["NAME"].upper()] = block
-        elif block.keyword == "TRANSFORM":
-            deck.turned.update(map(int, deck.nodes(block.parameters["NSET"])))
+        with _placed(file, block):
+            match block.keyword:
+                case "AMPLITUDE":
+                    deck.amplitudes[block.parameters["NAME"].upper()] = block
+                case "ORIENTATION":
+                    deck.orientations[block.parameters["NAME"].upper()] = block
+                case "TRANSFORM":
+                    deck.turned |= dict.fromkeys(map(int, deck.nodes(block.parameters["NSET"])), _axes_of_nodes(block))
     material = interaction = ""
     for block in _kept(deck):
         with _placed(file, block):
             match block.keyword:
                 case "ELASTIC" | "EXPANSION" | "FRICTION" | "SURFACEBEHAVIOR" if deck.steps:
-                    deck.leave_out(block, "a change within a step: what holds at the beginning is taken")
+                    deck.lose(block, "a change within a step: what holds at the beginning is taken")
                 case "MATERIAL":
                     material = block.parameters["NAME"].upper()
                     deck.materials.setdefault(material, {})
@@ -85,7 +97,7 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
                     interaction = block.parameters["NAME"].upper()
                     deck.frictions.setdefault(interaction, {})
                 case "ELASTIC" | "DENSITY" | "EXPANSION":
-                    _constants(deck, block, material)
+                    read_constants(deck, block, material)
                 case "FRICTION":
                     _friction(deck, block, interaction)
                 case "SURFACEBEHAVIOR":
@@ -95,15 +107,25 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
     return deck
 
 
+def _axes_of_nodes(block: Block) -> tuple[tuple[float, ...], ...]:
+    """The unit vectors of *TRANSFORM; none of one that is not rectangular."""
+    if block.parameters.get("TYPE", "R").upper() != "R":
+        return ()
+    points = np.array([real(word) for word in block.rows[0]])
+    if len(points) != 6:
+        raise ValueError("two points are expected")
+    return tuple(map(tuple, plain(frame(points[:3], points[3:]))))
+
+
 @contextmanager
 def _placed(file: Path, block: Block) -> Iterator[None]:
     """Add the place in the file to an error."""
     try:
         yield
     except (ValueError, IndexError) as error:
-        raise MeshError(f"{file}: line {block.line}, *{block.name}: {error}") from None
+        raise MeshError(f"{file}: {block.place}, *{block.name}: {error}") from None
     except KeyError as error:
-        raise MeshError(f"{file}: line {block.line}, *{block.name}: {error} is missing") from None
+        raise MeshError(f"{file}: {block.place}, *{block.name}: {error} is missing") from None
 
 
 def _kept(deck: Deck) -> Iterator[Block]:
@@ -121,9 +143,9 @@ def _kept(deck: Deck) -> Iterator[Block]:
             continue
         procedure = next((one.name for one in step if _PROCEDURES.fullmatch(one.keyword)), None)
         if procedure is not None:
-            deck.leave_out(step[0], f"the step, *{procedure}: only static steps are taken")
+            deck.lose(step[0], f"the step, *{procedure}: only static steps are taken")
         elif steps and "PERTURBATION" in step[0].parameters:
-            deck.leave_out(step[0], "the step, a perturbation of the one before it")
+            deck.lose(step[0], "the step, a perturbation of the one before it")
         else:
             steps += 1
             yield from step
@@ -137,7 +159,7 @@ def _read(deck: Deck, block: Block) -> None:
         case "HEADING":
             deck.title = ", ".join(rows[0]) if rows else ""
         case "SOLIDSECTION" | "SHELLSECTION" | "MEMBRANESECTION" | "BEAMSECTION":
-            _section(deck, block)
+            read_section(deck, block)
         case "ELEMENT":
             kind = parameters["TYPE"].upper()
             # meshio writes any quadrilateral as CAX4P.
@@ -146,13 +168,13 @@ def _read(deck: Deck, block: Block) -> None:
             elif deck.mesh.dim == 2 and _STRESS.match(kind) and not NO_BODY.match(kind):
                 deck.hypothesis = "plane stress"
             if NO_BODY.match(kind) and not _POINTS.match(kind):
-                deck.leave_out(block, f"{kind}, which is no part of the body")
+                deck.lose(block, f"{kind}, which is no part of the body")
         case "STEP":
             deck.steps.append(parameters.get("NAME", f"step {len(deck.steps) + 1}"))
             deck.time += deck.period if deck.step else 0.0
             deck.period = 1.0
             if parameters.get("NLGEOM", "NO").upper() == "YES" or ("NLGEOM" in parameters and not parameters["NLGEOM"]):
-                deck.leave_out(block, "NLGEOM: displacements and rotations are taken as small")
+                deck.note(block, "NLGEOM: displacements and rotations are taken as small")
         case "STATIC":
             deck.period = real(rows[0][1]) if rows and len(rows[0]) > 1 else 1.0
         case "BOUNDARY":
@@ -166,39 +188,26 @@ def _read(deck: Deck, block: Block) -> None:
         case "TEMPERATURE" | "INITIALCONDITIONS":
             read_temperatures(deck, block)
         case "CONTACTPAIR":
+            pairs = [_pair(row, parameters.get("INTERACTION", "")) for row in rows]
+            deck.pairs += pairs
             if "ADJUST" in parameters:
-                deck.leave_out(block, 'ADJUST: no node is moved; distance = "nominal" takes both sides as touching')
-            deck.pairs += [_pair(row, parameters.get("INTERACTION", "")) for row in rows]
+                deck.adjusted |= dict.fromkeys(pairs, parameters["ADJUST"])
         case "CONTACT" | "CONTACTINCLUSIONS":
-            deck.leave_out(block, "general contact: name the pairs of surfaces, in [[contact]]")
+            deck.lose(block, "general contact: name the pairs of surfaces, in [[contact]]")
         case "TIE" if "CYCLICSYMMETRY" in parameters:
-            deck.leave_out(block, "cyclic symmetry: model the whole body")
+            deck.lose(block, "cyclic symmetry: model the whole body")
         case "TIE":
             deck.ties += [_pair(row, "")[:2] for row in rows]
+        case keyword if keyword in _WITHOUT_EFFECT:
+            deck.note(block, "without effect in static steps")
+        case "EQUATION" | "MPC" | "COUPLING" | "KINEMATIC" | "DISTRIBUTING" | "DISTRIBUTINGCOUPLING":
+            deck.lose(block, "a constraint between nodes")
         case keyword if keyword not in _SILENT:
-            deck.leave_out(block, "not known to scenes")
+            deck.lose(block, "not known to scenes")
 
 
 def _pair(row: list[str], interaction: str) -> tuple[str, str, str]:
     return row[0], row[1] if len(row) > 1 else row[0], interaction.upper()
-
-
-def _section(deck: Deck, block: Block) -> None:
-    """The material of a part, and the thickness of a plane one."""
-    word = _SECTIONS.get(block.keyword)
-    if word is not None and (deck.mesh.dim == 3 or deck.region(block.parameters["ELSET"]) is None):
-        deck.leave_out(block, f"{word}, which are no part of the body")
-        return
-    if word is not None:
-        deck.leave_out(block, f"{word}: as a plane body under plane stress, without bending")
-    if "MATERIAL" not in block.parameters:
-        deck.leave_out(block, "a section of several layers")
-        return
-    deck.sections.append((block.parameters["ELSET"], block.parameters["MATERIAL"].upper()))
-    if deck.mesh.dim == 2 and deck.hypothesis != "axisymmetric" and block.rows and block.rows[0]:
-        deck.thickness = real(block.rows[0][0])
-        if deck.thickness != 1:
-            deck.leave_out(block, f"the thickness {deck.thickness:g}: forces are per unit of it")
 
 
 def _find_rigid(deck: Deck) -> None:
@@ -215,7 +224,7 @@ def _find_rigid(deck: Deck) -> None:
                 deck.coupled += [(name, node) for name in sets]
                 continue
             if not names or any(deck.region(name) is not None for name in names):
-                deck.leave_out(block, "a rigid part of the body: it deforms here")
+                deck.lose(block, "a rigid part of the body: it deforms here")
                 continue
             deck.rigid |= {plain_name(name) for name in names}
             deck.movers |= {plain_name(name): node for name in names if node is not None}
@@ -234,22 +243,6 @@ def _find_rigid(deck: Deck) -> None:
     deck.rigid.discard("")
 
 
-def _constants(deck: Deck, block: Block, material: str) -> None:
-    own = deck.materials[material]
-    if block.keyword == "DENSITY":
-        own["density"] = real(block.rows[0][0])
-        return
-    if block.parameters.get("TYPE", "ISOTROPIC").upper() not in ("ISOTROPIC", "ISO"):
-        deck.leave_out(block, f"{block.name.lower()} of the material {material!r}: it is not isotropic")
-        return
-    if block.keyword == "EXPANSION":  # ZERO, a temperature of reference, matters for a coefficient that varies only
-        own["expansion"] = real(block.rows[0][0])
-    else:
-        own["young"], own["poisson"] = (real(word) for word in (*block.rows[0], "0")[:2])
-    if len(block.rows) > 1:
-        deck.leave_out(block, "constants that depend on temperature: the first line is taken")
-
-
 def _friction(deck: Deck, block: Block, interaction: str) -> None:
     if "ROUGH" in block.parameters:
         deck.rough.add(interaction)
@@ -261,22 +254,18 @@ def _friction(deck: Deck, block: Block, interaction: str) -> None:
         own["cap"] = real(block.parameters["TAUMAX"])
     # CalculiX gives the stiffness of sticking after the coefficient.
     if len(block.rows) == 1 and len(block.rows[0]) == 2:
-        deck.leave_out(
-            block, f"soft sticking: stiff here, or as soft with gamma_t = {real(block.rows[0][1]):g} in [solver]"
-        )
+        deck.sticking[interaction] = real(block.rows[0][1])
     if len(block.rows) > 1 or any(len(row) > 2 for row in block.rows):
-        deck.leave_out(block, "friction that depends on speed, pressure or temperature: the first coefficient is taken")
+        deck.lose(block, "friction that depends on speed, pressure or temperature: the first coefficient is taken")
 
 
 def _behaviour(deck: Deck, block: Block, interaction: str) -> None:
     kind = block.parameters.get("PRESSURE-OVERCLOSURE", "HARD").upper()
     if kind == "TIED":
         deck.tied.add(interaction)
-    elif kind == "LINEAR" and block.rows and block.rows[0]:
-        deck.leave_out(
-            block, f"soft contact: hard here, or as soft with gamma_n = {real(block.rows[0][0]):g} in [solver]"
-        )
-    elif kind != "HARD":
-        deck.leave_out(block, "soft contact: here it is hard")
+    if kind in ("LINEAR", "TIED") and block.rows and block.rows[0]:
+        deck.stiffness[interaction] = real(block.rows[0][0])
+    elif kind not in ("HARD", "TIED"):
+        deck.lose(block, f"soft contact, {kind.lower()}: here it is hard")
     if "NOSEPARATION" in block.parameters:
-        deck.leave_out(block, 'contact that does not open again: kind = "bilateral" does not open at all')
+        deck.lose(block, 'contact that does not open again: kind = "bilateral" does not open at all')

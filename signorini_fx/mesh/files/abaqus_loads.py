@@ -8,14 +8,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from signorini_fx.mesh.files.abaqus import Group
 from signorini_fx.mesh.files.abaqus_blocks import ROTATIONS, Block, components, real
 from signorini_fx.mesh.files.abaqus_bolts import drive, hold
 from signorini_fx.mesh.files.abaqus_content import Deck, Load, plain_name
+from signorini_fx.mesh.files.abaqus_groups import Group
 from signorini_fx.mesh.files.cells import completed
-from signorini_fx.mesh.files.shape import Ints, nodal_measures
+from signorini_fx.mesh.files.raw import rows_of
+from signorini_fx.mesh.files.shape import Floats, Ints, nodal_measures
 
 _AXES = {1: "x", 2: "y", 3: "z"}
+_COMPONENTS = {"x": 0, "y": 1, "z": 2}
 # Forces at nodes that differ by less than this share of the largest from those of a uniform traction are those.
 _ALIKE = 1e-3
 # More nodes than these that fill no facet are not held one by one.
@@ -30,10 +32,10 @@ def read_boundary(deck: Deck, block: Block) -> None:
         return
     kind = block.parameters.get("TYPE", "DISPLACEMENT").upper()
     if kind != "DISPLACEMENT" or block.parameters.keys() & {"SUBMODEL", "USER"}:
-        deck.leave_out(block, "what is prescribed is no displacement that the file gives")
+        deck.lose(block, "what is prescribed is no displacement that the file gives")
         return
     factor = share_of(deck, block)
-    groups = deck.model.groups.get(block.line, [])
+    groups = deck.model.groups.get(block.number, [])
     every: dict[str, dict[int, float]] = {}
     for name, *words in block.rows:
         if (mover := deck.mover(name)) is not None:
@@ -41,7 +43,7 @@ def read_boundary(deck: Deck, block: Block) -> None:
             for component, value in given.items():
                 _drive(deck, block, "prescribed", mover, component, value * factor)
             if any(component not in _AXES and component not in ROTATIONS for component in given):
-                deck.leave_out(block, f"what {name!r} has besides displacements and rotations")
+                deck.note(block, f"what {name!r} has besides displacements and rotations")
         elif not plain_name(name).isdigit():
             every.setdefault(name, {}).update(components(words))
     nodes: dict[str, tuple[int, ...]] = {}
@@ -51,7 +53,7 @@ def read_boundary(deck: Deck, block: Block) -> None:
             every.setdefault(group.name, {}).update(components(group.words))
     for name, given in every.items():
         if any(component not in _AXES and component not in ROTATIONS for component in given):
-            deck.leave_out(block, f"what {name!r} has besides displacements and rotations")
+            deck.note(block, f"what {name!r} has besides displacements and rotations")
         where = deck.boundary(name)
         named = {_AXES.get(component, ""): value * factor for component, value in given.items()}
         along = {axis: named[axis] for axis in deck.axes if axis in named}
@@ -60,9 +62,15 @@ def read_boundary(deck: Deck, block: Block) -> None:
         clamped = all(along.get(axis) == 0 for axis in deck.axes)
         held = deck.rows(nodes[name]) if name in nodes else deck.nodes(name)
         if not held.size:
-            deck.leave_out(block, f"support of {_shown(name, nodes)}: no part of the body")
-        elif not clamped and not deck.turned.isdisjoint(map(int, held)):
-            deck.leave_out(block, f"support of {_shown(name, nodes)} in the directions of *TRANSFORM")
+            deck.note(block, f"support of {_shown(name, nodes)}: no part of the body")
+        elif not clamped and not deck.turned.keys().isdisjoint(map(int, held)):
+            if where is not None and not np.setdiff1d(held, deck.held(where)).size:
+                values = {_COMPONENTS[axis]: value for axis, value in along.items()}
+                if (turned := _along_the_normal(deck, where, held, values)) is not None:
+                    _given(deck, Load("displacement", where, ("normal",), (1.0,), block.keyword), turned)
+                    _say_what_differs(deck, block, name, held, where)
+                    continue
+            deck.lose(block, f"support of {_shown(name, nodes)} in the directions of *TRANSFORM")
         else:
             for axis, value in along.items():
                 lines = _at_points(deck, held if where is None else np.setdiff1d(held, deck.held(where)))
@@ -70,6 +78,44 @@ def read_boundary(deck: Deck, block: Block) -> None:
                     load = Load("displacement", "" if line else where or "", (axis,), (1.0,), block.keyword, line)
                     _given(deck, load, value)
             _say_what_differs(deck, block, name, held, where)
+
+
+def _along_the_normal(deck: Deck, where: str, held: Ints, values: Mapping[int, float]) -> float | None:
+    """What turned axes prescribe along the outward normal of a flat boundary; None: something else.
+
+    Args:
+        deck: what has been read.
+        where: the boundary.
+        held: rows of the file of the nodes.
+        values: number of an axis, from 0 -> displacement along it.
+    """
+    axes = {deck.turned.get(int(row), ()) for row in held}
+    if len(values) != 1 or len(axes) != 1 or not (given := axes.pop()):
+        return None
+    ((component, value),) = values.items()
+    axis, dim = np.array(given[component]), deck.mesh.dim
+    nodes = deck.mesh.facets[deck.mesh.boundaries[where]]
+    x = deck.mesh.points[np.unique(nodes)]
+    size = float(np.linalg.norm(np.ptp(x, axis=0)))
+    if (np.abs((x - x[0]) @ axis[:dim]) > _ALIKE**2 * size).any():
+        return None
+    sides = _outward_sides(deck, where, axis[:dim])
+    return float(sides[0]) * value if (sides == sides[0]).all() else None
+
+
+def _outward_sides(deck: Deck, where: str, axis: Floats) -> Floats:
+    """For each facet of a flat boundary whether an axis along its normal leads out of the body, 1, or into it, -1."""
+    facets = np.sort(deck.mesh.facet_corners[deck.mesh.boundaries[where]], axis=1)
+    sides = deck.mesh.cell.facets
+    every = np.concatenate([deck.mesh.cells[:, list(own)] for own in sides])
+    middles = deck.mesh.points[deck.mesh.corners].mean(axis=1)
+    at = rows_of(every, facets)
+    found = np.zeros(len(facets))
+    for k in range(len(sides)):
+        rows = at[k * len(middles) : (k + 1) * len(middles)]
+        there = np.flatnonzero(rows >= 0)
+        found[rows[there]] = (deck.mesh.points[facets[rows[there], 0]] - middles[there]) @ axis
+    return np.sign(found)
 
 
 def _drive(deck: Deck, block: Block, kind: str, node: int, component: int, value: float) -> None:
@@ -104,9 +150,9 @@ def _say_what_differs(deck: Deck, block: Block, name: str, own: Ints, where: str
     held = np.empty(0, np.int64) if where is None else deck.held(where)
     free, more = np.setdiff1d(own, held).size, np.setdiff1d(held, own).size
     if free > _POINTS:
-        deck.leave_out(block, f"support of {free} nodes of {name!r}, which are on none of its whole facets")
+        deck.lose(block, f"support of {free} nodes of {name!r}, which are on none of its whole facets")
     if more:
-        deck.leave_out(block, f"support of {name!r} only at its corners: {more} more nodes are held here")
+        deck.lose(block, f"support of {name!r} only at its corners: {more} more nodes are held here")
 
 
 def read_surface_loads(deck: Deck, block: Block) -> None:
@@ -116,31 +162,31 @@ def read_surface_loads(deck: Deck, block: Block) -> None:
     for name, kind, *words in block.rows:
         where = deck.boundary(name)
         if where is None:
-            deck.leave_out(block, f"load on {name!r}, which is no boundary of the body")
+            deck.lose(block, f"load on {name!r}, which is no boundary of the body")
         elif kind.upper() == "P":
             _given(deck, Load("traction", where, ("pressure",), keyword=block.keyword), factor * real(words[0]))
             inside += deck.inside(where)
         elif kind.upper() in ("TRVEC", "TRSHR"):
             if kind.upper() == "TRSHR":
-                deck.leave_out(block, f"TRSHR on {name!r}: taken along its vector, which must lie in the surface")
+                deck.note(block, f"TRSHR on {name!r}: taken along its vector, which must lie in the surface")
             direction = _unit([real(word) for word in words[1:]])[: deck.mesh.dim]
             load = Load("traction", where, tuple(deck.axes), direction, block.keyword)
             _given(deck, load, factor * real(words[0]))
         else:
-            deck.leave_out(block, f"load of type {kind}")
+            deck.lose(block, f"load of type {kind}")
     _say_inside(deck, block, inside)
 
 
 def _say_inside(deck: Deck, block: Block, faces: int) -> None:
     if faces:
-        deck.leave_out(block, f"pressure on faces inside the body: {faces}")
+        deck.lose(block, f"pressure on faces inside the body: {faces}")
 
 
 def read_body_forces(deck: Deck, block: Block) -> None:
     """Pressures on faces of elements, and forces in the whole body, *DLOAD."""
     _forget(deck, block)
     factor, inside = share_of(deck, block), 0
-    for group in deck.model.groups.get(block.line, []):
+    for group in deck.model.groups.get(block.number, []):
         if (where := deck.boundary(group.name)) is None:
             inside += len(group.values)
         else:
@@ -151,18 +197,18 @@ def read_body_forces(deck: Deck, block: Block) -> None:
     for row in block.rows:
         at = next((k for k, word in enumerate(row) if re.fullmatch(r"GRAV|CENTRIF|B[XYZ]|P\d", word.upper())), None)
         if at is None:
-            deck.leave_out(block, f"load {', '.join(row)}")
+            deck.lose(block, f"load {', '.join(row)}")
             continue
         kind, words = row[at].upper(), [real(word) for word in row[at + 1 :]]
         whole = at == 0 or ((region := deck.region(row[0])) is not None and _whole(deck, region))
         if kind.startswith("P"):
             continue
         if not whole:
-            deck.leave_out(block, f"{kind} on {row[0]!r}, a part of the body")
+            deck.lose(block, f"{kind} on {row[0]!r}, a part of the body")
         elif kind.startswith("B"):
             _given(deck, Load("body_force", "", (kind[1].lower(),), keyword=block.keyword), factor * words[0])
         elif not deck.materials or any("density" not in own for own in deck.materials.values()):
-            deck.leave_out(block, f"{kind}: a material has no *DENSITY")
+            deck.lose(block, f"{kind}: a material has no *DENSITY")
         elif kind == "GRAV":
             direction = _unit(words[1:])[: deck.mesh.dim]
             load = Load("gravity", "", tuple(deck.axes), direction, block.keyword)
@@ -190,7 +236,7 @@ def read_forces(deck: Deck, block: Block) -> None:
             drives[key] = drives.get(key, 0.0) + factor * real((*words, "0")[1])
     for (mover, component), value in drives.items():
         _drive(deck, block, "force", mover, component, value)
-    for group in map(deck.without_rigid, deck.model.groups.get(block.line, [])):
+    for group in map(deck.without_rigid, deck.model.groups.get(block.number, [])):
         if not group.nodes:
             continue
         axis, total = _AXES.get(int(group.words[0]), ""), factor * sum(group.values)
@@ -201,37 +247,55 @@ def read_forces(deck: Deck, block: Block) -> None:
             _given(deck, load, factor * uniform[1])
             continue
         if not axis:
-            deck.leave_out(block, "moments at nodes")
+            deck.lose(block, "moments at nodes")
             continue
         total = 0.0 if abs(total) < _ALIKE**2 * abs(factor) * sum(map(abs, group.values)) else total
         where, own = deck.boundary(group.name), deck.rows(group.nodes)
         said = f"forces at nodes, {total:g} along {axis} in all ({len(group.nodes)} node{'s' * (len(group.nodes) > 1)})"
-        turned = not deck.turned.isdisjoint(map(int, own))
+        turned = not deck.turned.keys().isdisjoint(map(int, own))
         if where is None or turned or not total or deck.hypothesis == "axisymmetric":
-            deck.leave_out(block, f"{said}: give a force on a boundary")
+            deck.lose(block, f"{said}: give a force on a boundary")
             continue
         _given(deck, Load("force", where, (axis,), keyword=block.keyword), total / deck.thickness)
-        deck.leave_out(block, f"{said}: on {where!r} evenly")
+        if _same_moment(deck, group, where, _AXES[int(group.words[0])]):
+            deck.note(block, f"{said}: on {where!r} evenly")
+        else:
+            deck.lose(block, f"{said}: their moment; on {where!r} evenly they have another one")
 
 
 def _uniform(deck: Deck, group: Group) -> tuple[str, float] | None:
     """The boundary and the traction, stress, that forces at nodes are equivalent to; None: they are not."""
     where, rows = deck.boundary(group.name), deck.rows(group.nodes)
-    if where is None or deck.hypothesis == "axisymmetric" or not deck.turned.isdisjoint(map(int, rows)):
+    if where is None or deck.hypothesis == "axisymmetric" or not deck.turned.keys().isdisjoint(map(int, rows)):
         return None
     if len(rows) < len(group.nodes) or not np.isin(rows, deck.held(where)).all():
         return None
-    facets = deck.mesh.facets[deck.mesh.boundaries[where]]
-    shares = nodal_measures(deck.mesh.points, facets, deck.mesh.facet)
-    if (whole := completed("quad8")) is not None and "get nodes" in deck.mesh.note and deck.mesh.dim == 3:
-        facets, shares = facets[:, :-1], shares @ whole[1]
-    areas = np.bincount(facets.ravel(), shares.ravel(), minlength=len(deck.mesh.points))
+    areas = _areas(deck, where)
     forces = np.zeros(len(areas))
     forces[np.searchsorted(deck.numbers, rows)] = group.values
     value = float(forces.sum() / areas.sum())
     if np.abs(forces - value * areas).max() > _ALIKE * np.abs(forces).max():
         return None
     return where, value / deck.thickness
+
+
+def _areas(deck: Deck, where: str) -> Floats:
+    """The share of each node of the mesh in the area (in the plane: length) of a boundary."""
+    facets = deck.mesh.facets[deck.mesh.boundaries[where]]
+    shares = nodal_measures(deck.mesh.points, facets, deck.mesh.facet)
+    if (whole := completed("quad8")) is not None and "of their faces" in deck.mesh.note and deck.mesh.dim == 3:
+        facets, shares = facets[:, :-1], shares @ whole[1]
+    return np.bincount(facets.ravel(), shares.ravel(), minlength=len(deck.mesh.points)).astype(np.float64)
+
+
+def _same_moment(deck: Deck, group: Group, where: str, axis: str) -> bool:
+    """Whether forces at nodes along an axis have the moment of an even traction on a boundary."""
+    areas, values = _areas(deck, where), np.array(group.values)
+    at = [deck.position(deck.model.places[node]) for node in group.nodes]
+    apart = values @ np.array(at) / values.sum() - areas @ deck.mesh.points / areas.sum()
+    apart[deck.axes.index(axis)] = 0.0
+    size = np.linalg.norm(np.ptp(deck.mesh.points[areas != 0], axis=0))
+    return bool(np.linalg.norm(apart) <= _ALIKE * size)
 
 
 def _unit(vector: list[float]) -> tuple[float, ...]:
@@ -251,7 +315,7 @@ def share_of(deck: Deck, block: Block) -> float:
         or not own.rows
         or own.parameters.get("DEFINITION", "TABULAR").upper() not in ("TABULAR", "SMOOTHSTEP")
     ):
-        deck.leave_out(block, f"the amplitude {name!r}: the whole load is taken")
+        deck.lose(block, f"the amplitude {name!r}: the whole load is taken")
         return 1.0
     words = [real(word) for row in own.rows for word in row]
     start = deck.time if "TIME" in own.parameters else 0.0
@@ -260,7 +324,7 @@ def share_of(deck: Deck, block: Block) -> float:
     share = float(np.interp(start + deck.period, times, values))
     course = np.diff([float(np.interp(start, times, values)), *within, share])
     if (course > 0).any() and (course < 0).any():
-        deck.leave_out(block, f"the amplitude {name!r} within the step: its value at the end is taken")
+        deck.lose(block, f"the amplitude {name!r} within the step: its value at the end is taken")
     return share
 
 

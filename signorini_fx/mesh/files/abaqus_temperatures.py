@@ -23,10 +23,13 @@ def read_temperatures(deck: Deck, block: Block) -> None:
     """Temperatures at nodes: *TEMPERATURE of a step, or *INITIAL CONDITIONS, TYPE=TEMPERATURE."""
     parameters = block.parameters
     if block.keyword == "INITIALCONDITIONS" and parameters.get("TYPE", "").upper() != "TEMPERATURE":
-        deck.leave_out(block, "not known to scenes")
+        if parameters.get("TYPE", "").upper() == "VELOCITY":
+            deck.note(block, "without effect in static steps")
+        else:
+            deck.lose(block, "not known to scenes")
         return
     if parameters.keys() & {"FILE", "BSTEP", "USER"}:
-        deck.leave_out(block, "temperatures that are not in the file")
+        deck.lose(block, "temperatures that are not in the file")
         return
     anew = parameters.get("OP", "MOD").upper() == "NEW" and deck.step not in deck.temperatures
     now = _at(deck, -1 if anew else deck.step).copy()
@@ -34,7 +37,7 @@ def read_temperatures(deck: Deck, block: Block) -> None:
     for name, value, *_ in block.rows:
         rows = deck.rows([int(name)]) if name.isdigit() else deck.nodes(name)
         if not rows.size:
-            deck.leave_out(block, f"temperature of {name!r}: no part of the body")
+            deck.note(block, f"temperature of {name!r}: no part of the body")
         now[np.searchsorted(deck.numbers, rows)] = share * real(value)
     deck.temperatures[deck.step] = now
 

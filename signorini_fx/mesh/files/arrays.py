@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy.typing as npt
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.cells import CELLS, Cell, completed
 from signorini_fx.mesh.files.cutting import cut
+from signorini_fx.mesh.files.one_order import complete, of_one_order
 from signorini_fx.mesh.files.raw import RawMesh, row_keys, rows_of
 from signorini_fx.mesh.files.shape import Floats, Ints, check_shape
 from signorini_fx.scene.expressions import Expression
@@ -111,12 +112,14 @@ def from_raw(
             is missing.
         SceneError: a selection is empty.
     """
+    raw, raised = of_one_order(raw)
     raw, note = cut(raw, name)
     kind, body = _body(raw, name)
     if (whole := completed(kind)) is not None:
         count = sum(len(raw.blocks[n][1]) for n in body)
-        raw, kind = _completed(raw, body, *whole)
+        raw, kind = complete(raw, body, *whole)
         note = f"{count} {whole[0].word} get nodes in the middle of their faces, and are {kind}"
+    note = "; ".join(filter(None, (raised, note)))
     cell = CELLS[kind]
     points, cells, renumber = _points_of(raw, body, cell.dim, name)
     corners = cells[:, : len(cell.corners)]
@@ -169,26 +172,6 @@ def _corners_of(kind: str) -> int:
     if kind in _LINES:
         return 2
     return (3 if kind.startswith("triangle") else 4) if kind in _SURFACES else 0
-
-
-def _completed(raw: RawMesh, body: list[int], cell: Cell, weights: Floats) -> tuple[RawMesh, str]:
-    """The raw mesh with the nodes that its cells lack, those on a face joined where cells meet."""
-    incomplete = np.concatenate([raw.blocks[n][1] for n in body])
-    there = incomplete.shape[1]
-    new = cell.nodes[there:]
-    # A face is identified by its corners, a cell by its number.
-    faces = np.concatenate([np.empty((0, 4), np.int64), *(incomplete[:, list(own)] for own in new[:-1])])
-    first, number = np.unique(row_keys(faces), return_index=True, return_inverse=True)[1:]
-    inside = len(first) + np.arange(len(incomplete))
-    count = len(raw.points)
-    added = np.column_stack((number.reshape(len(new) - 1, len(incomplete)).T, inside)) + count
-    x = np.einsum("nt,ctd->cnd", weights[there:], np.asarray(raw.points, dtype=np.float64)[incomplete])
-    points = np.concatenate((raw.points, x[:, :-1].transpose(1, 0, 2).reshape(-1, x.shape[2])[first], x[:, -1]))
-    blocks, start = list(raw.blocks), 0
-    for n in body:
-        rows = slice(start, start := start + len(raw.blocks[n][1]))
-        blocks[n] = (cell.kind, np.column_stack((incomplete[rows], added[rows])))
-    return replace(raw, points=points, blocks=blocks), cell.kind
 
 
 @dataclass(frozen=True)
@@ -284,7 +267,8 @@ def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
         )
     if len(sizes) > 1:
         counts = ", ".join(f"{count} {kind}" for kind, count in sorted(sizes.items()))
-        hint = "; a boundary between tetrahedra and hexahedra would not be conforming" if solid else ""
+        hint = "; only bodies without common nodes may differ"
+        hint += ": a boundary between tetrahedra and hexahedra would not be conforming" if solid else ""
         raise MeshError(f"{name}: the mesh mixes cell types or orders ({counts}); use one{hint}")
     (kind,) = sizes
     if kind not in CELLS and completed(kind) is None:

@@ -40,7 +40,10 @@ BETWEEN: dict[str, tuple[Corners, ...]] = {
 }
 CORNERS = {"triangle": 3, "quad": 4, "tetra": 4, "pyramid": 5, "wedge": 6, "hexahedron": 8}
 _FLAT = 1e-12  # of the volume of a cell: round-off
-_WORDS = {"pyramid": "pyramids", "wedge": "wedges", "hexahedron": "hexahedra", "quad": "quadrilaterals"}
+WORDS = {
+    **{"pyramid": "pyramids", "wedge": "wedges", "hexahedron": "hexahedra", "quad": "quadrilaterals"},
+    **{"tetra": "tetrahedra", "triangle": "triangles"},
+}
 
 
 def shape_of(kind: str) -> str:
@@ -63,12 +66,17 @@ def cut(raw: RawMesh, name: str) -> tuple[RawMesh, str]:
     shapes = {shape_of(kind) for kind in body}
     curved = {kind != shape_of(kind) for kind in body}
     whole = all(0 <= nodes.min() <= nodes.max() < len(raw.points) for _, nodes in raw.blocks if nodes.size)
-    wanted = shapes & {"pyramid", "wedge"} and raw.points.shape[1] == 3 if solid else len(shapes) == 2
-    if not wanted or not whole or len(curved) > 1 or "triangle7" in body:
+    if not whole or len(curved) > 1 or "triangle7" in body:
+        return raw, ""
+    wanted = len(shapes) == 2
+    if solid:
+        apart = len(shapes) > 1 and _apart(raw, body)
+        wanted = (bool(shapes & {"pyramid", "wedge"}) or apart) and raw.points.shape[1] == 3
+    if not wanted:
         return raw, ""
     simplex = "tetra" if solid else "triangle"
     middles = _Middles(raw, body) if True in curved else None
-    counts = dict.fromkeys(_WORDS, 0)
+    counts = dict.fromkeys(WORDS, 0)
     blocks: list[tuple[str, Ints]] = []
     pieces: list[int] = []
     for kind, nodes in raw.blocks:
@@ -90,10 +98,19 @@ def cut(raw: RawMesh, name: str) -> tuple[RawMesh, str]:
         name: [values.repeat(k, axis=0) for values, k in zip(numbers, pieces, strict=True)]
         for name, numbers in raw.data.items()
     }
-    told = " and ".join(f"{count} {_WORDS[kind]}" for kind, count in counts.items() if count)
+    told = " and ".join(f"{count} {WORDS[kind]}" for kind, count in counts.items() if count)
     points = raw.points if middles is None else middles.points
     word = "tetrahedra" if solid else "triangles"
     return replace(raw, points=points, blocks=blocks, sets=sets, data=data), f"{told} are cut into {word}"
+
+
+def _apart(raw: RawMesh, body: set[str]) -> bool:
+    """Whether cells of different shapes have no common node: they are different bodies."""
+    present: dict[str, npt.NDArray[np.bool_]] = {}
+    for kind, nodes in raw.blocks:
+        if kind in body:
+            present.setdefault(shape_of(kind), np.zeros(len(raw.points), dtype=bool))[nodes] = True
+    return bool((np.sum([*present.values()], axis=0) <= 1).all())
 
 
 class _Middles:
@@ -189,5 +206,5 @@ def _cells(points: Floats, cells: Ints, kind: str, name: str) -> Ints:
     folded: npt.NDArray[np.bool_] = (volume < -_FLAT * volume.sum(axis=1, keepdims=True)).any(axis=1)
     if folded.any():
         place = ", ".join(f"{x:g}" for x in np.asarray(points)[cells[np.argmax(folded)]].mean(axis=0))
-        raise MeshError(f"{name}: {np.count_nonzero(folded)} {_WORDS[kind]} are folded, the first at ({place})")
+        raise MeshError(f"{name}: {np.count_nonzero(folded)} {WORDS[kind]} are folded, the first at ({place})")
     return found

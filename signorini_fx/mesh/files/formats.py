@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mesh.files import abaqus, gmsh_files
+from signorini_fx.mesh.files import abaqus, abaqus_include, gmsh_files
 from signorini_fx.mesh.files.arrays import (
     MeshArrays,
     Selection,
@@ -84,6 +84,15 @@ def read_file(
     for _ in range(halvings):
         mesh = halved(mesh)
     return mesh
+
+
+def files_of(file: Path) -> list[Path]:
+    """A file of a mesh or of anything else, and what it includes as an Abaqus input file.
+
+    Raises:
+        MeshError: what it includes cannot be read.
+    """
+    return abaqus_include.files_of(file) if file.suffix.lower() == ".inp" else [file]
 
 
 def write_file(mesh: MeshArrays, file: Path) -> None:

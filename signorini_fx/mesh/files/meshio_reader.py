@@ -7,14 +7,16 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import io
 import os
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+import numpy.typing as npt
 
-from signorini_fx.mesh.files.cells import CELLS, Cell
+from signorini_fx.mesh.files.cells import CELLS, Cell, completed
 from signorini_fx.mesh.files.raw import RawMesh, rows_of
 from signorini_fx.mesh.files.shape import Ints
 
@@ -22,6 +24,7 @@ from signorini_fx.mesh.files.shape import Ints
 _PREFIXES = ("boundary:", "region:")
 # meshio stores sets there as one number per element, under the joined names of the sets.
 _JOINTS = "-#+/"
+_WHOLE = "hexahedron27"
 
 
 def load_libraries(suffix: str) -> None:
@@ -29,6 +32,9 @@ def load_libraries(suffix: str) -> None:
     importlib.import_module(f"meshio.{suffix[1:].lower()}")
     # meshio 5.3 reads these, but does not know that they are solid.
     importlib.import_module("meshio._mesh").topological_dimension.update(wedge15=3, pyramid13=3)
+    if suffix.lower() == ".med":  # and it does not know these
+        types = importlib.import_module("meshio.med._med").med_to_meshio_type
+        types.update(H27=_WHOLE, QU9="quad9", TR7="triangle7")
     with contextlib.suppress(ModuleNotFoundError):
         importlib.import_module("h5py")
 
@@ -81,7 +87,8 @@ def _read(file: Path, kind: str) -> RawMesh:
     if kind == "xdmf" and (several := _grids(file)):
         return _read_grids(file, several)
     try:
-        found = importlib.import_module(f"meshio.{kind}").read(str(file))
+        source = _with_dimension(file) if kind == "med" else str(file)
+        found = importlib.import_module(f"meshio.{kind}").read(source)
     except KeyError as error:
         names = importlib.import_module("meshio.xdmf.common").xdmf_idx_to_meshio_type if kind == "xdmf" else {}
         if error.args[0] not in names:
@@ -91,6 +98,8 @@ def _read(file: Path, kind: str) -> RawMesh:
         ) from None
     blocks = [(block.type, np.asarray(block.data, dtype=np.int64)) for block in found.cells]
     raw = RawMesh(np.asarray(found.points), blocks)
+    if kind == "med":
+        raw.blocks[:] = [(kind, in_order(raw.points, nodes) if kind == _WHOLE else nodes) for kind, nodes in blocks]
     for name, arrays in found.cell_data.items():
         if name.startswith(_PREFIXES):
             label = name.partition(":")[2]
@@ -103,6 +112,44 @@ def _read(file: Path, kind: str) -> RawMesh:
     if kind == "med":
         _name_families(found, raw)
     return raw
+
+
+def _with_dimension(file: Path) -> Any:
+    """A MED file, or where it does not say how many coordinates a node has, what its nodes say, in memory."""
+    import h5py
+
+    with h5py.File(file) as data:
+        ensemble = data["ENS_MAA"]
+        name = next(iter(ensemble))
+        mesh = ensemble[name]
+        if len(ensemble) != 1 or "ESP" in mesh.attrs:
+            return str(file)
+        nodes = mesh["NOE"] if "NOE" in mesh else mesh[next(iter(mesh))]["NOE"]
+        count, size = int(nodes["COO"].attrs["NBR"]), int(nodes["COO"].size)
+    if count < 1 or size % count or size // count not in (2, 3):
+        raise ValueError(f"{size} coordinates of {count} nodes")
+    image = io.BytesIO(file.read_bytes())
+    with h5py.File(image, "r+") as data:
+        data["ENS_MAA"][name].attrs["ESP"] = size // count
+    return image
+
+
+def in_order(points: npt.NDArray[np.float64], cells: Ints) -> Ints:
+    """Hexahedra of 27 nodes in the order of VTK: the nodes in the middle of faces are known by their place, because
+    programs number them differently.
+
+    Raises:
+        ValueError: a node is in the middle of no face.
+    """
+    whole = completed("hexahedron20")
+    assert whole is not None
+    middles = np.einsum("nk,ckd->cnd", whole[1][20:], points[cells[:, :20]])
+    away = np.linalg.norm(points[cells[:, 20:]][:, :, None] - middles[:, None], axis=3)
+    nearest = away.argmin(axis=1)  # which of the seven nodes is in the middle of each face, and of the cell
+    if not (np.sort(nearest, axis=1) == np.arange(7)).all():
+        raise ValueError("hexahedra of 27 nodes, some of which are in the middle of no face")
+    found: Ints = np.column_stack((cells[:, :20], np.take_along_axis(cells[:, 20:], nearest, axis=1)))
+    return found
 
 
 def _is_hdf5(file: Path) -> bool:

@@ -30,6 +30,8 @@ from stability.oracle.space.conditions import Points
 _FACING, _REACH, _KEPT, _HELD = -0.2, 0.2, 0.03, 1e-8
 # Points along a line: of integrands that are rational, and of polynomials.
 _MANY, _FEW = 14, 7
+# Places of the nodes of quadratic triangles.
+_PLACES = {6: np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.5], [0.0, 0.5], [0.5, 0.0]])}
 # Shares of a facet that are round-off, and of the largest singular value of one that does not count.
 _NOTHING, _SINGULAR = 1e-10, 1e-10
 
@@ -67,6 +69,7 @@ class Side:
         for facet in range(len(self.nodes)):
             self.sign[facet] = np.sign(self.across(facet, middle)[0] @ outward[facet, 0])
         self.mirrors = np.zeros((*self.x.shape, self.x.shape[1]))
+        self.rays: Array | None = None  # at the nodes, along which both sides are projected, where not normals
 
     def mirrored(self, body: Body | PlaneBody, master: Side) -> Side:
         """The same with the normals of its mirror images beyond planes of symmetry, too."""
@@ -130,6 +133,17 @@ class Side:
         size = np.linalg.norm(moment, axis=1, keepdims=True)
         return np.asarray(np.divide(moment, size, out=np.zeros_like(self.x), where=size > 0))
 
+    @cached_property
+    def directions(self) -> Array:
+        """The same, and between the vertices of quadratic triangles the means of those at both."""
+        found = self.normals.copy()
+        if self.width < self.nodes.shape[1]:
+            for nodes in self.nodes:
+                for node, at in zip(nodes[3:], _PLACES[len(nodes)][3:], strict=True):
+                    mean = elements.shape(3, at[None])[0][0] @ self.normals[nodes[:3]]
+                    found[node] = mean / np.linalg.norm(mean)
+        return found
+
     @property
     def used(self) -> Ints:
         """All nodes on it."""
@@ -151,12 +165,74 @@ def points_between(body: Body | PlaneBody, part: int) -> Points:
     """The points of a contact of two bodies."""
     effect = listed(body.scene, "contact")[part]
     master = Side(body, effect["against"])
-    slave = Side(body, effect["boundary"]).mirrored(body, master)
+    slave = Side(body, effect["boundary"])
+    mirrored = slave.mirrored(body, master)
+    master = Side(body, effect["against"]).mirrored(body, Side(body, effect["boundary"]))
+    slave = mirrored
     bonded = effect.get("kind") == "bonded"
+    between = not bonded and effect.get("distance", "geometry") == "geometry"
+    if between:
+        slave.rays = _half_way(body, slave, master, part)
+    there, weight, distance, own, others, arms = _integrals(slave, master, bonded=bonded)
+    dimension = body.x.shape[1]
+    shares = _carried(body, slave, master, part, there, weight)
+    nodes = np.flatnonzero(shares.sum(axis=1) > 0)
+    shares = csr_array(shares[nodes])
+    weight = shares @ weight
+    distance = (shares @ distance) / weight[:, None]
+    own, others = ((shares @ matrix).toarray() / weight[:, None] for matrix in (own, others))
+    operator = np.einsum("nm,ij->nimj", own - others, np.eye(dimension))
+    # Half-way between both, or where sides are nominally in contact the rotation of the master.
+    for part_of_way, matrix in zip((0.5, 0.5) if between else (0.0, 1.0), arms, strict=True):
+        operator += _turning((shares @ matrix).toarray(), body.x, part_of_way * distance)
+    # Across a plane of symmetry nothing moves relative to the mirror image.
+    operator -= np.einsum("nij,njmk->nimk", slave.mirrors[nodes], operator)
+    normals = slave.normals[nodes]
+    if between:
+        normals = _unit(own @ slave.directions - others @ master.directions, slave.mirrors[nodes])
+    gap = at_points(effect.get("gap", 0.0), body.x[nodes])
+    if bonded:
+        gap = np.zeros(len(nodes))
+    elif between:
+        gap = gap + (normals * distance).sum(axis=1)
+    matrix = csr_array(operator.reshape(dimension * len(nodes), -1))
+    return Points(body.x[nodes], matrix, weight, normals, gap)
+
+
+def _unit(vectors: Array, mirrors: Array) -> Array:
+    """Of length one, without what they have across planes of symmetry."""
+    found = vectors - np.einsum("nij,nj->ni", mirrors, vectors)
+    return np.asarray(found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-300))
+
+
+def _half_way(body: Body | PlaneBody, slave: Side, master: Side, part: int) -> Array:
+    """Normals half-way between both sides at the nodes of the slave, from a projection along its own."""
+    there, weight, _, own, others, _ = _integrals(slave, master, bonded=False)
+    shares = _carried(body, slave, master, part, there, weight, free=True)
+    nodes = np.flatnonzero(shares.sum(axis=1) > 0)
+    shares = csr_array(shares[nodes])
+    whole = (shares @ weight)[:, None]
+    seen = (shares @ others) @ master.directions / whole
+    beside: dict[int, set[int]] = {}
+    for tested in slave.nodes[:, : slave.width].tolist():
+        for node in tested:
+            beside.setdefault(node, set()).update(tested)
+    spread = csr_array(_ring_by_ring(beside, set(nodes.tolist()), len(weight))[nodes])
+    found = slave.normals - spread.T @ seen
+    found[nodes] = (shares @ own) @ slave.directions / whole - seen
+    return _unit(found, slave.mirrors)
+
+
+def _integrals(
+    slave: Side, master: Side, *, bonded: bool
+) -> tuple[list[int], Array, Array, csr_array, csr_array, list[csr_array]]:
+    """Covered facets; by the nodes of the slave weights, and these times distances and times shares of both sides; and
+    the areas in which nodes of both are seen.
+    """
     pieces = _pieces(slave, master)
-    size, dimension = len(body.x), body.x.shape[1]
-    weight, distance = np.zeros(size), np.zeros(body.x.shape)
-    own, others, arms = (lil_array((size, size)) for _ in range(3))
+    size = len(slave.x)
+    weight, distance = np.zeros(size), np.zeros(slave.x.shape)
+    own, others, beside, arms = (lil_array((size, size)) for _ in range(4))
     there = sorted({facet for facet, _ in pieces})
     for facet in there:
         here = [piece for number, piece in pieces if number == facet]
@@ -176,29 +252,23 @@ def points_between(body: Body | PlaneBody, part: int) -> Points:
                 own[node, nodes] += weighted[:, k] @ slave.shape(piece.at)[0]
                 others[node, seen] += weighted[:, k] @ master.shape(piece.over)[0]
                 arms[node, seen] += piece.weight.sum() * np.ones(len(seen))
-    shares = _carried(body, slave, master, part, there, weight)
-    nodes = np.flatnonzero(shares.sum(axis=1) > 0)
-    shares = csr_array(shares[nodes])
-    weight = shares @ weight
-    distance = (shares @ distance) / weight[:, None]
-    own, others = ((shares @ matrix.tocsr()).toarray() / weight[:, None] for matrix in (own, others))
-    operator = np.einsum("nm,ij->nimj", own - others, np.eye(dimension))
-    operator += _turning((shares @ arms.tocsr()).toarray(), body.x, distance)
-    # Across a plane of symmetry nothing moves relative to the mirror image.
-    operator -= np.einsum("nij,njmk->nimk", slave.mirrors[nodes], operator)
-    gap = at_points(effect.get("gap", 0.0), body.x[nodes])
-    if bonded:
-        gap = np.zeros(len(nodes))
-    elif effect.get("distance", "geometry") == "geometry":
-        gap = gap + (slave.normals[nodes] * distance).sum(axis=1)
-    matrix = csr_array(operator.reshape(dimension * len(nodes), -1))
-    return Points(body.x[nodes], matrix, weight, slave.normals[nodes], gap)
+                beside[node, nodes] += piece.weight.sum() * np.ones(len(nodes))
+    return there, weight, distance, own.tocsr(), others.tocsr(), [beside.tocsr(), arms.tocsr()]
 
 
 def _carried(
-    body: Body | PlaneBody, slave: Side, master: Side, part: int, there: list[int], weight: Array
+    body: Body | PlaneBody,
+    slave: Side,
+    master: Side,
+    part: int,
+    there: list[int],
+    weight: Array,
+    *,
+    free: bool = False,
 ) -> csr_array:
-    """How points take over the functions of nodes that carry none: a row for each node."""
+    """How points take over the functions of nodes that carry none: a row for each node; ``free``: as if nothing were
+    held, and there were no other contact.
+    """
     effects = listed(body.scene, "contact")
     taken = set(master.nodes.ravel().tolist())
     for number, effect in enumerate(effects):
@@ -213,8 +283,8 @@ def _carried(
     loose = np.eye(body.x.shape[1]) - body.held
 
     def able(node: int, least: float) -> bool:
-        free = np.linalg.norm(loose[node] @ normals[node]) > _HELD
-        return bool(weight[node] > least * area[node] and free and node not in taken)
+        moves = np.linalg.norm(loose[node] @ normals[node]) > _HELD
+        return bool(weight[node] > least * area[node] and (free or (moves and node not in taken)))
 
     for least in (_KEPT, 0.0):
         carry = {node for node in beside if able(node, least)}
@@ -293,11 +363,11 @@ def _roots(values: Array, at: Array, degree: int) -> Array:
 
 
 def _in_plane(slave: Side, facet: int, master: Side, other: int) -> Iterator[Piece]:
-    """Along the continuous normal of the slave, which interpolates those of the nodes."""
+    """Along the continuous direction of the slave, which interpolates those at the nodes."""
     middle = np.array([[0.5]])
     if not _facing(slave.across(facet, middle)[0], master.across(other, middle)[0]):
         return
-    normals = slave.normals[slave.nodes[facet]]
+    normals = (slave.normals if slave.rays is None else slave.rays)[slave.nodes[facet]]
     degree = slave.nodes.shape[1] - 1
     samples = np.linspace(0.0, 1.0, 2 * degree + 1)
 
@@ -336,7 +406,10 @@ def _in_space(slave: Side, facet: int, master: Side, other: int) -> Iterator[Pie
     for part in slave.parts:
         corners = slave.place(facet, part)
         centre, normal = corners.mean(axis=0), _normal(corners)
-        axes = np.linalg.svd(normal[None])[2][1:]
+        ray = normal
+        if slave.rays is not None:
+            ray = slave.tests(part.mean(axis=0)[None])[0] @ slave.rays[slave.nodes[facet, : slave.width]]
+        axes = np.linalg.svd(ray[None] / np.linalg.norm(ray))[2][1:]
         flat = (corners - centre) @ axes.T
         outward = slave.sign[facet] * normal
         for window in master.parts:

@@ -1,0 +1,46 @@
+"""What is refused of a scene on its mesh before anything is solved: the one place that ``solve`` and ``check`` share.
+
+``prepare`` finds what is wrong with single entries and the mesh.  Here is what follows from several of them, and would
+otherwise be noticed only on the way to the first solution.
+"""
+
+from __future__ import annotations
+
+from signorini_fx.accuracy.bounded_scene import Refused, refuse_unknown
+from signorini_fx.body import contact_data
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.errors import SceneError
+
+
+def refuse_beforehand(d: Discretisation) -> None:
+    """Refuse what no solve begins with; collective.
+
+    Args:
+        d: the scene on its mesh, whose stiffness need not be assembled; with a requested accuracy on its first one.
+
+    Raises:
+        SceneError: the first sets of contact hold no node; ``exact`` has no unknown for a constraint; nothing
+            determines the pressure of an incompressible body; a foundation moves although contact alone holds the body;
+            a certified accuracy is asked for where there is no guaranteed bound.
+    """
+    d.refuse_enclosed()
+    if d.boundary is not None:
+        contact_data.first_sets(d.scene, d.boundary)
+        if d.scene.solver.algorithm == "exact":
+            d.boundary.aligned()
+        _refuse_moving(d)
+    if d.scene.accuracy is not None and d.scene.accuracy.certified:
+        try:
+            refuse_unknown(d)
+        except Refused as refused:
+            raise SceneError([("accuracy.certified", str(refused))]) from None
+
+
+def _refuse_moving(d: Discretisation) -> None:
+    """Refuse a foundation that moves with the time where supports do not hold the body."""
+    if not d.motions.free.shape[1] or d.scene.steps < 2:
+        return
+    wrong = "moves with the time, so that supports must hold the body, and not contact alone"
+    problems = [(f"contact[{k}].foundation", wrong) for k, effect in enumerate(d.scene.contact) if effect.moves]
+    if problems:
+        raise SceneError(problems)

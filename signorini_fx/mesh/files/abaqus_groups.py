@@ -1,0 +1,158 @@
+"""Supports, forces and pressures of an Abaqus input file that single nodes and faces are given: groups that agree."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from signorini_fx.mesh.files.abaqus_blocks import ROTATIONS, Block, components, real
+
+Words = tuple[str, ...]
+Members = dict[Any, float]
+
+
+@dataclass(frozen=True)
+class Group:
+    """Nodes or faces, given one by one, for which a keyword says the same.
+
+    Attributes:
+        name: of the set that they make.
+        words: what is said, as a row says it of a set by its name.
+        nodes: their numbers in the file; of faces none.
+        values: of each node or face what is given there.
+    """
+
+    name: str
+    words: Words
+    nodes: tuple[int, ...]
+    values: tuple[float, ...]
+
+
+def single(word: str) -> int | None:
+    """The number of a node or element, perhaps with the name of its instance before it."""
+    plain = word.rpartition(".")[2]
+    return int(plain) if plain.isdigit() else None
+
+
+def agreeing(
+    block: Block, nodes_of: Callable[[str], list[int]], elements_of: Callable[[str], list[int]], *, apart: bool
+) -> list[tuple[Words, Members]]:
+    """What a keyword says of nodes and faces, one by one.
+
+    Args:
+        block: *BOUNDARY, *CLOAD or *DLOAD.
+        nodes_of: the nodes of a set.
+        elements_of: the elements of a set.
+        apart: whether forces that pull are told from those that push; not so where both belong to one face, because
+            its elements have no nodes in the middle of faces.
+    """
+    found: dict[Words, Members] = {}
+    for target, *words in block.rows:
+        number = single(target)
+        match block.keyword:
+            case "BOUNDARY" if number is not None:
+                for component, value in components(words).items():
+                    if component not in ROTATIONS:
+                        found.setdefault((str(component), "", repr(value)), {})[number] = value
+            case "CLOAD":
+                value = real((*words, "0")[1])
+                forces = found.setdefault((words[0], "-" if value < 0 and apart else ""), {})
+                for node in nodes_of(target) if number is None else [number]:
+                    forces[node] = forces.get(node, 0.0) + value
+            case "DLOAD" if words and re.fullmatch(r"P\d", words[0].upper()):
+                members = elements_of(target) if number is None else [number]
+                value = real((*words, "0")[1])
+                faces = ((element, int(words[0][1:])) for element in members)
+                found.setdefault(("P", repr(value)), {}).update(dict.fromkeys(faces, value))
+    return list(found.items())
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """Which elements some nodes have: those that share one are joined.
+
+    Attributes:
+        elements: node -> numbers of its elements.
+    """
+
+    elements: dict[int, list[int]]
+
+    @classmethod
+    def of(cls, nodes: Iterable[int], tables: Iterable[Sequence[Sequence[int]]]) -> Neighbours:
+        """Those of some nodes in tables of the nodes of each element."""
+        found: dict[int, list[int]] = {node: [] for node in nodes}
+        for number, own in enumerate(itertools.chain.from_iterable(tables)):
+            for node in own:
+                if node in found:
+                    found[node].append(number)
+        return cls(found)
+
+    def pieces(self, members: Members) -> list[Members]:
+        """Nodes in groups that are not joined: forces on several bodies, or on several sides of one, are several."""
+        around: dict[int, list[int]] = {}
+        for node in members:
+            for element in self.elements[node]:
+                around.setdefault(element, []).append(node)
+        piece: dict[int, int] = {}
+        for start in members:
+            if start in piece:
+                continue
+            waiting, number = [start], len(piece)
+            while waiting:
+                node = waiting.pop()
+                if node in piece:
+                    continue
+                piece[node] = number
+                for element in self.elements[node]:
+                    waiting += around.pop(element, ())
+        found: dict[int, Members] = {}
+        for node, value in members.items():
+            found.setdefault(piece[node], {})[node] = value
+        return list(found.values())
+
+
+@dataclass
+class Groups:
+    """All groups of a file, which get names when everything else has been read."""
+
+    said: list[tuple[Block, Words, Members]]
+
+    def named(
+        self,
+        elements: Sequence[Sequence[Sequence[int]]],
+        node_sets: dict[str, list[int]],
+        surfaces: dict[str, list[tuple[int, int]]],
+        free: Callable[[str], str | None],
+    ) -> dict[int, list[Group]]:
+        """The groups by the numbers of their keywords; each is a set that the file names, or one that is added.
+
+        Args:
+            elements: tables of nodes of each element.
+            node_sets: of the file.
+            surfaces: of the file, by their faces.
+            free: takes a name and returns it, or None where the file has it.
+        """
+        labels = {"BOUNDARY": "support", "CLOAD": "force", "DLOAD": "pressure"}
+        names = {
+            label: filter(None, map(free, map(f"{label}_{{}}".format, itertools.count(1)))) for label in labels.values()
+        }
+        known: dict[frozenset[Any], str] = {frozenset(nodes): name for name, nodes in node_sets.items()}
+        known |= {frozenset(faces): name for name, faces in surfaces.items()}
+        forces = [members for block, _, members in self.said if block.keyword == "CLOAD" and len(members) > 1]
+        joined = Neighbours.of(itertools.chain.from_iterable(forces), elements if forces else ())
+        found: dict[int, list[Group]] = {}
+        for block, told, every in self.said:
+            for members in joined.pieces(every) if block.keyword == "CLOAD" and len(every) > 1 else [every]:
+                key = frozenset(members)
+                if (name := known.get(key)) is None:
+                    name = known[key] = next(names[labels[block.keyword]])
+                    if block.keyword == "DLOAD":
+                        surfaces[name] = list(members)
+                    elif len(members) > 1:  # one node is no boundary
+                        node_sets[name] = list(members)
+                nodes = () if block.keyword == "DLOAD" else tuple(members)
+                found.setdefault(block.number, []).append(Group(name, told, nodes, tuple(members.values())))
+        return found

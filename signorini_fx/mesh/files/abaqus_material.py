@@ -1,0 +1,197 @@
+"""Materials, sections and orientations of an Abaqus input file, as the materials of a scene.  No dolfinx here."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from signorini_fx.mesh.files.abaqus_blocks import Block, quoted, real
+from signorini_fx.mesh.files.abaqus_content import Deck, Section
+from signorini_fx.mesh.files.arrays import plain
+from signorini_fx.mesh.files.shape import Floats
+
+_SECTIONS = {"SHELLSECTION": "shells", "MEMBRANESECTION": "membranes", "BEAMSECTION": "beams"}
+# Where the first six constants of stiffness of *ELASTIC, TYPE=ORTHO belong; the others are shear moduli.
+_NORMAL = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
+_CONSTANTS = 9
+# A component of a direction below this share of it is round-off.
+_ROUND_OFF = 1e-12
+
+
+def read_section(deck: Deck, block: Block) -> None:
+    """The material of a part, and the thickness of a plane one."""
+    word = _SECTIONS.get(block.keyword)
+    name = deck.model.sections.get(block.number, block.parameters["ELSET"])
+    region = None if name is None else deck.region(name)
+    if word is not None and (deck.mesh.dim == 3 or region is None):
+        deck.lose(block, f"{word}, which are no part of the body")
+        return
+    if word is not None:
+        deck.note(block, f"{word}: as a plane body under plane stress, without bending")
+    if "MATERIAL" not in block.parameters:
+        deck.lose(block, "a section of several layers")
+        return
+    if name != block.parameters["ELSET"]:
+        deck.note(
+            block,
+            f"its elements that a later section has too are of that one: the rest is {name!r}"
+            if name
+            else "all of its elements are of later sections",
+        )
+    if region is not None:
+        material, turned = (block.parameters.get(key, "").upper() for key in ("MATERIAL", "ORIENTATION"))
+        deck.sections.append(Section(region, material, turned))
+    if deck.mesh.dim == 2 and deck.hypothesis != "axisymmetric" and block.rows and block.rows[0]:
+        deck.thickness = real(block.rows[0][0])
+        if deck.thickness != 1:
+            deck.note(block, f"the thickness {deck.thickness:g}: forces are per unit of it")
+
+
+def read_constants(deck: Deck, block: Block, material: str) -> None:
+    """*ELASTIC, *DENSITY or *EXPANSION of a material."""
+    own = deck.materials[material]
+    if block.keyword == "DENSITY":
+        own["density"] = real(block.rows[0][0])
+        return
+    kind, rows = block.parameters.get("TYPE", "ISOTROPIC").upper().replace(" ", ""), len(block.rows)
+    if block.keyword == "ELASTIC" and kind in ("ORTHO", "ORTHOTROPIC", "ENGINEERINGCONSTANTS"):
+        words = [real(word) for row in block.rows[:2] for word in row][:_CONSTANTS]
+        if len(words) < _CONSTANTS:
+            raise ValueError(f"{_CONSTANTS} constants are expected")
+        own["orthotropic"] = _by_axes(words) if kind == "ENGINEERINGCONSTANTS" else _by_axes(_engineering(words))
+        rows -= 1
+    elif kind not in ("ISOTROPIC", "ISO"):
+        deck.lose(block, f"{block.name.lower()} of the material {material!r}: it is neither isotropic nor orthotropic")
+        return
+    elif block.keyword == "EXPANSION":  # ZERO, a temperature of reference, matters for a coefficient that varies only
+        own["expansion"] = real(block.rows[0][0])
+    else:
+        own["young"], own["poisson"] = (real(word) for word in (*block.rows[0], "0")[:2])
+    if rows > 1:
+        deck.lose(block, "constants that depend on temperature: the first line is taken")
+
+
+def _engineering(words: list[float]) -> list[float]:
+    """E_1, E_2, E_3, nu_12, nu_13, nu_23 and shear moduli from constants of stiffness, D_1111, D_1122 and so on."""
+    stiffness = np.zeros((3, 3))
+    for (i, j), value in zip(_NORMAL, words, strict=False):
+        stiffness[i, j] = stiffness[j, i] = value
+    if not np.linalg.matrix_rank(stiffness) == 3:
+        raise ValueError("the constants have no inverse")
+    strains = np.linalg.inv(stiffness)
+    young = [float(1 / strains[k, k]) for k in range(3)]
+    return [*young, *(-float(strains[i, j]) * young[i] for i, j in ((0, 1), (0, 2), (1, 2))), *words[6:]]
+
+
+def _by_axes(words: list[float]) -> dict[str, list[float]]:
+    return {"young": words[:3], "poisson": words[3:6], "shear": words[6:]}
+
+
+def _axes_of(deck: Deck, name: str) -> list[str]:
+    """The keys for the directions of an *ORIENTATION."""
+    block = deck.orientations.get(name)
+    if block is None:
+        raise ValueError(f"there is no *ORIENTATION {name!r}")
+    system, dim = block.parameters.get("SYSTEM", "RECTANGULAR").upper(), deck.mesh.dim
+    words = [real(word) for word in block.rows[0]]
+    if len(words) not in (6, 9) or block.parameters.get("DEFINITION", "COORDINATES").upper() != "COORDINATES":
+        raise ValueError(f"*ORIENTATION {name!r}: two points are expected, or three")
+    first, second = np.array(words[:3]), np.array(words[3:6])
+    turn, angle = ([real(word) for word in block.rows[1]] + [0.0])[:2] if len(block.rows) > 1 else (1.0, 0.0)
+    if system in ("CYLINDRICAL", "C"):
+        along = (second - first) / np.linalg.norm(second - first)
+        if angle or (dim == 2 and abs(along[2]) < 1 - _ROUND_OFF):
+            deck.lose(block, "a cylindrical orientation that is turned about one of its axes")
+        keep = np.eye(3) - np.outer(along, along)
+        cross = np.array([np.cross(along, axis) for axis in np.eye(3)]).T @ keep
+        rows = [_linear(matrix, -matrix @ first, dim) for matrix in (keep, cross)]
+    elif system in ("RECTANGULAR", "R"):
+        centre = np.array(words[6:9]) if len(words) == 9 else np.zeros(3)
+        axes = _turned(frame(first - centre, second - centre), round(turn) - 1, np.radians(angle))
+        if dim == 2 and abs(axes[2, 2]) < 1 - _ROUND_OFF:
+            deck.lose(block, "an orientation whose axis 3 is not across the plane")
+        rows = [str((np.where(np.abs(axis) < _ROUND_OFF, 0.0, axis) + 0.0)[:dim].tolist()) for axis in axes[:2]]
+    else:
+        raise ValueError(f"*ORIENTATION {name!r}: its system is neither rectangular nor cylindrical")
+    return [f"direction = {rows[0]}"] + ([f"second = {rows[1]}"] if dim == 3 else [])
+
+
+def frame(first: Floats, second: Floats) -> Floats:
+    """Unit vectors along a vector, across it in its plane with another one, and normal to both, shape (3, 3)."""
+    normal = np.cross(first, second)
+    rows = np.array([first, np.cross(normal, first), normal])
+    sizes = np.linalg.norm(rows, axis=1, keepdims=True)
+    if not sizes.all():
+        raise ValueError("its points are in line")
+    return np.asarray(rows / sizes)
+
+
+def _turned(axes: Floats, about: int, angle: float) -> Floats:
+    """A frame turned about one of its axes."""
+    if not 0 <= about < 3:
+        raise ValueError("an *ORIENTATION is turned about axis 1, 2 or 3")
+    found, (one, other) = axes.copy(), ((about + 1) % 3, (about + 2) % 3)
+    found[one] = np.cos(angle) * axes[one] + np.sin(angle) * axes[other]
+    found[other] = np.cos(angle) * axes[other] - np.sin(angle) * axes[one]
+    return found
+
+
+def _linear(matrix: Floats, constant: Floats, dim: int) -> str:
+    """A vector that is linear in the position, as values of a scene."""
+    values = []
+    for row, rest in zip(plain(matrix[:dim, :dim]), plain(constant[:dim]), strict=True):
+        terms = [f"{share!r}*x[{k}]" for k, share in enumerate(row) if abs(share) > _ROUND_OFF]
+        said = " + ".join([*terms, repr(rest)]).replace("+ -", "- ")
+        values.append(quoted(said) if terms else said)
+    return f"[{', '.join(values)}]"
+
+
+def material_tables(deck: Deck, *, heated: bool) -> list[tuple[str, list[str]]]:
+    """The lines of each material.
+
+    Raises:
+        ValueError: there is none.
+    """
+    weighs = any(load.table in ("gravity", "rotation") for load in deck.loads.values())
+    keys = ("density",) * weighs + ("expansion",) * heated
+    sections = deck.sections
+    if not sections and len(deck.materials) == 1:
+        deck.note(None, "no section: the whole body is of the only material")
+        sections = [Section("", next(iter(deck.materials)), "")]
+    shown: list[tuple[str, list[str]]] = []
+    missing = False
+    for section in sections:
+        own = deck.materials.get(section.material)
+        if own is None:
+            raise ValueError(f"the material {section.material!r} of {section.region!r} is not defined")
+        if (law := _law(deck, own, section.orientation)) is None:
+            deck.lose(
+                None, f"material {section.material!r} of {section.region!r}: it has no *ELASTIC that is known here"
+            )
+            missing = True
+            continue
+        own = {"expansion": 0.0, **own} if heated else own  # without *EXPANSION a material does not expand
+        shown.append((section.region, [*law, *(f"{key} = {own[key]!r}" for key in keys if key in own)]))
+    if not shown:
+        raise ValueError("no section has a material with *ELASTIC: add both to the file")
+    covered = np.zeros(len(deck.mesh.cells), dtype=bool)
+    for section in sections:
+        covered[deck.mesh.regions[section.region] if section.region else slice(None)] = True
+    if not covered.all():
+        deck.lose(None, f"material: {np.count_nonzero(~covered)} cells are in no section")
+    hypothesis = [f"hypothesis = {quoted(deck.hypothesis)}"] if deck.hypothesis else []
+    if covered.all() and not missing and all(lines == shown[0][1] for _, lines in shown):
+        return [("[material]", [*shown[0][1], *hypothesis])]
+    return [("[[material]]", [f"region = {quoted(region)}", *lines, *hypothesis]) for region, lines in shown]
+
+
+def _law(deck: Deck, own: dict[str, Any], orientation: str) -> list[str] | None:
+    """Its constants of elasticity as lines; None: it has none."""
+    if "young" in own:
+        return [f"{key} = {own[key]!r}" for key in ("young", "poisson")]
+    if "orthotropic" not in own:
+        return None
+    axes = _axes_of(deck, orientation) if orientation else []
+    constants = [f"{key} = {value}" for key, value in own["orthotropic"].items()]
+    return [f"orthotropic = {{ {', '.join([*constants, *axes])} }}"]

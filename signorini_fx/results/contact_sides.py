@@ -1,0 +1,103 @@
+"""The parts of the boundary with contact as a scene describes them, for its certificate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.body.node_positions import node_positions
+from signorini_fx.effects.contact import BilateralContact, BondedContact, CoulombFriction, TrescaFriction
+from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.results.contact_nodes import ContactSide
+from signorini_fx.scene.expressions import in_space, sample
+from signorini_fx.scene.model import Scene
+
+if TYPE_CHECKING:
+    from signorini_fx.body.paired_points import PairedSides
+    from signorini_fx.results.paired_claim import Claim
+
+Nodal = npt.NDArray[np.float64]
+
+
+def sides_of(
+    scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, pairs: Mapping[int, PairedSides] | None = None
+) -> list[ContactSide]:
+    """The parts of the boundary with contact as a scene describes them.
+
+    Args:
+        scene: the scene.
+        tagged: its mesh.
+        space: the displacements.
+        pairs: bodies in contact as the solver has paired them, by their places in ``scene.contact``; None: they are
+            paired anew.
+    """
+    claims: dict[int, Claim] = {}
+    if any(effect.against is not None for effect in scene.contact):
+        from signorini_fx.body.discretisation import pairs_of
+        from signorini_fx.results.paired_claim import claim_of
+
+        paired = pairs_of(scene, tagged, space) if pairs is None else pairs
+        for place, pair in paired.items():
+            effect = scene.contact[place]
+            slave, master = map(tagged.facets, (effect.boundary, str(effect.against)))
+            claims[place] = claim_of(pair, space, (slave, master), nominal=not _by_geometry(effect))
+    x = node_positions(space)[:, : space.mesh.geometry.dim]
+
+    def side(place: int, effect: Any) -> ContactSide:
+        bonded = isinstance(effect, BondedContact)
+
+        gap = effect.gap_in(tagged.dimension)
+
+        def along(nodes: npt.NDArray[Any]) -> Nodal:
+            found = np.zeros((nodes.size, x.shape[1]))  # the rest is around the axis
+            found[:, : tagged.dimension] = (
+                np.asarray(effect.direction) / np.linalg.norm(effect.direction)
+                if effect.surface is None
+                else gap.direction(in_space(x[nodes])).T
+            )
+            return found
+
+        return ContactSide(
+            effect.boundary,
+            lambda nodes: sample(gap, in_space(x[nodes])),
+            lambda nodes, pressure: (
+                np.full(nodes.size, np.inf)
+                if bonded
+                else _friction_bound(effect.friction, in_space(x[nodes]), pressure)
+            ),
+            bonded or isinstance(effect, BilateralContact),
+            None if effect.direction is None and effect.surface is None else along,
+            2 * np.pi * np.maximum(x[:, 0], 0.0) if scene.axisymmetric else None,
+            claim=claims.get(place),
+            by_geometry=_by_geometry(effect),
+            adjust=effect.adjust,
+            ellipse=None
+            if effect.friction.ratio is None
+            else lambda nodes: effect.friction.ellipse(in_space(x[nodes])),
+        )
+
+    return [side(place, effect) for place, effect in enumerate(scene.contact)]
+
+
+def _by_geometry(effect: Any) -> bool:
+    """Whether the gap of a contact is the distance of both sides."""
+    return not isinstance(effect, BondedContact) and effect.distance == "geometry"
+
+
+def _friction_bound(friction: Any, points: Nodal, pressure: Nodal) -> Nodal:
+    """F g of (6.1): g is given (Tresca) or the pressure at hand (Coulomb), up to the cap."""
+    if not friction.acts:
+        return np.zeros(pressure.size)
+    match friction:
+        case TrescaFriction(bound=bound):
+            return sample(bound, points)
+        case CoulombFriction(coefficient=coefficient, cap=cap, cohesion=cohesion):
+            bound = sample(coefficient, points) * np.abs(pressure)
+            if cohesion is not None:
+                bound = np.where(pressure == 0, 0.0, bound + sample(cohesion, points))
+            return bound if cap is None else np.minimum(bound, sample(cap, points))
+    raise TypeError(f"no friction law: {friction!r}")

@@ -1,0 +1,52 @@
+"""The stiffness of the contact points of a scene, condensed, for what is proved of its discrete solutions."""
+
+from __future__ import annotations
+
+import numpy as np
+from petsc4py import PETSc
+
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.contact.laws import Nodal
+from signorini_fx.linalg.schur import SchurComplement
+from signorini_fx.scene.effect import SectionJump
+
+ENTERS = "a load that enters the contact depends on what opens"
+# More components of contact points than this are not looked at: the matrices are dense.
+_MOST_COMPONENTS = 1200
+
+
+def contact_stiffness(d: Discretisation, place: float | None = None) -> tuple[Nodal, Nodal] | str:
+    """The stiffness and the contact map for ``uniqueness_of``, with Coulomb friction; or why there is no proof.
+
+    Args:
+        d: the discretised scene.
+        place: of the load step in the lists of factors; None: the last one.
+    """
+    law, there = d.law, d.scene.steps - 1 if place is None else place
+    by_force = any(one.acts and one.force_at(d.scene, there) is not None for one in d.scene.of(SectionJump))
+    assert law is not None
+    for wrong, reason in (
+        (bool(d.scene.joint_loads), ENTERS),
+        # Its shortening is an unknown as well, which the stiffness of a fixed one holds.
+        (by_force, "not tried where a force determines the shortening of a section"),
+        (d.tools is not None, "not tried where a force moves a foundation"),
+        (law.cohesive is not None, "where a point with cohesion opens, its friction ends with a jump"),
+        (d.comm.size > 1, "the proof is for one rank"),
+    ):
+        if wrong:
+            return reason
+    elasticity = d.elasticity([])
+    operator = elasticity.contact.operator
+    starts, columns, values = operator.getValuesCSR()
+    retained = np.unique(columns).astype(np.int32)
+    if max(retained.size, len(starts) - 1) > _MOST_COMPONENTS:
+        return f"there are {len(starts) - 1} components of contact points, the proof is for at most {_MOST_COMPONENTS}"
+    free = ~elasticity.fixed[retained]
+    rows = np.zeros((len(starts) - 1, retained.size))
+    rows[np.repeat(np.arange(len(rows)), np.diff(starts)), np.searchsorted(retained, columns)] = values
+    try:
+        of = elasticity.matrix, retained, (), elasticity.positions
+        condensed = SchurComplement(*of, definite=elasticity.definite).dense[np.ix_(free, free)]
+    except PETSc.Error:
+        return "a part of the body moves freely though its contact points are fixed"
+    return condensed, rows[:, free]

@@ -1,0 +1,159 @@
+"""Equilibrium as a certificate sees it: forces that it has evaluated anew, and the residual of each piece of a body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+
+from signorini_fx import parallel
+from signorini_fx.results.contact_nodes import ContactNodes
+from signorini_fx.results.rigid_part import RigidPart
+from signorini_fx.results.supports import Supports
+from signorini_fx.results.surface_quadrature import SurfaceQuadrature
+from signorini_fx.scales import Scales
+
+Nodal = npt.NDArray[np.float64]
+
+# Forces below this share of stiffness times displacement are round-off of a stress-free motion, as is what is below
+# this share of the largest of all pieces.
+ROUND_OFF = 1e-8
+# Units in the last place of displacements and loads that an evaluation of their nodal forces may lose.
+LOST_UNITS = 100.0
+# Contact stresses below this share of the mean stress in the body cannot be distinguished from zero, nor can forces
+# below this share of the reactions of its supports.
+FAINT = 1e-3
+
+
+@dataclass(frozen=True)
+class Balance:
+    """The forces on a body without contact, evaluated anew, and what they are compared with.
+
+    Attributes:
+        surface: integrals over its boundary.
+        internal: a(y, .) of the strains, forces, shape (owned nodes, d).
+        external: L, forces, shape (owned nodes, d).
+        supports: what is prescribed.
+        scales: of its lengths and stresses.
+        stiffest: the same with the largest modulus.
+        resisted: what resists the displacement on the boundary, the rest of a(y, .), forces, shape (owned nodes, d).
+        initial: those of initial strains where they are prevented, forces, shape (owned nodes, d).
+        prevented: energy of their stress then.
+        dilation: see ``NodalForces.dilation``; None: the pressure is no unknown.
+    """
+
+    surface: SurfaceQuadrature
+    internal: Nodal
+    external: Nodal
+    supports: Supports
+    scales: Scales
+    stiffest: Scales
+    resisted: Nodal
+    initial: Nodal | float = 0.0
+    prevented: float = 0.0
+    dilation: tuple[Nodal, Nodal] | None = None
+
+    def of_pieces(self, pieces: RigidPart) -> tuple[list[Scales], list[Scales]]:
+        """``scales`` and ``stiffest`` of each piece."""
+        if pieces.count == 1:
+            return [self.scales], [self.stiffest]
+        sizes = map(float, pieces.size)
+        scales = [replace(self.scales, size=size) for size in sizes]
+        return scales, [replace(own, modulus=self.stiffest.modulus) for own in scales]
+
+
+class Units(NamedTuple):
+    """What figures are relative to, for each piece or each point: a length of the deformation, of the displacement, and
+    a stress; the latter is at least ``penalty``, of which the round-off of a regularised law of two bodies is a
+    tolerated share.
+    """
+
+    length: Nodal
+    far: Nodal
+    stress: Nodal
+    penalty: Nodal
+
+
+def equilibrium(balance: Balance, pieces: RigidPart, y: Nodal, nodes: ContactNodes | None, units: Units) -> float:
+    """The residual of (3.3a) in the free unknowns, of each piece and of the worst contact node as a stress; collective.
+
+    Forces are relative to those of loads, contact and springs on the piece where it is free.  On slender bodies the
+    reactions of supports, and so a(y, .), may be far larger: a share of them is a lower bound, for what round-off
+    leaves.
+
+    Args:
+        balance: forces on the body without contact.
+        pieces: those of the body.
+        y: displacements of the owned nodes, shape (owned nodes, d).
+        nodes: the contact points with the tractions at them; None: there are none.
+        units: what stresses and lengths are relative to, of each piece.
+    """
+    comm, supports = balance.surface.space.mesh.comm, balance.supports
+    _, stiffest = balance.of_pieces(pieces)
+    spacing = [
+        own.spacing(int(many)) for own, many in zip(stiffest, pieces.works(np.ones((len(y), 1)))[:, 0], strict=True)
+    ]
+    # A motion without stress, or without change of volume, has forces too: round-off of the largest modulus.
+    firmness = np.array([own.stiffness(one) for own, one in zip(stiffest, spacing, strict=True)])
+    least = ROUND_OFF * firmness * pieces.norms(y)
+    loads = balance.external + balance.initial
+    acting = [supports.left(loads), supports.left(balance.resisted)]
+    residual = balance.internal + balance.resisted - loads
+    slight = FAINT * np.maximum(pieces.norms(balance.internal), pieces.norms(loads))
+    if nodes is not None:
+        reached, contact_forces, area = nodes.forces()
+        pressed = np.zeros_like(residual)
+        np.add.at(pressed, reached, contact_forces)
+        residual += pressed
+        acting.append(supports.left(pressed))
+        slight = np.maximum(slight, units.penalty * pieces.norms(area, pieces.piece[reached]))
+        slight = np.maximum(slight, ROUND_OFF * pieces.norms(pressed))  # also what supports take of it
+    force = np.max([least, slight, *(pieces.norms(part) for part in acting)], axis=0)
+    force = np.maximum(force, ROUND_OFF * float(force.max()))  # round-off of the joint system
+    residual = supports.left(residual)
+    digits = LOST_UNITS * np.finfo(float).eps
+    missing = pieces.norms(residual) - digits * least / ROUND_OFF
+    whole = max(map(ratio, missing, force))
+    if nodes is None:
+        return whole
+    # The stress at a node is known to the digits of loads, and of the displacement over the length of its side.
+    here, load = pieces.piece[reached], pieces.largest(np.linalg.norm(loads, axis=1))
+    modulus = np.array([own.modulus for own in stiffest])
+    lost = digits * ((modulus * units.far)[here] / balance.stiffest.side(area) + load[here] / area)
+    unbalanced = np.linalg.norm(residual[reached], axis=1) / area - lost
+    return max(whole, share(comm, unbalanced, units.stress[here]))
+
+
+def change_of_volume(balance: Balance, far: float, strain_energy: float) -> float:
+    """How far the volume of a mixed element changes otherwise than its pressure says, relative to the mean strain, or
+    to what loads may cause (in an enclosed body a pressure, and no strain); ``far``: largest displacement; collective.
+    """
+    if balance.dilation is None:
+        return 0.0
+    (residual, volume), comm, scales = balance.dilation, balance.surface.space.mesh.comm, balance.scales
+    loads = float(parallel.global_sum(comm, np.linalg.norm(balance.external, axis=1).sum())) / scales.surface
+    strain = max(scales.stress(strain_energy), FAINT * loads) / scales.modulus
+    spacing = scales.spacing(balance.surface.space.dofmap.index_map.size_global)
+    lost = LOST_UNITS * np.finfo(float).eps * far / spacing
+    return ratio(_norm(comm, residual) - lost * _norm(comm, volume), strain * _norm(comm, volume))
+
+
+def share(comm: MPI.Comm, parts: Nodal, wholes: Nodal) -> float:
+    """The largest share over the ranks, see ``ratio``; collective."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = np.where(parts <= 0, 0.0, parts / wholes)
+    return parallel.global_max(comm, float(np.nan_to_num(np.max(shares, initial=0.0), nan=np.inf)))
+
+
+def _norm(comm: MPI.Comm, values: Nodal) -> float:
+    return float(np.sqrt(parallel.global_sum(comm, np.sum(values**2))))
+
+
+def ratio(part: float, whole: float) -> float:
+    """Nothing is a share of nothing, and what is not is more than any share of it; negative parts count as nothing."""
+    if part <= 0:
+        return 0.0
+    return float(part / whole) if whole > 0 else np.inf

@@ -1,0 +1,102 @@
+"""The certificate judges each piece by its own scale: wrong answers of one that is hardly loaded, on slender bodies."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scenes import alone
+
+from signorini_fx.records import CERTIFICATE_TOLERANCE
+from signorini_fx.results.certificate import certify
+from signorini_fx.results.promised_law import Tractions
+from signorini_fx.scene.reading import parse_scene
+
+
+@cache
+def solved(share, dim, algorithm="ssn"):
+    """Two blocks beside each other on foundations with friction; loads and gap of the second are a share of those of
+    the first.
+    """
+    sizes = dict.fromkeys(("length", "height") if dim == 2 else ("length", "width", "height"), 1.0)
+    counts = dict.fromkeys(("nx", "ny", "nz")[:dim], 6 if dim == 2 else 3)
+    mesh = {"generator": "rectangle" if dim == 2 else "box", "parameters": sizes | counts}
+    up, held = ("y", "z")[dim - 2], dict.fromkeys(("x", "y", "z")[:dim], 0.0)
+    names = {"first": 1.0, "second": share}
+    friction = {"law": "coulomb", "coefficient": 0.3}
+    scene = {
+        "body": [{"name": n, "mesh": mesh, "shift": [3.0 * k] + [0.0] * (dim - 1)} for k, n in enumerate(names)],
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "displacement": [{"boundary": f"{name}.left", **held} for name in names],
+        "traction": [{"boundary": f"{name}.top", up: -10.0 * part} for name, part in names.items()],
+        "contact": [
+            {"boundary": f"{name}.bottom", "gap": 0.001 * part, "friction": friction} for name, part in names.items()
+        ],
+        "solver": {"algorithm": algorithm},
+    }
+    solution = alone(parse_scene(scene))
+    assert solution.certificate.holds
+    return solution
+
+
+def judged(solution, displacement=lambda y: y, pressure=lambda p: p, shear=lambda s: s):
+    """The certificate of a solution whose second block has another displacement, pressure or shear."""
+    moved, dim = solution.displacement.copy(), solution.discretisation.tagged.mesh.geometry.dim
+    y, x = moved.x.array.reshape(-1, dim), solution.discretisation.space.tabulate_dof_coordinates()
+    second = x[:, 0] > 2
+    y[second] = displacement(y[second])
+    tractions, there = Tractions.of(solution.contact), solution.contact.boundary.x[:, 0] > 2
+    changed = {name: getattr(tractions, name).copy() for name in ("pressure", "shear")}
+    for (name, values), change in zip(changed.items(), (pressure, shear), strict=True):
+        values[there] = change(values[there])
+        assert np.abs(values).max() > 0, name
+    tractions = replace(tractions, **changed)
+    return certify(solution.scene, solution.discretisation.tagged, moved, tractions, law=solution.certificate.law)
+
+
+@pytest.mark.parametrize(
+    ("share", "dim", "algorithm"), [(1e-8, 2, "ssn"), (1e-5, 2, "alm"), (1e-8, 3, "ssn"), (1e-6, 2, "exact")]
+)
+def test_a_body_that_is_hardly_loaded(share, dim, algorithm):
+    """Its displacement, pressure and shear may be no more wrong than those of the other one."""
+    solution, rng = solved(share, dim, algorithm), np.random.default_rng(0)
+    zero = lambda values: 0.0 * values  # noqa: E731
+    assert judged(solution, zero, zero, zero).equilibrium > 0.5
+    tenth = lambda values: 1.1 * values  # noqa: E731
+    assert judged(solution, tenth, tenth, tenth).worst > 0.05
+    for name in ("displacement", "pressure", "shear"):
+        for _ in range(10):
+
+            def wrong(values):
+                return values + 1e-4 * np.abs(values).max() * rng.standard_normal(values.shape)
+
+            assert judged(solution, **{name: wrong}).worst > 5 * CERTIFICATE_TOLERANCE, name
+
+
+def test_figures_do_not_depend_on_the_other_body():
+    """They are those of the same body alone, as long as round-off of the larger one is small beside it."""
+    whole, part = solved(1.0, 2), solved(1e-7, 2)
+    for factor in (1.001, 0.5):
+        equal, small = (judged(one, lambda y, factor=factor: factor * y) for one in (whole, part))
+        assert small.equilibrium == pytest.approx(equal.equilibrium, rel=1e-6)
+        assert small.entered == pytest.approx(equal.entered, rel=1e-3, abs=1e-6)
+
+
+def test_a_slender_body():
+    """The clamp of a cantilever takes 100 times the load: a load that is wrong by 1e-5 is refused all the same."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 100.0, "height": 1.0, "nx": 100, "ny": 2}},
+            "material": {"young": 1e6, "poisson": 0.3},
+            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+            "traction": {"boundary": "right", "y": -1.0},
+            "contact": {"boundary": "bottom", "gap": 0.1},
+        }
+    )
+    solution = alone(scene)
+    assert solution.certificate.holds
+    load = scene.traction[0].model_copy(update={"y": -1.0 * (1 + 1e-5)})
+    other = scene.model_copy(update={"traction": (load,)})
+    tractions, tagged = Tractions.of(solution.contact), solution.discretisation.tagged
+    found = certify(other, tagged, solution.displacement, tractions, law=solution.certificate.law)
+    assert found.equilibrium > CERTIFICATE_TOLERANCE

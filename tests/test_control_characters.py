@@ -1,0 +1,40 @@
+"""Control characters in titles and names reach no terminal, no page and no table."""
+
+import pytest
+
+from signorini_fx.csv_text import as_text
+from signorini_fx.display import html_table
+from signorini_fx.machine import terminal
+from signorini_fx.machine.terminal import Line, printable
+from signorini_fx.report.markup import tag
+
+EVIL = "A\x1b[2J\x1b]0;title\x07\x9b31m\r\x00\u202ebeam"
+CLEAN = "A31mbeam"
+
+
+@pytest.mark.parametrize(
+    "shown",
+    [
+        lambda: printable(EVIL),
+        lambda: Line(f"{EVIL}: ", EVIL).broken(80, colours=False).replace(": ", "").replace(CLEAN * 2, CLEAN),
+        lambda: as_text(EVIL),
+        lambda: str(tag("h1", EVIL)).removeprefix("<h1>").removesuffix("</h1>"),
+        lambda: html_table((), (), EVIL).partition("<caption>")[2].partition("</caption>")[0],
+    ],
+)
+def test_one_rule(shown):
+    """Escape sequences go as a whole, other control characters alone."""
+    assert shown() == CLEAN
+
+
+def test_what_stays():
+    """Ends of lines, tabs, and all letters."""
+    text = "Größe γ₁ \t 梁\nüber"
+    assert printable(text) == text
+
+
+def test_on_a_terminal(capsys):
+    """What is printed: as a text, and as lines."""
+    terminal.say(EVIL)
+    terminal.say([Line(EVIL)], error=True)
+    assert list(capsys.readouterr()) == [f"{CLEAN}\n", f"{CLEAN}\n"]

@@ -1,0 +1,111 @@
+"""Two curved bodies: frames half-way between both, so that mirror images show no shear and sides can be exchanged."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from curved_pairs import figures, mirrored, press
+
+from signorini_fx import ContactProblem
+from signorini_fx.linalg.relative import of_all_ranks
+from signorini_fx.pairs import coupling
+
+
+@pytest.mark.parametrize(
+    ("kind", "cells", "depth", "degree"),
+    [
+        ("quadrilateral", (14, 10), 0.18, 1),
+        ("triangle", (10, 8), 0.18, 2),
+        ("hexahedron", (4, 4), 0.4, 1),
+    ],
+)
+def test_mirror_images(kind, cells, depth, degree):
+    """Matching meshes at a/R of .1 to .2: no shear, and the force of one body on a plane.
+
+    With the frame of one side friction took 15 and 55 % of F P, and the force was .5 and 4.6 % off.
+    """
+    force, share, ratio = mirrored(kind, (cells, cells), 8.0, depth, degree=degree)
+    assert ratio > 0.08
+    assert abs(force) < 5e-4
+    assert share < 5e-3
+
+
+def test_mirror_images_on_other_meshes():
+    """Meshes that do not match: what is left falls with them, and it matters little which side has the points."""
+    found = []
+    for count in (14, 28):
+        cells = (count, 10), (3 * count // 4, 10)
+        sides = [mirrored("quadrilateral", cells, 8.0, 0.18, slave=k) for k in (0, 1)]
+        found.append(np.abs(sides).max(axis=0)[:2])
+    assert found[1][0] < 3e-3
+    assert found[1][0] < 0.5 * found[0][0]
+    assert found[1][1] < 0.03
+    assert found[1][1] < 0.75 * found[0][1]
+
+
+@pytest.mark.parametrize(("young", "radii"), [((200.0, 6000.0), (8.0, 8.0)), ((200.0, 200.0), (6.0, 20.0))])
+def test_either_side_may_have_the_points(young, radii):
+    """Unequal moduli or radii, on meshes that match: force and friction are the same but for the discretisation, where
+    with one-sided frames friction differed by half of itself.
+    """
+    both = [figures(press("quadrilateral", ((24, 16),) * 2, radii, 0.1, young=young, slave=k)) for k in (0, 1)]
+    assert both[0].force == pytest.approx(both[1].force, rel=2e-3)
+    assert both[0].share == pytest.approx(both[1].share, abs=5e-3)
+
+
+@pytest.mark.parametrize(("kind", "cells"), [("quadrilateral", ((14, 8), (10, 8))), ("hexahedron", ((4, 3), (3, 3)))])
+def test_motions_that_move_points_alone(kind, cells, monkeypatch):
+    """B S = 1 up to the square of a small angle where bodies touch, though points turn with their own nodes."""
+    problem = press(kind, cells, (8.0, 8.0), 0.2, linear_algebra="full")
+    contact = problem._task.system.contact
+    B, S = (of_all_ranks(contact.points.comm, matrix) for matrix in (contact.operator, contact.lift))
+    dim = contact.points.dimension
+    closed = np.repeat(problem.state.pressure > 0, dim)
+    left = abs(B @ S - sp.eye_array(closed.size)).tocsr()[closed][:, closed]
+    embedded = abs(B @ (S.multiply(abs(S) > 0.5)) - sp.eye_array(closed.size)).tocsr()[closed][:, closed]
+    assert left.max() < 5e-3
+    assert embedded.max() > 5 * left.max()
+
+
+@pytest.mark.parametrize("linear_algebra", ["condensed", "krylov"])
+def test_the_same_by_each_kind_of_linear_algebra(linear_algebra):
+    """Forces and friction are those of a direct solver."""
+    given = ("hexahedron", ((4, 4), (3, 4)), (8.0, 12.0), 0.2)
+    one, other = (figures(press(*given, linear_algebra=kind)) for kind in ("full", linear_algebra))
+    assert one.force == pytest.approx(other.force, rel=1e-8)
+    assert one.shear == pytest.approx(other.shear, rel=1e-6)
+
+
+@pytest.mark.parametrize("wrong", ["slave normals", "master rotation", "directions"])
+def test_the_certificate_knows_the_frame(wrong, monkeypatch):
+    """One-sided frames, rotations or projections balance forces and moments, too: the certificate refuses each."""
+    couple = coupling.couple
+
+    def changed(slave, master, *rest, **settings):
+        from dataclasses import replace
+
+        found = couple(slave, master, *rest, **settings)
+        sided = couple(slave, master, *rest, **settings | {"nominal": True})
+        if wrong == "slave normals":
+            return replace(found, normal=slave.nodal_normals[found.nodes])
+        if wrong == "directions":
+            same = {key: getattr(sided, key) for key in ("weight", "distance", "slave", "master", "overlap", "covered")}
+            return replace(found, **same, directions=slave.nodal_normals)
+        names = "slave_turning", "master_turning", "centre"
+        return replace(found, **{name: getattr(sided, name) for name in names})
+
+    monkeypatch.setattr("signorini_fx.body.paired_points.couple", changed)
+    monkeypatch.setattr(ContactProblem, "solve", _tried)
+    problem = press("quadrilateral", ((12, 8), (9, 8)), (8.0, 8.0), 0.2)
+    assert not problem.certificate.holds
+    assert wrong == "slave normals" or problem.certificate.coupling > 1e-4
+
+
+SOLVE = ContactProblem.solve
+
+
+def _tried(problem):
+    """Solve, whether the result is certified or not."""
+    from signorini_fx import ConvergenceError
+
+    with pytest.raises(ConvergenceError):
+        SOLVE(problem)

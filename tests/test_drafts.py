@@ -1,0 +1,523 @@
+"""Drafts of Abaqus decks: what is told for each body, parts of an assembly, included files, and what is lost."""
+
+import json
+import os
+import tomllib
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from signorini_fx import cli
+from signorini_fx.errors import SceneError
+from signorini_fx.mesh.files import abaqus_include
+from signorini_fx.mesh.files.formats import read_file
+from signorini_fx.results.files import write_results
+from signorini_fx.results.summary import render
+from signorini_fx.scene.reading import parse_scene, read_scene
+from signorini_fx.solving.solver import solve
+
+YOUNG, POISSON = 1000.0, 0.25
+STEEL = ["*MATERIAL, NAME=STEEL", "*ELASTIC", f"{YOUNG}, {POISSON}"]
+
+
+def squares(nx, ny, first=1, corner=(0.0, 0.0), size=(1.0, 1.0), name="BODY"):
+    """Nodes, elements and surfaces of a rectangle; numbers begin with ``first``."""
+    at = [(i, j) for j in range(ny + 1) for i in range(nx + 1)]
+    lines = ["*NODE"]
+    lines += [
+        f"{first + n}, {corner[0] + size[0] * i / nx}, {corner[1] + size[1] * j / ny}" for n, (i, j) in enumerate(at)
+    ]
+    lines += [f"*ELEMENT, TYPE=CPE4, ELSET={name}"]
+    cells = [i + j * (nx + 1) for j in range(ny) for i in range(nx)]
+    lines += [
+        f"{first + n}, {', '.join(str(first + c + k) for k in (0, 1, nx + 2, nx + 1))}" for n, c in enumerate(cells)
+    ]
+    lines += [f"*ELSET, ELSET={name}_LOW, GENERATE", f"{first}, {first + nx - 1}"]
+    lines += [f"*ELSET, ELSET={name}_HIGH, GENERATE", f"{first + nx * (ny - 1)}, {first + nx * ny - 1}"]
+    lines += [f"*SURFACE, NAME={name}_BOTTOM", f"{name}_LOW, S1", f"*SURFACE, NAME={name}_TOP", f"{name}_HIGH, S3"]
+    for side, start in (("FEET", 0), ("HEAD", ny * (nx + 1))):
+        lines += [f"*NSET, NSET={name}_{side}, GENERATE", f"{first + start}, {first + start + nx}"]
+    lines += [f"*NSET, NSET={name}_WALL, GENERATE", f"{first}, {first + ny * (nx + 1)}, {nx + 1}"]
+    return lines
+
+
+def drafted(folder, lines, capsys, name="deck.inp", code=0):
+    """The scene, as data, and what was printed."""
+    deck, scene = folder / name, folder / "draft.toml"
+    deck.write_text("\n".join(lines) + "\n")
+    scene.unlink(missing_ok=True)
+    ended = cli.main(["convert", str(deck), str(scene)])
+    said = capsys.readouterr()
+    assert ended == code, said
+    return scene, tomllib.loads(scene.read_text()) if scene.exists() else None, said.out + said.err
+
+
+def two_towers(force):
+    """Two bodies beside each other, of unequal width, on the ground; forces on both in one keyword."""
+    lines = [*squares(4, 4, name="A"), *squares(4, 4, 101, (3.0, 0.0), (2.0, 1.0), name="B")]
+    lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL=STEEL" for name in "AB"]
+    lines += [*STEEL, "*BOUNDARY", "A_FEET, 1, 2", "B_FEET, 1, 2", "*STEP", "*STATIC", "*CLOAD"]
+    shares = (0.5, 1.0, 1.0, 1.0, 0.5)
+    lines += [f"{21 + k}, 2, {-force[0] * share / 4}" for k, share in enumerate(shares)]
+    lines += [f"{121 + k}, 2, {-force[1] * share / 4}" for k, share in enumerate(shares)]
+    return [*lines, "*END STEP"]
+
+
+def test_forces_on_several_bodies(tmp_path, capsys):
+    """Those of one keyword are not pooled: each body carries its own to the ground."""
+    scene, data, _ = drafted(tmp_path, two_towers((3.0, 10.0)), capsys)
+    assert [one["y"] for one in data["traction"]] == pytest.approx([-3.0, -5.0])  # widths 1 and 2
+    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    feet = [solution.resultants.of(f"{name}_FEET").force[1] for name in "AB"]
+    np.testing.assert_allclose(feet, [3.0, 10.0], rtol=1e-9)
+
+
+def test_forces_with_a_moment(tmp_path, capsys):
+    """An even traction has their sum but not their moment: the draft is incomplete."""
+    lines = ["121, 2, -1.0" if line.startswith("121, 2,") else line for line in two_towers((3.0, 10.0))]
+    _, data, _ = drafted(tmp_path, lines, capsys, code=4)
+    assert ["their moment" in one for one in data["incomplete"]] == [True]
+    lines = ["125, 2, -1.0" if line.startswith("125, 2,") else line for line in lines]
+    _, data, said = drafted(tmp_path, lines, capsys)
+    assert "on 'B_HEAD' evenly" in said
+
+
+def stacked(behaviour, gap=0.0, pair="*CONTACT PAIR, INTERACTION=I"):
+    """A block above another one, under pressure; its lower side is the first of the pair."""
+    lines = [*squares(4, 2, name="LOW"), *squares(4, 2, 101, (0.0, 1.0 + gap), name="UP")]
+    lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL=STEEL" for name in ("LOW", "UP")]
+    lines += [*STEEL, "*SURFACE INTERACTION, NAME=I", *behaviour, pair, "UP_BOTTOM, LOW_TOP", "*BOUNDARY"]
+    lines += ["LOW_FEET, 2", "LOW_WALL, 1", "UP_WALL, 1", "*STEP", "*STATIC", "*DSLOAD", "UP_TOP, P, 5.0"]
+    return [*lines, "*END STEP"]
+
+
+# Of a block in plane strain under pressure on top, free at its sides, per length.
+SINKS = (1 - POISSON**2) / YOUNG
+
+
+@pytest.mark.parametrize(
+    ("behaviour", "solver"),
+    [
+        (["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "100., 3.", "*FRICTION", "0.2, 50."], (100.0, 50.0)),
+        (["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "100."], (100.0, None)),
+        (["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD"], None),
+    ],
+)
+def test_soft_contact(tmp_path, capsys, behaviour, solver):
+    """The stiffness of the deck is that of the scene: the blocks approach each other by pressure over slope."""
+    scene, data, said = drafted(tmp_path, stacked(behaviour), capsys)
+    given = data.get("solver", {})
+    assert (given.get("gamma_n"), given.get("gamma_t")) == (solver or (None, None))
+    assert "lost" not in said
+    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    y = solution.displacement.x.array[1::2].min()
+    soft = 5.0 / solver[0] if solver else 0.0
+    assert y == pytest.approx(-5.0 * 2 * SINKS - soft, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("extra", "word"),
+    [
+        (["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=EXPONENTIAL", "1e-4, .1"], "exponential: here it is hard"),
+        (["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "100.", "*TIE, NAME=T", "UP_WALL, LOW_WALL"], "it is soft"),
+    ],
+)
+def test_soft_contact_that_scenes_do_not_have(tmp_path, capsys, extra, word):
+    """Another law, or a tie that would be as soft: the draft is incomplete."""
+    _, data, _ = drafted(tmp_path, stacked(extra), capsys, code=4)
+    assert any(word in one for one in data["incomplete"])
+
+
+def test_a_stiffness_that_is_none(tmp_path, capsys):
+    """It is an error."""
+    lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "-1."])
+    assert "the stiffness -1" in drafted(tmp_path, lines, capsys, code=2)[2]
+
+
+@pytest.mark.parametrize("gap", [0.004, -0.003, -0.02, 0.008])
+def test_adjust(tmp_path, capsys, gap):
+    """Within its length the gap, or overlap, counts as zero: the blocks are compressed as one, and nothing else; a
+    larger gap has to be closed, which needs a support that lets the upper block fall.
+    """
+    lines = stacked([], gap, "*CONTACT PAIR, INTERACTION=I, ADJUST=0.005")
+    scene, data, _ = drafted(tmp_path, lines, capsys)
+    assert data["contact"] == [{"boundary": "UP_BOTTOM", "against": "LOW_TOP", "adjust": 0.005}]
+    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    assert solution.certificate.holds
+    left = gap if gap > 0.005 else 0.0
+    y = solution.displacement.x.array[1::2].min()
+    assert y == pytest.approx(-5.0 * 2 * SINKS - left, rel=1e-4)
+    np.testing.assert_allclose(solution.table.columns["gap"], left, atol=1e-12)
+    np.testing.assert_allclose(solution.table.columns["pressure"], 5.0, rtol=1e-6)
+
+
+def test_the_certificate_closes_gaps_itself(tmp_path, capsys, monkeypatch):
+    """A solver that moves points where it should not is refused."""
+    from signorini_fx.pairs.coupling import Coupling
+
+    lines = stacked([], 0.008, "*CONTACT PAIR, INTERACTION=I, ADJUST=0.005")
+    scene, _, _ = drafted(tmp_path, lines, capsys)
+    monkeypatch.setattr(Coupling, "adjusted", lambda self, limit: 0.0 * self.gap)
+    assert not solve(read_scene(scene), MPI.COMM_SELF, check=False).certificate.holds
+
+
+def test_a_set_of_nodes_to_adjust(tmp_path, capsys):
+    """With all nodes of the slave any distance is closed; with some of them the draft is incomplete."""
+    _, data, _ = drafted(tmp_path, stacked([], 0.2, "*CONTACT PAIR, INTERACTION=I, ADJUST=UP_FEET"), capsys)
+    assert data["contact"][0]["adjust"] > 0.2
+    _, data, _ = drafted(tmp_path, stacked([], 0.2, "*CONTACT PAIR, INTERACTION=I, ADJUST=UP_WALL"), capsys, code=4)
+    assert "adjust" not in data["contact"][0]
+    assert "ADJUST=UP_WALL" in data["incomplete"][0]
+
+
+BLOCK = {
+    "mesh": {"generator": "block", "parameters": {"length": 1.0, "height": 1.0, "nx": 2, "ny": 2}},
+    "material": {"young": 1.0, "poisson": 0.3},
+    "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}],
+    "contact": [{"boundary": "bottom", "gap": 0.0}],
+    "traction": [{"boundary": "top", "y": -1e-3}],
+}
+
+
+@pytest.mark.parametrize(
+    ("contact", "word"),
+    [
+        ({"boundary": "bottom", "adjust": 0.1}, "against another boundary"),
+        ({"boundary": "bottom", "against": "top", "adjust": 0.1, "distance": "nominal"}, "there are none"),
+        ({"boundary": "bottom", "against": "top", "adjust": -0.1}, "must not be negative"),
+        ({"boundary": "bottom", "against": "top", "kind": "bonded", "adjust": 0.1}, "a bond has none"),
+    ],
+)
+def test_where_nothing_can_be_adjusted(contact, word):
+    with pytest.raises(SceneError, match=word):
+        parse_scene({**BLOCK, "contact": [contact]})
+
+
+def test_what_is_incomplete(tmp_path, capsys):
+    """It is said by check, on the terminal, in the summary and in the report, until the line is removed."""
+    text = "line 7, *EQUATION: a constraint between nodes"
+    whole, lacking = parse_scene(BLOCK), parse_scene({**BLOCK, "incomplete": [text]})
+    for scene in (whole, lacking):
+        solution = solve(scene, MPI.COMM_SELF)
+        folder = tmp_path / str(len(scene.incomplete))
+        write_results(solution, folder, fields=False, pictures=False)
+        summary = json.loads((folder / "summary.json").read_text())
+        assert cli.main(["report", str(folder)]) == 0
+        page = (folder / "report.html").read_text()
+        told = [summary["incomplete"] == [text], ": converged, incomplete" in render(summary).split("\n")[0]]
+        told += [text in render(summary), "converged, incomplete" in page, text in page]
+        told.append(any(found.path == "incomplete" for found in solution.findings))
+        assert told == [bool(scene.incomplete)] * len(told)
+        assert summary["converged"]
+    capsys.readouterr()
+
+
+# --- materials --------------------------------------------------------------------------------------------------------
+
+
+def one_block(sections, materials, name="BODY"):
+    lines = [*squares(4, 2, name=name), *sections, *materials, "*BOUNDARY", f"{name}_FEET, 2", f"{name}_WALL, 1"]
+    return [*lines, "*STEP", "*STATIC", "*DSLOAD", f"{name}_TOP, P, 5.0", "*END STEP"]
+
+
+def test_sections_that_overlap(tmp_path, capsys):
+    """The later one has the elements of both; nothing is left of a section that others cover."""
+    soft = ["*MATERIAL, NAME=SOFT", "*ELASTIC", "10., 0.25"]
+    sections = [
+        f"*SOLID SECTION, ELSET={name}, MATERIAL={of}" for name, of in (("BODY", "STEEL"), ("BODY_LOW", "SOFT"))
+    ]
+    scene, data, _ = drafted(tmp_path, one_block(sections, [*STEEL, *soft]), capsys)
+    assert [(one["region"], one["young"]) for one in data["material"]] == [("BODY_rest", YOUNG), ("BODY_LOW", 10.0)]
+    regions = read_file(tmp_path / "deck.inp").regions
+    assert set(regions["BODY_rest"].tolist()) == set(range(4, 8))
+    y = solve(read_scene(scene), MPI.COMM_SELF).displacement.x.array[1::2].min()
+    assert y < -5.0 * 0.5 / 10.0 * 0.5  # the soft half alone
+    _, data, said = drafted(tmp_path, one_block(sections[::-1], [*STEEL, *soft]), capsys)
+    assert data["material"] == {"young": YOUNG, "poisson": POISSON}
+    assert "all of its elements are of later sections" in said
+
+
+AXES = {"young": [1000.0, 100.0, 50.0], "poisson": [0.3, 0.2, 0.4], "shear": [40.0, 30.0, 20.0]}
+
+
+def test_orthotropic_materials(tmp_path, capsys):
+    """Engineering constants, and the stiffness that is their inverse, are the same material; axes are turned."""
+    words = [value for key in ("young", "poisson", "shear") for value in AXES[key]]
+    given = [", ".join(map(str, words[:8])), str(words[8])]
+    compliance = np.diag(1 / np.array(AXES["young"]))
+    for (i, j), ratio in zip(((0, 1), (0, 2), (1, 2)), AXES["poisson"], strict=True):
+        compliance[i, j] = compliance[j, i] = -ratio / AXES["young"][i]
+    c = np.linalg.inv(compliance)
+    stiff = [c[0, 0], c[0, 1], c[1, 1], c[0, 2], c[1, 2], c[2, 2], *AXES["shear"]]
+    turned = ["*ORIENTATION, NAME=O, SYSTEM=RECTANGULAR", "0., 1., 0., -1., 0., 0."]
+    section = ["*SOLID SECTION, ELSET=BODY, MATERIAL=WOOD, ORIENTATION=O"]
+    wood = ["*MATERIAL, NAME=WOOD", "*ELASTIC, TYPE=ENGINEERING CONSTANTS", *given]
+    scene, data, _ = drafted(tmp_path, one_block(section, [*turned, *wood]), capsys)
+    assert data["material"]["orthotropic"] == {**AXES, "direction": [0.0, 1.0]}
+    # Under pressure along axis 1 in plane strain: strain = -p (1 - nu_13 nu_31) / E_1.
+    y = solve(read_scene(scene), MPI.COMM_SELF).displacement.x.array[1::2].min()
+    assert y == pytest.approx(-5.0 * (1 - 0.2**2 * 50.0 / 1000.0) / 1000.0, rel=1e-9)
+    wood = ["*MATERIAL, NAME=WOOD", "*ELASTIC, TYPE=ORTHO"]
+    wood += [", ".join(map(repr, map(float, stiff[:8]))), str(stiff[8])]
+    _, data, _ = drafted(tmp_path, one_block(section, [*turned, *wood]), capsys)
+    for key, values in AXES.items():
+        np.testing.assert_allclose(data["material"]["orthotropic"][key], values, rtol=1e-12)
+    round_ = ["*ORIENTATION, NAME=O, SYSTEM=CYLINDRICAL", "2., 3., 0., 2., 3., 1."]
+    _, data, _ = drafted(tmp_path, one_block(section, [*round_, *wood]), capsys)
+    direction = data["material"]["orthotropic"]["direction"]
+    place = [2.7, 2.0]
+    np.testing.assert_allclose([eval(one, {"x": place}) for one in direction], [0.7, -1.0])
+
+
+@pytest.mark.parametrize(
+    ("sections", "materials", "word"),
+    [
+        (["*SOLID SECTION, ELSET=BODY, MATERIAL=GLASS"], STEEL, "the material 'GLASS' of 'BODY' is not defined"),
+        ([], [], "no section has a material"),
+        (["*SOLID SECTION, ELSET=BODY, MATERIAL=R"], ["*MATERIAL, NAME=R", "*HYPERELASTIC", "1."], "no section has a"),
+        (
+            ["*SOLID SECTION, ELSET=BODY, MATERIAL=W, ORIENTATION=NONE"],
+            ["*MATERIAL, NAME=W", "*ELASTIC, TYPE=ENGINEERING CONSTANTS", "1.,1.,1.,0.,0.,0.,1.,1.", "1."],
+            "there is no *ORIENTATION 'NONE'",
+        ),
+        ([], ["*MATERIAL, NAME=W", "*ELASTIC, TYPE=ORTHO", "1., 2."], "9 constants are expected"),
+    ],
+)
+def test_materials_that_are_missing(tmp_path, capsys, sections, materials, word):
+    """Nothing stands in their place."""
+    assert word in drafted(tmp_path, one_block(sections, materials), capsys, code=2)[2]
+
+
+def test_a_material_of_another_kind(tmp_path, capsys):
+    """The others keep their regions, so that a solve asks for it."""
+    rubber = ["*MATERIAL, NAME=RUBBER", "*HYPERELASTIC", "1."]
+    sections = [
+        f"*SOLID SECTION, ELSET={name}, MATERIAL={of}" for name, of in (("BODY_LOW", "STEEL"), ("BODY_HIGH", "RUBBER"))
+    ]
+    _, data, _ = drafted(tmp_path, one_block(sections, [*STEEL, *rubber]), capsys, code=4)
+    assert data["material"] == [{"region": "BODY_LOW", "young": YOUNG, "poisson": POISSON}]
+    _, data, _ = drafted(tmp_path, one_block(sections[:1], STEEL), capsys, code=4)
+    assert "material: 4 cells are in no section" in data["incomplete"]
+
+
+# --- parts and included files ----------------------------------------------------------------------------------------
+
+
+def assembly(turn="0., 0., 0., 0., 0., 1., 180."):
+    """Two instances of one part, as Abaqus/CAE writes them: the second is shifted onto the first, and turned."""
+    part = ["*PART, NAME=Brick", *squares(4, 2), "*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL", "*END PART"]
+    lines = [*part, "*ASSEMBLY, NAME=Assembly", "*INSTANCE, NAME=Brick-1, PART=Brick", "*END INSTANCE"]
+    lines += ["*INSTANCE, NAME=Brick-2, PART=Brick", "-1., -2., 0.", turn, "*END INSTANCE"]
+    # The bottom of the second one is on top; names of the assembly are those of sets of the part, too.
+    lines += [
+        "*NSET, NSET=BODY_FEET, INSTANCE=Brick-1, GENERATE",
+        "1, 5",
+        "*ELSET, ELSET=_S, INSTANCE=Brick-2",
+        "1, 2, 3, 4",
+    ]
+    lines += ["*SURFACE, NAME=LID", "_S, S1", "*NODE", "1, 9., 9.", "*NSET, NSET=REF", "1", "*END ASSEMBLY", *STEEL]
+    lines += ["*CONTACT PAIR, INTERACTION=I", "Brick-2.BODY_TOP, Brick-1.BODY_TOP", "*SURFACE INTERACTION, NAME=I"]
+    lines += ["*BOUNDARY", "BODY_FEET, 2", "Brick-1.1, 1", "Brick-2.5, 1", "REF, 1, 2"]
+    return [*lines, "*STEP", "*STATIC", "*DSLOAD", "LID, P, 5.0", "*END STEP"]
+
+
+def test_an_assembly(tmp_path, capsys):
+    """Each instance has its own nodes, names and place; they are pressed together as one block."""
+    scene, data, said = drafted(tmp_path, assembly(), capsys)
+    assert data["contact"] == [{"boundary": "Brick-2.BODY_TOP", "against": "Brick-1.BODY_TOP"}]
+    assert data["displacement"] == [
+        {"boundary": "BODY_FEET", "y": 0.0},
+        {"at": [0.0, 0.0], "x": 0.0},
+        {"at": [pytest.approx(0.0, abs=1e-12), pytest.approx(2.0)], "x": 0.0},
+    ]
+    mesh = read_file(tmp_path / "deck.inp")
+    assert len(mesh.points) == 30
+    assert len(mesh.cells) == 16
+    lid = mesh.points[mesh.facets[mesh.boundaries["LID"]]]
+    np.testing.assert_allclose(lid[..., 1], 2.0)
+    np.testing.assert_allclose(mesh.points.min(axis=0), 0.0, atol=1e-12)
+    y = solve(read_scene(scene), MPI.COMM_SELF).displacement.x.array[1::2].min()
+    assert y == pytest.approx(-5.0 * 2 * SINKS, rel=1e-4)
+    assert "lost" not in said
+
+
+def test_the_only_instance_keeps_its_names(tmp_path):
+    """Names that are unique are not told apart, whether the mesh is in the part or in the instance."""
+    part = [
+        "*PART, NAME=P",
+        *squares(4, 2),
+        "*END PART",
+        "*ASSEMBLY, NAME=A",
+        "*INSTANCE, NAME=P-1, PART=P",
+        "*END INSTANCE",
+    ]
+    (tmp_path / "part.inp").write_text("\n".join([*part, "*END ASSEMBLY"]))
+    free = [
+        "*PART, NAME=P",
+        "*END PART",
+        "*ASSEMBLY, NAME=A",
+        "*INSTANCE, NAME=P-1, PART=P",
+        *squares(4, 2),
+        "*END INSTANCE",
+    ]
+    (tmp_path / "instance.inp").write_text("\n".join([*free, "*END ASSEMBLY"]))
+    (tmp_path / "flat.inp").write_text("\n".join(squares(4, 2)))
+    flat, *others = (read_file(tmp_path / f"{name}.inp") for name in ("flat", "part", "instance"))
+    for mesh in others:
+        np.testing.assert_array_equal(mesh.points, flat.points)
+        np.testing.assert_array_equal(mesh.cells, flat.cells)
+        assert mesh.boundaries.keys() == flat.boundaries.keys()
+
+
+def test_an_instance_in_space(tmp_path):
+    """It is shifted and then turned about its axis; its orientations turn with it."""
+    cube = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (2, 0), (2, 1), (0, 1))]
+    part = ["*PART, NAME=P", "*NODE", *(f"{n}, {x}, {y}, {z}" for n, (x, y, z) in enumerate(cube, 1))]
+    part += [
+        "*ELEMENT, TYPE=C3D8, ELSET=E",
+        "1, 1, 2, 3, 4, 5, 6, 7, 8",
+        "*ORIENTATION, NAME=O",
+        "1., 0., 0., 0., 1., 0.",
+    ]
+    part += ["*SOLID SECTION, ELSET=E, MATERIAL=W, ORIENTATION=O", "*END PART", "*ASSEMBLY, NAME=A"]
+    part += [
+        "*INSTANCE, NAME=P-1, PART=P",
+        "1., 0., 0.",
+        "1., 0., 0., 1., 0., 3., 90.",
+        "*END INSTANCE",
+        "*END ASSEMBLY",
+    ]
+    part += ["*MATERIAL, NAME=W", "*ELASTIC, TYPE=ENGINEERING CONSTANTS", "4.,2.,1.,0.,0.,0.,1.,1.", "1."]
+    deck, scene = tmp_path / "deck.inp", tmp_path / "deck.toml"
+    deck.write_text("\n".join(part))
+    mesh = read_file(deck)
+    np.testing.assert_allclose(mesh.points.min(axis=0), [0.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(mesh.points.max(axis=0), [1.0, 2.0, 1.0], atol=1e-12)
+    assert cli.main(["convert", str(deck), str(scene)]) == 0
+    axes = tomllib.loads(scene.read_text())["material"]["orthotropic"]
+    np.testing.assert_allclose([axes["direction"], axes["second"]], [[0, 1, 0], [-1, 0, 0]], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("lines", "word"),
+    [
+        (assembly("1., 1., 0., 1., 1., 0., 180."), "the axis of the rotation has no length"),
+        (assembly("1., 1., 0."), "a shift of three numbers is expected"),
+        ([line.replace("PART=Brick", "PART=Stone") for line in assembly()], "there is no part 'Stone'"),
+        ([line.replace("Brick-2, PART", "Brick-1, PART") for line in assembly()], "two instances 'Brick-1'"),
+        ([line.replace(", PART=Brick", "") for line in assembly()], "PART is missing"),
+        ([*squares(4, 2), "*NODE, SYSTEM=C", "999, 1., 30."], "coordinates are expected along x, y and z"),
+    ],
+)
+def test_broken_assemblies(tmp_path, capsys, lines, word):
+    """One error with the line."""
+    said = drafted(tmp_path, lines, capsys, code=2)[2]
+    assert word in said
+    assert "deck.inp: line " in said
+
+
+def test_included_files(tmp_path, capsys):
+    """Keywords and rows may be in files of the folder and below it, which may include others."""
+    whole = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "100."])
+    _, wanted, _ = drafted(tmp_path, whole, capsys)
+    (tmp_path / "parts").mkdir()
+    first = whole.index("*NODE")
+    second = whole.index("*NODE", first + 1)
+    rows = whole.index("*ELEMENT, TYPE=CPE4, ELSET=UP")
+    (tmp_path / "parts" / "low.inp").write_text("\n".join(whole[:second]))
+    (tmp_path / "nodes.txt").write_text("\n".join(whole[second + 1 : rows]) + "\n")
+    (tmp_path / "all.inc").write_text("*include, input=parts\\low.inp\n*NODE, INPUT=nodes.txt\n")
+    deck = ["** a comment", "*Include, Input=all.inc", *whole[rows:]]
+    _, data, _ = drafted(tmp_path, deck, capsys)
+    assert data == wanted
+    assert [one.name for one in abaqus_include.files_of(tmp_path / "deck.inp")] == [
+        *("deck.inp", "all.inc", "low.inp", "nodes.txt"),
+    ]
+    (tmp_path / "nodes.txt").write_text("101, 0., zero\n")
+    said = drafted(tmp_path, deck, capsys, code=2)[2]
+    assert "line 2 of all.inc, *NODE: could not convert" in said
+
+
+def test_included_files_that_are_refused(tmp_path, capsys):
+    """Outside of the folder, by whatever way; no file at all; files that never end; too many."""
+    folder = tmp_path / "deck"
+    folder.mkdir()
+    (tmp_path / "secret.inp").write_text("\n".join(squares(2, 2)))
+    (folder / "link.inp").symlink_to(tmp_path / "secret.inp")
+    (folder / "outside").symlink_to(tmp_path)
+    os.mkfifo(folder / "pipe")
+    (folder / "self.inp").write_text("*INCLUDE, INPUT=self.inp\n")
+    for level in range(12):
+        (folder / f"twice{level}.inp").write_text(f"*INCLUDE, INPUT=twice{level + 1}.inp\n" * 2)
+    (folder / "twice12.inp").write_text("** nothing\n")
+    outside = "is outside of the folder of the input file"
+    for name, word in {
+        **dict.fromkeys(
+            ("../secret.inp", "link.inp", "outside/secret.inp", "/etc/hostname", "a/../../secret.inp"), outside
+        ),
+        **dict.fromkeys(("pipe", "missing.inp", ".", "outside/.."), "the folder of the input file"),
+        "self.inp": "more than 20 times deep",
+        "twice0.inp": "more than 1000 included files",
+        "x" * 5000: "",
+        "nul\0": "",
+    }.items():
+        said = drafted(folder, [f"*INCLUDE, INPUT={name}", *squares(2, 2)], capsys, code=2)[2]
+        assert word in said
+        assert "*INCLUDE: " in said
+    assert "INPUT is missing" in drafted(folder, ["*INCLUDE", *squares(2, 2)], capsys, code=2)[2]
+
+
+def test_a_checkpoint_knows_included_files(tmp_path, capsys):
+    """A solve is not continued where an included file has changed."""
+    from signorini_fx.results.checkpoint import _described
+
+    lines = one_block(["*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL"], ["*INCLUDE, INPUT=more.inp", *STEEL])
+    (tmp_path / "more.inp").write_text("** one\n")
+    scene, _, _ = drafted(tmp_path, lines, capsys)
+    before = _described(read_scene(scene))
+    assert before == _described(read_scene(scene))
+    (tmp_path / "more.inp").write_text("** two\n")
+    assert before != _described(read_scene(scene))
+
+
+def test_turned_directions(tmp_path, capsys):
+    """*TRANSFORM along the normal of a flat boundary: a turned block sinks and moves as the one that is not turned."""
+    angle = 0.5
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    lines = one_block(["*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL"], STEEL)
+    rows = slice(lines.index("*NODE") + 1, lines.index("*ELEMENT, TYPE=CPE4, ELSET=BODY"))
+    for k in range(rows.start, rows.stop):
+        number, *x = lines[k].split(",")
+        lines[k] = ", ".join([number, *map(repr, (turn @ list(map(float, x))).tolist())])
+    axes = [*turn[:, 0].tolist(), 0.0, *turn[:, 1].tolist(), 0.0]
+    given = ["*NSET, NSET=EVERY, GENERATE", "1, 15", "*TRANSFORM, NSET=EVERY", ", ".join(map(repr, axes))]
+    at = lines.index("*BOUNDARY")
+    lines = [*lines[:at], *given, *lines[at:]]
+    lines[lines.index("BODY_FEET, 2")] = "BODY_FEET, 2, 2, 0.001"
+    scene, data, _ = drafted(tmp_path, lines, capsys)
+    assert data["displacement"] == [
+        {"boundary": "BODY_FEET", "normal": -0.001},
+        {"boundary": "BODY_WALL", "normal": 0.0},
+    ]
+    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    u = solution.displacement.x.array.reshape(-1, 2) @ turn
+    assert u[:, 1].min() == pytest.approx(0.001 - 5.0 * SINKS, rel=1e-9)
+    assert u[:, 0].max() == pytest.approx(5.0 * POISSON * (1 + POISSON) / YOUNG, rel=1e-9)
+    slanted = [row.replace("BODY_WALL, 1", "BODY_WALL, 2") for row in lines]
+    _, data, _ = drafted(tmp_path, slanted, capsys, code=4)
+    assert "in the directions of *TRANSFORM" in data["incomplete"][0]
+
+
+@pytest.mark.parametrize(
+    ("line", "word"),
+    [
+        ("*ORIENTATION", "*ORIENTATION: 'NAME' is missing"),
+        ("*AMPLITUDE", "*AMPLITUDE: 'NAME' is missing"),
+        ("*TRANSFORM, NSET=BODY_FEET\n1., 0.", "*TRANSFORM: two points are expected"),
+        ("*TRANSFORM, NSET=BODY_FEET\n1., 0., 0., 2., 0., 0.", "*TRANSFORM: its points are in line"),
+    ],
+)
+def test_broken_directions(tmp_path, capsys, line, word):
+    lines = one_block(["*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL"], [*STEEL, line])
+    assert word in drafted(tmp_path, lines, capsys, code=2)[2]

@@ -1,0 +1,103 @@
+"""Loads that jump inside a facet or a cell: what is proved of them, and what ``check`` says."""
+
+import numpy as np
+import pytest
+from scenes import alone
+
+from signorini_fx.check.checks import check_scene
+from signorini_fx.scene.cut_simplices import cut, divided
+from signorini_fx.scene.expressions import Expression
+from signorini_fx.scene.reading import parse_scene
+
+
+def square(x, *, n=8, degree=1, body_force=None, **more):
+    """A unit square with a traction (0, x) on its top; it rests on its bottom."""
+    scene = {
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": 1.0, "height": 1.0, "nx": n, "ny": n, "cell": "triangle"},
+        },
+        "element": {"degree": degree},
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "displacement": [{"boundary": "left", "x": 0.0}],
+        "traction": [{"boundary": "top", "y": x}],
+        "contact": [{"boundary": "bottom"}],
+        "solver": {"algorithm": "exact"},
+    }
+    if body_force is not None:
+        scene["body_force"] = body_force
+    return parse_scene(scene | more)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(
+    ("load", "exact", "width"),
+    [
+        ("where(x[0] < 0.47, -1, 0)", 0.47, 1e-9),
+        ("-1 if 0.46 < x[0] < 0.465 else -0.1", 0.1045, 1e-9),
+        ("-abs(x[0] - 0.43)**0.5", (0.43**1.5 + 0.57**1.5) / 1.5, 1e-3),
+        ("-max(x[0] - 0.31, 0)", 0.69**2 / 2, 1e-9),
+        ("-1 if abs(x[0] - 0.4) < 0.01 else 0", 0.02, 1e-9),
+    ],
+)
+def test_the_force_of_a_load_that_jumps_is_within_its_bounds(load, exact, width, degree):
+    """Where statics determines the force on the foundation; cut loads are known but for round-off."""
+    low, high = alone(square(load, degree=degree)).force_bounds("bottom", (0.0, 1.0))
+    assert low - 1e-12 * exact <= exact <= high + 1e-12 * exact
+    assert high - low < width * exact
+
+
+@pytest.mark.parametrize("place", [0.47, 0.53, 0.601])
+def test_what_is_no_expression_widens_the_bounds(place):
+    """A callable is not cut where it jumps; two rules are compared."""
+    solution = alone(square(lambda x: np.where(x[0] < place, -1.0, 0.0)))
+    low, high = solution.force_bounds("bottom", (0.0, 1.0))
+    assert low <= place <= high
+    assert 1e-4 < high - low < 0.05
+    assert "quadrature of the loads" in solution.error_bound.assumed
+
+
+def test_a_body_force_that_jumps_inside_cells():
+    """Its resultant is cut too, and so is the work of the loads."""
+    scene = square(0.0, body_force={"y": "-1 if x[0] + x[1] < 0.37 else 0"})
+    solution = alone(scene)
+    low, high = solution.force_bounds("bottom", (0.0, 1.0))
+    assert low - 1e-12 <= 0.37**2 / 2 <= high + 1e-12
+    assert high - low < 1e-9
+
+
+def test_the_parts_of_cut_simplices():
+    """They fill their simplex, and no function changes its sign inside one; halving them fills it too."""
+    chance = np.random.default_rng(3)
+    text = Expression("(1 if 2*x[0] + x[1] < 0.9 else 0) + abs(x[0] - x[1]) + min(x[0], 0.3)")
+    for size in (2, 3, 4):
+        x = chance.uniform(size=(20, size, 3 if size == 4 else 2))
+        owner, parts = cut(x, [text, 1.0])
+        assert len(x) < len(parts) < 30 * len(x)
+        np.testing.assert_allclose(np.bincount(owner, np.abs(np.linalg.det(parts))), 1.0, rtol=1e-12)
+        corners = np.einsum("mkc,mcd->mkd", parts, x[owner])
+        values = text.switches(corners.reshape(-1, x.shape[2]).T)
+        signs = np.where(np.abs(values) < 1e-9, 0, np.sign(values))
+        by_part = signs.reshape(len(signs), -1, size)
+        assert ((by_part.min(axis=2) >= 0) | (by_part.max(axis=2) <= 0)).all()
+        halves = divided(parts)
+        assert np.abs(np.linalg.det(halves)).sum() == pytest.approx(len(x))
+
+
+@pytest.mark.parametrize(("cell", "nodes"), [("triangle", 8), ("quadrilateral", 8)])
+def test_check_names_loads_that_jump_inside_a_facet(cell, nodes):
+    """With the share of the force that is wrong; not where they jump at nodes, nor where they are smooth."""
+
+    def told(load):
+        scene = square(
+            load, mesh={"generator": "rectangle", "parameters": {"length": 1.0, "nx": nodes, "ny": 2, "cell": cell}}
+        )
+        return [found for found in check_scene(scene).findings if found.path == "traction[0].y"]
+
+    (found,) = told("where(x[0] < 0.47, -1, 0)")
+    assert found.level == "warning"
+    assert "jumps inside 1 facet of 'top'" in found.message
+    (strip,) = told("-1 if 0.46 < x[0] < 0.465 else 0")
+    assert "inside 1 facet" in strip.message
+    for smooth in ("where(x[0] < 0.5, -1, 0)", "-x[0]**2", -1.0, "-abs(x[0] - 0.47)"):
+        assert not told(smooth)

@@ -1,0 +1,171 @@
+"""What ``solve`` refuses before it has solved anything, ``check`` refuses as well, with the same words."""
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+from mpi4py import MPI
+
+import signorini_fx
+from signorini_fx import SceneError, solve
+from signorini_fx.check.checks import check_scene
+from signorini_fx.records import IterationRecord
+from signorini_fx.scene.reading import parse_scene
+
+PACKAGE = Path(signorini_fx.__file__).parent
+REFUSALS = ("SceneError", "MeshError", "FormError", "Refused")
+COMM = MPI.COMM_SELF
+COULOMB = {"law": "coulomb", "coefficient": 0.3}
+BLOCK = {
+    "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4}},
+    "material": {"young": 1000.0, "poisson": 0.3},
+    "contact": [{"boundary": "bottom", "friction": COULOMB}],
+}
+PRESSED = {"traction": {"boundary": "top", "y": -1.0}}
+HELD = {"displacement": {"boundary": "top", "x": 0.0, "y": -0.001}}
+MOVING = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "shift": ["0.01*t", 0.0]}
+TRIANGLES = {"generator": "rectangle", "parameters": {"nx": 4, "ny": 2, "cell": "triangle"}}
+STACK = [{"name": name, "mesh": TRIANGLES, "shift": [0.0, height]} for name, height in (("lower", 0.0), ("upper", 1.0))]
+
+
+def bodies(**more):
+    """One block on another one."""
+    return {
+        "body": STACK,
+        "material": BLOCK["material"],
+        "displacement": [
+            {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+            {"boundary": "upper.top", "x": 0.0, "y": -0.001},
+        ],
+        "contact": [{"boundary": "upper.bottom", "against": "lower.top"}],
+        **more,
+    }
+
+
+def tool(**more):
+    """A block on a plane that a force presses."""
+    foundation = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "pivot": [1.0, 0.0], "force": [0.0, 1.0]}
+    return BLOCK | HELD | {"contact": [{"boundary": "bottom", "foundation": foundation, "friction": COULOMB}]} | more
+
+
+CERTIFIED = {"accuracy": {"target": 0.1, "certified": True}}
+SSN = {"solver": {"algorithm": "ssn"}}
+# What refuses arguments of functions, which are no part of a scene file.
+OF_ARGUMENTS = ("solving/solver.py", "results/checkpoint.py", "scene/base.py")
+REFUSED = {
+    "foundation that moves, body held by contact": BLOCK
+    | PRESSED
+    | {"contact": [BLOCK["contact"][0] | {"foundation": MOVING}], "load_steps": {"times": [0.0, 1.0]}},
+    "certified with a tool": tool(mesh=TRIANGLES, **CERTIFIED),
+    "certified with two bodies": bodies(**CERTIFIED),
+    "certified with load steps": BLOCK
+    | {"mesh": TRIANGLES, "displacement": {**HELD["displacement"], "factors": [0.5, 1.0]}}
+    | CERTIFIED,
+    "exact on a node with two normals": BLOCK
+    | PRESSED
+    | {"contact": [{"boundary": "bottom"}, {"boundary": "left"}], "solver": {"algorithm": "exact"}},
+    "no contact to begin with": BLOCK | HELD | {"solver": {"initial_contact": "x[0] - 5"}},
+    "pressure of an enclosed body": {
+        "mesh": BLOCK["mesh"],
+        "material": {"young": 1000.0, "poisson": 0.5},
+        "element": {"degree": 2, "volumetric": "mixed"},
+        "displacement": [
+            {"boundary": side, "x": 0.0, "y": 0.0} for side in ("left", "right", "top", "bottom")
+        ],
+    },
+}  # fmt: skip
+ACCEPTED = {
+    "block": BLOCK | PRESSED,
+    "exact": BLOCK | PRESSED | {"solver": {"algorithm": "exact"}},
+    "foundation that moves": BLOCK
+    | HELD
+    | {"contact": [BLOCK["contact"][0] | {"foundation": MOVING}], "load_steps": {"times": [0.0, 1.0]}},
+    "tool": tool(),
+    "two bodies": bodies(),
+    "mixed": BLOCK
+    | PRESSED
+    | {"material": {"young": 1000.0, "poisson": 0.5}, "element": {"degree": 2, "volumetric": "mixed"}},
+    "accuracy": BLOCK | HELD | {"accuracy": {"target": 0.3}},
+    # A refusal of the method that is tried first, exact, is not one of the scene.
+    "certified": BLOCK | HELD | {"mesh": TRIANGLES, "contact": [{"boundary": "bottom"}]} | CERTIFIED | SSN,
+    "preload": bodies(preload=[{"point": [0.5, 1.37], "axis": [0.0, 1.0], "force": 1.0}]),
+}  # fmt: skip
+
+
+def message(function, scene):
+    """Of the error that a function raises for a scene."""
+    with pytest.raises(SceneError) as caught:
+        function(parse_scene(scene), COMM)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_check_refuses_what_solve_refuses(name):
+    """In the same words, and ``solve`` before the first linear solve."""
+    solved = []
+
+    def begin(scene, comm):
+        solve(scene, comm, observers=[solved.append])
+
+    assert message(check_scene, REFUSED[name]) == message(begin, REFUSED[name])
+    assert not any(isinstance(record, IterationRecord) for record in solved)
+
+
+def refusing():
+    """(file, first line) of every function of the package that refuses a scene or a mesh."""
+    listed = set()
+    for path in PACKAGE.rglob("*.py"):
+        for function in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(function, ast.FunctionDef) and any(map(_refuses, ast.walk(function))):
+                first = min([function.lineno, *(mark.lineno for mark in function.decorator_list)])
+                listed.add((str(path), first))
+    return listed
+
+
+def _refuses(node):
+    if not isinstance(node, ast.Raise) or node.exc is None:
+        return False
+    return any(isinstance(part, ast.Name) and part.id in REFUSALS for part in ast.walk(node.exc))
+
+
+class Solved(Exception):
+    """The first linear solve."""
+
+
+def entered(function, scene, functions):
+    """Those of some functions that a call enters, until the first linear solve."""
+    called = set()
+
+    def watch(frame, event, _):
+        if event == "call":
+            key = (frame.f_code.co_filename, frame.f_code.co_firstlineno)
+            if key in functions:
+                called.add(key)
+
+    def end(record):
+        if isinstance(record, IterationRecord):
+            raise Solved
+
+    scene = parse_scene(scene)
+    before = sys.getprofile()
+    sys.setprofile(watch)
+    try:
+        function(scene, COMM, observers=[end]) if function is solve else function(scene, COMM)
+    except Solved:
+        pass
+    finally:
+        sys.setprofile(before)
+    return called
+
+
+@pytest.mark.parametrize("name", ACCEPTED)
+def test_check_enters_every_function_that_may_refuse(name):
+    """Of those that ``solve`` enters before its first linear solve none is left out."""
+    functions = refusing()
+    assert len(functions) > 50
+    solving = entered(solve, ACCEPTED[name], functions)
+    assert len(solving) > 3
+    arguments = {key for key in solving if key[0].endswith(OF_ARGUMENTS)}
+    missed = solving - entered(check_scene, ACCEPTED[name], functions) - arguments
+    assert {f"{Path(file).relative_to(PACKAGE)}:{line}" for file, line in missed} == set()
