@@ -100,10 +100,13 @@ def safety_proved(safety: dict[str, Any]) -> str:
 
 
 def safety_factor(safety: dict[str, Any]) -> str:
-    """The safety factor of a summary, an upper bound if it is not exact."""
+    """The safety factor of a summary, an upper bound if it is not exact, and those of sliding and overturning."""
     if safety["factor"] is None:
         return "no limit by statics"
-    return f"{safety['factor']:.4g}" if safety["exact"] else f"at most {safety['bound']:.4g}"
+    each = {name: safety[name] for name in ("sliding", "overturning") if name in safety}
+    told = [f"{name} {'no limit' if value is None else f'{value:.4g}'}" for name, value in each.items()]
+    whole = f"{safety['factor']:.4g}" if safety["exact"] else f"at most {safety['bound']:.4g}"
+    return f"{whole} ({', '.join(told)})" if told else whole
 
 
 def friction_in_use(safety: dict[str, Any]) -> list[str]:

@@ -4164,6 +4164,20 @@ MUTANTS = (
     ),
     Mutant(
         "results/safety",
+        "here.rough",
+        "here",
+        "safety: a body that overturns may slide",
+        tests=("safety::test_a_dam",),
+    ),
+    Mutant(
+        "results/safety",
+        "null_space(here.normal, _ALONG)",
+        "null_space(turned, _ALONG)",
+        "safety: a block that turns on its plane does not slide",
+        tests=("resultants::test_block_that_a_couple_turns",),
+    ),
+    Mutant(
+        "results/safety",
         "limit.found < worst[0].found",
         "limit.found > worst[0].found",
         "safety: the safest piece counts",

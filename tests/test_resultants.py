@@ -171,6 +171,7 @@ def test_block_that_may_tip(cell, degree, push):
     slides, tips = 2.0 * weight / push, weight * LENGTH / 2 / overturning
     assert safety.bound == pytest.approx(min(slides, tips), rel=1e-8)
     assert safety.factor == pytest.approx(safety.bound, rel=1e-8)
+    assert (safety.sliding, safety.overturning) == (pytest.approx(slides), pytest.approx(tips))
     assert safety.friction_used == pytest.approx(1 / min(slides, tips), rel=1e-6)
     assert safety.motion == ("the rotation about (2, 0)" if tips < slides else "the translation along (1, 0)")
     assert solution.resultants.of("bottom").acts_at == near([LENGTH / 2 + overturning / weight, 0.0], 1.0)
@@ -198,7 +199,21 @@ def test_block_that_may_tip_over_a_corner(cells, degree):
     slides, tips = 0.6 * weight / np.hypot(along, across), 1 / np.max(sides[:, :2] @ eccentricity / reach)
     assert safety.bound == pytest.approx(min(slides, tips), rel=2e-4)
     assert safety.factor <= safety.bound
+    assert (safety.sliding, safety.overturning) == (pytest.approx(slides, rel=2e-4), pytest.approx(tips, rel=2e-4))
     assert foot.area == pytest.approx(LENGTH * DEPTH)
+
+
+@pytest.mark.mpi
+def test_block_that_a_couple_turns():
+    """It turns on its base when two corners, which carry all of the weight, give way; it cannot tip."""
+    weight, push = 6.0, 0.5
+    pushes = [{"boundary": side, "y": way * push / (DEPTH * HEIGHT)} for side, way in (("left", -1.0), ("right", 1.0))]
+    contact = {"boundary": "bottom", "friction": COULOMB}
+    scene = space(body_force={"z": -weight / (LENGTH * DEPTH * HEIGHT)}, traction=pushes, contact=contact)
+    safety = solve(scene, COMM).safety
+    turns = 0.6 * weight * np.hypot(LENGTH, DEPTH) / 2 / (push * LENGTH)
+    assert (safety.bound, safety.sliding) == (pytest.approx(turns, rel=1e-6), pytest.approx(turns, rel=1e-6))
+    assert safety.overturning == np.inf
 
 
 @pytest.mark.mpi

@@ -113,7 +113,9 @@ def test_of_several_pieces_the_weakest_counts(pushes):
     contact = [{"boundary": f"bottom {box.name}", "friction": COULOMB} for box in boxes]
     weight = {"y": -1.0, "live": False}
     scene = scene_on(boxes_mesh(MPI.COMM_SELF, boxes), body_force=weight, traction=tractions, contact=contact)
-    assert alone(scene).safety.factor == pytest.approx(0.8 / 0.2, rel=1e-6)
+    safety = alone(scene).safety
+    assert safety.factor == pytest.approx(0.8 / 0.2, rel=1e-6)
+    assert (safety.sliding, safety.overturning) == (pytest.approx(0.8 / 0.2), pytest.approx(0.5 / (0.2 * 0.5)))
 
 
 def test_a_preload_does_not_grow():
@@ -125,7 +127,7 @@ def test_a_preload_does_not_grow():
     dead = alone(parse_scene({**common, "traction": [press | {"live": False}, push]})).safety
     assert dead.factor == pytest.approx(0.8 * 2.0 * LENGTH / 0.5, rel=1e-9)
     grown = alone(parse_scene({**common, "traction": [press, push]})).safety
-    assert grown.factor == np.inf
+    assert grown.factor == grown.sliding == grown.overturning == np.inf
     assert grown.motion == ""
     assert grown.friction_used == pytest.approx(0.5 / (0.8 * 2.0 * LENGTH), rel=1e-6)
 
@@ -183,6 +185,7 @@ def test_a_dam(friction, motion):
     safety = alone(dam(friction)).safety
     assert safety.factor == pytest.approx(min(slides, tips), rel=1e-9)
     assert safety.bound == pytest.approx(min(slides, tips), rel=1e-9)
+    assert (safety.sliding, safety.overturning) == (pytest.approx(slides), pytest.approx(tips))
     assert safety.motion == motion
     assert safety.friction_used == pytest.approx(1 / min(slides, tips), rel=1e-6)
 
@@ -303,6 +306,7 @@ def test_a_wedge_in_a_groove():
     assert safety.factor == pytest.approx(limit, rel=1e-9)
     assert safety.bound == pytest.approx(limit, rel=1e-6)
     assert safety.motion == "the translation along (1, 0, 0)"
+    assert (safety.sliding, safety.overturning) == (pytest.approx(limit, rel=1e-6), np.inf)
     centre = np.array([1.5, 0.0, 1.25 / 3 / 0.75])
     end = np.array([0.0, 0.0, 1.25 / 3 / 0.75])
     check_between_programmes(solution, [[(weight * DOWN, centre)], [(pull * ALONG, end)]])

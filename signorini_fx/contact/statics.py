@@ -172,14 +172,14 @@ def squeezed(here: Reactions, gap: Nodal) -> bool:
     return bool(np.linalg.norm(rest) <= ZERO)
 
 
-def null_space(rows: Nodal) -> Nodal:
-    """Directions, one per column, perpendicular to all rows but for round-off.
+def null_space(rows: Nodal, share: float = ZERO) -> Nodal:
+    """Directions, one per column, perpendicular to all rows but for a share of them, round-off.
 
     By singular values: the squares that the eigenvalues of a product are would be round-off below its own.
     """
     k = rows.shape[1]
     _, values, directions = np.linalg.svd(np.linalg.qr(np.concatenate((rows, np.zeros((k, k)))), mode="r"))
-    null: Nodal = directions[values <= ZERO * values[:1]].T
+    null: Nodal = directions[values <= share * values[:1]].T
     return null
 
 

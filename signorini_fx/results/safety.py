@@ -13,11 +13,12 @@ from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.joint_pressure import work_on_motions
 from signorini_fx.body.limits import Surface, Unproved, factor_at_least, factor_at_most, surface_of
 from signorini_fx.body.motion_names import names_of
-from signorini_fx.contact.laws import FrictionLaw
+from signorini_fx.body.rigid import RigidMotions
+from signorini_fx.contact.laws import FrictionLaw, Nodal
 from signorini_fx.contact.motions import FreeMotions, RigidLoad, total_work
-from signorini_fx.contact.reactions import reactions
+from signorini_fx.contact.reactions import Reactions, reactions
 from signorini_fx.contact.resting_place import resting_place
-from signorini_fx.contact.statics import Limit, along_contact, largest_multiple
+from signorini_fx.contact.statics import Limit, along_contact, largest_multiple, null_space
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.scene.effect import Force
 from signorini_fx.scene.model import Scene
@@ -26,6 +27,8 @@ from signorini_fx.scene.model import Scene
 _CLOSED = 1e-9
 # Factors of the mesh and of the body that differ by less are equal.
 _SAME = 1e-8
+# Share of the largest normal motion at contact points below which a motion opens none: normals of meshes are not exact.
+_ALONG = 1e-3
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,10 @@ class Safety:
             move the body away at 1 / ``friction_used`` of their size if no friction bound changes.  It describes this
             solution and sets no limit, because the pressures change with the loads.  None without Coulomb friction.
         motion: the motion beyond ``factor``, in words; "" where there is no limit.
+        sliding: the largest multiple that the law balances in all translations, and in what else moves the body along
+            the contact without opening it: however it would tip.  At least ``factor``.
+        overturning: the largest multiple if friction had no limit where there is any: however it would slide.  At least
+            ``factor``.
         body: between which multiples that of the body is, with every point of its surface that touches to one facet,
             round-off included; 0 and infinity where nothing is proved.
         reason: why nothing is proved of the body; "".
@@ -55,6 +62,8 @@ class Safety:
     exact: bool
     friction_used: float | None
     motion: str
+    sliding: float
+    overturning: float
     body: tuple[float, float] = (0.0, np.inf)
     reason: str = ""
 
@@ -111,24 +120,30 @@ def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety 
     low, high = np.inf, np.inf
     worst: tuple[Limit, str] | None = None
     used: list[float] = []
+    sliding = overturning = np.inf
     for number, columns in at_contact.assemblies():
         if not live[columns].any():
             continue
-        loads = dead[columns], live[columns]
-        limit = largest_multiple(allowed.of(number, columns), *loads)
+        loads, here = (dead[columns], live[columns]), allowed.of(number, columns)
+        limit = largest_multiple(here, *loads)
         if limit is None:
             return None
+        if limit.factor < np.inf:
+            along = _along_contact(here, motions, columns)
+            driven = np.where(np.abs(loads[1] @ along) > _SAME * np.abs(loads[1]).max(), loads[1] @ along, 0.0)
+            sliding = min(sliding, _multiple(_on(here, along), loads[0] @ along, driven, limit.factor))
+            overturning = min(overturning, _multiple(here.rough, *loads, limit.factor))
         if surfaces is not None:
-            least = factor_at_least(allowed.of(number, columns), surfaces[number], limit.found, *loads)
+            least = factor_at_least(here, surfaces[number], limit.found, *loads)
             low = min(low, 0.0 if least is None else least)
             if limit.motion is not None:
                 high = min(high, factor_at_most(surfaces[number], limit.motion, *loads))
         if worst is None or limit.found < worst[0].found:
             words = ""
             if limit.motion is not None:
-                along = along_contact(allowed.of(number, columns), limit.motion, limit.pressed)
+                beyond = along_contact(here, limit.motion, limit.pressed)
                 members = np.flatnonzero(motions.pieces.assembly == number)
-                words = names_of((motions.of_all[:, columns] @ along)[:, None], motions, members)
+                words = names_of((motions.of_all[:, columns] @ beyond)[:, None], motions, members)
             worst = limit, words
         if present is not None:
             now = largest_multiple(present.of(number, columns), *loads)
@@ -138,8 +153,43 @@ def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety 
     if worst is None:
         return None
     limit, words = worst
-    body = (0.0, np.inf) if surfaces is None else (low, high)
-    return Safety(limit.found, limit.factor, not d.scene.has_coulomb, max(used, default=None), words, body, reason)
+    return Safety(
+        limit.found,
+        limit.factor,
+        not d.scene.has_coulomb,
+        max(used, default=None),
+        words,
+        sliding,
+        overturning,
+        (0.0, np.inf) if surfaces is None else (low, high),
+        reason,
+    )
+
+
+def _along_contact(here: Reactions, motions: RigidMotions, columns: npt.NDArray[np.bool_]) -> Nodal:
+    """The translations of an assembly, and its motions that open no contact, as combinations of its free motions.
+
+    Returns:
+        An orthonormal basis, shape (k, s).
+    """
+    moved = motions.of_all[:, columns].reshape(-1, motions.each, np.count_nonzero(columns))
+    turned = moved[:, motions.x.shape[1] :].reshape(-1, moved.shape[2])
+    both = np.column_stack((null_space(turned, _ALONG), null_space(here.normal, _ALONG)))
+    vectors, values, _ = np.linalg.svd(both, full_matrices=False)
+    return np.asarray(vectors[:, values > _SAME])
+
+
+def _on(here: Reactions, motions: Nodal) -> Reactions:
+    """The same reactions on combinations of the motions, shape (k, s)."""
+    return replace(here, normal=here.normal @ motions, tangential=here.tangential @ motions)
+
+
+def _multiple(here: Reactions, dead: Nodal, live: Nodal, whole: float) -> float:
+    """The largest multiple of a load, known to be at least ``whole``; infinite without a load."""
+    if not live.any():
+        return np.inf
+    limit = largest_multiple(here, dead, live)
+    return whole if limit is None else max(whole, limit.factor)
 
 
 def _surfaces(d: Discretisation, pressing: npt.NDArray[np.bool_]) -> tuple[dict[int, Surface] | None, str]:
