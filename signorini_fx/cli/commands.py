@@ -101,6 +101,7 @@ def solve(options: argparse.Namespace) -> int:
             finally:
                 line.erase()
             progress.solved = True
+            progress.is_written = lambda: folder.committed
             pictures = False if options.no_pictures else options.picture or True
             summary = files.write_results(solution, folder, fields=fields, pictures=pictures, pdf=options.pdf)
     except KeyboardInterrupt:
@@ -122,6 +123,7 @@ class _Progress:
         self._folder = folder
         self.solves = self.meshes = 0
         self.solved = False
+        self.is_written: Callable[[], bool] = lambda: False
         self.last_level: Path | None = None
 
     def __call__(self, record: Any) -> None:
@@ -131,6 +133,8 @@ class _Progress:
             self.solves += 1
 
     def __str__(self) -> str:
+        if self.is_written():
+            return f" while statements or pictures were added: the results are in {self._folder}/"
         if self.solved:
             return " while the results were written: they are not kept"
         mesh = f" on mesh {self.meshes}" if self.meshes else ""

@@ -1,7 +1,12 @@
-"""Statements about a result that stands: where one of them fails, this is said, and the result is kept."""
+"""What is said about a result that stands: where it fails, this is told, and the result is kept.
+
+On several ranks an error of one of them leaves the others waiting for it in MPI.  So a result is in its place before
+any of this begins.
+"""
 
 from __future__ import annotations
 
+import time
 import traceback
 from collections.abc import Callable
 from dataclasses import asdict
@@ -13,30 +18,74 @@ from signorini_fx.records import Finding
 from signorini_fx.results.solution import Solution
 
 T = TypeVar("T")
+# How long a rank with an error waits for those that may have it later, seconds.
+PATIENCE = 30.0
 
 
 def afterthought(comm: MPI.Comm, what: str, findings: list[dict[str, Any]], state: Callable[[], T]) -> T | None:
-    """A statement; None if it fails, with a warning among the findings.
-
-    On several ranks an error may be that of one of them, while others wait for it: there it is raised as it is.
+    """What ``state`` returns; None if it fails on any rank, with a warning among the findings; collective.
 
     Args:
         comm: the ranks.
         what: it is, a key of the summary.
         findings: rows of the summary.
-        state: computes it.
+        state: computes it; collective.
+
+    Raises:
+        Exception: that of this rank, if the others do not come to an end, since they wait for it.
     """
-    if comm.size > 1:
-        return state()
+    apart = comm.Dup()  # the others may be in a collective call of ``comm``
+    result: T | None = None
+    error: Exception | None = None
     try:
-        return state()
-    except Exception as error:
-        last = traceback.extract_tb(error.__traceback__)[-1]
-        told = str(error).strip().splitlines()
-        reason = f"{type(error).__name__} in {last.name}{f': {told[-1]}' if told else ''}"
-        message = f"was not computed, which changes nothing in the other results: {reason}"
-        findings.append(asdict(Finding("warning", what, message)))
-        return None
+        result = state()
+    except Exception as raised:
+        error = raised
+    failed = bytearray(1)
+    everybody = apart.Iallreduce([bytearray([error is not None]), MPI.BYTE], [failed, MPI.BYTE], op=MPI.BOR)
+    if error is None:
+        everybody.Wait()
+    elif not _ends(everybody):
+        error.add_note(f"The results are written, without this: {what}.")
+        raise error
+    reasons = apart.allgather(None if error is None else failure_in_words(error)) if failed[0] else []
+    apart.Free()
+    reason = next((told for told in reasons if told is not None), None)
+    if reason is None:
+        return result
+    message = f"was not computed, which changes nothing in the other results: {reason}"
+    findings.append(asdict(Finding("warning", what, message)))
+    return None
+
+
+def _ends(request: MPI.Request) -> bool:
+    """Whether all ranks get there while this one has patience."""
+    end = time.monotonic() + PATIENCE
+    while not request.Test():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.01)
+    return True
+
+
+def failure_in_words(error: Exception) -> str:
+    """Kind, place and last line of an error that nobody expected."""
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    told = str(error).strip().splitlines()
+    return f"{type(error).__name__} in {last.name}{f': {told[-1]}' if told else ''}"
+
+
+def missing(what: list[str]) -> list[dict[str, Any]]:
+    """Findings of a result to which these are not yet added."""
+    return [asdict(Finding("warning", name, "is missing: the run ended before it was complete")) for name in what]
+
+
+def asked(solution: Solution) -> list[str]:
+    """The keys of the summary that ``proved`` may add."""
+    goal, settings = solution.scene.accuracy, solution.scene.solver
+    bounded = settings.error_bound or (goal is not None and goal.certified)
+    names = {"safety": solution.contact is not None, "uniqueness": settings.uniqueness, "error_bound": bounded}
+    return [name for name, wanted in names.items() if wanted]
 
 
 def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]:
@@ -46,15 +95,18 @@ def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]
         solution: what was solved.
         findings: rows of the summary.
     """
-    comm, goal, found = solution.comm, solution.scene.accuracy, dict[str, Any]()
-    if solution.scene.solver.uniqueness:
+    comm, wanted, entries = solution.comm, asked(solution), dict[str, Any]()
+    if "safety" in wanted and (safety := afterthought(comm, "safety", findings, lambda: solution.safety)) is not None:
+        entries["safety"] = safety.as_dict()
+    if "uniqueness" in wanted:
         unique = afterthought(comm, "uniqueness", findings, lambda: solution.uniqueness)
         if unique is not None:
-            found["uniqueness"] = unique.as_dict()
-    asked = solution.scene.solver.error_bound or (goal is not None and goal.certified)
-    if asked and (bound := afterthought(comm, "error_bound", findings, lambda: solution.error_bound)) is not None:
-        found["error_bound"] = {"statement": f"none: {bound}"} if isinstance(bound, str) else bound.as_dict()
-        if not isinstance(bound, str):
+            entries["uniqueness"] = unique.as_dict()
+    if "error_bound" in wanted:
+        bound = afterthought(comm, "error_bound", findings, lambda: solution.error_bound)
+        if isinstance(bound, str):
+            entries["error_bound"] = {"statement": f"none: {bound}"}
+        elif bound is not None:
             fixed = afterthought(comm, "error_bound", findings, lambda: solution.fixed_point)
-            found["error_bound"] |= {} if fixed is None else fixed.beside(bound)
-    return found
+            entries["error_bound"] = bound.as_dict() | ({} if fixed is None else fixed.beside(bound))
+    return entries

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import chain
 from pathlib import Path
@@ -22,14 +23,15 @@ from signorini_fx.errors import PictureError, cannot_be_written
 from signorini_fx.machine.terminal import say
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.pictures.fields import FIELDS, ON_DEMAND, unknown
-from signorini_fx.pictures.result_pictures import TURNING, ResultPictures
+from signorini_fx.pictures.result_pictures import TURNING
 from signorini_fx.records import as_rows
 from signorini_fx.report.reading import read_csv, read_facets
+from signorini_fx.results import afterthoughts
 from signorini_fx.results.fields import VTU, chosen_format, size_of_fields, write_fields
 from signorini_fx.results.folder import CHECKPOINT, SUMMARY, ResultFolder
 from signorini_fx.results.picture_data import gather_pictures
 from signorini_fx.results.solution import Solution
-from signorini_fx.results.summary import summarise
+from signorini_fx.results.summary import summary_of
 from signorini_fx.scene.values import kind_of
 
 T = TypeVar("T")
@@ -75,6 +77,9 @@ def write_results(
 ) -> dict[str, Any]:
     """Write the result folder; collective.
 
+    The result is in its place before guaranteed bounds, safety factor, uniqueness, further tables and pictures are
+    made.  One of these that fails is a warning in the summary.
+
     Args:
         solution: what to write, converged or not.
         folder: made if it does not exist, or claimed before.
@@ -105,49 +110,82 @@ def write_results(
                 f"no picture of {', '.join(map(repr, wrong))}: there are {', '.join(('von_mises', *ON_DEMAND))}"
             )
     with folder if isinstance(folder, ResultFolder) else ResultFolder(solution.comm, folder, FILES) as claimed:
-        summary = _write(solution, claimed, fields=kind, pictures=pictures, pdf=pdf)
-        claimed.commit()
-    return summary
+        return _Written(solution, claimed).write(kind, pictures, pdf=pdf)
 
 
-def _write(
-    solution: Solution, folder: ResultFolder, *, fields: str | None, pictures: bool | Sequence[str], pdf: bool
-) -> dict[str, Any]:
-    """Write everything into the hidden part of a claimed folder; collective."""
-    comm, part = solution.comm, folder.part
-    asked = () if isinstance(pictures, bool) else tuple(pictures)
-    table = solution.table if solution.contact is not None else None
-    summary = summarise(solution, table)
-    plane = solution.discretisation.tagged.dimension == 2
-    # Keys that a scene in the plane, or one in space, does not have.
-    summary["scene"] = describe(solution.scene, ("z",) if plane else ("hypothesis",))
-    summary["finished"] = parallel.on_root(comm, lambda: datetime.now(UTC).isoformat(timespec="seconds"))
-    steps = summary.get("steps", [])
-    if fields is not None:
-        folder.reserve(size_of_fields(solution, fields))
-        summary["fields"] = _together(comm, folder, lambda: write_fields(solution, part, fields))
-        summary["stress"] = solution.stress.as_dict()
-    along_steps = _contact_by_step(solution) if steps and table is not None else []
-    drawn = gather_pictures(solution, asked, pdf=pdf) if pictures is not False else None
-    facets = None if plane else _contact_facets(solution)
-    other = None
-    if solution.contact is not None and solution.scene.sides[1] is not None:
-        from signorini_fx.results.other_side import other_side
+@dataclass(frozen=True)
+class _Written:
+    """A solution and the claimed folder that it is written into; every method is collective."""
 
-        other = other_side(solution)
+    solution: Solution
+    folder: ResultFolder
 
-    def write() -> None:
-        try:
+    def write(self, fields: str | None, pictures: bool | Sequence[str], *, pdf: bool) -> dict[str, Any]:
+        """What stands first; then what is said about it, and the pictures, of which each may fail."""
+        solution, folder = self.solution, self.folder
+        table = solution.table if solution.contact is not None else None
+        summary = self._stands(table, fields)
+        findings = summary["findings"]
+        drawn = ["pictures"] if pictures is not False else []
+        self._put(summary, [*afterthoughts.asked(solution), "tables", *drawn])
+        folder.commit()
+        afterthoughts.afterthought(solution.comm, "tables", findings, lambda: self._tables(table))
+        summary |= afterthoughts.proved(solution, findings)
+        self._put(summary, drawn)
+        folder.add()
+        if drawn:
+            fields_asked = () if isinstance(pictures, bool) else tuple(pictures)
+            count = len(findings)
+            afterthoughts.afterthought(
+                solution.comm, "pictures", findings, lambda: self._pictures(table, fields_asked, pdf=pdf)
+            )
+            if len(findings) > count:
+                parallel.on_root(solution.comm, folder.clear)  # a file may be truncated
+            self._put(summary, [])
+            folder.add()
+        return summary
+
+    def _stands(self, table: ContactTable | None, fields: str | None) -> dict[str, Any]:
+        """Fields and the tables that everything else is about; returns the summary."""
+        solution, comm, part = self.solution, self.solution.comm, self.folder.part
+        summary = summary_of(solution, table)
+        plane = solution.discretisation.tagged.dimension == 2
+        # Keys that a scene in the plane, or one in space, does not have.
+        summary["scene"] = describe(solution.scene, ("z",) if plane else ("hypothesis",))
+        summary["finished"] = parallel.on_root(comm, lambda: datetime.now(UTC).isoformat(timespec="seconds"))
+        steps = summary.get("steps", [])
+        if fields is not None:
+            self.folder.reserve(size_of_fields(solution, fields))
+            summary["fields"] = _together(comm, self.folder, lambda: write_fields(solution, part, fields))
+            summary["stress"] = solution.stress.as_dict()
+
+        def write() -> None:
             for name, records in (("history", solution.history.iterations), ("outer", solution.history.outer)):
                 rows = as_rows(records)
                 left_out = () if steps else ("step",)
                 write_csv(part / f"{name}.csv", [{k: v for k, v in row.items() if k not in left_out} for row in rows])
-            if solution.price_list:
-                write_csv(part / "price_list.csv", as_rows(solution.price_list))
             if steps:
                 write_csv(part / "steps.csv", steps)
             if table is not None:
                 write_csv(part / "contact.csv", _rows(table.columns))
+
+        self._on_root(write)
+        return summary
+
+    def _tables(self, table: ContactTable | None) -> None:
+        """The tables that show more of it."""
+        solution, part = self.solution, self.folder.part
+        along_steps = _contact_by_step(solution) if solution.scene.several_steps and table is not None else []
+        facets = None if solution.discretisation.tagged.dimension == 2 else _contact_facets(solution)
+        other = None
+        if solution.contact is not None and solution.scene.sides[1] is not None:
+            from signorini_fx.results.other_side import other_side
+
+            other = other_side(solution)
+
+        def write() -> None:
+            if solution.price_list:
+                write_csv(part / "price_list.csv", as_rows(solution.price_list))
             if other is not None:
                 write_csv(part / "contact_other_side.csv", _rows(other))
             if table is not None and facets is not None:
@@ -156,27 +194,47 @@ def _write(
                 write_surface(part / "contact.vtu", table, facets)
             if along_steps:
                 write_csv(part / "contact_steps.csv", chain.from_iterable(map(_rows, along_steps)))
-            if drawn is not None:
-                _draw(drawn, part, table, several=len(steps) > 1)
-            text = json.dumps(_finite(summary), indent=2, allow_nan=False)
-            (part / SUMMARY).write_text(text + "\n", encoding="utf-8")
-        except Exception as error:  # matplotlib fails again on the file that a full disk has truncated
-            if (reason := _of_the_system(error)) is None:
-                raise
-            raise cannot_be_written(folder.path, reason) from None
 
-    parallel.on_root(comm, write)
-    return summary
+        self._on_root(write)
 
+    def _pictures(self, table: ContactTable | None, fields: tuple[str, ...], *, pdf: bool) -> None:
+        """All pictures, beside the tables that some of them are drawn from."""
+        solution, folder = self.solution, self.folder
+        gathered = gather_pictures(solution, fields, pdf=pdf)
+        contact = None if table is None else table.columns
+        surface, steps = folder.path / "contact.vtu", folder.path / "steps.csv"
 
-def _draw(pictures: ResultPictures, part: Path, table: ContactTable | None, *, several: bool) -> None:
-    """All pictures, beside the tables that some of them are drawn from."""
-    contact = None if table is None else table.columns
-    facets = read_facets(part / "contact.vtu") if contact is not None and pictures.dimension == 3 else None
-    try:
-        pictures.draw(part, contact, facets, read_csv(part / "steps.csv") if several else None)
-    except PictureError as error:
-        say(f"the deformed body is not drawn: {error}")
+        def draw() -> None:
+            facets = read_facets(surface) if contact is not None and gathered.dimension == 3 else None
+            try:
+                gathered.draw(folder.part, contact, facets, read_csv(steps) if len(solution.steps) > 1 else None)
+            except PictureError as error:
+                say(f"the deformed body is not drawn: {error}")
+
+        self._on_root(draw)
+
+    def _put(self, summary: dict[str, Any], absent: list[str]) -> None:
+        """Write the summary, with what it lacks so far."""
+        findings = [*summary["findings"], *afterthoughts.missing(absent)]
+        text = json.dumps(_finite({**summary, "findings": findings}), indent=2, allow_nan=False)
+        self._on_root(lambda: (self.folder.part / SUMMARY).write_text(text + "\n", encoding="utf-8"))
+
+    def _on_root(self, write: Callable[[], object]) -> None:
+        """Write files on the first rank.
+
+        Raises:
+            OutputError: the system refuses it.
+        """
+
+        def attempt() -> None:
+            try:
+                write()
+            except Exception as error:  # matplotlib fails again on the file that a full disk has truncated
+                if (reason := _of_the_system(error)) is None:
+                    raise
+                raise cannot_be_written(self.folder.path, reason) from None
+
+        parallel.on_root(self.solution.comm, attempt)
 
 
 def _contact_facets(solution: Solution) -> npt.NDArray[np.int64] | None:

@@ -1,9 +1,10 @@
 """Result folders: written completely or not at all, by one run at a time.
 
 Everything is written into a hidden folder inside the result folder and moved into place at the end, summary.json last:
-a folder has a complete result if and only if it has summary.json.  A run that is killed leaves its hidden folder
-behind, which the next run removes.  Of what is in the folder only those files are replaced or removed that its manifest
-lists; if something else is in the way, the folder is refused from the beginning.
+a folder has a result if and only if it has summary.json.  What is only said about the result comes later, and its
+summary says what is still missing.  A run that is killed leaves its hidden folder behind, which the next run removes.
+Of what is in the folder only those files are replaced or removed that its manifest lists; if something else is in the
+way, the folder is refused from the beginning.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import errno
 import fcntl
 import os
 import shutil
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Self
 
@@ -32,7 +33,7 @@ class ResultFolder:
     """The claim of one run on a folder, from its first moment to its last; every method is collective.
 
     The claim is a lock on the folder itself, which the system releases when the process ends in any way.  Used as a
-    context, it removes what was written if ``commit`` was not called.
+    context, it removes at its end what was written after the last ``commit`` or ``add``, and releases the folder.
 
     Args:
         comm: the ranks of the run.
@@ -41,7 +42,8 @@ class ResultFolder:
         inner: whether it belongs to the run that has claimed the folder above, which removes it at its end.
 
     Attributes:
-        part: where to write what ``commit`` will move into place.
+        part: where to write what ``commit`` or ``add`` will move into place.
+        committed: whether there is a result of this run.
 
     Raises:
         OutputError: the folder cannot be written, another run is writing it, or there are files at these names that
@@ -54,7 +56,7 @@ class ResultFolder:
         self._comm = comm
         self._names = (SUMMARY, *names)
         self._inner = inner
-        self._made = False
+        self._made = self.committed = False
         self.path = Path(path)
         self.part = self.path / manifest.PART
         self._lock: int | None = None
@@ -81,33 +83,50 @@ class ResultFolder:
         reserve(self._comm, self.part, size)
 
     def commit(self) -> None:
-        """Put what was written in the place of the results of earlier runs, the summary last, and release the folder.
+        """Put what was written in the place of the results of earlier runs, the summary last.
 
         Raises:
             OutputError: a file is in the way that no run has written, or something cannot be written.
         """
 
-        def move() -> None:
-            try:
-                new = manifest.files(self.part)
-                self._refuse(manifest.foreign(self.path, new))
-                # Listed before they are there: if this is interrupted, the next run knows them.
-                manifest.add(self.path, new)
-                (self.path / SUMMARY).unlink(missing_ok=True)
-                manifest.remove(self.path)
-                manifest.add(self.path, new, alone=True, inner=self._inner)
-                for name in sorted(new, key=lambda name: name == SUMMARY):
-                    (self.path / name).parent.mkdir(parents=True, exist_ok=True)
-                    (self.part / name).replace(self.path / name)
-            except OSError as error:
-                raise cannot_be_written(self.path, error) from None
-            finally:
-                shutil.rmtree(self.part, ignore_errors=True)
-                self._release()
+        def replace(new: list[str]) -> None:
+            # Listed before they are there: if this is interrupted, the next run knows them.
+            manifest.add(self.path, new)
+            (self.path / SUMMARY).unlink(missing_ok=True)
+            manifest.remove(self.path)
+            manifest.add(self.path, new, alone=True, inner=self._inner)
 
-        self._claimed = False
         with signals.deferred():  # the older result goes and the new one comes as a whole
-            parallel.on_root(self._comm, move)
+            parallel.on_root(self._comm, lambda: self._move(replace))
+            self.committed = True
+
+    def add(self) -> None:
+        """Put what was written since then beside it, the summary last.
+
+        Raises:
+            OutputError: as for ``commit``.
+        """
+        with signals.deferred():
+            parallel.on_root(self._comm, lambda: self._move(lambda new: manifest.add(self.path, new)))
+
+    def _move(self, begin: Callable[[list[str]], None]) -> None:
+        try:
+            new = manifest.files(self.part)
+            self._refuse(manifest.foreign(self.path, new))
+            begin(new)
+            for name in sorted(new, key=lambda name: name == SUMMARY):
+                (self.path / name).parent.mkdir(parents=True, exist_ok=True)
+                (self.part / name).replace(self.path / name)
+        except OSError as error:
+            raise cannot_be_written(self.path, error) from None
+        finally:
+            self.clear()
+
+    def clear(self) -> None:
+        """Remove what is written and not yet in place; on one rank."""
+        shutil.rmtree(self.part, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            self.part.mkdir()
 
     def _refuse(self, foreign: Sequence[str]) -> None:
         if foreign:
@@ -118,7 +137,7 @@ class ResultFolder:
             )
 
     def discard(self) -> None:
-        """Remove what was written; older results stay."""
+        """Remove what is not in place; older results stay."""
         self._claimed = False
         parallel.on_root(self._comm, lambda: self._remove() if self._lock is not None else None)
 

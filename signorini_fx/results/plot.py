@@ -52,11 +52,15 @@ def plot(solution: Solution, *fields: str) -> Pictures:
     Raises:
         ValueError: there is no such field.
         OutputError: the folder for temporary files cannot be written.
+        PictureError: the pictures cannot be drawn.
     """
     comm = solution.comm
     folder = parallel.on_root(comm, lambda: Path(tempfile.mkdtemp()))
     try:
-        write_results(solution, folder / "results", fields=False, pictures=list(fields) or True)
+        summary = write_results(solution, folder / "results", fields=False, pictures=list(fields) or True)
+        for found in summary["findings"]:
+            if found["path"] == "pictures":
+                raise PictureError(f"the pictures were not drawn: {found['message']}")
         order = ("deformed", "profiles", "contact_surface", "history")
         drawn = parallel.on_root(comm, lambda: {f.stem: f.read_bytes() for f in (folder / "results").glob("*.png")})
     finally:

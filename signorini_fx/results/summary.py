@@ -30,7 +30,7 @@ from signorini_fx.display import (
 from signorini_fx.machine.terminal import Line
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, Record, StepRecord
 from signorini_fx.report.digits import between, estimated_errors, figure, percent
-from signorini_fx.results.afterthoughts import afterthought, proved
+from signorini_fx.results.afterthoughts import proved
 from signorini_fx.results.certificate import JUDGED
 from signorini_fx.results.closed_boundaries import friction_in_words, one_or_three, turning_of
 from signorini_fx.results.solution import Solution, StepResult
@@ -44,6 +44,12 @@ _MOST_ROWS = 8
 
 
 def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
+    """All figures of a solve with what is ``proved``: arguments as for ``summary_of``."""
+    summary = summary_of(solution, table)
+    return summary | proved(solution, summary["findings"])
+
+
+def summary_of(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
     """All figures of a solve, JSON-safe; collective, the same on every rank.
 
     Args:
@@ -80,9 +86,6 @@ def summarise(solution: Solution, table: ContactTable | None) -> dict[str, Any]:
     }
     if solution.contact is not None and table is not None:
         summary |= _contact_summary(solution, table)
-        safety = afterthought(solution.comm, "safety", summary["findings"], lambda: solution.safety)
-        summary |= {} if safety is None else {"safety": safety.as_dict()}
-    summary |= proved(solution, summary["findings"])
     if solution.functionals is not None:
         values = solution.functionals
         summary["functionals"] = {

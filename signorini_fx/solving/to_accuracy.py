@@ -32,6 +32,7 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.display import duration
 from signorini_fx.errors import SceneError
 from signorini_fx.records import Status
+from signorini_fx.results.afterthoughts import failure_in_words
 from signorini_fx.results.solution import Solution
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.settings import Accuracy
@@ -123,7 +124,10 @@ def solve_to_accuracy(
         enough = len(levels) >= FEWEST_MESHES[level.dimension].get(goal.of, 3)
         certified = goal.certified and (len(levels) == 1 or error + left <= goal.target)
         if certified:  # where not even the estimate meets the target the bound does not; the first mesh may be refused
-            solved, certain = _certified(solved)
+            solved, certain, without = _certified(solved, first=len(levels) == 1)
+            if without:
+                notify(f"accuracy: there is no guaranteed bound: {without}")
+                return replace(solution, status=Status.OUT_OF_REACH)
             error, margin = max(certain - left, 0.0), 1.0  # the bound includes the regularisation
         if (enough or certified) and error + left <= goal.target:
             return solution
@@ -152,19 +156,26 @@ def solve_to_accuracy(
             return replace(solution, status=Status.BUDGET)
 
 
-def _certified(solved: Solved) -> tuple[Solved, float]:
-    """The guaranteed bound of the relative error, and the mesh with its shares in place of the estimated ones.
+def _certified(solved: Solved, *, first: bool) -> tuple[Solved, float, str]:
+    """The mesh with the shares of the guaranteed bound in place of the estimated ones, the bound of the relative error,
+    and why there is none, else "".
 
     Raises:
-        SceneError: there is no bound for the scene.
+        SceneError: there is no bound for the scene, which the ``first`` mesh tells.
     """
-    bound = solved.solution.error_bound
-    assert bound is not None
     assert solved.errors is not None
+    try:
+        bound = solved.solution.error_bound
+    except Exception as error:  # whatever it is, the solution stands
+        bound = failure_in_words(error)
+    else:
+        if first and isinstance(bound, str):
+            raise SceneError([("accuracy.certified", bound)])
+    assert bound is not None
     if isinstance(bound, str):
-        raise SceneError([("accuracy.certified", bound)])
+        return solved, inf, bound
     squares = {**solved.errors.squares, "energy": bound.squares}
-    return replace(solved, errors=replace(solved.errors, squares=squares)), bound.relative
+    return replace(solved, errors=replace(solved.errors, squares=squares)), bound.relative, ""
 
 
 def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size: float) -> str:

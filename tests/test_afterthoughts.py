@@ -1,0 +1,173 @@
+"""What is said about a result that stands may fail, on any rank: the result is kept, and nobody waits for ever."""
+
+import json
+import shutil
+import subprocess
+import sys
+
+import pytest
+from mpi4py import MPI
+from scenes import alone, example1
+
+from signorini_fx import cli
+from signorini_fx.errors import PictureError, ResultError
+from signorini_fx.manifest import MANIFEST, PART
+from signorini_fx.records import Status
+from signorini_fx.report.page import write_report
+from signorini_fx.results import files, plot
+from signorini_fx.results.files import write_results
+from signorini_fx.results.solution import Solution
+from signorini_fx.scene.settings import Accuracy
+from signorini_fx.solving.solver import solve
+
+COMM = MPI.COMM_WORLD
+
+
+def fails(*ignored, **options):
+    raise ArithmeticError("a factorisation broke down")
+
+
+def fails_on(rank, function):
+    """A function that fails at its end on one rank, or on all of them where ``rank`` is None."""
+
+    def act(*arguments, **options):
+        result = function(*arguments, **options)
+        return fails() if rank in (None, COMM.rank) else result
+
+    return act
+
+
+@pytest.fixture(scope="module")
+def solution():
+    """A solution of two load steps, of which uniqueness is asked."""
+    scene = example1(coefficient=0.3, nx=6, ny=2, uniqueness=True)
+    return solve(scene, COMM)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("rank", [0, 1, None])
+def test_a_failure_is_one_of_all_ranks(rank, solution, tmp_path, monkeypatch):
+    """Whichever rank it is on: the same warnings everywhere, and the results are there."""
+    if rank == 1 and COMM.size == 1:
+        pytest.skip("there is no such rank")
+    folder = COMM.bcast(tmp_path) / "results"
+    monkeypatch.setattr(files._Written, "_tables", fails_on(rank, files._Written._tables))
+    monkeypatch.setattr(files._Written, "_pictures", fails_on(rank, lambda self, *fields, pdf: None))
+    for name in ("safety", "uniqueness"):
+        known = fails_on(rank, getattr(Solution, name).func)
+        monkeypatch.setattr(Solution, name, property(known))
+    summary = write_results(solution, folder)
+    warned = [found["path"] for found in summary["findings"] if "broke down" in found["message"]]
+    assert warned == ["tables", "safety", "uniqueness", "pictures"]
+    assert all(other == summary["findings"] for other in COMM.allgather(summary["findings"]))
+    COMM.Barrier()
+    there = {path.name for path in folder.iterdir()}
+    assert there == {"summary.json", "contact.csv", "history.csv", "outer.csv", *there & set(files.FILES), MANIFEST}
+    assert not any(path.suffix == ".png" for path in folder.iterdir())
+    assert json.loads((folder / "summary.json").read_text())["findings"] == summary["findings"]
+    COMM.Barrier()
+
+
+ALONE = """
+import os, signal, sys
+from mpi4py import MPI
+from signorini_fx import cli
+from signorini_fx.results import afterthoughts, files
+from signorini_fx.results.solution import Solution
+
+afterthoughts.PATIENCE = 0.3
+rank, what, how = int(sys.argv[1]), sys.argv[2], sys.argv[3]
+
+def fails(*arguments, **options):
+    if MPI.COMM_WORLD.rank == rank:
+        if how == "signal":
+            os.kill(os.getpid(), signal.SIGINT)
+        raise ArithmeticError("a factorisation broke down")
+    MPI.COMM_WORLD.Barrier()
+
+if what == "uniqueness":
+    Solution.uniqueness = property(fails)
+else:
+    files.gather_pictures = fails
+sys.exit(cli.main(sys.argv[4:]))
+"""
+SCENE = """
+mesh = { generator = "rectangle", parameters = { nx = 6, ny = 2 } }
+material = { young = 5000.0, poisson = 0.3 }
+solver = { uniqueness = true }
+[[displacement]]
+boundary = "top"
+x = 0.0
+y = -0.01
+[[contact]]
+boundary = "bottom"
+friction = { law = "coulomb", coefficient = 0.3 }
+"""
+
+
+@pytest.mark.parametrize(
+    ("ranks", "rank", "what", "how"),
+    [(2, 0, "uniqueness", "error"), (2, 1, "pictures", "error"), (3, 1, "uniqueness", "signal")],
+)
+def test_a_rank_that_fails_while_the_others_wait(ranks, rank, what, how, tmp_path):
+    """The run ends with what an error or an interruption ends with; what stands is there, and says what it lacks."""
+    if shutil.which("mpirun") is None:
+        pytest.skip("there is no mpirun")
+    out = tmp_path / "out"
+    (tmp_path / "run.py").write_text(ALONE)
+    (tmp_path / "scene.toml").write_text(SCENE)
+    command = ["mpirun", "-n", str(ranks), sys.executable, str(tmp_path / "run.py"), str(rank), what, how]
+    command += ["solve", str(tmp_path / "scene.toml"), "--out", str(out), "--no-fields"]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert ended.returncode == (130 if how == "signal" else 3)
+    told = "The results are written, without this" if how == "error" else f"the results are in {out}/"
+    assert (told in ended.stderr) == (how == "error" or rank == 0)
+    summary = json.loads((out / "summary.json").read_text())
+    missing = [found["path"] for found in summary["findings"] if found["message"].startswith("is missing")]
+    assert missing == (["pictures"] if what == "pictures" else ["safety", "uniqueness", "tables", "pictures"])
+    assert ("uniqueness" in summary) == (what == "pictures")
+    assert len((out / "contact.csv").read_text().splitlines()) == 8
+
+
+def test_ctrl_c_during_an_afterthought(tmp_path, monkeypatch, capfd):
+    """The results are kept, and the message says where they are."""
+    (tmp_path / "scene.toml").write_text(SCENE)
+
+    def interrupted(*ignored, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(files, "gather_pictures", interrupted)
+    out = tmp_path / "out"
+    assert cli.main(["solve", str(tmp_path / "scene.toml"), "--out", str(out), "--no-fields"]) == 130
+    assert f"interrupted while statements or pictures were added: the results are in {out}/" in capfd.readouterr().err
+    summary = json.loads((out / "summary.json").read_text())
+    assert [found["path"] for found in summary["findings"] if "is missing" in found["message"]] == ["pictures"]
+    assert "uniqueness" in summary
+    assert not (out / PART).exists()
+
+
+def test_a_report_that_fails_costs_no_result(tmp_path, monkeypatch):
+    """Nothing in the folder changes."""
+    write_results(alone(example1(bound=1.5, nx=6, ny=2)), tmp_path / "out", pictures=False, fields=False)
+    before = {path: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    monkeypatch.setattr("signorini_fx.report.page._page", fails)
+    with pytest.raises(ResultError, match="broke down"):
+        write_report(tmp_path / "out")
+    assert {path: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
+
+
+def test_pictures_of_a_notebook_tell_their_failure(solution, monkeypatch):
+    """They are all that is asked for there."""
+    monkeypatch.setattr(files, "gather_pictures", fails)
+    with pytest.raises(PictureError, match="a factorisation broke down"):
+        plot.plot(solution)
+
+
+def test_a_certified_accuracy_whose_bound_fails(monkeypatch):
+    """The solution stands, and the outcome is that of an accuracy that is not reached."""
+    scene = example1(bound=1.5, nx=6, ny=2).model_copy(update={"accuracy": Accuracy(target=0.5, certified=True)})
+    monkeypatch.setattr(Solution, "error_bound", property(fails))
+    found = solve(scene, MPI.COMM_SELF, check=False)
+    assert found.status is Status.OUT_OF_REACH
+    assert any("a factorisation broke down" in event for event in found.history.events)
+    assert found.last_step.certificate.holds
