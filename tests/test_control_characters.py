@@ -6,7 +6,9 @@ from signorini_fx.csv_text import as_text
 from signorini_fx.display import html_table
 from signorini_fx.machine import terminal
 from signorini_fx.machine.terminal import Line, printable
+from signorini_fx.pictures.style import plain
 from signorini_fx.report.markup import tag
+from signorini_fx.results.files import _for_json
 
 EVIL = "A\x1b[2J\x1b]0;title\x07\x9b31m\r\x00\u202ebeam"
 CLEAN = "A31mbeam"
@@ -19,6 +21,8 @@ CLEAN = "A31mbeam"
         lambda: Line(f"{EVIL}: ", EVIL).broken(80, colours=False).replace(": ", "").replace(CLEAN * 2, CLEAN),
         lambda: as_text(EVIL),
         lambda: str(tag("h1", EVIL)).removeprefix("<h1>").removesuffix("</h1>"),
+        lambda: plain(EVIL),
+        lambda: _for_json({EVIL: [EVIL]})[CLEAN][0],
         lambda: html_table((), (), EVIL).partition("<caption>")[2].partition("</caption>")[0],
     ],
 )

@@ -539,20 +539,28 @@ def test_what_was_done_is_not_done_again(tmp_path, text):
 
 
 def broken(folder, what):
-    """Damage the last of three load steps."""
+    """Damage the last of three load steps, or the scene; returns the file."""
     step = folder / CHECKPOINT / "0-00002"
+    file = step / "figures.json"
     if what == "removed":
-        (step / "displacement.bin").unlink()
+        file = step / "displacement.bin"
+        file.unlink()
     elif what == "figures":
-        (step / "figures.json").write_text('{"files": {')
+        file.write_text('{"files": {')
+    elif what == "scene":
+        file = folder / CHECKPOINT / "scene.json"
+        told = json.loads(file.read_text())
+        told["scene"]["material"][0]["poisson"] = 0.2
+        file.write_text(json.dumps(told))
     elif what in ("no number", "other number"):
-        figures = json.loads((step / "figures.json").read_text())
+        figures = json.loads(file.read_text())
         name, values = next((name, value) for name, value in figures.items() if name != "files" and _number(value))
         figures[name] = _changed(values, float("nan") if what == "no number" else 7.7)
-        (step / "figures.json").write_text(json.dumps(figures))
+        file.write_text(json.dumps(figures))
     else:
         file = step / "nodes.npz" if what == "nodes" else step / "displacement.bin"
         file.write_bytes(file.read_bytes()[:-100])
+    return file
 
 
 def _number(value):
@@ -570,14 +578,16 @@ def _changed(value, number):
     return number if isinstance(value, float) else value
 
 
-@pytest.mark.parametrize("what", ["removed", "figures", "no number", "other number", "nodes", "field"])
+@pytest.mark.parametrize("what", ["removed", "figures", "no number", "other number", "nodes", "field", "scene"])
 def test_truncated(tmp_path, what):
-    """A load step that is not whole is left out, and solved again."""
+    """A load step that is not whole is left out, and solved again; the file that is damaged is named."""
     given = scene(PUSHED)
     interrupted(given, MPI.COMM_SELF, tmp_path, 4)
-    broken(tmp_path, what)
+    file = broken(tmp_path, what)
     solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
-    assert solution.history.events[0].startswith("restart: 2 complete load steps")
+    first, second = solution.history.events[:2]
+    assert first.startswith("restart: nothing" if what == "scene" else "restart: 2 complete load steps")
+    assert second == f"restart: damaged, so that what needs it is solved again: {file}"
     assert_same(solution, solve(given, MPI.COMM_SELF))
 
 

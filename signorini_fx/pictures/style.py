@@ -22,6 +22,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
+from signorini_fx.machine.terminal import printable
 from signorini_fx.units import bracketed, unit
 
 Floats = npt.NDArray[np.float64]
@@ -71,8 +72,8 @@ STYLE: dict[str, Any] = {
 
 
 def plain(text: str) -> str:
-    """A user's text for a picture, in which dollar signs do not begin mathematics."""
-    return text.replace("$", r"\$")
+    """A user's text for a picture, in which dollar signs do not begin mathematics, without control characters."""
+    return printable(text).replace("$", r"\$")
 
 
 def largest_of(*curves: Floats) -> float:

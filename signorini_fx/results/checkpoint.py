@@ -3,7 +3,7 @@
 Each load step on each mesh has a folder of its own, which appears under its name when it is complete: the displacement
 cell by cell in the order of the input of the mesh, which all ranks write together and which does not depend on them;
 what belongs to the contact nodes with their positions; and figures with the digests of these files.  A folder that
-lacks something, or whose digests differ, does not count.
+lacks something, or whose digests differ, does not count, and neither does a checkpoint whose scene has another digest.
 
 adios4dolfinx 0.9.3 keeps functions in the same order, but creates its graphs of ranks by MPI_Dist_graph_create, which
 does not always end in Open MPI 5.0.7.
@@ -36,7 +36,7 @@ from signorini_fx.scene.model import Scene
 Nodal = npt.NDArray[np.float64]
 Figures = dict[str, Any]
 
-_FORMAT = 4
+_FORMAT = 5
 _SCENE, _FIGURES, _NODES, _FIELD = "scene.json", "figures.json", "nodes.npz", "displacement.bin"
 # Nodes are the same if their positions agree to this share of the size of the body.
 _SAME = 1e-9
@@ -56,6 +56,7 @@ class Checkpoint:
     Attributes:
         path: where the load steps are.
         found: how many complete load steps there are to go on from.
+        damaged: files that are missing, or are not as they were written.
 
     Raises:
         SceneError: the checkpoint is that of another scene; all keys that differ are named.
@@ -67,10 +68,11 @@ class Checkpoint:
         self._comm = comm
         self._scene = scene
         self._complete: dict[tuple[int, int], Figures] = {}
+        self.damaged: list[Path] = []
         self._begun = False
         parallel.on_root(comm, self._refuse_foreign)
         if restart:
-            self._complete = parallel.on_root(comm, self._open)
+            self._complete, self.damaged = parallel.on_root(comm, self._open)
             self._begun = bool(self._complete)
         self.found = len(self._complete)
 
@@ -191,7 +193,8 @@ class Checkpoint:
                     self.path.parent.mkdir(parents=True, exist_ok=True)
                     manifest.begin_inner(self.path.parent, self.path.name)
                     manifest.add(self.path, [_SCENE], alone=True, inner=True)
-                    told = {"format": _FORMAT, "scene": _described(self._scene)}
+                    described = _described(self._scene)
+                    told = {"format": _FORMAT, "scene": described, "digest": _digest_of(described)}
                     (self.path / _SCENE).write_text(json.dumps(told), encoding="utf-8")
                 shutil.rmtree(self.path / manifest.PART, ignore_errors=True)
                 (self.path / manifest.PART).mkdir()
@@ -217,46 +220,60 @@ class Checkpoint:
         """Remove a load step that turned out to be no solution, and all later ones."""
         self._forget((level, step))
 
-    def _open(self) -> dict[tuple[int, int], Figures]:
-        """The complete load steps on disk; on one rank."""
+    def _open(self) -> tuple[dict[tuple[int, int], Figures], list[Path]]:
+        """The complete load steps on disk, and the damaged files; on one rank."""
+        file = self.path / _SCENE
         try:
-            told = json.loads((self.path / _SCENE).read_text(encoding="utf-8"))
+            told = json.loads(file.read_text(encoding="utf-8"))
             if told["format"] != _FORMAT:
-                return {}
+                return {}, []
             before = told["scene"]
+            if told["digest"] != _digest_of(before):
+                return {}, [file]
+        except FileNotFoundError:
+            return {}, []
         except (OSError, ValueError, KeyError, TypeError):
-            return {}
+            return {}, [file]
         differences = list(_differences(before, _described(self._scene)))
         if differences:
             again = f"restore it, or solve without restart, which removes {self.path}"
             raise SceneError(
                 [(key, f"was {was} in the run to go on from, and is {now}: {again}") for key, was, now in differences]
             )
-        found = {}
+        complete, damaged = {}, []
         for folder in sorted(self.path.glob("*-*")):
             level, _, step = folder.name.partition("-")
-            if level.isdecimal() and step.isdecimal() and (figures := _whole(folder)) is not None:
-                found[int(level), int(step)] = figures
-        return found
+            if level.isdecimal() and step.isdecimal():
+                figures, wrong = _checked(folder)
+                damaged += wrong
+                if not wrong:
+                    complete[int(level), int(step)] = figures
+        return complete, damaged
 
 
-def _whole(folder: Path) -> Figures | None:
-    """The figures of a complete load step; None if something is missing or changed."""
+def _checked(folder: Path) -> tuple[Figures, list[Path]]:
+    """The figures of a load step, and its files that are missing or changed."""
     try:
         figures: Figures = json.loads((folder / _FIGURES).read_text(encoding="utf-8"))
-        return figures if figures.pop("files") == dict(_digests(folder, figures)) else None
+        told, there = dict(figures.pop("files")), dict(_digests(folder, figures))
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return None
+        return {}, [folder / _FIGURES]
+    return figures, [folder / name for name in sorted({*told, *there}) if told.get(name) != there.get(name)]
 
 
 def _digests(folder: Path, figures: Figures) -> Iterator[tuple[str, str]]:
     """Name and SHA-256 of every file in a folder; of the figures that of their JSON without the digests."""
-    told = json.dumps(json.loads(json.dumps(figures)), sort_keys=True)
-    yield _FIGURES, hashlib.sha256(told.encode()).hexdigest()
+    yield _FIGURES, _digest_of(figures)
     for path in sorted(folder.rglob("*")):
         if path.is_file() and path.name != _FIGURES:
             with path.open("rb") as file:
                 yield str(path.relative_to(folder)), hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _digest_of(data: Any) -> str:
+    """The SHA-256 of plain data, as their JSON has them."""
+    told = json.dumps(json.loads(json.dumps(data)), sort_keys=True)
+    return hashlib.sha256(told.encode()).hexdigest()
 
 
 def _rows_of(space: fem.FunctionSpace, cells: int) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64], MPI.Datatype]:

@@ -20,7 +20,7 @@ from signorini_fx import parallel
 from signorini_fx.body.contact_table import ContactTable, contact_table
 from signorini_fx.csv_text import as_text
 from signorini_fx.errors import PictureError, cannot_be_written
-from signorini_fx.machine.terminal import say
+from signorini_fx.machine.terminal import printable, say
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.pictures.fields import FIELDS, ON_DEMAND, unknown
 from signorini_fx.pictures.result_pictures import TURNING
@@ -216,7 +216,7 @@ class _Written:
     def _put(self, summary: dict[str, Any], absent: list[str]) -> None:
         """Write the summary, with what it lacks so far."""
         findings = [*summary["findings"], *afterthoughts.missing(absent)]
-        text = json.dumps(_finite({**summary, "findings": findings}), indent=2, allow_nan=False)
+        text = json.dumps(_for_json({**summary, "findings": findings}), indent=2, allow_nan=False)
         self._on_root(lambda: (self.folder.part / SUMMARY).write_text(text + "\n", encoding="utf-8"))
 
     def _on_root(self, write: Callable[[], object]) -> None:
@@ -251,12 +251,14 @@ def _of_the_system(error: BaseException | None) -> OSError | None:
     return error
 
 
-def _finite(value: Any) -> Any:
-    """Plain data for JSON: values that a failed solve could not compute become null."""
+def _for_json(value: Any) -> Any:
+    """Plain data for JSON: values that a failed solve could not compute become null; no control characters."""
     if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
+        return {_for_json(key): _for_json(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
+        return [_for_json(item) for item in value]
+    if isinstance(value, str):
+        return printable(value)
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 

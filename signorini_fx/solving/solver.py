@@ -150,6 +150,9 @@ def _checkpoint(
             f"load step{'s' * several}" if scene.several_steps else f"mesh{'es' * several}"
         )
         history.add(f"restart: {found} in {stored.path}" if stored.found else f"restart: nothing in {stored.path}")
+        if stored.damaged:
+            files = ", ".join(map(str, stored.damaged))
+            history.add(f"restart: damaged, so that what needs it is solved again: {files}")
     elif parallel.on_root(comm, stored.path.is_dir):
         history.add(f"restart: not asked for: {stored.path} of a run that has not ended is replaced")
     return stored
