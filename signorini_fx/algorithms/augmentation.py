@@ -17,8 +17,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from signorini_fx import parallel
 from signorini_fx.algorithms.ssn import SemismoothNewton
+from signorini_fx.contact.groups import shares
 from signorini_fx.contact.laws import Nodal, RegularisedData, inner, slip_of, unit
 from signorini_fx.contact.laws import length as length_of
 from signorini_fx.tuned import ENOUGH_GAMMA, FAINT_DISPLACEMENT, GAMMA_GROWTH, LARGEST_AUGMENTED_GAMMA, SLOW_SHARE
@@ -41,8 +41,9 @@ class Augmentation:
         natural: a gamma with which few updates suffice, stress per length; a smaller one is increased towards it if
             convergence is slow.
         tolerance: for the errors of lambda and of mu in the norm of L2(Gamma_c), relative to their own norms, and for
-            penetration and elastic slip, relative to the displacements.
-        changes: the last changes of pressure and shear that the body feels, ``ContactPoints.scale``; nan: not known.
+            penetration and elastic slip, relative to the displacements; of each group of points.
+        changes: the last changes of pressure and shear that the body feels, in the norm, shape (groups,); nan: not
+            known.
         slow: which of the two were slow at the last update.
         left: remaining relative error of the multipliers.
         violation: largest remaining penetration and elastic slip, relative to the displacements of the contact nodes,
@@ -53,16 +54,15 @@ class Augmentation:
     newton: SemismoothNewton
     natural: float
     tolerance: float
-    changes: tuple[float, float] = (np.nan, np.nan)
+    changes: tuple[Nodal, Nodal] = (np.array([np.nan]), np.array([np.nan]))
     slow: tuple[bool, bool] = (False, False)
     left: float = np.inf
     violation: float = np.inf
-    _stiffness: float = field(init=False)
+    _stiffness: Nodal = field(init=False)
 
     def __post_init__(self) -> None:
         system = self.newton.problem.system
-        stiffness = system.contact.stiffness(system.matrix.getDiagonal())
-        self._stiffness = parallel.largest(system.comm, stiffness)
+        self._stiffness = self.newton.problem.groups.largest(system.contact.stiffness(system.matrix.getDiagonal()))
 
     @property
     def settled(self) -> bool:
@@ -73,42 +73,50 @@ class Augmentation:
         """Evaluate the problem just solved, and the shifts that it began with; collective.
 
         Returns:
-            Relative change of the multipliers.
+            Relative change of the multipliers, the largest of all groups of points.
         """
         newton, before = self.newton, (data.lambda_hat, data.mu_hat)
-        points, comm = newton.problem.points, newton.problem.system.comm
+        points, groups = newton.problem.points, newton.problem.groups
         after = newton.shifts(data)
-        changes = _both(points.scale, *(new - old for new, old in zip(after, before, strict=True)))
-        size = sum(_both(points.scale, *after)) or sum(_both(points.scale, *before))
+        felt, felt_before = _both(points.felt, *after), _both(points.felt, *before)
+        moved = _both(points.felt, *(new - old for new, old in zip(after, before, strict=True)))
+        now, last_size = (groups.norms(one) + groups.norms(other) for one, other in (felt, felt_before))
+        changes = groups.norms(moved[0]), groups.norms(moved[1])
+        size = newton.problem.scales(np.where(now > 0, now, last_size), newton.x)
         gammas = (data.gamma_n, data.gamma_t)
         u_n, u_t = newton.problem.traces(newton.x)
-        length = parallel.largest(comm, np.maximum(np.abs(u_n), length_of(u_t)))
+        length = groups.scales(groups.largest(np.maximum(np.abs(u_n), length_of(u_t))))
         # If all motion is round-off, the scale is the displacement that the tractions could cause.
-        stress = parallel.largest(comm, np.maximum(*_both(points.felt, *after)))
-        length = max(length, FAINT_DISPLACEMENT * stress / self._stiffness)
+        stress = newton.problem.scales(groups.largest(np.maximum(*felt)), newton.x)
+        length = np.maximum(length, shares(FAINT_DISPLACEMENT * stress, self._stiffness))
+        lengths, stresses = (np.where(one > 0, one, 1.0)[groups.number] for one in (length, stress))
         # At its bound, that of the problem just solved, the shear gives no information about slip.
         sticks = length_of(after[1]) < data.friction_bound(newton.multipliers()[0])
-        moved = (np.abs(after[0] - before[0]), length_of(after[1] - before[1]) * sticks)
+        open_at = (np.abs(after[0] - before[0]), length_of(after[1] - before[1]) * sticks)
         slip = slip_of(u_t, data)
-        wrong = np.minimum(length_of(slip) / (length or 1.0), length_of(_astray(after[1], slip)) / (stress or 1.0))
-        least = (0.0, parallel.largest(comm, wrong))
+        wrong = np.minimum(length_of(slip) / lengths, length_of(_astray(after[1], slip)) / stresses)
+        least = (np.zeros(groups.count), groups.largest(wrong))
         lefts, violations, slow = [], [], []
-        for change, last, gamma, one, other in zip(changes, self.changes, gammas, moved, least, strict=True):
-            share = change / last if last > 0 else np.nan
-            beyond = share / (1 - share) if share < 1 else np.inf
-            left = change * max(1.0, float(np.nanmin([beyond, self._stiffness / gamma]))) / (size or 1.0)
-            violation = max(other, parallel.largest(comm, one) / gamma / (length or 1.0))
-            slow.append(bool(share > SLOW_SHARE) and max(left, violation) > self.tolerance)
+        for change, last, gamma, one, other in zip(changes, self.changes, gammas, open_at, least, strict=True):
+            share = shares(change, last, np.nan)
+            beyond = shares(share, 1 - share, np.inf)
+            times = np.asarray(np.maximum(1.0, np.fmin(beyond, self._stiffness / gamma)), dtype=np.float64)
+            left = shares(change * times, size, change * times)
+            missed = groups.largest(one) / gamma
+            violation = np.maximum(other, shares(missed, length, missed))
+            slow.append(bool(np.any((share > SLOW_SHARE) & (np.maximum(left, violation) > self.tolerance))))
             lefts.append(left)
             violations.append(violation)
         self.changes, self.slow = changes, (slow[0], slow[1])
-        self.left, self.violation = sum(lefts), max(violations)
-        return sum(changes) / (size or 1.0)
+        self.left, self.violation = float(np.max(sum(lefts))), float(np.max(violations))
+        total = changes[0] + changes[1]
+        return float(shares(total, size, total).max())
 
     def next(self, data: RegularisedData, factor: float = 1.0) -> RegularisedData:
         """The next problem: the multipliers as shifts; gamma times ``factor`` or, if convergence is slow, increased."""
         pressure, shear = self.newton.shifts(data)
-        enough, largest = min(self.natural, ENOUGH_GAMMA * self._stiffness), LARGEST_AUGMENTED_GAMMA * self.natural
+        enough = min(self.natural, ENOUGH_GAMMA * float(self._stiffness.max()))
+        largest = LARGEST_AUGMENTED_GAMMA * self.natural
 
         def grown(gamma: float, slow: bool) -> float:
             raised = min(GAMMA_GROWTH * gamma, enough) if slow else gamma

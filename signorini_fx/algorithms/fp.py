@@ -10,6 +10,7 @@ import numpy as np
 from signorini_fx import parallel
 from signorini_fx.algorithms.augmentation import Augmentation
 from signorini_fx.algorithms.ssn import SemismoothNewton
+from signorini_fx.contact.groups import shares
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
 from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
 
@@ -33,7 +34,8 @@ def fixed_point(
     """Iterate g <- lambda until g changes by no more than ``tolerance``; with augmentation, until mu has settled too.
 
     The norm of section 7 is a mean over the contact boundary.  A single point whose weight is small hardly contributes
-    to it, so the friction bound must be that of the law at each of them as well.
+    to it, so the friction bound must be that of the law at each of them as well.  Each group of points has norms of its
+    own, so that no body stops the iteration of another one.
 
     Args:
         newton: the inner method.
@@ -47,7 +49,7 @@ def fixed_point(
             unregularised solution.
         damping: fraction of the step to the new bound that is taken, for iterations that oscillate or diverge.
     """
-    g, norm = start[0], newton.problem.points.norm
+    g, norms = start[0], newton.problem.groups.norms
     before: Nodal | None = None
     if augmentation is not None:
         kept = newton.problem.points.immovable  # whose pressure augmentation does not change, see ``shifts``
@@ -69,9 +71,12 @@ def fixed_point(
                 return Status.OUTER_MAX_ITERATIONS
         following = g + damping * (pressure - g)
         # The Tresca problem with a given bound has one pressure: what comes back after two steps comes back for ever.
-        if augmentation is None and before is not None and norm(following - before) <= _BACK * norm(following - g):
-            newton.history.add("the fixed point alternates between two friction bounds")
-            return Status.OUTER_MAX_ITERATIONS
+        if augmentation is None and before is not None:
+            back = norms(following - before) <= _BACK * norms(following - g)
+            left = _changes(newton, g) > tolerance
+            if np.any(back & left) if left.any() else back.all():
+                newton.history.add("the fixed point alternates between two friction bounds")
+                return Status.OUTER_MAX_ITERATIONS
         before, g = g, following
         if augmentation is not None:
             data = augmentation.next(data)
@@ -79,25 +84,29 @@ def fixed_point(
 
 
 def _change(newton: SemismoothNewton, data: RegularisedData, g: Nodal, augmentation: Augmentation | None) -> float:
-    """d_g of section 7: the new g is the pressure for the old one; with shifts the larger change of the two."""
-    following, shear = newton.multipliers()
-    points = newton.problem.points
-    # The relative change of a pressure that vanishes is 1.
-    size = points.scale(following, shear) or points.scale(g)
-    change = points.norm(following - g) / size if size > 0 else 0.0
+    """The largest d_g of a group of points; with shifts the larger change of the two."""
+    change = float(_changes(newton, g).max())
     return change if augmentation is None else max(change, augmentation.measure(data))
+
+
+def _changes(newton: SemismoothNewton, g: Nodal) -> Nodal:
+    """d_g of section 7 of each group of points: the new g is the pressure for the old one; collective."""
+    following, shear = newton.multipliers()
+    problem, points, groups = newton.problem, newton.problem.points, newton.problem.groups
+    # The relative change of a pressure that vanishes is 1.
+    now, last = groups.norms(points.felt(following, shear)), groups.norms(points.felt(g))
+    return shares(groups.norms(following - g), problem.scales(np.where(now > 0, now, last), newton.x))
 
 
 def _missed(newton: SemismoothNewton, data: RegularisedData, law: FrictionLaw) -> float:
     """Largest difference of the friction bound from that of the law at the pressure found, relative to the largest
-    pressure or shear that the body feels, or if it feels none, that there is; collective.
+    pressure or shear of its group that the body feels, or if it feels none, that there is; collective.
     """
     pressure, shear = newton.multipliers()
-    points, following = newton.problem.points, law.bound(pressure)
+    points, groups, following = newton.problem.points, newton.problem.groups, law.bound(pressure)
     bound = data.friction_bound(pressure)
     # The bound of a bond is infinite.
     away = np.abs(np.subtract(following, bound, out=np.zeros_like(bound), where=np.isfinite(following)))
     felt = np.maximum(points.felt(pressure, shear), points.felt(shear, pressure))
-    largest, size, any_size = (parallel.largest(points.comm, values) for values in (away, felt, np.abs(pressure)))
-    size = size or any_size
-    return largest / size if size > 0 else 0.0
+    largest, size, any_size = (groups.largest(values) for values in (away, felt, np.abs(pressure)))
+    return float(shares(largest, newton.problem.scales(np.where(size > 0, size, any_size), newton.x)).max())

@@ -37,6 +37,8 @@ _TURNS = 6
 # A step from as far away as this many times the solution leaves that many times its round-off: above this share of the
 # forces, another step follows.
 _FAR, _REFINED = 1e3, 1e-12
+# Where one body has smaller forces than this share of another one, solves by an old factor leave too much of them.
+_LEAST_SHARE = 1e-3
 _SNES = PETSc.SNES.ConvergedReason
 # Reasons of a failed linear solve other than a zero pivot: none of the preconditioner (Krylov), or its memory.
 _NOT_SINGULAR = (PETSc.PC.FailedReason.NOERROR, PETSc.PC.FailedReason.FACTOR_OUTMEMORY)
@@ -125,8 +127,9 @@ class SemismoothNewton:
         problem = self.problem
         self._assembled = True
         problem.assemble_jacobian(snes, x, jacobian)
-        ksp, forces = snes.getKSP(), problem.force_scale
-        self._factorised = not problem.system.keep_factor(ksp, problem.moved, forces, exact=not self._may_keep)
+        ksp, least = snes.getKSP(), problem.least_share(x)
+        forces, exact = max(least, _LEAST_SHARE) * problem.force_scale, not self._may_keep or least < _LEAST_SHARE
+        self._factorised = not problem.system.keep_factor(ksp, problem.moved, forces, exact=exact)
         self._loosened |= problem.system.inexact
         if self._factorised:
             problem.factorised(jacobian)

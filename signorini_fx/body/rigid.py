@@ -26,6 +26,7 @@ from signorini_fx.body.kinematics import KINEMATICS
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.body.pieces import Pieces
 from signorini_fx.body.turned_supports import TurnedNodes
+from signorini_fx.contact.groups import PointGroups
 from signorini_fx.contact.motions import FreeMotions, RigidLoad
 
 # Resistance to a motion, relative to that to the best held one, below which it counts as not held at all.
@@ -95,7 +96,17 @@ class RigidMotions:
         if boundary.moving is not None and self.foundations is not None:
             moved = moved - boundary.moving.modes @ self.foundations
         relative = boundary.points.movable @ np.einsum("nij,nik->njk", boundary.frames, moved)
-        return FreeMotions(boundary.points, relative, self.assembly, self.pieces.assembly[piece])
+        groups = PointGroups.of(boundary.points, self._reached(boundary))
+        return FreeMotions(boundary.points, relative, self.assembly, self.pieces.assembly[piece], groups)
+
+    def _reached(self, boundary: ContactBoundary) -> npt.NDArray[np.bool_]:
+        """Which pieces the relative displacement at each point is of, shape (n, pieces); collective."""
+        found = self.piece[boundary.nodes][:, None] == np.arange(self.pieces.count)
+        if boundary.paired:
+            assert boundary.averages is not None
+            shares, of = boundary.averages.shares.tocoo(), self._pieces_at(boundary)
+            found[shares.row, of[shares.col]] = True
+        return found
 
     def joined(self, boundary: ContactBoundary) -> RigidMotions:
         """The same with bodies that can come into contact with each other as one assembly; collective."""

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx import parallel
+from signorini_fx.contact.groups import PointGroups
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.points import ContactPoints
@@ -75,12 +77,14 @@ class FreeMotions:
         relative: relative displacement of each motion in the frame (n, T) of each point, shape (n, d, k).
         assembly: number of the assembly that each motion moves, from 0, shape (k,).
         of_point: number of the assembly that each point is in, shape (n,).
+        groups: which of the points are judged together.
     """
 
     points: ContactPoints
     relative: Nodal
     assembly: npt.NDArray[np.int64]
     of_point: npt.NDArray[np.int64]
+    groups: PointGroups
 
     @classmethod
     def of(cls, contact: ContactMap, modes: Sequence[PETSc.Vec]) -> FreeMotions:
@@ -88,8 +92,14 @@ class FreeMotions:
         relative = np.zeros((*contact.points.movable.shape[:2], len(modes)))
         for number, mode in enumerate(modes):
             relative[:, 0, number], relative[:, 1:, number] = contact.traces(mode)
-        none = np.zeros(len(modes), dtype=np.int64)
-        return cls(contact.points, relative, none, np.zeros(contact.points.size, dtype=np.int64))
+        none, points = np.zeros(len(modes), dtype=np.int64), contact.points
+        groups = PointGroups.of(points, points.everywhere[:, None])
+        return cls(points, relative, none, np.zeros(points.size, dtype=np.int64), groups)
+
+    def some(self, points: ContactPoints, rows: npt.NDArray[np.signedinteger[Any]]) -> FreeMotions:
+        """The same motions at ``points``, which are those in these rows."""
+        groups = self.groups.some(points, rows)
+        return FreeMotions(points, self.relative[rows], self.assembly, self.of_point[rows], groups)
 
     @property
     def count(self) -> int:

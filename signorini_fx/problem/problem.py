@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,10 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx import parallel
+from signorini_fx.contact.groups import ROUND_OFF, shares
 from signorini_fx.contact.holding_sets import fewest_constraints, hold, holds
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData, length, release
+from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.contact.points import ContactPoints
 from signorini_fx.contact.statics import Escape, no_balance
@@ -53,6 +56,7 @@ class Problem(ABC):
     Attributes:
         system: the elastic system.
         points: its contact points.
+        groups: which of them are judged together.
         data: the data that outer algorithms change.
         sets: active sets of the last linear solve.
         next: active sets of the last residual.
@@ -64,6 +68,7 @@ class Problem(ABC):
     def __init__(self, system: ElasticSystem, motions: FreeMotions) -> None:
         self.system = system
         self.points: ContactPoints = system.contact.points
+        self.groups = motions.groups
         self.data: RegularisedData
         self.sets = ActiveSets.all_in_contact(self.points.size, self.points.dimension - 1)
         self.next = NextSets(self.sets, self.sets)
@@ -131,8 +136,8 @@ class Problem(ABC):
         return self.system.contact.traces(x)
 
     def law_residual(self, x: PETSc.Vec) -> float:
-        """Largest distance of mu from the projection (3.4), relative to the largest bound or shear that the body feels;
-        collective.
+        """Largest distance of mu from the projection (3.4), relative to the largest bound or shear that the body feels,
+        of each group of points its own; collective.
         """
         bound, _ = self.friction_bounds(x)
         pressure, shear = self.multipliers(x, self.sets)
@@ -141,10 +146,46 @@ class Problem(ABC):
         # What follows the pressure of nodes that supports press into the foundation is no scale for others, nor is
         # what a pressure and a shear undo in each other.
         felt = np.maximum(left * self.points.felt(np.where(np.isfinite(bound), bound, 0.0)), felt)
-        away, size = (parallel.largest(self.system.comm, values) for values in (self.away(x), felt))
+        away, size = (self.groups.largest(values) for values in (self.away(x), felt))
+        size = self.scales(size, x)
         if self.system.contact.paired:
-            size = max(size, self._least_traction(x))
-        return away / size if size > 0 else away
+            size = np.maximum(size, self._least_traction(x))
+        return float(shares(away, size, away).max())
+
+    def scales(self, sizes: Nodal, x: PETSc.Vec) -> Nodal:
+        """What tractions of each group are judged by, see ``PointGroups.scales``: of several groups no less than what
+        the penalty, or the stiffness, makes of the round-off of displacements, stress, shape (groups,); collective.
+        """
+        scales = self.groups.scales(sizes)
+        if self.groups.count == 1:
+            return scales
+        unsigned = x.copy()
+        unsigned.abs()
+        rates = [gamma for gamma in (self.data.gamma_n, self.data.gamma_t) if np.isfinite(gamma)]
+        rate = max(rates) if rates else self._point_stiffness
+        terms = length(np.column_stack(self._unsigned.traces(unsigned)))
+        return np.asarray(np.maximum(scales, ROUND_OFF * self.groups.largest(rate * terms)))
+
+    def least_share(self, x: PETSc.Vec) -> float:
+        """The tractions of the group with the smallest ones as a share of the largest; collective."""
+        if self.groups.count == 1:
+            return 1.0
+        pressure, shear = self.multipliers(x, self.sets)
+        sizes = self.groups.scales(self.groups.norms(np.column_stack((pressure, shear))))
+        return float(sizes.min() / sizes.max()) if sizes.max() > 0 else 1.0
+
+    @cached_property
+    def _unsigned(self) -> ContactMap:
+        """|B|: times magnitudes of unknowns, what relative displacements are added up of."""
+        operator = self.system.contact.operator.copy()
+        starts, columns, values = operator.getValuesCSR()
+        operator.setValuesCSR(starts, columns, np.abs(values))
+        operator.assemble()
+        return replace(self.system.contact, operator=operator)
+
+    @cached_property
+    def _point_stiffness(self) -> Nodal:
+        return self.system.contact.stiffness(self.system.matrix.getDiagonal())
 
     def accept(self, x: PETSc.Vec, sets: ActiveSets, tolerance: float) -> bool:
         """Accept these sets as those of the solution if the residual is at most a share of the forces; collective.

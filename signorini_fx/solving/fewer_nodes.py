@@ -25,7 +25,6 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import with_points
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.map import ContactMap
-from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.contact.points import ContactPoints
 from signorini_fx.linalg.condensed import CondensedSystem, DenseSystem, dense_matrix
 from signorini_fx.records import History, Status
@@ -119,7 +118,7 @@ def _with_every(
         task,
         settings=replace(task.settings, algorithm="ssn", fallbacks=False),
         system=_projected(system, change, np.flatnonzero(stays), rows, some.points),
-        motions=FreeMotions(some.points, motions.relative[rows], motions.assembly, motions.of_point[rows]),
+        motions=motions.some(some.points, rows),
         start=replace(start, data=_at(rows, count, data), law=law, sets=sets, factors=None),
         rest=None,
         history=History(),
