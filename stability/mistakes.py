@@ -532,7 +532,7 @@ MUTANTS = (
     ),
     Mutant(
         "results/nodal_forces",
-        'young * self._grading("grading")',
+        'young * self.grading("grading")',
         "young",
         "second opinion: Young's modulus that is not graded",
         tests=("graded",),
@@ -2980,7 +2980,7 @@ MUTANTS = (
     ),
     Mutant(
         "results/nodal_forces",
-        'poisson * self._grading("poisson_grading")',
+        'poisson * self.grading("poisson_grading")',
         "poisson",
         "certificate: Poisson's ratio does not vary",
         tests=("mixed_graded::test_a_constant_is_a_smaller_modulus",),
@@ -4189,6 +4189,20 @@ MUTANTS = (
         "law.given",
         "safety: no friction where a support takes the pressure",
         tests=("safety::test_a_support_takes_the_pressure",),
+    ),
+    Mutant(
+        "body/cut_loads",
+        'np.sign(np.einsum("md,md->m", outward, away))',
+        '1.0 + 0 * np.einsum("md,md->m", outward, away)',
+        "cut loads: normals of cut facets point anywhere",
+        tests=("jumping_loads::test_round_a_body_and_equal_loads",),
+    ),
+    Mutant(
+        "body/cut_loads",
+        "corners[owner]",
+        "corners[owner * 0]",
+        "cut loads: all parts are in the first facet",
+        tests=("jumping_loads::test_a_solution_has_the_force_of_a_load_that_jumps",),
     ),
     Mutant(
         "results/safety",

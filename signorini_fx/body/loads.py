@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import count
@@ -17,6 +17,7 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble, facet_vertices, measure
+from signorini_fx.body.cut_loads import CutRule, cut_rule
 from signorini_fx.body.mixed import PressureSpace
 from signorini_fx.body.moduli import isotropic, lame_coefficients, of_materials, reduced_degree
 from signorini_fx.body.rigid_tools import Driven, RigidTools
@@ -28,10 +29,14 @@ from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.scales import Scales
 from signorini_fx.scene.effect import Effect, Force, InitialStrain, Load, Resistance, SectionJump
-from signorini_fx.scene.expressions import Expression, in_space, sample
+from signorini_fx.scene.expressions import Expression, sample
 from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.magnitudes import LARGEST
 from signorini_fx.scene.model import Scene
+
+# The rules of loads that jumps cut, by the identity of the load: two of them may be equal.
+Cuts = Mapping[int, CutRule]
+NO_CUTS: Cuts = {}
 
 
 @dataclass(frozen=True)
@@ -177,11 +182,15 @@ class FormCoefficients:
         """
         boundary, spread, mesh = str(effect.where), effect.weighting, self.space.mesh
         if (boundary, spread) not in self._totals:
-            (where,) = measures(self.space, [effect], self.tagged.facets)
+            rule = cut_rule(effect, self) if isinstance(effect, Force) else None
+            (where,) = measures(
+                self.space, [effect], self.tagged.facets, NO_CUTS if rule is None else {id(effect): rule}
+            )
             degree = {"quadrature_degree": effect.degree(self.space.element.basix_element.degree)}
             density = self.value(spread) * self.around
             form = self.inventory.compile(f"total of {effect.name}", lambda: fem.form(density * where(metadata=degree)))
-            found = float(parallel.global_sum(mesh.comm, np.array(fem.assemble_scalar(form))))
+            cut = 0.0 if rule is None else float(np.sum(rule.size * rule.value(spread)))
+            found = float(parallel.global_sum(mesh.comm, np.array(fem.assemble_scalar(form) + cut)))
             corners = facet_vertices(mesh, self.tagged.facets(boundary))
             most = parallel.largest(mesh.comm, np.abs(sample(spread, corners.reshape(-1, 3).T)))
             tagged, axisymmetric = self.tagged, self.scene.axisymmetric
@@ -210,65 +219,28 @@ class FormCoefficients:
         return ufl.as_vector([self.value(value) for value in values[: self.space.mesh.geometry.dim]])
 
 
-@dataclass(frozen=True)
-class SampledPoints:
-    """Single points on facets, for pictures and corners, ``scene.effect.Points``.
-
-    UFL expressions, which only a compiled form could evaluate, are not known there.
-
-    Attributes:
-        at: the points, shape (f, d).
-        normal: outward unit normals, shape (f, 1, d), or zero, which leaves pressures out.
-        whole: from an effect to the integral of its ``spread``.
-        unknown: what a UFL expression counts as.
-    """
-
-    at: npt.NDArray[np.float64]
-    normal: npt.NDArray[np.float64]
-    whole: Callable[[Effect], float]
-    unknown: float = 0.0
-
-    @property
-    def position(self) -> npt.NDArray[np.float64]:
-        """Shape (f, 1, d)."""
-        return self.at[:, None]
-
-    @property
-    def displacement(self) -> npt.NDArray[np.float64]:
-        """None, shape (f, 1, d)."""
-        return np.zeros_like(self.position)
-
-    @property
-    def density(self) -> npt.NDArray[np.float64]:
-        """Of no meaning on facets."""
-        return np.zeros((len(self.at), 1))
-
-    def total(self, effect: Effect) -> float:
-        """See ``Coefficients``."""
-        return self.whole(effect)
-
-    def value(self, value: Any) -> npt.NDArray[np.float64]:
-        """Shape (f, 1)."""
-        if hasattr(value, "ufl_shape"):
-            return np.full((len(self.at), 1), self.unknown)
-        return sample(value, in_space(self.at))[:, None]
-
-    def vector(self, values: tuple[Any, ...]) -> npt.NDArray[np.float64]:
-        """Shape (f, 1, d)."""
-        return np.stack([self.value(value) for value in values[: self.at.shape[1]]], axis=2)
-
-
 Facets = Callable[[str], npt.NDArray[np.int32]]
 # An integral below this share of that of the magnitude is the round-off of zero.
 _ROUND_OFF = 1e-12
 
 
-def measures(space: fem.FunctionSpace, effects: Sequence[Effect], facets: Facets) -> list[Any]:
-    """Integration over what each effect acts on: the body, or the facets of its boundary."""
-    surfaces = [effect.where for effect in effects if effect.where is not None]
-    ds = measure(space.mesh, [facets(boundary) for boundary in surfaces], {})
+def measures(space: fem.FunctionSpace, effects: Sequence[Effect], facets: Facets, cuts: Cuts = NO_CUTS) -> list[Any]:
+    """Integration over what each effect acts on, the body, or the facets of its boundary, without what jumps cut."""
+    surfaces = [
+        np.setdiff1d(every, cuts[id(effect)].entities) if id(effect) in cuts else every
+        for effect, every in ((effect, facets(effect.where)) for effect in effects if effect.where is not None)
+    ]
+    ds = measure(space.mesh, surfaces, {})
     number = count(1)
-    return [ufl.dx if effect.where is None else ds(next(number)) for effect in effects]
+    return [_body(space.mesh, cuts.get(id(effect))) if effect.where is None else ds(next(number)) for effect in effects]
+
+
+def _body(mesh: Any, rule: CutRule | None) -> Any:
+    """Integration over the cells that no jump cuts."""
+    if rule is None:
+        return ufl.dx
+    every = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
+    return ufl.Measure("dx", domain=mesh, subdomain_data=[(1, np.setdiff1d(every, rule.entities))])(1)
 
 
 # The factors of a load, whether these multiply it in a ramp from nothing, whether it depends on the time, and whether
@@ -297,22 +269,25 @@ SupportsAt = Callable[[float], tuple[list[tuple[PrescribedDisplacement, fem.Diri
 
 def applied_load(group: Group, loads: list[Load], on: FormCoefficients, z: Any, supports: SupportsAt) -> AppliedLoad:
     """Compile and assemble the loads that share their factors; collective."""
-    return _assembled(group, loads, on, supports, *compile_loads(loads, on, z), 0)
+    return _assembled(group, loads, on, z, supports, None, 0)
 
 
 def _assembled(
     group: Group,
     loads: list[Load],
     on: FormCoefficients,
+    z: Any,
     supports: SupportsAt,
-    names: tuple[str, ...],
-    forms: tuple[fem.Form, ...],
+    compiled: tuple[tuple[str, ...], tuple[fem.Form, ...]] | None,
     place: float,
 ) -> AppliedLoad:
     """The loads at the time of a place in the lists of factors; collective."""
     factors, grows, timed, balanced = group
     space = on.space
     on.move_to(place)
+    now = {id(load): on.scene.now(load, place)[1] for load in loads if isinstance(load, Force)}
+    cuts = {key: rule for key, moved in now.items() if (rule := cut_rule(moved, on)) is not None}
+    names, forms = compiled = compile_loads(loads, on, z, cuts) if cuts or compiled is None else compiled
     prescribed = fem.Function(space)
     axes, turned = supports(place)
     for effect, support in axes:  # the later one applies where two meet
@@ -329,8 +304,10 @@ def _assembled(
         forces, swelling = np.zeros(owned), assemble(forms[0])
     else:
         forces = sum((assemble(form) for form in forms), np.zeros(owned))
+        for key, rule in cuts.items():
+            forces = forces + rule.integrals(now[key].density_at(rule), space)
     # No function that refers to itself: such a cycle keeps the mesh until the garbage collector comes.
-    again = partial(_assembled, group, loads, on, supports, names, forms) if timed else None
+    again = partial(_assembled, group, loads, on, z, supports, None if cuts else compiled) if timed else None
     return AppliedLoad(factors, names, forms, forces, prescribed, grows, again, balanced=balanced, swelling=swelling)
 
 
@@ -349,14 +326,16 @@ def tool_load(tools: RigidTools, number: int, scene: Scene, space: fem.FunctionS
     )
 
 
-def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[tuple[str, ...], tuple[fem.Form, ...]]:
-    """The terms of L of section 2.1 that the loads list, (f, z) and (h, z), compiled together, or those of initial
-    strains, see ``effects.material.initial_strain_forms``, and their names.
+def compile_loads(
+    loads: Sequence[Load], on: FormCoefficients, z: Any, cuts: Cuts = NO_CUTS
+) -> tuple[tuple[str, ...], tuple[fem.Form, ...]]:
+    """The terms of L of section 2.1 that the loads list, (f, z) and (h, z), compiled together, without what jumps cut,
+    or those of initial strains, see ``effects.material.initial_strain_forms``, and their names.
     """
     if strains := [load for load in loads if isinstance(load, InitialStrain)]:
         return _compiled_strains(strains, on, z)
     forces = sorted((load for load in loads if isinstance(load, Force)), key=lambda load: load.where is not None)
-    name, form = _compiled(forces, lambda load: ufl.inner(load.density(on), z), on)
+    name, form = _compiled(forces, lambda load: ufl.inner(load.density(on), z), on, cuts)
     return ((), ()) if form is None else ((name,), (form,))
 
 
@@ -395,13 +374,13 @@ def compile_resistance(on: FormCoefficients, z: Any) -> tuple[str, fem.Form | No
 
 
 def _compiled(
-    effects: Sequence[Any], integrand: Callable[[Any], Any], on: FormCoefficients
+    effects: Sequence[Any], integrand: Callable[[Any], Any], on: FormCoefficients, cuts: Cuts = NO_CUTS
 ) -> tuple[str, fem.Form | None]:
     """The integrals of effects over what each of them acts on, and their name; "" and None without effects."""
     if not effects:
         return "", None
     space, inventory = on.space, on.inventory
-    element, where = space.element.basix_element.degree, measures(space, effects, on.tagged.facets)
+    element, where = space.element.basix_element.degree, measures(space, effects, on.tagged.facets, cuts)
     degrees = ({"quadrature_degree": effect.degree(element)} for effect in effects)
     terms = [
         integrand(effect) * on.around * d(metadata=degree)

@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities
-from signorini_fx.body.loads import SampledPoints
+from signorini_fx.body.sampled_points import SampledPoints
 from signorini_fx.compat import geometry_cells
 from signorini_fx.effects.contact import Contact as ContactEffect
 from signorini_fx.effects.displacement import PrescribedDisplacement

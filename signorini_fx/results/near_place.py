@@ -13,8 +13,8 @@ from dolfinx import mesh as dmesh
 from signorini_fx import compat, parallel
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.body.loads import SampledPoints
 from signorini_fx.body.moduli import of_materials
+from signorini_fx.body.sampled_points import SampledPoints
 from signorini_fx.body.supports import on_axis
 from signorini_fx.scene.effect import Force, InitialStrain
 

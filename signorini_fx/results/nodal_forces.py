@@ -10,7 +10,7 @@ only a compiled form can integrate them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import basix
@@ -26,6 +26,7 @@ from signorini_fx.body.moduli import reduced_degree
 from signorini_fx.body.quadrature import strain_degree
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
+from signorini_fx.results.cut_entities import cut_rules
 from signorini_fx.results.quadrature_points import QuadraturePoints
 from signorini_fx.results.surface_quadrature import Facets, SurfaceQuadrature, over_ranks
 from signorini_fx.scene.effect import Effect, Force, InitialStrain, Points, Resistance, SectionJump
@@ -256,13 +257,13 @@ class NodalForces(SurfaceQuadrature):
     def _young_and_poisson(self) -> tuple[Array, Array]:
         """Both, of all cells alike, shape (1,), or cell by cell."""
         young, poisson = self.of_materials(lambda one: (one.young, one.poisson))
-        return young * self._grading("grading"), poisson * self._grading("poisson_grading")
+        return young * self.grading("grading"), poisson * self.grading("poisson_grading")
 
-    def _grading(self, key: str) -> Array:
+    def grading(self, key: str) -> Array:
         """By what a modulus of the materials is multiplied, of all cells alike, shape (1,), or cell by cell."""
         if all(getattr(material, key) is None for material in self.scene.material):
             return np.ones(1)
-        middle, found = self._middles(slice(None)), np.ones(len(self._corners))
+        middle, found = self.middles(slice(None)), np.ones(len(self._corners))
         for material in self.scene.material:
             if getattr(material, key) is not None:
                 here = slice(None) if material.region is None else self.tagged.cells(material.region)
@@ -271,15 +272,16 @@ class NodalForces(SurfaceQuadrature):
 
     # --- how ---------------------------------------------------------------------------------------------------------
 
-    def _chunks(self) -> Iterator[Indices]:
-        for first in range(0, self._own.size, _CHUNK):
-            yield self._own[first : first + _CHUNK]
+    def _chunks(self, some: Indices | None = None) -> Iterator[Indices]:
+        every = self._own if some is None else some
+        for first in range(0, every.size, _CHUNK):
+            yield every[first : first + _CHUNK]
 
     def _integral(self, effect: Effect, density: Callable[[Points], Array], y: Array) -> Array:
         """A force per volume or area, integrated with the shape functions on this rank alone, shape (nodes, d)."""
         total, degree = self._zero(), effect.degree(self.scene.element.degree)
         whole = np.nan if effect.weighting is None else self._whole(effect, degree)
-        for part, size in self._cells(degree) if effect.where is None else self._sides(effect.where, degree):
+        for part, size in self._parts(effect, degree):
             force: Array = (size * self._around(part))[:, :, None] * density(
                 QuadraturePoints(self, part, size, y, whole)
             )
@@ -288,24 +290,37 @@ class NodalForces(SurfaceQuadrature):
 
     def _whole(self, effect: Effect, degree: int) -> float:
         """The integral of its ``weighting`` over its boundary."""
-        parts = self._sides(str(effect.where), degree)
+        parts = self._parts(effect, degree)
         # A float on a rank without facets too: ranks that sum numbers of different types find anything.
         own = sum(
             (np.sum(size * self._around(part) * self.values(effect.weighting, part)) for part, size in parts), 0.0
         )
         return float(parallel.global_sum(self.tagged.mesh.comm, np.array(own)))
 
-    def _cells(self, degree: int) -> Iterator[tuple[Facets, Array]]:
-        """All cells of this rank, and the volumes of their points."""
-        points, weight = basix.make_quadrature(self._cell, degree)
-        table = self._table(points)
-        for cells in self._chunks():
-            yield Facets(cells, table, np.empty(0)), weight * np.abs(adjugates(self._jacobian(cells, table))[1])
+    def _parts(self, effect: Effect, degree: int) -> Iterator[tuple[Facets, Array]]:
+        """What an effect acts on, on this rank, with the volumes or areas of its points: cells or facets that no jump
+        of a load cuts together, others one by one.
+        """
+        inside = effect.where is None
+        every = self._own if inside else self.facets(effect.where)
+        rules = dict(cut_rules(self.tagged.mesh, effect, every, degree))
+        left = np.setdiff1d(every, list(rules)).astype(np.int32) if rules else every
+        rule = basix.make_quadrature(self._cell if inside else self._facet, degree)
+        for some, points, weights in [(left, *rule), *((np.array([one], np.int32), *rules[one]) for one in rules)]:
+            if inside:
+                yield from self._cells(degree, some, (points, weights))
+            else:
+                for facets in self._facets(some, points, weights):
+                    yield facets, np.linalg.norm(facets.moment, axis=2)
 
-    def _sides(self, boundary: str, degree: int) -> Iterator[tuple[Facets, Array]]:
-        """The facets of a boundary on this rank, and the areas of their points."""
-        for facets in self._facets(boundary, *basix.make_quadrature(self._facet, degree)):
-            yield facets, np.linalg.norm(facets.moment, axis=2)
+    def _cells(
+        self, degree: int, some: Indices | None = None, rule: tuple[Array, Array] | None = None
+    ) -> Iterator[tuple[Facets, Array]]:
+        """All cells of this rank, or some, and the volumes of their points."""
+        points, weight = rule or basix.make_quadrature(self._cell, degree)
+        table = self._table(points)
+        for cells in self._chunks(some):
+            yield Facets(cells, table, np.empty(0)), weight * np.abs(adjugates(self._jacobian(cells, table))[1])
 
     def _stress_work(
         self, u: Array, degree: int, initial: Callable[[Facets], Array] | None = None
@@ -322,7 +337,9 @@ class NodalForces(SurfaceQuadrature):
         """
         reduced = reduced_degree(self.scene, self.tagged.mesh)
         if any(material.orthotropic is not None for material in self.scene.material):
-            return self._part_of_work(u, degree, np.zeros(1), np.zeros(1), initial, self._in_axes)
+            from signorini_fx.results.orthotropic_law import in_axes
+
+            return self._part_of_work(u, degree, np.zeros(1), np.zeros(1), initial, partial(in_axes, self))
         a, b = self._hooke()
         if reduced is None:
             return self._part_of_work(u, degree, a, b, initial)
@@ -385,24 +402,7 @@ class NodalForces(SurfaceQuadrature):
                 total[lowest : lowest + added.size, i] += added
         return total, energy
 
-    def _in_axes(self, cells: Indices, gradient: Array, hoop: Array | None) -> tuple[Array, Array | None]:
-        """The stress where a material is orthotropic, shape (d, d, f, q), and that along the circumference."""
-        from signorini_fx.results.orthotropic_law import stress_in_axes
-
-        dim, strain = self.dimension, np.zeros((*gradient.shape[2:], 3, 3))
-        strain[..., :dim, :dim] = np.moveaxis(gradient + gradient.swapaxes(0, 1), (0, 1), (2, 3)) / 2
-        if hoop is not None:
-            strain[..., 2, 2] = hoop
-        middle, stress = self._middles(cells), np.zeros_like(strain)
-        for material in self.scene.material:
-            one = len(self.scene.material) == 1
-            here = np.ones(len(cells), bool) if one else np.isin(cells, self.tagged.cells(str(material.region)))
-            stress[here] = stress_in_axes(material, middle[:, here], strain[here])
-        share = self._grading("grading")
-        stress *= (share if share.size == 1 else share[cells])[:, None, None, None]
-        return np.moveaxis(stress[..., :dim, :dim], (2, 3), (0, 1)), None if hoop is None else stress[..., 2, 2]
-
-    def _middles(self, cells: Indices | slice) -> Array:
+    def middles(self, cells: Indices | slice) -> Array:
         """The middles of the corners of cells, shape (3, n)."""
         return in_space(self._x[self._corners[cells, : len(basix.geometry(self._cell))]].mean(axis=1))
 

@@ -16,6 +16,8 @@ Ints = npt.NDArray[np.int64]
 
 # A cut that is closer to a corner than this share of an edge is none: it is the round-off of a node.
 _AT_CORNER = 1e-9
+# What a function misses of an affine one, as a share of the function, that is round-off.
+_AFFINE = 1e-9
 # Halvings that find where an edge is cut, and cuts of one simplex by one function.
 _HALVINGS, _MOST = 48, 12
 
@@ -34,9 +36,15 @@ def cut(x: Array, values: Iterable[Any]) -> tuple[Ints, Array]:
         The simplex that each part is in, shape (m,), and its corners as barycentric coordinates of that simplex, shape
         (m, k, k).
     """
+    return exactly_cut(x, values)[:2]
+
+
+def exactly_cut(x: Array, values: Iterable[Any]) -> tuple[Ints, Array, npt.NDArray[np.bool_]]:
+    """``cut``, and in which simplices all functions that are compared are affine on each part, shape (n,)."""
     count, size = x.shape[:2]
     owner: Ints = np.arange(count)
     parts: Array = np.tile(np.eye(size), (count, 1, 1))
+    exact = np.ones(count, dtype=bool)
     for value in values:
         if not isinstance(value, Expression):
             continue
@@ -47,8 +55,14 @@ def cut(x: Array, values: Iterable[Any]) -> tuple[Ints, Array]:
                 at = np.einsum("mqk,mkd->mqd", places, x[owner])
                 return value.switches(in_space(at.reshape(-1, x.shape[2])))[number].reshape(at.shape[:2])
 
+            corners = np.nan_to_num(sign(owner, parts))
+            most: Array = np.zeros(count)
+            np.maximum.at(most, owner, np.abs(corners).max(axis=1))
+            for a, b in combinations(range(size), 2):
+                middle = np.nan_to_num(sign(owner, (parts[:, [a]] + parts[:, [b]]) / 2))[:, 0]
+                exact[owner[np.abs(middle - (corners[:, a] + corners[:, b]) / 2) > _AFFINE * most[owner]]] = False
             owner, parts = _cut(owner, parts, sign)
-    return owner, parts
+    return owner, parts, exact
 
 
 def _cut(owner: Ints, parts: Array, sign: Callable[[Ints, Array], Array]) -> tuple[Ints, Array]:

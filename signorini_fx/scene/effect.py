@@ -21,6 +21,7 @@ import numpy.typing as npt
 from pydantic import BaseModel, BeforeValidator, Field, TypeAdapter, ValidationInfo, create_model
 
 from signorini_fx.scene.base import Table
+from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.values import Finite, TimedValue
 
 Array = npt.NDArray[np.float64]
@@ -206,6 +207,13 @@ class Force(Load):
     """Force per volume or area."""
 
     live: bool = True
+
+    @property
+    def jumps(self) -> tuple[Expression, ...]:
+        """Its expressions that may jump; none if a value is neither a number nor an expression."""
+        values = [value for value in (*self.given.values(), self.weighting) if value is not None]
+        known = all(isinstance(value, float | Expression) for value in values)
+        return tuple(value for value in values if isinstance(value, Expression) and value.jumps) if known else ()
 
     def density(self, on: Coefficients) -> Any:
         """Force per volume or area, UFL, shape (d,)."""

@@ -332,6 +332,14 @@ class Expression:
     def _now(self) -> Any:
         return np.float64(math.nan if self.time is None else self.time)
 
+    @property
+    def jumps(self) -> bool:
+        """Whether it may jump: it compares numbers, or takes their sign."""
+        return any(
+            isinstance(node, ast.Compare) or (isinstance(node, ast.Name) and node.id == "sign")
+            for node in ast.walk(self._tree())
+        )
+
     def ufl(self, mesh: Any, time: Any = None) -> Any:
         """The same function as a UFL expression of ``SpatialCoordinate(mesh)``, with a ``Constant`` for t if it is
         given.
