@@ -38,6 +38,7 @@ from signorini_fx.pictures.style import (
 from signorini_fx.units import bracketed
 
 SIDES = ("contact", "friction")
+WATER = {"color": BLUE, "linewidth": 1.2, "linestyle": (0, (4.0, 1.5)), "marker": ".", "markersize": 3.0}
 AROUND = {"color": ORANGE, "linewidth": 1.5, "linestyle": (0, (6.0, 1.2, 1.2, 1.2))}
 # Lightness decreases from open to stick, so that the order of the states is visible in a gray print.
 STATES = {
@@ -82,6 +83,11 @@ class ContactColumns:
         return np.asarray(sum(self.floats(part) * axis for part, axis in parts))
 
     @property
+    def water(self) -> Floats:
+        """The pressure of a fluid that has entered, shape (n,)."""
+        return self.floats("water") if "water" in self.columns else np.zeros(len(self.columns["state"]))
+
+    @property
     def against(self) -> str:
         """The boundary of another body that it may touch; empty: a rigid foundation."""
         return str(self.columns["against"][0]) if "against" in self.columns else ""
@@ -119,7 +125,7 @@ class Boundary(ContactColumns):
     def window(self) -> tuple[float, float] | None:
         """The part of the coordinate around the nodes in contact, if that is a small part of the whole."""
         low, high = float(self.coordinate.min()), float(self.coordinate.max())
-        inside = self.coordinate[self.touching]
+        inside = self.coordinate[self.touching | (self.water > 0)]
         if not inside.size:
             return None
         first, last = float(inside.min()), float(inside.max())
@@ -200,8 +206,9 @@ def panels_of(boundary: Boundary, side: str) -> list[Panel]:
         moves, other = ("relative ", "the other body") if boundary.against else ("", "rigid foundation")
         # The foundation is drawn where it is near, and its nearest point is always visible.
         nearest = float(np.abs(gap).min(initial=np.inf, where=np.isfinite(gap)))
+        water = [Curve("pressure of the fluid", "p", boundary.water, WATER)] if boundary.water.any() else []
         return [
-            Panel("stress", [Curve("contact pressure", r"\lambda", pressure, MULTIPLIER)]),
+            Panel("stress", [Curve("contact pressure", r"\lambda", pressure, MULTIPLIER), *water]),
             Panel(
                 "length",
                 [
@@ -246,11 +253,12 @@ def boundary_profiles(
 ) -> None:
     """Draw the curves along the contact boundary, one block per boundary.
 
-    Left: contact pressure lambda, and below it the normal displacement and the rigid foundation, or how far the other
-    body is.  Right: shear stress mu with its bounds, and below it the tangential displacement; with torsion also around
-    the axis.  Stresses and lengths have axes of their own.  Foundation and bounds are cut off where they lie far beyond
-    the other curves.  The strip shows the state of the contact.  Without friction there is only the left column.  If
-    little of a boundary is in contact, only the surroundings of that part are drawn, and the coordinate says so.
+    Left: contact pressure lambda, with the pressure of a fluid that has entered, and below it the normal displacement
+    and the rigid foundation, or how far the other body is.  Right: shear stress mu with its bounds, and below it the
+    tangential displacement; with torsion also around the axis.  Stresses and lengths have axes of their own.
+    Foundation and bounds are cut off where they lie far beyond the other curves.  The strip shows the state of the
+    contact.  Without friction there is only the left column.  If little of a boundary is in contact, only the
+    surroundings of that part are drawn, and the coordinate says so.
 
     Args:
         path_stem: where to write, without suffix.

@@ -21,6 +21,7 @@ from signorini_fx.csv_text import Table
 from signorini_fx.pictures import view
 from signorini_fx.pictures.boundary_profiles import STATES, ContactColumns, state_patches
 from signorini_fx.pictures.style import (
+    BLUE,
     INK,
     MUTED,
     SCREEN,
@@ -141,11 +142,11 @@ def contact_surface(
     """Draw each contact boundary of a body in space, seen along its outward normal through the body.
 
     On the left, or above: contact pressure in colour where a facet is in contact, linear between the nodes, and the
-    shear stress mu as arrows.  If a singular edge would leave the rest dark, the scale ends at the pressure that
-    is not exceeded on 99 % of the contact area.  On the right, or below: the state of each node in the area halfway to
-    its neighbours, and the slip as arrows, magnified as stated in the panel.  If there are many arrows, some are left
-    out. If little of the boundary is in contact, the picture shows that part, and says so.  Without friction: only
-    pressure.
+    shear stress mu as arrows; dots are nodes with a fluid that has entered.  If a singular edge would leave the rest
+    dark, the scale ends at the pressure that is not exceeded on 99 % of the contact area.  On the right, or below: the
+    state of each node in the area halfway to its neighbours, and the slip as arrows, magnified as stated in the panel.
+    If there are many arrows, some are left out.  If little of the boundary is in contact, the picture shows that part,
+    and says so.  Without friction: only pressure.
 
     Args:
         path_stem: where to write, without suffix.
@@ -289,6 +290,11 @@ def _pressure_panel(figure: Figure, axes: Axes, side: Side, low: Floats, high: F
         drawn = _arrows(axes, side, shear, side.shown & (side.floats("shear") > 1e-6 * longest), low, high)
         if drawn > 0:
             text += f"\narrows: shear stress $\\mu$, the longest ${math_number(float(f'{drawn:.3g}'))}$"
+    wet = side.shown & (side.water > 0)
+    if wet.any():
+        axes.plot(*nodes[wet].T, linestyle="", marker="o", markersize=2.5, color=BLUE, zorder=4)
+        reach = tuple(math_number(float(f"{value:.3g}")) for value in (side.water[wet].min(), side.water[wet].max()))
+        text += f"\ndots: fluid, pressure {' to '.join(f'${value}$' for value in dict.fromkeys(reach))}"
     axes.set_title(text, loc="left", fontsize=8)
 
 
