@@ -1,6 +1,8 @@
 """Fluids that enter contact as it opens: uplift under a dam, against statics by hand."""
 
 from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +14,8 @@ from signorini_fx.body.joint_loads import JointLoads
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.check.checks import check_scene
 from signorini_fx.parallel import gather_rows
-from signorini_fx.records import Status
+from signorini_fx.pictures.boundary_profiles import boundaries_of, panels_of
+from signorini_fx.records import Status, StepRecord
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.joint_loads import astray
 from signorini_fx.results.nodal_forces import NodalForces
@@ -24,25 +27,30 @@ COMM = MPI.COMM_WORLD
 LENGTH, HEIGHT, LAYER, WEIGHT = 2.0, 1.0, 0.05, 10.0
 
 
-def dam(heavy, level=3.0, dim=2, up=None, notch=0.11, gap=None, cells=40, closed="none", **more):
+def dam(heavy, level=3.0, dim=2, up=None, notch=0.11, gap=None, cells=40, closed="none", unit=1.0, **more):
     """A stiff block on a thin soft layer without friction, held against the water on its left at a point; a joint at
-    its heel is open from the beginning.
+    its heel is open from the beginning.  A number of a length is multiplied by ``unit``, stresses stay.
     """
-    mesh = {"generator": "rectangle", "parameters": {"length": LENGTH, "height": HEIGHT, "nx": cells, "ny": 20}}
-    at, axis = (LENGTH, LAYER), dim - 1
+    mesh = {"generator": "rectangle", "parameters": {"nx": cells, "ny": 20}}
+    mesh["parameters"] |= {"length": LENGTH * unit, "height": HEIGHT * unit}
+    at, axis = (LENGTH * unit, LAYER * unit), dim - 1
     held = [{"at": at, "x": 0.0}]
     if dim == 3:
         mesh = box("hexahedra", (20, 1, 10), size=(LENGTH, 1.0, HEIGHT), comm=COMM)
         held = [{"at": (LENGTH, y, 0.1), "x": 0.0} for y in (0.0, 1.0)] + [{"boundary": "front", "y": 0.0}]
     layer = 2 * LAYER if dim == 3 else LAYER
-    fluid = {"boundary": "left", "level": level, "weight": WEIGHT, "enters": ["bottom"], "closed": closed}
+    fluid = {"boundary": "left", "level": level, "weight": WEIGHT / unit, "enters": ["bottom"], "closed": closed}
     return parse_scene(
         {
             "mesh": mesh,
-            "material": {"young": 1e8, "poisson": 0.0, "grading": f"1e-4 if x[{axis}] < {layer + 1e-7} else 1"},
-            "body_force": {"xyz"[axis]: -heavy / (LENGTH * HEIGHT)},
+            "material": {
+                "young": 1e8,
+                "poisson": 0.0,
+                "grading": f"1e-4 if x[{axis}] < {(layer + 1e-7) * unit} else 1",
+            },
+            "body_force": {"xyz"[axis]: -heavy / (LENGTH * HEIGHT * unit)},
             "fluid": fluid,
-            "contact": {"boundary": "bottom", "gap": gap or f"0.01 if x[0] < {notch} else 0"},
+            "contact": {"boundary": "bottom", "gap": gap or f"{0.01 * unit} if x[0] < {notch * unit} else 0"},
             "displacement": held,
         }
         | more
@@ -330,6 +338,72 @@ def test_restart(tmp_path):
         assert np.array_equal(step.contact.joint.reached, other.contact.joint.reached)
         assert step.contact.pressure == pytest.approx(other.contact.pressure, rel=1e-9, abs=1e-9)
     assert again.steps[-1].contact.joint.recalled
+
+
+@pytest.mark.mpi
+def test_restart_on_other_ranks(tmp_path):
+    """Begun on one rank and ended on all of them the front is that of a whole run."""
+    folder = Path(COMM.bcast(str(tmp_path)))
+    level = "1.4 + 0.8*t if t < 2.5 else 2.4"
+    scene = dam(75.0, level, cells=20, notch=0.21, load_steps={"times": [1.0, 2.0, 3.0]})
+
+    def stop(record):
+        if isinstance(record, StepRecord) and record.step == 3:
+            raise KeyboardInterrupt
+
+    if COMM.rank == 0:
+        with pytest.raises(KeyboardInterrupt):
+            solve(scene, MPI.COMM_SELF, checkpoint=folder, observers=[stop])
+    COMM.barrier()
+    again, whole = solve(scene, COMM, checkpoint=folder, restart=True), solve(scene, COMM)
+    assert again.history.events[0].startswith("restart: 2 complete load steps")
+    for step, other in zip(again.steps, whole.steps, strict=True):
+        assert step.certificate.holds
+        state, reference = step.contact, other.contact
+        assert np.array_equal(state.joint.reached, reference.joint.reached)
+        ours, theirs = along(state, state.pressure)[1], along(reference, reference.pressure)[1]
+        assert ours == pytest.approx(theirs, rel=0, abs=1e-6 * theirs.max())  # what a certificate allows
+    assert along(again.contact, again.contact.joint.reached[:, 0])[1].sum() > 4
+
+
+def test_units():
+    """With lengths in thousandths the front, the pressures and the safety factors are the same."""
+    found = []
+    for unit in (1.0, 1e-3):
+        friction = {"law": "coulomb", "coefficient": 0.5}
+        contact = {"boundary": "bottom", "gap": f"{0.01 * unit} if x[0] < {0.11 * unit} else 0", "friction": friction}
+        held = dam(75.0, 3.0 * unit, unit=unit, cells=20)
+        alone = dam(200.0, 3.0 * unit, unit=unit, cells=20, contact=contact, displacement=[], closed="linear")
+        safety, state = solve(alone, COMM).safety, solve(held, COMM).contact
+        x, wet = along(state, state.joint.pressure)
+        found.append((x / unit, wet, along(state, state.pressure)[1], [safety.sliding, safety.overturning]))
+    for one, other in zip(*found, strict=True):
+        assert one == pytest.approx(other, rel=1e-6, abs=1e-6)
+
+
+def test_a_ramp():
+    """Increments that the solver chooses lead to the front of one load step and of given ones."""
+    weight, water = -75.0 / (LENGTH * HEIGHT), WATER | {"enters": ["bottom"]}
+    fronts = []
+    for factors, steps in (((0.7, 1.0), {"steps": 3}), ((0.7, 0.8, 0.9, 1.0), {}), ((1.0,), {})):
+        loads = {"body_force": {"y": weight, "factors": [1.0] * len(factors)}, "fluid": water | {"factors": factors}}
+        solution = solve(dam(75.0, cells=20, notch=0.21, load_steps=steps, **loads), COMM)
+        assert all(step.certificate.holds for step in solution.steps)
+        wet = [along(step.contact, step.contact.joint.pressure)[1] > 0 for step in solution.steps]
+        assert all((now >= before).all() for before, now in pairwise(wet))
+        fronts.append(wet[-1])
+    assert 4 < fronts[0].sum() < 20
+    assert all(np.array_equal(front, fronts[0]) for front in fronts)
+
+
+def test_pictures_show_the_fluid():
+    """Its pressure beside that of the contact."""
+    solution = solve(dam(120.0), COMM)
+    (boundary,) = boundaries_of(solution.table.columns)
+    names = {curve.name: curve.values for curve in panels_of(boundary.near(), "contact")[0].curves}
+    assert names["pressure of the fluid"].max() == pytest.approx(30.0)
+    (dry,) = boundaries_of({key: column for key, column in solution.table.columns.items() if key != "water"})
+    assert len(panels_of(dry, "contact")[0].curves) == 1
 
 
 WATER = {"boundary": "left", "level": 3.0, "weight": 10.0}
