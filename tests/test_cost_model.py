@@ -1,5 +1,7 @@
 """The cost that ``check`` foresees, against what the factorisation counts; no clock is read."""
 
+import subprocess
+import sys
 from itertools import pairwise
 
 import pytest
@@ -49,3 +51,48 @@ def test_coarser_meshes_make_multigrid_cheaper():
     one, two = (check_scene(scene, MPI.COMM_SELF).cost for scene in scenes)
     assert one.linear_algebra == two.linear_algebra
     assert 3 < (one.seconds[0] / one.linear_solves[0]) / (two.seconds[0] / two.linear_solves[0]) < 6
+
+
+PAIR = """
+[[body]]
+name = "a"
+mesh = { generator = "box", parameters = { nx = 40, ny = 40, nz = 1, width = 3.0, height = 0.1 } }
+[[body]]
+name = "b"
+mesh = { generator = "box", parameters = { nx = 41, ny = 41, nz = 1, width = 3.0, height = 0.1 } }
+shift = [0.0, 0.0, 0.1]
+[material]
+young = 1000.0
+poisson = 0.3
+[[displacement]]
+boundary = "a.bottom"
+x = 0.0
+y = 0.0
+z = 0.0
+[[displacement]]
+boundary = "b.top"
+x = 0.0
+y = 0.0
+z = -0.001
+[[contact]]
+boundary = "b.bottom"
+against = "a.top"
+"""
+PEAK = """
+import resource, sys
+from signorini_fx import read_scene, solve
+from signorini_fx.check.checks import check_scene
+foreseen = check_scene(read_scene(sys.argv[1])).cost.memory_bytes
+checked = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+solve(sys.argv[1])
+print(foreseen, 1024 * checked, 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+def test_memory_of_two_bodies(tmp_path):
+    """What a process of its own takes to solve a pair with many nodes is foreseen to a factor of two."""
+    (tmp_path / "scene.toml").write_text(PAIR)
+    told = subprocess.run([sys.executable, "-c", PEAK, str(tmp_path / "scene.toml")], capture_output=True, check=True)
+    foreseen, checked, solved = map(float, told.stdout.split())
+    assert 0.5 < foreseen / solved < 2.0
+    assert checked < foreseen

@@ -28,6 +28,7 @@ from signorini_fx.tuned import (
     MEMORY_SHARE,
     MORE_SOLVES,
     MULTIGRID_SHARE,
+    PAIRED_BYTES,
     ROW_ENTRIES,
     SOLVES_OF_FINER_MESH,
     SOLVES_OF_LATER_STEP,
@@ -115,6 +116,7 @@ def estimated_cost(d: Discretisation) -> Cost:
     free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~d.fixed))))
     if d.boundary is not None and d.boundary.moving is not None:
         free += int(np.count_nonzero(~d.boundary.moving.fixed))
+    paired = PAIRED_BYTES[dim] * nodes if any(contact.against for contact in d.scene.contact) else 0.0
     return Cost(
         unknowns=free,
         contact_nodes=nodes,
@@ -123,7 +125,7 @@ def estimated_cost(d: Discretisation) -> Cost:
         factorisation_seconds=factorisation,
         factorisation_bytes=9.0 * entries,
         seconds=(once + solves[0] * each, once + solves[1] * each),
-        memory_bytes=BASE_BYTES * comm.size + BYTES_PER_DOF * n + 2 * matrix + held + 24.0 * dense**2,
+        memory_bytes=BASE_BYTES * comm.size + BYTES_PER_DOF * n + 2 * matrix + held + 24.0 * dense**2 + paired,
     )
 
 
