@@ -1348,10 +1348,31 @@ MUTANTS = (
     ),
     Mutant(
         "results/checkpoint",
-        'return figures if figures.pop("files") == dict(_digests(folder, figures)) else None',
-        'return figures if figures.pop("files") else None',
+        "for name in sorted({*told, *there}) if told.get(name) != there.get(name)]",
+        "for name in sorted({*told, *there}) if not name]",
         "restart: truncated files accepted",
         tests=("restart::test_truncated",),
+    ),
+    Mutant(
+        "results/checkpoint",
+        'if told["digest"] != _digest_of(before):',
+        "if not _digest_of(before):",
+        "restart: a scene that was changed on disk is compared all the same",
+        tests=("restart::test_truncated",),
+    ),
+    Mutant(
+        "results/afterthoughts",
+        "    elif not _ends(everybody):",
+        "    elif comm.size > 1 and not everybody.Wait():",
+        "a rank with an error waits for ever for those that wait for it",
+        tests=("afterthoughts::test_a_rank_that_fails_while_the_others_wait",),
+    ),
+    Mutant(
+        "results/files",
+        "folder.commit()",
+        "pass",
+        "the results are written after what is said about them",
+        tests=("afterthoughts",),
     ),
     Mutant(
         "results/checkpoint",
