@@ -85,7 +85,14 @@ def results_of(summary: dict[str, Any]) -> str:
 def safety_in_words(safety: dict[str, Any]) -> str:
     """The safety factor of a summary, the motion beyond it, and what it does not say."""
     beyond = "" if safety["factor"] is None else f"; beyond, {safety['motion']}"
-    return "; ".join([safety_factor(safety) + beyond, *friction_in_use(safety), safety_proved(safety)])
+    return "; ".join(
+        [safety_factor(safety) + beyond, *friction_in_use(safety), safety_proved(safety), *safety_assumed(safety)]
+    )
+
+
+def safety_assumed(safety: dict[str, Any]) -> list[str]:
+    """What a safety factor rests on."""
+    return [f"assumed: {safety['assumed']}"] if safety.get("assumed") else []
 
 
 def safety_proved(safety: dict[str, Any]) -> str:

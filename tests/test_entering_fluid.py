@@ -325,6 +325,7 @@ def test_safety_with_the_water_in(closed):
     assert "translation along (1, 0)" in solution.safety.motion
     assert solution.safety.sliding == pytest.approx(0.5 * 200.0 / (thrust + 0.5 * uplift), rel=1e-6)
     assert solution.safety.overturning == pytest.approx(200.0 * LENGTH / 2 / turning, rel=1e-6)
+    assert "a fluid in contact stays where it is" in solution.safety.assumed
 
 
 def test_restart(tmp_path):

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import alone
+from scenes import alone, example1
+from test_safety import COULOMB, block, hub
 
 from signorini_fx.check.checks import check_scene
 from signorini_fx.scene.cut_simplices import cut, divided
@@ -59,6 +60,7 @@ def test_what_is_no_expression_widens_the_bounds(place):
     assert low <= place <= high
     assert 1e-4 < high - low < 0.05
     assert "quadrature of the loads" in solution.error_bound.assumed
+    assert "quadrature of the loads" in str(solution.force_bounds("bottom", (0.0, 1.0)))
 
 
 def test_a_body_force_that_jumps_inside_cells():
@@ -86,6 +88,20 @@ def test_the_parts_of_cut_simplices():
         assert ((by_part.min(axis=2) >= 0) | (by_part.max(axis=2) <= 0)).all()
         halves = divided(parts)
         assert np.abs(np.linalg.det(halves)).sum() == pytest.approx(len(x))
+
+
+def test_statements_say_what_they_rest_on():
+    """Bounds of quantities, uniqueness and safety, as the bound of the error does."""
+    solution = alone(example1(coefficient=0.3, nx=12, ny=4))
+    tresca = "of the Tresca problem with the computed friction bound"
+    told = str(solution.force_bounds(solution.scene.contact[0].boundary, (0.0, 1.0)))
+    assert told.startswith("between ")
+    assert tresca in told
+    assert str(solution.uniqueness).endswith("; the stiffness is taken as computed")
+    held = alone(square("-1.0", displacement=[{"boundary": "left", "x": 0.0, "y": 0.0}]))
+    assert str(held.mean_displacement_bounds("right", (1.0, 0.0))).startswith("between ")
+    assert alone(block(1.0, COULOMB)).safety.assumed == "the foundation presses where the body touches it now"
+    assert "straight cells of the mesh" in alone(hub(0.5)).safety.assumed
 
 
 @pytest.mark.parametrize("degree", [1, 2])

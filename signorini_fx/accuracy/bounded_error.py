@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -17,6 +17,26 @@ ROUND_OFF = 64 * _EPS
 UNBALANCED = "no admissible tractions near the nodal ones balance the loads"
 # Lengths below this share of the size of the body are equal.
 SAME = 1e-9
+
+
+class Interval(tuple[float, float]):
+    """Two bounds of a quantity, which print what they rest on.
+
+    Attributes:
+        assumed: see ``ErrorBound``.
+    """
+
+    assumed: str
+
+    def __new__(cls, low: float, high: float, assumed: str = "") -> Self:
+        """Between two numbers."""
+        found = super().__new__(cls, (low, high))
+        found.assumed = assumed
+        return found
+
+    def __str__(self) -> str:
+        """One sentence."""
+        return f"between {self[0]:.6g} and {self[1]:.6g}{f'; {self.assumed}' if self.assumed else ''}"
 
 
 @dataclass(frozen=True, repr=False)

@@ -19,6 +19,7 @@ from signorini_fx.effects.material import LinearElastic
 from signorini_fx.effects.traction import SurfaceTraction
 from signorini_fx.scene.effect import Effect
 from signorini_fx.scene.expressions import in_space, sample
+from signorini_fx.scene.stated import STRAIGHT_CELLS, may_have_arcs
 
 # Entries of a scene that are looked at; any other one could act on the body unseen.
 _KNOWN = (LinearElastic, BodyForce, SurfaceTraction, PrescribedDisplacement, UnilateralContact)
@@ -148,16 +149,10 @@ def assumptions(d: Discretisation, *, coulomb: bool, unknown: float) -> str:
         f"quadrature of the loads, two rules of which differ by {unknown:.1e} of them, is counted"
         if unknown > _UNKNOWN
         else "",
-        "of the body with the straight cells of the mesh" if _may_have_arcs(d.scene) else "",
+        STRAIGHT_CELLS if may_have_arcs(d.scene) else "",
         "of the Tresca problem with the computed friction bound, converged or not: that this is the bound of the exact "
         "solution is assumed"
         if coulomb
         else "",
     ]
     return "; ".join(filter(None, told))
-
-
-def _may_have_arcs(scene: Any) -> bool:
-    """Whether a mesh may stand for a body with arcs: all but rectangles and boxes may."""
-    meshes = [body.mesh for body in scene.body] or [scene.mesh]
-    return not all(getattr(mesh, "generator", None) in ("rectangle", "block", "box") for mesh in meshes)

@@ -23,7 +23,7 @@ import numpy as np
 from dolfinx import fem
 
 from signorini_fx.accuracy.arrays import Array, Ints
-from signorini_fx.accuracy.bounded_error import ROUND_OFF, SAME
+from signorini_fx.accuracy.bounded_error import ROUND_OFF, SAME, Interval
 from signorini_fx.accuracy.bounded_scene import Refused
 from signorini_fx.accuracy.cell_pieces import free_motions, of_each_piece
 from signorini_fx.accuracy.equilibrated_stress import Loads
@@ -42,10 +42,10 @@ def mean_displacement(
     boundary: str,
     direction: tuple[float, float],
     place: float = 0.0,
-) -> tuple[float, float] | str:
+) -> Interval | str:
     """Bounds of the mean of u . direction over a boundary, a length; or why there are none.
 
-    What they rest on is what the bound of the error rests on.
+    They rest on what the bound of the error rests on, and print it.
 
     Args:
         d: the discretised scene.
@@ -68,10 +68,10 @@ def force(
     boundary: str,
     direction: tuple[float, float],
     place: float = 0.0,
-) -> tuple[float, float] | str:
+) -> Interval | str:
     """Bounds of the force on the body along a direction of a support or of a contact; or why there are none.
 
-    They rest on what the bound of the error rests on.  Where statics determines the force they are equal.
+    They rest on what the bound of the error rests on, and print it.  Where statics determines the force they are equal.
 
     Args:
         d: the discretised scene.
@@ -90,7 +90,7 @@ def force(
 class _Quantity(Bounded):
     """A problem with what bounds quantities of its solution."""
 
-    def mean(self, boundary: str, direction: Array) -> tuple[float, float]:
+    def mean(self, boundary: str, direction: Array) -> Interval:
         """See ``mean_displacement``."""
         t, edges = self.t, self._edges(boundary)
         pieces = np.unique(t.piece_of_vertex[t.edges[edges]])
@@ -108,9 +108,9 @@ class _Quantity(Bounded):
         mean = float(share @ ((y[t.edges[edges]].sum(axis=1) + 4 * middle[edges]) / 6 @ direction))
         residual, size, unknown = self._residual(w)
         low, high = self._within(stress.stress - from_strain(t, self._strain(w)), stress.missing, size, pieces)
-        return mean + residual + low - unknown, mean + residual + high + unknown
+        return Interval(mean + residual + low - unknown, mean + residual + high + unknown, self.assumed)
 
-    def force(self, boundary: str, direction: Array) -> tuple[float, float]:
+    def force(self, boundary: str, direction: Array) -> Interval:
         """See ``force``."""
         t, edges = self.t, self._edges(boundary)
         names = [effect.boundary for effect in self._d.scene.contact]
@@ -140,7 +140,7 @@ class _Quantity(Bounded):
             difference, missing = difference - stress.stress, stress.missing
         residual, size, unknown = self._residual(z)
         low, high = self._within(difference, missing, size, pieces)
-        return low - residual - unknown, high - residual + unknown
+        return Interval(low - residual - unknown, high - residual + unknown, self.assumed)
 
     def _closed(self, value: Array, pieces: Ints) -> Given:
         """Components where forces of supports and contacts act; without friction there is none along a contact.

@@ -13,6 +13,7 @@ from signorini_fx.display import (
     friction_in_use,
     on_several_bodies,
     results_of,
+    safety_assumed,
     safety_factor,
     status_in_words,
     touch_each_other,
@@ -98,7 +99,7 @@ def _card(label: str, value: str, error: float | None) -> Markup:
 def _safety_card(safety: dict[str, Any]) -> Markup:
     """The safety factor of the live loads, the motion beyond it, and what it does not say."""
     beyond = [f"beyond, {safety['motion']}"] if safety["motion"] else []
-    told = tag("small", "; ".join([*beyond, *friction_in_use(safety)]))
+    told = tag("small", "; ".join([*beyond, *friction_in_use(safety), *safety_assumed(safety)]))
     return tag("div", tag("dt", "safety factor"), tag("dd", safety_factor(safety), told), class_="wide")
 
 

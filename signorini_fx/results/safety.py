@@ -20,8 +20,9 @@ from signorini_fx.contact.reactions import Reactions, reactions
 from signorini_fx.contact.resting_place import resting_place
 from signorini_fx.contact.statics import Limit, along_contact, largest_multiple, null_space
 from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.scene.effect import Force
+from signorini_fx.scene.effect import Force, SectionJump
 from signorini_fx.scene.model import Scene
+from signorini_fx.scene.stated import STRAIGHT_CELLS, may_have_arcs
 
 # A node whose gap is below this share of the size of the body is closed.
 _CLOSED = 1e-9
@@ -55,6 +56,7 @@ class Safety:
         body: between which multiples that of the body is, with every point of its surface that touches to one facet,
             round-off included; 0 and infinity where nothing is proved.
         reason: why nothing is proved of the body; "".
+        assumed: what the factors rest on.
     """
 
     factor: float
@@ -66,6 +68,7 @@ class Safety:
     overturning: float
     body: tuple[float, float] = (0.0, np.inf)
     reason: str = ""
+    assumed: str = ""
 
     @property
     def of_body(self) -> bool:
@@ -163,7 +166,19 @@ def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety 
         overturning,
         (0.0, np.inf) if surfaces is None else (low, high),
         reason,
+        _assumed(d, contact),
     )
+
+
+def _assumed(d: Discretisation, contact: ContactState) -> str:
+    """What the factors rest on, in words."""
+    told = [
+        "the foundation presses where the body touches it now",
+        "a fluid in contact stays where it is" if contact.joint is not None else "",
+        "sections are shortened as they are" if d.scene.of(SectionJump) else "",
+        STRAIGHT_CELLS if may_have_arcs(d.scene) else "",
+    ]
+    return "; ".join(filter(None, told))
 
 
 def _along_contact(here: Reactions, motions: RigidMotions, columns: npt.NDArray[np.bool_]) -> Nodal:

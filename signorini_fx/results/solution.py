@@ -31,7 +31,7 @@ from signorini_fx.scene.effect import SectionJump
 from signorini_fx.scene.model import Scene
 
 if TYPE_CHECKING:
-    from signorini_fx.accuracy.bounded_error import ErrorBound
+    from signorini_fx.accuracy.bounded_error import ErrorBound, Interval
     from signorini_fx.results.fixed_point import FixedPoint
     from signorini_fx.results.sections import SectionForce
     from signorini_fx.results.uniqueness import Uniqueness
@@ -271,8 +271,9 @@ class Solution:
             return None
         return fixed_point(self.discretisation, self.contact, self._place)
 
-    def mean_displacement_bounds(self, boundary: str, direction: tuple[float, float]) -> tuple[float, float] | str:
-        """Guaranteed bounds of the mean of u . direction over a boundary, a length; or why there are none; collective.
+    def mean_displacement_bounds(self, boundary: str, direction: tuple[float, float]) -> Interval | str:
+        """Guaranteed bounds of the mean of u . direction over a boundary, a length, which print what they rest on; or
+        why there are none; collective.
 
         Args:
             boundary: its name.
@@ -284,7 +285,7 @@ class Solution:
             return "there is no solution"
         return mean_displacement(self.discretisation, self.displacement, self.contact, boundary, direction, self._place)
 
-    def force_bounds(self, boundary: str, direction: tuple[float, float]) -> tuple[float, float] | str:
+    def force_bounds(self, boundary: str, direction: tuple[float, float]) -> Interval | str:
         """Guaranteed bounds of the force of a support or contact on the body, per thickness; or why there are none.
 
         Collective.

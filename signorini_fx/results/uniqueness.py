@@ -32,6 +32,7 @@ from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.laws import FrictionLaw, Nodal
 from signorini_fx.contact.state import PointState
 from signorini_fx.results.contact_stiffness import ENTERS, contact_stiffness
+from signorini_fx.scene.effect import SectionJump
 
 # Eigenvalues of the stiffness below this share of the largest one are free motions; smaller pivots are none.
 _FREE = 1e-10
@@ -62,6 +63,7 @@ class Uniqueness:
         others: different solutions that the search found.
         starts: from which it searched; zero: it did not.
         reason: why nothing is proved at any coefficient, or why no search was made; "": there is none.
+        assumed: what a proof rests on beside the mesh; "": nothing.
     """
 
     proved: bool
@@ -70,9 +72,14 @@ class Uniqueness:
     others: tuple[Nodal, ...] = ()
     starts: int = 0
     reason: str = ""
+    assumed: str = ""
 
     def __str__(self) -> str:
         """One sentence."""
+        return self._said + (f"; {self.assumed}" if self.assumed and self.multiple > 0 else "")
+
+    @property
+    def _said(self) -> str:
         if self.proved and self.multiple == np.inf:
             return "the only solution on this mesh, up to free motions, whatever the loads are"
         below = f"{self.multiple:.4g} times the coefficients" if self.coefficient is None else f"{self.coefficient:.4g}"
@@ -130,12 +137,17 @@ def uniqueness(
     if d.scene.joint_loads:
         return Uniqueness(False, 0.0, reason=ENTERS)
     # Without a coefficient the problem is the minimum of a convex functional.
+    assumed = [
+        "given the load steps before" if (d.scene.steps - 1 if place is None else place) > 0 else "",
+        "with sections shortened as they are" if d.scene.of(SectionJump) else "",
+    ]
     if law is None or not d.scene.has_coulomb:
-        return Uniqueness(True, np.inf)
+        return Uniqueness(True, np.inf, assumed="; ".join(filter(None, assumed)))
     found = contact_stiffness(d, place)
     if isinstance(found, str):
         return Uniqueness(False, 0.0, reason=found)
-    return uniqueness_of(*found, law, contact, search=search)
+    assumed.append("the stiffness is taken as computed")
+    return replace(uniqueness_of(*found, law, contact, search=search), assumed="; ".join(filter(None, assumed)))
 
 
 def uniqueness_of(
