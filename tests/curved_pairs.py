@@ -4,7 +4,12 @@ Mirror-equal bodies meet in the plane of symmetry between them: the force is tha
 as nothing moves along that plane relative to the other side, friction has nothing to take.  So the shear, as a share of
 F P, and the difference of the forces are errors, of the frames and of the discretisation.
 
-    ./env python3 tests/curved_pairs.py plane | space
+    ./env python3 tests/curved_pairs.py plane | space | mirrored | unmatched | flat | circle | steps
+
+mirrored: equal bodies at a/R of .036, .075 and .144, points on either side.  unmatched: quarter spheres whose meshes do
+not match, refined.  flat: flat sides with the same gap as a formula.  circle: Cattaneo's and Mindlin's problem, a block
+on a rigid circle, by the frame of the body, of the circle, and half-way.  steps: what sticks after pressing in 1, 5 and
+40 steps.
 """
 
 import sys
@@ -114,8 +119,101 @@ def mirrored(kind, cells, radius, depth, **given):
     return two.force / one.force - 1.0, two.share, one.a / radius
 
 
+# --- rigid circles and spheres ----------------------------------------------------------------------------------------
+
+
+class Rigid(NamedTuple):
+    """Attributes: ratio, a/R from the moments of the pressure; share, of F P after pressing; stick, half the width that
+    sticks over a; push, Q over F P; off, the difference of the horizontal traction from Cattaneo's and Mindlin's in L2.
+    """
+
+    ratio: float
+    share: float
+    stick: float
+    push: float
+    off: float
+
+
+def foundation_of(frame, radius, dim, friction):
+    """A ball or a circle below the origin by a shape, by its own normal, or by the body's as a formula."""
+    centre = np.append(np.zeros(dim - 1), -radius)
+
+    def away(x):
+        return x[:dim] - centre[:, None]
+
+    return {
+        "half-way": {"shape": {"shape": "circle" if dim == 2 else "sphere", "centre": tuple(centre), "radius": radius}},
+        "circle": {"gap": lambda x: np.hypot.reduce(away(x)) - radius, "direction": lambda x: -away(x)},
+        "body": {
+            "gap": lambda x: radius - np.sqrt(np.maximum(radius**2 - (x[: dim - 1] ** 2).sum(axis=0), 0.0)),
+            "direction": tuple(np.append(np.zeros(dim - 1), -1.0)),
+        },
+    }[frame]
+
+
+def pushed(frame, depth, *, radius=8.0, friction=0.3, cells=(24, 12), steps=1, size=24.0, poisson=0.49):
+    """Press a block of quadrilaterals of degree 2 onto a circle, in one step or several, and push it; see ``Rigid``."""
+    (along, through), kind = cells, "quadrilateral"
+
+    def place(x):
+        return size * np.column_stack((np.sign(x[:, 0]) * np.abs(x[:, 0]) ** 2.6, x[:, 1] ** 2.4))
+
+    mesh = assembled(kind, grid(kind, (2 * along, through), (-1.0, 0.0), (1.0, 1.0), place))
+    space, a, v = forms(mesh, 2, 200.0, poisson)
+    moved = fem.Function(space)
+    top = fem.locate_dofs_topological(space, 1, facets(mesh, lambda x: np.isclose(x[1], size)))
+    side = facets(mesh, lambda x: np.isclose(x[1], 0.0))
+    against = Foundation(side, friction=Coulomb(friction), **foundation_of(frame, radius, 2, friction))
+    nothing = ufl.inner(fem.Constant(mesh, (0.0, 0.0)), v) * ufl.dx
+    problem = ContactProblem(
+        a, nothing, [fem.dirichletbc(moved, top)], contact=against, algorithm="alm", tolerance=1e-8
+    )
+
+    def solved(sideways, down):
+        moved.interpolate(lambda x: np.vstack((0 * x[0] + sideways, 0 * x[0] - down)))
+        problem.solve()
+        state = problem.state
+        w, x, tangent = state.boundary.weight, state.boundary.x[:, 0], state.boundary.tangents[:, :, 0]
+        traction = state.pressure[:, None] * state.boundary.normal + state.shear[:, :1] * tangent
+        force = np.abs(w @ traction)
+        middle = w @ (state.pressure * x) / (w @ state.pressure)
+        half = 2 * np.sqrt(w @ (state.pressure * (x - middle) ** 2) / (w @ state.pressure))
+        return state, w, x - middle, traction[:, 0], force, half
+
+    for k in range(1, steps + 1):
+        state, w, x, _, force, half = solved(0.0, depth * k / steps)
+        problem.advance()
+    share = float(w @ np.abs(state.shear[:, 0]) / (friction * force[1]))
+    sticks = (state.pressure > 0) & (np.abs(state.shear[:, 0]) < friction * state.pressure * (1 - 1e-6))
+    stick = np.abs(x[sticks]).max(initial=0.0) / half
+    _, w, x, along_x, force, half = solved(friction * depth, depth)
+    push = force[0] / (friction * force[1])
+    inner, largest = half * np.sqrt(1 - push), friction * 2 * force[1] / (np.pi * half)
+    theory = largest * np.sqrt(np.maximum(1 - (x / half) ** 2, 0.0))
+    theory -= largest * inner / half * np.sqrt(np.maximum(1 - (x / inner) ** 2, 0.0))
+    off = np.sqrt(w @ (np.sign(w @ along_x) * along_x - theory) ** 2 / (w @ theory**2))
+    return Rigid(half / radius, share, float(stick), float(push), float(off))
+
+
+def circle():
+    """Print the table of ``pushed``."""
+    print(f"{'a/R':>6} {'F':>4} {'steps':>5} {'frame':>9} {'Q/FP':>6} {'pressing':>9} {'off in L2':>9}")
+    for depth, friction, steps in ((0.03, 0.3, 1), (0.1, 0.3, 1), (0.1, 0.3, 5), (0.1, 0.6, 1), (0.3, 0.3, 1)):
+        for frame in ("body", "circle", "half-way"):
+            cells = (40, 18)
+            found = pushed(frame, depth, friction=friction, steps=steps, cells=cells)
+            print(
+                f"{found.ratio:6.3f} {friction:4.1f} {steps:5} {frame:>9} {found.push:6.3f} {100 * found.share:8.2f}% "
+                f"{100 * found.off:8.2f}%",
+                flush=True,
+            )
+
+
 def main(what):
     """Print a table."""
+    if what in OTHERS:
+        OTHERS[what]()
+        return
     kind, sizes, depths = {
         "plane": ("quadrilateral", ((14, 10), (28, 20), (56, 40)), (0.01, 0.05, 0.18)),
         "space": ("hexahedron", ((5, 5), (8, 7)), (0.1, 0.3)),
@@ -128,6 +226,38 @@ def main(what):
                     force, share, ratio = mirrored(kind, cells, 8.0, depth, slave=slave)
                     print(f"{f'{cells} {slave}':>24} {ratio:6.3f} {100 * force:9.4f}% {100 * share:9.3f}%", flush=True)
 
+
+def steps():
+    """Print what sticks after pressing without a push, by the number of steps."""
+    print(f"{'a/R':>6} {'F':>4} {'steps':>5} {'frame':>9} {'stick over a':>12}")
+    for frame in ("body", "circle", "half-way"):
+        for count in (1, 5, 40):
+            found = pushed(frame, 0.03, steps=count, poisson=0.3, cells=(32, 12))
+            print(f"{found.ratio:6.3f} {0.3:4.1f} {count:5} {frame:>9} {found.stick:12.3f}", flush=True)
+
+
+def mirrored_table():
+    """Print force and shear of equal bodies in the plane, points on either side, on meshes that match and do not."""
+    print(f"{'cells':>24} {'points':>6} {'a/R':>6} {'force':>10} {'share':>10}")
+    for depth in (0.035, 0.11, 0.32):
+        for other in (40, 30):
+            for slave in (0, 1):
+                cells = ((40, 24), (other, 24))
+                force, share, ratio = mirrored("quadrilateral", cells, 8.0, depth, slave=slave)
+                print(f"{f'{cells}':>24} {slave:6} {ratio:6.3f} {100 * force:9.4f}% {100 * share:9.4f}%", flush=True)
+
+
+def unmatched():
+    """Print the same of spheres whose meshes do not match, refined."""
+    print(f"{'cells':>24} {'points':>6} {'a/R':>6} {'force':>10} {'share':>10}")
+    for count in (4, 6, 8, 12):
+        for slave in (0, 1):
+            cells = ((count, count), (round(0.75 * count), count))
+            force, share, ratio = mirrored("hexahedron", cells, 8.0, 0.3, slave=slave)
+            print(f"{f'{cells}':>24} {slave:6} {ratio:6.3f} {100 * force:9.4f}% {100 * share:9.4f}%", flush=True)
+
+
+OTHERS = {"circle": circle, "steps": steps, "mirrored": mirrored_table, "unmatched": unmatched}
 
 if __name__ == "__main__":
     main(*sys.argv[1:])

@@ -64,6 +64,8 @@ class Shape(RigidMotion):
 
     # The dimensions of space in which there is such a shape.
     exists_in: ClassVar[tuple[int, ...]] = (2, 3)
+    # Whether it is curved alike everywhere, so that frames are half-way between it and the body.
+    curved: ClassVar[bool] = False
 
     shape: str
     hollow: bool = False

@@ -18,6 +18,8 @@ class Ball(Shape):
         radius: length.
     """
 
+    curved = True
+
     centre: Vector
     radius: Positive
 

@@ -20,6 +20,7 @@ class Cylinder(Shape):
     """
 
     exists_in = (3,)
+    curved = True
 
     shape: Literal["cylinder"] = "cylinder"
     centre: Vector

@@ -35,12 +35,15 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Side:
-    """The nodes of one contact boundary: number, weight and outward normal (or the scene's direction) of each."""
+    """The nodes of one contact boundary: number, weight and outward normal (or the scene's direction) of each, and the
+    distance to a foundation that has a shape, else zero.
+    """
 
     part: int
     nodes: Ints
     weight: Array
     normal: Array
+    distance: Array
 
     @property
     def tangent(self) -> Array:
@@ -297,13 +300,13 @@ class Body:
             np.add.at(moments, facets, normal * weights[:, None])
             nodes = np.unique(facets)
             weight = np.linalg.norm(moments[nodes], axis=1)
-            normals = moments[nodes] / weight[:, None]
+            normals, distance = moments[nodes] / weight[:, None], np.zeros(len(nodes))
             if "foundation" in effect:
-                _, normals = effects.from_shape(effect["foundation"], self.x[nodes])
+                distance, normals = effects.from_shape(effect["foundation"], self.x[nodes], normals)
             if "direction" in effect:
                 direction = np.array(effect["direction"], dtype=float)
                 normals = np.tile(direction / np.linalg.norm(direction), (len(nodes), 1))
-            found.append(Side(part, nodes, weight, normals))
+            found.append(Side(part, nodes, weight, normals, distance))
         return found
 
     @cached_property
