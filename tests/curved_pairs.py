@@ -4,12 +4,12 @@ Mirror-equal bodies meet in the plane of symmetry between them: the force is tha
 as nothing moves along that plane relative to the other side, friction has nothing to take.  So the shear, as a share of
 F P, and the difference of the forces are errors, of the frames and of the discretisation.
 
-    ./env python3 tests/curved_pairs.py plane | space | mirrored | unmatched | flat | circle | steps
+    ./env python3 tests/curved_pairs.py plane | space | mirrored | unmatched | circle | steps
 
-mirrored: equal bodies at a/R of .036, .075 and .144, points on either side.  unmatched: quarter spheres whose meshes do
-not match, refined.  flat: flat sides with the same gap as a formula.  circle: Cattaneo's and Mindlin's problem, a block
-on a rigid circle, by the frame of the body, of the circle, and half-way.  steps: what sticks after pressing in 1, 5 and
-40 steps.
+mirrored: equal bodies at a/R of .036, .075 and .144, points on either side.  unmatched: spheres whose meshes do not
+match, refined, and flat sides with the same gap as a formula.  circle: Cattaneo's and Mindlin's problem, a block on a
+rigid circle, by the frame of the body, of the circle, and half-way.  steps: what sticks after pressing in 1, 5 and 40
+steps.
 """
 
 import sys
@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import ufl
 from dolfinx import fem
+from dolfinx import mesh as dmesh
 from two_bodies import KINDS, assembled, facets, facets_of_piece, forms, grid, held, per_cell
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, Pair
@@ -56,9 +57,21 @@ def cap(kind, radius, sign, cells, power=1.7):
 
 
 def press(
-    kind, cells, radii, depth, *, young=(200.0, 200.0), degree=1, slave=0, friction=0.3, push=0.0, contact=None, **given
+    kind,
+    cells,
+    radii,
+    depth,
+    *,
+    young=(200.0, 200.0),
+    degree=1,
+    slave=0,
+    friction=0.3,
+    push=0.0,
+    contact=None,
+    gap=None,
+    **given,
 ):
-    """Press two caps, or one on a rigid foundation, and solve.
+    """Press two caps, or one on a rigid foundation, and solve; with a gap as a formula they are flat.
 
     Args:
         kind: of the cells.
@@ -71,9 +84,11 @@ def press(
         friction: F.
         push: by which the upper one moves along x.
         contact: facets -> the foundation of one alone; None: a plane through the origin.
+        gap: of sides that are flat then, length; None: they are curved.
         given: settings.
     """
     up, alone = KINDS[kind] - 1, len(cells) == 1
+    radii = radii if gap is None else (np.inf,) * len(radii)
     made = [cap(kind, r, s, n) for r, s, n in zip(radii, (1.0, -1.0), cells, strict=False)]
     mesh = assembled(kind, *made)
     space, a, v = forms(mesh, degree, per_cell(mesh, lambda x: young[0] if x[up] > 0 else young[1]))
@@ -90,12 +105,12 @@ def press(
     law = Coulomb(friction) if friction else None
     if alone:
         made_contact = contact or (
-            lambda side: Foundation(side, gap=lambda x: x[up], direction=(*(0.0,) * up, -1.0), friction=law)
+            lambda side: Foundation(side, gap=gap or (lambda x: x[up]), direction=(*(0.0,) * up, -1.0), friction=law)
         )
         against = made_contact(sides[0])
     else:
         bcs += [held(space, ends[1], k) for k in range(up + 1)]
-        against = Pair(sides[slave], sides[1 - slave], friction=law)
+        against = Pair(sides[slave], sides[1 - slave], friction=law, gap=gap or "geometry")
     nothing = ufl.inner(fem.Constant(mesh, (0.0,) * (up + 1)), v) * ufl.dx
     problem = ContactProblem(a, nothing, bcs, contact=against, **{"algorithm": "alm", "tolerance": 1e-9} | given)
     problem.solve()
@@ -112,10 +127,12 @@ def figures(problem, friction=0.3):
     return Pressed(force, shear, shear / (friction * force), float(np.abs(touching[:, 0]).max()))
 
 
-def mirrored(kind, cells, radius, depth, **given):
-    """(force of two equal bodies over that of one on a plane) - 1, the share, and a / R."""
-    one = figures(press(kind, cells[:1], (radius,), depth / 2, friction=0.0, **given))
-    two = figures(press(kind, cells, (radius, radius), depth, **given))
+def mirrored(kind, cells, radius, depth, *, flat=False, **given):
+    """(force of two equal bodies over that of one on a plane) - 1, the share, and a / R; ``flat``: with flat sides."""
+    up = KINDS[kind] - 1
+    gaps = [(lambda x, k=k: k * (x[:up] ** 2).sum(axis=0) / (2 * radius)) if flat else None for k in (1, 2)]
+    one = figures(press(kind, cells[:1], (radius,), depth / 2, friction=0.0, gap=gaps[0], **given))
+    two = figures(press(kind, cells, (radius, radius), depth, gap=gaps[1], **given))
     return two.force / one.force - 1.0, two.share, one.a / radius
 
 
@@ -227,13 +244,54 @@ def main(what):
                     print(f"{f'{cells} {slave}':>24} {ratio:6.3f} {100 * force:9.4f}% {100 * share:9.3f}%", flush=True)
 
 
+def pressed_in(count, hypothesis, cells=48):
+    """Press a block onto a circle of radius 8, or one of revolution onto a sphere, in some steps: a/R, and the half
+    width that sticks over a, both to a facet.
+    """
+    from mpi4py import MPI
+
+    from signorini_fx import solve, tag_boundaries
+    from signorini_fx.scene.reading import parse_scene
+
+    mesh = dmesh.create_rectangle(
+        MPI.COMM_SELF, [[0.0, 0.0], [1.0, 1.0]], [cells, cells // 2], dmesh.CellType.quadrilateral
+    )
+    mesh.geometry.x[:] = 16.0 * mesh.geometry.x**2.5
+    tagged = tag_boundaries(
+        mesh,
+        {
+            "bottom": lambda x: np.isclose(x[1], 0.0),
+            "top": lambda x: np.isclose(x[1], 16.0),
+            "axis": lambda x: np.isclose(x[0], 0.0),
+        },
+    )
+    scene = {
+        "mesh": tagged,
+        "material": {"young": 200.0, "poisson": 0.3, "hypothesis": hypothesis},
+        "displacement": [
+            {"boundary": "top", "y": -0.03, "factors": [(k + 1) / count for k in range(count)]},
+            {"boundary": "axis", "x": 0.0},
+        ],
+        "contact": {
+            "boundary": "bottom",
+            "foundation": {"shape": "circle", "centre": [0.0, -8.0], "radius": 8.0},
+            "friction": {"law": "coulomb", "coefficient": 0.3},
+        },
+    }
+    state = solve(parse_scene(scene)).contact
+    x, touching = state.boundary.x[:, 0], state.pressure > 0
+    sticks = touching & (np.abs(state.shear[:, 0]) < 0.99 * 0.3 * state.pressure)
+    return x[touching].max() / 8.0, x[sticks].max(initial=0.0) / x[touching].max()
+
+
 def steps():
     """Print what sticks after pressing without a push, by the number of steps."""
-    print(f"{'a/R':>6} {'F':>4} {'steps':>5} {'frame':>9} {'stick over a':>12}")
-    for frame in ("body", "circle", "half-way"):
-        for count in (1, 5, 40):
-            found = pushed(frame, 0.03, steps=count, poisson=0.3, cells=(32, 12))
-            print(f"{found.ratio:6.3f} {0.3:4.1f} {count:5} {frame:>9} {found.stick:12.3f}", flush=True)
+    print(f"{'':>8} {'cells':>5} {'steps':>5} {'a/R':>6} {'stick over a':>12}")
+    for what, hypothesis in (("circle", "plane strain"), ("sphere", "axisymmetric")):
+        for cells in (48, 96):
+            for count in (1, 5, 40):
+                ratio, stick = pressed_in(count, hypothesis, cells)
+                print(f"{what:>8} {cells:5} {count:5} {ratio:6.3f} {stick:12.3f}", flush=True)
 
 
 def mirrored_table():
@@ -248,13 +306,14 @@ def mirrored_table():
 
 
 def unmatched():
-    """Print the same of spheres whose meshes do not match, refined."""
-    print(f"{'cells':>24} {'points':>6} {'a/R':>6} {'force':>10} {'share':>10}")
-    for count in (4, 6, 8, 12):
-        for slave in (0, 1):
-            cells = ((count, count), (round(0.75 * count), count))
-            force, share, ratio = mirrored("hexahedron", cells, 8.0, 0.3, slave=slave)
-            print(f"{f'{cells}':>24} {slave:6} {ratio:6.3f} {100 * force:9.4f}% {100 * share:9.4f}%", flush=True)
+    """Print the same of spheres whose meshes do not match, refined, and of flat sides with the same gap."""
+    print(f"{'cells':>24} {'sides':>6} {'points':>6} {'a/R':>6} {'force':>10} {'share':>10}")
+    for count in (4, 8, 12):
+        cells = ((count, count), (round(0.75 * count), count))
+        for flat, slave in ((False, 0), (False, 1), (True, 0), (True, 1)):
+            force, share, ratio = mirrored("hexahedron", cells, 8.0, 0.6, slave=slave, flat=flat)
+            words = f"{f'{cells}':>24} {('curved', 'flat')[flat]:>6} {slave:6} {ratio:6.3f}"
+            print(f"{words} {100 * force:9.4f}% {100 * share:9.4f}%", flush=True)
 
 
 OTHERS = {"circle": circle, "steps": steps, "mirrored": mirrored_table, "unmatched": unmatched}
