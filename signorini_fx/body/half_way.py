@@ -39,7 +39,13 @@ class HalfWay:
     outward: Array
 
     @classmethod
-    def on(cls, shape: Any, space: fem.FunctionSpace, facets: npt.NDArray[np.int32], nodes: Array) -> HalfWay:
+    def on(
+        cls,
+        shape: Any,
+        space: fem.FunctionSpace,
+        facets: npt.NDArray[np.int32],
+        nodes: npt.NDArray[np.signedinteger[Any]],
+    ) -> HalfWay:
         """That of some facets at some nodes of them by their local numbers, ghosts may be among them; collective."""
         from signorini_fx.body.paired_points import Side
 

@@ -33,8 +33,8 @@ def one_step(body: Discretisation) -> list[Finding]:
         if highest + lowest > _ALIKE * float(np.linalg.norm(high - low)):
             message = (
                 "one step counts the way of a point before it touches as slip, so that less sticks than if the load "
-                "grew: with F = nu = .3 a circle sticks within .28 of the half width of contact, a sphere within .56, in "
-                "40 load steps within .67 and .9"
+                "grew: with F = nu = .3 a circle sticks within .28 of the half width of contact, a sphere within .56, "
+                "in 40 load steps within .67 and .9"
             )
             found.append(Finding("note", f"contact[{index}].friction", message))
     return found
