@@ -211,15 +211,9 @@ class Bounded(Problem):
     def _data(self) -> Array:
         """Squares of the bounds of the work of what the stress does not hold of the loads, by triangle."""
         t = self.t
-        inside, gradient = t.korn
-        longest = t.length[t.of_triangle].max(axis=1)
-        found = inside * np.sqrt(self.missed_inside)
-        for i in range(3):
-            edge = t.of_triangle[:, i]
-            outer = (t.sides[edge] < 0).any(axis=1)
-            # |w|^2 on an edge <= |e| / |K| (|w|^2 + h |w| |grad w|) in the triangle.
-            trace = np.sqrt(t.length[edge] / t.area * (inside**2 + longest * inside * gradient))
-            found += np.where(outer, trace * np.sqrt(self.missed_on_edges[edge]), 0.0)
+        outer = (t.sides[t.of_triangle] < 0).any(axis=2)
+        missed = np.where(outer, self.missed_on_edges[t.of_triangle], 0.0)
+        found = t.korn[0] * np.sqrt(self.missed_inside) + (t.on_edges(*t.korn) * np.sqrt(missed)).sum(axis=1)
         return np.asarray(found**2 / t.softest)
 
     def _on_contact(self, one: FacetsInContact, y: Array, middle: Array) -> Array:

@@ -126,6 +126,15 @@ class Triangles:
         k = np.sqrt(1 + 8 * (outer / inner) ** 2)
         return k * sides.max(axis=1) / np.pi, k
 
+    def on_edges(self, inside: Array, gradient: Array) -> Array:
+        """Bounds of |w| in L2 of the edges of each triangle, from those of |w| and |grad w| in it, shape (n, 3).
+
+        |w|^2 on an edge e of a triangle K is at most |e| / |K| (|w|^2 + h |w| |grad w|), with its longest side h.
+        """
+        sides = self.length[self.of_triangle]
+        squares = inside**2 + sides.max(axis=1) * inside * gradient
+        return np.asarray(np.sqrt(sides * (squares / self.area)[:, None]))
+
     def stress(self, strain: Array) -> Array:
         """Of strains (xx, yy, xy), shape (n, ..., 3)."""
         first, second = (self.lame[:, k].reshape(-1, *[1] * (strain.ndim - 2)) for k in (0, 1))
