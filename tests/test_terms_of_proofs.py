@@ -184,12 +184,12 @@ def test_the_regularisation_counts_once(monkeypatch, seed):
     scene = example1(bound=1.5, nx=9, ny=3, cell="triangle", gamma=float(10 ** chance.uniform(4, 4.3)))
     target, bounds = float(chance.uniform(0.6, 0.8)), []
 
-    def bounded(solved):
+    def bounded(solved, **_):
         left = solved.level.regularisation
         beyond = -1e-9 if met or bounds else float(chance.uniform(0.2, 0.8)) * left
         bounds.append(target + beyond)
         assert left > 0.1 * target
-        return solved, bounds[-1]
+        return solved, bounds[-1], ""
 
     monkeypatch.setattr(to_accuracy, "_certified", bounded)
     asked = alone(scene.model_copy(update={"accuracy": Accuracy(target=target, certified=True)}))
