@@ -4269,6 +4269,13 @@ MUTANTS = (
     ),
     Mutant(
         "results/safety",
+        "max(used, default=None)",
+        "min(used, default=None)",
+        "safety: friction in use of the piece that uses least",
+        tests=("safety::test_of_several_pieces_the_weakest_counts",),
+    ),
+    Mutant(
+        "results/safety",
         "not np.isfinite(contact.pressure).all()",
         "False",
         "safety: of pressures that are no numbers",

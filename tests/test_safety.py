@@ -115,6 +115,7 @@ def test_of_several_pieces_the_weakest_counts(pushes):
     scene = scene_on(boxes_mesh(MPI.COMM_SELF, boxes), body_force=weight, traction=tractions, contact=contact)
     safety = alone(scene).safety
     assert safety.factor == pytest.approx(0.8 / 0.2, rel=1e-6)
+    assert safety.friction_used == pytest.approx(0.2 / 0.8, rel=1e-6)  # of the piece that uses most of it
     assert (safety.sliding, safety.overturning) == (pytest.approx(0.8 / 0.2), pytest.approx(0.5 / (0.2 * 0.5)))
 
 
