@@ -46,8 +46,7 @@ AT_REST = Attempt(
     "for a body that only contact holds: the same iteration, started from the nodes that touch at its resting place",
 )
 SMALLER_GAMMA = Attempt("smaller gamma", "continuation from 1e-4 gamma to gamma by powers of ten")
-DESCENT = Attempt("descent", "Newton steps whose length minimises the energy, which cannot cycle")
-BOTH = Attempt("smaller gamma with descent", "the continuation, with descent for each stage that cycles")
+CONVEX = Attempt("interior point", "the problem as a convex programme, which has no sets that could cycle")
 FIXED_POINT = Attempt("fixed point", "Coulomb friction as a sequence of problems with given friction bounds")
 MONOLITHIC = Attempt(
     "monolithic Newton", "Coulomb friction in one iteration, unless there is a cap or bilateral contact"
@@ -95,8 +94,7 @@ PLAN: dict[str, tuple[Attempt, ...]] = {
         THROUGH_STICK,
         AT_REST,
         SMALLER_GAMMA,
-        DESCENT,
-        BOTH,
+        CONVEX,
     ),
     "Coulomb friction": (FIXED_POINT, MONOLITHIC, AUGMENTED, AUGMENTED_NEWTON, *DAMPED.values()),
     "load step": (METHOD, AUGMENTED, REGULARISED, AGAIN, WITHOUT, HALF),
@@ -151,7 +149,7 @@ def for_problem(*, finite_sigma: bool, eliminated: bool) -> tuple[Attempt, ...]:
 
     Args:
         finite_sigma: whether sigma is finite.
-        eliminated: whether constraints are eliminated: then there is no penalty to reduce, and no energy for a descent.
+        eliminated: whether constraints are eliminated: then there is no penalty to reduce, and no energy to minimise.
     """
     return tuple(
         attempt

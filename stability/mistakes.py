@@ -783,6 +783,13 @@ MUTANTS = (
         tests=("invariances::test_tresca_with_the_bound_of_the_fixed_point",),
     ),
     Mutant(
+        "interior_point",
+        "answer(normal + w_n - u_n, across + w_t - u_t)",
+        "answer(normal + w_n - u_n, across)",
+        "interior point: the shear does not follow the displacement of its step",
+        tests=("interior_point::test_from_anywhere",),
+    ),
+    Mutant(
         "fp",
         "_missed(newton, data, law) <= max(tolerance, CERTIFICATE_TOLERANCE)",
         "True",
@@ -1054,28 +1061,6 @@ MUTANTS = (
         "u_n - data.gap",
         "path-following: pressure does not follow gamma",
         tests=("strategy::test_model_of_the_path",),
-    ),
-    Mutant(
-        "descent",
-        "parallel.global_sum(self.comm, work)",
-        "work",
-        "slope of the energy on this rank only",
-        ranks=2,
-        tests=("parts_on_ranks::test_slope_of_the_energy",),
-    ),
-    Mutant(
-        "descent",
-        "t * self.stiffness",
-        "self.stiffness",
-        "line search: slope is not that of the step",
-        tests=("parts_on_ranks::test_slope_of_the_energy",),
-    ),
-    Mutant(
-        "descent",
-        "trial_pressure(u_n + t * p_n, data)",
-        "trial_pressure(u_n, data)",
-        "line search: pressure at the start of the step",
-        tests=("parts_on_ranks::test_slope_of_the_energy",),
     ),
     Mutant(
         "fall_backs",

@@ -8,16 +8,12 @@ from mpi4py import MPI
 from scenes import PATCH, alone, energy, example1
 
 from signorini_fx import attempts
-from signorini_fx.algorithms import augmented, descent, fall_backs, strategy
-from signorini_fx.algorithms.descent import energy_descent
-from signorini_fx.body.discretisation import discretise
+from signorini_fx.algorithms import augmented, fall_backs, strategy
 from signorini_fx.contact import resting_place as resting
-from signorini_fx.mesh.tagged import load_mesh
-from signorini_fx.records import History, Status, Timings
+from signorini_fx.records import Status
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving import solver
-from signorini_fx.solving.one_mesh import contact_task
 
 JUMP = "0.001 if x[0] < 1.37 else 0.002"
 
@@ -104,10 +100,10 @@ def test_smaller_gamma():
     same(ours, alone(jumping(algorithm="alm", gamma_n=1e5, gamma_t=1e5, tolerance=1e-10)), rtol=1e-3)
 
 
-def test_descent():
-    """Elements that lock make the path cycle as well; steps that lower the energy do not."""
+def test_interior_point():
+    """Elements that lock make the path cycle as well; an interior point has no sets."""
     ours = alone(example1(bound=1.5, poisson=0.4999, gamma="auto", nx=60, ny=20, degree=2))
-    assert fall_backs_of(ours) == ["contact where the body rests", "smaller gamma", "descent"]
+    assert fall_backs_of(ours) == ["contact where the body rests", "smaller gamma", "interior point"]
     assert ours.certificate.holds
     assert abs(ours.functionals.relative_gap) < 1e-8
 
@@ -117,35 +113,6 @@ def test_held_by_friction_that_slips_everywhere():
     ours = alone(flat())
     contact, friction = ours.contact.forces
     np.testing.assert_allclose(contact + friction, [0.0, 20.0], atol=1e-6)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_descent_from_anywhere(seed):
-    """From random iterates: the energy falls with every step, to the solution of the full steps."""
-    scene = example1(bound=1.5, gamma="auto", nx=30, ny=10)
-    reference = alone(scene)
-    discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
-    task = contact_task(discretisation, History())
-    random = np.random.default_rng(seed)
-    x = task.iterate.x.getArray()
-    x[:] = np.where(task.system.fixed, x, 0.01 * random.standard_normal(x.size))
-    task.iterate.newton.problem.set_data(task.start.data)
-    slopes = []
-    lowest = descent._Line.lowest
-
-    def watched(line):
-        slopes.append(line.slope(0.0))
-        return lowest(line)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(descent._Line, "lowest", watched)
-        status = energy_descent(task.iterate.newton, task.start.data, lambda: None)
-    assert status is Status.CONVERGED
-    assert len(slopes) > 2
-    assert all(slope < 0 for slope in slopes)
-    assert task.history.linear_solves == len(slopes)
-    ours = discretisation.from_rest(task.rest, task.iterate.newton.problem.system.displacement(task.iterate.x)).x.array
-    np.testing.assert_allclose(ours, reference.displacement.x.array, atol=1e-9)
 
 
 def test_monolithic_where_the_fixed_point_does_not_contract():
@@ -222,7 +189,7 @@ def test_fall_backs_that_fail_restores_the_start(monkeypatch):
             newton.solve_once(replace(data, gamma_n=1e-4 * data.gamma_n), None, measure)
             return Status.MAX_ITERATIONS
 
-        return {attempts.FULL_STEPS: lambda: failed, attempts.DESCENT: softer}
+        return {attempts.FULL_STEPS: lambda: failed, attempts.CONVEX: softer}
 
     monkeypatch.setattr(fall_backs.FallBacks, "__call__", failing)
     monkeypatch.setattr(fall_backs, "_ways", no_help)

@@ -60,7 +60,7 @@ def test_the_path_to_gamma_keeps_the_ratio_of_gammas():
     discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(discretisation, History())
     newton = Newton()
-    assert fall_backs._path(newton, task.start.data, None, lambda: None, descend=False) is Status.CONVERGED
+    assert fall_backs._path(newton, task.start.data, None, lambda: None) is Status.CONVERGED
     normal, tangential = np.array(newton.stages).T
     np.testing.assert_allclose(normal, 1e6 * np.logspace(-4, 0, 5), rtol=1e-12)
     np.testing.assert_allclose(tangential, normal / 5, rtol=1e-12)

@@ -14,12 +14,11 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.algorithms.descent import energy_descent
+from signorini_fx.algorithms.interior_point import interior_point
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.attempts import (
     AT_REST,
-    BOTH,
-    DESCENT,
+    CONVEX,
     FULL_STEPS,
     SMALLER_GAMMA,
     THROUGH_STICK,
@@ -84,9 +83,8 @@ def _ways(
     ways: dict[Attempt, Callable[[], Status]] = {
         FULL_STEPS: lambda: failed,
         THROUGH_STICK: lambda: newton.solve_once(through, first_sets, measure),
-        SMALLER_GAMMA: lambda: _path(newton, through, first_sets, measure, descend=False),
-        DESCENT: lambda: energy_descent(newton, through, measure),
-        BOTH: lambda: _path(newton, through, first_sets, measure, descend=True),
+        SMALLER_GAMMA: lambda: _path(newton, through, first_sets, measure),
+        CONVEX: lambda: interior_point(newton, through, measure),
     }
     touching = None if np.isinf(data.gamma_n) else _touching(newton, data)
     if touching is not None:
@@ -115,17 +113,13 @@ def _path(
     data: RegularisedData,
     first_sets: ActiveSets | None,
     measure: Callable[[], float | None],
-    *,
-    descend: bool,
 ) -> Status:
-    """From a small gamma to the given one; a stage that fails leaves its iterate to the next fall-back, or descends."""
+    """From a small gamma to the given one; a stage that fails leaves its iterate to the next fall-back."""
     share = FALL_BACK_FIRST_SHARE
     while True:
         share = min(share, 1.0)
         stage = replace(data, gamma_n=share * data.gamma_n, gamma_t=share * data.gamma_t)
         status = newton.solve_once(stage, first_sets, measure)
-        if status is Status.CYCLING and descend:
-            status = energy_descent(newton, stage, measure)
         if status is not Status.CONVERGED or share == 1.0:
             return status
         share *= FALL_BACK_GROWTH

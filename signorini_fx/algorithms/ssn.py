@@ -71,6 +71,7 @@ class SemismoothNewton:
 
     Attributes:
         max_iterations: linear solves allowed for one problem.
+        start_time: when it was set up, on this rank.
     """
 
     def __init__(
@@ -88,7 +89,7 @@ class SemismoothNewton:
         self.history = history
         self.x = x
         self._residual = x.duplicate()
-        self._start_time = time.perf_counter()
+        self.start_time = time.perf_counter()
         self.max_iterations = max_iterations
         self._fall_backs = try_fall_backs
         self._limited = limited
@@ -434,7 +435,7 @@ class SemismoothNewton:
                 changed=changed,
                 residual=residual,
                 factorised=self._factorised,
-                seconds=time.perf_counter() - self._start_time,
+                seconds=time.perf_counter() - self.start_time,
             )
         )
 

@@ -87,40 +87,6 @@ def holds(sets: ActiveSets, data: RegularisedData, motions: FreeMotions) -> bool
     return motions.held_by(sets.contact, _stick(sets, data), sets.turned)
 
 
-def fewest_constraints(
-    sets: ActiveSets,
-    opening: Nodal,
-    slipping: Nodal,
-    motions: FreeMotions,
-) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-    """A few nodes that, fixed in their position, hold a body that the sets do not hold; collective.
-
-    Args:
-        sets: the sets.
-        opening: by how much open nodes violate contact, stress; infinite where a node cannot be fixed along its normal.
-        slipping: by how much slipping nodes violate stick, stress; infinite where a node cannot be fixed tangentially.
-        motions: free rigid motions at the contact points.
-
-    Returns:
-        Nodes to fix along their normal, and tangentially: those with the least violation, as many as needed.
-    """
-    normal, nothing, count = sets.contact, np.zeros_like(sets.contact), 1
-    stick = ~sets.slip & np.isfinite(slipping)
-    points = motions.points
-    here = motions.unheld(normal, stick, sets.turned)[motions.of_point]
-    along = _ranked(points, here & np.isfinite(opening) & ~sets.contact, opening)
-    across = _ranked(points, here & np.isfinite(slipping) & sets.slip, slipping)
-    most = max(_count(points, along), _count(points, across))
-    while True:
-        fixed_along, fixed_across = ((places >= 0) & (places < count) for places in (along, across))
-        for pair in (nothing, fixed_across), (fixed_along, nothing), (fixed_along, fixed_across):
-            if motions.held_by(normal | pair[0], stick | pair[1], sets.turned):
-                return pair
-        if count >= most:
-            return fixed_along, fixed_across
-        count *= 2
-
-
 def _stick(sets: ActiveSets, data: RegularisedData) -> npt.NDArray[np.bool_]:
     return ~sets.slip if data.has_friction else np.zeros_like(sets.contact)
 

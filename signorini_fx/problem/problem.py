@@ -8,12 +8,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.contact.groups import ROUND_OFF, shares
-from signorini_fx.contact.holding_sets import fewest_constraints, hold, holds
+from signorini_fx.contact.holding_sets import hold, holds
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData, length, release
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.motions import FreeMotions
@@ -197,12 +196,6 @@ class Problem(ABC):
     def holds(self, sets: ActiveSets, data: RegularisedData) -> bool:
         """Whether these sets resist every rigid motion; collective."""
         return holds(sets, data, self._motions)
-
-    def constraints(
-        self, sets: ActiveSets, opening: Nodal, slipping: Nodal
-    ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-        """Points that would hold the body if they were fixed, see ``fewest_constraints``; collective."""
-        return fewest_constraints(sets, opening, slipping, self._motions)
 
     def lost_to_round_off(self, x: PETSc.Vec, tolerance: float) -> bool:
         """Whether the round-off of the penalty is above a share of the forces in the last residual; collective."""

@@ -52,19 +52,19 @@ class RegularisedProblem(Problem):
         u_n, u_t = self.traces(x)
         trial = self.next.trial if self._forced_first else classify(self.sets, u_n, u_t, self.data)
         self._hold(trial, *multipliers(self.sets, u_n, u_t, self.data))
-        self._imbalance(x, self.next.sets, f)
+        self.imbalance(x, *self.multipliers(x, self.next.sets), f)
 
-    def _imbalance(self, x: PETSc.Vec, sets: ActiveSets, f: PETSc.Vec) -> None:
-        """R(x) for given sets."""
+    def imbalance(self, x: PETSc.Vec, pressure: Nodal, shear: Nodal, f: PETSc.Vec) -> None:
+        """R(x) for given (lambda, mu); collective."""
         self.system.matrix.mult(x, f)
         self._measure(f, x)
         f.axpy(-1.0, self.system.load)
-        self.system.contact.add_forces(*self.multipliers(x, sets), f)
+        self.system.contact.add_forces(pressure, shear, f)
 
     def accept(self, x: PETSc.Vec, sets: ActiveSets, tolerance: float) -> bool:
         """See ``Problem``."""
         force = x.duplicate()
-        self._imbalance(x, sets, force)
+        self.imbalance(x, *self.multipliers(x, sets), force)
         if not force.norm() <= tolerance * self.force_scale:
             return False
         self.sets = sets
@@ -76,7 +76,11 @@ class RegularisedProblem(Problem):
         self.sets = self.next.sets
         self._forced_first = False
         # PETSc keeps its factor as long as the matrix is not changed.
-        self.moved = self.tangent.insert(jacobian, tangent(self.sets, self.data))
+        self.insert(jacobian, tangent(self.sets, self.data))
+
+    def insert(self, jacobian: PETSc.Mat, blocks: Nodal) -> None:
+        """Make A + B^T D B of a Jacobian; D: shape (n, d, d), stress per length; collective."""
+        self.moved = self.tangent.insert(jacobian, blocks)
         self._declare(jacobian)
 
     def factorised(self, jacobian: PETSc.Mat) -> None:

@@ -1,0 +1,86 @@
+"""The interior-point method: where nothing else is tried, from anywhere, and judged by the second program's CVXOPT."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import alone, energy, example1
+from test_fall_backs import fall_backs_of, flat, jumping, same
+
+from signorini_fx import attempts
+from signorini_fx.algorithms import fall_backs
+from signorini_fx.algorithms.interior_point import interior_point
+from signorini_fx.algorithms.ssn import SemismoothNewton
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Status, Timings
+from signorini_fx.solving import solver
+from signorini_fx.solving.one_mesh import contact_task
+from stability.oracle.judge import RIGHT
+from stability.oracle.worker import TRIAL, examined, same_units
+
+
+@pytest.fixture
+def nothing_else(monkeypatch):
+    """Full steps, then the interior-point method at once."""
+    only = (attempts.FULL_STEPS, attempts.CONVEX)
+    monkeypatch.setattr(fall_backs, "for_problem", lambda **_: only)
+
+
+@pytest.mark.usefixtures("nothing_else")
+def test_as_the_other_fall_backs(monkeypatch):
+    """The same solution where full steps cycle, within 40 linear solves."""
+    ours = alone(jumping())
+    assert fall_backs_of(ours) == ["interior point"]
+    assert [record.status for record in ours.history.outer] == ["active sets cycle", "converged"]
+    assert ours.history.outer[-1].linear_solves <= 40
+    monkeypatch.undo()
+    same(ours, alone(jumping()))
+
+
+@pytest.mark.usefixtures("nothing_else")
+def test_a_body_that_friction_alone_holds():
+    """No set of the solution holds it, each step does."""
+    contact, friction = alone(flat()).contact.forces
+    np.testing.assert_allclose(contact + friction, [0.0, 20.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["unilateral", "bilateral"])
+def test_from_anywhere(kind):
+    """The iterate at which it begins does not matter."""
+    scene = example1(bound=1.5, gamma="auto", nx=30, ny=10)
+    scene = scene.model_copy(update={"contact": (scene.contact[0].model_copy(update={"kind": kind, "gap": 1e-3}),)})
+    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    task = contact_task(d, History())
+    x, random = task.iterate.x.getArray(), np.random.default_rng(3)
+    x[:] = np.where(task.system.fixed, x, random.standard_normal(x.size))
+    assert interior_point(task.iterate.newton, task.start.data, lambda: None) is Status.CONVERGED
+    assert task.history.linear_solves <= 40
+    ours = d.from_rest(task.rest, task.system.displacement(task.iterate.x)).x.array
+    np.testing.assert_allclose(ours, alone(scene).displacement.x.array, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize(("where", "seed"), [("plane", 7), ("space", 2), ("space-effects", 4), ("bodies", 7)])
+def test_judged_by_another_programme(where, seed, monkeypatch):
+    """Random scenes of which each problem with a given bound is solved by it alone."""
+    plain, statuses = SemismoothNewton.solve, []
+
+    def inside(self, data, first_sets=None, *, measure=lambda: None, **limits):
+        if data.coupling is not None or np.isinf(data.gamma_n):
+            return plain(self, data, first_sets, measure=measure, **limits)
+        statuses.append(interior_point(self, data, measure))
+        return statuses[-1]
+
+    monkeypatch.setattr(SemismoothNewton, "solve", inside)
+    verdict, _ = examined(TRIAL[where](seed, same_units(where, seed)), where)
+    assert verdict.kind == RIGHT, verdict
+    assert set(statuses) == {Status.CONVERGED}
+
+
+@pytest.mark.mpi
+@pytest.mark.usefixtures("nothing_else")
+def test_on_every_number_of_ranks():
+    """Steps and their ends are taken from sums and largest values over the ranks."""
+    ours, reference = solver.solve(jumping(), MPI.COMM_WORLD), alone(jumping())
+    assert fall_backs_of(ours) == ["interior point"]
+    assert ours.history.linear_solves == reference.history.linear_solves
+    assert energy(ours) == pytest.approx(energy(reference), rel=1e-8)
