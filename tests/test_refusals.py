@@ -2,6 +2,7 @@
 
 import ast
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -49,6 +50,14 @@ def tool(**more):
     return BLOCK | HELD | {"contact": [{"boundary": "bottom", "foundation": foundation, "friction": COULOMB}]} | more
 
 
+SPACE = {
+    "mesh": {"generator": "box", "parameters": {"nx": 4, "ny": 2, "nz": 2}},
+    "material": BLOCK["material"],
+    "displacement": {"boundary": "top", "x": 0.0, "y": 0.0, "z": -0.001},
+}
+AXISYMMETRIC = {"material": {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric"}}
+ORTHOTROPIC = {"young": [1000.0, 900.0, 800.0], "poisson": [0.3] * 3, "shear": [300.0] * 3}
+SIDE = {"displacement": {"boundary": "left", "x": 0.0}}
 CERTIFIED = {"accuracy": {"target": 0.1, "certified": True}}
 SSN = {"solver": {"algorithm": "ssn"}}
 # What refuses arguments of functions, which are no part of a scene file.
@@ -65,6 +74,8 @@ REFUSED = {
     "exact on a node with two normals": BLOCK
     | PRESSED
     | {"contact": [{"boundary": "bottom"}, {"boundary": "left"}], "solver": {"algorithm": "exact"}},
+    "exact with a tool": tool(solver={"algorithm": "exact"}),
+    "exact with two bodies": bodies(solver={"algorithm": "exact"}),
     "no contact to begin with": BLOCK | HELD | {"solver": {"initial_contact": "x[0] - 5"}},
     "pressure of an enclosed body": {
         "mesh": BLOCK["mesh"],
@@ -90,6 +101,40 @@ ACCEPTED = {
     # A refusal of the method that is tried first, exact, is not one of the scene.
     "certified": BLOCK | HELD | {"mesh": TRIANGLES, "contact": [{"boundary": "bottom"}]} | CERTIFIED | SSN,
     "preload": bodies(preload=[{"point": [0.5, 1.37], "axis": [0.0, 1.0], "force": 1.0}]),
+    "preload in steps": bodies(
+        preload=[{"point": [0.5, 1.37], "axis": [0.0, 1.0], "force": 1.0, "factors": [0.5, 1.0]}]
+    ),
+    "torsion": BLOCK
+    | {
+        "material": AXISYMMETRIC["material"] | {"torsion": True},
+        "displacement": {"boundary": "top", "y": -0.001, "z": "0.001*x[0]"},
+    },
+    "axisymmetric": BLOCK | HELD | AXISYMMETRIC,
+    "axisymmetric tool": tool(**AXISYMMETRIC),
+    "fluid that enters": BLOCK
+    | PRESSED
+    | SIDE
+    | {"fluid": [{"boundary": "right", "level": 0.5, "weight": 9.81, "enters": ["bottom"]}]},
+    "sequence of meshes": BLOCK | HELD | {"solver": {"levels": 2}},
+    "sequence of meshes of two bodies": bodies(solver={"levels": 2}),
+    "load steps": BLOCK
+    | {"displacement": {"boundary": "top", "x": 0.0, "y": "-0.001*t"}, "load_steps": {"times": [0.0, 1.0]}},
+    "ellipse of friction": SPACE
+    | {"contact": [{"boundary": "bottom", "friction": COULOMB | {"ratio": 2.0, "along": [1.0, 0.0, 0.0]}}]},
+    "orthotropic": BLOCK | HELD | {"material": {"orthotropic": ORTHOTROPIC}},
+    "force": BLOCK | SIDE | {"force": [{"boundary": "top", "y": -1.0}]},
+    "springs": BLOCK | PRESSED | {"springs": [{"boundary": "left", "x": 10.0}]},
+    "temperature": BLOCK
+    | HELD
+    | {"material": BLOCK["material"] | {"expansion": 1e-5}, "temperature": {"change": "x[0]"}},
+    "support of a point": BLOCK | PRESSED | {"displacement": {"at": [0.0, 0.0], "x": 0.0}},
+    "support along normals": BLOCK | PRESSED | {"displacement": {"boundary": "left", "normal": 0.0}},
+    "bonded": bodies(contact=[{"boundary": "upper.bottom", "against": "lower.top", "kind": "bonded"}]),
+    "mixed with two bodies": bodies(element={"degree": 2, "volumetric": "mixed"}),
+    "accuracy of two bodies": bodies(accuracy={"target": 0.3}),
+    "accuracy of the pressure": BLOCK | HELD | {"accuracy": {"target": 0.3, "of": "pressure"}} | SSN,
+    "augmented Lagrangian": BLOCK | HELD | {"solver": {"algorithm": "alm"}},
+    "multigrid": SPACE | {"contact": [{"boundary": "bottom"}], "solver": {"linear_algebra": "krylov"}},
 }  # fmt: skip
 
 
@@ -112,6 +157,7 @@ def test_check_refuses_what_solve_refuses(name):
     assert not any(isinstance(record, IterationRecord) for record in solved)
 
 
+@cache
 def refusing():
     """(file, first line) of every function of the package that refuses a scene or a mesh."""
     listed = set()
