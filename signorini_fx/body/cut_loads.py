@@ -119,9 +119,11 @@ def _rule(load: Force, on: Any) -> CutRule:
     corners = basix.geometry(cell)[np.array(sides)[:, fillings]][entities[:, 1]]
     number = np.repeat(np.arange(len(entities)), len(fillings))
     corners = corners.reshape(-1, *corners.shape[2:])
-    flat = compat.geometry_element(mesh).tabulate(0, corners.reshape(-1, across))[0, ..., 0]
     nodes = mesh.geometry.x[compat.geometry_cells(mesh)[entities[number, 0]]][..., :across]
-    x = np.einsum("nkg,ngd->nkd", flat.reshape(*corners.shape[:2], nodes.shape[1]), nodes)
+    x = np.zeros((0, corners.shape[1], across))
+    if corners.size:  # a rank may have no facet of the boundary, and basix ends the run without points
+        flat = compat.geometry_element(mesh).tabulate(0, corners.reshape(-1, across))[0, ..., 0]
+        x = np.einsum("nkg,ngd->nkd", flat.reshape(*corners.shape[:2], nodes.shape[1]), nodes)
     owner, parts, exact = exactly_cut(x, load.jumps)
     is_cut = np.bincount(number[owner], minlength=len(entities)) > len(fillings)
     is_cut &= np.bincount(number, ~exact, len(entities)) == 0
