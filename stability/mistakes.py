@@ -997,16 +997,16 @@ MUTANTS = (
     ),
     Mutant(
         "contact/groups",
-        "np.maximum(near, ROUND_OFF * sizes.max())",
-        "near",
+        "np.maximum(scales, ROUND_OFF * sizes.max())",
+        "scales",
         "groups: round-off of the joint system is a scale",
         tests=("unequal_bodies::test_groups",),
     ),
     Mutant(
         "contact/groups",
-        "pieces @ pieces.T > 0",
-        "np.eye(len(pieces), dtype=bool)",
-        "groups: a contact is judged without what else presses its bodies",
+        "counting.max(axis=1) if lengths else counting.min(axis=1)",
+        "of_pieces.max() + 0 * counting[:, 0]",
+        "groups: forces elsewhere are a scale of every contact",
         tests=("unequal_bodies::test_groups",),
     ),
     Mutant(

@@ -1,5 +1,6 @@
 """Bodies of very unequal loads and stiffness in one scene: none stops the iteration of another one too early."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,6 +10,8 @@ from scenes import alone
 
 from signorini_fx.contact.groups import PointGroups, shares
 from signorini_fx.contact.points import ContactPoints
+from signorini_fx.results.certificate import certify
+from signorini_fx.results.promised_law import Tractions
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 
@@ -78,18 +81,20 @@ def test_a_small_body_is_solved_as_if_it_were_alone(algorithm, coulomb, small, s
 
 
 def test_groups():
-    """Points are judged by what reaches the same pieces, and by the largest of those that share a piece."""
-    one = np.ones(5)
-    points = ContactPoints(MPI.COMM_SELF, one, np.tile(np.eye(2), (5, 1, 1)), np.zeros((5, 2)))
-    reached = np.array([[1, 0, 0, 0], [1, 1, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], dtype=bool)
-    groups = PointGroups.of(points, reached)
-    assert groups.count == 4
-    values = np.array([1.0, 3.0, 4.0, 1e-3, 1e-20])
-    norms, scales = groups.norms(values), groups.scales(groups.norms(values))
-    assert norms[groups.number] == pytest.approx([1.0, 5.0, 5.0, 1e-3, 1e-20], rel=1e-15)
-    assert scales[groups.number] == pytest.approx([5.0, 5.0, 5.0, 1e-3, 5e-8], rel=1e-15)
-    assert groups.largest(values)[groups.number] == pytest.approx([1.0, 4.0, 4.0, 1e-3, 1e-20], rel=1e-15)
-    assert groups.some(points, np.array([3, 4])).number.tolist() == groups.number[3:].tolist()
+    """Of two pieces the one with the smaller stresses counts, and the one with the larger lengths."""
+    points = ContactPoints(MPI.COMM_SELF, np.ones(6), np.tile(np.eye(2), (6, 1, 1)), np.zeros((6, 2)))
+    # A large piece on the ground, a small one on that and another one on this, two on their own.
+    reached = [[1, 0, 0, 0, 0], [1, 1, 0, 0, 0], [1, 1, 0, 0, 0], [0, 1, 1, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 0, 1]]
+    groups = PointGroups.of(points, np.array(reached, dtype=bool))
+    assert groups.count == 5
+    values = np.array([1000.0, 3.0, 4.0, 20.0, 1e-3, 1e-20])
+    norms, largest = (groups.norms(values), groups.largest(values))
+    assert norms[groups.number] == pytest.approx([1000.0, 5.0, 5.0, 20.0, 1e-3, 1e-20], rel=1e-15)
+    assert largest[groups.number] == pytest.approx([1000.0, 4.0, 4.0, 20.0, 1e-3, 1e-20], rel=1e-15)
+    stresses, lengths = groups.scales(norms), groups.scales(norms, lengths=True)
+    assert stresses[groups.number] == pytest.approx([1000.0, 20.0, 20.0, 20.0, 1e-3, 1e-5], rel=1e-15)
+    assert lengths[groups.number] == pytest.approx([1000.0, 1000.0, 1000.0, 20.0, 1e-3, 1e-5], rel=1e-15)
+    assert groups.some(points, np.array([3, 4])).number.tolist() == groups.number[3:5].tolist()
     assert shares(np.array([1.0, 2.0]), np.array([0.0, 4.0]), np.inf).tolist() == [np.inf, 0.5]
     whole = PointGroups.of(points, points.everywhere[:, None])
     assert (whole.count, whole.norms(values)[0]) == (1, points.norm(values))
@@ -102,3 +107,75 @@ def test_on_ranks():
     solution, single = solve(scene(*bodies), MPI.COMM_WORLD), alone(scene(*bodies))
     assert solution.certificate.holds
     assert solution.history.linear_solves == single.history.linear_solves
+
+
+@cache
+def resting(size):
+    """A small block that lies on a loaded one with friction, pushed aside so that a part of it slips."""
+    mesh = {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4}}
+    upper = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.5, "nx": 5, "ny": 3}}
+    friction = {"law": "coulomb", "coefficient": 0.3}
+    data = {
+        "body": [{"name": "large", "mesh": mesh}, {"name": "small", "mesh": upper, "shift": [0.5, 1.0]}],
+        "material": {"young": 1e3, "poisson": 0.3},
+        "displacement": {"boundary": "large.left", "x": 0.0, "y": 0.0},
+        "traction": [
+            {"boundary": "large.right", "y": -1.0},
+            {"boundary": "small.top", "y": -size},
+            {"boundary": "small.left", "x": 0.4 * size},
+        ],
+        "contact": [
+            {"boundary": "large.bottom", "gap": 0.0, "friction": friction},
+            {"boundary": "small.bottom", "against": "large.top", "friction": friction},
+        ],
+        "solver": {"gamma_n": 1e6, "gamma_t": 1e6},
+    }
+    solution = alone(parse_scene(data))
+    assert solution.certificate.holds
+    return solution
+
+
+def certified(solution, scene, moved=None, **changed):
+    """The certificate with another scene, displacement or tractions on the small body."""
+    tractions = Tractions.of(solution.contact)
+    here = tractions.part == 1
+    for name, change in changed.items():
+        values = getattr(tractions, name).copy()
+        values[here] = change(values[here])
+        tractions = replace(tractions, **{name: values})
+    y = solution.displacement
+    if moved is not None:
+        y = y.copy()
+        nodes = y.function_space.tabulate_dof_coordinates()[:, 1] > 1.0
+        array = y.x.array.reshape(-1, 2)
+        array[nodes] = moved(array[nodes])
+    d = solution.discretisation
+    return certify(scene, d.tagged, y, tractions, law=solution.certificate.law, pairs=d.pairs)
+
+
+def test_a_small_body_on_a_large_one_is_judged_by_its_own_forces():
+    """Noise, a load that is wrong, and a law that its tractions do not keep to are refused."""
+    solution, rng = resting(1e-5), np.random.default_rng(0)
+    scene, none = solution.scene, np.zeros_like
+    assert certified(solution, scene).worst == pytest.approx(solution.certificate.worst, rel=1e-6)
+    assert certified(solution, scene, none, pressure=none, shear=none).equilibrium > 0.5
+    for name in ("moved", "pressure", "shear"):
+
+        def wrong(values):
+            return values + 1e-4 * np.abs(values).max() * rng.standard_normal(values.shape)
+
+        assert not certified(solution, scene, **{name: wrong}).holds, name
+    contact = scene.contact[1]
+    other = contact.friction.model_copy(update={"coefficient": 0.3 * (1 - 1e-4)})
+    smoother = scene.model_copy(update={"contact": (scene.contact[0], contact.model_copy(update={"friction": other}))})
+    assert certified(solution, smoother).friction_cone > 1e-6
+
+
+@pytest.mark.parametrize(("size", "named"), [(1e-16, True), (1e-12, False)])
+def test_a_body_whose_forces_are_round_off_is_named(size, named):
+    """It is not judged, and the result says so."""
+    solution = alone(scene((1.0, 1.0, 0.01), (size, 1.0, 0.3)))
+    words = [found.message for found in solution.findings if "does not judge" in found.message]
+    assert solution.certificate.unjudged == ((1,) if named else ())
+    assert len(words) == named
+    assert all("body 'b'" in word for word in words)

@@ -82,12 +82,12 @@ class Augmentation:
         moved = _both(points.felt, *(new - old for new, old in zip(after, before, strict=True)))
         now, last_size = (groups.norms(one) + groups.norms(other) for one, other in (felt, felt_before))
         changes = groups.norms(moved[0]), groups.norms(moved[1])
-        size = newton.problem.scales(np.where(now > 0, now, last_size), newton.x)
+        size = groups.scales(np.where(now > 0, now, last_size))
         gammas = (data.gamma_n, data.gamma_t)
         u_n, u_t = newton.problem.traces(newton.x)
-        length = groups.scales(groups.largest(np.maximum(np.abs(u_n), length_of(u_t))))
+        length = groups.scales(groups.largest(np.maximum(np.abs(u_n), length_of(u_t))), lengths=True)
         # If all motion is round-off, the scale is the displacement that the tractions could cause.
-        stress = newton.problem.scales(groups.largest(np.maximum(*felt)), newton.x)
+        stress = groups.scales(groups.largest(np.maximum(*felt)))
         length = np.maximum(length, shares(FAINT_DISPLACEMENT * stress, self._stiffness))
         lengths, stresses = (np.where(one > 0, one, 1.0)[groups.number] for one in (length, stress))
         # At its bound, that of the problem just solved, the shear gives no information about slip.

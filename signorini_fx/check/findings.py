@@ -113,14 +113,23 @@ def _idle(body: Discretisation) -> list[Finding]:
     return found
 
 
-def result_findings(deformations: Sequence[Deformation], *, touching: bool | None) -> list[Finding]:
+def result_findings(
+    deformations: Sequence[Deformation], *, touching: bool | None, unjudged: Sequence[str] = ()
+) -> list[Finding]:
     """Findings about a result.
 
     Args:
         deformations: that of each load step.
         touching: whether there is contact anywhere; None for a scene without contact.
+        unjudged: names of bodies whose forces are round-off of those of others.
     """
     found = []
+    if unjudged:
+        message = (
+            f"the forces on {', '.join(unjudged)} are round-off of the largest ones of the scene: its results mean "
+            "nothing, and the certificate does not judge it; solve it in a scene of its own"
+        )
+        found.append(Finding("warning", "body, traction, displacement", message))
     worst = max(deformations, key=lambda deformation: deformation.largest)
     far = f"displacements of up to {worst.displacement:.2g} times the size of the body"
     if worst.gradient > SMALL_DEFORMATION:

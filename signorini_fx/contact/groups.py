@@ -24,12 +24,12 @@ class PointGroups:
     Attributes:
         points: the contact points, n of them.
         number: of the group of each point, shape (n,).
-        beside: which groups share a piece, each with itself too, shape (g, g); the same on every rank.
+        pieces: which pieces each group reaches, shape (g, p); the same on every rank.
     """
 
     points: ContactPoints
     number: npt.NDArray[np.int64]
-    beside: npt.NDArray[np.bool_]
+    pieces: npt.NDArray[np.bool_]
 
     @classmethod
     def of(cls, points: ContactPoints, reached: npt.NDArray[np.bool_]) -> PointGroups:
@@ -38,17 +38,16 @@ class PointGroups:
         if len(every) < 2:
             return cls(points, np.zeros(points.size, dtype=np.int64), np.ones((1, 1), dtype=bool))
         number = (reached[:, None] == every).all(axis=2).argmax(axis=1)
-        pieces = every.astype(np.int64)
-        return cls(points, number, pieces @ pieces.T > 0)
+        return cls(points, number, every)
 
     def some(self, points: ContactPoints, rows: npt.NDArray[np.signedinteger[Any]]) -> PointGroups:
         """The same groups with ``points``, which are those in these rows."""
-        return PointGroups(points, self.number[rows], self.beside)
+        return PointGroups(points, self.number[rows], self.pieces)
 
     @property
     def count(self) -> int:
         """Number of groups, g."""
-        return len(self.beside)
+        return len(self.pieces)
 
     def norms(self, values: Nodal) -> Nodal:
         """The norms of ``ContactPoints.norm`` over each group, shape (g,)."""
@@ -65,12 +64,17 @@ class PointGroups:
         self.points.comm.Allreduce(found, total, op=MPI.MAX)
         return total
 
-    def scales(self, sizes: Nodal) -> Nodal:
-        """What each group is judged by, shape (g,): the largest size of those that share a piece with it, and at least
-        what is round-off of the largest of all.
+    def scales(self, sizes: Nodal, *, lengths: bool = False) -> Nodal:
+        """What each group is judged by, shape (g,), at least what is round-off of the largest of all sizes.
+
+        The size of a piece is the largest of the groups that reach it.  Of two pieces the smaller one counts: the other
+        one may be pressed elsewhere by forces that say nothing of this contact.  Lengths are relative ones of both, of
+        which the larger one counts.
         """
-        near = np.where(self.beside, sizes, 0.0).max(axis=1)
-        return np.asarray(np.maximum(near, ROUND_OFF * sizes.max()))
+        of_pieces = np.where(self.pieces, sizes[:, None], 0.0).max(axis=0)
+        counting = np.where(self.pieces, of_pieces, 0.0 if lengths else np.inf)
+        scales = counting.max(axis=1) if lengths else counting.min(axis=1)
+        return np.asarray(np.maximum(scales, ROUND_OFF * sizes.max()))
 
 
 def shares(parts: Nodal, wholes: Nodal, of_nothing: float | Nodal = 0.0) -> Nodal:

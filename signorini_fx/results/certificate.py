@@ -79,7 +79,7 @@ class Certificate:
     Each connected piece of the mesh has scales of its own: forces are relative to those of loads, contact and springs
     on it where it is free, stresses to the largest pressure or shear without what supports take of them, lengths to the
     deformation: the largest displacement without the rigid part (of penetration, complementarity and slip at stick
-    nodes: to the largest displacement).  What two pieces do to each other is relative to the larger scale.
+    nodes: to the largest displacement).  Between two pieces the smaller stress counts, and the larger length.
 
     Attributes:
         equilibrium: residual of (3.3a) in the free unknowns, of all together and of the worst contact node as a stress;
@@ -102,6 +102,7 @@ class Certificate:
         law: the contact law that was used for the check.
         strain_energy: of the stress, an energy per thickness: a(y, y) / 2 of the strains without initial ones.
         potential_energy: the same, and that of what resists the displacement, without the work of the loads.
+        unjudged: pieces of the mesh with loads that are round-off of the largest forces, of which nothing is known.
     """
 
     equilibrium: float = 0.0
@@ -120,6 +121,7 @@ class Certificate:
     law: Law = UNREGULARISED
     strain_energy: float = 0.0
     potential_energy: float = 0.0
+    unjudged: tuple[int, ...] = ()
 
     def __repr__(self) -> str:
         verdict = "holds" if self.holds else "does not hold"
@@ -255,7 +257,8 @@ def judged(
     volume = change_of_volume(balance, float(far.max()), strained)
     if tractions is None:
         units = Units(length, far, np.zeros(pieces.count), np.zeros(pieces.count))
-        return Certificate(equilibrium=max(equilibrium(balance, pieces, y, None, units), volume), **found)
+        left, unjudged = equilibrium(balance, pieces, y, None, units)
+        return Certificate(equilibrium=max(left, volume), unjudged=unjudged, **found)
     nodes = ContactNodes.of(forces, sides, tractions)
     at = nodes.pieces(pieces.piece)
     found["coupling"] = nodes.coupling_error(supports, y / (float(far.max()) or 1.0))
@@ -302,9 +305,10 @@ def judged(
     # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
     still = FAINT * np.array([own.deflection(most) for own, most in zip(scales, stress, strict=True)])
     units = Units(np.maximum(length, still), np.maximum(far, still), stress, penalty)
-    points = Units(*(np.maximum(values[at[0]], np.where(at[1] < 0, 0.0, values[at[1]])) for values in units))
+    points = units.between(*at)
     found |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, supports, points)
-    return Certificate(equilibrium=max(equilibrium(balance, pieces, y, nodes, units), volume), **found)
+    left, unjudged = equilibrium(balance, pieces, y, nodes, units)
+    return Certificate(equilibrium=max(left, volume), unjudged=unjudged, **found)
 
 
 def contact_conditions(

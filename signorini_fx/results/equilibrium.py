@@ -10,6 +10,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from signorini_fx import parallel
+from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.results.contact_nodes import ContactNodes
 from signorini_fx.results.rigid_part import RigidPart
 from signorini_fx.results.supports import Supports
@@ -17,6 +18,7 @@ from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.scales import Scales
 
 Nodal = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
 
 # Forces below this share of stiffness times displacement are round-off of a stress-free motion, as is what is below
 # this share of the largest of all pieces.
@@ -76,8 +78,21 @@ class Units(NamedTuple):
     stress: Nodal
     penalty: Nodal
 
+    def between(self, piece: Numbers, other: Numbers) -> Units:
+        """Those of points on a piece and another one, -1: on a rigid foundation, from those of pieces.
 
-def equilibrium(balance: Balance, pieces: RigidPart, y: Nodal, nodes: ContactNodes | None, units: Units) -> float:
+        A stress is that of the piece with the smaller one: forces that press the other one elsewhere say nothing of
+        this contact.
+        """
+        rigid = other < 0
+        length, far, _, penalty = (np.maximum(values[piece], np.where(rigid, 0.0, values[other])) for values in self)
+        smaller = np.minimum(self.stress[piece], np.where(rigid, np.inf, self.stress[other]))
+        return Units(length, far, np.maximum(smaller, penalty), penalty)
+
+
+def equilibrium(
+    balance: Balance, pieces: RigidPart, y: Nodal, nodes: ContactNodes | None, units: Units
+) -> tuple[float, tuple[int, ...]]:
     """The residual of (3.3a) in the free unknowns, of each piece and of the worst contact node as a stress; collective.
 
     Forces are relative to those of loads, contact and springs on the piece where it is free.  On slender bodies the
@@ -90,6 +105,9 @@ def equilibrium(balance: Balance, pieces: RigidPart, y: Nodal, nodes: ContactNod
         y: displacements of the owned nodes, shape (owned nodes, d).
         nodes: the contact points with the tractions at them; None: there are none.
         units: what stresses and lengths are relative to, of each piece.
+
+    Returns:
+        The residual, and the pieces of which it says nothing, as all forces on them are round-off of the joint system.
     """
     comm, supports = balance.surface.space.mesh.comm, balance.supports
     _, stiffest = balance.of_pieces(pieces)
@@ -112,19 +130,22 @@ def equilibrium(balance: Balance, pieces: RigidPart, y: Nodal, nodes: ContactNod
         slight = np.maximum(slight, units.penalty * pieces.norms(area, pieces.piece[reached]))
         slight = np.maximum(slight, ROUND_OFF * pieces.norms(pressed))  # also what supports take of it
     force = np.max([least, slight, *(pieces.norms(part) for part in acting)], axis=0)
-    force = np.maximum(force, ROUND_OFF * float(force.max()))  # round-off of the joint system
+    joint = ROUND_OFF * float(force.max())  # round-off of the joint system
+    lost = (pieces.norms(loads) > 0) & (force < CERTIFICATE_TOLERANCE * joint)
+    unjudged = tuple(map(int, np.flatnonzero(lost)))
+    force = np.maximum(force, joint)
     residual = supports.left(residual)
     digits = LOST_UNITS * np.finfo(float).eps
     missing = pieces.norms(residual) - digits * least / ROUND_OFF
     whole = max(map(ratio, missing, force))
     if nodes is None:
-        return whole
+        return whole, unjudged
     # The stress at a node is known to the digits of loads, and of the displacement over the length of its side.
     here, load = pieces.piece[reached], pieces.largest(np.linalg.norm(loads, axis=1))
     modulus = np.array([own.modulus for own in stiffest])
-    lost = digits * ((modulus * units.far)[here] / balance.stiffest.side(area) + load[here] / area)
-    unbalanced = np.linalg.norm(residual[reached], axis=1) / area - lost
-    return max(whole, share(comm, unbalanced, units.stress[here]))
+    least_stress = digits * ((modulus * units.far)[here] / balance.stiffest.side(area) + load[here] / area)
+    unbalanced = np.linalg.norm(residual[reached], axis=1) / area - least_stress
+    return max(whole, share(comm, unbalanced, units.stress[here])), unjudged
 
 
 def change_of_volume(balance: Balance, far: float, strain_energy: float) -> float:

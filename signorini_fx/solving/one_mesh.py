@@ -260,7 +260,9 @@ def _findings(discretisation: Discretisation, steps: Sequence[StepResult]) -> li
     touching = parallel.any_rank(discretisation.comm, bool(np.any(contacts))) if contacts else None
     if (last := steps[-1].contact) is not None:
         found += neglected(discretisation.scene.placed(steps[-1].place), last)
-    return [*found, *result_findings([step.deformation for step in steps], touching=touching)]
+    lost = sorted({piece for step in steps for piece in step.certificate.unjudged})
+    names = [discretisation.motions.pieces.called(piece) for piece in lost]
+    return [*found, *result_findings([step.deformation for step in steps], touching=touching, unjudged=names)]
 
 
 def _solve_linear(discretisation: Discretisation, history: History, timings: Timings) -> Solution:
