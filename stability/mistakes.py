@@ -919,7 +919,7 @@ MUTANTS = (
     ),
     Mutant(
         "augmentation",
-        "shares(change * times, size, change * times)",
+        "shares(ahead, size, ahead)",
         "shares(change, size, change)",
         "augmentation: the last change taken for what is left",
         tests=("augmentation::test_what_is_left_after_one_problem",),

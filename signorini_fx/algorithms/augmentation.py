@@ -100,8 +100,9 @@ class Augmentation:
         for change, last, gamma, one, other in zip(changes, self.changes, gammas, open_at, least, strict=True):
             share = shares(change, last, np.nan)
             beyond = shares(share, 1 - share, np.inf)
-            times = np.asarray(np.maximum(1.0, np.fmin(beyond, self._stiffness / gamma)), dtype=np.float64)
-            left = shares(change * times, size, change * times)
+            times = np.maximum(1.0, np.fmin(beyond, self._stiffness / gamma))
+            ahead = np.asarray(change * times, dtype=np.float64)
+            left = shares(ahead, size, ahead)
             missed = groups.largest(one) / gamma
             violation = np.maximum(other, shares(missed, length, missed))
             slow.append(bool(np.any((share > SLOW_SHARE) & (np.maximum(left, violation) > self.tolerance))))
