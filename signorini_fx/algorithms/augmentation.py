@@ -101,9 +101,9 @@ class Augmentation:
             share = shares(change, last, np.nan)
             beyond = shares(share, 1 - share, np.inf)
             times = np.maximum(1.0, np.fmin(beyond, self._stiffness / gamma))
-            ahead = np.asarray(change * times, dtype=np.float64)
+            ahead = change * times
             left = shares(ahead, size, ahead)
-            missed = groups.largest(one) / gamma
+            missed = np.asarray(groups.largest(one) / gamma, dtype=np.float64)
             violation = np.maximum(other, shares(missed, length, missed))
             slow.append(bool(np.any((share > SLOW_SHARE) & (np.maximum(left, violation) > self.tolerance))))
             lefts.append(left)
