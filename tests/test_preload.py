@@ -12,7 +12,7 @@ from signorini_fx.check.checks import check_scene
 from signorini_fx.check.text import render
 from signorini_fx.mesh.files.formats import read_file
 from signorini_fx.mesh.tagged import gmsh_mesh, load_mesh, tag_boundaries
-from signorini_fx.records import StepRecord
+from signorini_fx.records import Status, StepRecord
 from signorini_fx.results.sections import section_forces
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.sweep import sweep
@@ -248,6 +248,24 @@ def test_sweep(friction):
         assert np.isclose(found.shortening, alone.shortening, rtol=1e-6)
         assert point.certificate().holds
     assert not np.isclose(points[0].preloads()[0].shortening, points[1].preloads()[0].shortening, rtol=1e-4)
+
+
+def test_a_section_with_nothing_to_pull_at_is_named():
+    """Its head is a hundred times the size of the bolt away from the sleeves: no shortening makes a force."""
+    solution = solve(clamped(gap=100.0), check=False)
+    (step,) = solution.steps
+    assert step.status is Status.OPEN
+    assert "preload bolt: no force goes through it" in step.reason.message
+    assert "forces miss" in str(solution.history.events[-1])
+    assert solution.history.linear_solves <= 10
+
+
+def test_a_bolt_that_nothing_holds_is_not_tightened():
+    """Another shortening does not hold it either."""
+    scene = clamped()
+    loose = solve(scene.model_copy(update={"displacement": scene.displacement[1:]}), check=False)
+    assert loose.status is Status.NOT_HELD
+    assert loose.history.events == []
 
 
 @pytest.mark.parametrize("force", [7.0, 20.0])

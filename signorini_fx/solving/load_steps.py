@@ -18,7 +18,7 @@ from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.joint_pressure import JointPressure
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.statics import no_balance
-from signorini_fx.records import Status, StepRecord, Timings
+from signorini_fx.records import Finding, Status, StepRecord, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Before, Law, Tractions
 from signorini_fx.results.solution import StepResult
@@ -89,6 +89,7 @@ def load_step(
         if scene.several_steps:
             history.add(StepRecord(here.step + 1, scene.name_at(here.place), scene.time_at(here.place)))
         history.move(step=here.step + 1, steps=scene.steps)
+        reason: Finding | None = None
         with timings.phase("iterate"):
             joint = None
             if scene.joint_loads:
@@ -103,11 +104,10 @@ def load_step(
             elif scene.tightens_at(place):
                 from signorini_fx.solving.preload import solve_tightened
 
-                d, here, outcome = solve_tightened(d, problem, here, path.allowed)
+                d, here, outcome, reason = solve_tightened(d, problem, here, path.allowed)
             else:
                 outcome = solve_task(problem, here, path.allowed)
-        reason = None
-        if history.linear_solves > before:  # else it is proved of a body that ``check`` names
+        if reason is None and history.linear_solves > before:  # else it is proved of a body that ``check`` names
             outcome, reason = explained(d, problem, here, outcome)
         result = _certified(d, problem, here, outcome, earlier, timings, joint)
         result = replace(result, linear_solves=history.linear_solves - before, reason=reason)

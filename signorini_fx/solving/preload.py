@@ -17,7 +17,7 @@ import numpy.typing as npt
 from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.records import Status
+from signorini_fx.records import Finding, Status
 from signorini_fx.results.sections import section_forces
 from signorini_fx.scene.effect import SectionJump
 
@@ -25,8 +25,8 @@ Array = npt.NDArray[np.float64]
 
 # The share of the forces that they may miss: of round-off; and what friction, whose iteration ends before, may leave.
 _EXACT, _ENOUGH = 1e-11, 1e-6
-# Contact problems for one load step; those in which the sections are not tight yet.
-_MOST, _LOOSE = 30, 15
+# Contact problems for one load step.
+_MOST = 30
 # Below this share of its force a section is loose, and is shortened by this factor, or at most by this one if not.
 _NOTHING, _TIGHTER, _FURTHER = 1e-6, 4.0, 30.0
 
@@ -44,7 +44,7 @@ def shortenings(d: Discretisation, place: float) -> list[float]:
 
 def solve_tightened(
     d: Discretisation, task: Task, start: Start, most: int, scale: float = 1.0
-) -> tuple[Discretisation, Start, Outcome]:
+) -> tuple[Discretisation, Start, Outcome, Finding | None]:
     """Solve a load step; collective.
 
     Args:
@@ -55,8 +55,8 @@ def solve_tightened(
         scale: factor of all loads, these forces included.
 
     Returns:
-        The scene with the shortenings that were found, over ``scale``, where the load step starts with them, and how it
-        ended.
+        The scene with the shortenings that were found, over ``scale``, where the load step starts with them, how it
+        ended, and which section has nothing to pull at.
     """
     loads, place, newton = tightened_at(d, start.place), start.place, task.iterate.newton
     of_all = [k for k, load in enumerate(d.applied) if load.section is not None]
@@ -64,7 +64,7 @@ def solve_tightened(
     wanted = scale * np.array([_section(d, k).force_at(d.scene, place) for k in loads], dtype=np.float64)
     before = scale * np.array(shortenings(d, place))
     s = np.where(before > 0, before, wanted / d.scales.stiffness(d.scales.size))
-    slope, last, best, loose = np.empty((0, 0)), (s, s), np.inf, 0
+    slope, last, best = np.empty((0, 0)), (s, s), np.inf
     for _ in range(_MOST):
         d = with_shortenings(d, loads, place, s / scale)
         start, begun = replace(start, factors=scale * d.factors(place)), newton.checkpoint()
@@ -72,19 +72,21 @@ def solve_tightened(
         if outcome.status is Status.CONVERGED:
             y = d.from_rest(task.rest, outcome.displacement())
             force = np.array([one.force for one in section_forces(d.scene, d.tagged, y, place, scale)])[here]
-        elif slope.size or loose == _LOOSE:
-            return d, start, outcome
+        elif slope.size or outcome.status is Status.NOT_HELD:  # whatever the shortenings are
+            return d, start, outcome, None
         missing = float(np.abs(wanted - force).max() / wanted.max())
         task.history.add(f"sections shortened by {', '.join(f'{one:.6g}' for one in s)}: forces miss {missing:.1e}")
         if missing <= _EXACT or best / 2 <= missing <= _ENOUGH:
-            return d, start, outcome
+            return d, start, outcome, None
         if outcome.status is Status.CONVERGED:
             start = start.begin_from(outcome.problem.sets, outcome.newton.multipliers())
         else:
             newton.restore(begun)
         none = force <= _NOTHING * wanted
-        if not slope.size and none.any() and loose < _LOOSE:
-            s, loose = np.where(none, _TIGHTER * s, s), loose + 1
+        if not slope.size and none.any():
+            if s[none].max() > d.scales.size:
+                return d, start, replace(outcome, status=Status.OPEN), _loose(d, loads[int(np.argmax(none * s))], start)
+            s = np.where(none, _TIGHTER * s, s)
             continue
         if not slope.size:  # as if the forces were proportional to the shortenings
             slope = np.diag(np.minimum(s / force, _FURTHER * s / wanted))
@@ -93,7 +95,18 @@ def solve_tightened(
             slope = slope + np.outer(ds - slope @ dn, ds @ slope) / (ds @ slope @ dn)
         best, last = min(best, missing), (s, force)
         s = s + slope @ (wanted - force)
-    return d, start, replace(outcome, status=Status.OUTER_MAX_ITERATIONS)
+    return d, start, replace(outcome, status=Status.OUTER_MAX_ITERATIONS), None
+
+
+def _loose(d: Discretisation, number: int, start: Start) -> Finding:
+    """What to say of a section that is shortened by more than the size of the body, without any force."""
+    when = f"load step {start.step + 1}: " if d.scene.several_steps else ""
+    message = (
+        f"{when}preload {_section(d, number).place}: no force goes through it even if it is shortened by the size of "
+        "the body: a part that it pulls at comes loose, or never meets what it is to clamp; check the gaps and "
+        "the contacts of both parts"
+    )
+    return Finding("warning", "preload", message)
 
 
 def _section(d: Discretisation, number: int) -> SectionJump:

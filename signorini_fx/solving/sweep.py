@@ -192,7 +192,7 @@ def sweep(
         if scene.tightens_at(0):
             from signorini_fx.solving.preload import solve_tightened
 
-            d, start, outcome = solve_tightened(d, task, start, step_limit(scene.solver.max_iterations), load)
+            d, start, outcome, _ = solve_tightened(d, task, start, step_limit(scene.solver.max_iterations), load)
         else:
             outcome = solve_task(task, start)
         contact, promised = d.state(task, outcome, start), Law(*task.promised(outcome))
