@@ -14,7 +14,7 @@ import numpy as np
 from signorini_fx.accuracy.arrays import Array, Ints
 from signorini_fx.accuracy.bounded_scene import Points
 from signorini_fx.accuracy.triangles import GAUSS, Triangles
-from signorini_fx.scene.cut_simplices import cut, divided
+from signorini_fx.scene.cut_simplices import cut, halved
 
 # Of the coarser rule inside triangles.
 _COARSE = (np.polynomial.legendre.leggauss(5)[0] + 1) / 2, np.polynomial.legendre.leggauss(5)[1] / 2
@@ -58,7 +58,7 @@ def on_edges(t: Triangles, edges: Ints, density: Density, values: list[Any]) -> 
     for often in _HALVED if varies else (0,):
         some, fine = owner, parts
         for _ in range(often):
-            some, fine = np.tile(some, 2), divided(fine)
+            some, fine = np.tile(some, 2), halved(fine)
         begin, length = fine[:, 0, 1], fine[:, 1, 1] - fine[:, 0, 1]
         s, w = begin[:, None] + length[:, None] * GAUSS[0], np.abs(length)[:, None] * GAUSS[1]
         a, b = x[some, 0][:, None], x[some, 1][:, None]
