@@ -102,7 +102,7 @@ def _loose(d: Discretisation, number: int, start: Start) -> Finding:
     """What to say of a section that is shortened by more than the size of the body, without any force."""
     when = f"load step {start.step + 1}: " if d.scene.several_steps else ""
     message = (
-        f"{when}preload {_section(d, number).place}: no force goes through it even if it is shortened by the size of "
+        f"{when}{_section(d, number).name}: no force goes through it even if it is shortened by the size of "
         "the body: a part that it pulls at comes loose, or never meets what it is to clamp; check the gaps and "
         "the contacts of both parts"
     )
