@@ -785,8 +785,8 @@ MUTANTS = (
     Mutant(
         "interior_point",
         "answer(normal + w_n - u_n, across + w_t - u_t)",
-        "answer(normal + w_n - u_n, across)",
-        "interior point: the shear does not follow the displacement of its step",
+        "answer(normal, across + w_t - u_t)",
+        "interior point: the pressure does not follow the displacement of its step",
         tests=("interior_point::test_from_anywhere",),
     ),
     Mutant(
