@@ -40,7 +40,7 @@ def test_list():
     assert len({mutant.idea for mutant in MUTANTS}) == len(MUTANTS)
     assert set(QUICK) <= set(MUTANTS)
     for file, _, test in (name.partition("::") for mutant in MUTANTS for name in mutant.named):
-        assert f"def {test}" in (ROOT / file).read_text(encoding="utf-8")
+        assert f"def {test.partition('[')[0]}" in (ROOT / file).read_text(encoding="utf-8")
     # A reason is a sentence, and the exception.
     assert all(len(mutant.equivalent.split()) >= 10 for mutant in MUTANTS if mutant.equivalent)
     assert sum(bool(mutant.equivalent) for mutant in MUTANTS) <= 0.05 * len(MUTANTS)
