@@ -1976,27 +1976,6 @@ MUTANTS = (
         tests=("curved_pairs",),
     ),
     Mutant(
-        "body/half_way",
-        "mean = outward - normal",
-        "mean = -normal",
-        "round foundations: their own normal in place of that half-way",
-        tests=("curved_pairs::test_the_certificate_knows_the_frame_on_a_circle",),
-    ),
-    Mutant(
-        "body/half_way",
-        "np.where(use, way, away)",
-        "away",
-        "round foundations: the distance from the closest point in place of that along the mean normal",
-        tests=("curved_pairs::test_round_shapes",),
-    ),
-    Mutant(
-        "results/half_way_frames",
-        "inwards * root",
-        "root",
-        "certificate: a hollow round foundation is met on its other side",
-        tests=("curved_pairs::test_round_shapes",),
-    ),
-    Mutant(
         "body/contact_map",
         "turned.shift(2.0)",
         "turned.shift(1.0)",

@@ -3,15 +3,11 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from curved_pairs import figures, mirrored, press, pushed
+from curved_pairs import figures, mirrored, press
 
-from signorini_fx import ContactProblem, ConvergenceError
-from signorini_fx.body.half_way import half_way
+from signorini_fx import ContactProblem
 from signorini_fx.linalg.relative import of_all_ranks
 from signorini_fx.pairs import coupling
-from signorini_fx.results.half_way_frames import frame_on
-from signorini_fx.shapes.cylinder import Cylinder
-from signorini_fx.shapes.sphere import Sphere as Ball
 
 
 @pytest.mark.parametrize(
@@ -102,71 +98,6 @@ def test_the_certificate_knows_the_frame(wrong, monkeypatch):
     problem = press("quadrilateral", ((12, 8), (9, 8)), (8.0, 8.0), 0.2)
     assert not problem.certificate.holds
     assert wrong == "slave normals" or problem.certificate.coupling > 1e-4
-
-
-def test_a_block_on_a_circle():
-    """Pressing takes about half as much friction as with the normal of the circle, .25 of F P, and after the push the
-    traction along the plane is nearer to Cattaneo's and Mindlin's, which it missed by .31 in L2.
-    """
-    found = pushed("half-way", 0.1)
-    assert found.share < 0.15
-    assert found.off < 0.2
-
-
-@pytest.mark.parametrize("wrong", [None, "circle's normal", "distance from the closest point"])
-def test_the_certificate_knows_the_frame_on_a_circle(wrong, monkeypatch):
-    """It has normals and gaps half-way from a formula of its own."""
-    from signorini_fx import solve
-    from signorini_fx.body import half_way
-    from signorini_fx.scene.reading import parse_scene
-
-    frames = half_way.half_way
-
-    def changed(shape, x, outward):
-        gap, direction = frames(shape, x, outward)
-        away, normal = shape.distance(x)
-        return (gap, -normal) if wrong == "circle's normal" else (away, direction)
-
-    if wrong:
-        monkeypatch.setattr(half_way, "half_way", changed)
-    round_one = {"shape": "circle", "centre": [0.5, -3.0], "radius": 3.0, "rotation": 10.0, "pivot": [0.5, -3.0]}
-    scene = {
-        "material": {"young": 200.0, "poisson": 0.3},
-        "mesh": {"generator": "rectangle", "parameters": {"nx": 8, "ny": 2, "length": 1.0, "height": 0.5}},
-        "displacement": [{"boundary": "top", "x": 0.001, "y": -0.02}],
-        "contact": [
-            {"boundary": "bottom", "foundation": round_one, "friction": {"law": "coulomb", "coefficient": 0.3}}
-        ],
-    }
-    try:
-        holds = solve(parse_scene(scene)).certificate.holds
-    except ConvergenceError as error:
-        holds = error.solution.certificate.holds
-    assert holds == (wrong is None)
-
-
-def test_round_shapes_moved_and_hollow():
-    """The way along the mean normal ends on the shape, as by the quadratic formula; far away frames are its own."""
-    shapes = [
-        Cylinder(
-            shape="cylinder", centre=(0, 0, -2), axis=(1, 2, 0.5), radius=1.9, rotation=(10, 20, 30), shift=(0, 0, 0.1)
-        ),
-        Ball(shape="sphere", centre=(0.1, 0.2, -2.0), radius=2.0),
-        Ball(shape="sphere", centre=(0.1, 0.2, 2.0), radius=2.0, hollow=True, shift=(0.1, 0.0, 0.05)),
-    ]
-    random = np.random.default_rng(3)
-    x = np.column_stack((random.uniform(-2.5, 2.5, (400, 2)), random.uniform(-0.1, 0.3, 400)))
-    outward = random.normal(size=(400, 3)) * 0.2 - [0.0, 0.0, 1.0]
-    outward /= np.linalg.norm(outward, axis=1)[:, None]
-    for shape in shapes:
-        gap, direction = half_way(shape, x, outward)
-        assert gap == pytest.approx(frame_on(shape, x, outward)[0], abs=1e-12)
-        assert direction == pytest.approx(frame_on(shape, x, outward)[1], abs=1e-12)
-        away, normal = shape.distance(x)
-        mean = (np.abs(direction + normal) > 1e-9).any(axis=1)
-        assert mean.sum() > 50
-        assert shape.distance(x + gap[:, None] * direction)[0][mean] == pytest.approx(0.0, abs=1e-12)
-        assert gap[~mean] == pytest.approx(away[~mean])
 
 
 SOLVE = ContactProblem.solve

@@ -28,20 +28,3 @@ def test_one_step_counts_the_way_before_the_touch(foundation, coefficient, facto
     }
     findings = solve(parse_scene(scene)).findings
     assert sum("before it touches" in finding.message for finding in findings) == said
-
-
-@pytest.mark.parametrize(("depth", "coefficient", "said"), [(0.1, 0.3, 1), (0.1, 3.0, 0), (0.002, 0.3, 0)])
-def test_what_frames_on_a_circle_neglect(depth, coefficient, said):
-    """It is said where pressing takes more than 5 % of F P, .3 a / (F R) with a = .5 and .1."""
-    scene = {
-        "mesh": {"generator": "block", "parameters": {"length": 3.0, "height": 1.0, "nx": 24, "ny": 6}},
-        "material": {"young": 5000.0, "poisson": 0.3},
-        "displacement": {"boundary": "top", "x": 0.0, "y": -depth},
-        "contact": {
-            "boundary": "bottom",
-            "foundation": CIRCLE,
-            "friction": {"law": "coulomb", "coefficient": coefficient},
-        },
-    }
-    findings = solve(parse_scene(scene)).findings
-    assert sum("pressing alone takes" in finding.message for finding in findings) == said

@@ -289,28 +289,9 @@ def of_a_ball(centre, radius):
     }
 
 
-def half_way_to_a_ball(centre, radius):
-    """Gap and direction by formula along the mean of the normals of a ball and of a flat face above it."""
-
-    def away(x):
-        return x[: len(centre)] - np.array(centre)[:, None]
-
-    def direction(x):
-        found = -away(x) / np.hypot.reduce(away(x))
-        found[-1] -= 1.0
-        return found / np.hypot.reduce(found)
-
-    def gap(x):
-        arm = away(x)
-        along = -(arm * direction(x)).sum(axis=0)
-        return along - np.sqrt(radius**2 - (arm**2).sum(axis=0) + along**2)
-
-    return {"gap": gap, "direction": direction}
-
-
 def of_a_rod(height, radius, offset):
-    """Gap and direction to a cylinder along x[1] by formula, likewise."""
-    in_section = half_way_to_a_ball((offset, height), radius)
+    """Gap and direction to a cylinder along x[1] by formula."""
+    in_section = of_a_ball((offset, height), radius)
     return {
         "gap": lambda x: in_section["gap"](x[[0, 2]]),
         "direction": lambda x: np.insert(in_section["direction"](x[[0, 2]]), 1, 0.0, axis=0),
@@ -324,12 +305,8 @@ def of_a_slope(normal, height):
 
 
 SAME = {
-    "circle": (2, {"shape": "circle", "centre": (0.9, -1.51), "radius": 1.5}, half_way_to_a_ball((0.9, -1.51), 1.5)),
-    "sphere": (
-        3,
-        {"shape": "sphere", "centre": (0.9, 0.5, -1.51), "radius": 1.5},
-        half_way_to_a_ball((0.9, 0.5, -1.51), 1.5),
-    ),
+    "circle": (2, {"shape": "circle", "centre": (0.9, -1.51), "radius": 1.5}, of_a_ball((0.9, -1.51), 1.5)),
+    "sphere": (3, {"shape": "sphere", "centre": (0.9, 0.5, -1.51), "radius": 1.5}, of_a_ball((0.9, 0.5, -1.51), 1.5)),
     "cylinder": (
         3,
         {"shape": "cylinder", "centre": (0.9, 7.0, -1.51), "axis": (0, -2, 0), "radius": 1.5},
@@ -602,7 +579,7 @@ def test_turning_the_foundation_is_turning_the_formula():
     loop = Loop(block(2, MPI.COMM_SELF), shape=wheel)  # without friction the turn has no effect
     for shift, rotation in moves:
         state = loop.step(shift=shift, rotation=rotation)
-        fresh = Loop(block(2, MPI.COMM_SELF), **half_way_to_a_ball(np.add(centre, shift), radius)).step()
+        fresh = Loop(block(2, MPI.COMM_SELF), **of_a_ball(np.add(centre, shift), radius)).step()
         assert state.pressure == pytest.approx(fresh.pressure, abs=1e-8 * fresh.pressure.max())
     loop = Loop(block(2, MPI.COMM_SELF), shape=slope | {"point": (1.0, 0.0)}, friction=Coulomb(0.4))
     loop.step((0.0, -0.03))

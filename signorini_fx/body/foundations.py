@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +17,6 @@ from signorini_fx.body.averages import averaging, averaging_forms, from_owners
 from signorini_fx.body.contact_boundary import ContactBoundary, contact_part, join, unit_contact_form
 from signorini_fx.body.elliptic_friction import Ellipse, check_axes, check_supports, ellipse_of
 from signorini_fx.body.foundation import Coulomb, Foundation, Pair, Tresca
-from signorini_fx.body.foundation_data import Bounds, Data, Shape
-from signorini_fx.body.half_way import HalfWay
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.body.values import NodalValues
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
@@ -34,6 +32,59 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 # A weight below this share of the largest one is the round-off of a measure that is zero there.
 _ROUND_OFF = 1e-12
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What decides about the contact points of one foundation, at all nodes of this rank, nan where it is not.
+
+    Attributes:
+        factor: of the surface measure, shape (nodes,); None: 1.
+        direction: n, of length one, shape (nodes, d); None: the outward normal.
+        ellipse: of its friction; None: it has no direction.
+    """
+
+    factor: Array | None
+    direction: Array | None
+    ellipse: Ellipse | None = None
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """The friction of one foundation, at all nodes of this rank, ghosts included, arrays of shape (nodes,).
+
+    Attributes:
+        given: Tresca's g, or Coulomb's c, stress; zero without.
+        coefficient: Coulomb's F; zero without.
+        cap: the largest friction bound, stress; infinite without.
+        cohesive: whether the given bound ends where the contact opens.
+    """
+
+    given: Array
+    coefficient: Array
+    cap: Array
+    cohesive: bool
+
+
+@dataclass(frozen=True)
+class Data(Bounds):
+    """What one foundation says, at all nodes of this rank, ghosts included, arrays of shape (nodes,).
+
+    Attributes:
+        facets: owned, local numbers.
+        shape: its direction and measure.
+        gap: d, length; nan where no facet is.
+        bilateral: whether the contact cannot open.
+        pair: both sides, where another body is the foundation; None: it is rigid.
+        allowance: the part of a gap by geometry that is not geometry; None: the gap is given as a whole.
+    """
+
+    facets: npt.NDArray[np.int32]
+    shape: Shape
+    gap: Array
+    bilateral: bool
+    pair: PairedSides | None = None
+    allowance: Array | None = None
 
 
 class Foundations:
@@ -63,7 +114,7 @@ class Foundations:
         self._names, self._inventory = names, inventory
         self._values = [NodalValues(space, here) for here in facets]
         self._dimension = int(space.mesh.geometry.dim)
-        self._distances, self._curved = self._shaped(), dict[int, HalfWay]()
+        self._distances = self._shaped()
         self._settled = dict(self._distances)
 
     def _shaped(self) -> dict[int, Distance]:
@@ -186,7 +237,7 @@ class Foundations:
                 factor = at(one.measure, f"contact[{k}].measure", minimum=0.0)
                 largest = parallel.largest(self._space.mesh.comm, np.nan_to_num(factor))
                 factor[factor <= _ROUND_OFF * largest] = 0.0
-            along: Any = self._frame(k).direction if k in self._distances else one.direction
+            along: Any = self._distances[k].direction if k in self._distances else one.direction
             if along is not None:
                 direction = at(along, f"contact[{k}].direction", self._dimension)
                 size = np.hypot.reduce(direction, axis=1, keepdims=True)
@@ -279,23 +330,13 @@ class Foundations:
             FormError: the whole body is inside of it.
         """
         comm, distance = self._space.mesh.comm, self._distances[number]
-        found = self._values[number](self._frame(number), f"contact[{number}].shape")
+        found = self._values[number](distance, f"contact[{number}].shape")
         if not parallel.any_rank(comm, bool((found >= 0).any())):
             every = distance(self._space.mesh.geometry.x.T.astype(np.float64))
             if not parallel.any_rank(comm, bool((every >= 0).any())):
                 what = "the whole body is inside of the foundation: move it, or set hollow if the body belongs there"
                 raise FormError([(f"contact[{number}]", what)])
         return found
-
-    def _frame(self, number: int) -> Distance | HalfWay:
-        """Gap and direction of one contact with a shape; collective."""
-        distance, twisted = self._distances[number], self._space.dofmap.index_map_bs > self._space.mesh.topology.dim
-        if twisted or self._contact[number].bonded or not getattr(distance.shape, "curved", False):
-            return distance
-        if number not in self._curved:
-            nodes = self._values[number].nodes
-            self._curved[number] = HalfWay.on(distance.shape, self._space, self.facets[number], nodes)
-        return replace(self._curved[number], shape=distance.shape)
 
     @property
     def pairs(self) -> dict[int, PairedSides]:

@@ -270,7 +270,7 @@ class UnilateralContact(Contact):
         gap: distance d to the foundation along ``direction``, a length; negative: initial penetration; it is added to
             the distance of a ``foundation``.
         direction: from the body to the foundation, any length; None: the outward normal of the body.
-        foundation: a shape, which determines gap and direction, see ``scene.rigid_shape``; None: none.
+        foundation: a shape, whose closest points determine gap and direction, see ``scene.rigid_shape``; None: none.
         friction: the friction law.
         kind: its name.
     """
@@ -327,7 +327,7 @@ class BilateralContact(Contact):
         gap: distance d to the foundation along ``direction``, a length; negative: initial penetration; it is added to
             the distance of a ``foundation``.
         direction: from the body to the foundation, any length; None: the outward normal of the body.
-        foundation: a shape, which determines gap and direction, see ``scene.rigid_shape``; None: none.
+        foundation: a shape, whose closest points determine gap and direction, see ``scene.rigid_shape``; None: none.
         friction: the friction law.
         kind: its name.
     """

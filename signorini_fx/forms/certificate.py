@@ -19,7 +19,7 @@ from dolfinx import fem
 from signorini_fx.body.assembly import action, assemble
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.foundation import Foundation, Pair
-from signorini_fx.body.foundation_data import Data
+from signorini_fx.body.foundations import Data
 from signorini_fx.results.certificate import Certificate, judged
 from signorini_fx.results.contact_nodes import ContactNodes, ContactSide
 from signorini_fx.results.equilibrium import Balance

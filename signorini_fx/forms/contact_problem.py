@@ -27,8 +27,7 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import contact_table
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.foundation import Coulomb, Foundation, Pair
-from signorini_fx.body.foundation_data import Shape
-from signorini_fx.body.foundations import Foundations
+from signorini_fx.body.foundations import Foundations, Shape
 from signorini_fx.body.rigid_tools import RigidTools
 from signorini_fx.body.supports import prescribed
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData

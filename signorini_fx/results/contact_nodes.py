@@ -45,7 +45,6 @@ class ContactSide:
         adjust: the distance of both sides, length, that is taken for none, and all below it; None: there is none.
         ellipse: nodes -> the vector along which friction is that of ``bound``, shape (n, d), and the ratio of that
             across it, shape (n,); None: friction has no direction.
-        half_way: (nodes, normals of the body at them) -> gap and direction, in place of these two; None: nothing is.
     """
 
     boundary: Any
@@ -58,16 +57,6 @@ class ContactSide:
     by_geometry: bool = False
     ellipse: Callable[[npt.NDArray[np.integer[Any]]], tuple[Nodal, Nodal]] | None = None
     adjust: float | None = None
-    half_way: Callable[[npt.NDArray[np.integer[Any]], Nodal], tuple[Nodal, Nodal]] | None = None
-
-    def on(self, forces: SurfaceQuadrature) -> ContactSide:
-        """With gap and direction half-way between both sides, where the foundation is curved; collective."""
-        between = self.half_way
-        if between is None:
-            return self
-        every = forces.with_ghosts(forces.normals(self.boundary, lambda _, vectors: _of_length_one(vectors)))
-        gap, direction = (lambda nodes, k=k: between(nodes, every[nodes])[k] for k in (0, 1))
-        return replace(self, gap=gap, direction=direction)
 
 
 @dataclass(frozen=True)
@@ -122,7 +111,7 @@ class ContactNodes:
         columns: list[tuple[Any, ...]] = []
         spread: list[Any] = []
         unmatched = False
-        for part, side in enumerate(side.on(forces) for side in sides):
+        for part, side in enumerate(sides):
             moment = forces.moments(side.boundary, side.factor)
             weight = np.linalg.norm(moment, axis=1)
             outward = moment / np.maximum(weight, 1e-300)[:, None]
@@ -373,11 +362,6 @@ def _normals_of(forces: SurfaceQuadrature, claim: Claim, nodes: npt.NDArray[np.i
     if claim.nominal:
         return forces.normals(claim.slave, directed)[nodes]
     return claim.normal(*(forces.normals(side, directed) for side in (claim.slave, claim.master)))
-
-
-def _of_length_one(vectors: Nodal) -> Nodal:
-    size = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.asarray(vectors / np.where(size > 0, size, 1.0))
 
 
 def _sums(forces: SurfaceQuadrature, values: Any) -> Nodal:

@@ -13,7 +13,6 @@ from signorini_fx.body.node_positions import node_positions
 from signorini_fx.effects.contact import BilateralContact, BondedContact, CoulombFriction, TrescaFriction
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.results.contact_nodes import ContactSide
-from signorini_fx.results.half_way_frames import frame_on
 from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.model import Scene
 
@@ -62,10 +61,6 @@ def sides_of(
             )
             return found
 
-        def half_way(nodes: npt.NDArray[Any], outward: Nodal) -> tuple[Nodal, Nodal]:
-            away, normal = frame_on(effect.surface, x[nodes], outward)
-            return away + sample(effect.gap, in_space(x[nodes])), normal
-
         return ContactSide(
             effect.boundary,
             lambda nodes: sample(gap, in_space(x[nodes])),
@@ -80,7 +75,6 @@ def sides_of(
             claim=claims.get(place),
             by_geometry=_by_geometry(effect),
             adjust=effect.adjust,
-            half_way=half_way if getattr(effect.surface, "curved", False) and not scene.torsion else None,
             ellipse=None
             if effect.friction.ratio is None
             else lambda nodes: effect.friction.ellipse(in_space(x[nodes])),

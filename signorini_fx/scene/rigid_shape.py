@@ -2,8 +2,7 @@
 
 A shape is a solid with a signed distance phi: positive outside, where the body is, and negative inside, with the
 gradient n_f at the closest point, the outward normal of the foundation.  A point x that is displaced by u stays outside
-to first order if  -n_f . u <= phi(x):  the gap is the signed distance, and the direction of contact is -n_f.  Of
-circles, spheres and cylinders both are along the mean of -n_f and the normal of the body, see ``body.half_way``.
+to first order if  -n_f . u <= phi(x):  the gap is the signed distance, and the direction of contact is -n_f.
 """
 
 from __future__ import annotations
@@ -65,8 +64,6 @@ class Shape(RigidMotion):
 
     # The dimensions of space in which there is such a shape.
     exists_in: ClassVar[tuple[int, ...]] = (2, 3)
-    # Whether it is curved alike everywhere, so that frames are half-way between it and the body.
-    curved: ClassVar[bool] = False
 
     shape: str
     hollow: bool = False

@@ -18,8 +18,6 @@ class Ball(Shape):
         radius: length.
     """
 
-    curved = True
-
     centre: Vector
     radius: Positive
 

@@ -20,7 +20,6 @@ class Cylinder(Shape):
     """
 
     exists_in = (3,)
-    curved = True
 
     shape: Literal["cylinder"] = "cylinder"
     centre: Vector

@@ -35,15 +35,12 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Side:
-    """The nodes of one contact boundary: number, weight and outward normal (or the scene's direction) of each, and the
-    distance to a foundation that has a shape, else zero.
-    """
+    """The nodes of one contact boundary: number, weight and outward normal (or the scene's direction) of each."""
 
     part: int
     nodes: Ints
     weight: Array
     normal: Array
-    distance: Array
 
     @property
     def tangent(self) -> Array:
@@ -300,13 +297,13 @@ class Body:
             np.add.at(moments, facets, normal * weights[:, None])
             nodes = np.unique(facets)
             weight = np.linalg.norm(moments[nodes], axis=1)
-            normals, distance = moments[nodes] / weight[:, None], np.zeros(len(nodes))
+            normals = moments[nodes] / weight[:, None]
             if "foundation" in effect:
-                distance, normals = effects.from_shape(effect["foundation"], self.x[nodes], normals)
+                _, normals = effects.from_shape(effect["foundation"], self.x[nodes])
             if "direction" in effect:
                 direction = np.array(effect["direction"], dtype=float)
                 normals = np.tile(direction / np.linalg.norm(direction), (len(nodes), 1))
-            found.append(Side(part, nodes, weight, normals, distance))
+            found.append(Side(part, nodes, weight, normals))
         return found
 
     @cached_property

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from scipy.sparse.linalg import splu
 
 from stability.oracle.body import Body, listed
+from stability.oracle.effects import from_shape
 from stability.oracle.elements import Array, Ints, at_points
 
 # Relative to the largest force, stress and length of the deformation at hand.
@@ -87,7 +88,8 @@ def contact_of(body: Body) -> Contact:
         columns["nodes"].append(side.nodes)
         columns["weight"].append(side.weight)
         columns["normal"].append(side.normal)
-        columns["gap"].append(at_points(effect.get("gap", 0.0), x) + side.distance)
+        distance = from_shape(effect["foundation"], x)[0] if "foundation" in effect else 0.0
+        columns["gap"].append(at_points(effect.get("gap", 0.0), x) + distance)
         columns["given"].append(at_points(friction["bound"] if tresca else friction.get("cohesion", 0.0), x))
         columns["cohesive"].append(np.full(count, "cohesion" in friction))
         columns["coefficient"].append(at_points(friction["coefficient"] if coulomb else 0.0, x))

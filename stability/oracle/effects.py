@@ -131,22 +131,11 @@ def springs(body: Body) -> csr_array:
     return coo_array((np.concatenate(entries), pairs), shape=(size, size)).tocsr()
 
 
-def from_shape(shape: dict[str, Any], x: Array, outward: Array) -> tuple[Array, Array]:
-    """Distance and direction of a rigid plane, or of a circle or a sphere along the mean of its normal and that of the
-    body, from points with unit normals of the body, shapes (n,) and (n, d).
-
-    A circle that is met under a flat angle, or not, is as far away as its nearest point.
-    """
+def from_shape(shape: dict[str, Any], x: Array) -> tuple[Array, Array]:
+    """Distance and direction of the nearest point of a rigid plane or circle from points, shapes (n,) and (n, 2)."""
     if shape["shape"] == "plane":
         normal = np.array(shape["normal"]) / np.linalg.norm(shape["normal"])
         return (x - np.array(shape["point"])) @ normal, np.tile(-normal, (len(x), 1))
-    arm, radius = np.array(shape["centre"]) - x, shape["radius"]
+    arm = np.array(shape["centre"]) - x
     away = np.linalg.norm(arm, axis=1)
-    nearest = arm / away[:, None]
-    mean = outward + nearest
-    mean /= np.linalg.norm(mean, axis=1)[:, None]
-    # The middle of the chord, half of its length, and the sine and cosine that are required.
-    middle = np.sum(arm * mean, axis=1)
-    half = np.sqrt(np.maximum(radius**2 - (away**2 - middle**2), 0.0))
-    meets = (half > 0.1 * radius) & (np.sum(outward * nearest, axis=1) > 0.2)
-    return np.where(meets, middle - half, away - radius), np.where(meets[:, None], mean, nearest)
+    return away - shape["radius"], arm / away[:, None]

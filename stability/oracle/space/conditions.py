@@ -130,7 +130,7 @@ def contact_of(body: Body, points: Callable[[Body, int], Points] | None = None) 
         here = (points or points_of)(body, part)
         x, count, normal = here.x, len(here.x), here.normal
         if "foundation" in effect:
-            _, normal = from_shape(effect["foundation"], x, normal)
+            _, normal = from_shape(effect["foundation"], x)
         if "direction" in effect:
             direction = np.array(effect["direction"], dtype=float)
             normal = np.tile(direction / np.linalg.norm(direction), (count, 1))
@@ -193,19 +193,14 @@ def points_of(body: Body, part: int) -> Points:
     np.add.at(moments, points, np.einsum("fpi,p,pk->fki", normal, weights, hats))
     vertices = np.unique(points)
     size = np.linalg.norm(moments[vertices], axis=1)
-    normals, every_normal = moments[vertices] / size[:, None], np.zeros((len(body.x), 3))
-    every_normal[vertices] = normals
-    if averaged:  # at the middle of an edge the mean of its ends
-        for middle, at in zip(facets.nodes[:, 3:].T, _middles(), strict=True):
-            mean = np.einsum("fki,k->fi", normals[np.searchsorted(vertices, points)], plane.shape(3, at[None])[0][0])
-            every_normal[middle] = mean / np.linalg.norm(mean, axis=1)[:, None]
+    normals = moments[vertices] / size[:, None]
 
     def found(shares: csr_array, weight: Array) -> Points:
         reached = np.unique(shares.indices)
         gap = np.zeros(len(body.x))
         gap[reached] = at_points(effect.get("gap", 0.0), body.x[reached])
         if "foundation" in effect:
-            gap[reached] += from_shape(effect["foundation"], body.x[reached], every_normal[reached])[0]
+            gap[reached] += from_shape(effect["foundation"], body.x[reached])[0]
         return Points(body.x[vertices], csr_array(kron(shares, eye_array(3))), weight, normals, shares @ gap)
 
     if not averaged:
@@ -222,12 +217,6 @@ def points_of(body: Body, part: int) -> Points:
     mine = every[vertices]
     weight = np.asarray(mine.sum(axis=1)).ravel()
     return found(csr_array(mine.multiply(1 / weight[:, None])), weight)
-
-
-def _middles() -> Array:
-    """Where the last three functions of a quadratic triangle are one."""
-    ends = np.array([[0.5, 0.5], [0.0, 0.5], [0.5, 0.0]])
-    return np.asarray(ends[plane.shape(6, ends)[0][:, 3:].argmax(axis=0)])
 
 
 @dataclass(frozen=True)
