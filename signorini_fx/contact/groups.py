@@ -53,8 +53,9 @@ class PointGroups:
         """The norms of ``ContactPoints.norm`` over each group, shape (g,)."""
         if self.count == 1:
             return np.array([self.points.norm(values)])
-        squares = self.points.weight[:, None] * values.reshape(len(values), -1) ** 2
-        sums = parallel.sums_by(self.points.comm, self.number, squares.sum(axis=1)[:, None], self.count)
+        columns = values[:, None] if values.ndim == 1 else values  # a rank may have no point
+        squares = (self.points.weight[:, None] * columns**2).sum(axis=1)
+        sums = parallel.sums_by(self.points.comm, self.number, squares[:, None], self.count)
         return np.asarray(np.sqrt(sums[:, 0]))
 
     def largest(self, values: Nodal) -> Nodal:

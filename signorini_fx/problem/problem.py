@@ -163,7 +163,9 @@ class Problem(ABC):
         rates = [gamma for gamma in (self.data.gamma_n, self.data.gamma_t) if np.isfinite(gamma)]
         rate = max(rates) if rates else self._point_stiffness
         terms = length(np.column_stack(self._unsigned.traces(unsigned)))
-        return np.asarray(np.maximum(scales, ROUND_OFF * self.groups.largest(rate * terms)))
+        floors = ROUND_OFF * self.groups.largest(rate * terms)
+        # Where no group carries more than that, nothing is pressed, and only a change tells round-off from convergence.
+        return np.asarray(np.maximum(scales, floors)) if np.any(scales > floors) else scales
 
     def least_share(self, x: PETSc.Vec) -> float:
         """The tractions of the group with the smallest ones as a share of the largest; collective."""
