@@ -68,12 +68,12 @@ REGULARISED = Attempt(
     "ssn in place of alm",
     "all that is tried with `ssn`, then augmentation from its solution, or else that solution, with its regularisation",
 )
-AGAIN = Attempt(
+RAMP_BY_AUGMENTATION = Attempt(
     "from the first load step by augmentation",
     "in a ramp with Coulomb friction, once, at its first load step that fails or is hard: all load steps begin with "
     "the augmented Lagrangian method",
 )
-WITHOUT = Attempt(
+RAMP_WITHOUT_AUGMENTATION = Attempt(
     "from the first load step without augmentation",
     "if that comes less far: the same load steps as before, and smaller increments after them",
 )
@@ -97,7 +97,7 @@ PLAN: dict[str, tuple[Attempt, ...]] = {
         CONVEX,
     ),
     "Coulomb friction": (FIXED_POINT, MONOLITHIC, AUGMENTED, AUGMENTED_NEWTON, *DAMPED.values()),
-    "load step": (METHOD, AUGMENTED, REGULARISED, AGAIN, WITHOUT, HALF),
+    "load step": (METHOD, AUGMENTED, REGULARISED, RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION, HALF),
     "mesh": (COARSER,),
 }
 

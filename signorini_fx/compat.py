@@ -90,8 +90,8 @@ def form_data(form: fem.Form) -> list[npt.NDArray[Any]]:
 
 def topology(holder: mesh.Mesh | mesh.MeshTags) -> Any:
     """The topology of a mesh, or that of tags, which is wrapped for one of them only until 0.10, for comparison."""
-    found: Any = holder.topology
-    return getattr(found, "_cpp_object", found)
+    wrapped: Any = holder.topology
+    return getattr(wrapped, "_cpp_object", wrapped)
 
 
 def shared_facet_partitioner() -> Any:

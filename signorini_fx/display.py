@@ -73,13 +73,13 @@ def results_of(summary: dict[str, Any]) -> str:
     """The load step that the results are of."""
     of, count = summary["results_of"], len(summary["steps"])
     if of["status"] != Status.CONVERGED.value:
-        which = "the last iterate of "
+        qualifier = "the last iterate of "
     else:
-        which = "" if summary["converged"] else "the last one with a solution, "
+        qualifier = "" if summary["converged"] else "the last one with a solution, "
     named = f"{of['name']}, " if of["name"] else ""
     failed = "" if summary["converged"] or of["step"] == count else f"; load step {count} has none"
     until = f" at time {summary['steps'][-1]['time']:.6g}" if failed else ""
-    return f"{which}load step {of['step']} ({named}time {of['time']:.6g}){failed}{until}"
+    return f"{qualifier}load step {of['step']} ({named}time {of['time']:.6g}){failed}{until}"
 
 
 def safety_in_words(safety: dict[str, Any]) -> str:
@@ -128,7 +128,7 @@ def friction_in_use(safety: dict[str, Any]) -> list[str]:
 def effort_in_words(summary: dict[str, Any]) -> str:
     """How many linear solves and factorisations a solve took."""
     counts = (summary["linear_solves"], "linear solve"), (summary["factorisations"], "factorisation")
-    return ", ".join(f"{count} {what}{'s' * (count != 1)}" for count, what in counts)
+    return ", ".join(f"{count} {noun}{'s' * (count != 1)}" for count, noun in counts)
 
 
 def preload_in_words(row: dict[str, Any]) -> str:
@@ -148,9 +148,9 @@ def tool_in_words(tool: dict[str, Any]) -> str:
     return f"{tool['boundary']}: moved by {moved}, turned by {turned}, takes {force}, about {point} {moment}{off}"
 
 
-def point_in_words(place: Sequence[float]) -> str:
+def point_in_words(point: Sequence[float]) -> str:
     """The coordinates of a point, without round-off."""
-    return "(" + ", ".join(f"{round(x, 9) + 0.0:.6g}" for x in place) + ")"
+    return "(" + ", ".join(f"{round(x, 9) + 0.0:.6g}" for x in point) + ")"
 
 
 def resultant_in_words(row: dict[str, Any], scene: dict[str, Any]) -> str:

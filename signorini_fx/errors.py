@@ -18,9 +18,9 @@ class SignoriniError(Exception):
 
 def shortened(message: str) -> str:
     """The first lines of a message, and both ends of a long line, with a note on how much was left out."""
-    first, *others = message.split("\n", _MOST_LINES)
-    lines = [first, *others[: _MOST_LINES - 1]]
-    left = message.count("\n") + 1 - len(lines)
+    first, *following = message.split("\n", _MOST_LINES)
+    lines = [first, *following[: _MOST_LINES - 1]]
+    hidden_lines = message.count("\n") + 1 - len(lines)
     half = _LONGEST_LINE // 2
     cut = [
         line
@@ -28,7 +28,7 @@ def shortened(message: str) -> str:
         else f"{line[:half]} ... ({len(line) - 2 * half:,} characters) ... {line[-half:]}"
         for line in lines
     ]
-    return "\n".join(cut + ([f"... and {left:,} more"] if left else []))
+    return "\n".join(cut + ([f"... and {hidden_lines:,} more"] if hidden_lines else []))
 
 
 class SceneError(SignoriniError):
@@ -118,5 +118,5 @@ _CHANNELS = """FEniCSx with dolfinx >= 0.9 is needed; pip does not have it. Inst
 class InstallationError(SignoriniError, ImportError):
     """FEniCSx is missing or too old."""
 
-    def __init__(self, what: str) -> None:
-        super().__init__(f"{what}: {_CHANNELS}")
+    def __init__(self, message: str) -> None:
+        super().__init__(f"{message}: {_CHANNELS}")

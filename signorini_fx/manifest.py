@@ -31,10 +31,10 @@ def add(folder: Path, names: Iterable[str], *, alone: bool = False, inner: bool 
     Raises:
         OSError: the manifest cannot be written.
     """
-    every = {*names, *(() if alone else _lines(folder)), *([_OF_THE_FOLDER_ABOVE] if inner else [])}
+    listed = {*names, *(() if alone else _lines(folder)), *([_OF_THE_FOLDER_ABOVE] if inner else [])}
     new = folder / _NEW
     new.unlink(missing_ok=True)  # a link is not followed
-    new.write_text("".join(f"{name}\n" for name in sorted(every)), encoding="utf-8")
+    new.write_text("".join(f"{name}\n" for name in sorted(listed)), encoding="utf-8")
     new.replace(folder / MANIFEST)
 
 
@@ -75,15 +75,15 @@ def ours(folder: Path) -> set[str]:
 def foreign(folder: Path, names: Iterable[str]) -> list[str]:
     """What is at the place of these files and folders, or in these folders, and is not listed."""
     listed = ours(folder)
-    found = [name for name in (MANIFEST, _NEW, PART) if (folder / name).is_symlink()]
+    unlisted = [name for name in (MANIFEST, _NEW, PART) if (folder / name).is_symlink()]
     for name in names:
         path = folder / name
         if path.is_dir() and not path.is_symlink():
             inside = (f"{name}/{file}" for file in files(path))
-            found += [file for file in inside if file not in listed or (folder / file).is_symlink()]
+            unlisted += [file for file in inside if file not in listed or (folder / file).is_symlink()]
         elif os.path.lexists(path) and (name not in listed or path.is_symlink()):
-            found.append(name)
-    return found
+            unlisted.append(name)
+    return unlisted
 
 
 def remove(folder: Path) -> None:

@@ -24,9 +24,9 @@ class Settings:
     fallbacks: bool = True
 
     @classmethod
-    def of(cls, other: object) -> Settings:
+    def of(cls, source: object) -> Settings:
         """Those of an object that has the same attributes and more."""
-        return cls(**{field.name: getattr(other, field.name) for field in fields(cls)})
+        return cls(**{field.name: getattr(source, field.name) for field in fields(cls)})
 
     def limited(self, name: Literal["max_iterations", "max_outer_iterations"]) -> bool:
         """Whether a limit is lower than its default: then the user has set it, and reaching it is not a failure."""

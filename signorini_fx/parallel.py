@@ -30,7 +30,7 @@ def clock(comm: MPI.Comm) -> float:
     return float(comm.bcast(time.perf_counter()))
 
 
-def log_on_root(comm: MPI.Comm, output: str | Iterable[terminal.Line], *, error: bool = False) -> None:
+def log_on_root(comm: MPI.Comm, output: str | Iterable[terminal.TerminalLine], *, error: bool = False) -> None:
     """Print a text, or lines, once."""
     if is_root(comm):
         terminal.say(output, error=error)
@@ -120,16 +120,16 @@ def machine_memory(comm: MPI.Comm) -> float:
 
     Limits are those of a control group, and of the address space of each rank (``ulimit -v``).
     """
-    own = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    memory = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
     with contextlib.suppress(OSError, ValueError):  # no control group, or one without a limit
-        own = min(own, float(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii")))
+        memory = min(memory, float(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii")))
     machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
     first = machine.rank == 0
     allowed, _ = resource.getrlimit(resource.RLIMIT_AS)
     if allowed != resource.RLIM_INFINITY:
-        own = min(own, float(allowed) * machine.size)
+        memory = min(memory, float(allowed) * machine.size)
     machine.Free()
-    return float(global_sum(comm, np.array(own if first else 0.0)))
+    return float(global_sum(comm, np.array(memory if first else 0.0)))
 
 
 def gather_rows(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -139,9 +139,9 @@ def gather_rows(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
         comm: the ranks.
         rows: shape (n, ...), alike on all ranks but for n; entries that are numbers or truth values.
     """
-    own, every, counts = _to_be_stacked(comm, rows)
-    comm.Allgatherv(own, [every, counts])
-    return every
+    sent, stacked, counts = _to_be_stacked(comm, rows)
+    comm.Allgatherv(sent, [stacked, counts])
+    return stacked
 
 
 def rows_on_root(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -154,9 +154,9 @@ def rows_on_root(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
     Returns:
         All rows on the first rank, none on the others.
     """
-    own, every, counts = _to_be_stacked(comm, rows, root_only=True)
-    comm.Gatherv(own, [every, counts])
-    return every
+    sent, stacked, counts = _to_be_stacked(comm, rows, root_only=True)
+    comm.Gatherv(sent, [stacked, counts])
+    return stacked
 
 
 def _to_be_stacked(

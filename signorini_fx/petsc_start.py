@@ -18,28 +18,28 @@ _FILE_OPTIONS = ("-options_file", "-options_file_yaml")
 _USUAL_FILES = ("~/.petscrc", ".petscrc", "petscrc")
 
 
-def start_petsc(comm: MPI.Comm, given: Sequence[str]) -> None:
+def start_petsc(comm: MPI.Comm, options: Sequence[str]) -> None:
     """Start PETSc, once; collective.
 
     Args:
         comm: the ranks.
-        given: options as on a command line, without the name of the program.
+        options: options as on a command line, without the name of the program.
 
     Raises:
         OptionsError: a file of options is none, or PETSc does not start with the options.
     """
-    parallel.on_root(comm, lambda: _check_files(given))
+    parallel.on_root(comm, lambda: _check_files(options))
     import petsc4py
 
     try:
-        petsc4py.init(["signorini-fx", "-no_signal_handler", *given])
+        petsc4py.init(["signorini-fx", "-no_signal_handler", *options])
     except Exception as error:  # petsc4py.PETSc.Error; the module cannot be imported before it has started
-        raise OptionsError(f"PETSc does not start with the options {' '.join(given)!r}: {error}") from None
+        raise OptionsError(f"PETSc does not start with the options {' '.join(options)!r}: {error}") from None
 
 
-def _check_files(given: Sequence[str]) -> None:
+def _check_files(options: Sequence[str]) -> None:
     try:
-        words = [*shlex.split(os.environ.get("PETSC_OPTIONS", "")), *given]
+        words = [*shlex.split(os.environ.get("PETSC_OPTIONS", "")), *options]
     except ValueError as error:
         raise OptionsError(f"PETSC_OPTIONS in the environment: {error}") from None
     for name, file in _named(words):
@@ -54,22 +54,22 @@ def _check_files(given: Sequence[str]) -> None:
 
 
 def _named(words: Sequence[str]) -> Iterator[tuple[str, str]]:
-    for word, after in pairwise([*words, ""]):
+    for word, following in pairwise([*words, ""]):
         if word in _FILE_OPTIONS:
-            yield word, "" if after.startswith("-") else after.removesuffix(":yaml")
+            yield word, "" if following.startswith("-") else following.removesuffix(":yaml")
 
 
-def _check_file(file: Path, place: str, *, yaml: bool) -> None:
+def _check_file(file: Path, source: str, *, yaml: bool) -> None:
     """Every line of a file of options is a comment, or begins with an option."""
     try:
         text = file.read_text(encoding="utf-8", errors="replace") if file.is_file() else None
     except (OSError, ValueError) as error:
-        raise OptionsError(f"{place}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+        raise OptionsError(f"{source}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if text is None:
-        raise OptionsError(f"{place}: there is no such file")
+        raise OptionsError(f"{source}: there is no such file")
     if yaml or file.suffix in (".yaml", ".yml"):
         return
     for number, line in enumerate(text.splitlines(), start=1):
         first = line.split(maxsplit=1)[0] if line.strip() else "#"
         if not first.startswith(("-", "#", "%", "!")) and first != "alias":
-            raise OptionsError(f"{place}: line {number} is no option, {first[:40]!r}: an option begins with -")
+            raise OptionsError(f"{source}: line {number} is no option, {first[:40]!r}: an option begins with -")

@@ -33,17 +33,17 @@ def names_of(scene: Mapping[str, Any], dimension: int) -> dict[str, str]:
         scene: as plain data, with its ``units``.
         dimension: of the body, 2 or 3.
     """
-    given = {name: unit for name, unit in (scene.get("units") or {}).items() if unit}
-    length, stress = given.get("length"), given.get("stress")
+    names = {name: unit for name, unit in (scene.get("units") or {}).items() if unit}
+    length, stress = names.get("length"), names.get("stress")
     if is_axisymmetric(scene):
         dimension = 3  # forces are those of a revolution
-    force = given.get("force") or _FORCES.get((length or "", stress or ""))
+    force = names.get("force") or _FORCES.get((length or "", stress or ""))
     if length:
-        given["area"] = length if dimension == 2 else f"{length}\N{SUPERSCRIPT TWO}"
+        names["area"] = length if dimension == 2 else f"{length}\N{SUPERSCRIPT TWO}"
     if force:
-        given["force"] = force if dimension == 3 else f"{force}/{length}" if length else ""
-        given["moment"] = given["energy"] = (f"{force} {length}" if length else "") if dimension == 3 else force
-    return {name: unit for name, unit in given.items() if unit}
+        names["force"] = force if dimension == 3 else f"{force}/{length}" if length else ""
+        names["moment"] = names["energy"] = (f"{force} {length}" if length else "") if dimension == 3 else force
+    return {name: unit for name, unit in names.items() if unit}
 
 
 def is_twisted(scene: Mapping[str, Any]) -> bool:

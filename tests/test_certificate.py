@@ -18,7 +18,7 @@ from signorini_fx.mesh.refinement import refine
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
 from signorini_fx.results.certificate import certify
-from signorini_fx.results.promised_law import Before, Law, Tractions
+from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving import one_mesh
 
@@ -358,7 +358,7 @@ def test_load_steps_build_on_the_step_before():
     tagged = solution.discretisation.tagged
     given = {"law": solution.certificate.law, "step": 1}
     tractions = Tractions.of(solution.contact)
-    before = Before(first.displacement, Tractions.of(first.contact))
+    before = PreviousStep(first.displacement, Tractions.of(first.contact))
     assert certify(solution.scene, tagged, solution.displacement, tractions, before=before, **given).holds
     refused(certify(solution.scene, tagged, solution.displacement, tractions, **given))
     farther = first.displacement.copy()

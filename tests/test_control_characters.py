@@ -5,7 +5,7 @@ import pytest
 from signorini_fx.csv_text import as_text
 from signorini_fx.display import html_table
 from signorini_fx.machine import terminal
-from signorini_fx.machine.terminal import Line, printable
+from signorini_fx.machine.terminal import TerminalLine, printable
 from signorini_fx.pictures.style import plain
 from signorini_fx.report.markup import tag
 from signorini_fx.results.files import _for_json
@@ -18,7 +18,7 @@ CLEAN = "A31mbeam"
     "shown",
     [
         lambda: printable(EVIL),
-        lambda: Line(f"{EVIL}: ", EVIL).broken(80, colours=False).replace(": ", "").replace(CLEAN * 2, CLEAN),
+        lambda: TerminalLine(f"{EVIL}: ", EVIL).broken(80, colours=False).replace(": ", "").replace(CLEAN * 2, CLEAN),
         lambda: as_text(EVIL),
         lambda: str(tag("h1", EVIL)).removeprefix("<h1>").removesuffix("</h1>"),
         lambda: plain(EVIL),
@@ -40,5 +40,5 @@ def test_what_stays():
 def test_on_a_terminal(capsys):
     """What is printed: as a text, and as lines."""
     terminal.say(EVIL)
-    terminal.say([Line(EVIL)], error=True)
+    terminal.say([TerminalLine(EVIL)], error=True)
     assert list(capsys.readouterr()) == [f"{CLEAN}\n", f"{CLEAN}\n"]

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from signorini_fx.pictures import deformed_body, moving_body
-from signorini_fx.pictures.body import Body, Moment
-from signorini_fx.pictures.deformed_body import Foundation, deformed_mesh, magnification
+from signorini_fx.pictures.body import DrawnBody, Moment
+from signorini_fx.pictures.deformed_body import DrawnFoundation, deformed_mesh, magnification
 from signorini_fx.pictures.fields import FIELDS
 from signorini_fx.pictures.style import finish
 from signorini_fx.pictures.tiling import tiling
@@ -22,7 +22,7 @@ OUTLINE = np.array([[0, 1], [1, 14]])
 CELLS = np.array([[k, k + 1, k + 14, k + 13] for k in range(12)])
 DOWN = np.array([0.0, -1.0])
 WITHIN = np.column_stack((CELLS, CELLS[:, 0]))  # the point in the middle of a cell is not used
-BODY = Body(POINTS, WITHIN, tiling(4, 1), np.zeros((26, 2)), {"von_mises": np.ones(12)}, False, OUTLINE)
+BODY = DrawnBody(POINTS, WITHIN, tiling(4, 1), np.zeros((26, 2)), {"von_mises": np.ones(12)}, False, OUTLINE)
 
 
 def drawn(monkeypatch, gap, displacement, **options):
@@ -30,7 +30,7 @@ def drawn(monkeypatch, gap, displacement, **options):
     kept = []
     monkeypatch.setattr(deformed_body, "finish", lambda figure, stem, title, suffixes: kept.append((figure, title)))
     touching = gap <= -displacement[:13, 1] + 1e-12
-    foundation = Foundation(BOTTOM, gap[:, None] * DOWN, touching)
+    foundation = DrawnFoundation(BOTTOM, gap[:, None] * DOWN, touching)
     deformed_mesh(
         "nowhere", POINTS, CELLS, displacement, np.ones(12), outline=OUTLINE, foundation=foundation, **options
     )
@@ -111,7 +111,7 @@ def test_frames_of_a_round_body(monkeypatch, tmp_path):
     """Each frame marks what touches in its load step, and the frame does not reach out for a foundation."""
     kept = []
     monkeypatch.setattr(moving_body, "deformed_mesh", lambda *what, **how: kept.append(how) or picture(what[0]))
-    foundation = Foundation(BOTTOM, (0.3 * (X - 1.5) ** 2)[:, None] * DOWN, None)
+    foundation = DrawnFoundation(BOTTOM, (0.3 * (X - 1.5) ** 2)[:, None] * DOWN, None)
     moments = [
         Moment(str(depth), sinking(depth), np.ones(12), depth >= 0.3 * (X - 1.5) ** 2) for depth in (0.0, 0.01, 0.03)
     ]
@@ -182,7 +182,7 @@ def test_all_frames_of_an_animation_are_alike(monkeypatch, tmp_path):
 
     monkeypatch.setattr(moving_body, "deformed_mesh", draw)
     gap = 0.001 + 0.0005 * (X - 1.5) ** 2
-    foundation = Foundation(BOTTOM, gap[:, None] * DOWN)
+    foundation = DrawnFoundation(BOTTOM, gap[:, None] * DOWN)
     moments = [Moment(f"{k}", sinking(depth), np.ones(12)) for k, depth in enumerate((0.0005, 0.001))]
     moving_body.moving_body(tmp_path / "a.gif", BODY, moments, foundation=foundation)
     assert [one[:2] for one in seen] == [(True, 200.0)] * 2

@@ -8,7 +8,7 @@ from error_bounds import drawn, effectivity, energy_of_difference, of_several_ma
 from scenes import alone, example1
 
 from signorini_fx.accuracy.cell_pieces import free_motions
-from signorini_fx.accuracy.equilibrated_stress import Equilibration, Loads
+from signorini_fx.accuracy.equilibrated_stress import Equilibration, PlaneLoads
 from signorini_fx.accuracy.error_bound import Bounded, error_bound
 from signorini_fx.accuracy.local_stress import constant_forces
 from signorini_fx.accuracy.quantity_bounds import mean_displacement
@@ -68,7 +68,7 @@ def test_the_stress_is_in_equilibrium(kind):
         work = np.einsum("ncd,ncdk->k", body, modes[t.corners]) + np.einsum("ead,eadk->k", ends, modes[t.edges])
         weight = np.einsum("n,ncdk,ncdl->kl", t.area, modes[t.corners], modes[t.corners])
         body -= np.einsum("n,ncdk,k->ncd", t.area, modes[t.corners], np.linalg.solve(weight, work))
-    found = Equilibration(t, held).stress(Loads(body, traction), np.zeros((len(t.edges), 2, 2)))
+    found = Equilibration(t, held).stress(PlaneLoads(body, traction), np.zeros((len(t.edges), 2, 2)))
     force, centre = constant_forces(t, body), t.x[t.corners].mean(axis=1)
     largest = np.abs(found.stress).max()
     for i in range(3):
@@ -107,7 +107,7 @@ def test_eliminating_inside_cells_changes_nothing():
     traction = np.zeros((len(t.edges), 2, 2))
     traction[t.outer] = chance.normal(size=(len(t.outer), 2, 2))
     traction -= np.einsum("eij,eaj->eai", held, traction)
-    loads = Loads(chance.normal(size=(len(t.corners), 3, 2)) * t.area[:, None, None], traction)
+    loads = PlaneLoads(chance.normal(size=(len(t.corners), 3, 2)) * t.area[:, None, None], traction)
     prescribed = np.einsum("vi,ij->vj", t.x, chance.normal(size=(2, 2)))[t.edges]
     found = Equilibration(t, held).stress(loads, prescribed)
     whole = Equilibration(replace(t, parts=1), held).stress(loads, prescribed)

@@ -11,7 +11,7 @@ from signorini_fx.accuracy import stress_in_space
 from signorini_fx.accuracy.cell_pieces import free_motions
 from signorini_fx.accuracy.error_bound import error_bound
 from signorini_fx.accuracy.error_bound_in_space import BoundedInSpace
-from signorini_fx.accuracy.stress_in_space import Loads, equilibrated
+from signorini_fx.accuracy.stress_in_space import SpatialLoads, equilibrated
 from signorini_fx.accuracy.tetrahedra import EDGES, FACES, Tetrahedra
 from signorini_fx.accuracy.tetrahedral import bernstein, coefficients
 from signorini_fx.results.summary import summarise
@@ -53,7 +53,7 @@ def held_by(t, kind):
 @pytest.mark.parametrize("kind", ["clamped", "rollers", "skew", "free"])
 def test_the_stress_is_in_equilibrium(kind, products, monkeypatch):
     """Divergence and tractions by differences of the stress on the quarters, also where the iteration is cut short."""
-    monkeypatch.setattr(stress_in_space, "_MOST", products)
+    monkeypatch.setattr(stress_in_space, "_MOST_PRODUCTS", products)
     chance = np.random.default_rng(1)
     t = grid(chance)
     held = held_by(t, kind)
@@ -72,7 +72,7 @@ def test_the_stress_is_in_equilibrium(kind, products, monkeypatch):
     loose = np.einsum("fij,fajk->faik", np.eye(3) - held, faces)[t.outer]
     weight = np.einsum("fadk,fadl->kl", loose, mass[t.outer])
     traction[t.outer] -= loose @ np.linalg.solve(weight, work) if modes.shape[2] else 0.0
-    found = equilibrated(t, held, Loads(body, traction), np.zeros((len(t.faces), 3, 3)))
+    found = equilibrated(t, held, SpatialLoads(body, traction), np.zeros((len(t.faces), 3, 3)))
     s, centre = found.stress[..., SQUARE], t.x[t.corners].mean(axis=1)
     largest = np.abs(found.stress).max()
     for i in range(4):
@@ -204,7 +204,7 @@ def test_a_bound_does_not_rest_on_convergence(monkeypatch):
     scene = block(6, "tetrahedra", bound=1.5, gamma="auto")
     solution = alone(scene)
     good = solution.error_bound
-    monkeypatch.setattr(stress_in_space, "_MOST", 2)
+    monkeypatch.setattr(stress_in_space, "_MOST_PRODUCTS", 2)
     poor = error_bound(solution.discretisation, solution.displacement, solution.contact)
     true = energy_of_difference(solution, on_finer_mesh(scene))
     assert true < good.error < poor.error

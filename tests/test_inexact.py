@@ -69,7 +69,7 @@ def test_what_a_loose_solve_may_leave():
     system._forces = 10.0
     for size, share in ((1.0, 0.03), (0.5, 0.03), (1e-2, 0.02), (1e-4, 0.01), (5e-5, 0.03), (1e-5, 0.03)):
         np.testing.assert_allclose(system._left_by(10.0 * size), 10.0 * size * share, rtol=1e-6)
-        system._before = 10.0 * size
+        system._first_residual = 10.0 * size
     assert system._left_by(10.0 * 9e-7) == 0.0
 
 
@@ -79,7 +79,7 @@ def test_no_iteration_follows_an_earlier_one():
     task = contact_task(discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings()), History())
     assert solve_task(task, task.start).status is Status.CONVERGED
     assert task.system.inexact
-    assert task.system._before == 0.0
+    assert task.system._first_residual == 0.0
 
 
 def test_cycles_of_loose_solves_are_none(monkeypatch):

@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "demos" / "studies"))
 import limit_loads
 
 from signorini_fx.algorithms import strategy
-from signorini_fx.attempts import AGAIN, WITHOUT
+from signorini_fx.attempts import RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION
 from signorini_fx.records import Status
 
 FAILS = Status.CYCLING
@@ -48,7 +48,11 @@ def test_what_was_reached_without_augmentation_is_not_lost(monkeypatch):
         lambda task, start, law: replace(strategy._coulomb(task, start, law), status=FAILS),
     )
     solution = limit_loads.solve(case.scene, limit_loads.MPI.COMM_SELF, check=False)
-    begun = [event for event in solution.history.events if str(AGAIN) in event or str(WITHOUT) in event]
+    begun = [
+        event
+        for event in solution.history.events
+        if str(RAMP_BY_AUGMENTATION) in event or str(RAMP_WITHOUT_AUGMENTATION) in event
+    ]
     assert len(begun) == 2
     times = [float(event.partition("time ")[2].partition(")")[0]) for event in begun]
     assert times[1] <= times[0] <= solution.last_step.time

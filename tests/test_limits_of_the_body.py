@@ -10,7 +10,7 @@ from scenes import alone
 from scipy.optimize import linprog
 from test_safety import COULOMB, FRICTION, ROUGH, TRESCA, block, groove
 
-from signorini_fx.body.limits import Surface, _arcs, balanced, excluded, factor_at_most, surface_of
+from signorini_fx.body.limits import LimitSurface, _arcs, balanced, excluded, factor_at_most, surface_of
 from signorini_fx.check.checks import check_scene
 from signorini_fx.contact.reactions import nearest, reactions
 from signorini_fx.mesh.tagged import tag_boundaries
@@ -154,12 +154,12 @@ def test_round_off_counts():
     """What a motion enters, with the round-off of its sum, is never less than in exact arithmetic."""
     chance, none = np.random.default_rng(5), np.zeros((1, 1, 3))
     for row, motion in chance.normal(size=(200, 2, 3)):
-        surface = Surface(row[None], none, np.zeros(1), np.ones(1, bool), np.array([[0]]), np.zeros(1), flat=True)
+        surface = LimitSurface(row[None], none, np.zeros(1), np.ones(1, bool), np.array([[0]]), np.zeros(1), flat=True)
         exact = sum(Fraction(a) * Fraction(b) for a, b in zip(row, motion, strict=True))
         assert Fraction(float(surface.pushed(motion)[0])) >= exact
     rows = np.array([[0.1, 0.7, 0.3], [0.1, 0.7, -0.3]])
     none = np.zeros((2, 1, 3))
-    surface = Surface(rows, none, np.zeros(2), np.ones(2, dtype=bool), np.array([[0, 1]]), np.zeros(1), flat=True)
+    surface = LimitSurface(rows, none, np.zeros(2), np.ones(2, dtype=bool), np.array([[0, 1]]), np.zeros(1), flat=True)
     motion = np.array([0.7, -0.1, 0.0])
     opened = surface.open(motion)
     assert surface.pushed(opened).max() <= 0

@@ -61,11 +61,11 @@ def test_meshes_that_are_gone_are_forgotten():
     first, second = (dmesh.create_unit_square(COMM, 4, 4) for _ in range(2))
     free_unused(first)
     several = COMM.size > 1
-    known = len(petsc_objects._kept)
+    known = len(petsc_objects._mesh_objects)
     also = first if COMM.rank == 1 else None
     del first
     free_unused(second)
-    assert len(petsc_objects._kept) == (known + 1 if several else known)
+    assert len(petsc_objects._mesh_objects) == (known + 1 if several else known)
     del also
     free_unused(second)
-    assert len(petsc_objects._kept) == known
+    assert len(petsc_objects._mesh_objects) == known

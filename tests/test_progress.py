@@ -13,7 +13,7 @@ from test_ranks import same_on_all_ranks
 from signorini_fx.cli import main
 from signorini_fx.records import Progress
 from signorini_fx.results import progress_line
-from signorini_fx.results.progress_line import ProgressLine, told
+from signorini_fx.results.progress_line import ProgressLine, progress_text
 from signorini_fx.solving.solver import solve
 
 
@@ -83,7 +83,7 @@ def test_the_same_on_all_ranks():
 )
 def test_in_words(progress, text):
     """At 100 s on the clock."""
-    assert told(progress, 100.0) == text
+    assert progress_text(progress, 100.0) == text
 
 
 class Terminal(io.StringIO):

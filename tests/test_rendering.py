@@ -10,7 +10,7 @@ import pytest
 
 from signorini_fx.errors import PictureError
 from signorini_fx.pictures import offscreen, view
-from signorini_fx.pictures.body import Body, Volume
+from signorini_fx.pictures.body import DrawnBody, Volume
 from signorini_fx.pictures.exploded import exploded, moved_apart
 from signorini_fx.pictures.foundation import FoundationSurface, normals_of
 from signorini_fx.pictures.solid import Cut, Lines, Solid
@@ -36,7 +36,9 @@ def cube(values, displacement=(0.0, 0.0, 0.0)):
     points = np.concatenate((CUBE, CUBE[SIDES].mean(axis=1)))
     within = np.column_stack((SIDES, 8 + np.arange(6)))
     motion = np.tile(displacement, (14, 1))
-    return Skin.of(Body(points, within, tiling(4, 1), motion, {"von_mises": np.asarray(values)}, False), "von_mises")
+    return Skin.of(
+        DrawnBody(points, within, tiling(4, 1), motion, {"von_mises": np.asarray(values)}, False), "von_mises"
+    )
 
 
 def solid(values, points=CUBE, triangles=TRIANGLES, **more):
@@ -271,7 +273,7 @@ def test_it_knows_nothing_of_mpi(monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(offscreen.subprocess, "Popen", Process)
-        offscreen._Painter()._said.close()
+        offscreen._Painter()._output.close()
     assert not {"OMPI_COMM_WORLD_SIZE", "PMIX_RANK"} & set(seen)
     code = "import sys, signorini_fx.pictures.offscreen; print([n for n in ('mpi4py', 'dolfinx') if n in sys.modules])"
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -281,7 +283,7 @@ def test_it_knows_nothing_of_mpi(monkeypatch):
 
 def test_a_body_without_facets():
     """There is nothing to draw."""
-    body = Body(CUBE, SIDES[:0], tiling(4, 1), np.zeros((8, 3)), {"von_mises": np.ones(0)}, False)
+    body = DrawnBody(CUBE, SIDES[:0], tiling(4, 1), np.zeros((8, 3)), {"von_mises": np.ones(0)}, False)
     with pytest.raises(ValueError, match="no facets"):
         Skin.of(body, "von_mises")
 

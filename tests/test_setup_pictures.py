@@ -186,7 +186,7 @@ def test_names_do_not_cover_each_other(monkeypatch):
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 20.0], [0.0, 20.0]])
     none = np.zeros((1, 2))
     sides = [
-        setup_pictures.Boundary(name, (), corners[None, list(ends)], np.array([normal]), none, none)
+        setup_pictures.NamedBoundary(name, (), corners[None, list(ends)], np.array([normal]), none, none)
         for name, ends, normal in (("on the left", (3, 0), (-1.0, 0.0)), ("on the right", (1, 2), (1.0, 0.0)))
     ]
     setup_pictures.Setup("strip", corners[None], sides).draw("nowhere")
@@ -210,7 +210,7 @@ def test_names_that_stay_within(monkeypatch):
     corners = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 1.0], [0.0, 1.0]])
     none, load = np.zeros((1, 2)), np.array([[0.0, -1.0]])
     sides = [
-        setup_pictures.Boundary(name, ("traction",), corners[None, list(ends)], np.array([[0.0, y]]), load, none)
+        setup_pictures.NamedBoundary(name, ("traction",), corners[None, list(ends)], np.array([[0.0, y]]), load, none)
         for name, ends, y in (
             ("above", (2, 3), 1.0),
             ("below", (0, 1), -1.0),

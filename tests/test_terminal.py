@@ -14,9 +14,9 @@ import pytest
 from signorini_fx.cli import commands
 from signorini_fx.errors import InstallationError
 from signorini_fx.machine.launcher import environment_of_no_rank
-from signorini_fx.machine.terminal import Line, prose
+from signorini_fx.machine.terminal import TerminalLine, prose
 
-FIGURE = Line(
+FIGURE = TerminalLine(
     "  what to do       ",
     "the load moves the body off its foundation and nothing else holds it: check the direction",
     "advice",
@@ -36,7 +36,7 @@ def test_prose_below_its_beginning(width):
 
 def test_rows_of_tables_stay():
     """What is no prose is not broken."""
-    row = Line("    1      0     0       13       0       0       13    7.1e-01     0.003    7.1e-01     0.003")
+    row = TerminalLine("    1      0     0       13       0       0       13    7.1e-01     0.003    7.1e-01     0.003")
     assert row.broken(40, colours=True) == str(row) == row.begin
 
 
@@ -50,7 +50,7 @@ def test_prose():
 @pytest.mark.parametrize(("kind", "code"), [("error", 31), ("warning", 33), ("good", 32), ("", None)])
 def test_colours(kind, code):
     """Errors, warnings and success; the text is the same without the escapes."""
-    found = Line("certificate ", "holds", kind).broken(80, colours=True)
+    found = TerminalLine("certificate ", "holds", kind).broken(80, colours=True)
     assert found == ("certificate holds" if code is None else f"\x1b[{code};1mcertificate \x1b[0mholds")
 
 
@@ -81,7 +81,8 @@ def test_output_of_ranks_in_a_file(tmp_path, ranks):
     own = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_COMM", "PMIX"))}
     program = (
         "from signorini_fx.machine import launcher, terminal\n"
-        f"if launcher.started_as_root(): terminal.say([terminal.Line('A block: converged'), terminal.{FIGURE!r}])"
+        "if launcher.started_as_root(): "
+        f"terminal.say([terminal.TerminalLine('A block: converged'), terminal.{FIGURE!r}])"
     )
     log = tmp_path / "log"
     with log.open("w") as file:

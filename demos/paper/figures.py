@@ -17,7 +17,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from signorini_fx.body.contact_table import ContactTable
-from signorini_fx.pictures.deformed_body import Foundation, deformed_mesh
+from signorini_fx.pictures.deformed_body import DrawnFoundation, deformed_mesh
 from signorini_fx.pictures.fields import FIELDS
 from signorini_fx.results.body_cells import gather_cells
 from signorini_fx.results.solution import Solution
@@ -410,7 +410,7 @@ def _deformed(stem: Path, solution: Solution) -> None:
         cells.values["density"],
         outline=cells.outline,
         field=replace(FIELDS["density"], colours=_GRAYS),
-        foundation=Foundation(nodes, normals * c["gap"][:, None]),
+        foundation=DrawnFoundation(nodes, normals * c["gap"][:, None]),
         factor=20.0,
     )
 

@@ -28,8 +28,9 @@ from signorini_fx.mesh.tagged import generate_mesh
 from signorini_fx.records import History
 from signorini_fx.results.files import write_csv
 from signorini_fx.scene.settings import Accuracy
+from signorini_fx.solving.finer_meshes import SolvedMesh
 from signorini_fx.solving.solver import solve_level
-from signorini_fx.solving.to_accuracy import Solved, solve_to_accuracy
+from signorini_fx.solving.to_accuracy import solve_to_accuracy
 
 # Sizes of the cells, relative to those of the scene.
 MESHES = (8, 4, 2, 1, 0.5)
@@ -41,7 +42,7 @@ MADE_UP = {"Q1": ("quadrilateral", 1, (8, 16, 32, 64, 128)), "P2": ("triangle", 
 COLUMNS = ("energy", "pressure", "peak", "zone")
 
 
-def one_after_the_other(scenes) -> list[Solved]:
+def one_after_the_other(scenes) -> list[SolvedMesh]:
     """Nested iteration: each mesh from the contact state of the one before."""
     history, state, found = History(), None, []
     for number, scene in enumerate(scenes):
@@ -50,7 +51,7 @@ def one_after_the_other(scenes) -> list[Solved]:
     return found
 
 
-def as_asked(scene, target: float, **goal) -> tuple[list[Solved], list]:
+def as_asked(scene, target: float, **goal) -> tuple[list[SolvedMesh], list]:
     """The meshes that an asked-for accuracy takes, and their price list."""
     history, found = History(), []
 
@@ -63,7 +64,7 @@ def as_asked(scene, target: float, **goal) -> tuple[list[Solved], list]:
     return found, list(solution.price_list)
 
 
-def compare(name: str, found: list[Solved], prices: list, true: list[dict], own: dict) -> list[dict]:
+def compare(name: str, found: list[SolvedMesh], prices: list, true: list[dict], own: dict) -> list[dict]:
     """One row per mesh and a quantity."""
     rows = []
     for solved, price, errors in zip(found, prices, true, strict=False):

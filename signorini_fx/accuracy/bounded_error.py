@@ -16,7 +16,7 @@ ROUND_OFF = 64 * _EPS
 # Why contact tractions are not known for a part of the body that moves freely without them.
 UNBALANCED = "no admissible tractions near the nodal ones balance the loads"
 # Lengths below this share of the size of the body are equal.
-SAME = 1e-9
+SAME_LENGTH = 1e-9
 
 
 class Interval(tuple[float, float]):
@@ -80,10 +80,12 @@ class ErrorBound:
         if not np.isfinite(self.relative):
             return "the bound of the error is larger than the solution"
         low, high = self.strain_energy
-        said = f"at most {100 * self.relative:.3g} % in the energy norm; strain energy between {low:.6g} and {high:.6g}"
+        sentence = (
+            f"at most {100 * self.relative:.3g} % in the energy norm; strain energy between {low:.6g} and {high:.6g}"
+        )
         if self.work is not None:
-            said += f"; work of the loads between {self.work[0]:.6g} and {self.work[1]:.6g}"
-        return f"{said}; {self.assumed}" if self.assumed else said
+            sentence += f"; work of the loads between {self.work[0]:.6g} and {self.work[1]:.6g}"
+        return f"{sentence}; {self.assumed}" if self.assumed else sentence
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-safe; null for a relative error without a bound."""
@@ -106,10 +108,10 @@ def small_rests(loads: Array, tractions: Array, pieces: list[tuple[int, Ints]]) 
         tractions: the sum of the sizes of that of the tractions, shape (k,).
         pieces: that have free motions, with the columns of these.
     """
-    size, found = np.abs(loads) + tractions, np.zeros(len(loads))
+    size, tolerance = np.abs(loads) + tractions, np.zeros(len(loads))
     for _, columns in pieces:
-        found[columns] = ROUND_OFF * size[columns].max() + _EPS * size.max()
-    return found
+        tolerance[columns] = ROUND_OFF * size[columns].max() + _EPS * size.max()
+    return tolerance
 
 
 def work_of_loads(energy: float, above: float, size: float, error: float, cells: int) -> tuple[float, float]:
@@ -133,7 +135,7 @@ def out(normals: Array, excess: Array, free: Array, tiny: float) -> Array:
     """A small displacement in free directions, shape (d,), whose components along normals are at least an excess."""
     along = normals @ free
     size = np.linalg.norm(along, axis=1)
-    stuck = size <= SAME
+    stuck = size <= SAME_LENGTH
     if (excess[stuck] > 4 * tiny).any():
         raise Refused("a support pushes the body into its foundation")
     along, excess, normals = along[~stuck], excess[~stuck].clip(min=0.0), normals[~stuck]
@@ -141,8 +143,8 @@ def out(normals: Array, excess: Array, free: Array, tiny: float) -> Array:
         return np.zeros(len(free))
     together = along.sum(axis=0)
     if (along @ together).min() < 0.1 * float(together @ together) / len(along):
-        found = np.asarray(np.linalg.lstsq(along, excess, rcond=None)[0], dtype=np.float64)  # faces at a corner
-        if ((along @ found) < excess - tiny).any():
+        displacement = np.asarray(np.linalg.lstsq(along, excess, rcond=None)[0], dtype=np.float64)  # faces at a corner
+        if ((along @ displacement) < excess - tiny).any():
             raise Refused("the faces of the foundation meet at too sharp a corner")
-        return found
+        return displacement
     return np.asarray(together * (excess / (along @ together)).max())

@@ -22,7 +22,7 @@ from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.stated import STRAIGHT_CELLS, may_have_arcs
 
 # Entries of a scene that are looked at; any other one could act on the body unseen.
-_KNOWN = (LinearElastic, BodyForce, SurfaceTraction, PrescribedDisplacement, UnilateralContact)
+_KNOWN_EFFECTS = (LinearElastic, BodyForce, SurfaceTraction, PrescribedDisplacement, UnilateralContact)
 
 # Share of the loads below which quadrature knows them.
 _UNKNOWN = 1e-10
@@ -33,7 +33,7 @@ class Refused(Exception):
 
 
 @dataclass(frozen=True)
-class Points:
+class BoundPoints:
     """Points of quadrature, ``scene.effect.Points``.
 
     Attributes:
@@ -76,11 +76,11 @@ class Points:
 
 def lame_of(d: Discretisation, owner: npt.NDArray[np.int64]) -> Array:
     """The parameters of Lamé, lambda and mu, of the cells ``owner``, stress, shape (n, 2)."""
-    found = []
+    columns = []
     for part in d.lame:
         by_cell = part.x.array[part.function_space.dofmap.list[:, 0]] if isinstance(part, fem.Function) else None
-        found.append(np.full(len(owner), float(part.value)) if by_cell is None else by_cell[owner])
-    return np.column_stack(found)
+        columns.append(np.full(len(owner), float(part.value)) if by_cell is None else by_cell[owner])
+    return np.column_stack(columns)
 
 
 def refuse_unknown(d: Discretisation) -> None:
@@ -101,26 +101,29 @@ def refuse_unknown(d: Discretisation) -> None:
         (d.tools is not None, "a guaranteed bound is for foundations that no force moves"),
         (d.mixed is not None, "a guaranteed bound is for elements without a pressure of their own"),
         (d.moduli is not None, "an orthotropic material has no guaranteed bound"),
-        (any(one.graded for one in d.scene.material), "graded moduli have no guaranteed bound"),
+        (any(entry.graded for entry in d.scene.material), "graded moduli have no guaranteed bound"),
         (d.scene.several_steps, "a guaranteed bound is for one load step"),
         (any(load.timed for load in d.scene.loads), "loads that depend on the time have no guaranteed bound"),
         (
-            any(one.boundary is None or one.rotation is not None for one in d.scene.of(PrescribedDisplacement)),
+            any(entry.boundary is None or entry.rotation is not None for entry in d.scene.of(PrescribedDisplacement)),
             "a displacement at a point, or a rotation, has no guaranteed bound",
         ),
         (
-            any(type(one) is not UnilateralContact or one.against for one in d.scene.contact),
+            any(type(entry) is not UnilateralContact or entry.against for entry in d.scene.contact),
             "a guaranteed bound is for unilateral contact with a rigid foundation",
         ),
         (
-            any(one.foundation is not None for one in d.scene.contact),
+            any(entry.foundation is not None for entry in d.scene.contact),
             "a guaranteed bound is for a gap along given directions, not for a foundation with a shape",
         ),
         (
-            any(one.friction.ratio is not None for one in d.scene.contact),
+            any(entry.friction.ratio is not None for entry in d.scene.contact),
             "friction that depends on the direction has no guaranteed bound",
         ),
-        *((type(one) not in _KNOWN, f"{one.label} has no guaranteed bound") for _, one in d.scene.listed()),
+        *(
+            (type(entry) not in _KNOWN_EFFECTS, f"{entry.label} has no guaranteed bound")
+            for _, entry in d.scene.listed()
+        ),
     ):
         if wrong:
             raise Refused(reason)
@@ -137,12 +140,12 @@ def assumptions(d: Discretisation, *, coulomb: bool, unknown: float) -> str:
     seen = [
         name
         for name, value in (
-            *(("gap", one.gap_in(d.tagged.dimension)) for one in d.scene.contact),
-            *(("friction bound", getattr(one.friction, "bound", 0.0)) for one in d.scene.contact),
+            *(("gap", contact.gap_in(d.tagged.dimension)) for contact in d.scene.contact),
+            *(("friction bound", getattr(contact.friction, "bound", 0.0)) for contact in d.scene.contact),
         )
         if not isinstance(value, float)
     ]
-    told = [
+    statements = [
         f"the {' and the '.join(dict.fromkeys(seen))} assumed to be as they are seen at points of each facet"
         if seen
         else "",
@@ -155,4 +158,4 @@ def assumptions(d: Discretisation, *, coulomb: bool, unknown: float) -> str:
         if coulomb
         else "",
     ]
-    return "; ".join(filter(None, told))
+    return "; ".join(filter(None, statements))

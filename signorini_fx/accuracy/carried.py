@@ -26,11 +26,11 @@ def carried(centre: Array, sides: Ints, held: Ints, missed: Array) -> tuple[Arra
     graph = sp.csr_matrix((np.ones(inner.size), tuple(sides[inner].T)), shape=(count, count))
     # One more node joins all cells that take what the others pass on.
     root = sp.csr_matrix((np.ones(start.size), (np.full(start.size, 0), start)), shape=(1, count))
-    whole = sp.bmat([[graph, None], [root, sp.csr_matrix((1, 1))]], format="csr")
-    order, before = breadth_first_order(whole, count, directed=False)
+    rooted_graph = sp.bmat([[graph, None], [root, sp.csr_matrix((1, 1))]], format="csr")
+    order, parent = breadth_first_order(rooted_graph, count, directed=False)
     total, couple = np.append(missed, 0.0), np.zeros(count + 1)
-    arm = np.append(np.linalg.norm(centre - centre[before[:count].clip(0, count - 1)], axis=1), 0.0)
-    for one in order[:0:-1]:
-        total[before[one]] += total[one]
-        couple[before[one]] += couple[one] + total[one] * arm[one]
+    arm = np.append(np.linalg.norm(centre - centre[parent[:count].clip(0, count - 1)], axis=1), 0.0)
+    for cell in order[:0:-1]:
+        total[parent[cell]] += total[cell]
+        couple[parent[cell]] += couple[cell] + total[cell] * arm[cell]
     return total[:count], couple[:count]

@@ -67,9 +67,9 @@ def pieces_of_vertices(corners: Ints, piece: Ints, count: int) -> Ints:
         piece: that each cell is in, shape (n,).
         count: of the vertices.
     """
-    found = np.zeros(count, dtype=np.int64)
-    found[corners] = piece[:, None]
-    return found
+    piece_of_vertex = np.zeros(count, dtype=np.int64)
+    piece_of_vertex[corners] = piece[:, None]
+    return piece_of_vertex
 
 
 def rigid_motions(x: Array) -> Array:
@@ -95,13 +95,13 @@ def free_motions(t: Cells, held: Array) -> Array:
         t: the cells.
         held: projector onto the directions in which each facet is held, shape (f, d, d).
     """
-    d, some = t.x.shape[1], np.flatnonzero(held.any(axis=(1, 2)))
-    of_facet, bases = t.piece_of_vertex[t.facets[some, 0]], []
+    d, held_facets = t.x.shape[1], np.flatnonzero(held.any(axis=(1, 2)))
+    of_facet, bases = t.piece_of_vertex[t.facets[held_facets, 0]], []
     for piece in range(int(t.piece.max(initial=-1)) + 1):
         inside = t.piece_of_vertex == piece
         modes = np.zeros((len(t.x), d, d * (d + 1) // 2))
         modes[inside] = rigid_motions(t.x[inside])
-        facets = some[of_facet == piece]
+        facets = held_facets[of_facet == piece]
         rows = np.einsum("fij,fajk->faik", held[facets], modes[t.facets[facets]]).reshape(-1, modes.shape[2])
         values, vectors = np.linalg.eigh(rows.T @ rows / max(len(rows), 1))
         free = vectors[:, values <= _FREE * max(values[-1], 1.0)]

@@ -62,11 +62,11 @@ class ContactSurface:
         vertices = {6: 3, 9: 4}.get(facets.shape[1], facets.shape[1])
         if (facets[:, vertices:] < 0).all():  # no contact nodes but the vertices
             facets = facets[:, :vertices]
-        there = np.flatnonzero((facets >= 0).all(axis=1))
+        complete = np.flatnonzero((facets >= 0).all(axis=1))
         pieces = np.array(_PIECES[facets.shape[1]])
-        corners = facets[there][:, pieces].reshape(-1, pieces.shape[1])
+        corners = facets[complete][:, pieces].reshape(-1, pieces.shape[1])
         x = np.column_stack([table.columns[axis] for axis in "xyz"])
-        return cls(x, corners, table.nodes[corners[:, 0], 0], len(pieces), there, len(facets))
+        return cls(x, corners, table.nodes[corners[:, 0], 0], len(pieces), complete, len(facets))
 
     @cached_property
     def _normal_area(self) -> Floats:
@@ -113,8 +113,8 @@ class ContactSurface:
         inverse = inverse.ravel()
         total = np.zeros(len(first), dtype=np.int64)
         np.add.at(total, inverse, np.arange(len(inverse)))
-        other = np.where(count[inverse] == 2, total[inverse] - np.arange(len(inverse)), -1)
-        return np.asarray(other.reshape(self.corners.shape))
+        opposite = np.where(count[inverse] == 2, total[inverse] - np.arange(len(inverse)), -1)
+        return np.asarray(opposite.reshape(self.corners.shape))
 
     @cached_property
     def rim(self) -> npt.NDArray[np.bool_]:
@@ -124,10 +124,10 @@ class ContactSurface:
     @property
     def rim_nodes(self) -> npt.NDArray[np.bool_]:
         """Which rows of the table are on the rim, shape (rows,)."""
-        found = np.zeros(len(self.x), dtype=bool)
-        found[self.corners[self.rim]] = True
-        found[np.roll(self.corners, -1, axis=1)[self.rim]] = True
-        return found
+        on_rim = np.zeros(len(self.x), dtype=bool)
+        on_rim[self.corners[self.rim]] = True
+        on_rim[np.roll(self.corners, -1, axis=1)[self.rim]] = True
+        return on_rim
 
     def jumps(self, values: Floats) -> Floats:
         """How much the slope across each side changes from one piece to the next, shape (pieces, k); 0 at the rim.
@@ -135,8 +135,8 @@ class ContactSurface:
         Args:
             values: at the nodes, shape (rows,).
         """
-        own = values[self.corners]
-        middle = (own + np.roll(own, -1, axis=1)) / 2
+        corner_values = values[self.corners]
+        middle = (corner_values + np.roll(corner_values, -1, axis=1)) / 2
         # The mean gradient by the divergence theorem, exact for what is linear.
         gradient = np.einsum("ij,ijk->ik", middle * self.sides, self.outward) / self.area[:, None]
         slopes = np.einsum("ik,ijk->ij", gradient, self.outward)
@@ -151,19 +151,19 @@ class ContactSurface:
         k = self.corners.shape[1]
         over = np.abs(self.jumps(values) * self.heights)
         if k == 4:  # each direction crosses two sides, of which the rim may be one
-            own = np.where(self.rim, np.roll(over, 2, axis=1), over).sum(axis=1) / 2
+            bends = np.where(self.rim, np.roll(over, 2, axis=1), over).sum(axis=1) / 2
         else:
             inner = (~self.rim).sum(axis=1)
-            own = over.sum(axis=1) * np.divide(k, inner, out=np.ones(len(over)), where=inner > 0)
-        beside = np.where(self.rim, 0.0, own[np.maximum(self.across, 0) // k])
-        return np.maximum(own, beside.max(axis=1))
+            bends = over.sum(axis=1) * np.divide(k, inner, out=np.ones(len(over)), where=inner > 0)
+        beside = np.where(self.rim, 0.0, bends[np.maximum(self.across, 0) // k])
+        return np.maximum(bends, beside.max(axis=1))
 
     def turns(self) -> Floats:
         """Angle between each piece and its neighbours, radians, shape (pieces, k); 0 at the rim."""
-        other = self.normal[np.maximum(self.across, 0) // self.corners.shape[1]]
+        neighbour_normal = self.normal[np.maximum(self.across, 0) // self.corners.shape[1]]
         # Orders around pieces may differ: then one normal points in.
-        cosine = np.abs(np.einsum("ik,ijk->ij", self.normal, other))
-        sine = np.linalg.norm(np.cross(self.normal[:, None, :], other), axis=2)
+        cosine = np.abs(np.einsum("ik,ijk->ij", self.normal, neighbour_normal))
+        sine = np.linalg.norm(np.cross(self.normal[:, None, :], neighbour_normal), axis=2)
         return np.where(self.rim, 0.0, np.arctan2(sine, cosine))
 
     def at(self, points: Floats, values: Floats, part: int) -> Floats:
@@ -198,7 +198,9 @@ class ContactSurface:
             return np.asarray(weights / weights.sum(axis=2, keepdims=True))
         a = (x[:, :, 1] + x[:, :, 2] - x[:, :, 0] - x[:, :, 3]) / 2
         b = (x[:, :, 2] + x[:, :, 3] - x[:, :, 0] - x[:, :, 1]) / 2
-        s, t = (np.clip(one + 0.5, 0.0, 1.0) for one in _affine(a, b, points[:, None, :] - x.mean(axis=2)))
+        s, t = (
+            np.clip(coordinate + 0.5, 0.0, 1.0) for coordinate in _affine(a, b, points[:, None, :] - x.mean(axis=2))
+        )
         return np.stack(((1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t), axis=2)
 
     def inside(self, count: int) -> Floats:
@@ -209,7 +211,7 @@ class ContactSurface:
             s, t = np.concatenate((upright, turned)).T / count
             return np.column_stack((1 - s - t, s, t))
         at = (np.arange(count) + 0.5) / count
-        s, t = (one.ravel() for one in np.meshgrid(at, at))
+        s, t = (coordinate.ravel() for coordinate in np.meshgrid(at, at))
         return np.column_stack(((1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t))
 
     def of_rank(self, boundary: ContactBoundary, values: Floats) -> Floats:
@@ -227,7 +229,7 @@ class ContactSurface:
 
 def _affine(a: Floats, b: Floats, d: Floats) -> tuple[Floats, Floats]:
     """S and t with s a + t b nearest to d, shapes (n, c, 3) -> (n, c)."""
-    aa, ab, bb = (np.einsum("nck,nck->nc", one, other) for one, other in ((a, a), (a, b), (b, b)))
-    ad, bd = (np.einsum("nck,nck->nc", one, d) for one in (a, b))
+    aa, ab, bb = (np.einsum("nck,nck->nc", first, second) for first, second in ((a, a), (a, b), (b, b)))
+    ad, bd = (np.einsum("nck,nck->nc", first, d) for first in (a, b))
     determinant = aa * bb - ab**2
     return (bb * ad - ab * bd) / determinant, (aa * bd - ab * ad) / determinant

@@ -23,25 +23,25 @@ def interpolated(coarse: ContactTable, fine: ContactTable, name: str) -> npt.NDA
     if fine.facets is not None:
         return _interpolated_in_space(coarse, fine, name)
     x, old, column = places(fine), places(coarse), coarse.columns[name]
-    before, after = np.arange(len(old)), np.arange(len(old))
+    previous_node, next_node = np.arange(len(old)), np.arange(len(old))
     for path in coarse.paths:
-        after[path[:-1]], before[path[1:]] = path[1:], path[:-1]
+        next_node[path[:-1]], previous_node[path[1:]] = path[1:], path[:-1]
     values, nearest = np.zeros(len(x)), np.full(len(x), np.inf)
     of_fine, of_coarse = fine.columns["boundary"], coarse.columns["boundary"]
     for boundary in np.unique(of_fine):
-        own, known = np.flatnonzero(of_fine == boundary), np.flatnonzero(of_coarse == boundary)
-        if not known.size:
+        fine_rows, coarse_rows = np.flatnonzero(of_fine == boundary), np.flatnonzero(of_coarse == boundary)
+        if not coarse_rows.size:
             continue
-        node = known[cKDTree(old[known]).query(x[own])[1]]
-        for other in (before[node], after[node]):
-            side, away = old[other] - old[node], x[own] - old[node]
+        node = coarse_rows[cKDTree(old[coarse_rows]).query(x[fine_rows])[1]]
+        for neighbour in (previous_node[node], next_node[node]):
+            side, away = old[neighbour] - old[node], x[fine_rows] - old[node]
             square = (side**2).sum(axis=1)
-            share = np.divide((side * away).sum(axis=1), square, out=np.zeros(own.size), where=square > 0)
+            share = np.divide((side * away).sum(axis=1), square, out=np.zeros(fine_rows.size), where=square > 0)
             share = np.clip(share, 0.0, 1.0)
             distance = np.linalg.norm(share[:, None] * side - away, axis=1)
-            there = column[node] + share * (column[other] - column[node])
-            values[own] = np.where(distance < nearest[own], there, values[own])
-            nearest[own] = np.minimum(distance, nearest[own])
+            candidate = column[node] + share * (column[neighbour] - column[node])
+            values[fine_rows] = np.where(distance < nearest[fine_rows], candidate, values[fine_rows])
+            nearest[fine_rows] = np.minimum(distance, nearest[fine_rows])
     return values
 
 
@@ -51,6 +51,6 @@ def _interpolated_in_space(coarse: ContactTable, fine: ContactTable, name: str) 
     values = np.zeros(len(x))
     assert fine.nodes is not None
     for part in np.unique(surface.part):
-        own = fine.nodes[:, 0] == part
-        values[own] = surface.at(x[own], coarse.columns[name][:, None], int(part))[:, 0]
+        on_part = fine.nodes[:, 0] == part
+        values[on_part] = surface.at(x[on_part], coarse.columns[name][:, None], int(part))[:, 0]
     return values

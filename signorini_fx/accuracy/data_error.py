@@ -64,10 +64,10 @@ def data_error(d: Discretisation, table: ContactTable, step: float) -> DataError
     squares = np.zeros_like(forces)
     if table.facets is None:
         friction, gap = _between_nodes(d, table)
-        missed = [on_facets(d.boundary, table, own) for own in (friction, [own**2 for own in gap])]
+        missed = [on_facets(d.boundary, table, errors) for errors in (friction, [errors**2 for errors in gap])]
     else:
         surface = ContactSurface.of(table)
-        missed = [surface.of_rank(d.boundary, own) for own in _inside_pieces(d, table, surface)]
+        missed = [surface.of_rank(d.boundary, errors) for errors in _inside_pieces(d, table, surface)]
     np.add.at(forces, cells, missed[0])
     np.add.at(squares, cells, d.scene.young * missed[1])
     pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
@@ -79,7 +79,7 @@ def data_error(d: Discretisation, table: ContactTable, step: float) -> DataError
 def contact_cells(d: Discretisation) -> npt.NDArray[np.int32]:
     """The cell of each contact facet of this rank, in the order of ``boundary.segments``."""
     facets = [d.tagged.facets(effect.boundary) for effect in d.scene.contact]
-    return np.concatenate([facet_entities(d.tagged.mesh, own)[:, 0] for own in facets])
+    return np.concatenate([facet_entities(d.tagged.mesh, boundary_facets)[:, 0] for boundary_facets in facets])
 
 
 def _missed_loads(d: Discretisation, step: float) -> Floats:
@@ -136,8 +136,8 @@ def _between_nodes(d: Discretisation, table: ContactTable) -> tuple[list[Floats]
         # In contact the body follows the gap; beside it the body may have entered a bump that lies between nodes.
         distance = np.maximum((nodal if effect.against is None else c["gap"][rows]) - c["u_n"][rows], 0.0)
         room = distance[:-1, None] + np.diff(distance)[:, None] * at
-        both = (pressure[:-1] != 0) & (pressure[1:] != 0)
-        missed = np.where(both[near, None], np.abs(away), -away - room[near]).max(axis=1, initial=-np.inf)
+        pressed = (pressure[:-1] != 0) & (pressure[1:] != 0)
+        missed = np.where(pressed[near, None], np.abs(away), -away - room[near]).max(axis=1, initial=-np.inf)
         of_gap: Floats = np.zeros(length.size)
         of_gap[near] = np.maximum(missed - SMOOTH_LARGEST * bend, 0.0)
         gaps.append(of_gap)
@@ -168,14 +168,14 @@ def _inside_pieces(d: Discretisation, table: ContactTable, surface: ContactSurfa
         inside = np.einsum("pk,nkd->dnp", weights, surface.x[corners])
 
         def between(
-            value: Any, own: npt.NDArray[np.int64] = own, inside: Floats = inside, corners: Any = corners
+            value: Any, pieces: npt.NDArray[np.int64] = own, inside: Floats = inside, corners: Any = corners
         ) -> tuple[Floats, Floats, Floats]:
             """Values at the nodes, by how much those inside differ from them, and the second differences nearby."""
             if isinstance(value, float):
-                return np.full(len(surface.x), value), np.zeros(inside.shape[1:]), np.zeros(len(own))
+                return np.full(len(surface.x), value), np.zeros(inside.shape[1:]), np.zeros(len(pieces))
             nodal = sample(value, surface.x.T)
             points = sample(value, inside.reshape(3, -1)).reshape(inside.shape[1:])
-            return nodal, points - nodal[corners] @ weights.T, surface.bends(nodal)[own]
+            return nodal, points - nodal[corners] @ weights.T, surface.bends(nodal)[pieces]
 
         gap = effect.gap_in(d.tagged.dimension)
         near = np.flatnonzero(_reached(gap, table, corners, surface.x[corners]))

@@ -31,12 +31,12 @@ class Factor:
         self._solver.setOptionsPrefix(options.PREFIX)
         use_factorisation(self._solver, symmetric=True)
         self._solver.setErrorIfNotConverged(True)
-        self._right, self._found = matrix.createVecs()
+        self._right, self._solution = matrix.createVecs()
         with options.defaults(factor_defaults(MPI.COMM_SELF)):
             self._solver.setUp()
 
     def solve(self, right: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """The solution, shape (n,)."""
         self._right.setArray(right)
-        self._solver.solve(self._right, self._found)
-        return np.array(self._found.getArray(readonly=True), dtype=np.float64)
+        self._solver.solve(self._right, self._solution)
+        return np.array(self._solution.getArray(readonly=True), dtype=np.float64)

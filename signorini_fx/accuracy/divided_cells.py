@@ -33,11 +33,11 @@ class DividedCells:
         # Moments of each triangle of a cell among those on the edges of the cell, and among those inside.
         by_part = local.places.reshape(parts, m, 3, 2)
         if parts == 1:
-            own = by_part[0]
+            edge_moments = by_part[0]
             self._outer: list[tuple[Ints, Ints]] = [(np.arange(12), np.arange(12))]
             self._inner: list[tuple[Ints, Ints]] = [(np.arange(0), np.arange(0))]
         else:
-            own = np.zeros((m, 3, 4), dtype=np.int64)
+            edge_moments = np.zeros((m, 3, 4), dtype=np.int64)
             self._outer, self._inner = [], []
             for part in range(4):
                 outer: list[tuple[int, int]] = []
@@ -54,14 +54,14 @@ class DividedCells:
                             else:
                                 outer.append((at, 8 * i + 2 * (2 * (part == second) + end) + k))
                     if part in (first, second):
-                        own[:, i, 2 * (part == second) : 2 * (part == second) + 2] = by_part[part, :, i]
-                for found, rows in ((self._outer, outer), (self._inner, inner)):
+                        edge_moments[:, i, 2 * (part == second) : 2 * (part == second) + 2] = by_part[part, :, i]
+                for index_pairs, rows in ((self._outer, outer), (self._inner, inner)):
                     pairs = np.array(rows, dtype=np.int64).reshape(-1, 2)
-                    found.append((pairs[:, 0], pairs[:, 1]))
+                    index_pairs.append((pairs[:, 0], pairs[:, 1]))
         backwards = (ends[:, :, 0] > ends[:, :, 1])[:, :, None]
         position = np.where(backwards, np.arange(q)[::-1], np.arange(q))
         self.nodes = np.zeros((len(keys), q), dtype=np.int64)
-        self.nodes[inverse[:, :, None], position] = own
+        self.nodes[inverse[:, :, None], position] = edge_moments
         unknowns = inverse[:, :, None] * q + position
         self.places: Ints = (2 * unknowns[:, :, :, None] + [0, 1]).reshape(m, 6 * q)
         self._compliance = local.compliance
@@ -70,25 +70,25 @@ class DividedCells:
     def _condense(self) -> None:
         """Eliminate the displacements inside the cells."""
         size, inside = self.places.shape[1], 0 if self._parts == 1 else 12
-        whole = np.zeros((self._count, size + inside, size + inside))
-        self._all = []
+        matrices = np.zeros((self._count, size + inside, size + inside))
+        self._simplices = []
         for (at_outer, outer), (at_inner, inner) in zip(self._outer, self._inner, strict=True):
             at, to = np.concatenate((at_outer, at_inner)), np.concatenate((outer, size + inner))
-            whole[:, to[:, None], to] += self._compliance[:, at[:, None], at]
-            self._all.append((at, to))
-        self.matrix: Array = whole[:, :size, :size]
+            matrices[:, to[:, None], to] += self._compliance[:, at[:, None], at]
+            self._simplices.append((at, to))
+        self.matrix: Array = matrices[:, :size, :size]
         if inside:
             # Displacements inside per displacement on the edges and per force inside.
-            inverse = np.linalg.inv(whole[:, size:, size:])
-            self._follow, self._give = -inverse @ whole[:, size:, :size], inverse
-            self.matrix = self.matrix + whole[:, :size, size:] @ self._follow
+            inverse = np.linalg.inv(matrices[:, size:, size:])
+            self._follow, self._give = -inverse @ matrices[:, size:, :size], inverse
+            self.matrix = self.matrix + matrices[:, :size, size:] @ self._follow
 
     def _gathered(self, alone: Array) -> Array:
         """Moments of the triangles summed up on the edges and inside each cell, force, shape (m, 12 or 36)."""
-        found = np.zeros((self._count, max(to.max() for _, to in self._all) + 1))
-        for (at, to), part in zip(self._all, alone.reshape(self._parts, self._count, 12), strict=True):
-            found[:, to] += part[:, at]
-        return found
+        gathered = np.zeros((self._count, max(to.max() for _, to in self._simplices) + 1))
+        for (at, to), part in zip(self._simplices, alone.reshape(self._parts, self._count, 12), strict=True):
+            gathered[:, to] += part[:, at]
+        return gathered
 
     def condensed(self, alone: Array) -> Array:
         """Forces on the edges of the cells while these do not move, force, shape (m, 12 or 24).
@@ -97,10 +97,10 @@ class DividedCells:
             alone: moments of each triangle whose edges do not move, force, shape (n, 12).
         """
         forces, size = self._gathered(alone), self.places.shape[1]
-        found = forces[:, :size]
+        edge_forces = forces[:, :size]
         if self._parts > 1:
-            found = found + (forces[:, None, size:] @ self._follow)[:, 0]
-        return found
+            edge_forces = edge_forces + (forces[:, None, size:] @ self._follow)[:, 0]
+        return edge_forces
 
     def moments(self, displacement: Array, alone: Array) -> Array:
         """Of each triangle, force, shape (n, 3, 2, 2).
@@ -113,8 +113,8 @@ class DividedCells:
             forces = self._gathered(alone)[:, self.places.shape[1] :]
             inside = self._follow @ displacement[:, :, None] - self._give @ forces[:, :, None]
             displacement = np.concatenate((displacement, inside[:, :, 0]), axis=1)
-        own = np.zeros((self._parts, self._count, 12))
-        for part, (at, to) in enumerate(self._all):
-            own[part][:, at] = displacement[:, to]
-        found = alone.reshape(own.shape) + (self._compliance @ own[..., None])[..., 0]
-        return np.asarray(found.reshape(-1, 3, 2, 2))
+        displacements = np.zeros((self._parts, self._count, 12))
+        for part, (at, to) in enumerate(self._simplices):
+            displacements[part][:, at] = displacement[:, to]
+        moments = alone.reshape(displacements.shape) + (self._compliance @ displacements[..., None])[..., 0]
+        return np.asarray(moments.reshape(-1, 3, 2, 2))

@@ -27,7 +27,7 @@ _EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
-class Loads:
+class PlaneLoads:
     """What acts on the triangles.
 
     Attributes:
@@ -42,7 +42,7 @@ class Loads:
 
 
 @dataclass(frozen=True)
-class Equilibrated:
+class PlaneEquilibratedStress:
     """A stress in equilibrium.
 
     Attributes:
@@ -82,17 +82,17 @@ class Equilibration:
         self._cells = cells = DividedCells(t, local)
         # Held directions as unknowns of their own.
         held = held[cells.nodes.ravel() // 2]
-        self._turn, kept = np.tile(np.eye(2), (len(held), 1, 1)), np.zeros((len(held), 2), dtype=bool)
-        some = np.flatnonzero(held.any(axis=(1, 2)))
-        values, vectors = np.linalg.eigh(held[some])
-        aligned = np.abs(held[some, 0, 1]) <= _FREE
-        self._turn[some] = np.where(aligned[:, None, None], np.eye(2), vectors)
-        kept[some] = np.where(aligned[:, None], np.einsum("nii->ni", held[some]), values) > 0.5
-        self._kept = kept
+        self._turn, is_held = np.tile(np.eye(2), (len(held), 1, 1)), np.zeros((len(held), 2), dtype=bool)
+        held_nodes = np.flatnonzero(held.any(axis=(1, 2)))
+        values, vectors = np.linalg.eigh(held[held_nodes])
+        aligned = np.abs(held[held_nodes, 0, 1]) <= _FREE
+        self._turn[held_nodes] = np.where(aligned[:, None, None], np.eye(2), vectors)
+        is_held[held_nodes] = np.where(aligned[:, None], np.einsum("nii->ni", held[held_nodes]), values) > 0.5
+        self._held_components = is_held
         self._skew = np.zeros(len(held), dtype=bool)
-        self._skew[some[~aligned]] = True
+        self._skew[held_nodes[~aligned]] = True
         modes = free_motions(t, self._held).reshape(len(t.x), 2, -1)[t.edges.ravel()[cells.nodes.ravel()]]
-        modes = self._turn.transpose(0, 2, 1) @ modes * ~kept[:, :, None]
+        modes = self._turn.transpose(0, 2, 1) @ modes * ~is_held[:, :, None]
         self._factor = Factor(self._assembled(modes.reshape(2 * len(held), -1)))
 
     def _assembled(self, modes: Array) -> sp.csr_matrix:
@@ -100,7 +100,7 @@ class Equilibration:
 
         Loads in balance cause no force where it is tied.
         """
-        cells, free = self._cells, (~self._kept).ravel()
+        cells, free = self._cells, (~self._held_components).ravel()
         matrix, places = cells.matrix, cells.places
         turned = np.flatnonzero(self._skew[places[:, ::2] // 2].any(axis=1))
         if turned.size:
@@ -112,16 +112,16 @@ class Equilibration:
         rows, columns = places[:, lower], places[:, higher]
         values = np.where(free[rows] & free[columns], matrix[:, lower, higher], 0.0).ravel()
         rows, columns = np.minimum(rows, columns).ravel(), np.maximum(rows, columns).ravel()
-        diagonal, left = (~free).astype(np.float64), modes.copy()
+        diagonal, remaining_modes = (~free).astype(np.float64), modes.copy()
         for _ in range(modes.shape[1]):
-            pin = int(np.argmax(np.linalg.norm(left, axis=1)))
-            unit = left[pin] / np.linalg.norm(left[pin])
-            left -= np.outer(left @ unit, unit)
+            pin = int(np.argmax(np.linalg.norm(remaining_modes, axis=1)))
+            unit = remaining_modes[pin] / np.linalg.norm(remaining_modes[pin])
+            remaining_modes -= np.outer(remaining_modes @ unit, unit)
             diagonal[pin] += float(values[(rows == pin) & (columns == pin)].sum())
         upper = sp.coo_matrix((values, (rows, columns)), shape=(free.size, free.size)).tocsr()
         return sp.csr_matrix(upper + sp.diags_array(diagonal))
 
-    def stress(self, loads: Loads, prescribed: Array) -> Equilibrated:
+    def stress(self, loads: PlaneLoads, prescribed: Array) -> PlaneEquilibratedStress:
         """The stress of least complementary energy among those of this kind in equilibrium with loads.
 
         Args:
@@ -133,36 +133,36 @@ class Equilibration:
         alone = self._local.alone(loads.body)
         a, b = loads.traction[:, 0], loads.traction[:, 1]
         moments = np.stack((2 * a + b, a + 2 * b), axis=1) * t.length[:, None, None] / 6
-        fixed = np.where(self._kept, (prescribed.reshape(-1, 1, 2)[nodes] @ turn)[:, 0], 0.0)
+        fixed = np.where(self._held_components, (prescribed.reshape(-1, 1, 2)[nodes] @ turn)[:, 0], 0.0)
         start = (turn @ fixed[:, :, None]).ravel()
         forces = cells.condensed(alone) + (cells.matrix @ start[places][:, :, None])[:, :, 0]
         right = moments.reshape(-1, 2)[nodes] - np.bincount(places.ravel(), forces.ravel(), start.size).reshape(-1, 2)
-        right = np.where(self._kept, 0.0, (right[:, None] @ turn)[:, 0])
-        found = self._factor.solve(right.ravel()).reshape(-1, 2, 1)
-        return self._mean(loads, cells.moments((start + (turn @ found).ravel())[places], alone))
+        right = np.where(self._held_components, 0.0, (right[:, None] @ turn)[:, 0])
+        solution = self._factor.solve(right.ravel()).reshape(-1, 2, 1)
+        return self._mean(loads, cells.moments((start + (turn @ solution).ravel())[places], alone))
 
-    def _mean(self, loads: Loads, moments: Array) -> Equilibrated:
+    def _mean(self, loads: PlaneLoads, moments: Array) -> PlaneEquilibratedStress:
         """The stress of the means of the moments of both sides, where tractions are given of these.
 
         Args:
             loads: what acts.
             moments: of each triangle, out of it, force, shape (n, 3, 2, 2).
         """
-        t, place = self._t, self._local.places
+        t, places = self._t, self._local.places
         sign = np.where(t.sides[t.of_triangle, 0] == np.arange(len(t.corners))[:, None], 1.0, -1.0)[:, :, None, None]
         signed = (sign * moments).reshape(-1, 2)
-        summed = np.column_stack([np.bincount(place.ravel(), signed[:, k], 2 * len(t.edges)) for k in (0, 1)])
+        summed = np.column_stack([np.bincount(places.ravel(), signed[:, k], 2 * len(t.edges)) for k in (0, 1)])
         total = summed.reshape(-1, 2, 2) / ((t.sides >= 0).sum(axis=1) * t.length)[:, None, None]
         tractions = np.stack((4 * total[:, 0] - 2 * total[:, 1], 4 * total[:, 1] - 2 * total[:, 0]), axis=1)
         out = np.where(t.sides[t.outer, :1, None] < 0, -1.0, 1.0)
         held = self._held[t.outer]
-        given = loads.traction[t.outer] @ (np.eye(2) - held) + tractions[t.outer] * out @ held
-        tractions[t.outer] = given * out
-        stress, rest = self._local.stress(sign * tractions.reshape(-1, 2)[place], loads.body)
-        return Equilibrated(stress, tractions, _round_off(t, loads, self._held, tractions, rest))
+        outer_tractions = loads.traction[t.outer] @ (np.eye(2) - held) + tractions[t.outer] * out @ held
+        tractions[t.outer] = outer_tractions * out
+        stress, missed_share = self._local.stress(sign * tractions.reshape(-1, 2)[places], loads.body)
+        return PlaneEquilibratedStress(stress, tractions, _round_off(t, loads, self._held, tractions, missed_share))
 
 
-def _round_off(t: Triangles, loads: Loads, held: Array, tractions: Array, rest: Array) -> Array:
+def _round_off(t: Triangles, loads: PlaneLoads, held: Array, tractions: Array, missed_share: Array) -> Array:
     """Squares of bounds of the work of what is not in equilibrium, per unit of the energy norm, shape (n,).
 
     The forces and couples that a triangle misses are carried from triangle to triangle to a held edge, or to a
@@ -171,8 +171,8 @@ def _round_off(t: Triangles, loads: Loads, held: Array, tractions: Array, rest: 
     the map from tractions to stresses.
     """
     force = np.abs(tractions).max(axis=(1, 2)) * t.length
-    own = force[t.of_triangle].max(axis=1) + np.abs(loads.body).sum(axis=(1, 2))
-    missed = own * (rest + 32 * _EPS) + loads.unknown
+    force_sizes = force[t.of_triangle].max(axis=1) + np.abs(loads.body).sum(axis=(1, 2))
+    missed = force_sizes * (missed_share + 32 * _EPS) + loads.unknown
     start = t.outer[np.einsum("eii->e", held)[t.outer] > 0]
     total, couple = carried(t.x[t.corners].mean(axis=1), t.sides, t.sides[start].max(axis=1), missed)
     shape = np.linalg.norm(t.jacobian, axis=(1, 2)) ** 2 / (2 * t.area)

@@ -27,7 +27,7 @@ from dolfinx import fem
 from signorini_fx.accuracy.arrays import Array
 from signorini_fx.accuracy.bounded_error import (
     ROUND_OFF,
-    SAME,
+    SAME_LENGTH,
     UNBALANCED,
     ErrorBound,
     out,
@@ -36,11 +36,11 @@ from signorini_fx.accuracy.bounded_error import (
 )
 from signorini_fx.accuracy.bounded_scene import Refused
 from signorini_fx.accuracy.cell_pieces import free_motions, of_each_piece
-from signorini_fx.accuracy.equilibrated_stress import Equilibrated, Equilibration, Loads
-from signorini_fx.accuracy.linear_displacement import Given, smallest_energy
+from signorini_fx.accuracy.equilibrated_stress import Equilibration, PlaneEquilibratedStress, PlaneLoads
+from signorini_fx.accuracy.linear_displacement import PrescribedComponents, smallest_energy
 from signorini_fx.accuracy.stress_products import from_strain, square
 from signorini_fx.accuracy.triangles import GAUSS, Triangles
-from signorini_fx.accuracy.triangulated import FacetsInContact, Problem, on_bernstein, on_line, quadratic
+from signorini_fx.accuracy.triangulated import FacetsInContact, TriangulatedProblem, on_bernstein, on_line, quadratic
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
 
@@ -90,7 +90,7 @@ class Enclosure:
 
     v: Admissible
     duality: Array
-    stress: Equilibrated
+    stress: PlaneEquilibratedStress
     data: Array
     energy: Array
     t: Triangles
@@ -142,7 +142,7 @@ class Enclosure:
 
 
 def error_bound(
-    d: Discretisation, y: fem.Function, contact: ContactState | None, place: float = 0.0
+    d: Discretisation, y: fem.Function, contact: ContactState | None, step: float = 0.0
 ) -> ErrorBound | str:
     """The bound for a solution; or why there is none.
 
@@ -150,19 +150,19 @@ def error_bound(
         d: the discretised scene.
         y: the displacement.
         contact: the contact nodes.
-        place: of the load step in the lists of factors.
+        step: of the load step in the lists of factors.
     """
     try:
         if d.tagged.dimension == 3:
             from signorini_fx.accuracy.error_bound_in_space import BoundedInSpace
 
-            return BoundedInSpace(d, y, contact, place).bound()
-        return Bounded(d, y, contact, place).bound()
+            return BoundedInSpace(d, y, contact, step).bound()
+        return Bounded(d, y, contact, step).bound()
     except Refused as refused:
         return str(refused)
 
 
-class Bounded(Problem):
+class Bounded(TriangulatedProblem):
     """A problem with what bounds its error."""
 
     @cached_property
@@ -177,60 +177,62 @@ class Bounded(Problem):
         computed = t.strain_at_corners(self.y, self.middle)
         self._balance()
         traction = self.traction.copy()
-        for one in self.contacts:
-            free = np.eye(2) - self.held[one.edges]
-            traction[one.edges] += np.einsum("eij,eaj->eai", free, one.traction)
+        for entry in self.contacts:
+            free = np.eye(2) - self.held[entry.edges]
+            traction[entry.edges] += np.einsum("eij,eaj->eai", free, entry.traction)
         bubble = 2 / 3 * (self.middle - self.y[t.edges].mean(axis=1))
-        stress = self.equilibration.stress(Loads(self.body, traction, self.unknown), self.y[t.edges] + bubble[:, None])
+        stress = self.equilibration.stress(
+            PlaneLoads(self.body, traction, self.unknown), self.y[t.edges] + bubble[:, None]
+        )
         between = square(t, from_strain(t, computed) - stress.stress)
         v = self._beside(self._admissible(np.zeros_like(self.y)), computed)
         if v.moved.sum() > _LITTLE * between.sum():
             # The first one is cheap; the second one is better where the regularisation lets many nodes enter.
-            v = min(v, self._beside(self._admissible(self._entered()), computed), key=lambda one: one.squares.sum())
-        every = np.ones(len(t.corners), dtype=bool)
-        return Enclosure(v, v.contact + between, stress, self._data(), _energy(t, computed), t, every)
+            v = min(v, self._beside(self._admissible(self._entered()), computed), key=lambda entry: entry.squares.sum())
+        all_triangles = np.ones(len(t.corners), dtype=bool)
+        return Enclosure(v, v.contact + between, stress, self._data(), _energy(t, computed), t, all_triangles)
 
     def bound(self) -> ErrorBound:
         """The bound of the error."""
-        t, found = self.t, self.enclosure
-        v, data = found.v, found.data
-        duality, missed, moved = (float(np.sqrt(squares.sum())) for squares in (found.duality, data, v.moved))
-        total = (np.hypot(duality, moved) + missed + found.round_off) * (1 + ROUND_OFF * np.sqrt(len(t.corners)))
+        t, enclosure = self.t, self.enclosure
+        v, data = enclosure.v, enclosure.data
+        duality, missed, moved = (float(np.sqrt(squares.sum())) for squares in (enclosure.duality, data, v.moved))
+        total = (np.hypot(duality, moved) + missed + enclosure.round_off) * (1 + ROUND_OFF * np.sqrt(len(t.corners)))
         squares: Array = np.zeros(len(self.cells))
-        np.add.at(squares, self.owner, found.duality + data + v.moved)
+        np.add.at(squares, self.owner, enclosure.duality + data + v.moved)
         work = None
-        if not any(one.bound.any() for one in self.contacts):
-            above = (float(np.sqrt(found.gap)) + 2 * found.missed) ** 2 / 2
+        if not any(surface.bound.any() for surface in self.contacts):
+            above = (float(np.sqrt(enclosure.gap)) + 2 * enclosure.missed) ** 2 / 2
             energy = _energy(t, v.strain).sum() / 2 - self.work(v.y, v.middle)
-            least, most = work_of_loads(energy, above, found.size, total, len(t.corners))
+            least, greatest = work_of_loads(energy, above, enclosure.size, total, len(t.corners))
             unknown = self.unknown_work(v.y, v.middle)
-            work = least - unknown, most + unknown
-        round_off = found.round_off
-        return ErrorBound(float(total), found.size, duality, missed, moved, round_off, squares, self.assumed, work)
+            work = least - unknown, greatest + unknown
+        round_off = enclosure.round_off
+        return ErrorBound(float(total), enclosure.size, duality, missed, moved, round_off, squares, self.assumed, work)
 
     def _data(self) -> Array:
         """Squares of the bounds of the work of what the stress does not hold of the loads, by triangle."""
         t = self.t
         outer = (t.sides[t.of_triangle] < 0).any(axis=2)
         missed = np.where(outer, self.missed_on_edges[t.of_triangle], 0.0)
-        found = t.korn[0] * np.sqrt(self.missed_inside) + (t.on_edges(*t.korn) * np.sqrt(missed)).sum(axis=1)
-        return np.asarray(found**2 / t.softest)
+        bounds = t.korn[0] * np.sqrt(self.missed_inside) + (t.on_edges(*t.korn) * np.sqrt(missed)).sum(axis=1)
+        return np.asarray(bounds**2 / t.softest)
 
-    def _on_contact(self, one: FacetsInContact, y: Array, middle: Array) -> Array:
+    def _on_contact(self, surface: FacetsInContact, y: Array, middle: Array) -> Array:
         """Integrals of p (d - v_n) + g |v_t| - mu v_t over the facets, energies per thickness, shape (m,)."""
         s, w = GAUSS
-        edges, length = one.edges, self.t.length[one.edges]
+        edges, length = surface.edges, self.t.length[surface.edges]
         v = quadratic(y, middle, self.t.edges, edges, s)
-        normal = np.einsum("fqd,fd->fq", v, one.normal)
-        slip = np.einsum("fqd,fd->fq", v, one.tangent)
-        work = on_line(one.pressure, s) * (one.gap - normal).clip(min=0.0)
+        normal = np.einsum("fqd,fd->fq", v, surface.normal)
+        slip = np.einsum("fqd,fd->fq", v, surface.tangent)
+        work = on_line(surface.pressure, s) * (surface.gap - normal).clip(min=0.0)
         # Where the slip changes its sign its size is bounded by those of its coefficients of Bernstein.
-        a, b = (np.einsum("fd,fd->f", y[self.t.edges[edges, k]], one.tangent) for k in (0, 1))
-        m = 2 * np.einsum("fd,fd->f", middle[edges], one.tangent) - (a + b) / 2
+        a, b = (np.einsum("fd,fd->f", y[self.t.edges[edges, k]], surface.tangent) for k in (0, 1))
+        m = 2 * np.einsum("fd,fd->f", middle[edges], surface.tangent) - (a + b) / 2
         bernstein = np.column_stack((a, m, b))
         changes = (bernstein.min(axis=1) < 0) & (bernstein.max(axis=1) > 0)
         size = np.where(changes[:, None], on_bernstein(np.abs(bernstein), s), np.abs(slip))
-        work += (one.bound * size - on_line(one.shear, s) * slip).clip(min=0.0)
+        work += (surface.bound * size - on_line(surface.shear, s) * slip).clip(min=0.0)
         return np.asarray(length * (work @ w))
 
     def _balance(self) -> None:
@@ -253,67 +255,76 @@ class Bounded(Problem):
         ).sum(axis=0)
         pieces = of_each_piece(t, modes.reshape(t.x.size, -1))
         rows, low, high, start, weight = [], [], [], [], []
-        for one in self.contacts:
+        for surface in self.contacts:
             for end in (0, 1):
-                for direction, least, most, now in (
-                    (one.normal, np.zeros(len(one.edges)), np.full(len(one.edges), np.inf), one.pressure[:, end]),
-                    (one.tangent, -one.least[:, end], one.least[:, end], one.shear[:, end]),
+                for direction, least, greatest, current in (
+                    (
+                        surface.normal,
+                        np.zeros(len(surface.edges)),
+                        np.full(len(surface.edges), np.inf),
+                        surface.pressure[:, end],
+                    ),
+                    (surface.tangent, -surface.least[:, end], surface.least[:, end], surface.shear[:, end]),
                 ):
-                    unit = np.zeros((len(one.edges), 2, 2))
+                    unit = np.zeros((len(surface.edges), 2, 2))
                     unit[:, end] = -direction
-                    rows.append(work(unit, one.edges))
+                    rows.append(work(unit, surface.edges))
                     low.append(least)
-                    high.append(most)
-                    start.append(now)
-                    weight.append(1 / t.length[one.edges])
-        a, least, most = np.concatenate(rows), np.concatenate(low), np.concatenate(high)
+                    high.append(greatest)
+                    start.append(current)
+                    weight.append(1 / t.length[surface.edges])
+        a, least, greatest = np.concatenate(rows), np.concatenate(low), np.concatenate(high)
         z, flexible = np.concatenate(start), np.concatenate(weight)
         small = small_rests(loads, np.abs(a * z[:, None]).sum(axis=0), pieces)
-        for _, own in pieces:
+        for _, columns in pieces:
             for _ in range(_BALANCES):
-                rest = loads[own] + a[:, own].T @ z
-                if np.abs(rest).max() <= small[own].min():
+                residual = loads[columns] + a[:, columns].T @ z
+                if np.abs(residual).max() <= small[columns].min():
                     break
-                room = np.minimum(z - least, most - z) > 0
-                use = a[:, own] * (flexible * room)[:, None]
-                z = np.clip(z - use @ np.linalg.lstsq(use.T @ a[:, own], rest, rcond=1e-12)[0], least, most)
+                room = np.minimum(z - least, greatest - z) > 0
+                use = a[:, columns] * (flexible * room)[:, None]
+                z = np.clip(z - use @ np.linalg.lstsq(use.T @ a[:, columns], residual, rcond=1e-12)[0], least, greatest)
             else:
                 raise Refused(UNBALANCED)
         parts = iter(np.split(z, np.cumsum([len(part) for part in start])[:-1]))
-        for one in self.contacts:
+        for surface in self.contacts:
             for end in (0, 1):
-                one.pressure[:, end], one.shear[:, end] = next(parts), next(parts)
+                surface.pressure[:, end], surface.shear[:, end] = next(parts), next(parts)
 
     def _beside(self, v: tuple[Array, Array], computed: Array) -> Admissible:
         """What a displacement without penetration adds to the bound, given the strain of the computed one."""
         t, strain = self.t, self.t.strain_at_corners(*v)
         contact = np.zeros(len(t.corners))
-        for one in self.contacts:
-            np.add.at(contact, t.sides[one.edges].max(axis=1), 2 * self._on_contact(one, *v))
+        for surface in self.contacts:
+            np.add.at(contact, t.sides[surface.edges].max(axis=1), 2 * self._on_contact(surface, *v))
         return Admissible(*v, strain, contact, _energy(t, strain - computed))
 
     def _entered(self) -> Array:
         """Of least energy with what the vertices enter the foundation, and slip where they stick; zero at supports."""
-        t, rows = self.t, [Given.of_facets(self.t.edges, self.held, np.zeros(2))]
+        t, rows = self.t, [PrescribedComponents.of_facets(self.t.edges, self.held, np.zeros(2))]
         values, vectors = self._held_at_vertices()
-        for one in self.contacts:
+        for surface in self.contacts:
             for end, column in ((0, 0), (1, 2)):
-                vertex = t.edges[one.edges, end]
-                depth = np.einsum("fd,fd->f", self.y[vertex], one.normal) - one.below[:, column]
-                slip = np.einsum("fd,fd->f", self.y[vertex], one.tangent)
-                sticks = np.abs(one.shear[:, end]) < (1 - SAME) * one.least[:, end]
-                for kept, direction, value in (
-                    (np.ones(len(vertex), dtype=bool), one.normal, depth.clip(min=0.0)),
-                    (sticks, one.tangent, slip),
+                vertex = t.edges[surface.edges, end]
+                depth = np.einsum("fd,fd->f", self.y[vertex], surface.normal) - surface.below[:, column]
+                slip = np.einsum("fd,fd->f", self.y[vertex], surface.tangent)
+                sticks = np.abs(surface.shear[:, end]) < (1 - SAME_LENGTH) * surface.least[:, end]
+                for selected, direction, value in (
+                    (np.ones(len(vertex), dtype=bool), surface.normal, depth.clip(min=0.0)),
+                    (sticks, surface.tangent, slip),
                 ):
-                    here, loose = vectors[vertex], values[vertex] <= SAME
-                    free = np.einsum("fik,fk,fjk,fj->fi", here, loose, here, direction)
+                    axes, loose = vectors[vertex], values[vertex] <= SAME_LENGTH
+                    free = np.einsum("fik,fk,fjk,fj->fi", axes, loose, axes, direction)
                     size = np.linalg.norm(free, axis=1)
-                    kept = kept & (size > 0.5)
-                    rows.append(Given(vertex[kept], free[kept] / size[kept, None], value[kept] / size[kept]))
-        given = Given.joined(*rows)
-        found = smallest_energy(t, given)[0] if given.fixes(t) else np.zeros_like(self.y)
-        return np.einsum("vik,vk,vjk,vj->vi", vectors, values <= SAME, vectors, found)
+                    selected = selected & (size > 0.5)
+                    rows.append(
+                        PrescribedComponents(
+                            vertex[selected], free[selected] / size[selected, None], value[selected] / size[selected]
+                        )
+                    )
+        constraints = PrescribedComponents.joined(*rows)
+        displacement = smallest_energy(t, constraints)[0] if constraints.fixes(t) else np.zeros_like(self.y)
+        return np.einsum("vik,vk,vjk,vj->vi", vectors, values <= SAME_LENGTH, vectors, displacement)
 
     def _held_at_vertices(self) -> tuple[Array, Array]:
         """Sizes and directions of what holds the vertices, shapes (v, 2) and (v, 2, 2)."""
@@ -323,37 +334,39 @@ class Bounded(Problem):
         values, vectors = np.linalg.eigh(held)
         return values, vectors
 
-    def _admissible(self, less: Array) -> tuple[Array, Array]:
+    def _admissible(self, removed: Array) -> tuple[Array, Array]:
         """The displacement without what it enters the foundation, at vertices and middles of edges.
 
         Args:
-            less: what is taken away from it before at the vertices, linear between them, length, shape (v, 2).
+            removed: what is taken away from it before at the vertices, linear between them, length, shape (v, 2).
         """
         t = self.t
-        y, middle = self.y - less, self.middle - less[self.t.edges].mean(axis=1)
-        before = y.copy()
-        tiny = ROUND_OFF * (np.abs(y).max() + max((np.abs(one.below).max() for one in self.contacts), default=0.0))
+        y, middle = self.y - removed, self.middle - removed[self.t.edges].mean(axis=1)
+        unmoved = y.copy()
+        tiny = ROUND_OFF * (
+            np.abs(y).max() + max((np.abs(surface.below).max() for surface in self.contacts), default=0.0)
+        )
         values, vectors = self._held_at_vertices()
-        free = np.einsum("vik,vk,vjk->vij", vectors, np.where(values > SAME, 0.0, 1.0), vectors)
+        free = np.einsum("vik,vk,vjk->vij", vectors, np.where(values > SAME_LENGTH, 0.0, 1.0), vectors)
         wanted: dict[int, list[tuple[Array, float]]] = {}
-        for one in self.contacts:
+        for surface in self.contacts:
             for end, column in ((0, 0), (1, 2)):
-                vertex = t.edges[one.edges, end]
-                excess = np.einsum("fd,fd->f", y[vertex], one.normal) - one.below[:, column]
+                vertex = t.edges[surface.edges, end]
+                excess = np.einsum("fd,fd->f", y[vertex], surface.normal) - surface.below[:, column]
                 for k in np.flatnonzero(excess > -tiny):
-                    wanted.setdefault(int(vertex[k]), []).append((one.normal[k], float(excess[k]) + tiny))
+                    wanted.setdefault(int(vertex[k]), []).append((surface.normal[k], float(excess[k]) + tiny))
         for vertex, rows in wanted.items():
             y[vertex] -= out(np.array([row[0] for row in rows]), np.array([row[1] for row in rows]), free[vertex], tiny)
-        middle += (y - before)[t.edges].mean(axis=1)
-        for one in self.contacts:
-            a, b = (np.einsum("fd,fd->f", y[t.edges[one.edges, k]], one.normal) for k in (0, 1))
-            m = np.einsum("fd,fd->f", middle[one.edges], one.normal)
+        middle += (y - unmoved)[t.edges].mean(axis=1)
+        for surface in self.contacts:
+            a, b = (np.einsum("fd,fd->f", y[t.edges[surface.edges, k]], surface.normal) for k in (0, 1))
+            m = np.einsum("fd,fd->f", middle[surface.edges], surface.normal)
             # Twice the middle of a parabola minus the mean of its ends is its second coefficient of Bernstein.
-            excess = 2 * (m - one.below[:, 1]) - (a + b - one.below[:, 0] - one.below[:, 2]) / 2
+            excess = 2 * (m - surface.below[:, 1]) - (a + b - surface.below[:, 0] - surface.below[:, 2]) / 2
             for k in np.flatnonzero(excess > -tiny):
-                edge = one.edges[k]
+                edge = surface.edges[k]
                 middle[edge] -= out(
-                    one.normal[k : k + 1], excess[k : k + 1] / 2 + tiny, np.eye(2) - self.held[edge], tiny
+                    surface.normal[k : k + 1], excess[k : k + 1] / 2 + tiny, np.eye(2) - self.held[edge], tiny
                 )
         return y, middle
 

@@ -13,7 +13,7 @@ import numpy as np
 from signorini_fx.accuracy.arrays import Array, Ints
 from signorini_fx.accuracy.bounded_error import (
     ROUND_OFF,
-    SAME,
+    SAME_LENGTH,
     UNBALANCED,
     ErrorBound,
     out,
@@ -22,8 +22,8 @@ from signorini_fx.accuracy.bounded_error import (
 )
 from signorini_fx.accuracy.bounded_scene import Refused
 from signorini_fx.accuracy.cell_pieces import free_motions, of_each_piece
-from signorini_fx.accuracy.linear_displacement import Given, smallest_energy
-from signorini_fx.accuracy.stress_in_space import Equilibrated, Loads, equilibrated
+from signorini_fx.accuracy.linear_displacement import PrescribedComponents, smallest_energy
+from signorini_fx.accuracy.stress_in_space import SpatialEquilibratedStress, SpatialLoads, equilibrated
 from signorini_fx.accuracy.tetrahedra import FACES, TWICE, Tetrahedra
 from signorini_fx.accuracy.tetrahedral import (
     GAUSS,
@@ -55,16 +55,16 @@ class BoundedInSpace(ProblemInSpace):
         contact, moved = self._added(y, middle, computed)
         if moved.sum() > _LITTLE * between.sum():
             # The first one is cheap; the second one is better where the regularisation lets many nodes enter.
-            other = self._admissible(self._entered())
-            added = self._added(*other, computed)
+            alternative = self._admissible(self._entered())
+            added = self._added(*alternative, computed)
             if added[0].sum() + added[1].sum() < contact.sum() + moved.sum():
-                (y, middle), (contact, moved) = other, added
+                (y, middle), (contact, moved) = alternative, added
         size = float(np.sqrt(energy(t, computed).sum()))
         round_off = stress.missing + ROUND_OFF * size
         squares = contact + between + moved
         total = float((np.sqrt(squares.sum()) + round_off) * (1 + ROUND_OFF * np.sqrt(len(t.corners))))
         work = None
-        if not any(one.bound.any() for one in self.contacts):
+        if not any(surface.bound.any() for surface in self.contacts):
             strain = t.strain_at_corners(y, middle)
             gap = float((contact + square(t, stress.stress - from_strain(t, strain))).sum())
             lowest = energy(t, strain).sum() / 2 - self.work(y, middle)
@@ -72,16 +72,16 @@ class BoundedInSpace(ProblemInSpace):
         duality, displaced = (float(np.sqrt(part.sum())) for part in (contact + between, moved))
         return ErrorBound(total, size, duality, 0.0, displaced, round_off, squares, self.assumed, work)
 
-    def _stress(self) -> Equilibrated:
+    def _stress(self) -> SpatialEquilibratedStress:
         """In equilibrium with the loads and the tractions of the contacts."""
         t = self.t
         traction = self.traction.copy()
-        for one in self.contacts:
-            traction[one.faces] += one.traction @ (np.eye(3) - self.held[one.faces])
+        for surface in self.contacts:
+            traction[surface.faces] += surface.traction @ (np.eye(3) - self.held[surface.faces])
         # The linear functions on the faces with the moments of the displacement.
         bubble = (self.middle - self.y[t.edges].mean(axis=1))[t.edges_of_faces]
         start = self.y[t.faces] + 0.6 * (bubble.sum(axis=1, keepdims=True) - bubble) - 0.2 * bubble
-        return equilibrated(t, self.held, Loads(self.body, traction), start)
+        return equilibrated(t, self.held, SpatialLoads(self.body, traction), start)
 
     def _added(self, y: Array, middle: Array, computed: Array) -> tuple[Array, Array]:
         """What a displacement without penetration adds to the square of the bound by contact, and as it is not the
@@ -89,22 +89,22 @@ class BoundedInSpace(ProblemInSpace):
         """
         t = self.t
         contact = np.zeros(len(t.corners))
-        for one in self.contacts:
-            np.add.at(contact, t.sides[one.faces, 0], 2 * self._on_contact(one, y, middle))
+        for surface in self.contacts:
+            np.add.at(contact, t.sides[surface.faces, 0], 2 * self._on_contact(surface, y, middle))
         return contact, energy(t, t.strain_at_corners(y, middle) - computed)
 
-    def _on_contact(self, one: FacesInContact, y: Array, middle: Array) -> Array:
+    def _on_contact(self, surface: FacesInContact, y: Array, middle: Array) -> Array:
         """Integrals of p (d - v_n) + g |v_t| - mu . v_t over the faces, energies, shape (m,)."""
-        own = coefficients(self.nodal(y, middle, one.faces))
-        normal = np.einsum("fcd,fd->fc", own, one.normal)
-        tangential = own - normal[:, :, None] * one.normal[:, None]
+        displacement = coefficients(self.nodal(y, middle, surface.faces))
+        normal = np.einsum("fcd,fd->fc", displacement, surface.normal)
+        tangential = displacement - normal[:, :, None] * surface.normal[:, None]
         values, linear = bernstein(GAUSS), GAUSS
-        work = one.pressure @ linear.T * (one.gap - normal @ values.T).clip(min=0.0)
+        work = surface.pressure @ linear.T * (surface.gap - normal @ values.T).clip(min=0.0)
         slip = np.einsum("qc,fcd->fqd", values, tangential)
         size = np.linalg.norm(tangential, axis=2) @ values.T
-        shear = np.einsum("qc,fcd->fqd", linear, one.shear)
-        work += (one.bound * size - (shear * slip).sum(axis=2)).clip(min=0.0)
-        return np.asarray(self.t.area[one.faces] * (work @ WEIGHTS))
+        shear = np.einsum("qc,fcd->fqd", linear, surface.shear)
+        work += (surface.bound * size - (shear * slip).sum(axis=2)).clip(min=0.0)
+        return np.asarray(self.t.area[surface.faces] * (work @ WEIGHTS))
 
     def _balance(self) -> None:
         """Change pressures and shears of a body that supports do not hold so that they balance its loads."""
@@ -117,28 +117,35 @@ class BoundedInSpace(ProblemInSpace):
 
         def moved(faces: Ints) -> Array:
             """Integrals of the modes times the hat functions of the vertices of faces, shape (m, 3, 3, k)."""
-            own = modes[t.faces[faces]]
-            return np.asarray(t.area[faces, None, None, None] / 12 * (own + own.sum(axis=1, keepdims=True)))
+            corner_modes = modes[t.faces[faces]]
+            return np.asarray(
+                t.area[faces, None, None, None] / 12 * (corner_modes + corner_modes.sum(axis=1, keepdims=True))
+            )
 
-        every = np.arange(len(t.faces))
+        all_faces = np.arange(len(t.faces))
         volume = t.volume[:, None, None]
         loads = np.einsum("nd,ndk->k", self.body, modes[t.corners].mean(axis=1) * volume)
-        loads = loads + np.einsum("fad,fadk->k", self.traction, moved(every))
-        work = [moved(one.faces) for one in self.contacts]
-        normal = [-np.einsum("fadk,fd->fak", own, one.normal) for own, one in zip(work, self.contacts, strict=True)]
+        loads = loads + np.einsum("fad,fadk->k", self.traction, moved(all_faces))
+        work = [moved(surface.faces) for surface in self.contacts]
+        normal = [
+            -np.einsum("fadk,fd->fak", part, surface.normal) for part, surface in zip(work, self.contacts, strict=True)
+        ]
         across = [
-            -(own + np.einsum("fak,fd->fadk", push, one.normal))
-            for own, push, one in zip(work, normal, self.contacts, strict=True)
+            -(part + np.einsum("fak,fd->fadk", push, surface.normal))
+            for part, push, surface in zip(work, normal, self.contacts, strict=True)
         ]
         pieces = of_each_piece(t, modes.reshape(t.x.size, -1))
         sizes = (
-            np.abs(push * one.pressure[:, :, None]).sum(axis=(0, 1))
-            for push, one in zip(normal, self.contacts, strict=True)
+            np.abs(push * surface.pressure[:, :, None]).sum(axis=(0, 1))
+            for push, surface in zip(normal, self.contacts, strict=True)
         )
         small = small_rests(loads, sum(sizes, np.zeros(loads.size)), pieces)
-        for _, own in pieces:
+        for _, part in pieces:
             self._balance_piece(
-                loads[own], [push[..., own] for push in normal], [pull[..., own] for pull in across], small[own].min()
+                loads[part],
+                [push[..., part] for push in normal],
+                [pull[..., part] for pull in across],
+                small[part].min(),
             )
 
     def _balance_piece(self, loads: Array, normal: list[Array], across: list[Array], small: float) -> None:
@@ -152,29 +159,35 @@ class BoundedInSpace(ProblemInSpace):
         """
         t = self.t
         for _ in range(_BALANCES):
-            rest, flexible = loads.copy(), np.zeros((loads.size, loads.size))
-            for push, pull, one in zip(normal, across, self.contacts, strict=True):
-                rest += np.einsum("fak,fa->k", push, one.pressure) + np.einsum("fadk,fad->k", pull, one.shear)
-                inside = np.linalg.norm(one.shear, axis=2) < one.least * (1 - SAME)
-                flexible += np.einsum("fak,fal->kl", push / t.area[one.faces, None, None], push * self._room(one))
-                flexible += np.einsum(
-                    "fadk,fadl->kl", pull / t.area[one.faces, None, None, None], pull * inside[:, :, None, None]
+            residual, flexible = loads.copy(), np.zeros((loads.size, loads.size))
+            for push, pull, surface in zip(normal, across, self.contacts, strict=True):
+                residual += np.einsum("fak,fa->k", push, surface.pressure) + np.einsum(
+                    "fadk,fad->k", pull, surface.shear
                 )
-            if np.abs(rest).max() <= small:
+                inside = np.linalg.norm(surface.shear, axis=2) < surface.least * (1 - SAME_LENGTH)
+                flexible += np.einsum(
+                    "fak,fal->kl", push / t.area[surface.faces, None, None], push * self._room(surface)
+                )
+                flexible += np.einsum(
+                    "fadk,fadl->kl", pull / t.area[surface.faces, None, None, None], pull * inside[:, :, None, None]
+                )
+            if np.abs(residual).max() <= small:
                 return
-            step = np.linalg.lstsq(flexible, rest, rcond=1e-12)[0]
-            for push, pull, one in zip(normal, across, self.contacts, strict=True):
-                area = t.area[one.faces, None]
-                inside = np.linalg.norm(one.shear, axis=2) < one.least * (1 - SAME)
-                one.pressure = (one.pressure - self._room(one)[:, :, 0] * (push @ step) / area).clip(min=0.0)
-                changed = one.shear - inside[:, :, None] * (pull @ step) / area[:, :, None]
-                one.shear = onto_disc(changed, one.least)
+            step = np.linalg.lstsq(flexible, residual, rcond=1e-12)[0]
+            for push, pull, surface in zip(normal, across, self.contacts, strict=True):
+                area = t.area[surface.faces, None]
+                inside = np.linalg.norm(surface.shear, axis=2) < surface.least * (1 - SAME_LENGTH)
+                surface.pressure = (surface.pressure - self._room(surface)[:, :, 0] * (push @ step) / area).clip(
+                    min=0.0
+                )
+                changed = surface.shear - inside[:, :, None] * (pull @ step) / area[:, :, None]
+                surface.shear = onto_disc(changed, surface.least)
         raise Refused(UNBALANCED)
 
     @staticmethod
-    def _room(one: FacesInContact) -> Array:
+    def _room(surface: FacesInContact) -> Array:
         """1 where a pressure can become smaller and larger, shape (m, 3, 1)."""
-        return (one.pressure > 0)[:, :, None].astype(np.float64)
+        return (surface.pressure > 0)[:, :, None].astype(np.float64)
 
     def _free_at(self, parts: Ints, count: int) -> tuple[Array, Array]:
         """Sizes and directions of what holds vertices or edges, shapes (count, 3) and (count, 3, 3).
@@ -191,76 +204,89 @@ class BoundedInSpace(ProblemInSpace):
 
     def _entered(self) -> Array:
         """Of least energy with what the vertices enter the foundation, and slip where they stick; zero at supports."""
-        t, rows = self.t, [Given.of_facets(self.t.faces, self.held, np.zeros(3))]
+        t, rows = self.t, [PrescribedComponents.of_facets(self.t.faces, self.held, np.zeros(3))]
         sizes, vectors = self._free_at(t.faces, len(t.x))
-        for one in self.contacts:
-            first = np.cross(one.normal, np.eye(3)[np.abs(one.normal).argmin(axis=1)])
+        for surface in self.contacts:
+            first = np.cross(surface.normal, np.eye(3)[np.abs(surface.normal).argmin(axis=1)])
             first /= np.linalg.norm(first, axis=1)[:, None]
-            across = (first, np.cross(one.normal, first))
+            across = (first, np.cross(surface.normal, first))
             for corner in range(3):
-                vertex = t.faces[one.faces, corner]
-                depth = np.einsum("fd,fd->f", self.y[vertex], one.normal) - one.below[:, corner]
-                sticks = np.linalg.norm(one.shear[:, corner], axis=1) < (1 - SAME) * one.least[:, corner]
-                for kept, direction, value in (
-                    (np.ones(len(vertex), dtype=bool), one.normal, depth.clip(min=0.0)),
+                vertex = t.faces[surface.faces, corner]
+                depth = np.einsum("fd,fd->f", self.y[vertex], surface.normal) - surface.below[:, corner]
+                sticks = np.linalg.norm(surface.shear[:, corner], axis=1) < (1 - SAME_LENGTH) * surface.least[:, corner]
+                for selected, direction, value in (
+                    (np.ones(len(vertex), dtype=bool), surface.normal, depth.clip(min=0.0)),
                     *((sticks, along, np.einsum("fd,fd->f", self.y[vertex], along)) for along in across),
                 ):
-                    here, loose = vectors[vertex], sizes[vertex] <= SAME
-                    free = np.einsum("fik,fk,fjk,fj->fi", here, loose, here, direction)
+                    axes, loose = vectors[vertex], sizes[vertex] <= SAME_LENGTH
+                    free = np.einsum("fik,fk,fjk,fj->fi", axes, loose, axes, direction)
                     length = np.linalg.norm(free, axis=1)
-                    kept = kept & (length > 0.5)
-                    rows.append(Given(vertex[kept], free[kept] / length[kept, None], value[kept] / length[kept]))
-        given = Given.joined(*rows)
-        found = smallest_energy(t, given)[0] if given.fixes(t) else np.zeros_like(self.y)
-        return np.einsum("vik,vk,vjk,vj->vi", vectors, sizes <= SAME, vectors, found)
+                    selected = selected & (length > 0.5)
+                    rows.append(
+                        PrescribedComponents(
+                            vertex[selected],
+                            free[selected] / length[selected, None],
+                            value[selected] / length[selected],
+                        )
+                    )
+        constraints = PrescribedComponents.joined(*rows)
+        displacement = smallest_energy(t, constraints)[0] if constraints.fixes(t) else np.zeros_like(self.y)
+        return np.einsum("vik,vk,vjk,vj->vi", vectors, sizes <= SAME_LENGTH, vectors, displacement)
 
-    def _admissible(self, less: Array) -> tuple[Array, Array]:
+    def _admissible(self, removed: Array) -> tuple[Array, Array]:
         """The displacement without what it enters the foundation, at vertices and middles of edges.
 
         Args:
-            less: what is taken away from it before at the vertices, linear between them, length, shape (v, 3).
+            removed: what is taken away from it before at the vertices, linear between them, length, shape (v, 3).
         """
         t = self.t
-        y, middle = self.y - less, self.middle - less[t.edges].mean(axis=1)
-        tiny = ROUND_OFF * (np.abs(y).max() + max((np.abs(one.below).max() for one in self.contacts), default=0.0))
-        before = y.copy()
-        for place, columns in ((t.faces, (0, 1, 2)), (t.edges_of_faces, (3, 4, 5))):
+        y, middle = self.y - removed, self.middle - removed[t.edges].mean(axis=1)
+        tiny = ROUND_OFF * (
+            np.abs(y).max() + max((np.abs(surface.below).max() for surface in self.contacts), default=0.0)
+        )
+        unmoved = y.copy()
+        for entities, columns in ((t.faces, (0, 1, 2)), (t.edges_of_faces, (3, 4, 5))):
             at_vertices = columns[0] == 0
             values = y if at_vertices else middle
-            sizes, vectors = self._free_at(place, len(values))
-            free = np.einsum("vik,vk,vjk->vij", vectors, np.where(sizes > SAME, 0.0, 1.0), vectors)
+            sizes, vectors = self._free_at(entities, len(values))
+            free = np.einsum("vik,vk,vjk->vij", vectors, np.where(sizes > SAME_LENGTH, 0.0, 1.0), vectors)
             wanted: dict[int, list[tuple[Array, float]]] = {}
-            for one in self.contacts:
-                own = np.einsum("fcd,fd->fc", coefficients(self.nodal(y, middle, one.faces)), one.normal) - one.below
+            for surface in self.contacts:
+                excesses = (
+                    np.einsum("fcd,fd->fc", coefficients(self.nodal(y, middle, surface.faces)), surface.normal)
+                    - surface.below
+                )
                 for column in columns:
-                    for k in np.flatnonzero(own[:, column] > -tiny):
+                    for k in np.flatnonzero(excesses[:, column] > -tiny):
                         # Twice the middle of an edge is what its coefficient of Bernstein has of it.
-                        excess = float(own[k, column]) if at_vertices else float(own[k, column]) / 2
-                        wanted.setdefault(int(place[one.faces[k], column % 3]), []).append((one.normal[k], excess))
+                        excess = float(excesses[k, column]) if at_vertices else float(excesses[k, column]) / 2
+                        wanted.setdefault(int(entities[surface.faces[k], column % 3]), []).append(
+                            (surface.normal[k], excess)
+                        )
             for where, rows in wanted.items():
                 normals, depths = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
                 values[where] -= out(normals, depths + tiny, free[where], tiny)
             if at_vertices:
-                middle += (y - before)[t.edges].mean(axis=1)
+                middle += (y - unmoved)[t.edges].mean(axis=1)
         return y, middle
 
 
 def from_strain(t: Tetrahedra, strain: Array) -> Array:
     """The stress on quarters at their corners, shape (n, 4, 4, 6), of linear strains at corners, shape (n, 4, 6)."""
-    own = t.stress(strain)
-    centre = np.repeat(own.mean(axis=1)[:, None, None], 4, axis=1)
-    return np.concatenate((own[:, FACES], centre), axis=2)
+    corner_stress = t.stress(strain)
+    centre = np.repeat(corner_stress.mean(axis=1)[:, None, None], 4, axis=1)
+    return np.concatenate((corner_stress[:, FACES], centre), axis=2)
 
 
 def square(t: Tetrahedra, stress: Array) -> Array:
     """Squares of the norm of the complementary energy of stresses on quarters, by tetrahedron, energies."""
     strain = t.strain(stress) * TWICE
-    whole = (stress * strain).sum(axis=(1, 2, 3)) + (stress.sum(axis=2) * strain.sum(axis=2)).sum(axis=(1, 2))
-    return np.asarray(t.volume / 80 * whole).clip(min=0.0)
+    sums = (stress * strain).sum(axis=(1, 2, 3)) + (stress.sum(axis=2) * strain.sum(axis=2)).sum(axis=(1, 2))
+    return np.asarray(t.volume / 80 * sums).clip(min=0.0)
 
 
 def energy(t: Tetrahedra, strain: Array) -> Array:
     """Squares of energy norms of linear strains at corners, by tetrahedron, energies."""
     stress = t.stress(strain) * TWICE
-    whole = (stress * strain).sum(axis=(1, 2)) + (stress.sum(axis=1) * strain.sum(axis=1)).sum(axis=1)
-    return np.asarray(t.volume / 20 * whole)
+    sums = (stress * strain).sum(axis=(1, 2)) + (stress.sum(axis=1) * strain.sum(axis=1)).sum(axis=1)
+    return np.asarray(t.volume / 20 * sums)

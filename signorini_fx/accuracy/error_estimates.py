@@ -104,15 +104,15 @@ def combined(
     contact, inside, pressed = np.zeros_like(body), np.zeros_like(body), pressure_square(table)
     if pressed > 0:
         for squares, corners in ((contact, True), (inside, False)):
-            own = _facet_squares(boundary, table, blur, corners=corners)
-            np.add.at(squares, cells, own / pressed)
-    local, rest = total(contact), total(inside)
-    wholes = ((body, error**2), (inside, rest), (forces, data))
-    shares: list[Floats] = [np.asarray(squares / whole) for squares, whole in wholes if whole > 0]
+            facet_squares = _facet_squares(boundary, table, blur, corners=corners)
+            np.add.at(squares, cells, facet_squares / pressed)
+    local, inside_total = total(contact), total(inside)
+    wholes = ((body, error**2), (inside, inside_total), (forces, data))
+    shares: list[Floats] = [np.asarray(squares / scale) for squares, scale in wholes if scale > 0]
     return Errors(
         energy=error + data,
         pressure=float(np.sqrt(local)) + data if pressed > 0 else None,
-        inside=float(np.sqrt(rest)),
+        inside=float(np.sqrt(inside_total)),
         data=data,
         size=float(np.sqrt(size)),
         pressed=float(np.sqrt(pressed)),
@@ -142,8 +142,8 @@ def worst_of(steps: list[Errors]) -> Errors:
     shares = {"energy": of_size, "pressure": of_pressed, "force": [1.0] * len(steps)}
     pressures = [(step.pressure or 0.0) * share for step, share in zip(steps, of_pressed, strict=True)]
 
-    def added(name: str, own: list[float]) -> Floats:
-        parts = [share**2 * step.squares[name] for step, share in zip(steps, own, strict=True)]
+    def added(name: str, weights: list[float]) -> Floats:
+        parts = [share**2 * step.squares[name] for step, share in zip(steps, weights, strict=True)]
         return np.asarray(np.sum(parts, axis=0))
 
     return Errors(
@@ -153,5 +153,5 @@ def worst_of(steps: list[Errors]) -> Errors:
         data=max(step.data for step in steps),
         size=size,
         pressed=pressed,
-        squares={name: added(name, own) for name, own in shares.items()},
+        squares={name: added(name, weights) for name, weights in shares.items()},
     )

@@ -29,14 +29,14 @@ def force_error(levels: Sequence[LevelResult]) -> float | None:
     size = float(np.linalg.norm(fine.force))
     if size == 0.0:
         return None
-    told = [fine.inside**2 if fine.paired else 0.0]
+    estimates = [fine.inside**2 if fine.paired else 0.0]
     for coarse in levels[-1 - CHANGES_USED : -1]:
         change = float(np.linalg.norm(fine.force - coarse.force)) / size
         if fine.paired and coarse is not levels[-2] and change > LARGEST_CHANGE:
             continue
         share = float(np.clip(_share(coarse, fine), 0.0, SLOWEST_DECREASE))
-        told.append(change * share / (1 - share))
-    return max(told) + fine.data
+        estimates.append(change * share / (1 - share))
+    return max(estimates) + fine.data
 
 
 def _share(coarse: LevelResult, fine: LevelResult) -> float:
@@ -46,4 +46,4 @@ def _share(coarse: LevelResult, fine: LevelResult) -> float:
     displacement improves faster than the ends of the contact zones, which depend on the places of the nodes.
     """
     pairs = [(coarse.energy, fine.energy), (coarse.h, fine.h) if fine.paired else (coarse.inside, fine.inside)]
-    return max((after / before for before, after in pairs if before > 0), default=0.0) ** 2
+    return max((fine_error / coarse_error for coarse_error, fine_error in pairs if coarse_error > 0), default=0.0) ** 2

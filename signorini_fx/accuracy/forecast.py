@@ -24,8 +24,8 @@ def grown(
         least: the least share of the rest that grows.
     """
     growing = (value - earlier) / (1 - seen**-power)
-    own = max(value - offset, 0.0)
-    return float(value + np.clip(growing, least * own, own) * (growth**power - 1))
+    excess = max(value - offset, 0.0)
+    return float(value + np.clip(growing, least * excess, excess) * (growth**power - 1))
 
 
 def powers(dofs: float, dimension: int, krylov_from: float) -> tuple[float, float]:
@@ -48,13 +48,13 @@ def seconds_to_come(solved: Sequence[tuple[int, float]], meshes: int, dimension:
         dimension: of the body.
         krylov_from: as for ``powers``.
     """
-    (before, earlier), (dofs, seconds) = solved[-2] if len(solved) > 1 else solved[-1], solved[-1]
+    (earlier_dofs, earlier), (dofs, seconds) = solved[-2] if len(solved) > 1 else solved[-1], solved[-1]
     total = 0.0
     for number in range(1, meshes + 1):
         growth = 2.0 ** (dimension * number)
         power, _ = powers(dofs * growth, dimension, krylov_from)
-        if before < dofs:
-            total += grown(seconds, earlier, dofs / before, growth, power, least=LEAST_GROWING_TIME)
+        if earlier_dofs < dofs:
+            total += grown(seconds, earlier, dofs / earlier_dofs, growth, power, least=LEAST_GROWING_TIME)
         else:
             total += seconds * growth**power
     return total

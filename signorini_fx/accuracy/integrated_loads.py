@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.accuracy.arrays import Array, Ints
-from signorini_fx.accuracy.bounded_scene import Points
+from signorini_fx.accuracy.bounded_scene import BoundPoints
 from signorini_fx.accuracy.triangles import GAUSS, Triangles
 from signorini_fx.scene.cut_simplices import cut, halved
 
@@ -22,7 +22,7 @@ _COARSE = (np.polynomial.legendre.leggauss(5)[0] + 1) / 2, np.polynomial.legendr
 _HALVED = (2, 0, 1)
 
 # The force per area or volume at points, shape (m, q, 2), on parts of cells or edges, shape (m,).
-Density = Callable[[Ints, Points], Array]
+Density = Callable[[Ints, BoundPoints], Array]
 
 
 @dataclass(frozen=True)
@@ -56,21 +56,21 @@ def on_edges(t: Triangles, edges: Ints, density: Density, values: list[Any]) -> 
     owner, parts = cut(x, values)
     rules: list[tuple[Array, Array]] = []
     for often in _HALVED if varies else (0,):
-        some, fine = owner, parts
+        owners, fine = owner, parts
         for _ in range(often):
-            some, fine = np.tile(some, 2), halved(fine)
+            owners, fine = np.tile(owners, 2), halved(fine)
         begin, length = fine[:, 0, 1], fine[:, 1, 1] - fine[:, 0, 1]
         s, w = begin[:, None] + length[:, None] * GAUSS[0], np.abs(length)[:, None] * GAUSS[1]
-        a, b = x[some, 0][:, None], x[some, 1][:, None]
+        a, b = x[owners, 0][:, None], x[owners, 1][:, None]
         at = a + s[:, :, None] * (b - a)
-        force = density(some, Points(at, np.broadcast_to(t.outward[edges[some]][:, None], at.shape)))
+        force = density(owners, BoundPoints(at, np.broadcast_to(t.outward[edges[owners]][:, None], at.shape)))
         tested = np.stack(((1 - s) ** 2, 2 * s * (1 - s), s**2), axis=1) * w[:, None]
         moments = np.zeros((len(edges), 3, 2))
-        np.add.at(moments, some, np.einsum("mbq,mqd->mbd", tested, force))
+        np.add.at(moments, owners, np.einsum("mbq,mqd->mbd", tested, force))
         first, second = moments[:, 0] + moments[:, 1] / 2, moments[:, 2] + moments[:, 1] / 2
         ends = np.stack((4 * first - 2 * second, 4 * second - 2 * first), axis=1)
-        linear = np.einsum("mqa,mad->mqd", np.stack((1 - s, s), axis=2), ends[some])
-        missed = np.bincount(some, np.einsum("mq,mqd->m", w, (force - linear) ** 2), len(edges))
+        linear = np.einsum("mqa,mad->mqd", np.stack((1 - s, s), axis=2), ends[owners])
+        missed = np.bincount(owners, np.einsum("mq,mqd->m", w, (force - linear) ** 2), len(edges))
         rules.append((moments, np.asarray(missed, dtype=np.float64)))
     return _compared(rules, rules[0][0].sum(axis=1))
 
@@ -92,7 +92,7 @@ def in_triangles(x: Array, density: Density, values: list[Any]) -> Integrated:
         weight = np.outer(w * (1 - s), w).ravel() * 2
         places = np.column_stack((1 - a - b * (1 - a), a, b * (1 - a))) @ parts
         at = np.einsum("mqc,mcd->mqd", places, x[owner])
-        force = density(owner, Points(at, np.zeros_like(at)))
+        force = density(owner, BoundPoints(at, np.zeros_like(at)))
         products = [places[..., i] * places[..., j] for i in range(3) for j in range(3)]
         tested = np.concatenate((places, np.stack(products, axis=2)), axis=2) * (share[:, None] * weight)[:, :, None]
         moments = np.zeros((len(x), 12, 2))
@@ -105,7 +105,13 @@ def in_triangles(x: Array, density: Density, values: list[Any]) -> Integrated:
 
 def _compared(rules: list[tuple[Array, Array]], means: Array) -> Integrated:
     """What the first rule gives, and by how much the others differ from it."""
-    (moments, missed), others = rules[0], rules[1:]
-    unknown = np.max([np.abs(other - moments) for other, _ in others], axis=0) if others else np.zeros_like(moments)
-    more = np.max([np.abs(other - missed) for _, other in others], axis=0) if others else 0.0
-    return Integrated(moments, unknown, missed + more, means)
+    (moments, missed), further_rules = rules[0], rules[1:]
+    unknown = (
+        np.max([np.abs(estimate - moments) for estimate, _ in further_rules], axis=0)
+        if further_rules
+        else np.zeros_like(moments)
+    )
+    missed_change = (
+        np.max([np.abs(estimate - missed) for _, estimate in further_rules], axis=0) if further_rules else 0.0
+    )
+    return Integrated(moments, unknown, missed + missed_change, means)

@@ -15,13 +15,13 @@ from signorini_fx.accuracy.tetrahedra import COLUMNS, ROWS, TWICE, Tetrahedra
 from signorini_fx.accuracy.triangles import Triangles
 
 # Components along directions that are closer are one and the same; given ones may differ by as much.
-_SAME = 1e-9
+_SAME_DIRECTION = 1e-9
 # Those of ``tetrahedra`` in the plane: (xx, yy, xy).
 _ROWS, _COLUMNS, _TWICE = np.array([0, 1, 0]), np.array([0, 1, 1]), np.array([1.0, 1.0, 2.0])
 
 
 @dataclass(frozen=True)
-class Given:
+class PrescribedComponents:
     """Components of displacements at vertices, r of them.
 
     Attributes:
@@ -39,33 +39,35 @@ class Given:
         of_row = t.piece_of_vertex[self.vertex]
         for piece in range(int(t.piece.max()) + 1):
             inside, rows = np.flatnonzero(t.piece_of_vertex == piece), of_row == piece
-            place = np.searchsorted(inside, self.vertex[rows])
-            works = np.einsum("rdk,rd->rk", rigid_motions(t.x[inside])[place], self.direction[rows])
-            if not float(np.linalg.eigvalsh(works.T @ works)[0]) > _SAME * len(works):
+            indices = np.searchsorted(inside, self.vertex[rows])
+            works = np.einsum("rdk,rd->rk", rigid_motions(t.x[inside])[indices], self.direction[rows])
+            if not float(np.linalg.eigvalsh(works.T @ works)[0]) > _SAME_DIRECTION * len(works):
                 return False
         return True
 
     @staticmethod
-    def at_rest(vertex: Ints, d: int) -> Given:
+    def at_rest(vertex: Ints, d: int) -> PrescribedComponents:
         """No displacement in any direction.
 
         Args:
             vertex: where, shape (r,).
             d: the dimension.
         """
-        return Given(np.repeat(vertex, d), np.tile(np.eye(d), (len(vertex), 1)), np.zeros(d * len(vertex)))
-
-    @staticmethod
-    def joined(*parts: Given) -> Given:
-        """All of them."""
-        return Given(
-            np.concatenate([one.vertex for one in parts]),
-            np.concatenate([one.direction for one in parts]),
-            np.concatenate([one.value for one in parts]),
+        return PrescribedComponents(
+            np.repeat(vertex, d), np.tile(np.eye(d), (len(vertex), 1)), np.zeros(d * len(vertex))
         )
 
     @staticmethod
-    def of_facets(facets: Ints, projectors: Array, value: Array) -> Given:
+    def joined(*parts: PrescribedComponents) -> PrescribedComponents:
+        """All of them."""
+        return PrescribedComponents(
+            np.concatenate([part.vertex for part in parts]),
+            np.concatenate([part.direction for part in parts]),
+            np.concatenate([part.value for part in parts]),
+        )
+
+    @staticmethod
+    def of_facets(facets: Ints, projectors: Array, value: Array) -> PrescribedComponents:
         """Those of a vector in directions that facets hold.
 
         Args:
@@ -73,24 +75,30 @@ class Given:
             projectors: onto these directions, shape (f, d, d).
             value: of the displacement, length, shape (d,) or (f, d).
         """
-        some, d = np.flatnonzero(projectors.any(axis=(1, 2))), facets.shape[1]
-        sizes, vectors = np.linalg.eigh(projectors[some])
-        found = []
+        held_facets, d = np.flatnonzero(projectors.any(axis=(1, 2))), facets.shape[1]
+        sizes, vectors = np.linalg.eigh(projectors[held_facets])
+        parts = []
         for k in range(d):
-            kept = sizes[:, k] > 0.5
+            is_held = sizes[:, k] > 0.5
             for corner in range(d):
-                direction = vectors[kept, :, k]
-                there = np.broadcast_to(value, facets.shape)[some[kept]]
-                found.append(Given(facets[some[kept], corner], direction, (direction * there).sum(axis=1)))
-        return Given.joined(*found)
+                direction = vectors[is_held, :, k]
+                prescribed = np.broadcast_to(value, facets.shape)[held_facets[is_held]]
+                parts.append(
+                    PrescribedComponents(
+                        facets[held_facets[is_held], corner], direction, (direction * prescribed).sum(axis=1)
+                    )
+                )
+        return PrescribedComponents.joined(*parts)
 
 
-def smallest_energy(t: Triangles | Tetrahedra, given: Given, load: Array | None = None) -> tuple[Array, float]:
+def smallest_energy(
+    t: Triangles | Tetrahedra, constraints: PrescribedComponents, load: Array | None = None
+) -> tuple[Array, float]:
     """The displacement of least energy, loads included, with given components.
 
     Args:
         t: the triangles or tetrahedra.
-        given: the components; they leave no rigid motion free.
+        constraints: the components; they leave no rigid motion free.
         load: forces at vertices, shape (v, d); None: there are none.
 
     Returns:
@@ -98,17 +106,19 @@ def smallest_energy(t: Triangles | Tetrahedra, given: Given, load: Array | None 
     """
     count, d = t.x.shape
     weight, value = np.zeros((count, d, d)), np.zeros((count, d))
-    np.add.at(weight, given.vertex, given.direction[:, :, None] * given.direction[:, None])
-    np.add.at(value, given.vertex, given.direction * given.value[:, None])
+    np.add.at(weight, constraints.vertex, constraints.direction[:, :, None] * constraints.direction[:, None])
+    np.add.at(value, constraints.vertex, constraints.direction * constraints.value[:, None])
     turn, fixed, start = np.tile(np.eye(d), (count, 1, 1)), np.zeros((count, d), dtype=bool), np.zeros((count, d))
-    some = np.unique(given.vertex)
-    sizes, vectors = np.linalg.eigh(weight[some])
-    turn[some], fixed[some] = vectors, sizes > _SAME
-    along = np.einsum("nik,ni->nk", vectors, value[some])
-    start[some] = np.einsum(
-        "nik,nk->ni", vectors, np.where(fixed[some], along / np.where(fixed[some], sizes, 1.0), 0.0)
+    constrained = np.unique(constraints.vertex)
+    sizes, vectors = np.linalg.eigh(weight[constrained])
+    turn[constrained], fixed[constrained] = vectors, sizes > _SAME_DIRECTION
+    along = np.einsum("nik,ni->nk", vectors, value[constrained])
+    start[constrained] = np.einsum(
+        "nik,nk->ni", vectors, np.where(fixed[constrained], along / np.where(fixed[constrained], sizes, 1.0), 0.0)
     )
-    missed = np.abs((start[given.vertex] * given.direction).sum(axis=1) - given.value).max(initial=0.0)
+    missed = np.abs((start[constraints.vertex] * constraints.direction).sum(axis=1) - constraints.value).max(
+        initial=0.0
+    )
     matrix = stiffness(t)
     force = (np.zeros((count, d)) if load is None else load) - (matrix @ start.ravel()).reshape(-1, d)
     basis = free_basis(turn, fixed)
@@ -116,8 +126,8 @@ def smallest_energy(t: Triangles | Tetrahedra, given: Given, load: Array | None 
         return start, float(missed)
     upper = sp.triu(basis.T @ matrix @ basis, format="csr")
     upper.sort_indices()
-    found = basis @ Factor(upper).solve(basis.T @ force.ravel())
-    return start + found.reshape(-1, d), float(missed)
+    correction = basis @ Factor(upper).solve(basis.T @ force.ravel())
+    return start + correction.reshape(-1, d), float(missed)
 
 
 def free_basis(turn: Array, fixed: npt.NDArray[np.bool_]) -> sp.csr_matrix:

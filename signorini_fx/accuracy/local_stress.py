@@ -50,9 +50,9 @@ class LocalStress:
         data = np.zeros((n, 18, 12))
         for i in range(3):
             for end in (0, 1):
-                for other in (0, 1):
+                for column_end in (0, 1):
                     rows_ = slice(4 * i + 2 * end, 4 * i + 2 * end + 2)
-                    data[:, rows_, 4 * i + 2 * other : 4 * i + 2 * other + 2] = share[end, other] * map_
+                    data[:, rows_, 4 * i + 2 * column_end : 4 * i + 2 * column_end + 2] = share[end, column_end] * map_
         stress = self._of((self._operator @ data).reshape(n, 9, 3, 12), n)
         self._weighted = self._conjugate(stress).reshape(n, 27, 12)
         energy = self._weighted.transpose(0, 2, 1) @ stress.reshape(n, 27, 12)
@@ -62,10 +62,10 @@ class LocalStress:
         balance[:, 2, :, :, 1] = self._arm[:n, _ENDS, 0]
         balanced = balance.reshape(n, 3, 12)
         self._unit = np.trace(energy, axis1=1, axis2=2)[:, None, None] / 12
-        whole = np.zeros((n, 15, 15))
-        whole[:, :12, :12] = energy / self._unit
-        whole[:, 12:, :12], whole[:, :12, 12:] = balanced, balanced.transpose(0, 2, 1)
-        self._solution = np.linalg.inv(whole)
+        matrix = np.zeros((n, 15, 15))
+        matrix[:, :12, :12] = energy / self._unit
+        matrix[:, 12:, :12], matrix[:, :12, 12:] = balanced, balanced.transpose(0, 2, 1)
+        self._solution = np.linalg.inv(matrix)
         self.compliance = self._solution[:, :12, :12] / self._unit
 
     def alone(self, body: Array) -> Array:
@@ -77,7 +77,7 @@ class LocalStress:
         n, parts = self._size, self._t.parts
         if not body.any():
             return np.zeros((n * parts, 12))
-        fixed = self._of((self._given(body) @ self._operator[:, 12:].T).reshape(-1, 9, 3, 1), n * parts)
+        fixed = self._of((self._body_forces(body) @ self._operator[:, 12:].T).reshape(-1, 9, 3, 1), n * parts)
         arm = self._arm
         couple = (arm[..., 0] * body[..., 1] - arm[..., 1] * body[..., 0]).sum(axis=1)
         load = np.column_stack((body.sum(axis=1), couple)).reshape(parts, n, 3, 1)
@@ -85,8 +85,8 @@ class LocalStress:
         if parts == 4:  # the triangle between the three others is turned by half a turn
             linear[3] *= -1
             load[3, :, 2] *= -1
-        found = -self.compliance @ linear - self._solution[:, :12, 12:] @ load
-        return np.asarray(found.reshape(-1, 12))
+        moments = -self.compliance @ linear - self._solution[:, :12, 12:] @ load
+        return np.asarray(moments.reshape(-1, 12))
 
     def stress(self, tractions: Array, body: Array) -> tuple[Array, Array]:
         """The stress, and the share of its data that it misses, by triangle.
@@ -101,14 +101,14 @@ class LocalStress:
         t, n = self._t, len(self._arm)
         forces = tractions * t.length[t.of_triangle][:, :, None, None] * self._determinant[:, None, None, None]
         reference = forces.reshape(n, 6, 2) @ self._inverse.transpose(0, 2, 1)
-        data = np.concatenate((reference.reshape(n, 12), self._given(body)), axis=1)
+        data = np.concatenate((reference.reshape(n, 12), self._body_forces(body)), axis=1)
         local = data @ self._operator.T
         missed = local @ self._conditions[:, :27].T - data @ self._conditions[:, 27:].T
-        rest = np.abs(missed).max(axis=1) / np.abs(data).max(axis=1, initial=1e-300)
+        missed_share = np.abs(missed).max(axis=1) / np.abs(data).max(axis=1, initial=1e-300)
         stress = local.reshape(n, 9, 3) @ self._turn.transpose(0, 2, 1)
-        return stress.reshape(n, 3, 3, 3), rest
+        return stress.reshape(n, 3, 3, 3), missed_share
 
-    def _given(self, body: Array) -> Array:
+    def _body_forces(self, body: Array) -> Array:
         """Minus the forces of the thirds on the reference triangle, shape (n, 6)."""
         value = constant_forces(self._t, body) * (self._determinant**2)[:, None, None]
         return np.asarray(-(value @ self._inverse.transpose(0, 2, 1)).reshape(-1, 6))
@@ -156,9 +156,12 @@ def reference() -> tuple[Array, Array]:
     for k in range(3):
         along = centre - x[k]
         normal = np.array([along[1], -along[0]]) / np.linalg.norm(along)
-        one, other = (k + 1) % 3, (k + 2) % 3  # of these thirds the corner is the second and the first one
+        first_third, second_third = (
+            (k + 1) % 3,
+            (k + 2) % 3,
+        )  # of these thirds the corner is the second and the first one
         for first, second in ((1, 0), (2, 2)):
-            rows.append(traction(one, first, normal) - traction(other, second, normal))
+            rows.append(traction(first_third, first, normal) - traction(second_third, second, normal))
             data.append(np.zeros((2, 18)))
     for i in range(3):
         g = np.linalg.inv(np.column_stack((thirds[i][1] - thirds[i][0], thirds[i][2] - thirds[i][0])))

@@ -55,10 +55,10 @@ class MacroStress:
         for first in range(0, n, _CHUNK):
             self._invert(slice(first, first + _CHUNK))
 
-    def _invert(self, here: slice) -> None:
+    def _invert(self, chunk: slice) -> None:
         """Compliance of some tetrahedra: least energy with balanced moments."""
         t, operator = self._t, reference()[0]
-        map_ = 2 * self._determinant[here, None, None] * self._inverse[here]
+        map_ = 2 * self._determinant[chunk, None, None] * self._inverse[chunk]
         n = len(map_)
         data = np.zeros((n, 48, 36))
         for i in range(4):
@@ -66,44 +66,44 @@ class MacroStress:
                 for b in range(3):
                     rows, columns = 3 * (3 * i + a), 3 * (3 * i + b)
                     data[:, rows : rows + 3, columns : columns + 3] = _FROM_MOMENTS[a, b] * map_
-        stress = self._turn[here, None] @ (operator @ data).reshape(n, 16, 6, 36)
-        fixed = self._turn[here, None] @ (self._forces(here) @ operator[:, 36:].T).reshape(n, 16, 6, 1)
-        weighted = self._conjugate(stress, here).reshape(n, 96, 36).transpose(0, 2, 1)
+        stress = self._turn[chunk, None] @ (operator @ data).reshape(n, 16, 6, 36)
+        fixed = self._turn[chunk, None] @ (self._forces(chunk) @ operator[:, 36:].T).reshape(n, 16, 6, 1)
+        weighted = self._conjugate(stress, chunk).reshape(n, 96, 36).transpose(0, 2, 1)
         energy = weighted @ stress.reshape(n, 96, 36)
         coupling = weighted @ fixed.reshape(n, 96, 1)
-        centre = t.x[t.corners[here]].mean(axis=1)
-        size = np.cbrt(t.volume[here])
-        arm = ((t.x[t.corners[here]] - centre[:, None]) / size[:, None, None])[:, FACES].reshape(n, 12, 3)
+        centre = t.x[t.corners[chunk]].mean(axis=1)
+        size = np.cbrt(t.volume[chunk])
+        arm = ((t.x[t.corners[chunk]] - centre[:, None]) / size[:, None, None])[:, FACES].reshape(n, 12, 3)
         balance = np.zeros((n, 6, 12, 3))
         for k in range(3):
             balance[:, k, :, k] = 1.0
             balance[:, 3 + k] = np.cross(np.eye(3)[k], arm)
         balanced = balance.reshape(n, 6, 36)
-        self.energy[here] = np.trace(energy, axis1=1, axis2=2)
-        unit = self.energy[here, None, None] / 36
-        whole = np.zeros((n, 42, 42))
-        whole[:, :36, :36] = energy / unit
-        whole[:, 36:, :36], whole[:, :36, 36:] = balanced, balanced.transpose(0, 2, 1)
-        solution = np.linalg.inv(whole)
-        self.compliance[here] = solution[:, :36, :36] / unit
+        self.energy[chunk] = np.trace(energy, axis1=1, axis2=2)
+        unit = self.energy[chunk, None, None] / 36
+        matrix = np.zeros((n, 42, 42))
+        matrix[:, :36, :36] = energy / unit
+        matrix[:, 36:, :36], matrix[:, :36, 36:] = balanced, balanced.transpose(0, 2, 1)
+        solution = np.linalg.inv(matrix)
+        self.compliance[chunk] = solution[:, :36, :36] / unit
         right = np.zeros((n, 42, 1))
         right[:, :36] = -coupling / unit
-        right[:, 36:39, 0] = -self._body[here] * t.volume[here, None]  # its couple about the centroid is zero
-        self.alone[here] = (solution[:, :36] @ right)[:, :, 0]
+        right[:, 36:39, 0] = -self._body[chunk] * t.volume[chunk, None]  # its couple about the centroid is zero
+        self.alone[chunk] = (solution[:, :36] @ right)[:, :, 0]
 
-    def _forces(self, here: slice) -> Array:
+    def _forces(self, chunk: slice) -> Array:
         """Minus the forces of the quarters of the reference tetrahedron, shape (n, 12)."""
-        value = (self._inverse[here] @ self._body[here, :, None])[:, :, 0] * self._determinant[here, None] ** 2
+        value = (self._inverse[chunk] @ self._body[chunk, :, None])[:, :, 0] * self._determinant[chunk, None] ** 2
         return -np.tile(value, (1, 4))
 
-    def _conjugate(self, stress: Array, here: slice) -> Array:
+    def _conjugate(self, stress: Array, chunk: slice) -> Array:
         """The matrix of the integral of sigma : C^-1 tau times stresses, shape (n, 16, 6, k)."""
-        first, second = (self._t.lame[here, i, None, None] for i in (0, 1))
+        first, second = (self._t.lame[chunk, i, None, None] for i in (0, 1))
         strain = stress.copy()
         strain[:, :, :3] -= (first / (3 * first + 2 * second) * stress[:, :, :3].sum(axis=2))[:, :, None]
         strain *= TWICE[:, None]
         strain = strain.reshape(len(stress), 4, 4, 6, -1)
-        weight = (self._t.volume[here, None, None] / (160 * second))[:, :, :, None, None]
+        weight = (self._t.volume[chunk, None, None] / (160 * second))[:, :, :, None, None]
         return np.asarray(weight * (strain + strain.sum(axis=2, keepdims=True))).reshape(stress.shape)
 
     def stress(self, tractions: Array) -> tuple[Array, Array]:
@@ -119,13 +119,13 @@ class MacroStress:
         t, n = self._t, len(tractions)
         operator, conditions = reference()
         forces = 2 * tractions * t.area[t.of_tetrahedron][:, :, None, None] * self._determinant[:, None, None, None]
-        given = (forces.reshape(n, 12, 3) @ self._inverse.transpose(0, 2, 1)).reshape(n, 36)
-        data = np.concatenate((given, self._forces(slice(None))), axis=1)
+        moments = (forces.reshape(n, 12, 3) @ self._inverse.transpose(0, 2, 1)).reshape(n, 36)
+        data = np.concatenate((moments, self._forces(slice(None))), axis=1)
         local = data @ operator.T
         missed = local @ conditions[:, :96].T - data @ conditions[:, 96:].T
-        rest = np.abs(missed).max(axis=1) / np.abs(data).max(axis=1, initial=1e-300)
+        missed_share = np.abs(missed).max(axis=1) / np.abs(data).max(axis=1, initial=1e-300)
         stress = local.reshape(n, 16, 6) @ self._turn.transpose(0, 2, 1)
-        return stress.reshape(n, 4, 4, 6), rest
+        return stress.reshape(n, 4, 4, 6), missed_share
 
 
 @cache
@@ -162,8 +162,8 @@ def reference() -> tuple[Array, Array]:
             normal = np.cross(x[shared[0]] - centre, x[shared[1]] - centre)
             normal /= np.linalg.norm(normal)
             places = [(list(FACES[i]).index(k), list(FACES[j]).index(k)) for k in shared]
-            for one, other in (*places, (3, 3)):
-                rows.append(traction(i, one, normal) - traction(j, other, normal))
+            for first_corner, second_corner in (*places, (3, 3)):
+                rows.append(traction(i, first_corner, normal) - traction(j, second_corner, normal))
                 data.append(np.zeros((3, 48)))
     for i in range(4):
         p = np.concatenate((x[FACES[i]], centre[None]))

@@ -63,11 +63,11 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
     if goal.refinement == "adaptive" and goal.of == "peak":
         message = "the largest pressure has no estimate on meshes that are divided in some places only: use 'uniform'"
         raise SceneError([("accuracy.refinement", message)])
-    given = goal
+    requested = goal
     if any(effect.against is not None for effect in scene.contact):  # see ``Contact.contradictions``
         goal = goal.model_copy(update={"refinement": "uniform"})
     if scene.body:
-        return _planned_bodies(scene, given, comm)
+        return _planned_bodies(scene, requested, comm)
     if isinstance(scene.mesh, MeshGenerator):
         return _planned_generator(scene, goal)
     if isinstance(scene.mesh, MeshFile):
@@ -108,9 +108,9 @@ def _with_curved_bodies(scene: Scene) -> Scene:
     for body in scene.body:
         if not isinstance(body.mesh, MeshGenerator):
             return scene
-        name, given = body.mesh.generator, body.mesh.parameters
-        parameters = curved_parameters(name, given)
-        if parameters is None or generated_cell(name, given) in ("tetrahedron", "hexahedron"):
+        name, original = body.mesh.generator, body.mesh.parameters
+        parameters = curved_parameters(name, original)
+        if parameters is None or generated_cell(name, original) in ("tetrahedron", "hexahedron"):
             return scene
         mesh = MeshGenerator(generator=name, parameters=parameters)
         curved.append(body.model_copy(update={"mesh": mesh}))
@@ -128,9 +128,9 @@ def _of_degree_2(scene: Scene) -> Scene:
 
 def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
     assert isinstance(scene.mesh, MeshGenerator)
-    name, given = scene.mesh.generator, scene.mesh.parameters
-    triangles = simplex_parameters(name, given)
-    cell = generated_cell(name, given)
+    name, original = scene.mesh.generator, scene.mesh.parameters
+    triangles = simplex_parameters(name, original)
+    cell = generated_cell(name, original)
     if cell == "hexahedron" and goal.refinement == "adaptive":
         message = "hexahedra cannot be divided one by one and stay conforming: use cell = 'tetrahedron', or 'uniform'"
         raise SceneError([("accuracy.refinement", message)])
@@ -140,7 +140,7 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
     if cell in ("tetrahedron", "hexahedron"):
         return Plan(scene, _divides(goal, cell == "tetrahedron" and triangles is not None), replaced=False)
     # Arcs: cells of degree 2 on them, and all of them smaller.
-    parameters = curved_parameters(name, given) if triangles is None else triangles
+    parameters = curved_parameters(name, original) if triangles is None else triangles
     if goal.refinement != "auto" or goal.of not in LOCAL or parameters is None:
         return Plan(scene, goal.refinement == "adaptive", replaced=False)
     mesh = MeshGenerator(generator=name, parameters=parameters)
@@ -167,6 +167,6 @@ def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) 
         check_divisible(straight)
         divided = (_of_degree_2(scene) if better else scene).model_copy(update={"mesh": straight})
         return Plan(divided, True, divided.element != scene.element, polygonal=not drawn and degree == 1)
-    whole = _of_degree_2(scene) if better else scene
-    geometry = (2 if curved and whole.element.degree == 2 else 1) if drawn or not curved else None
-    return Plan(whole, False, whole.element != scene.element, not drawn and degree == 1, geometry)
+    planned_scene = _of_degree_2(scene) if better else scene
+    geometry = (2 if curved and planned_scene.element.degree == 2 else 1) if drawn or not curved else None
+    return Plan(planned_scene, False, planned_scene.element != scene.element, not drawn and degree == 1, geometry)

@@ -46,11 +46,11 @@ def interval_squares(table: ContactTable, *, corners: bool = True, blur: float =
     Returns:
         One array for each path of the table, shape (rows - 1,).
     """
-    found = []
+    squares = []
     for path in table.paths:
-        rows, s, own = table.unrolled(path)
-        found.append(_squares(table, rows, s, blur, corners=corners)[own])
-    return found
+        rows, s, path_slice = table.unrolled(path)
+        squares.append(_squares(table, rows, s, blur, corners=corners)[path_slice])
+    return squares
 
 
 def _squares(table: ContactTable, rows: Ints, s: Floats, blur: float, *, corners: bool) -> Floats:
@@ -91,9 +91,9 @@ def _jumps(s: Floats, pressure: Floats) -> Floats:
         return jumps
     steps = np.diff(pressure)
     slopes = steps / np.diff(s)
-    left = pressure[1:-3] + slopes[:-3] * (s[2:-2] - s[1:-3])
+    from_left = pressure[1:-3] + slopes[:-3] * (s[2:-2] - s[1:-3])
     right = pressure[3:-1] + slopes[3:] * (s[2:-2] - s[3:-1])
-    size = np.abs(left - right)
+    size = np.abs(from_left - right)
     pressed = np.lib.stride_tricks.sliding_window_view(pressure != 0, 5).all(axis=1)
     beyond = size > JUMP_RATIO * np.maximum(np.abs(steps[:-3]), np.abs(steps[3:]))
     jumps[1:-1] = np.where(pressed & beyond, size, 0.0)
@@ -119,8 +119,8 @@ def singular_square(r: Floats, pressure: Floats, blur: float) -> float:
     falling = near[: 1 + int(np.argmin(np.append(np.diff(pressure[near]) < 0, False)))]
     stretch = falling[(r[falling] <= FIT_STRETCH * r[first] * (1 + _EQUAL)) & (pressure[falling] > 0)]
 
-    def growth(other: int) -> float:
-        return float(np.log(pressure[first] / pressure[other]) / np.log(r[other] / r[first]))
+    def growth(node: int) -> float:
+        return float(np.log(pressure[first] / pressure[node]) / np.log(r[node] / r[first]))
 
     a = growth(near[1])
     if a > STEEP_EXPONENT and stretch[-1] > first:
@@ -158,25 +158,25 @@ def bends(r: Floats, pressure: Floats) -> bool:
 def _corners(table: ContactTable, rows: Ints) -> list[tuple[int, int]]:
     """Nodes in contact at a corner of the body or at the ends of these rows, each with an interval beside it."""
     pressure, last = table.columns["pressure"][rows], len(rows) - 1
-    found = [(0, 0), (last, last - 1)]
+    pairs = [(0, 0), (last, last - 1)]
     if "x" in table.columns:
         x, y = table.columns["x"][rows], table.columns["y"][rows]
         for node in np.flatnonzero(_turning(x, y) > CORNER_ANGLE) + 1:
-            found += [(node, k) for k in (node - 1, node) if 0 < k < last - 1]
-    return [(node, interval) for node, interval in found if pressure[node] != 0]
+            pairs += [(node, k) for k in (node - 1, node) if 0 < k < last - 1]
+    return [(node, interval) for node, interval in pairs if pressure[node] != 0]
 
 
 def corners_of_error(table: ContactTable) -> Floats:
     """Positions of the corners with a large share of the error of the pressure beside them, shape (n, 2)."""
     squares = interval_squares(table)
-    much = CORNER_ERROR_SHARE * sum(float(own.sum()) for own in squares)
-    found: list[int] = []
+    much = CORNER_ERROR_SHARE * sum(float(part.sum()) for part in squares)
+    nodes: list[int] = []
     for path, of_path in zip(table.paths, squares, strict=True):
-        rows, _, own = table.unrolled(path)
+        rows, _, part = table.unrolled(path)
         for node, interval in _corners(table, rows) if of_path.size > 1 else []:
-            if own.start <= interval < own.stop and of_path[interval - own.start] > much:
-                found.append(int(rows[node]))
-    return np.column_stack((table.columns["x"][found], table.columns["y"][found]))
+            if part.start <= interval < part.stop and of_path[interval - part.start] > much:
+                nodes.append(int(rows[node]))
+    return np.column_stack((table.columns["x"][nodes], table.columns["y"][nodes]))
 
 
 def _turning(x: Floats, y: Floats) -> Floats:
@@ -266,17 +266,19 @@ def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Fl
     rows, following = (np.concatenate([path[end] for path in table.paths]) for end in (slice(-1), slice(1, None)))
     base = int(table.nodes.max(initial=0)) + 1
 
-    def keys(part: Ints, one: Ints, other: Ints) -> Ints:
+    def keys(part: Ints, first: Ints, second: Ints) -> Ints:
         """One number for each pair of nodes on a boundary, in either order."""
-        return (part * base + np.minimum(one, other)) * base + np.maximum(one, other)
+        return (part * base + np.minimum(first, second)) * base + np.maximum(first, second)
 
-    known = keys(table.nodes[rows, 0], table.nodes[rows, 1], table.nodes[following, 1])
-    order = np.argsort(known)
-    known, values = known[order], np.concatenate(intervals)[order]
+    interval_keys = keys(table.nodes[rows, 0], table.nodes[rows, 1], table.nodes[following, 1])
+    order = np.argsort(interval_keys)
+    interval_keys, values = interval_keys[order], np.concatenate(intervals)[order]
     part, nodes = boundary.segments[:, 0], boundary.segments[:, 1:]
     total = np.zeros(len(part))
     for k in range(nodes.shape[1] - 1):
         wanted = keys(part, nodes[:, k], nodes[:, k + 1])
-        place = np.minimum(np.searchsorted(known, wanted), known.size - 1)
-        total += np.where(known[place] == wanted, values[place], 0.0)  # between two bodies a node may carry no point
+        position = np.minimum(np.searchsorted(interval_keys, wanted), interval_keys.size - 1)
+        total += np.where(
+            interval_keys[position] == wanted, values[position], 0.0
+        )  # between two bodies a node may carry no point
     return total

@@ -70,10 +70,14 @@ class Price(MeshCost):
 
 def with_polygon(level: LevelResult, polygon: float) -> LevelResult:
     """A mesh with the errors that its straight facets add if they approximate a curved boundary."""
-    more = {name: share * polygon**power for name, (share, power) in POLYGON_ERRORS.items()}
-    pressure = None if level.pressure is None else level.pressure + more["pressure"]
+    additions = {name: share * polygon**power for name, (share, power) in POLYGON_ERRORS.items()}
+    pressure = None if level.pressure is None else level.pressure + additions["pressure"]
     return replace(
-        level, energy=level.energy + more["energy"], pressure=pressure, data=level.data + more["force"], polygon=polygon
+        level,
+        energy=level.energy + additions["energy"],
+        pressure=pressure,
+        data=level.data + additions["force"],
+        polygon=polygon,
     )
 
 
@@ -94,10 +98,10 @@ def peak_memory(comm: MPI.Comm) -> float:
     # Linux passes ru_maxrss on through fork and exec: in a small child it would be that of its large parent.
     try:
         status = Path("/proc/self/status").read_text(encoding="ascii")
-        own = int(status.split("VmHWM:")[1].split()[0]) / 1024
+        megabytes = int(status.split("VmHWM:")[1].split()[0]) / 1024
     except (OSError, IndexError):  # not Linux
-        own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return float(parallel.global_sum(comm, np.array(own)))
+        megabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return float(parallel.global_sum(comm, np.array(megabytes)))
 
 
 def expected_rates(degree: int) -> dict[str, float]:
@@ -149,8 +153,8 @@ def price_list(
         change = changes[index - 1]["pressure"] if index > 0 else None
         if change is not None and level.pressure is not None:
             errors["pressure"] = _confirmed(levels[index - 1], level, change, uniform=uniform)
-        own = (*(field.name for field in fields(MeshCost)), "energy", "regularisation", "iteration")
-        row: dict[str, Any] = {name: getattr(level, name) for name in own} | errors
+        level_fields = (*(field.name for field in fields(MeshCost)), "energy", "regularisation", "iteration")
+        row: dict[str, Any] = {name: getattr(level, name) for name in level_fields} | errors
         rows.append(Price(**row))
     last = levels[-1]
     following = predict(rows, base_memory, rates=rates, dimension=last.dimension, krylov_from=last.krylov_from)
@@ -195,10 +199,10 @@ def _changes(coarse: LevelResult, fine: LevelResult) -> dict[str, float | None]:
 def zone_change(coarse: ContactTable, fine: ContactTable) -> float | None:
     """Change of the ends of the contact zones, relative to their length; in space that of their area."""
     if fine.facets is not None:
-        before, after = (
+        coarse_area, fine_area = (
             float(np.sum(table.columns["weight"][table.columns["pressure"] > 0])) for table in (coarse, fine)
         )
-        return abs(after - before) / after if after > 0 else None
+        return abs(fine_area - coarse_area) / fine_area if fine_area > 0 else None
     ends_c, ends_f = zone_ends(coarse), zone_ends(fine)
     length = float(np.abs(np.diff(ends_f[:, :, 0])).sum())
     if ends_c.shape != ends_f.shape or length == 0:
@@ -234,9 +238,9 @@ def _zones(table: ContactTable) -> Iterator[tuple[Any, npt.NDArray[np.float64], 
     for path, first, last in table.runs(pressure > 0):
         if is_closed(path) and (pressure[path] > 0).all():
             continue
-        rows, s, own = table.unrolled(path)
-        start, stop = (own.start + int(np.flatnonzero(path == row)[0]) for row in (first, last))
-        yield rows, s, pressure[rows], start, stop + (own.stop - own.start) * (stop < start)
+        rows, s, path_slice = table.unrolled(path)
+        start, stop = (path_slice.start + int(np.flatnonzero(path == row)[0]) for row in (first, last))
+        yield rows, s, pressure[rows], start, stop + (path_slice.stop - path_slice.start) * (stop < start)
 
 
 def zone_ends(table: ContactTable) -> npt.NDArray[np.float64]:
@@ -245,17 +249,17 @@ def zone_ends(table: ContactTable) -> npt.NDArray[np.float64]:
     Between the last node in contact and the next one the pressure falls like the square root of the distance to the
     end, so its square is extrapolated linearly.
     """
-    found, x = [], places(table)
+    zones, x = [], places(table)
     for rows, s, p, start, stop in _zones(table):
         ends = [_end(s, p, start, -1, stop), _end(s, p, stop, 1, start)]
-        found.append([[end, *(np.interp(end, s, axis) for axis in x[rows].T)] for end in ends])
-    return np.array(found).reshape(-1, 2, 3)
+        zones.append([[end, *(np.interp(end, s, axis) for axis in x[rows].T)] for end in ends])
+    return np.array(zones).reshape(-1, 2, 3)
 
 
-def _end(s: npt.NDArray[np.float64], p: npt.NDArray[np.float64], row: int, step: int, other: int) -> float:
+def _end(s: npt.NDArray[np.float64], p: npt.NDArray[np.float64], row: int, step: int, opposite: int) -> float:
     """Where p^2 vanishes beyond ``row`` in the direction ``step``."""
     outside, inside = row + step, row - step
-    if not (0 <= outside < p.size and 0 <= inside < p.size) or row == other or p[inside] <= p[row]:
+    if not (0 <= outside < p.size and 0 <= inside < p.size) or row == opposite or p[inside] <= p[row]:
         return float(s[row])
     reach = p[row] ** 2 / (p[inside] ** 2 - p[row] ** 2) * abs(s[row] - s[inside])
     return float(s[row] + np.sign(s[outside] - s[row]) * min(reach, abs(s[outside] - s[row])))
@@ -274,12 +278,12 @@ def _error(rate: float, changes: list[float | None], fineness: Sequence[float]) 
     """
     if not changes[-1]:
         return changes[-1]
-    told = [
+    estimates = [
         change / ((fine / coarse) ** rate - 1) * (fine / fineness[-1]) ** rate
         for change, (coarse, fine) in list(zip(changes, pairwise(fineness), strict=True))[-CHANGES_USED:]
         if change and fine > coarse
     ]
-    return float(np.exp(np.mean(np.log(told)))) if told else None
+    return float(np.exp(np.mean(np.log(estimates)))) if estimates else None
 
 
 def predict(
@@ -301,8 +305,8 @@ def predict(
         dimension: of the body.
         krylov_from: as in ``LevelResult``.
     """
-    last, before = rows[-1], rows[-2]
-    seen_growth = last.dofs / before.dofs
+    last, previous = rows[-1], rows[-2]
+    seen_growth = last.dofs / previous.dofs
     seen_finer = fineness_of(seen_growth, dimension)
     finer = seen_finer if finer is None else finer
     growth = finer**dimension
@@ -312,8 +316,8 @@ def predict(
         return None if value is None else value / finer ** rates[name]
 
     energy_rate = (
-        np.clip(np.log(before.energy / last.energy) / np.log(seen_finer), *ENERGY_RATES)
-        if before.energy and last.energy
+        np.clip(np.log(previous.energy / last.energy) / np.log(seen_finer), *ENERGY_RATES)
+        if previous.energy and last.energy
         else 1.0
     )
 
@@ -323,8 +327,8 @@ def predict(
         level=last.level + 1,
         h=last.h / finer,
         dofs=round(last.dofs * growth),
-        seconds=grown(last.seconds, before.seconds, seen_growth, growth, seconds, least=LEAST_GROWING_TIME),
-        memory=grown(last.memory, before.memory, seen_growth, growth, memory, offset=base_memory),
+        seconds=grown(last.seconds, previous.seconds, seen_growth, growth, seconds, least=LEAST_GROWING_TIME),
+        memory=grown(last.memory, previous.memory, seen_growth, growth, memory, offset=base_memory),
         energy=None if last.energy is None else float(last.energy / finer**energy_rate),
         pressure=next_error("pressure"),
         force=next_error("force"),

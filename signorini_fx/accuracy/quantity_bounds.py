@@ -23,12 +23,12 @@ import numpy as np
 from dolfinx import fem
 
 from signorini_fx.accuracy.arrays import Array, Ints
-from signorini_fx.accuracy.bounded_error import ROUND_OFF, SAME, Interval
+from signorini_fx.accuracy.bounded_error import ROUND_OFF, SAME_LENGTH, Interval
 from signorini_fx.accuracy.bounded_scene import Refused
 from signorini_fx.accuracy.cell_pieces import free_motions, of_each_piece
-from signorini_fx.accuracy.equilibrated_stress import Loads
+from signorini_fx.accuracy.equilibrated_stress import PlaneLoads
 from signorini_fx.accuracy.error_bound import Bounded
-from signorini_fx.accuracy.linear_displacement import Given, smallest_energy
+from signorini_fx.accuracy.linear_displacement import PrescribedComponents, smallest_energy
 from signorini_fx.accuracy.stress_products import from_strain, product, square
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
@@ -41,7 +41,7 @@ def mean_displacement(
     contact: ContactState | None,
     boundary: str,
     direction: tuple[float, float],
-    place: float = 0.0,
+    step: float = 0.0,
 ) -> Interval | str:
     """Bounds of the mean of u . direction over a boundary, a length; or why there are none.
 
@@ -53,10 +53,10 @@ def mean_displacement(
         contact: the contact nodes.
         boundary: its name.
         direction: any vector; a unit one gives a length.
-        place: of the load step in the lists of factors.
+        step: of the load step in the lists of factors.
     """
     try:
-        return _Quantity(d, y, contact, place).mean(boundary, np.asarray(direction, dtype=np.float64))
+        return _Quantity(d, y, contact, step).mean(boundary, np.asarray(direction, dtype=np.float64))
     except Refused as refused:
         return str(refused)
 
@@ -67,7 +67,7 @@ def force(
     contact: ContactState | None,
     boundary: str,
     direction: tuple[float, float],
-    place: float = 0.0,
+    step: float = 0.0,
 ) -> Interval | str:
     """Bounds of the force on the body along a direction of a support or of a contact; or why there are none.
 
@@ -79,10 +79,10 @@ def force(
         contact: the contact nodes.
         boundary: of a support or of a contact.
         direction: any vector; a unit one gives a force per thickness.
-        place: of the load step in the lists of factors.
+        step: of the load step in the lists of factors.
     """
     try:
-        return _Quantity(d, y, contact, place).force(boundary, np.asarray(direction, dtype=np.float64))
+        return _Quantity(d, y, contact, step).force(boundary, np.asarray(direction, dtype=np.float64))
     except Refused as refused:
         return str(refused)
 
@@ -98,7 +98,7 @@ class _Quantity(Bounded):
             raise Refused("a mean displacement has bounds where supports hold the body without its contact")
         unit = np.zeros((len(t.edges), 2, 2))
         unit[edges] = direction / t.length[edges].sum()  # what supports take of it neither stress nor w know
-        stress = self.equilibration.stress(Loads(np.zeros((len(t.corners), 3, 2)), unit), np.zeros_like(unit))
+        stress = self.equilibration.stress(PlaneLoads(np.zeros((len(t.corners), 3, 2)), unit), np.zeros_like(unit))
         load = np.zeros((len(t.x), 2))
         for k in (0, 1):
             np.add.at(load, t.edges[:, k], t.length[:, None] * (2 * unit[:, k] + unit[:, 1 - k]) / 6)
@@ -124,39 +124,39 @@ class _Quantity(Bounded):
         value = np.zeros((len(t.edges), 2))
         value[edges] = direction
         pieces = np.unique(t.piece_of_vertex[t.edges[edges]])
-        given = self._closed(value, pieces)
-        if not given.fixes(t):
+        constraints = self._closed(value, pieces)
+        if not constraints.fixes(t):
             raise Refused("a force has bounds where supports and contacts hold the body")
-        z, missed = smallest_energy(t, given)
-        if missed > SAME * np.abs(direction).max():
+        z, missed = smallest_energy(t, constraints)
+        if missed > SAME_LENGTH * np.abs(direction).max():
             raise Refused(
                 f"the force on {boundary!r} has no bounds: it shares a corner with another support or contact"
             )
         difference, missing = from_strain(t, self._strain(z)), 0.0
         if support:
-            none = np.zeros((len(t.edges), 2, 2))
-            unloaded = Loads(np.zeros((len(t.corners), 3, 2)), none)
+            no_traction = np.zeros((len(t.edges), 2, 2))
+            unloaded = PlaneLoads(np.zeros((len(t.corners), 3, 2)), no_traction)
             stress = self.equilibration.stress(unloaded, np.stack((value, value), axis=1))
             difference, missing = difference - stress.stress, stress.missing
         residual, size, unknown = self._residual(z)
         low, high = self._within(difference, missing, size, pieces)
         return Interval(low - residual - unknown, high - residual + unknown, self.assumed)
 
-    def _closed(self, value: Array, pieces: Ints) -> Given:
+    def _closed(self, value: Array, pieces: Ints) -> PrescribedComponents:
         """Components where forces of supports and contacts act; without friction there is none along a contact.
 
         Args:
             value: of the displacement on edges, shape (e, 2).
             pieces: whose quantity it is; others do not move.
         """
-        t, parts = self.t, [Given.of_facets(self.t.edges, self.held, value)]
-        parts.append(Given.at_rest(np.flatnonzero(~np.isin(t.piece_of_vertex, pieces)), 2))
-        for one in self.contacts:
-            slips = not (one.bound.any() or one.least.any())
+        t, parts = self.t, [PrescribedComponents.of_facets(self.t.edges, self.held, value)]
+        parts.append(PrescribedComponents.at_rest(np.flatnonzero(~np.isin(t.piece_of_vertex, pieces)), 2))
+        for surface in self.contacts:
+            slips = not (surface.bound.any() or surface.least.any())
             projectors = np.zeros_like(self.held)
-            projectors[one.edges] = one.normal[:, :, None] * one.normal[:, None] if slips else np.eye(2)
-            parts.append(Given.of_facets(t.edges, projectors, value))
-        return Given.joined(*parts)
+            projectors[surface.edges] = surface.normal[:, :, None] * surface.normal[:, None] if slips else np.eye(2)
+            parts.append(PrescribedComponents.of_facets(t.edges, projectors, value))
+        return PrescribedComponents.joined(*parts)
 
     def _strain(self, w: Array) -> Array:
         """Of a displacement that is linear on triangles, at corners, shape (n, 3, 3)."""
@@ -166,8 +166,8 @@ class _Quantity(Bounded):
         """The work L(w) - a(v, w), the size of what is summed up, and how far L(w) is not known by quadrature."""
         t = self.t
         # The strain of w is constant: the mean of that of v is enough.
-        own = t.stress(self.enclosure.v.strain.mean(axis=1)[:, None])[:, 0]
-        parts = t.area * (own * self._strain(w)[:, 0] * [1.0, 1.0, 2.0]).sum(axis=1)
+        mean_stress = t.stress(self.enclosure.v.strain.mean(axis=1)[:, None])[:, 0]
+        parts = t.area * (mean_stress * self._strain(w)[:, 0] * [1.0, 1.0, 2.0]).sum(axis=1)
         middle = w[t.edges].mean(axis=1)
         outside, unknown = self.work(w, middle), self.unknown_work(w, middle)
         return float(outside - parts.sum()), float(abs(outside) + np.abs(parts).sum()), unknown
@@ -181,9 +181,9 @@ class _Quantity(Bounded):
             size: of other sums that are added.
             pieces: where the stress is.
         """
-        t, found = self.t, self.enclosure.of(np.isin(self.t.piece, pieces))
-        centre = float(product(t, stress, found.difference).sum()) / 2
+        t, enclosure = self.t, self.enclosure.of(np.isin(self.t.piece, pieces))
+        centre = float(product(t, stress, enclosure.difference).sum()) / 2
         norm = float(np.sqrt(square(t, stress).sum()))
-        half = found.radius * norm + found.distance * missing
-        half += ROUND_OFF * len(t.corners) ** 0.5 * (size + norm * (found.radius + found.size))
+        half = enclosure.radius * norm + enclosure.distance * missing
+        half += ROUND_OFF * len(t.corners) ** 0.5 * (size + norm * (enclosure.radius + enclosure.size))
         return centre - half, centre + half

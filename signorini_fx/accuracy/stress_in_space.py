@@ -27,11 +27,11 @@ from signorini_fx.accuracy.tetrahedra import FACES, Tetrahedra
 _FREE = 1e-10
 _EPS = float(np.finfo(float).eps)
 # Where conjugate gradients end: a share of the first residual, and a number of products.
-_ENOUGH, _MOST = 1e-7, 500
+_ENOUGH, _MOST_PRODUCTS = 1e-7, 500
 
 
 @dataclass(frozen=True)
-class Loads:
+class SpatialLoads:
     """What acts on the tetrahedra.
 
     Attributes:
@@ -44,7 +44,7 @@ class Loads:
 
 
 @dataclass(frozen=True)
-class Equilibrated:
+class SpatialEquilibratedStress:
     """A stress in equilibrium.
 
     Attributes:
@@ -66,7 +66,7 @@ class _System:
         self._free, self._compliance = np.eye(3) - held, local.compliance
         self.places = (3 * local.places[..., None] + np.arange(3)).reshape(-1, 36)
         blocks = np.zeros((count, 3, 3, 3, 3))
-        own = local.compliance.reshape(-1, 4, 3, 3, 4, 3, 3)
+        compliance = local.compliance.reshape(-1, 4, 3, 3, 4, 3, 3)
         corner = local.places - 3 * t.of_tetrahedron[:, :, None]
         for i in range(4):
             for a in range(3):
@@ -74,7 +74,9 @@ class _System:
                     # A face has at most two tetrahedra: each of them adds to it once.
                     for first in (True, False):
                         k = np.flatnonzero((t.sign[:, i] > 0) == first)
-                        blocks[t.of_tetrahedron[k, i], corner[k, i, a], :, corner[k, i, b]] += own[k, i, a, :, i, b]
+                        blocks[t.of_tetrahedron[k, i], corner[k, i, a], :, corner[k, i, b]] += compliance[
+                            k, i, a, :, i, b
+                        ]
         blocks = np.einsum("fij,fajbk,fkl->faibl", self._free, blocks, self._free)
         unit = np.einsum("faiai->f", blocks) / 9 + np.einsum("faiai->", blocks) / (9e6 * count)
         blocks += np.einsum("f,ab,fij->faibj", unit, np.eye(3), held)
@@ -93,12 +95,12 @@ class _System:
         sizes, vectors = np.linalg.eigh(weight)
         basis = free_basis(vectors, sizes > _FREE)
         # As many tied unknowns as there are free motions: loads in balance cause no force there.
-        left = basis.T @ free_motions(t, held)
+        remaining_modes = basis.T @ free_motions(t, held)
         pins, diagonal = np.zeros(basis.shape[1]), (basis.T @ matrix @ basis).diagonal()
-        for _ in range(left.shape[1]):
-            pin = int(np.argmax(np.linalg.norm(left, axis=1)))
-            along = left[pin] / np.linalg.norm(left[pin])
-            left -= np.outer(left @ along, along)
+        for _ in range(remaining_modes.shape[1]):
+            pin = int(np.argmax(np.linalg.norm(remaining_modes, axis=1)))
+            along = remaining_modes[pin] / np.linalg.norm(remaining_modes[pin])
+            remaining_modes -= np.outer(remaining_modes @ along, along)
             pins[pin] = float(diagonal[pin])
         upper = sp.triu(basis.T @ matrix @ basis + sp.diags_array(pins), format="csr")
         upper.sort_indices()
@@ -114,14 +116,14 @@ class _System:
 
     def summed(self, moments: Array) -> Array:
         """Those of both sides of the faces in free directions, shape (f, 3, 3)."""
-        found = np.bincount(self.places.ravel(), moments.ravel(), 9 * len(self._free)).reshape(-1, 3, 3)
-        return np.asarray(found @ self._free)
+        sums = np.bincount(self.places.ravel(), moments.ravel(), 9 * len(self._free)).reshape(-1, 3, 3)
+        return np.asarray(sums @ self._free)
 
     def _preconditioned(self, r: Array) -> Array:
-        found = (self._blocks @ r.reshape(-1, 9, 1)).reshape(r.shape) @ self._free
+        correction = (self._blocks @ r.reshape(-1, 9, 1)).reshape(r.shape) @ self._free
         if self._factor is not None:
-            found += (self._onto @ self._factor.solve(self._onto.T @ r.ravel())).reshape(r.shape)
-        return found
+            correction += (self._onto @ self._factor.solve(self._onto.T @ r.ravel())).reshape(r.shape)
+        return correction
 
     def solve(self, u: Array, alone: Array) -> Array:
         """Displacements with which moments are equal and opposite but for loads, from a start, shape (f, 3, 3).
@@ -132,21 +134,21 @@ class _System:
         """
         r = -alone - self.summed(self.forces(u))
         z = p = self._preconditioned(r)
-        first = now = float((r * z).sum())
+        first = current = float((r * z).sum())
         largest = max(first, float((alone * self._preconditioned(alone)).sum()))
-        for _ in range(_MOST):
-            if not now > _ENOUGH**2 * largest:
+        for _ in range(_MOST_PRODUCTS):
+            if not current > _ENOUGH**2 * largest:
                 break
             q = self.summed(self.forces(p))
-            step = now / float((p * q).sum())
+            step = current / float((p * q).sum())
             u, r = u + step * p, r - step * q
             z = self._preconditioned(r)
-            before, now = now, float((r * z).sum())
-            p = z + now / before * p
+            previous, current = current, float((r * z).sum())
+            p = z + current / previous * p
         return u
 
 
-def equilibrated(t: Tetrahedra, held: Array, loads: Loads, start: Array) -> Equilibrated:
+def equilibrated(t: Tetrahedra, held: Array, loads: SpatialLoads, start: Array) -> SpatialEquilibratedStress:
     """The stress of nearly least complementary energy among those of this kind in equilibrium with loads.
 
     From displacements on its faces each tetrahedron has balanced tractions of its own; those of the solution are equal
@@ -164,18 +166,18 @@ def equilibrated(t: Tetrahedra, held: Array, loads: Loads, start: Array) -> Equi
     moments = t.area[:, None, None] / 12 * (traction + traction.sum(axis=1, keepdims=True))
     free = np.eye(3) - held
     u = system.solve(start, system.summed(local.alone) - moments @ free)
-    own = (system.forces(u) + local.alone).reshape(-1, 4, 3, 3)
-    signed = (t.sign[:, :, None, None] * own).reshape(-1, 3)
+    local_moments = (system.forces(u) + local.alone).reshape(-1, 4, 3, 3)
+    signed = (t.sign[:, :, None, None] * local_moments).reshape(-1, 3)
     summed = np.column_stack([np.bincount(local.places.ravel(), signed[:, k], 3 * len(t.faces)) for k in range(3)])
     total = summed.reshape(-1, 3, 3) / ((t.sides >= 0).sum(axis=1) * t.area)[:, None, None]
     tractions = 12 * total - 3 * total.sum(axis=1, keepdims=True)
     tractions[t.outer] = traction[t.outer] @ free[t.outer] + tractions[t.outer] @ held[t.outer]
     tractions = _balanced(t, loads, held, tractions)
-    stress, rest = local.stress(t.sign[:, :, None, None] * tractions.reshape(-1, 3)[local.places])
-    return Equilibrated(stress, tractions, _missing(t, loads, held, tractions, rest, local.energy))
+    stress, missed_share = local.stress(t.sign[:, :, None, None] * tractions.reshape(-1, 3)[local.places])
+    return SpatialEquilibratedStress(stress, tractions, _missing(t, loads, held, tractions, missed_share, local.energy))
 
 
-def _balanced(t: Tetrahedra, loads: Loads, held: Array, tractions: Array) -> Array:
+def _balanced(t: Tetrahedra, loads: SpatialLoads, held: Array, tractions: Array) -> Array:
     """Tractions near given ones with which each tetrahedron is in equilibrium, (f, 3, 3).
 
     A rigid motion of each piece, as a traction on its held faces, balances the piece; then forces and couples are
@@ -199,14 +201,14 @@ def _balanced(t: Tetrahedra, loads: Loads, held: Array, tractions: Array) -> Arr
     between = np.flatnonzero(t.sides[:, 1] >= 0)
     graph = sp.csr_matrix((np.ones(between.size), tuple(t.sides[between].T)), shape=(count, count))
     pieces, piece = connected_components(graph, directed=False)
-    rest = left(resultants(tractions))
+    residuals = left(resultants(tractions))
     units = np.concatenate((np.broadcast_to(np.eye(3), (*arm.shape[:2], 3, 3)), -_cross_matrix(arm)), axis=3)
     reactions = np.einsum("fij,fajk->faik", held, units)  # of a displacement and a rotation over the length
     works = np.stack([resultants(reactions[..., k]) for k in range(6)], axis=2)
     motion = np.zeros((pieces, 6))
     for k in range(pieces):
-        here = t.outer[piece[t.sides[t.outer, 0]] == k]
-        motion[k] = np.linalg.lstsq(works[here].sum(axis=0), -rest[piece == k].sum(axis=0), rcond=1e-12)[0]
+        outer_faces = t.outer[piece[t.sides[t.outer, 0]] == k]
+        motion[k] = np.linalg.lstsq(works[outer_faces].sum(axis=0), -residuals[piece == k].sum(axis=0), rcond=1e-12)[0]
     tractions = tractions.copy()
     tractions[t.outer] += np.einsum("faik,fk->fai", reactions[t.outer], motion[piece[t.sides[t.outer, 0]]])
     total = left(resultants(tractions))
@@ -214,17 +216,17 @@ def _balanced(t: Tetrahedra, loads: Loads, held: Array, tractions: Array) -> Arr
     order = np.argsort(keys)
     through, cells = [], []
     for k in range(pieces):
-        path, before = breadth_first_order(graph, int(np.flatnonzero(piece == k)[0]), directed=False)
-        for one in path[:0:-1]:
-            total[before[one]] += total[one]
-        low, high = np.sort(np.column_stack((path[1:], before[path[1:]])), axis=1).T
+        path, parent = breadth_first_order(graph, int(np.flatnonzero(piece == k)[0]), directed=False)
+        for tetrahedron in path[:0:-1]:
+            total[parent[tetrahedron]] += total[tetrahedron]
+        low, high = np.sort(np.column_stack((path[1:], parent[path[1:]])), axis=1).T
         through.append(between[order][np.searchsorted(keys[order], low * count + high)])
         cells.append(path[1:])
     face, cell = np.concatenate(through), np.concatenate(cells)
     # Moments with these resultants about the centre of the face, the smallest ones.
     middle, size = arm[face].mean(axis=1), np.sqrt(t.area[face]) / length
-    own = (arm[face] - middle[:, None]) / size[:, None, None]
-    map_ = np.concatenate((np.broadcast_to(np.eye(3), (*own.shape[:2], 3, 3)), _cross_matrix(own)), axis=2)
+    local_arm = (arm[face] - middle[:, None]) / size[:, None, None]
+    map_ = np.concatenate((np.broadcast_to(np.eye(3), (*local_arm.shape[:2], 3, 3)), _cross_matrix(local_arm)), axis=2)
     couple = (total[cell, 3:] - np.cross(middle, total[cell, :3])) / size[:, None]
     wanted = np.concatenate((total[cell, :3], couple), axis=1)[:, :, None]
     moments = np.linalg.pinv(map_.transpose(0, 2, 1, 3).reshape(-1, 6, 9)) @ -wanted
@@ -238,7 +240,9 @@ def _cross_matrix(a: Array) -> Array:
     return np.stack([np.cross(a, np.eye(3)[k]) for k in range(3)], axis=-1)
 
 
-def _missing(t: Tetrahedra, loads: Loads, held: Array, tractions: Array, rest: Array, energy: Array) -> float:
+def _missing(
+    t: Tetrahedra, loads: SpatialLoads, held: Array, tractions: Array, missed_share: Array, energy: Array
+) -> float:
     """Bound of the work of what is not in equilibrium, per unit of the energy norm.
 
     The forces and couples that a tetrahedron misses are carried from one to the next to a held face, or to a
@@ -247,7 +251,9 @@ def _missing(t: Tetrahedra, loads: Loads, held: Array, tractions: Array, rest: A
     that balances these is bounded by the norm of the map from moments to stresses.
     """
     size = np.abs(tractions).max(axis=(1, 2)) * t.area
-    missed = (size[t.of_tetrahedron].max(axis=1) + np.abs(loads.body).sum(axis=1) * t.volume) * (rest + 32 * _EPS)
+    missed = (size[t.of_tetrahedron].max(axis=1) + np.abs(loads.body).sum(axis=1) * t.volume) * (
+        missed_share + 32 * _EPS
+    )
     start = np.unique(t.sides[t.outer, 0][held[t.outer].any(axis=(1, 2))])
     total, couple = carried(t.x[t.corners].mean(axis=1), t.sides, start, missed)
     longest = np.linalg.norm(t.x[t.edges[:, 0]] - t.x[t.edges[:, 1]], axis=1)[t.edges_of].max(axis=1)

@@ -115,11 +115,11 @@ class StressRecovery:
         """Strain energy of the stress of a displacement; collective."""
         self._fill(dofs, 0)
         self._recovered.x.array[:] = 0.0
-        own = 0.0
+        local_energy = 0.0
         for cells, _ in self._parts:
             self._choose(cells)
-            own += assemble(self._squares).sum() / 2
-        return float(parallel.global_sum(self._comm, own))
+            local_energy += assemble(self._squares).sum() / 2
+        return float(parallel.global_sum(self._comm, local_energy))
 
     def error(self, dofs: npt.NDArray[np.float64], step: float = 0, hydrostatic: fem.Function | None = None) -> float:
         """Energy norm sqrt(a(e, e)) of the discretisation error of a displacement, see ``squares``; collective."""
@@ -152,11 +152,11 @@ class StressRecovery:
             stress, see ``Kinematics.pairs``, shape (m, vertices, components).
         """
         self._fill(dofs, step, hydrostatic)
-        space, found = self._recovered.function_space, []
+        space, stresses = self._recovered.function_space, []
         for cells, ksp in self._parts:
             self._project(cells, ksp)
-            found.append((cells, self._recovered.x.array.reshape(-1, self._components)[space.dofmap.list[cells]]))
-        return found
+            stresses.append((cells, self._recovered.x.array.reshape(-1, self._components)[space.dofmap.list[cells]]))
+        return stresses
 
     def _fill(self, dofs: npt.NDArray[np.float64], step: float, hydrostatic: fem.Function | None = None) -> None:
         space = self._displacement.function_space
@@ -200,35 +200,37 @@ def boundary_residual(d: Discretisation, stress: ElementStress, z: Any) -> tuple
         What moves the loads to a place in the lists of factors, and the form; None where there is no such boundary.
     """
     scene, mesh, y = d.scene, d.tagged.mesh, stress.displacement
-    every = dmesh.exterior_facet_indices(mesh.topology)
+    exterior_facets = dmesh.exterior_facet_indices(mesh.topology)
     touching = [name for e in scene.contact for name in (e.boundary, e.against) if name is not None]
-    known = np.setdiff1d(every, np.concatenate([every[:0], *(d.tagged.facets(name) for name in touching)]))
+    traction_facets = np.setdiff1d(
+        exterior_facets, np.concatenate([exterior_facets[:0], *(d.tagged.facets(name) for name in touching)])
+    )
     effects = [effect for _, effect in scene.listed() if effect.where is not None]
-    on = np.array([np.isin(known, d.tagged.facets(effect.where)) for effect in effects], dtype=bool)
+    on = np.array([np.isin(traction_facets, d.tagged.facets(effect.where)) for effect in effects], dtype=bool)
     factors = [fem.Constant(mesh, default_scalar_type(1.0)) for _ in effects]
     on_boundary = d.coefficients
 
-    def move_to(place: float) -> None:
-        on_boundary.move_to(place)
+    def move_to(step: float) -> None:
+        on_boundary.move_to(step)
         for constant, effect in zip(factors, effects, strict=True):
-            constant.value, _ = scene.now(effect, place)
+            constant.value, _ = scene.now(effect, step)
 
     def of(numbers: npt.NDArray[np.int64], traction: Any) -> tuple[Any, list[Any], bool]:
         residual, away = traction, []
-        here = [(effects[k], factors[k]) for k in numbers]
-        for effect, factor in here:
+        acting = [(effects[k], factors[k]) for k in numbers]
+        for effect, factor in acting:
             residual = residual + effect.traction(y, factor, on_boundary)
-        for effect, factor in here:
+        for effect, factor in acting:
             residual = effect.free(residual, on_boundary)
             away += effect.away(y, factor, on_boundary)
-        return residual, away, any(effect.varies for effect, _ in here)
+        return residual, away, any(effect.varies for effect, _ in acting)
 
-    return move_to, squared_residual(stress, known, on.reshape(len(effects), known.size).T, of, z)
+    return move_to, squared_residual(stress, traction_facets, on.reshape(len(effects), traction_facets.size).T, of, z)
 
 
 def squared_residual(
     stress: ElementStress,
-    known: npt.NDArray[np.int32],
+    facets: npt.NDArray[np.int32],
     on: npt.NDArray[np.bool_],
     of: Callable[[npt.NDArray[np.int64], Any], tuple[Any, list[Any], bool]],
     z: Any,
@@ -237,7 +239,7 @@ def squared_residual(
 
     Args:
         stress: of the displacement that is estimated.
-        known: the facets of this rank on which the traction is known.
+        facets: the facets of this rank on which the traction is known.
         on: what acts on each of them, shape (facets, k).
         of: (which of the k act, minus the traction of the stress) -> what is left of it, distances from what is
             prescribed, and whether any of these varies within a facet.
@@ -249,9 +251,9 @@ def squared_residual(
     space = stress.displacement.function_space
     mesh, degree, size = space.mesh, space.element.basix_element.degree, cell_sizes(space.mesh)
     # Facets on which the same acts share a term; one column more, so that no row is empty.
-    on = np.column_stack((on, np.ones(known.size, dtype=bool)))
+    on = np.column_stack((on, np.ones(facets.size, dtype=bool)))
     kinds = np.unique(parallel.gather_rows(mesh.comm, np.unique(on, axis=0)), axis=0)
-    ds = measure(mesh, [known[(on == kind).all(axis=1)] for kind in kinds], {})
+    ds = measure(mesh, [facets[(on == kind).all(axis=1)] for kind in kinds], {})
     terms = []
     for number, kind in enumerate(kinds, start=1):
         residual, away, varies = of(np.flatnonzero(kind[:-1]), -stress.sigma * ufl.FacetNormal(mesh))

@@ -39,15 +39,15 @@ def piece_squares(surface: ContactSurface, pressure: Floats, *, corners: bool = 
     kinks = surface.sides * surface.heights**3 * jumps**2
     squares = KINK_SHARE / 2 * kinks.sum(axis=1)
     on_rim = surface.rim_nodes & (pressure != 0)
-    ends, others = on_rim[surface.corners], np.roll(on_rim[surface.corners], -1, axis=1)
+    ends, next_ends = on_rim[surface.corners], np.roll(on_rim[surface.corners], -1, axis=1)
     # A pressure that is convex towards the rim may be singular there; at a plane of symmetry it is concave.
     pressed = (pressure != 0)[surface.corners].all(axis=1)  # the end of a contact zone is another matter
-    both = pressed[:, None] & pressed[np.maximum(surface.across, 0) // surface.corners.shape[1]]
-    convex = np.where(both & ~(ends | others) & (jumps < 0), kinks, 0.0).sum(axis=1) * ends.any(axis=1)
+    both_pressed = pressed[:, None] & pressed[np.maximum(surface.across, 0) // surface.corners.shape[1]]
+    convex = np.where(both_pressed & ~(ends | next_ends) & (jumps < 0), kinks, 0.0).sum(axis=1) * ends.any(axis=1)
     if not corners:
         return np.where(CORNER_SHARE * convex > squares, 0.0, squares)
     squares = np.maximum(squares, CORNER_SHARE * convex)
-    pieces, sides = np.nonzero(surface.rim & ends & others)
+    pieces, sides = np.nonzero(surface.rim & ends & next_ends)
     r, beneath = _profiles(surface, pressure, pieces, sides)
     for row, (piece, side) in enumerate(zip(pieces, sides, strict=True)):
         square = _singular(r[row], beneath[row], blur)
@@ -82,12 +82,12 @@ def _profiles(
     middle, inward = (surface.x[first] + surface.x[second]) / 2, -surface.outward[pieces, sides]
     r = surface.heights[pieces, sides][:, None] * _BESIDE
     places = middle[:, None, :] + r[:, :, None] * inward[:, None, :]
-    found = np.full(r.shape, np.nan)
+    profile = np.full(r.shape, np.nan)
     for part in np.unique(surface.part[pieces]):
-        own = surface.part[pieces] == part
-        points = places[own].reshape(-1, 3)
+        on_part = surface.part[pieces] == part
+        points = places[on_part].reshape(-1, 3)
         values = np.column_stack((pressure, surface.x))
         at = surface.at(points, values, int(part))
-        away = np.linalg.norm(at[:, 1:] - points, axis=1).reshape(r[own].shape)
-        found[own] = np.where(away <= _BEYOND * r[own][:, 1:2], at[:, 0].reshape(r[own].shape), np.nan)
-    return r, found
+        away = np.linalg.norm(at[:, 1:] - points, axis=1).reshape(r[on_part].shape)
+        profile[on_part] = np.where(away <= _BEYOND * r[on_part][:, 1:2], at[:, 0].reshape(r[on_part].shape), np.nan)
+    return r, profile

@@ -39,9 +39,9 @@ class Tetrahedra:
         Args:
             parts: ``FACES`` or ``EDGES``.
         """
-        every = np.sort(self.corners[:, parts], axis=2)
-        found, inverse = np.unique(every.reshape(-1, parts.shape[1]), axis=0, return_inverse=True)
-        return found, inverse.reshape(-1, len(parts))
+        sorted_vertices = np.sort(self.corners[:, parts], axis=2)
+        entities, inverse = np.unique(sorted_vertices.reshape(-1, parts.shape[1]), axis=0, return_inverse=True)
+        return entities, inverse.reshape(-1, len(parts))
 
     @cached_property
     def _faces(self) -> tuple[Ints, Ints]:
@@ -88,9 +88,9 @@ class Tetrahedra:
         order = np.argsort(self.of_tetrahedron.ravel(), kind="stable")
         face, cell = self.of_tetrahedron.ravel()[order], order // 4
         second = np.append(False, face[1:] == face[:-1])
-        found = np.full((len(self.faces), 2), -1)
-        found[face[~second], 0], found[face[second], 1] = cell[~second], cell[second]
-        return found
+        sides = np.full((len(self.faces), 2), -1)
+        sides[face[~second], 0], sides[face[second], 1] = cell[~second], cell[second]
+        return sides
 
     @cached_property
     def piece(self) -> Ints:
@@ -117,9 +117,9 @@ class Tetrahedra:
     def _cross(self) -> Array:
         """Twice the area times the normal out of the first tetrahedron, shape (f, 3)."""
         p = self.x[self.faces]
-        found = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+        cross = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
         inside = self.x[self.corners[self.sides[:, 0]]].mean(axis=1) - p[:, 0]
-        return np.where(((found * inside).sum(axis=1) > 0)[:, None], -found, found)
+        return np.where(((cross * inside).sum(axis=1) > 0)[:, None], -cross, cross)
 
     @cached_property
     def area(self) -> Array:
@@ -156,16 +156,16 @@ class Tetrahedra:
     def stress(self, strain: Array) -> Array:
         """Of strains, shape (n, ..., 6)."""
         first, second = (self.lame[:, k].reshape(-1, *[1] * (strain.ndim - 1)) for k in (0, 1))
-        found = 2 * second * strain
-        found[..., :3] += first * strain[..., :3].sum(axis=-1, keepdims=True)
-        return np.asarray(found)
+        stress = 2 * second * strain
+        stress[..., :3] += first * strain[..., :3].sum(axis=-1, keepdims=True)
+        return np.asarray(stress)
 
     def strain(self, stress: Array) -> Array:
         """Of stresses, shape (n, ..., 6)."""
         first, second = (self.lame[:, k].reshape(-1, *[1] * (stress.ndim - 1)) for k in (0, 1))
-        found = stress.copy()
-        found[..., :3] -= first / (3 * first + 2 * second) * stress[..., :3].sum(axis=-1, keepdims=True)
-        return np.asarray(found / (2 * second))
+        strain = stress.copy()
+        strain[..., :3] -= first / (3 * first + 2 * second) * stress[..., :3].sum(axis=-1, keepdims=True)
+        return np.asarray(strain / (2 * second))
 
     def strain_at_corners(self, y: Array, middle: Array) -> Array:
         """Strains of a displacement of degree 2 at the corners of the tetrahedra, shape (n, 4, 6).

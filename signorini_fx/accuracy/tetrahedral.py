@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 
 from signorini_fx import compat
 from signorini_fx.accuracy.arrays import Array, Ints
-from signorini_fx.accuracy.bounded_error import SAME
-from signorini_fx.accuracy.bounded_scene import Points, Refused, assumptions, lame_of, refuse_unknown
+from signorini_fx.accuracy.bounded_error import SAME_LENGTH
+from signorini_fx.accuracy.bounded_scene import BoundPoints, Refused, assumptions, lame_of, refuse_unknown
 from signorini_fx.accuracy.tetrahedra import Tetrahedra
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.contact_state import ContactState
@@ -92,8 +92,8 @@ class FacesInContact:
 class ProblemInSpace:
     """A scene with its solution as plain arrays on tetrahedra."""
 
-    def __init__(self, d: Discretisation, y: fem.Function, contact: ContactState | None, place: float) -> None:
-        self._d, self._place = d, place
+    def __init__(self, d: Discretisation, y: fem.Function, contact: ContactState | None, step: float) -> None:
+        self._d, self._position = d, step
         refuse_unknown(d)
         self._arrays(y)
         self.held = np.zeros((len(self.t.faces), 3, 3))
@@ -138,10 +138,10 @@ class ProblemInSpace:
         # Faces are in the order of their vertices.
         return np.searchsorted(self.t.faces @ [count**2, count, 1], corners @ [count**2, count, 1])
 
-    def on(self, faces: Ints, local: Array) -> Points:
+    def on(self, faces: Ints, local: Array) -> BoundPoints:
         """Points on faces, with their normals."""
         x = np.einsum("qc,fcd->fqd", local, self.t.x[self.t.faces[faces]])
-        return Points(x, np.broadcast_to(self.t.normal[faces][:, None], x.shape))
+        return BoundPoints(x, np.broadcast_to(self.t.normal[faces][:, None], x.shape))
 
     def nodal(self, y: Array, middle: Array, faces: Ints) -> Array:
         """A displacement at the vertices of faces and the middles of the edges opposite them, shape (m, 6, 3)."""
@@ -156,34 +156,36 @@ class ProblemInSpace:
         scene, size = self._d.scene, np.abs(self.y).max()
         for effect in scene.of(PrescribedDisplacement):
             faces = self._faces(str(effect.boundary))
-            factor = factor_at(scene.factors_of(effect), self._place)
-            points, found = self.on(faces, GAUSS), self.values(self.y, self.middle, faces)
+            factor = factor_at(scene.factors_of(effect), self._position)
+            points, displacement = self.on(faces, GAUSS), self.values(self.y, self.middle, faces)
             rows = [(effect.normal, self.t.normal[faces])]
             rows += [(value, np.tile(np.eye(3)[k], (len(faces), 1))) for k, value in enumerate(effect.components[:3])]
             for value, direction in rows:
                 if value is None:
                     continue
-                there, given = np.einsum("fqd,fd->fq", found, direction), factor * points.value(value)
-                if np.abs(there - given).max(initial=0.0) > _HELD * max(size, np.abs(given).max(initial=0.0)):
+                component, prescribed = np.einsum("fqd,fd->fq", displacement, direction), factor * points.value(value)
+                if np.abs(component - prescribed).max(initial=0.0) > _HELD * max(
+                    size, np.abs(prescribed).max(initial=0.0)
+                ):
                     raise Refused(f"the displacement of {effect.boundary!r} is no polynomial of the elements")
                 self.held[faces] += direction[:, :, None] * direction[:, None]
         sizes, vectors = np.linalg.eigh(self.held)
-        self.held = np.einsum("fik,fk,fjk->fij", vectors, np.where(sizes > SAME, 1.0, 0.0), vectors)
+        self.held = np.einsum("fik,fk,fjk->fij", vectors, np.where(sizes > SAME_LENGTH, 1.0, 0.0), vectors)
 
     def _tractions(self) -> None:
         """Those given, which have to be linear on faces: no constant of Korn's inequality is needed then."""
         moments = np.einsum("q,qa,qb->ab", WEIGHTS, GAUSS, GAUSS)
         for load in self._d.scene.of(Force):
-            factor = factor_at(self._d.scene.factors_of(load), self._place)
+            factor = factor_at(self._d.scene.factors_of(load), self._position)
             if load.where is None or factor == 0:
                 continue
             faces = self._faces(load.where)
-            given = factor * load.density_at(self.on(faces, GAUSS))
-            linear = np.linalg.solve(moments, np.einsum("q,qa,fqd->fad", WEIGHTS, GAUSS, given))
+            tractions = factor * load.density_at(self.on(faces, GAUSS))
+            linear = np.linalg.solve(moments, np.einsum("q,qa,fqd->fad", WEIGHTS, GAUSS, tractions))
             inside, owner, points = _in_parts(self.t.x[self.t.faces[faces]], self.t.normal[faces], load)
             away = factor * load.density_at(points) - inside @ linear[owner]
-            size = np.abs(given).max(initial=0.0)
-            if max(np.abs(given - GAUSS @ linear).max(initial=0.0), np.abs(away).max(initial=0.0)) > _LOADED * size:
+            size = np.abs(tractions).max(initial=0.0)
+            if max(np.abs(tractions - GAUSS @ linear).max(initial=0.0), np.abs(away).max(initial=0.0)) > _LOADED * size:
                 raise Refused(
                     f"in space a guaranteed bound is for tractions that are linear on each facet: that of "
                     f"{load.where!r} is not"
@@ -196,25 +198,26 @@ class ProblemInSpace:
         t = self.t
         self.body = np.zeros((len(t.corners), 3))
         for load in self._d.scene.of(Force):
-            factor = factor_at(self._d.scene.factors_of(load), self._place)
+            factor = factor_at(self._d.scene.factors_of(load), self._position)
             if load.where is not None or factor == 0:
                 continue
             x = np.einsum("qc,ncd->nqd", _INSIDE, t.x[t.corners])
-            given = factor * np.broadcast_to(load.density_at(Points(x, np.zeros_like(x))), x.shape)
+            densities = factor * np.broadcast_to(load.density_at(BoundPoints(x, np.zeros_like(x))), x.shape)
             _, owner, points = _in_parts(t.x[t.corners], np.zeros((len(t.corners), 3)), load)
             away = (
-                factor * np.broadcast_to(load.density_at(points), points.x.shape) - given.mean(axis=1)[owner][:, None]
+                factor * np.broadcast_to(load.density_at(points), points.x.shape)
+                - densities.mean(axis=1)[owner][:, None]
             )
-            if max(np.ptp(given, axis=1).max(), np.abs(away).max()) > _LOADED * np.abs(given).max():
+            if max(np.ptp(densities, axis=1).max(), np.abs(away).max()) > _LOADED * np.abs(densities).max():
                 raise Refused("in space a guaranteed bound is for body forces that are constant in each cell")
-            self.body += given.mean(axis=1)
+            self.body += densities.mean(axis=1)
 
     def work(self, y: Array, middle: Array) -> float:
         """Of the loads on a displacement of degree 2, an energy."""
-        t, every = self.t, np.arange(len(self.t.faces))
+        t, all_faces = self.t, np.arange(len(self.t.faces))
         bubble = (middle - y[t.edges].mean(axis=1))[t.edges_of].sum(axis=1) / 5  # integrals of 4 l_a l_b
         inside = t.volume @ (self.body * (y[t.corners].mean(axis=1) + bubble)).sum(axis=1)
-        loaded = every[self.traction.any(axis=(1, 2))]
+        loaded = all_faces[self.traction.any(axis=(1, 2))]
         values = (self.values(y, middle, loaded) * (GAUSS @ self.traction[loaded])).sum(axis=2)
         return float(inside + t.area[loaded] @ values @ WEIGHTS)
 
@@ -234,9 +237,9 @@ class ProblemInSpace:
 
         def at_vertices(values: Array) -> Array:
             """Values of contact points at the vertices of the faces; zero where there is none."""
-            found = np.zeros((len(t.x), *values.shape[1:]))
-            found[near] = values[rows]
-            return np.asarray(found[t.faces[faces]])
+            nodal = np.zeros((len(t.x), *values.shape[1:]))
+            nodal[near] = values[rows]
+            return np.asarray(nodal[t.faces[faces]])
 
         pressure = at_vertices(contact.pressure).clip(min=0.0)
         points = self.on(faces, GAUSS)
@@ -254,12 +257,12 @@ class ProblemInSpace:
                 least, bounds = np.zeros_like(pressure), np.zeros((len(faces), len(GAUSS)))
         shear = at_vertices(np.einsum("nij,nj->ni", boundary.tangents, contact.shear))
         shear -= np.einsum("fad,fd,fe->fae", shear, normal, normal)
-        found = FacesInContact(faces, normal, points.value(effect.gap), below, bounds, pressure, shear, least)
-        found.shear = onto_disc(shear, least)
-        return found
+        surface = FacesInContact(faces, normal, points.value(effect.gap), below, bounds, pressure, shear, least)
+        surface.shear = onto_disc(shear, least)
+        return surface
 
 
-def _in_parts(x: Array, normal: Array, load: Force) -> tuple[Array, Ints, Points]:
+def _in_parts(x: Array, normal: Array, load: Force) -> tuple[Array, Ints, BoundPoints]:
     """A point in each corner of the parts of faces or tetrahedra in which a load does not jump.
 
     Args:
@@ -274,7 +277,7 @@ def _in_parts(x: Array, normal: Array, load: Force) -> tuple[Array, Ints, Points
     owner, parts = cut(x, load.given.values())
     inside = 0.99 * parts + 0.01 * parts.mean(axis=1, keepdims=True)
     at = inside @ x[owner]
-    return inside, owner, Points(at, np.broadcast_to(normal[owner][:, None], at.shape))
+    return inside, owner, BoundPoints(at, np.broadcast_to(normal[owner][:, None], at.shape))
 
 
 def onto_disc(shear: Array, least: Array) -> Array:

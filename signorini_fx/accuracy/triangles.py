@@ -56,11 +56,11 @@ class Triangles:
     @cached_property
     def sides(self) -> Ints:
         """The triangles at each edge, -1 for none, the one where it runs counterclockwise first, shape (e, 2)."""
-        found = np.full((len(self.edges), 2), -1)
+        sides = np.full((len(self.edges), 2), -1)
         for i in range(3):
             forward = self.corners[:, (i + 1) % 3] < self.corners[:, (i + 2) % 3]
-            found[self.of_triangle[:, i], np.where(forward, 0, 1)] = np.arange(len(self.corners))
-        return found
+            sides[self.of_triangle[:, i], np.where(forward, 0, 1)] = np.arange(len(self.corners))
+        return sides
 
     @cached_property
     def piece(self) -> Ints:
@@ -165,8 +165,8 @@ class Triangles:
                 grad[:, c] += weight * at[:, i, :, None] * self.gradients[:, i, None, :]
                 j, k = (i + 1) % 3, (i + 2) % 3
                 if c in (j, k):
-                    other = k if c == j else j
-                    grad[:, c] += 4 * mid[:, i, :, None] * self.gradients[:, other, None, :]
+                    partner = k if c == j else j
+                    grad[:, c] += 4 * mid[:, i, :, None] * self.gradients[:, partner, None, :]
         return np.stack((grad[..., 0, 0], grad[..., 1, 1], (grad[..., 0, 1] + grad[..., 1, 0]) / 2), axis=-1)
 
 
@@ -186,11 +186,11 @@ def divide(t: Triangles, y: Array, middle: Array) -> tuple[Triangles, Array, Arr
     first, count = len(t.x), len(t.x) + len(t.edges)
     c, m = t.corners, t.of_triangle + first
     corners = [np.column_stack([c[:, i] if j == i else m[:, 3 - i - j] for j in range(3)]) for i in range(3)]
-    found = Triangles(
+    divided = Triangles(
         np.concatenate((t.x, t.x[t.edges].mean(axis=1))), np.concatenate((*corners, m)), np.tile(t.lame, (4, 1)), 4
     )
-    keys = found.edges @ [count, 1]
-    between = np.zeros((len(found.edges), 2))
+    keys = divided.edges @ [count, 1]
+    between = np.zeros((len(divided.edges), 2))
     halves = np.stack([np.searchsorted(keys, t.edges[:, k] * count + first + np.arange(len(t.edges))) for k in (0, 1)])
     for k in (0, 1):
         between[halves[k]] = (3 * y[t.edges[:, k]] + 6 * middle - y[t.edges[:, 1 - k]]) / 8
@@ -200,4 +200,4 @@ def divide(t: Triangles, y: Array, middle: Array) -> tuple[Triangles, Array, Arr
         between[np.searchsorted(keys, np.sort(m[:, [j, k]], axis=1) @ [count, 1])] = (
             mid[:, i] / 4 + (mid[:, j] + mid[:, k]) / 2 - (at[:, j] + at[:, k]) / 8
         )
-    return found, np.concatenate((y, middle)), between, halves.T
+    return divided, np.concatenate((y, middle)), between, halves.T

@@ -12,8 +12,8 @@ from scipy.spatial import cKDTree
 
 from signorini_fx import compat
 from signorini_fx.accuracy.arrays import Array, Ints
-from signorini_fx.accuracy.bounded_error import SAME
-from signorini_fx.accuracy.bounded_scene import Points, Refused, assumptions, lame_of, refuse_unknown
+from signorini_fx.accuracy.bounded_error import SAME_LENGTH
+from signorini_fx.accuracy.bounded_scene import BoundPoints, Refused, assumptions, lame_of, refuse_unknown
 from signorini_fx.accuracy.integrated_loads import in_triangles, on_edges
 from signorini_fx.accuracy.local_stress import constant_forces
 from signorini_fx.accuracy.triangles import GAUSS, Triangles, divide
@@ -71,11 +71,11 @@ class FacetsInContact:
         return -self.pressure[:, :, None] * self.normal[:, None] - self.shear[:, :, None] * self.tangent[:, None]
 
 
-class Problem:
+class TriangulatedProblem:
     """A scene with its solution as plain arrays on triangles."""
 
-    def __init__(self, d: Discretisation, y: fem.Function, contact: ContactState | None, place: float) -> None:
-        self._d, self._place = d, place
+    def __init__(self, d: Discretisation, y: fem.Function, contact: ContactState | None, step: float) -> None:
+        self._d, self._position = d, step
         refuse_unknown(d)
         if d.tagged.dimension != 2:
             raise Refused("in space the error alone has a guaranteed bound")
@@ -118,7 +118,7 @@ class Problem:
         quads = mesh.topology.cell_name() == "quadrilateral"
         if quads:
             across = x[cells[:, 0]] - x[cells[:, 1]] - x[cells[:, 2]] + x[cells[:, 3]]
-            if np.abs(across).max() > SAME * self._d.tagged.size:
+            if np.abs(across).max() > SAME_LENGTH * self._d.tagged.size:
                 raise Refused("a guaranteed bound is for quadrilaterals that are parallelograms: use triangles")
         corners = np.concatenate((cells[:, [0, 1, 3]], cells[:, [0, 3, 2]])) if quads else cells
         owner = np.tile(np.arange(len(cells)), 2) if quads else np.arange(len(cells))
@@ -150,38 +150,40 @@ class Problem:
         count = int(self.cells.max()) + 1
         return self._parts[np.searchsorted(self._keys, ends @ [count, 1])].ravel()
 
-    def along(self, edges: npt.NDArray[np.int64], s: Array) -> Points:
+    def along(self, edges: npt.NDArray[np.int64], s: Array) -> BoundPoints:
         """Points along edges, with their normals."""
         a, b = (self.t.x[self.t.edges[edges, k]][:, None] for k in (0, 1))
         x = a + s[:, None] * (b - a)
-        return Points(x, np.broadcast_to(self.t.outward[edges][:, None], x.shape))
+        return BoundPoints(x, np.broadcast_to(self.t.outward[edges][:, None], x.shape))
 
     def _supports(self) -> None:
         """Directions in which edges are held; the displacement there is one that the elements hold."""
         scene, size = self._d.scene, np.abs(self.y).max()
         for effect in scene.of(PrescribedDisplacement):
             edges = self._edges(str(effect.boundary))
-            factor = factor_at(scene.factors_of(effect), self._place)
+            factor = factor_at(scene.factors_of(effect), self._position)
             points = self.along(edges, GAUSS[0])
-            found = quadratic(self.y, self.middle, self.t.edges, edges, GAUSS[0])
+            displacement = quadratic(self.y, self.middle, self.t.edges, edges, GAUSS[0])
             rows = [(effect.normal, self.t.outward[edges])]
             rows += [(value, np.tile(np.eye(2)[k], (len(edges), 1))) for k, value in enumerate(effect.components[:2])]
             for value, direction in rows:
                 if value is None:
                     continue
-                there = np.einsum("fqd,fd->fq", found, direction)
-                given = factor * points.value(value)
-                if np.abs(there - given).max(initial=0.0) > _HELD * max(size, np.abs(given).max(initial=0.0)):
+                component = np.einsum("fqd,fd->fq", displacement, direction)
+                prescribed = factor * points.value(value)
+                if np.abs(component - prescribed).max(initial=0.0) > _HELD * max(
+                    size, np.abs(prescribed).max(initial=0.0)
+                ):
                     raise Refused(f"the displacement of {effect.boundary!r} is no polynomial of the elements")
                 self.held[edges] += direction[:, :, None] * direction[:, None]
         values, vectors = np.linalg.eigh(self.held)
-        self.held = np.einsum("eik,ek,ejk->eij", vectors, np.where(values > SAME, 1.0, 0.0), vectors)
+        self.held = np.einsum("eik,ek,ejk->eij", vectors, np.where(values > SAME_LENGTH, 1.0, 0.0), vectors)
 
     def _forces(self, *, inside: bool) -> list[tuple[float, Force]]:
         """The loads in the body, or those on its boundary, that act, with their factors."""
         scene = self._d.scene
-        every = [(factor_at(scene.factors_of(load), self._place), load) for load in scene.of(Force)]
-        return [(factor, load) for factor, load in every if factor != 0 and (load.where is None) == inside]
+        loads = [(factor_at(scene.factors_of(load), self._position), load) for load in scene.of(Force)]
+        return [(factor, load) for factor, load in loads if factor != 0 and (load.where is None) == inside]
 
     def _tractions(self) -> None:
         """Linear tractions with the moments of those given, and the square of what they miss on each edge."""
@@ -192,20 +194,20 @@ class Problem:
         acts_on = [self._edges(str(load.where)) for _, load in loads]
         edges = np.unique(np.concatenate(acts_on))
 
-        def density(owner: Ints, points: Points) -> Array:
+        def density(owner: Ints, points: BoundPoints) -> Array:
             """Without what supports take of it."""
             force = np.zeros_like(points.x)
-            for (factor, load), own in zip(loads, acts_on, strict=True):
-                rows = np.flatnonzero(np.isin(edges[owner], own))
-                force[rows] += factor * load.density_at(Points(points.x[rows], points.normal[rows]))
+            for (factor, load), loaded_edges in zip(loads, acts_on, strict=True):
+                rows = np.flatnonzero(np.isin(edges[owner], loaded_edges))
+                force[rows] += factor * load.density_at(BoundPoints(points.x[rows], points.normal[rows]))
             return np.asarray(force - np.einsum("mij,mqj->mqi", self.held[edges[owner]], force))
 
-        found = on_edges(t, edges, density, [value for _, load in loads for value in load.given.values()])
-        self._on_edges[edges], self._unknown_on_edges[edges] = found.moments, found.unknown
-        first, second = (found.moments[:, k] + found.moments[:, 1] / 2 for k in (0, 2))
+        integrated = on_edges(t, edges, density, [value for _, load in loads for value in load.given.values()])
+        self._on_edges[edges], self._unknown_on_edges[edges] = integrated.moments, integrated.unknown
+        first, second = (integrated.moments[:, k] + integrated.moments[:, 1] / 2 for k in (0, 2))
         self.traction[edges] = np.stack((4 * first - 2 * second, 4 * second - 2 * first), axis=1)
-        self.missed_on_edges[edges] = t.length[edges] * found.missed
-        np.add.at(self.unknown, t.sides[edges].max(axis=1), t.length[edges] * found.unknown.sum(axis=(1, 2)))
+        self.missed_on_edges[edges] = t.length[edges] * integrated.missed
+        np.add.at(self.unknown, t.sides[edges].max(axis=1), t.length[edges] * integrated.unknown.sum(axis=(1, 2)))
 
     def _body(self) -> None:
         """Moments of the body force, and the square of what constants on the thirds miss of it in each triangle."""
@@ -215,7 +217,7 @@ class Problem:
         if not loads:
             return
 
-        def density(_: Ints, points: Points) -> Array:
+        def density(_: Ints, points: BoundPoints) -> Array:
             parts = [factor * np.broadcast_to(load.density_at(points), points.x.shape) for factor, load in loads]
             return np.asarray(sum(parts, np.zeros_like(points.x)))
 
@@ -223,17 +225,17 @@ class Problem:
         for third in range(3):  # so that the constants are seen
             corners = np.full((3, 3), 1 / 3)
             corners[0], corners[1] = np.eye(3)[(third + 1) % 3], np.eye(3)[(third + 2) % 3]
-            found = in_triangles(np.einsum("kc,ncd->nkd", corners, t.x[t.corners]), density, values)
+            integrated = in_triangles(np.einsum("kc,ncd->nkd", corners, t.x[t.corners]), density, values)
             # Barycentric coordinates of the triangle are linear in those of the third, and so are their products.
             pairs = [np.outer(corners[:, (i + 1) % 3], corners[:, (i + 2) % 3]).ravel() for i in range(3)]
             share = t.area[:, None, None] / 3
-            moments, unknown = found.moments, found.unknown
+            moments, unknown = integrated.moments, integrated.unknown
             self.body += share * np.einsum("kc,nkd->ncd", corners, moments[:, :3])
             self._bubbles += share * 4 * np.einsum("ck,nkd->ncd", np.array(pairs), moments[:, 3:])
             self._unknown_bubbles += share * 4 * np.einsum("ck,nkd->ncd", np.array(pairs), unknown[:, 3:])
             self.unknown += (share * unknown[:, :3]).sum(axis=(1, 2))
-            self.missed_inside += t.area / 3 * found.missed
-            means.append(found.means)
+            self.missed_inside += t.area / 3 * integrated.missed
+            means.append(integrated.means)
         # The constants have the moments of the force, and differ from its means.
         differ = constant_forces(t, self.body) - np.stack(means, axis=1)
         self.missed_inside += np.einsum("n,nid->n", t.area / 3, differ**2)
@@ -279,21 +281,21 @@ class Problem:
         rows = index[rows]
         ends = np.stack((rows[:, :-1], rows[:, 1:]), axis=2).reshape(-1, 2)
         near = cKDTree(t.x).query(boundary.x[ends][..., :2])[1]
-        place = np.argsort(np.searchsorted(t.edges @ [len(t.x), 1], np.sort(near, axis=1) @ [len(t.x), 1]))
-        place = place[np.argsort(np.argsort(edges))]
-        back = (near[:, 0] > near[:, 1])[place, None]
+        order = np.argsort(np.searchsorted(t.edges @ [len(t.x), 1], np.sort(near, axis=1) @ [len(t.x), 1]))
+        order = order[np.argsort(np.argsort(edges))]
+        back = (near[:, 0] > near[:, 1])[order, None]
 
         def linear(nodal: Array, *, positive: bool = False) -> Array:
             """Linear functions on the edges with the moments of the nodal rule, or not negative with its resultants."""
-            found = nodal[rows]
+            tractions = nodal[rows]
             if rows.shape[1] == 3:
-                found = found @ _LINEAR.T
+                tractions = tractions @ _LINEAR.T
                 if positive:  # with the resultant of each facet, of which a thin body takes notice
-                    cut = found.clip(min=0.0)
-                    share = found @ [0.25, 0.5, 0.25] / np.maximum(cut @ [0.25, 0.5, 0.25], np.finfo(float).tiny)
-                    found = cut * share.clip(0.0, 1.0)[:, None]
-            found = np.stack((found[:, :-1], found[:, 1:]), axis=2).reshape(-1, 2)[place]
-            return np.where(back, found[:, ::-1], found)
+                    cut = tractions.clip(min=0.0)
+                    share = tractions @ [0.25, 0.5, 0.25] / np.maximum(cut @ [0.25, 0.5, 0.25], np.finfo(float).tiny)
+                    tractions = cut * share.clip(0.0, 1.0)[:, None]
+            tractions = np.stack((tractions[:, :-1], tractions[:, 1:]), axis=2).reshape(-1, 2)[order]
+            return np.where(back, tractions[:, ::-1], tractions)
 
         pressure = linear(contact.pressure, positive=True).clip(min=0.0)
         gauss = self.along(edges, GAUSS[0])

@@ -75,12 +75,17 @@ class Augmentation:
         Returns:
             Relative change of the multipliers, the largest of all groups of points.
         """
-        newton, before = self.newton, (data.lambda_hat, data.mu_hat)
+        newton, old_shifts = self.newton, (data.lambda_hat, data.mu_hat)
         points, groups = newton.problem.points, newton.problem.groups
-        after = newton.shifts(data)
-        felt, felt_before = _both(points.felt, *after), _both(points.felt, *before)
-        moved = _both(points.felt, *(new - old for new, old in zip(after, before, strict=True)))
-        now, last_size = (groups.norms(one) + groups.norms(other) for one, other in (felt, felt_before))
+        new_shifts = newton.shifts(data)
+        felt, felt_before = (
+            _of_pressure_and_shear(points.felt, *new_shifts),
+            _of_pressure_and_shear(points.felt, *old_shifts),
+        )
+        moved = _of_pressure_and_shear(
+            points.felt, *(new - old for new, old in zip(new_shifts, old_shifts, strict=True))
+        )
+        now, last_size = (groups.norms(movement) + groups.norms(floor) for movement, floor in (felt, felt_before))
         changes = groups.norms(moved[0]), groups.norms(moved[1])
         size = groups.scales(np.where(now > 0, now, last_size))
         gammas = (data.gamma_n, data.gamma_t)
@@ -89,24 +94,24 @@ class Augmentation:
         # If all motion is round-off, the scale is the displacement that the tractions could cause.
         stress = groups.scales(groups.largest(np.maximum(*felt)))
         length = np.maximum(length, shares(FAINT_DISPLACEMENT * stress, self._stiffness))
-        lengths, stresses = (np.where(one > 0, one, 1.0)[groups.number] for one in (length, stress))
+        lengths, stresses = (np.where(movement > 0, movement, 1.0)[groups.number] for movement in (length, stress))
         # At its bound, that of the problem just solved, the shear gives no information about slip.
-        sticks = length_of(after[1]) < data.friction_bound(newton.multipliers()[0])
-        open_at = (np.abs(after[0] - before[0]), length_of(after[1] - before[1]) * sticks)
+        sticks = length_of(new_shifts[1]) < data.friction_bound(newton.multipliers()[0])
+        open_at = (np.abs(new_shifts[0] - old_shifts[0]), length_of(new_shifts[1] - old_shifts[1]) * sticks)
         slip = slip_of(u_t, data)
-        wrong = np.minimum(length_of(slip) / lengths, length_of(_astray(after[1], slip)) / stresses)
+        wrong = np.minimum(length_of(slip) / lengths, length_of(_astray(new_shifts[1], slip)) / stresses)
         least = (np.zeros(groups.count), groups.largest(wrong))
         lefts, violations, slow = [], [], []
-        for change, last, gamma, one, other in zip(changes, self.changes, gammas, open_at, least, strict=True):
+        for change, last, gamma, movement, floor in zip(changes, self.changes, gammas, open_at, least, strict=True):
             share = shares(change, last, np.nan)
             beyond = shares(share, 1 - share, np.inf)
             times = np.maximum(1.0, np.fmin(beyond, self._stiffness / gamma))
             ahead = change * times
-            left = shares(ahead, size, ahead)
-            missed = np.asarray(groups.largest(one) / gamma, dtype=np.float64)
-            violation = np.maximum(other, shares(missed, length, missed))
-            slow.append(bool(np.any((share > SLOW_SHARE) & (np.maximum(left, violation) > self.tolerance))))
-            lefts.append(left)
+            remaining = shares(ahead, size, ahead)
+            missed = np.asarray(groups.largest(movement) / gamma, dtype=np.float64)
+            violation = np.maximum(floor, shares(missed, length, missed))
+            slow.append(bool(np.any((share > SLOW_SHARE) & (np.maximum(remaining, violation) > self.tolerance))))
+            lefts.append(remaining)
             violations.append(violation)
         self.changes, self.slow = changes, (slow[0], slow[1])
         self.left, self.violation = float(np.max(sum(lefts))), float(np.max(violations))
@@ -138,6 +143,6 @@ def _astray(shear: Nodal, slip: Nodal) -> Nodal:
     return shear - np.maximum(inner(shear, way), 0.0)[:, None] * way
 
 
-def _both(measure: Callable[[Nodal, Nodal], T], pressure: Nodal, shear: Nodal) -> tuple[T, T]:
+def _of_pressure_and_shear(measure: Callable[[Nodal, Nodal], T], pressure: Nodal, shear: Nodal) -> tuple[T, T]:
     """What the body feels of a pressure and of a shear, each beside the other."""
     return measure(pressure, shear), measure(shear, pressure)

@@ -21,10 +21,10 @@ def softened(task: Task, start: Start, failed: Outcome) -> RegularisedData:
     """The first problem of augmentation, whose limit is the same for every gamma: a small one makes the problems
     easiest.  Where the problem with gamma was solved and only its limit was not, gamma stays.
     """
-    given = replace(failed.data, slip_origin=without_elastic_slip(start, failed.data))
+    scene_data = replace(failed.data, slip_origin=without_elastic_slip(start, failed.data))
     solved = task.settings.algorithm == "exact" and failed.newton is not task.iterate.newton
-    share = 1.0 if solved else max(AUGMENTED_SHARE, min(1.0, START_GAMMA * task.natural_gamma / given.gamma_n))
-    return replace(given, gamma_n=share * given.gamma_n, gamma_t=share * given.gamma_t)
+    share = 1.0 if solved else max(AUGMENTED_SHARE, min(1.0, START_GAMMA * task.natural_gamma / scene_data.gamma_n))
+    return replace(scene_data, gamma_n=share * scene_data.gamma_n, gamma_t=share * scene_data.gamma_t)
 
 
 def without_elastic_slip(start: Start, data: RegularisedData) -> Nodal | None:
@@ -47,19 +47,19 @@ def by_augmentation(
         monolithic: whether Coulomb friction is solved without a fixed point.
     """
     s, newton = task.settings, task.iterate.newton
-    given = replace(data, gamma_n=failed.data.gamma_n, gamma_t=failed.data.gamma_t)
+    scene_data = replace(data, gamma_n=failed.data.gamma_n, gamma_t=failed.data.gamma_t)
     if start.law is None or not task.has_coulomb:
-        sets = ActiveSets.all_in_contact(*given.mu_hat.shape)
+        sets = ActiveSets.all_in_contact(*scene_data.mu_hat.shape)
         status = augmented_lagrangian(augmentation_on(task, newton), data, sets, max_outer=s.max_outer_iterations)
     else:
-        status = _augmented_coulomb(task, start, start.law, given, data, monolithic=monolithic)
+        status = _augmented_coulomb(task, start, start.law, scene_data, data, monolithic=monolithic)
     if status is not Status.CONVERGED:
         return replace(failed, status=status, newton=newton, monolithic=False)
-    return Outcome(status, newton, given, augmented=True)  # no regularisation error of path-following remains
+    return Outcome(status, newton, scene_data, augmented=True)  # no regularisation error of path-following remains
 
 
 def _augmented_coulomb(
-    task: Task, start: Start, law: FrictionLaw, given: RegularisedData, data: RegularisedData, *, monolithic: bool
+    task: Task, start: Start, law: FrictionLaw, scene_data: RegularisedData, data: RegularisedData, *, monolithic: bool
 ) -> Status:
     """Augmentation from the multipliers of the load step before, or from the start of Coulomb friction.
 
@@ -67,20 +67,20 @@ def _augmented_coulomb(
         task: the inputs.
         start: where the load step starts.
         law: its friction law.
-        given: the problem with the gamma of the scene.
+        scene_data: the problem with the gamma of the scene.
         data: the problem to begin with.
         monolithic: whether the bound of its problems follows the pressure; otherwise they are those of a fixed point.
     """
     s, newton, multipliers = task.settings, task.iterate.newton, start.multipliers
     if multipliers is None:
-        contact = replace(coulomb_start(task, given), gamma_n=data.gamma_n, gamma_t=data.gamma_t)
-        status = newton.solve(contact, ActiveSets.all_in_contact(*given.mu_hat.shape))
+        contact = replace(coulomb_start(task, scene_data), gamma_n=data.gamma_n, gamma_t=data.gamma_t)
+        status = newton.solve(contact, ActiveSets.all_in_contact(*scene_data.mu_hat.shape))
         if status is not Status.CONVERGED:
             return proved(task, newton.problem, law, status)
         multipliers = newton.multipliers()
     if monolithic:
-        kept = task.motions.points.immovable  # whose pressure augmentation does not change, see ``shifts``
-        pressure = np.where(kept, data.lambda_hat, multipliers[0])
+        immovable = task.motions.points.immovable  # whose pressure augmentation does not change, see ``shifts``
+        pressure = np.where(immovable, data.lambda_hat, multipliers[0])
         status = augmented_lagrangian(
             augmentation_on(task, task.iterate.unsymmetric_newton),
             replace(

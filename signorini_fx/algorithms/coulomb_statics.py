@@ -87,19 +87,19 @@ def free_state(task: Task, data: RegularisedData) -> tuple[Nodal, Nodal] | None:
     One linear solve: springs at the contact nodes hold the body, with forces below the tolerance for residuals.
     """
     newton, soft = task.iterate.newton, RESIDUAL_TOLERANCE * task.natural_gamma
-    checkpoint, none = newton.checkpoint(), np.zeros_like(data.mu_hat)
+    checkpoint, zero = newton.checkpoint(), np.zeros_like(data.mu_hat)
     springs = RegularisedData(
-        gap=none[:, 0],
+        gap=zero[:, 0],
         gamma_n=soft,
         gamma_t=soft,
         sigma=np.inf,
-        lambda_hat=none[:, 0],
-        mu_hat=none,
-        bound=np.full(len(none), np.inf),
-        bilateral=np.ones(len(none), dtype=bool),
+        lambda_hat=zero[:, 0],
+        mu_hat=zero,
+        bound=np.full(len(zero), np.inf),
+        bilateral=np.ones(len(zero), dtype=bool),
     )
     newton.begin_at(newton.problem.system.start)  # not where the body has gone: its round-off is above those forces
-    status = newton.solve_once(springs, ActiveSets.all_in_contact(*none.shape), lambda: None)
+    status = newton.solve_once(springs, ActiveSets.all_in_contact(*zero.shape), lambda: None)
     u_n, u_t = newton.problem.traces(newton.x)
     newton.restore(checkpoint)
     return (data.gap - u_n, slip_of(u_t, data)) if status is Status.CONVERGED else None

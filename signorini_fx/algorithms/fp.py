@@ -50,10 +50,10 @@ def fixed_point(
         damping: fraction of the step to the new bound that is taken, for iterations that oscillate or diverge.
     """
     g, norms = start[0], newton.problem.groups.norms
-    before: Nodal | None = None
+    previous: Nodal | None = None
     if augmentation is not None:
-        kept = newton.problem.points.immovable  # whose pressure augmentation does not change, see ``shifts``
-        data = replace(data, lambda_hat=np.where(kept, data.lambda_hat, start[0]), mu_hat=start[1])
+        immovable = newton.problem.points.immovable  # whose pressure augmentation does not change, see ``shifts``
+        data = replace(data, lambda_hat=np.where(immovable, data.lambda_hat, start[0]), mu_hat=start[1])
     for _ in range(max_outer):
         data = replace(data, bound=law.bound(g))
         status = newton.solve(data, first_sets, measure=partial(_change, newton, data, g, augmentation))
@@ -71,13 +71,13 @@ def fixed_point(
                 return Status.OUTER_MAX_ITERATIONS
         following = g + damping * (pressure - g)
         # The Tresca problem with a given bound has one pressure: what comes back after two steps comes back for ever.
-        if augmentation is None and before is not None:
-            back = norms(following - before) <= _BACK * norms(following - g)
+        if augmentation is None and previous is not None:
+            back = norms(following - previous) <= _BACK * norms(following - g)
             left = _changes(newton, g) > tolerance
             if np.any(back & left) if left.any() else back.all():
                 newton.history.add("the fixed point alternates between two friction bounds")
                 return Status.OUTER_MAX_ITERATIONS
-        before, g = g, following
+        previous, g = g, following
         if augmentation is not None:
             data = augmentation.next(data)
     return Status.OUTER_MAX_ITERATIONS

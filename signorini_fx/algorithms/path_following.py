@@ -79,7 +79,7 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
 
     ksp = newton.snes.getKSP()
     # A solve on an old factor ends by the size of the forces of the problem; these right-hand sides have another size.
-    before = ksp.getTolerances()
+    tolerances = ksp.getTolerances()
     factor = ksp.getPC().getType() in (PETSc.PC.Type.CHOLESKY, PETSc.PC.Type.LU)
     ksp.setTolerances(rtol=_SLOPE_TOLERANCE if factor else _ROUGH_SLOPE_TOLERANCE, atol=0.0)
     first, stretched = newton.x.duplicate(), newton.x.duplicate()
@@ -96,15 +96,15 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
         callbacks.solve(ksp.solve, force, second)
         curvature = -stretched.dot(second)
         reach = 2.0 * energy / curvature if curvature > 0 else data.gamma_n
-    ksp.setTolerances(*before)
+    ksp.setTolerances(*tolerances)
     # lambda = gamma_1 (tau_N y - d) on A_c along the path.
     u_n, u_t = system.contact.traces(newton.x)
     slope_n, slope_t = system.contact.traces(first)
     pressure_slope = points.norm(sets.contact * (u_n - data.gap + data.gamma_n * slope_n))
     distance = float(np.sqrt(max(energy, 0.0)))
     # Of a node that is stiffer than the pole the model leaves some slip too, but less than half.
-    now, ahead = length(u_t - origin), points.felt(u_t - origin + reach * slope_t)
-    stays = ~sets.slip & (ahead > now / 2)
+    slip, ahead = length(u_t - origin), points.felt(u_t - origin + reach * slope_t)
+    stays = ~sets.slip & (ahead > slip / 2)
     may_slip = np.zeros_like(stays) if data.bound is None else np.isfinite(data.bound)
     left_slip = points.norm(np.sqrt(stiffness) * ahead * (stays & may_slip))
     return PathModel(data.gamma_n, reach - data.gamma_n, reach * distance, reach * pressure_slope, left_slip)
@@ -134,19 +134,19 @@ def path_following(
     Returns:
         How it ended, the last problem, and the remaining regularisation error, in the energy norm.
     """
-    left = np.inf
+    error = np.inf
     for _ in range(max_outer):
         status = newton.solve(data, first_sets, first_iteration=first_iteration)
         if status is not Status.CONVERGED:
-            return status, data, left
+            return status, data, error
         model = path_model(newton, data)
-        allowed, left = goal(), max(model.distance, model.left_slip)
+        allowed, error = goal(), max(model.distance, model.left_slip)
         doubtful = model.left_slip > model.distance
-        if (left <= allowed and not doubtful) or data.gamma_n >= largest:
-            return Status.CONVERGED, data, left
+        if (error <= allowed and not doubtful) or data.gamma_n >= largest:
+            return Status.CONVERGED, data, error
         # Half of the allowed error; otherwise the path would approach the goal slowly from above.
         least = GAMMA_GROWTH * data.gamma_n if doubtful else 0.0
         gamma = min(max(model.gamma_for(allowed / 2), least), largest) if allowed > 0 else largest
         data = replace(data, gamma_n=gamma, gamma_t=gamma * data.gamma_t / data.gamma_n)
         first_sets, first_iteration = newton.continued_sets(data), 1
-    return Status.OUTER_MAX_ITERATIONS, data, left
+    return Status.OUTER_MAX_ITERATIONS, data, error

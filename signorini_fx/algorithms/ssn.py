@@ -159,8 +159,8 @@ class SemismoothNewton:
             data, first_sets, measure, first_iteration=first_iteration, max_iterations=max_iterations
         )
         # With a friction bound that depends on the pressure there is no energy, and there are other fall-backs.
-        given = max_iterations is None and data.coupling is None
-        if self._fall_backs is not None and given and (status is Status.CYCLING or self._ran_on(status)):
+        may_fall_back = max_iterations is None and data.coupling is None
+        if self._fall_backs is not None and may_fall_back and (status is Status.CYCLING or self._ran_on(status)):
             status = self._fall_backs(self, data, first_sets, status, measure)
         failed = status in (Status.CYCLING, Status.MAX_ITERATIONS) and max_iterations is None
         return Status.ROUND_OFF if failed and self.problem.lost_to_round_off(self.x, RESIDUAL_TOLERANCE) else status
@@ -175,17 +175,21 @@ class SemismoothNewton:
         max_iterations: int | None = None,
     ) -> Status:
         """``solve`` without fall-backs."""
-        before = self.history.linear_solves
+        solves_before = self.history.linear_solves
         status = self.attempt(data, first_sets, first_iteration=first_iteration, max_iterations=max_iterations)
-        self.close(data, status, before, measure)
+        self.close(data, status, solves_before, measure)
         return status
 
     def close(
-        self, data: RegularisedData, status: Status, before: int, measure: Callable[[], float | None] = lambda: None
+        self,
+        data: RegularisedData,
+        status: Status,
+        solves_before: int,
+        measure: Callable[[], float | None] = lambda: None,
     ) -> None:
-        """Record the end of a problem that began after ``before`` linear solves."""
+        """Record the end of a problem that began after ``solves_before`` linear solves."""
         history = self.history
-        solves = history.linear_solves - before
+        solves = history.linear_solves - solves_before
         history.add(OuterRecord(history.step, len(history.outer), solves, data.gamma_n, measure(), status.value))
 
     def attempt(
@@ -199,14 +203,14 @@ class SemismoothNewton:
         """The iteration itself, without fall-backs and without an outer record."""
         self.problem.set_data(data, first_sets)
         self._first_iteration = first_iteration
-        self._before = self.history.linear_solves
+        self._solves_before = self.history.linear_solves
         self._seen: dict[int, float] = {}
         self._stalls: list[float] = []
         self._status: Status | None = None
         if self.history.exhausted:
             return Status.MAX_ITERATIONS
-        left = self.history.limit - self._before
-        limit = int(min(self.max_iterations, max_iterations or self.max_iterations, left))
+        remaining = self.history.limit - self._solves_before
+        limit = int(min(self.max_iterations, max_iterations or self.max_iterations, remaining))
         self.snes.setTolerances(max_it=limit)
         self._may_keep, self._loosened, self._assembled = True, False, False
         try:
@@ -232,7 +236,7 @@ class SemismoothNewton:
             self._factorise()
         try:
             status = self._iterate()
-            while (done := self.history.linear_solves - self._before) < limit and self._improved(status):
+            while (done := self.history.linear_solves - self._solves_before) < limit and self._improved(status):
                 self._status, self._first_iteration = None, first + done
                 self._seen.clear()
                 self.snes.setTolerances(max_it=limit - done)

@@ -56,13 +56,13 @@ from signorini_fx.tuned import (
 )
 
 
-def solve_task(task: Task, start: Start, most: int | None = None) -> Outcome:
+def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Outcome:
     """Solve a load step; the iterates stay in ``task.iterate``.
 
     Args:
         task: the inputs.
         start: where the load step starts.
-        most: linear solves allowed; None: those of ``step_limit``.
+        solve_budget: linear solves allowed; None: those of ``step_limit``.
     """
     task.iterate.begin_step(start)
     if task.settings.algorithm == "alm":
@@ -78,7 +78,7 @@ def solve_task(task: Task, start: Start, most: int | None = None) -> Outcome:
     lost = no_balance(start.law, start.data.bilateral, task.motions, task.system.resultant)
     if lost is not None:
         return _without_contact(task, start.data, lost.status)
-    with task.history.at_most(step_limit(task.settings.max_iterations) if most is None else most):
+    with task.history.at_most(step_limit(task.settings.max_iterations) if solve_budget is None else solve_budget):
         outcome = _solve(task, start)
         if outcome.status is not Status.CONVERGED and task.history.linear_solves >= task.history.limit:
             task.history.add("all methods together have taken as many linear solves as they may")
@@ -224,8 +224,8 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
                 largest=LARGEST_GAMMA * task.natural_gamma,
                 max_outer=s.max_outer_iterations,
             )
-            found = replace(start.data, gamma_n=last.gamma_n, gamma_t=last.gamma_t)
-            return Outcome(status, newton, found, regularisation_error=error)
+            final_data = replace(start.data, gamma_n=last.gamma_n, gamma_t=last.gamma_t)
+            return Outcome(status, newton, final_data, regularisation_error=error)
         case "alm":
             status = augmented_lagrangian(
                 augmentation_on(task, newton),
@@ -249,19 +249,21 @@ def _coulomb(task: Task, start: Start, law: FrictionLaw) -> Outcome:
     finds_gamma = (s.algorithm == "continuation" and start.step == 0) or (
         s.algorithm == "path-following" and start.regularisation_error is None
     )
-    before = Outcome(Status.CONVERGED, newton, start.data, regularisation_error=start.regularisation_error)
+    first_outcome = Outcome(Status.CONVERGED, newton, start.data, regularisation_error=start.regularisation_error)
     if multipliers is None or finds_gamma:
         data = coulomb_start(task, start.data)
         if s.algorithm == "alm":  # (ALM-FP) updates the shifts together with the bound, but not in the start
-            before = replace(before, status=newton.solve(data, first_sets, first_iteration=start.iteration))
+            first_outcome = replace(
+                first_outcome, status=newton.solve(data, first_sets, first_iteration=start.iteration)
+            )
         else:
-            before = _given_friction(task, start, data)
-        if before.status is not Status.CONVERGED:
-            return before
+            first_outcome = _given_friction(task, start, data)
+        if first_outcome.status is not Status.CONVERGED:
+            return first_outcome
         multipliers, first_sets = newton.multipliers(), None
         if data.bound is None:  # this start has no slip: mu = xi = 0, hence stick everywhere
             first_sets = ActiveSets.of(newton.problem.next.sets.contact, np.zeros_like(data.mu_hat))
-    data = replace(before.data, bound=law.given)
+    data = replace(first_outcome.data, bound=law.given)
 
     def fixed(damping: float) -> Status:
         return fixed_point(
@@ -286,7 +288,7 @@ def _coulomb(task: Task, start: Start, law: FrictionLaw) -> Outcome:
     # Later load steps have the multipliers of the previous one, but sets only where a solution of their own is near.
     near = start.multipliers is not None and (start.step == 0 or start.sets is not None)
     first = s.coulomb == "newton" or (s.coulomb == "auto" and near and s.algorithm != "alm")
-    return _either_way(task, start, law, before, fixed, monolithic, monolithic_first=first)
+    return _either_way(task, start, law, first_outcome, fixed, monolithic, monolithic_first=first)
 
 
 def _either_way(
@@ -372,8 +374,8 @@ def _exact(task: Task, start: Start, regularised: Outcome) -> Outcome:
         status = newton.solve(data, sets)
         if status is not Status.CONVERGED:
             return status
-        first, most = newton.multipliers(), s.max_outer_iterations
-        return fixed_point(newton, data, law, first, None, tolerance=s.tolerance, max_outer=most, damping=damping)
+        first, max_outer = newton.multipliers(), s.max_outer_iterations
+        return fixed_point(newton, data, law, first, None, tolerance=s.tolerance, max_outer=max_outer, damping=damping)
 
     def monolithic() -> Status:
         return coulomb_newton(task.iterate.exact_unsymmetric_newton, limit, law, sets)

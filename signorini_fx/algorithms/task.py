@@ -23,7 +23,7 @@ from signorini_fx.contact.laws import (
     slip_of,
 )
 from signorini_fx.contact.motions import FreeMotions
-from signorini_fx.contact.resting_place import Rest, resting_place
+from signorini_fx.contact.resting_place import RestingMotion, resting_place
 from signorini_fx.contact.state import PointState
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.method import Settings
@@ -153,7 +153,7 @@ class Task:
     history: History
     linear_algebra: str = ""
     goal: Callable[[PETSc.Vec], float] = lambda x: 0.0
-    rest: Rest | None = None
+    rest: RestingMotion | None = None
 
     @classmethod
     def of(
@@ -167,7 +167,7 @@ class Task:
         settings: Settings | None = None,
         natural_gamma: float | None = None,
         has_coulomb: bool | None = None,
-        **others: Any,
+        **options: Any,
     ) -> Task:
         """A problem that starts with contact and stick everywhere, from its resting place; collective.
 
@@ -181,7 +181,7 @@ class Task:
             natural_gamma: the natural unit of gamma, stress per length; None: that of the stiffest contact point, its
                 stiffness over its weight, times the share of a side of its piece in that of the contact boundary.
             has_coulomb: see ``Task``; None: where a coefficient is not zero.
-            others: history, linear_algebra and goal, see ``Task``.
+            options: history, linear_algebra and goal, see ``Task``.
         """
         points, comm, settings = motions.points, motions.points.comm, settings or Settings()
         if natural_gamma is None:
@@ -192,11 +192,11 @@ class Task:
             follows = law is not None and (law.cohesive is not None or bool((law.coefficient > 0).any()))
             has_coulomb = parallel.any_rank(comm, follows)
         data = RegularisedData.unshifted(gap, points.dimension - 1, settings, natural_gamma, law, bilateral)
-        rest = resting_place(gap, bilateral, motions, system.resultant)
+        resting = resting_place(gap, bilateral, motions, system.resultant)
         sets = ActiveSets.all_in_contact(*data.mu_hat.shape)
-        start = Start(data if rest is None else rest.data_from(data), law, sets, iteration=0)
-        history = others.pop("history", None) or History()
-        return cls(settings, system, motions, start, has_coulomb, natural_gamma, history, rest=rest, **others)
+        start = Start(data if resting is None else resting.data_from(data), law, sets, iteration=0)
+        history = options.pop("history", None) or History()
+        return cls(settings, system, motions, start, has_coulomb, natural_gamma, history, rest=resting, **options)
 
     @cached_property
     def iterate(self) -> Iterate:
@@ -241,9 +241,9 @@ class Task:
 
     def with_algorithm(self, algorithm: Literal["ssn", "alm"]) -> Task:
         """The same problem with the same iterates by another algorithm."""
-        other = replace(self, settings=replace(self.settings, algorithm=algorithm))
-        vars(other)["iterate"] = self.iterate
-        return other
+        task = replace(self, settings=replace(self.settings, algorithm=algorithm))
+        vars(task)["iterate"] = self.iterate
+        return task
 
     def gave_up(self, status: Status) -> bool:
         """Whether a method has failed for another reason than a limit that the user has set."""

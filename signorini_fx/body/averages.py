@@ -78,7 +78,7 @@ class Averages:
             for part, shape in zip(parts, shapes, strict=True)
         ]
         centre, lifts = np.concatenate([part.arm for part in parts]), [part.lift for part in parts]
-        lift = None if any(one is None for one in lifts) else sp.block_diag(lifts, format="csr")
+        lift = None if any(matrix is None for matrix in lifts) else sp.block_diag(lifts, format="csr")
         return cls(shares, nodes, x, fixed, sp.block_diag(turning, format="csr"), centre, lift)
 
     @property
@@ -89,8 +89,8 @@ class Averages:
     @property
     def operator(self) -> Any:
         """From displacements of nodes to those at the points, in the axes of space, scipy sparse, shape (n d, m d)."""
-        every = sp.kron(self.shares, sp.eye_array(self.x.shape[1]), format="csr")
-        return every if self.turning is None else sp.csr_array(every + self.turning)
+        translating = sp.kron(self.shares, sp.eye_array(self.x.shape[1]), format="csr")
+        return translating if self.turning is None else sp.csr_array(translating + self.turning)
 
     def any_of(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Whether any node of a point has a flag, from shape (m, k) to shape (n, k)."""
@@ -132,18 +132,18 @@ def averaging_forms(
     scalar = fem.functionspace(mesh, ("Lagrange", degree))
     phi, y = ufl.TestFunction(corners), ufl.TrialFunction(scalar)
     z = ufl.TestFunction(fem.functionspace(mesh, ("Lagrange", 1, (dim,))))
-    one = fem.Constant(mesh, default_scalar_type(1.0)) if factor is None else factor
+    pressure = fem.Constant(mesh, default_scalar_type(1.0)) if factor is None else factor
     weighted = y if factor is None else factor * y
     entities = facet_entities(mesh, facets)
     # Two facets of a cell have functions of their own: one form for each number, the same code for all.
     numbers = [np.flatnonzero(entities[:, 1] == number) for number in range(dim + 1)]
-    measures = [measure(mesh, [facets[here]], rule)(1) for here in numbers]
+    measures = [measure(mesh, [facets[rows]], rule)(1) for rows in numbers]
     products = inventory.compile(
         f"{name}, averages", lambda: [fem.form(forms.average_form(weighted, phi, ds)) for ds in measures]
     )
     ds = measure(mesh, [facets], rule)(1)
-    moments = inventory.compile(name, partial(fem.form, forms.contact_form(one, z, ufl.FacetNormal(mesh), ds)))
-    return AveragingForms(hats, corners, [entities[here, 0] for here in numbers], products, moments)
+    moments = inventory.compile(name, partial(fem.form, forms.contact_form(pressure, z, ufl.FacetNormal(mesh), ds)))
+    return AveragingForms(hats, corners, [entities[rows, 0] for rows in numbers], products, moments)
 
 
 def averaged_points(
@@ -169,15 +169,15 @@ def averaged_points(
     weight = np.asarray(rows.sum(axis=1)).ravel()
     node = _vertex_nodes(space, compiled.hats)[: weight.size]
     points = np.flatnonzero(weight > 0)
-    own = rows[points]
-    nodes = np.unique(own.indices)
-    values = own.data / np.repeat(weight[points], np.diff(own.indptr))
-    places = np.searchsorted(nodes, own.indices)
-    shares = sp.csr_array((values, places, own.indptr), shape=(points.size, nodes.size))
+    point_rows = rows[points]
+    nodes = np.unique(point_rows.indices)
+    values = point_rows.data / np.repeat(weight[points], np.diff(point_rows.indptr))
+    places = np.searchsorted(nodes, point_rows.indices)
+    shares = sp.csr_array((values, places, point_rows.indptr), shape=(points.size, nodes.size))
     x = node_positions(space)[: fixed.size // dim, :dim]
-    known = np.column_stack((x, fixed.reshape(-1, dim))).astype(np.float64)
-    there = from_owners(known, nodes, space.mesh.comm)
-    averages = Averages(shares, nodes.astype(np.int64), there[:, :dim], there[:, dim:] > 0)
+    owned_rows = np.column_stack((x, fixed.reshape(-1, dim))).astype(np.float64)
+    reached_rows = from_owners(owned_rows, nodes, space.mesh.comm)
+    averages = Averages(shares, nodes.astype(np.int64), reached_rows[:, :dim], reached_rows[:, dim:] > 0)
     return node[points], weight[points], moments[points], averages
 
 
@@ -188,8 +188,12 @@ def _dual_products(space: fem.FunctionSpace, compiled: AveragingForms) -> PETSc.
     matrix = PETSc.Mat().create(comm=space.mesh.comm)
     matrix.setSizes([(index_map.size_local, None) for index_map in maps])
     matrix.setType(PETSc.Mat.Type.AIJ)
-    known = [index_map.local_to_global(np.arange(index_map.size_local + index_map.num_ghosts)) for index_map in maps]
-    matrix.setLGMap(*(PETSc.LGMap().create(numbers.astype(PETSc.IntType), comm=space.mesh.comm) for numbers in known))
+    global_numbers = [
+        index_map.local_to_global(np.arange(index_map.size_local + index_map.num_ghosts)) for index_map in maps
+    ]
+    matrix.setLGMap(
+        *(PETSc.LGMap().create(numbers.astype(PETSc.IntType), comm=space.mesh.comm) for numbers in global_numbers)
+    )
     matrix.setUp()  # collective, which the ranks with facets must not begin on their own
     for number, (cells, form) in enumerate(zip(compiled.parts, compiled.products, strict=True)):
         assembled = fem.assemble_matrix(form).to_scipy(ghosted=True)  # on all ranks
@@ -197,16 +201,16 @@ def _dual_products(space: fem.FunctionSpace, compiled: AveragingForms) -> PETSc.
             continue
         vertices = np.array(basix.topology(element.cell_type)[-2][number])
         closure = np.array(space.dofmap.dof_layout.entity_closure_dofs(space.mesh.topology.dim - 1, number))
-        here, there = compiled.corners.dofmap.list[cells][:, vertices], space.dofmap.list[cells][:, closure]
+        corner_dofs, facet_dofs = compiled.corners.dofmap.list[cells][:, vertices], space.dofmap.list[cells][:, closure]
         shape = (len(cells), vertices.size, closure.size)
-        at = [np.broadcast_to(index, shape) for index in (here[:, :, None], there[:, None])]
+        at = [np.broadcast_to(index, shape) for index in (corner_dofs[:, :, None], facet_dofs[:, None])]
         product = np.asarray(assembled[at[0].ravel(), at[1].ravel()]).reshape(shape)
         # The hat functions from their values at the nodes of the facet.
         values_there = hats.tabulate(0, element.points[closure])[0, :, vertices, 0]
         mass = product @ values_there.T
         dual = product.sum(axis=2)[:, :, None] * (np.linalg.pinv(mass, rcond=_SINGULAR, hermitian=True) @ product)
-        places = compiled.hats.dofmap.list[cells][:, vertices], there
-        indices = (np.ascontiguousarray(place, dtype=PETSc.IntType) for place in places)
+        places = compiled.hats.dofmap.list[cells][:, vertices], facet_dofs
+        indices = (np.ascontiguousarray(dofs, dtype=PETSc.IntType) for dofs in places)
         matrix.setValuesLocalRCV(*indices, np.ascontiguousarray(dual), PETSc.InsertMode.ADD_VALUES)
     matrix.assemble()
     return matrix
@@ -215,32 +219,32 @@ def _dual_products(space: fem.FunctionSpace, compiled: AveragingForms) -> PETSc.
 def _vertex_nodes(space: fem.FunctionSpace, hats: fem.FunctionSpace) -> npt.NDArray[np.int32]:
     """The local node of ``space`` at each local hat function: vertices come first in every cell."""
     corners = hats.dofmap.list
-    found = np.zeros(hats.dofmap.index_map.size_local + hats.dofmap.index_map.num_ghosts, dtype=np.int32)
-    found[corners] = space.dofmap.list[:, : corners.shape[1]]
-    return found
+    nodes_of_hats = np.zeros(hats.dofmap.index_map.size_local + hats.dofmap.index_map.num_ghosts, dtype=np.int32)
+    nodes_of_hats[corners] = space.dofmap.list[:, : corners.shape[1]]
+    return nodes_of_hats
 
 
-def from_owners(known: _Floats, nodes: npt.NDArray[Any], comm: MPI.Comm) -> _Floats:
-    """Rows of ``known``, which has one per owned node, for global numbers of nodes; collective."""
-    column = PETSc.Vec().createMPI((len(known), None), comm=comm)
-    found = np.empty((nodes.size, known.shape[1]))
+def from_owners(owned_rows: _Floats, nodes: npt.NDArray[Any], comm: MPI.Comm) -> _Floats:
+    """Rows of ``owned_rows``, which has one per owned node, for global numbers of nodes; collective."""
+    column = PETSc.Vec().createMPI((len(owned_rows), None), comm=comm)
+    rows = np.empty((nodes.size, owned_rows.shape[1]))
     places = PETSc.IS().createGeneral(nodes.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
     received = PETSc.Vec().createSeq(nodes.size, comm=PETSc.COMM_SELF)
     scatter = PETSc.Scatter().create(column, places, received, None)
-    for k in range(known.shape[1]):
-        column.getArray()[:] = known[:, k]
+    for k in range(owned_rows.shape[1]):
+        column.getArray()[:] = owned_rows[:, k]
         scatter.scatter(column, received)
-        found[:, k] = received.getArray(readonly=True)
-    return found
+        rows[:, k] = received.getArray(readonly=True)
+    return rows
 
 
 def to_owners(values: _Floats, nodes: npt.NDArray[Any], comm: MPI.Comm, owned: int) -> _Floats:
     """Sums of rows for global numbers of nodes over all ranks, at the owned nodes, shape (owned, k); collective."""
     column = PETSc.Vec().createMPI((owned, None), comm=comm)
-    found = np.empty((owned, values.shape[1]))
+    sums = np.empty((owned, values.shape[1]))
     for k in range(values.shape[1]):
         column.set(0.0)
         column.setValues(nodes.astype(PETSc.IntType), values[:, k], addv=PETSc.InsertMode.ADD_VALUES)
         column.assemble()
-        found[:, k] = column.getArray(readonly=True)
-    return found
+        sums[:, k] = column.getArray(readonly=True)
+    return sums

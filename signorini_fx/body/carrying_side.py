@@ -59,9 +59,9 @@ class SideFigures:
         sums = parallel.global_sum(mesh.comm, np.array([len(facets), stiffness.sum(), extent.sum()]))
         return cls(name, float(sums[1] / sums[0]), float(sums[2] / sums[0]))
 
-    def better(self, other: SideFigures) -> str | None:
+    def better(self, opposite: SideFigures) -> str | None:
         """Why this side should rather carry the points: it is softer, or as soft and finer; None: it should not."""
-        softer, finer = other.stiffness / self.stiffness, other.size / self.size
+        softer, finer = opposite.stiffness / self.stiffness, opposite.size / self.size
         if softer > _STIFFER:
             return f"{softer:.2g} times softer"
         return f"{finer:.2g} times finer" if softer > 1 / _STIFFER and finer > _COARSER else None
@@ -85,7 +85,7 @@ def with_chosen_sides(scene: Scene, tagged: TaggedMesh, facets: Facets, shear_mo
     """
     contacts = list(scene.contact)
     problems = []
-    for place, effect in enumerate(scene.contact):
+    for number, effect in enumerate(scene.contact):
         if effect.against is None or effect.points == "boundary":
             continue
         if effect.points == "auto":
@@ -93,15 +93,17 @@ def with_chosen_sides(scene: Scene, tagged: TaggedMesh, facets: Facets, shear_mo
             entered = any(effect.boundary in load.enters for load in scene.joint_loads.values())
             if theirs.better(ours) is None or not _plain(effect) or entered:
                 continue
-        taken = [name for k, one in enumerate(contacts) if k != place for name in (one.boundary, one.against)]
+        taken = [
+            name for k, contact in enumerate(contacts) if k != number for name in (contact.boundary, contact.against)
+        ]
         if effect.points == "auto":
             taken += [support.where for support in scene.displacement]
-        if (other := _sharing(effect.against, taken, tagged, facets)) is not None:
+        if (existing := _sharing(effect.against, taken, tagged, facets)) is not None:
             if effect.points == "against":
-                message = f"{effect.against!r} shares facets with {other!r} of another contact: leave the points on"
-                problems.append((f"contact[{place}].points", f"{message} {effect.boundary!r}"))
+                message = f"{effect.against!r} shares facets with {existing!r} of another contact: leave the points on"
+                problems.append((f"contact[{number}].points", f"{message} {effect.boundary!r}"))
             continue
-        contacts[place] = effect.model_copy(
+        contacts[number] = effect.model_copy(
             update={
                 "boundary": effect.against,
                 "against": effect.boundary,
@@ -110,7 +112,7 @@ def with_chosen_sides(scene: Scene, tagged: TaggedMesh, facets: Facets, shear_mo
         )
     if problems:
         raise SceneError(problems)
-    if all(one is other for one, other in zip(contacts, scene.contact, strict=True)):
+    if all(contact is existing for contact, existing in zip(contacts, scene.contact, strict=True)):
         return scene
     return scene.model_copy(update={"contact": tuple(contacts)})
 
@@ -121,12 +123,12 @@ def _plain(effect: Any) -> bool:
     return all(value is None or isinstance(value, int | float) for value in (effect.gap, *friction))
 
 
-def _sharing(name: str, others: list[str | None], tagged: TaggedMesh, facets: Facets) -> str | None:
+def _sharing(name: str, boundaries: list[str | None], tagged: TaggedMesh, facets: Facets) -> str | None:
     """The first of some boundaries that shares facets with one; None: none does; collective."""
-    for other in others:
-        if other is None or other not in facets:
+    for boundary in boundaries:
+        if boundary is None or boundary not in facets:
             continue
-        shared = np.intersect1d(facets[name], facets[other]).size
+        shared = np.intersect1d(facets[name], facets[boundary]).size
         if parallel.global_sum(tagged.mesh.comm, np.array(shared)):
-            return other
+            return boundary
     return None

@@ -150,11 +150,11 @@ class ContactBoundary:
         if self.normal.shape[1] == 2:
             return tangents
         for axis in range(3):
-            here = ~self.free[:, axis] & self.free.any(axis=1) & (self._components[:, axis] <= _ALONG)
-            along = np.broadcast_to(np.eye(3)[axis], (np.count_nonzero(here), 3))
+            held_across = ~self.free[:, axis] & self.free.any(axis=1) & (self._components[:, axis] <= _ALONG)
+            along = np.broadcast_to(np.eye(3)[axis], (np.count_nonzero(held_across), 3))
             if self.axes is not None:
-                along = self.axes[here, :, axis]
-            tangents[here] = np.stack((along, np.cross(self.normal[here], along)), axis=2)
+                along = self.axes[held_across, :, axis]
+            tangents[held_across] = np.stack((along, np.cross(self.normal[held_across], along)), axis=2)
         return tangents if self.ellipse is None else self.ellipse.axes(self.normal, tangents)
 
     @property
@@ -181,8 +181,10 @@ class ContactBoundary:
         movable = np.einsum("nki,nk,nkj->nij", frames, self.free.astype(np.float64), frames)
         if self.moving is not None:
             moves = np.einsum("nij,nik->njk", self.frames, self.moving.modes[:, :, ~self.moving.fixed])
-            here = moves.any(axis=(1, 2))
-            movable[here] = onto_range(movable[here] + np.einsum("nik,njk->nij", moves[here], moves[here]))
+            on_tools = moves.any(axis=(1, 2))
+            movable[on_tools] = onto_range(
+                movable[on_tools] + np.einsum("nik,njk->nij", moves[on_tools], moves[on_tools])
+            )
         return ContactPoints(self.comm, self.weight, movable, self.x, self._shared)
 
     def aligned(self) -> tuple[npt.NDArray[np.int32], Nodal] | None:
@@ -197,7 +199,7 @@ class ContactBoundary:
         """
         sizes, frames = np.abs(self.frames_in_axes), self.frames.copy()
         across = 1.0 - sizes.max(axis=2) >= _ALONG_AXIS
-        for reason, here in (
+        for reason, applies in (
             (
                 "contact of two bodies ties several unknowns to each other",
                 self.paired,
@@ -209,7 +211,7 @@ class ContactBoundary:
             ("a contact node has two normals", np.unique(self.nodes).size < self.size),
             ("a contact node is prescribed askew to its normal", bool((across & ~self.free).any())),
         ):
-            if parallel.any_rank(self.comm, here):
+            if parallel.any_rank(self.comm, applies):
                 text = f"exact cannot be used here: {reason}; use ssn, alm or path-following"
                 raise SceneError([("solver.algorithm", text)])
         off = across.any(axis=1)
@@ -228,10 +230,10 @@ class ContactBoundary:
         alone = alone[times[node] > 1]
         order = alone[np.argsort(self.nodes[alone], kind="stable")]
         nodes = np.split(order, np.flatnonzero(np.diff(self.nodes[order])) + 1)
-        pairs = [pair for same in nodes for pair in permutations((int(point) for point in same), 2)]
-        here, beside = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+        pairs = [pair for group in nodes for pair in permutations((int(point) for point in group), 2)]
+        points, beside = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
         coframes = np.concatenate((self.normal[:, :, None], self.cotangents), axis=2)
-        return SharedNodes(here, beside, np.einsum("nji,nj->ni", coframes[here], self.normal[beside]))
+        return SharedNodes(points, beside, np.einsum("nji,nj->ni", coframes[points], self.normal[beside]))
 
     def traces(self, y: Nodal) -> tuple[Nodal, Nodal]:
         """(tau_N y, tau_T y), shapes (n,) and (n, d - 1), from nodal displacements of shape (n, d)."""
@@ -274,7 +276,7 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
     return ContactBoundary(
         parts[0].comm,
         **fields,
-        averages=Averages.joined([one for one in averages if one is not None]) if any(averages) else None,
+        averages=Averages.joined([average for average in averages if average is not None]) if any(averages) else None,
         axes=np.concatenate(axes) if axes else None,
         ellipse=_joined_ellipses(parts),
         twisted=parts[0].twisted,
@@ -285,8 +287,10 @@ def _joined_ellipses(parts: list[ContactBoundary]) -> Ellipse | None:
     """Those of several boundaries; None: no friction has a direction."""
     if all(part.ellipse is None for part in parts):
         return None
-    every = [part.ellipse or Ellipse.disc(part.size) for part in parts]
-    return Ellipse(np.concatenate([one.along for one in every]), np.concatenate([one.ratio for one in every]))
+    ellipses = [part.ellipse or Ellipse.disc(part.size) for part in parts]
+    return Ellipse(
+        np.concatenate([ellipse.along for ellipse in ellipses]), np.concatenate([ellipse.ratio for ellipse in ellipses])
+    )
 
 
 def unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.int32], factor: Any = None) -> fem.Form:
@@ -322,11 +326,11 @@ def contact_part(
         normal = moments / np.linalg.norm(moments, axis=1, keepdims=True)
         free = averages.any_of(~averages.fixed)
     else:
-        every = assemble(form).reshape(-1, dim)
-        size = np.linalg.norm(every, axis=1)
+        weighted_normals = assemble(form).reshape(-1, dim)
+        size = np.linalg.norm(weighted_normals, axis=1)
         least *= parallel.largest(space.mesh.comm, size)
         nodes = np.flatnonzero(size > least).astype(np.int32)
-        weight, normal = size[nodes], every[nodes] / size[nodes, None]
+        weight, normal = size[nodes], weighted_normals[nodes] / size[nodes, None]
         free = ~fixed.reshape(-1, dim)[nodes]
     return ContactBoundary(
         comm=space.mesh.comm,
@@ -350,14 +354,14 @@ def segments_of(
     """The part and the global numbers of the nodes, or of the vertices alone, of each facet, see
     ``ContactBoundary.segments``.
     """
-    side, found = space.mesh.topology.dim - 1, facet_nodes(space, facets)
+    side, local_nodes = space.mesh.topology.dim - 1, facet_nodes(space, facets)
     # Vertices come first, then inner nodes: along a facet in the plane the second vertex is the last node.
     if vertices:
-        found = found[:, : side + 1]  # of triangles: no other facets average
+        local_nodes = local_nodes[:, : side + 1]  # of triangles: no other facets average
     if side == 1:
-        found = found[:, [0, *range(2, found.shape[1]), 1]]
-    nodes = space.dofmap.index_map.local_to_global(found.ravel()).reshape(found.shape)
-    return np.column_stack((np.full(len(found), part, dtype=np.int64), nodes))
+        local_nodes = local_nodes[:, [0, *range(2, local_nodes.shape[1]), 1]]
+    nodes = space.dofmap.index_map.local_to_global(local_nodes.ravel()).reshape(local_nodes.shape)
+    return np.column_stack((np.full(len(local_nodes), part, dtype=np.int64), nodes))
 
 
 def in_line(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -380,7 +384,7 @@ def chains(
     row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(zip(*numbers.T, strict=True))}
     neighbours: dict[int, list[int]] = {row: [] for row in range(len(numbers))}
     for part, *nodes in segments:
-        path = [row_of[place] for node in nodes if (place := (int(part), int(node))) in row_of]
+        path = [row_of[number] for node in nodes if (number := (int(part), int(node))) in row_of]
         for a, b in pairwise(path):
             neighbours[a].append(b)
             neighbours[b].append(a)
@@ -393,9 +397,9 @@ def chains(
     closed: list[bool] = []
     seen: set[int] = set()
     ends = sorted((row for row, near in neighbours.items() if len(near) <= 1), key=key)
-    rest = sorted(neighbours, key=key)
-    found: list[list[int]] = []
-    for start in [*ends, *rest]:
+    sorted_rows = sorted(neighbours, key=key)
+    paths: list[list[int]] = []
+    for start in [*ends, *sorted_rows]:
         if start in seen:
             continue
         chain = [start]
@@ -405,8 +409,8 @@ def chains(
         ) is not None:
             chain.append(following)
             seen.add(following)
-        found.append(chain)
-    for chain in sorted(found, key=lambda rows: key(rows[0])):
+        paths.append(chain)
+    for chain in sorted(paths, key=lambda rows: key(rows[0])):
         pieces.append(range(len(order), len(order) + len(chain)))
         order += chain
         closed.append(len(chain) > 2 and chain[0] in neighbours[chain[-1]])

@@ -17,9 +17,9 @@ from signorini_fx.scene.settings import Box
 def first_sets(scene: Scene, boundary: ContactBoundary) -> tuple[ActiveSets, int]:
     """The sets of the first linear solve and its number (section 7: 0 if a solve only computes the start)."""
     region = scene.solver.initial_contact
-    every = ActiveSets.all_in_contact(*boundary.tangents.shape[::2])
+    full_contact = ActiveSets.all_in_contact(*boundary.tangents.shape[::2])
     if isinstance(region, str):
-        return every, 0
+        return full_contact, 0
     if isinstance(region, Box):
         near = 1e-9 * np.ptp(parallel.gather_rows(boundary.comm, boundary.x), axis=0).max()
         inside: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)
@@ -29,4 +29,4 @@ def first_sets(scene: Scene, boundary: ContactBoundary) -> tuple[ActiveSets, int
         inside = sample(region, in_space(boundary.x)) > 0
     if parallel.global_sum(boundary.comm, np.array(np.count_nonzero(inside))) == 0:
         raise SceneError([("solver.initial_contact", "holds no contact node")])
-    return ActiveSets.of(inside, every.direction), 1
+    return ActiveSets.of(inside, full_contact.direction), 1

@@ -47,8 +47,8 @@ def contact_map(
         blocks = sp.bsr_array(boundary.averages.operator, blocksize=(dim, dim))
         point, nodes = np.repeat(point, np.diff(blocks.indptr)), nodes[blocks.indices]
         values = values[point] @ blocks.data
-        most = dim * int(np.bincount(point, minlength=count).max(initial=1))
-        room = (min(most, columns), most)
+        row_entries = dim * int(np.bincount(point, minlength=count).max(initial=1))
+        room = (min(row_entries, columns), row_entries)
     operator = PETSc.Mat().createAIJ(((count * dim, None), (columns, None)), nnz=room, comm=matrix.comm)
     if point.size:
         rows = operator.getOwnershipRange()[0] + dim * point[:, None] + np.arange(dim)
@@ -56,28 +56,28 @@ def contact_map(
         values = np.ascontiguousarray(values)
         operator.setValuesRCV(rows.astype(PETSc.IntType), unknowns.astype(PETSc.IntType), values)
     operator.assemble()
-    found = ContactMap(operator, boundary.points, fixed, _lift(boundary, operator), boundary.paired)
+    mapping = ContactMap(operator, boundary.points, fixed, _lift(boundary, operator), boundary.paired)
     if rotation is None:
-        return found
+        return mapping
     # What a tangent or a normal has of a component across it is round-off, and gamma makes a shear of it: it is zero.
-    found = found.after(rotation, fixed)
-    found.operator.chop(_ROUND_OFF)
-    return found if boundary.moving is None else _relative_to_foundations(found, boundary, boundary.moving, behind)
+    mapping = mapping.after(rotation, fixed)
+    mapping.operator.chop(_ROUND_OFF)
+    return mapping if boundary.moving is None else _relative_to_foundations(mapping, boundary, boundary.moving, behind)
 
 
 def _relative_to_foundations(
     contact: ContactMap, boundary: ContactBoundary, moving: MovingFoundation, behind: int
 ) -> ContactMap:
     """[I, -R]: the map with the motion of foundations; after their k unknowns come ``behind`` others; collective."""
-    (rows, _), (columns, every) = contact.operator.getSizes()
+    (rows, _), (columns, total_columns) = contact.operator.getSizes()
     (_, last), entries = moving.modes.shape[1:], -np.einsum("nij,nik->njk", boundary.frames, moving.modes)
     csr = sp.csr_array(entries.reshape(rows, last))
-    indices = (every - behind - last + csr.indices).astype(PETSc.IntType)
-    more = PETSc.Mat().createAIJ(
+    indices = (total_columns - behind - last + csr.indices).astype(PETSc.IntType)
+    relative = PETSc.Mat().createAIJ(
         ((rows, None), (columns, None)), csr=(csr.indptr.astype(PETSc.IntType), indices, csr.data), comm=boundary.comm
     )
-    more.axpy(1.0, contact.operator, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    return replace(contact, operator=more)
+    relative.axpy(1.0, contact.operator, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    return replace(contact, operator=relative)
 
 
 def _lift(boundary: ContactBoundary, operator: PETSc.Mat) -> PETSc.Mat | None:
@@ -94,10 +94,10 @@ def _lift(boundary: ContactBoundary, operator: PETSc.Mat) -> PETSc.Mat | None:
     lift = sp.csr_array((sp.kron(averages.lift, sp.eye_array(dim)) @ frames).T)
     columns = (dim * averages.nodes[:, None] + np.arange(dim)).ravel()[lift.indices]
     csr = (lift.indptr.astype(PETSc.IntType), columns.astype(PETSc.IntType), lift.data)
-    found = PETSc.Mat().createAIJ(operator.getSizes(), csr=csr, comm=operator.comm).transpose(PETSc.Mat())
+    inverse = PETSc.Mat().createAIJ(operator.getSizes(), csr=csr, comm=operator.comm).transpose(PETSc.Mat())
     # Points see half the rotation of their own nodes, too, which is along other directions than the displacements that
     # cause it: one step of Newton's method for the inverse of B S, S (2 - B S), leaves the square of a small angle.
-    turned = operator.matMult(found)
+    turned = operator.matMult(inverse)
     turned.scale(-1.0)
     turned.shift(2.0)
-    return found.matMult(turned)
+    return inverse.matMult(turned)

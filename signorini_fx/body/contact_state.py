@@ -50,9 +50,9 @@ class ContactState(PointState):
         normal = boundary.nodal_forces(self.pressure, np.zeros_like(self.shear))
         along = boundary.nodal_forces(np.zeros_like(self.pressure), self.shear)
         count = int(parallel.largest(boundary.comm, boundary.part, -1)) + 1
-        found = np.zeros((count, 2, normal.shape[1]))
-        np.subtract.at(found, boundary.part, np.stack((normal, along), axis=1))
-        return parallel.global_sum(boundary.comm, found)
+        forces = np.zeros((count, 2, normal.shape[1]))
+        np.subtract.at(forces, boundary.part, np.stack((normal, along), axis=1))
+        return parallel.global_sum(boundary.comm, forces)
 
     @cached_property
     def moments(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
@@ -61,12 +61,12 @@ class ContactState(PointState):
         """
         boundary = self.boundary
         none_n, none_t = np.zeros_like(self.pressure), np.zeros_like(self.shear)
-        found = [
+        moments = [
             parallel.global_sum(boundary.comm, -np.cross(boundary.centre, forces).sum(axis=0))
             for forces in (boundary.nodal_forces(self.pressure, none_t), boundary.nodal_forces(none_n, self.shear))
         ]
-        kept = np.array([0.0, 1.0, 0.0]) if boundary.twisted else 1.0
-        return kept * found[0], kept * found[1]
+        about_axis = np.array([0.0, 1.0, 0.0]) if boundary.twisted else 1.0
+        return about_axis * moments[0], about_axis * moments[1]
 
     @cached_property
     def mean_tangential_displacement(self) -> float | Nodal:

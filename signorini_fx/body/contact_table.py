@@ -83,7 +83,7 @@ class ContactTable:
 
         A run across the first row of a closed piece is one; one all around goes from the first row to the last.
         """
-        found = []
+        runs = []
         for path in self.paths:
             rows = path[:-1] if is_closed(path) else path
             inside = mask[rows].astype(np.int64)
@@ -91,8 +91,8 @@ class ContactTable:
             first, last = rows[starts], rows[stops - 1]
             if is_closed(path) and len(first) > 1 and inside[0] and inside[-1]:
                 first, last = first[1:], np.append(last[1:-1], last[0])
-            found += [(path, int(a), int(b)) for a, b in zip(first, last, strict=True)]
-        return found
+            runs += [(path, int(a), int(b)) for a, b in zip(first, last, strict=True)]
+        return runs
 
     def zones(self, mask: npt.NDArray[np.bool_]) -> list[list[list[float]]]:
         """The ``runs`` of neighbouring nodes where ``mask`` holds, each as [first point, last point]."""
@@ -168,7 +168,7 @@ def contact_table(
         "friction": np.where(of["bound"] > 0, state, "none"),
         **_components("slip", parts["slip"]),
         "boundary": np.array(names)[part.astype(int)],
-        **({} if against is None else {"against": np.array([one or "" for one in against])[part.astype(int)]}),
+        **({} if against is None else {"against": np.array([body or "" for body in against])[part.astype(int)]}),
         **(_along(parts["x"], pieces, closed) if dim == 2 else {}),
         **dict(zip(("n_x", "n_y", "n_z"), parts["n"].T, strict=False)),
         "weight": of["weight"],
@@ -187,17 +187,17 @@ def with_points(
         least: how many nodes carry points at least; None: all of them.
     """
     base = int(max(segments[:, 1:].max(initial=0), numbers[:, 1].max(initial=0))) + 1
-    there = np.isin(segments[:, :1] * base + segments[:, 1:], numbers[:, 0] * base + numbers[:, 1])
-    return segments[there.sum(axis=1) >= (there.shape[1] if least is None else least)]
+    carrying = np.isin(segments[:, :1] * base + segments[:, 1:], numbers[:, 0] * base + numbers[:, 1])
+    return segments[carrying.sum(axis=1) >= (carrying.shape[1] if least is None else least)]
 
 
 def _rows_of(numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """``ContactTable.facets`` from the part and the global number of each row and ``ContactBoundary.segments``."""
     base = int(segments[:, 1:].max(initial=0)) + 1
-    known, wanted = numbers[:, 0] * base + numbers[:, 1], segments[:, :1] * base + segments[:, 1:]
-    order = np.argsort(known)
-    place = order[np.minimum(np.searchsorted(known[order], wanted), known.size - 1)]
-    return np.where(known[place] == wanted, place, -1)
+    row_keys, wanted = numbers[:, 0] * base + numbers[:, 1], segments[:, :1] * base + segments[:, 1:]
+    order = np.argsort(row_keys)
+    rows = order[np.minimum(np.searchsorted(row_keys[order], wanted), row_keys.size - 1)]
+    return np.where(row_keys[rows] == wanted, rows, -1)
 
 
 def _components(name: str, vectors: npt.NDArray[np.float64]) -> dict[str, npt.NDArray[np.float64]]:

@@ -73,8 +73,8 @@ def _squares(
     def slopes(degree: int) -> npt.NDArray[np.float64]:
         """Derivatives of the scalar basis functions in the middle of the reference cell, shape (d, functions)."""
         element = basix.ufl.element("Lagrange", cell, degree, lagrange_variant=basix.LagrangeVariant.equispaced)
-        found: npt.NDArray[np.float64] = element.tabulate(1, middle)[1:, 0]
-        return found
+        derivatives: npt.NDArray[np.float64] = element.tabulate(1, middle)[1:, 0]
+        return derivatives
 
     dim = body.tagged.dimension
     x = mesh.geometry.x[compat.geometry_cells(mesh)[owned], :dim].astype(np.float64)

@@ -31,7 +31,7 @@ from signorini_fx.body.loads import (
 )
 from signorini_fx.body.mixed import MIXED_FORMS, MixedPressure
 from signorini_fx.body.moduli import check_covers, lame_coefficients, reduced_degree
-from signorini_fx.body.pieces import Pieces, find_pieces
+from signorini_fx.body.pieces import BodyPieces, find_pieces
 from signorini_fx.body.rigid_tools import RigidTools
 from signorini_fx.body.scene_contact import foundations_of
 from signorini_fx.body.supports import Conditions, Supports, at_rest, check_overlap
@@ -92,13 +92,13 @@ class Discretisation(ElasticBody):
         scene, tagged = self.scene, self.tagged
         return Scales.of(tagged.dimension, scene.young, tagged.size, axisymmetric=scene.axisymmetric)
 
-    def factors(self, place: float) -> npt.NDArray[np.float64]:
+    def factors(self, step: float) -> npt.NDArray[np.float64]:
         """The factors of the applied loads at a place in the lists of factors, see ``scene.load_steps``."""
-        return np.array([load.factor(place) for load in self.applied])
+        return np.array([load.factor(step) for load in self.applied])
 
-    def applied_at(self, place: float) -> list[tuple[float, AppliedLoad]]:
+    def applied_at(self, step: float) -> list[tuple[float, AppliedLoad]]:
         """The applied loads at a place with their factors; collective."""
-        return [(load.factor(place), load.at(place)) for load in self.applied]
+        return [(load.factor(step), load.at(step)) for load in self.applied]
 
     @cached_property
     def cases(self) -> tuple[LoadCase, ...]:
@@ -108,22 +108,24 @@ class Discretisation(ElasticBody):
     def _case(self, load: AppliedLoad) -> LoadCase:
         return self.case(load.forces, load.prescribed, load.driven, load.pushing, load.swelling)
 
-    def placed(self, place: float) -> Discretisation:
+    def placed(self, step: float) -> Discretisation:
         """The same with foundations and friction of a place where they depend on the time; itself if none does;
         collective.
         """
-        scene = self.scene.placed(place)
+        scene = self.scene.placed(step)
         if scene is self.scene or self.boundary is None:
             return self
         if not any(effect.moves for effect in scene.contact):
-            found = replace(self, scene=scene, law=self.law_of(scene))
-            vars(found).update({name: value for name, value in vars(self).items() if name not in vars(found)})
-            return found
-        found = replace(self, scene=scene, **self.contact_of(scene))
+            discretisation = replace(self, scene=scene, law=self.law_of(scene))
+            vars(discretisation).update(
+                {name: value for name, value in vars(self).items() if name not in vars(discretisation)}
+            )
+            return discretisation
+        discretisation = replace(self, scene=scene, **self.contact_of(scene))
         if scene.solver.algorithm != "exact":  # whose unknowns are along the normals
-            kept = ("forms", "_assembled", "_free", "cases")
-            vars(found).update({name: value for name, value in vars(self).items() if name in kept})
-        return found
+            unchanged = ("forms", "_assembled", "_free", "cases")
+            vars(discretisation).update({name: value for name, value in vars(self).items() if name in unchanged})
+        return discretisation
 
     def contact_of(self, scene: Scene) -> dict[str, Any]:
         """``boundary``, ``data`` and ``law`` of another scene that differs in its contact only; collective."""
@@ -146,19 +148,19 @@ class Discretisation(ElasticBody):
         (n, d).
         """
         assert self.boundary is not None
-        found = np.zeros_like(self.boundary.x)
-        for number, (now, before) in enumerate(zip(self.scene.contact, earlier.contact, strict=True)):
-            if now.moves:
-                here = self.boundary.part == number
-                found[here] = now.foundation.moved_from(before.foundation, self.boundary.x[here])
-        return found
+        moved = np.zeros_like(self.boundary.x)
+        for number, (contact, earlier_contact) in enumerate(zip(self.scene.contact, earlier.contact, strict=True)):
+            if contact.moves:
+                on_part = self.boundary.part == number
+                moved[on_part] = contact.foundation.moved_from(earlier_contact.foundation, self.boundary.x[on_part])
+        return moved
 
     def alone(self, scene: Scene, load: Load) -> AppliedLoad:
         """A load of another scene on the same mesh, one that prescribes no displacement; collective."""
         on = replace(self.coefficients, scene=scene.placed(0), inventory=Inventory())
         return applied_load(group_of(scene, load), [load], on, ufl.TestFunction(self.space), _no_supports)
 
-    def load(self, system: ElasticSystem, place: float) -> npt.NDArray[np.float64]:
+    def load(self, system: ElasticSystem, step: float) -> npt.NDArray[np.float64]:
         """Give a system the loads that depend on the time as they are at a place; collective.
 
         Returns:
@@ -166,8 +168,8 @@ class Discretisation(ElasticBody):
         """
         for number, load in enumerate(self.applied):
             if load.again is not None:
-                system.set_case(number, self._case(load.at(place)))
-        return self.factors(place)
+                system.set_case(number, self._case(load.at(step)))
+        return self.factors(step)
 
 
 def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisation:
@@ -178,12 +180,12 @@ def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisa
         MeshError: see ``prepare``.
     """
     free_unused(tagged.mesh)
-    found = prepare(scene, tagged, timings)
+    discretised = prepare(scene, tagged, timings)
     with timings.phase("compile"):
-        assert found.forms
+        assert discretised.forms
     with timings.phase("assemble"):
-        assert found.cases is not None
-    return found
+        assert discretised.cases is not None
+    return discretised
 
 
 def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisation:
@@ -247,7 +249,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         if scene.of(SectionJump):
             from signorini_fx.body.section_loads import holds, section_loads
 
-            bonded = [k for k, one in enumerate(scene.contact) if one.kind == "bonded"]
+            bonded = [k for k, contact in enumerate(scene.contact) if contact.kind == "bonded"]
             held = partial(holds, fixed=fixed, turned=turned, boundary=boundary, bonded=bonded)
             applied += section_loads(scene, tagged, space, terms, mixed, inventory, held)
         if boundary is not None and scene.joint_loads:
@@ -267,18 +269,18 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
             boundary.aligned()
         natural = Scales(tagged.dimension, scene.young, tagged.size).gamma
         data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(scene.solver), natural)
-        for place in range(1, scene.steps if any(effect.friction.timed for effect in scene.contact) else 1):
+        for step in range(1, scene.steps if any(effect.friction.timed for effect in scene.contact) else 1):
             # Errors are found before the first step.
-            _foundations(scene.placed(place), space, facets, inventory).bounds()
+            _foundations(scene.placed(step), space, facets, inventory).bounds()
     resists = () if resistance is None else (resistance,)
 
     def elastic() -> Sequence[fem.Form]:
         if mixed is not None:
             return mixed.forms[:1]
-        found = terms(ufl.TrialFunction(space), z)
+        integrands = terms(ufl.TrialFunction(space), z)
         return [
-            inventory.compile(name, partial(stiffness_form, one, tagged.dimension))
-            for name, one in zip(ELASTIC_FORMS, found, strict=False)
+            inventory.compile(name, partial(stiffness_form, integrand, tagged.dimension))
+            for name, integrand in zip(ELASTIC_FORMS, integrands, strict=False)
         ]
 
     return Discretisation(
@@ -311,7 +313,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
     )
 
 
-def _no_supports(place: float) -> tuple[Conditions, None]:
+def _no_supports(step: float) -> tuple[Conditions, None]:
     return [], None
 
 
@@ -324,7 +326,7 @@ def _stiffness(scene: Scene, tagged: TaggedMesh) -> fem.Function | None:
 
 
 def _mixed(
-    scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, pieces: Pieces, inventory: Inventory
+    scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, pieces: BodyPieces, inventory: Inventory
 ) -> MixedPressure | None:
     """The pressure of the mixed element; None: the element has the displacement alone."""
     if scene.element.volumetric != "mixed":
@@ -339,7 +341,7 @@ def _foundations(
     """The contact of a scene, from the facets of all boundaries."""
     on = [facets[effect.boundary] for effect in scene.contact]
     masters = {
-        place: facets[effect.against] for place, effect in enumerate(scene.contact) if effect.against is not None
+        number: facets[effect.against] for number, effect in enumerate(scene.contact) if effect.against is not None
     }
     names = [f"contact {effect.boundary}" for effect in scene.contact]
     return Foundations(space, foundations_of(scene, on, masters), on, names, inventory, masters)
@@ -364,12 +366,12 @@ def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[n
             if name is None:
                 continue
             try:
-                found = tagged.facets(name)
+                indices = tagged.facets(name)
             except MeshError as error:
                 problems.append((f"{path}.{key}", str(error)))
                 continue
-            facets[name] = found
-            if parallel.global_sum(tagged.mesh.comm, np.array(found.size)) == 0:
+            facets[name] = indices
+            if parallel.global_sum(tagged.mesh.comm, np.array(indices.size)) == 0:
                 problems.append((f"{path}.{key}", f"boundary {name!r} has no exterior facets"))
     sides = [(f"contact[{index}].boundary", effect.boundary) for index, effect in enumerate(scene.contact)]
     sides += [
@@ -377,18 +379,18 @@ def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[n
         for index, effect in enumerate(scene.contact)
         if effect.against is not None
     ]
-    for place, (path, name) in enumerate(sides):
-        for before, other in sides[:place]:
+    for number, (path, name) in enumerate(sides):
+        for earlier_path, earlier_name in sides[:number]:
             # A body may carry several others on the same facets, if these have the contact points.
-            if path.endswith("against") and before.endswith("against"):
+            if path.endswith("against") and earlier_path.endswith("against"):
                 continue
-            if name in facets and other in facets:
-                shared = np.intersect1d(facets[name], facets[other]).size
+            if name in facets and earlier_name in facets:
+                shared = np.intersect1d(facets[name], facets[earlier_name]).size
                 total = parallel.global_sum(tagged.mesh.comm, np.array(shared))
                 if total:
-                    message = f"boundary {name!r} shares {total} facets with the contact boundary {other!r}: "
+                    message = f"boundary {name!r} shares {total} facets with the contact boundary {earlier_name!r}: "
                     message += "a facet can touch one foundation only"
-                    if path.rpartition(".")[0] == before.rpartition(".")[0]:
+                    if path.rpartition(".")[0] == earlier_path.rpartition(".")[0]:
                         message += "; where two bodies touch, an expression finds the facets of both: take names of the"
                         message += " mesh file, or a [[body]] for each"
                     elif scene.sides[1] is not None:
@@ -397,8 +399,8 @@ def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[n
     for path, effect in scene.listed():
         region = getattr(effect, "region", None)
         if region is not None and region not in tagged.regions:
-            known = ", ".join(sorted(tagged.regions)) or "none"
-            problems.append((f"{path}.region", f"the mesh has no region {region!r}; its regions are: {known}"))
+            region_names = ", ".join(sorted(tagged.regions)) or "none"
+            problems.append((f"{path}.region", f"the mesh has no region {region!r}; its regions are: {region_names}"))
     if problems:
         raise SceneError(problems)
     return facets

@@ -25,14 +25,14 @@ from signorini_fx.body.contact_map import contact_map
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.body.mixed import MixedPressure
-from signorini_fx.body.pieces import Pieces
+from signorini_fx.body.pieces import BodyPieces
 from signorini_fx.body.rigid import RigidMotions, along_axis, nearest_motion, rigid_motions, without_energy
 from signorini_fx.body.rigid_tools import Driven, with_more_unknowns, without_more
 from signorini_fx.body.turned_supports import TurnedNodes, block_rotation
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.motions import FreeMotions
-from signorini_fx.contact.resting_place import Rest
+from signorini_fx.contact.resting_place import RestingMotion
 from signorini_fx.errors import SceneError
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.choice import SystemSize, choose_system
@@ -74,7 +74,7 @@ class ElasticBody:
     bcs: Sequence[fem.DirichletBC]
     turned: TurnedNodes | None
     fixed: npt.NDArray[np.bool_]
-    pieces: Pieces
+    pieces: BodyPieces
     boundary: ContactBoundary | None
     settings: SolverSettings
     inventory: Inventory
@@ -146,7 +146,7 @@ class ElasticBody:
     def _encloses(self, held: npt.NDArray[np.bool_]) -> bool:
         """Whether an incompressible body cannot change its volume if these unknowns of this rank are held."""
         assert self.mixed is not None
-        forces = [np.array(self.vector(one).getArray(readonly=True)) for one in self.mixed.constant]
+        forces = [np.array(self.vector(force).getArray(readonly=True)) for force in self.mixed.constant]
         return self.mixed.encloses(forces, held)
 
     @cached_property
@@ -154,10 +154,10 @@ class ElasticBody:
         """``stiffness`` and ``rotation``, and this without tools."""
         self.inventory.matrices.append("stiffness")
         owned, turned, boundary = self.space.dofmap.index_map.size_local, self.turned, self.boundary
-        frames = [] if turned is None else [(turned.nodes[own := turned.nodes < owned], turned.frames[own])]
+        frames = [] if turned is None else [(turned.nodes[on_rank := turned.nodes < owned], turned.frames[on_rank])]
         aligned = self.settings.algorithm == "exact"  # each component of a relative displacement must be an unknown
-        if aligned and boundary is not None and (found := boundary.aligned()) is not None:
-            frames.append(found)
+        if aligned and boundary is not None and (aligned_frames := boundary.aligned()) is not None:
+            frames.append(aligned_frames)
         stiffness = sum_of(self.forms, [] if frames else self.bcs)
         rotation, fixed = None, self._held
         if frames:
@@ -168,8 +168,8 @@ class ElasticBody:
             stiffness.zeroRowsColumns((first + np.flatnonzero(self.fixed)).astype(PETSc.IntType), diag=0.0)
         turning = rotation
         if boundary is not None and boundary.moving is not None:
-            more = self._rigid
-            stiffness, rotation = with_more_unknowns(stiffness, more), without_more(rotation, stiffness, more)
+            extra = self._rigid
+            stiffness, rotation = with_more_unknowns(stiffness, extra), without_more(rotation, stiffness, extra)
         diagonal = stiffness.getDiagonal()
         values = diagonal.getArray()
         # In any unit it is neither small nor large beside the other entries.
@@ -227,13 +227,13 @@ class ElasticBody:
 
     def level(self, coarser: MeshLevel | None = None, solved: fem.Function | None = None) -> MeshLevel:
         """Its mesh over coarser ones, of which those are left out that are hardly coarser, or far too coarse."""
-        dimension, (least, most) = self.dimension, FINER_LEVELS
-        found = MeshLevel(self.space, self.fixed, self._assembled[2], self.motions, coarser, solved)
-        while found.coarser is not None and found.dofs < least**dimension * found.coarser.dofs:
-            found.coarser = found.coarser.coarser
-        if found.coarser is not None and found.dofs > most**dimension * found.coarser.dofs:
-            found.coarser = None
-        return found
+        dimension, (least, greatest) = self.dimension, FINER_LEVELS
+        level = MeshLevel(self.space, self.fixed, self._assembled[2], self.motions, coarser, solved)
+        while level.coarser is not None and level.dofs < least**dimension * level.coarser.dofs:
+            level.coarser = level.coarser.coarser
+        if level.coarser is not None and level.dofs > greatest**dimension * level.coarser.dofs:
+            level.coarser = None
+        return level
 
     def refuse_enclosed(self) -> None:
         """Refuse an incompressible body whose volume supports prescribe; collective.
@@ -269,12 +269,12 @@ class ElasticBody:
             swelling: see ``AppliedLoad``.
         """
         comm, dim = self.comm, self.dimension
-        given, moved = prescribed.x.array[: forces.size], prescribed.x.array.reshape(-1, dim).any(axis=1)
-        lifted, start = forces, self.vector(given)
+        prescribed_values, moved = prescribed.x.array[: forces.size], prescribed.x.array.reshape(-1, dim).any(axis=1)
+        lifted, start = forces, self.vector(prescribed_values)
         if parallel.any_rank(comm, bool(moved.any())):
             lifted = forces - action(self.forms, prescribed, np.flatnonzero(moved).astype(np.int32))
             nearest = nearest_motion(
-                self.motions, self.fixed.reshape(-1, dim), given.reshape(-1, dim), self.turned, comm
+                self.motions, self.fixed.reshape(-1, dim), prescribed_values.reshape(-1, dim), self.turned, comm
             )
             free = self.vector(nearest).getArray(readonly=True)
             start.getArray()[~self.prescribed] = free[~self.prescribed]
@@ -300,7 +300,7 @@ class ElasticBody:
         coarser: MeshLevel | None = None,
         allowed: Callable[[fem.Function], float] | None = None,
         choose: Callable[[Elasticity, SystemSize, str], tuple[ElasticSystem, str]] = choose_system,
-        **others: Any,
+        **options: Any,
     ) -> Task:
         """Its contact problem, ready for ``strategy.solve_task`` or for a user-defined algorithm; collective.
 
@@ -313,7 +313,7 @@ class ElasticBody:
             allowed: the regularisation error allowed for path-following at a displacement, in the energy norm; None:
                 that of the settings, relative to the energy norm of the displacement.
             choose: the elastic system, and the reason for its kind.
-            others: natural_gamma, has_coulomb and history, see ``Task``.
+            options: natural_gamma, has_coulomb and history, see ``Task``.
         """
         assert self.at_contact is not None
         system, reason = choose(self.elasticity(cases, coarser), self.system_size, self.settings.linear_algebra)
@@ -333,7 +333,7 @@ class ElasticBody:
             settings=Settings.of(self.settings),
             linear_algebra=reason,
             goal=goal,
-            **others,
+            **options,
         )
 
     def state(self, task: Task, outcome: Outcome, start: Start) -> ContactState:
@@ -341,11 +341,11 @@ class ElasticBody:
         assert self.boundary is not None
         return ContactState.of(task.contact(outcome, start), self.boundary)
 
-    def from_rest(self, rest: Rest | None, displacement: PETSc.Vec) -> fem.Function:
+    def from_rest(self, resting: RestingMotion | None, displacement: PETSc.Vec) -> fem.Function:
         """A displacement that is counted from the resting place, converted to one from the initial position."""
         function = self.function(displacement)
-        if rest is not None:
-            function.x.array[:] += self.motions.displacement(rest.motion).ravel()
+        if resting is not None:
+            function.x.array[:] += self.motions.displacement(resting.motion).ravel()
         return function
 
     def function(self, x: PETSc.Vec, name: str = "displacement") -> fem.Function:
@@ -362,22 +362,22 @@ class ElasticBody:
         function.x.scatter_forward()
         return function
 
-    def driven(self, x: PETSc.Vec, rest: Rest | None) -> Array:
+    def driven(self, x: PETSc.Vec, resting: RestingMotion | None) -> Array:
         """The unknowns of tools in a displacement that is counted from the resting place, shape (k,); collective."""
         assert self.boundary is not None
         count = 0 if self.boundary.moving is None else self.boundary.moving.fixed.size
-        own = np.array(x.getArray(readonly=True)[self.fixed.size : self._held.size])
-        found: Array = self.comm.bcast(own, root=self.comm.size - 1)
-        if rest is not None and count:
+        local = np.array(x.getArray(readonly=True)[self.fixed.size : self._held.size])
+        unknowns: Array = self.comm.bcast(local, root=self.comm.size - 1)
+        if resting is not None and count:
             assert self.motions.foundations is not None
-            found = found + self.motions.foundations @ rest.motion
-        return found
+            unknowns = unknowns + self.motions.foundations @ resting.motion
+        return unknowns
 
-    def begin_driven(self, x: PETSc.Vec, driven: Array, rest: Rest | None) -> None:
+    def begin_driven(self, x: PETSc.Vec, driven: Array, resting: RestingMotion | None) -> None:
         """Put the unknowns of tools into x, the inverse of ``driven``."""
-        if rest is not None:
+        if resting is not None:
             assert self.motions.foundations is not None
-            driven = driven - self.motions.foundations @ rest.motion
+            driven = driven - self.motions.foundations @ resting.motion
         x.getArray()[self.fixed.size : self._held.size] = driven[: self._rigid]
 
     def energy_norm(self, x: PETSc.Vec) -> float:
@@ -431,7 +431,7 @@ def sum_of(forms: Sequence[fem.Form], bcs: Sequence[fem.DirichletBC]) -> PETSc.M
         entries = fem.create_matrix(forms[0], la.BlockMode.expanded)
         for form in forms:
             fem.assemble_matrix(entries, form, list(bcs), 0.0)  # type: ignore[arg-type]
-        rows, columns = (one.astype(PETSc.IntType, copy=False) for one in (entries.indptr, entries.indices))
+        rows, columns = (numbers.astype(PETSc.IntType, copy=False) for numbers in (entries.indptr, entries.indices))
         space = forms[0].function_spaces[0].dofmap
         size = space.index_map.size_local * space.index_map_bs
         matrix = PETSc.Mat().createAIJWithArrays((size, size), (rows, columns, entries.data), comm=forms[0].mesh.comm)

@@ -80,13 +80,13 @@ class ElementStress:
         """Sigma with all components in space, shape (3, 3)."""
         dim = self.kinematics.dimension
         out = 0 * self.sigma[0, 0] if self.outward is None else self.outward
-        whole = [[self.sigma[i, j] if max(i, j) < dim else 0 * out for j in range(3)] for i in range(3)]
+        components = [[self.sigma[i, j] if max(i, j) < dim else 0 * out for j in range(3)] for i in range(3)]
         if dim < 3:
-            whole[2][2] = out
-        return ufl.as_tensor(whole)
+            components[2][2] = out
+        return ufl.as_tensor(components)
 
 
-def element_stress(body: Discretisation, displacement: fem.Function, place: float = 0.0) -> ElementStress:
+def element_stress(body: Discretisation, displacement: fem.Function, step: float = 0.0) -> ElementStress:
     """Sigma = 2 mu epsilon + lambda theta I, with the volumetric strain theta as the stiffness sees it.
 
     Both are without the initial strain, and with the jumps across sections.  Without reduced integration theta is
@@ -99,15 +99,15 @@ def element_stress(body: Discretisation, displacement: fem.Function, place: floa
     Args:
         body: the scene.
         displacement: y.
-        place: of the initial strains, in the lists of factors.
+        step: of the initial strains, in the lists of factors.
     """
     if body.mixed is not None:
-        return _mixed_stress(body, displacement, place)
+        return _mixed_stress(body, displacement, step)
     if body.moduli is not None:
-        return _orthotropic_stress(body, displacement, body.moduli, place)
+        return _orthotropic_stress(body, displacement, body.moduli, step)
     (lame, mu), materials, mesh = body.lame, body.scene.material, body.tagged.mesh
-    initial, move_to = initial_strain(body.scene, body.tagged, body.space, place)
-    moved, jump_to = _moved(body, displacement, place)
+    initial, move_to = initial_strain(body.scene, body.tagged, body.space, step)
+    moved, jump_to = _moved(body, displacement, step)
     elastic, theta, radius = strain(moved), ufl.tr(strain(moved)), None
     across = 0  # the elastic strain out of the plane
     if body.scene.axisymmetric:
@@ -120,10 +120,12 @@ def element_stress(body: Discretisation, displacement: fem.Function, place: floa
         elastic -= initial * ufl.Identity(len(displacement))
         theta -= materials[0].directions * initial
         across -= initial
-    kept = []  # functions and what they take their values from
+    interpolated = []  # functions and what they take their values from
     if body.reduced is not None:
-        kept.append(_kept(theta, fem.functionspace(mesh, _at_points(mesh.topology.cell_name(), body.reduced))))
-        theta = kept[-1][0]
+        interpolated.append(
+            _interpolation(theta, fem.functionspace(mesh, _at_points(mesh.topology.cell_name(), body.reduced)))
+        )
+        theta = interpolated[-1][0]
         theta.name = "volumetric strain"
     mean = lame * theta
     plane_strain = radius is None and body.dimension < 3 and materials[0].hypothesis == "plane strain"
@@ -131,25 +133,25 @@ def element_stress(body: Discretisation, displacement: fem.Function, place: floa
     prevented = None
     if plane_strain and initial is not None:  # E times the initial strain
         young = mu * (3 * lame + 2 * mu) / (lame + mu)
-        kept.append(_kept(young * initial, fem.functionspace(mesh, ("DG", 1))))
-        prevented = kept[-1][0]
+        interpolated.append(_interpolation(young * initial, fem.functionspace(mesh, ("DG", 1))))
+        prevented = interpolated[-1][0]
     parts = _materials(body)
 
-    def refresh(place: float) -> None:
-        move_to(place)
-        jump_to(place)
-        for function, expression in kept:
+    def refresh(step: float) -> None:
+        move_to(step)
+        jump_to(step)
+        for function, expression in interpolated:
             function.interpolate(expression)
 
     def outward_of(part: int, tau: _Floats) -> _Floats:
         if radius is not None:
             return tau[..., 2 if body.scene.torsion else 3]
-        found = _poisson(body, part, parts[part]) * (tau[..., 0] + tau[..., 1])
+        out_of_plane = _poisson(body, part, parts[part]) * (tau[..., 0] + tau[..., 1])
         if prevented is not None:
-            found -= prevented.x.array[prevented.function_space.dofmap.list[parts[part]]]
-        return np.asarray(found)
+            out_of_plane -= prevented.x.array[prevented.function_space.dofmap.list[parts[part]]]
+        return np.asarray(out_of_plane)
 
-    refresh(place)
+    refresh(step)
     return ElementStress(
         displacement,
         2 * mu * elastic + mean * ufl.Identity(len(displacement)),
@@ -164,37 +166,39 @@ def element_stress(body: Discretisation, displacement: fem.Function, place: floa
     )
 
 
-def _mixed_stress(body: Discretisation, displacement: fem.Function, place: float) -> ElementStress:
+def _mixed_stress(body: Discretisation, displacement: fem.Function, step: float) -> ElementStress:
     """Sigma = 2 mu epsilon - p I of a mixed element; in plane strain -p is the stress out of the plane as well."""
     (_, mu), parts, radius = body.lame, _materials(body), None
-    young, poisson, modulus = isotropic(body.scene, body.tagged, lambda one, nu: (one, nu, one / (1 - nu**2)))
+    young, poisson, modulus = isotropic(
+        body.scene, body.tagged, lambda elastic_modulus, nu: (elastic_modulus, nu, elastic_modulus / (1 - nu**2))
+    )
     pressure, flat = hydrostatic_of(displacement), body.dimension < 3
-    moved, jump_to = _moved(body, displacement, place)
+    moved, jump_to = _moved(body, displacement, step)
     outward = -pressure if flat else None
     if body.scene.axisymmetric:
         radius = ufl.SpatialCoordinate(body.tagged.mesh)[0]
         outward += 2 * mu * hoop_strain(moved, radius)
 
-    initial, move_to = initial_strain(body.scene, body.tagged, body.space, place)
+    initial, move_to = initial_strain(body.scene, body.tagged, body.space, step)
     prevented = None
     if initial is not None and flat and radius is None:
-        prevented = _kept(young * initial, fem.functionspace(body.tagged.mesh, ("DG", 1)))
+        prevented = _interpolation(young * initial, fem.functionspace(body.tagged.mesh, ("DG", 1)))
 
-    def refresh(place: float) -> None:
-        move_to(place)
-        jump_to(place)
+    def refresh(step: float) -> None:
+        move_to(step)
+        jump_to(step)
         if prevented is not None:
             prevented[0].interpolate(prevented[1])
 
     def outward_of(part: int, tau: _Floats) -> _Floats:
         if radius is not None:
             return tau[..., 3]
-        found = _poisson(body, part, parts[part]) * (tau[..., 0] + tau[..., 1])
+        out_of_plane = _poisson(body, part, parts[part]) * (tau[..., 0] + tau[..., 1])
         if prevented is not None:
-            found -= prevented[0].x.array[prevented[0].function_space.dofmap.list[parts[part]]]
-        return np.asarray(found)
+            out_of_plane -= prevented[0].x.array[prevented[0].function_space.dofmap.list[parts[part]]]
+        return np.asarray(out_of_plane)
 
-    refresh(place)
+    refresh(step)
     return ElementStress(
         displacement,
         2 * mu * strain(moved) - pressure * ufl.Identity(len(displacement)),
@@ -210,34 +214,34 @@ def _mixed_stress(body: Discretisation, displacement: fem.Function, place: float
     )
 
 
-def _kept(value: Any, space: fem.FunctionSpace) -> tuple[fem.Function, fem.Expression]:
+def _interpolation(value: Any, space: fem.FunctionSpace) -> tuple[fem.Function, fem.Expression]:
     """A function, and the expression that it is to be interpolated from."""
     with compiling():
         expression = fem.Expression(value, compat.interpolation_points(space.element), dtype=default_scalar_type)
     return fem.Function(space), expression
 
 
-def _moved(body: Discretisation, y: fem.Function, place: float) -> tuple[Any, Callable[[float], None]]:
+def _moved(body: Discretisation, y: fem.Function, step: float) -> tuple[Any, Callable[[float], None]]:
     """The displacement with the jumps across sections, UFL, and what moves these to a place in the lists of factors."""
     if not body.scene.of(SectionJump):
-        return y, lambda place: None
+        return y, lambda step: None
     from signorini_fx.body.section_loads import jump_of
 
-    jump, move_to = jump_of(body.scene, body.tagged, body.space, place)
+    jump, move_to = jump_of(body.scene, body.tagged, body.space, step)
     return y if jump is None else y + jump, move_to
 
 
-def _orthotropic_stress(body: Discretisation, y: fem.Function, moduli: fem.Function, place: float) -> ElementStress:
+def _orthotropic_stress(body: Discretisation, y: fem.Function, moduli: fem.Function, step: float) -> ElementStress:
     """By the stiffness of each cell, see ``body.orthotropic``."""
     from signorini_fx.body.orthotropic import strain_components
 
     radius = ufl.SpatialCoordinate(body.tagged.mesh)[0] if body.scene.axisymmetric else None
-    moved, jump_to = _moved(body, y, place)
+    moved, jump_to = _moved(body, y, step)
     components = moduli * strain_components(moved, None if radius is None else hoop_strain(moved, radius))
     dim = len(y)
     pairs = KINEMATICS[dim].pairs
     at = {pair: k for k, (i, j) in enumerate(pairs) for pair in ((i, j), (j, i))}
-    found = anisotropic_stress(
+    stress = anisotropic_stress(
         y,
         ufl.as_matrix([[components[at[i, j]] for j in range(dim)] for i in range(dim)]),
         components[len(pairs)] if len(components) > len(pairs) else None,
@@ -246,7 +250,7 @@ def _orthotropic_stress(body: Discretisation, y: fem.Function, moduli: fem.Funct
         shear_modulus=body.lame[1],
         radius=radius,
     )
-    return replace(found, refresh=jump_to)
+    return replace(stress, refresh=jump_to)
 
 
 def anisotropic_stress(
@@ -317,12 +321,12 @@ def compliance(tau: Any, lame: Any, mu: Any, poisson: Any = 0.5) -> Any:
         mu: second Lame parameter.
         poisson: nu, in space, in plane strain or of an axisymmetric body, which counts without ``lame``.
     """
-    every = next(one for one in (*KINEMATICS.values(), AXISYMMETRIC) if len(one.pairs) == len(tau))
-    normal = [tau[k] for k, (i, j) in enumerate(every.pairs) if i == j]
-    mixed = [tau[k] for k, (i, j) in enumerate(every.pairs) if i != j]
+    kinematics = next(entry for entry in (*KINEMATICS.values(), AXISYMMETRIC) if len(entry.pairs) == len(tau))
+    normal = [tau[k] for k, (i, j) in enumerate(kinematics.pairs) if i == j]
+    mixed = [tau[k] for k, (i, j) in enumerate(kinematics.pairs) if i != j]
     trace = sum(normal[1:], normal[0])
-    square = sum((one**2 for one in normal[1:]), normal[0] ** 2)
-    shear = sum((2 * one**2 for one in mixed[1:]), 2 * mixed[0] ** 2)
+    square = sum((entry**2 for entry in normal[1:]), normal[0] ** 2)
+    shear = sum((2 * entry**2 for entry in mixed[1:]), 2 * mixed[0] ** 2)
     share = poisson / (1 + poisson if len(normal) == 3 else 1)
     if lame is not None:
         share = lame / (len(normal) * lame + 2 * mu)

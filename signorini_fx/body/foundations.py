@@ -35,7 +35,7 @@ _ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True)
-class Shape:
+class ShapeDistances:
     """What decides about the contact points of one foundation, at all nodes of this rank, nan where it is not.
 
     Attributes:
@@ -67,7 +67,7 @@ class Bounds:
 
 
 @dataclass(frozen=True)
-class Data(Bounds):
+class FoundationData(Bounds):
     """What one foundation says, at all nodes of this rank, ghosts included, arrays of shape (nodes,).
 
     Attributes:
@@ -80,7 +80,7 @@ class Data(Bounds):
     """
 
     facets: npt.NDArray[np.int32]
-    shape: Shape
+    shape: ShapeDistances
     gap: Array
     bilateral: bool
     pair: PairedSides | None = None
@@ -112,7 +112,7 @@ class Foundations:
         self._masters = dict(masters or {})
         self._pairs: dict[int, PairedSides] = {}
         self._names, self._inventory = names, inventory
-        self._values = [NodalValues(space, here) for here in facets]
+        self._values = [NodalValues(space, boundary_facets) for boundary_facets in facets]
         self._dimension = int(space.mesh.geometry.dim)
         self._distances = self._shaped()
         self._settled = dict(self._distances)
@@ -123,25 +123,25 @@ class Foundations:
         Raises:
             FormError: a shape does not fit the mesh.
         """
-        found, problems = dict[int, Distance](), list[tuple[str, str]]()
-        for k, one in enumerate(self._contact):
-            if isinstance(one, Pair) or one.shape is None:
+        distances, problems = dict[int, Distance](), list[tuple[str, str]]()
+        for k, contact in enumerate(self._contact):
+            if isinstance(contact, Pair) or contact.shape is None:
                 continue
-            if one.direction is not None:
+            if contact.direction is not None:
                 problems.append((f"contact[{k}].direction", "is that of the closest point of shape: leave it out"))
             try:
-                found[k] = distance_from(one.shape, self._dimension, turns=one.measure is None)
+                distances[k] = distance_from(contact.shape, self._dimension, turns=contact.measure is None)
             except SceneError as error:
                 problems += [(f"contact[{k}].shape.{key}".rstrip("."), reason) for key, reason in error.problems]
         if problems:
             raise FormError(problems)
-        return found
+        return distances
 
     @property
     def driven(self) -> list[Any]:
         """The shape of each contact that forces move; None: it stands still."""
         shapes = [getattr(self._distances.get(k), "shape", None) for k in range(len(self._contact))]
-        return [one if getattr(one, "driven", False) else None for one in shapes]
+        return [shape if getattr(shape, "driven", False) else None for shape in shapes]
 
     def check_driven(self, algorithm: str) -> None:
         """Refuse what foundations that forces move are not possible with, and bonds to others.
@@ -150,17 +150,17 @@ class Foundations:
             FormError: there is something.
         """
         problems = []
-        for k, (one, shape) in enumerate(zip(self._contact, self.driven, strict=True)):
-            if isinstance(one, Pair):
+        for k, (contact, shape) in enumerate(zip(self._contact, self.driven, strict=True)):
+            if isinstance(contact, Pair):
                 continue
             tool = "where a force moves the foundation"
-            for wrong, key, what in (
-                (one.bonded and not shape, "bonded", "needs a shape that force, moment or prescribed moves"),
-                (shape and one.measure is not None, "measure", f"is not possible yet {tool}"),
+            for wrong, key, reason in (
+                (contact.bonded and not shape, "bonded", "needs a shape that force, moment or prescribed moves"),
+                (shape and contact.measure is not None, "measure", f"is not possible yet {tool}"),
                 (shape and algorithm == "exact", "shape", f"exact ties one unknown, not several {tool}: take 'alm'"),
                 (shape and (shape.timed or shape.driven_in_time), "shape", "depends on t: give numbers, and place()"),
             ):
-                problems += [(f"contact[{k}].{key}", what)] if wrong else []
+                problems += [(f"contact[{k}].{key}", reason)] if wrong else []
         if problems:
             raise FormError(problems)
 
@@ -187,69 +187,73 @@ class Foundations:
 
     def moved(self, boundary: ContactBoundary) -> Array | None:
         """How far the shapes have moved at the points since they have settled, shape (n, d); None: they have not."""
-        moved = [k for k, one in self._distances.items() if not self.driven[k] and one.shape != self._settled[k].shape]
+        moved = [
+            k
+            for k, distance in self._distances.items()
+            if not self.driven[k] and distance.shape != self._settled[k].shape
+        ]
         if not moved:
             return None
-        found = np.zeros_like(boundary.x)
+        displacements = np.zeros_like(boundary.x)
         for k in moved:
-            here = boundary.part == k
-            found[here] = self._distances[k].shape.moved_from(self._settled[k].shape, boundary.x[here])
-        return found
+            on_part = boundary.part == k
+            displacements[on_part] = self._distances[k].shape.moved_from(self._settled[k].shape, boundary.x[on_part])
+        return displacements
 
     @cached_property
     def forms(self) -> list[tuple[Any, fem.Function | None]]:
         """The unit contact form of each foundation, and the coefficient in it that is the factor of its measure; a pair
         has none.
         """
-        space, found = self._space, list[tuple[Any, fem.Function | None]]()
+        space, compiled = self._space, list[tuple[Any, fem.Function | None]]()
         z = ufl.TestFunction(space)
-        for one, facets, name in zip(self._contact, self.facets, self._names, strict=True):
-            if isinstance(one, Pair):
-                found.append((None, None))
+        for contact, facets, name in zip(self._contact, self.facets, self._names, strict=True):
+            if isinstance(contact, Pair):
+                compiled.append((None, None))
                 continue
-            function = None if one.measure is None else fem.Function(space)
+            function = None if contact.measure is None else fem.Function(space)
             factor = None if function is None else function[0]
             form: Any
             if averaging(space):
                 form = averaging_forms(space, facets, self._inventory, name, factor)
             else:
                 form = self._inventory.compile(name, partial(unit_contact_form, space, z, facets, factor))
-            found.append((form, function))
-        return found
+            compiled.append((form, function))
+        return compiled
 
-    def shapes(self) -> list[Shape]:
+    def shapes(self) -> list[ShapeDistances]:
         """What decides about the points, as it is now.
 
         Raises:
             FormError: a direction or a measure is wrong somewhere.
         """
-        found = []
-        for k, (one, at) in enumerate(zip(self._contact, self._values, strict=True)):
+        shapes = []
+        for k, (contact, at) in enumerate(zip(self._contact, self._values, strict=True)):
             factor = direction = None
-            ellipse = ellipse_of(one.friction, at, f"contact[{k}].friction", self._space)
-            if isinstance(one, Pair):
+            ellipse = ellipse_of(contact.friction, at, f"contact[{k}].friction", self._space)
+            if isinstance(contact, Pair):
                 if ellipse is not None:
                     why = "friction that depends on the direction is not possible yet between two bodies"
                     raise FormError([(f"contact[{k}].friction.ratio", why)])
-                found.append(Shape(None, None))
+                shapes.append(ShapeDistances(None, None))
                 continue
-            if one.measure is not None:
-                factor = at(one.measure, f"contact[{k}].measure", minimum=0.0)
+            if contact.measure is not None:
+                factor = at(contact.measure, f"contact[{k}].measure", minimum=0.0)
                 largest = parallel.largest(self._space.mesh.comm, np.nan_to_num(factor))
                 factor[factor <= _ROUND_OFF * largest] = 0.0
-            along: Any = self._distances[k].direction if k in self._distances else one.direction
+            along: Any = self._distances[k].direction if k in self._distances else contact.direction
             if along is not None:
                 direction = at(along, f"contact[{k}].direction", self._dimension)
                 size = np.hypot.reduce(direction, axis=1, keepdims=True)
                 if parallel.any_rank(self._space.mesh.comm, bool((size == 0).any())):
                     raise FormError([(f"contact[{k}].direction", "is zero somewhere")])
                 direction = direction / size
-            found.append(Shape(factor, direction, ellipse))
-        return found
+            shapes.append(ShapeDistances(factor, direction, ellipse))
+        return shapes
 
     def boundary(
         self,
-        shapes: Sequence[Shape],
+        shapes: Sequence[ShapeDistances],
         fixed: npt.NDArray[np.bool_],
         turned: TurnedNodes | None = None,
         at_rest: npt.NDArray[np.bool_] | None = None,
@@ -274,9 +278,9 @@ class Foundations:
             if shape.direction is not None:
                 part = replace(part, normal=shape.direction[part.nodes])
             if shape.ellipse is not None:
-                own = Ellipse(shape.ellipse.along[part.nodes], shape.ellipse.ratio[part.nodes])
-                check_axes(part.normal, own, f"contact[{k}].friction", part.comm)
-                part = replace(part, ellipse=own)
+                ellipse = Ellipse(shape.ellipse.along[part.nodes], shape.ellipse.ratio[part.nodes])
+                check_axes(part.normal, ellipse, f"contact[{k}].friction", part.comm)
+                part = replace(part, ellipse=ellipse)
                 check_supports(part.points.movable, f"contact[{k}].friction", part.comm)
             parts.append(part)
         return join(parts)
@@ -297,31 +301,31 @@ class Foundations:
 
         pair, space = self._contact[number], self._space
         assert isinstance(pair, Pair)
-        first = [k for k, one in enumerate(self._contact) if k < number or isinstance(one, Foundation)]
+        first = [k for k, contact in enumerate(self._contact) if k < number or isinstance(contact, Foundation)]
         taken = [self.facets[k] for k in first if k != number]
         sides = self.facets[number], self._masters[number]
         flags = fixed.reshape(-1, self._dimension)
         rests = None if at_rest is None else at_rest.reshape(-1, self._dimension)[: len(flags)]
-        found = PairedSides.of(space, pair, sides, f"contact[{number}]", flags, taken, turned, rests)
-        self._pairs[number] = found
-        return found.boundary(space, self.facets[number], number, flags)
+        paired = PairedSides.of(space, pair, sides, f"contact[{number}]", flags, taken, turned, rests)
+        self._pairs[number] = paired
+        return paired.boundary(space, self.facets[number], number, flags)
 
     def _gap_of(self, number: int) -> tuple[Array, Array | None]:
         """The gap of one contact at all nodes of this rank, and what of it is no geometry of a pair; collective.
 
         The geometry of a pair is in it at the points of this rank alone.
         """
-        one, at = self._contact[number], self._values[number]
-        if not isinstance(one, Pair):
-            gap = at(0.0 if one.bonded else one.gap, f"contact[{number}].gap")
+        contact, at = self._contact[number], self._values[number]
+        if not isinstance(contact, Pair):
+            gap = at(0.0 if contact.bonded else contact.gap, f"contact[{number}].gap")
             return (gap + self._distance_of(number) if number in self._distances else gap), None
         pair = self._pairs[number]
         if not pair.by_geometry:
-            return at(0.0 if one.bonded else one.gap, f"contact[{number}].gap"), None
-        allowance = at(one.allowance, f"contact[{number}].allowance")
-        found, first = allowance.copy(), self._space.dofmap.index_map.local_range[0]
-        found[pair.slave.nodes[pair.coupling.nodes] - first] += pair.coupling.adjusted(one.adjust)
-        return found, allowance
+            return at(0.0 if contact.bonded else contact.gap, f"contact[{number}].gap"), None
+        allowance = at(contact.allowance, f"contact[{number}].allowance")
+        adjusted_gap, first = allowance.copy(), self._space.dofmap.index_map.local_range[0]
+        adjusted_gap[pair.slave.nodes[pair.coupling.nodes] - first] += pair.coupling.adjusted(contact.adjust)
+        return adjusted_gap, allowance
 
     def _distance_of(self, number: int) -> Array:
         """The signed distance from the shape of one contact at all nodes of this rank; collective.
@@ -330,13 +334,13 @@ class Foundations:
             FormError: the whole body is inside of it.
         """
         comm, distance = self._space.mesh.comm, self._distances[number]
-        found = self._values[number](distance, f"contact[{number}].shape")
-        if not parallel.any_rank(comm, bool((found >= 0).any())):
-            every = distance(self._space.mesh.geometry.x.T.astype(np.float64))
-            if not parallel.any_rank(comm, bool((every >= 0).any())):
-                what = "the whole body is inside of the foundation: move it, or set hollow if the body belongs there"
-                raise FormError([(f"contact[{number}]", what)])
-        return found
+        distances = self._values[number](distance, f"contact[{number}].shape")
+        if not parallel.any_rank(comm, bool((distances >= 0).any())):
+            at_vertices = distance(self._space.mesh.geometry.x.T.astype(np.float64))
+            if not parallel.any_rank(comm, bool((at_vertices >= 0).any())):
+                message = "the whole body is inside of the foundation: move it, or set hollow if the body belongs there"
+                raise FormError([(f"contact[{number}]", message)])
+        return distances
 
     @property
     def pairs(self) -> dict[int, PairedSides]:
@@ -353,34 +357,39 @@ class Foundations:
 
     def _bounds_of(self, number: int) -> Bounds:
         """The friction of one contact; collective."""
-        one, at, path = self._contact[number], self._values[number], f"contact[{number}].friction"
+        contact, at, path = self._contact[number], self._values[number], f"contact[{number}].friction"
         nodes = self._space.dofmap.index_map
         zero = np.zeros(nodes.size_local + nodes.num_ghosts)
-        given, coefficient, cap = zero, zero, np.full_like(zero, np.inf)
-        if isinstance(one.friction, Tresca):
-            given = at(one.friction.bound, f"{path}.bound", minimum=0.0)
-        elif isinstance(one.friction, Coulomb):
-            coefficient = at(one.friction.coefficient, f"{path}.coefficient", minimum=0.0)
-            if one.friction.cohesion is not None:
-                given = at(one.friction.cohesion, f"{path}.cohesion", minimum=0.0)
-            if one.friction.cap is not None:
-                cap = at(one.friction.cap, f"{path}.cap", minimum=0.0)
-        if one.bonded:
-            given = np.full_like(zero, np.inf)
-        return Bounds(given, coefficient, cap, isinstance(one.friction, Coulomb) and one.friction.cohesion is not None)
+        base_bound, coefficient, cap = zero, zero, np.full_like(zero, np.inf)
+        if isinstance(contact.friction, Tresca):
+            base_bound = at(contact.friction.bound, f"{path}.bound", minimum=0.0)
+        elif isinstance(contact.friction, Coulomb):
+            coefficient = at(contact.friction.coefficient, f"{path}.coefficient", minimum=0.0)
+            if contact.friction.cohesion is not None:
+                base_bound = at(contact.friction.cohesion, f"{path}.cohesion", minimum=0.0)
+            if contact.friction.cap is not None:
+                cap = at(contact.friction.cap, f"{path}.cap", minimum=0.0)
+        if contact.bonded:
+            base_bound = np.full_like(zero, np.inf)
+        return Bounds(
+            base_bound,
+            coefficient,
+            cap,
+            isinstance(contact.friction, Coulomb) and contact.friction.cohesion is not None,
+        )
 
-    def data(self, shapes: Sequence[Shape]) -> list[Data]:
+    def data(self, shapes: Sequence[ShapeDistances]) -> list[FoundationData]:
         """Gaps and friction, as they are now.
 
         Raises:
             FormError: a value is wrong somewhere.
         """
-        found = []
-        for k, (one, shape) in enumerate(zip(self._contact, shapes, strict=True)):
+        contact_data = []
+        for k, (contact, shape) in enumerate(zip(self._contact, shapes, strict=True)):
             (gap, allowance), bounds = self._gap_of(k), self._bounds_of(k)
-            bilateral = one.bilateral or one.bonded
-            found.append(
-                Data(
+            bilateral = contact.bilateral or contact.bonded
+            contact_data.append(
+                FoundationData(
                     **vars(bounds),
                     facets=self.facets[k],
                     shape=shape,
@@ -390,10 +399,10 @@ class Foundations:
                     allowance=allowance,
                 )
             )
-        return found
+        return contact_data
 
     def problem(
-        self, boundary: ContactBoundary, data: Sequence[Data], settings: Settings, natural_gamma: float
+        self, boundary: ContactBoundary, data: Sequence[FoundationData], settings: Settings, natural_gamma: float
     ) -> tuple[RegularisedData, FrictionLaw | None]:
         """The regularised problem without shifts at the points, and its friction law; None where no law can act.
 
@@ -404,7 +413,7 @@ class Foundations:
             natural_gamma: the unit of gamma, stress per length.
         """
         law = self.law(boundary, data)
-        parts = [k for k, one in enumerate(data) if one.bilateral]
+        parts = [k for k, contact_data in enumerate(data) if contact_data.bilateral]
         bilateral = np.isin(boundary.part, parts) if parts else None
         gap = self._gap(boundary, data)
         return RegularisedData.unshifted(gap, self._dimension - 1, settings, natural_gamma, law, bilateral), law
@@ -416,35 +425,37 @@ class Foundations:
             boundary: the points.
             bounds: see ``bounds``; None: as they are now.
         """
-        kinds = [one.friction for one in self._contact]
-        if not any(kinds) and not any(one.bonded for one in self._contact):
+        kinds = [entry.friction for entry in self._contact]
+        if not any(kinds) and not any(entry.bonded for entry in self._contact):
             return None
         bounds = self.bounds() if bounds is None else bounds
-        given, coefficient, cap = (self._at_points(boundary, bounds, name) for name in ("given", "coefficient", "cap"))
-        capped = any(isinstance(one, Coulomb) and one.cap is not None for one in kinds)
-        cohesive = [k for k, one in enumerate(bounds) if one.cohesive]
+        base_bound, coefficient, cap = (
+            self._at_points(boundary, bounds, name) for name in ("given", "coefficient", "cap")
+        )
+        capped = any(isinstance(entry, Coulomb) and entry.cap is not None for entry in kinds)
+        cohesive = [k for k, entry in enumerate(bounds) if entry.cohesive]
         ends = np.isin(boundary.part, cohesive) if cohesive else None
-        return FrictionLaw(given, coefficient, cap if capped else None, ends)
+        return FrictionLaw(base_bound, coefficient, cap if capped else None, ends)
 
     def _at_points(self, boundary: ContactBoundary, data: Sequence[Bounds], name: str) -> Array:
         """Values of the nodes at their points, shape (n,)."""
-        found = np.zeros(boundary.size)
-        for k, one in enumerate(data):
-            here = boundary.part == k
-            found[here] = getattr(one, name)[boundary.nodes[here]]
-        return found
+        point_values = np.zeros(boundary.size)
+        for k, bounds in enumerate(data):
+            on_part = boundary.part == k
+            point_values[on_part] = getattr(bounds, name)[boundary.nodes[on_part]]
+        return point_values
 
-    def _gap(self, boundary: ContactBoundary, data: Sequence[Data]) -> Array:
+    def _gap(self, boundary: ContactBoundary, data: Sequence[FoundationData]) -> Array:
         """The gap at the points, averaged where the displacement is that it is compared with; collective."""
         if boundary.averages is None:
             return self._at_points(boundary, data, "gap")
-        found = np.zeros(boundary.size)
-        for k, one in enumerate(data):
-            here = boundary.part == k
-            if one.pair is not None or not averaging(self._space):
-                found[here] = one.gap[boundary.nodes[here]]
+        gap = np.zeros(boundary.size)
+        for k, contact_data in enumerate(data):
+            on_part = boundary.part == k
+            if contact_data.pair is not None or not averaging(self._space):
+                gap[on_part] = contact_data.gap[boundary.nodes[on_part]]
                 continue
-            known = np.nan_to_num(one.gap[: self._space.dofmap.index_map.size_local, None])
-            reached = from_owners(known, boundary.averages.nodes, boundary.comm)[:, 0]
-            found[here] = boundary.averages.shares[here] @ reached
-        return found
+            owned_gap = np.nan_to_num(contact_data.gap[: self._space.dofmap.index_map.size_local, None])
+            reached = from_owners(owned_gap, boundary.averages.nodes, boundary.comm)[:, 0]
+            gap[on_part] = boundary.averages.shares[on_part] @ reached
+        return gap

@@ -20,7 +20,7 @@ from signorini_fx.scene.model import Scene
 
 
 def initial_strain(
-    scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, place: float
+    scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, step: float
 ) -> tuple[Any, Callable[[float], None]]:
     """All initial strains together in each direction, UFL, and what moves them to a place in the lists of factors.
 
@@ -28,23 +28,23 @@ def initial_strain(
         scene: the scene.
         tagged: its mesh.
         space: of the displacement.
-        place: where they are to begin with.
+        step: where they are to begin with.
 
     Returns:
         None in place of the strain where there is none.
     """
     effects = [effect for effect in scene.of(InitialStrain) if effect.acts]
     if not effects:
-        return None, lambda place: None
+        return None, lambda step: None
     on = FormCoefficients(scene, tagged, space, Inventory())  # of its own: other stresses are at other places
     factors = [fem.Constant(tagged.mesh, default_scalar_type(0.0)) for _ in effects]
 
-    def move_to(place: float) -> None:
-        on.move_to(place)
+    def move_to(step: float) -> None:
+        on.move_to(step)
         for constant, effect in zip(factors, effects, strict=True):
-            constant.value, _ = scene.now(effect, place)
+            constant.value, _ = scene.now(effect, step)
 
-    move_to(place)
+    move_to(step)
     return sum(factor * effect.strain(on) for factor, effect in zip(factors, effects, strict=True)), move_to
 
 
@@ -58,15 +58,15 @@ def check_strains(scene: Scene, tagged: TaggedMesh) -> None:
     for path, effect in scene.listed():
         if not isinstance(effect, InitialStrain):
             continue
-        for place in range(scene.steps if effect.timed else 1):
-            for key, value in effect.at_time(scene.time_at(place)).given.items():
+        for step in range(scene.steps if effect.timed else 1):
+            for key, value in effect.at_time(scene.time_at(step)).given.items():
                 error: SceneError | None = None
                 try:
-                    known = bool((np.abs(sample(value, x)) <= LARGEST).all())
+                    valid = bool((np.abs(sample(value, x)) <= LARGEST).all())
                 except SceneError as found:
-                    known, error = True, found
+                    valid, error = True, found
                 parallel.raise_together(tagged.mesh.comm, error)
-                if parallel.any_rank(tagged.mesh.comm, not known):
+                if parallel.any_rank(tagged.mesh.comm, not valid):
                     problems.append((f"{path}.{key}", f"must be a number up to {LARGEST:g} at all nodes of the mesh"))
     if problems:
         raise SceneError(list(dict.fromkeys(problems)))

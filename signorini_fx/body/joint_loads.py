@@ -48,7 +48,7 @@ class _Entrance:
 
 
 @dataclass(frozen=True)
-class _Line:
+class _JointPoints:
     """The points of one contact in the plane, of all ranks, r of them.
 
     Attributes:
@@ -64,10 +64,12 @@ class _Line:
     loop: list[float | None]
 
     @classmethod
-    def of(cls, boundary: ContactBoundary, part: int) -> _Line:
+    def of(cls, boundary: ContactBoundary, part: int) -> _JointPoints:
         """That of a contact; collective."""
-        here = boundary.part == part
-        rows = parallel.gather_rows(boundary.comm, np.column_stack((boundary.global_nodes[here], boundary.x[here])))
+        on_part = boundary.part == part
+        rows = parallel.gather_rows(
+            boundary.comm, np.column_stack((boundary.global_nodes[on_part], boundary.x[on_part]))
+        )
         rows = rows[np.argsort(rows[:, 0])]
         nodes, x = rows[:, 0].astype(np.int64), rows[:, 1:]
         segments = parallel.gather_rows(boundary.comm, boundary.segments[boundary.segments[:, 0] == part])
@@ -91,17 +93,17 @@ class _Line:
             In the order of ``nodes`` of the line; zero on a piece on which no load has reached a point.
         """
         order = np.argsort(nodes)
-        known, values = reached[order], pressure[order]
-        found = np.zeros(self.nodes.size)
+        known_points, values = reached[order], pressure[order]
+        interpolated = np.zeros(self.nodes.size)
         for piece, arc, loop in zip(self.pieces, self.arc, self.loop, strict=True):
-            if not known[piece].any():
+            if not known_points[piece].any():
                 continue
-            at = known[piece].copy()
+            at = known_points[piece].copy()
             if loop is None:
                 at[[0, -1]] = True
-            told = np.where(known[piece], values[piece], 0.0)
-            found[piece] = np.interp(arc, arc[at], told[at], period=loop)
-        return found
+            known_values = np.where(known_points[piece], values[piece], 0.0)
+            interpolated[piece] = np.interp(arc, arc[at], known_values[at], period=loop)
+        return interpolated
 
 
 class JointLoads:
@@ -120,7 +122,7 @@ class JointLoads:
     """
 
     def __init__(
-        self, scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, boundary: ContactBoundary, place: float
+        self, scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, boundary: ContactBoundary, step: float
     ) -> None:
         self._space, self._boundary, self._entrances = space, boundary, list[_Entrance]()
         self._closed: dict[int, str] = {}
@@ -132,13 +134,16 @@ class JointLoads:
             if load.closed == "linear" and boundary.x.shape[1] == 3:
                 wrong = "'linear' is for the plane: in space it needs the paths along which the load goes on"
                 problems.append((f"{path}.closed", wrong))
-            factor, now = scene.now(load, place)
+            factor, current_load = scene.now(load, step)
             wall = np.zeros(len(x), dtype=bool)
             wall[facet_nodes(space, tagged.facets(load.boundary)).ravel()] = True
             for part, name in ((parts[name], name) for name in load.enters):
-                own = boundary.segments[boundary.segments[:, 0] == part, 1:]
-                rows, columns = np.repeat(np.arange(len(own)), own.shape[1]), nodes.global_to_local(own.ravel())
-                facets = sp.csr_array((np.ones(own.size), (rows, columns)), shape=(len(own), len(x)))
+                segments = boundary.segments[boundary.segments[:, 0] == part, 1:]
+                rows, columns = (
+                    np.repeat(np.arange(len(segments)), segments.shape[1]),
+                    nodes.global_to_local(segments.ravel()),
+                )
+                facets = sp.csr_array((np.ones(segments.size), (rows, columns)), shape=(len(segments), len(x)))
                 begins = self._over_ranks(wall) & self._over_ranks(facets.sum(axis=0) > 0)
                 if not parallel.any_rank(boundary.comm, bool(begins.any())):
                     wrong = (
@@ -146,16 +151,20 @@ class JointLoads:
                     )
                     problems.append((f"{path}.enters", wrong))
                 self._closed[part] = load.closed
-                pressure = np.maximum(factor * now.pressure(x), 0.0)
+                pressure = np.maximum(factor * current_load.pressure(x), 0.0)
                 self._entrances.append(_Entrance(number, part, pressure, begins, facets))
         if problems:
             raise SceneError(problems)
-        every = np.ones(len(x), dtype=bool)
+        everywhere = np.ones(len(x), dtype=bool)
         self._joints = [
-            self._spread(one, every, one.begins) if self._closed[one.part] == "full" else one.begins
-            for one in self._entrances
+            self._spread(entrance, everywhere, entrance.begins)
+            if self._closed[entrance.part] == "full"
+            else entrance.begins
+            for entrance in self._entrances
         ]
-        self._lines = {part: _Line.of(boundary, part) for part, closed in self._closed.items() if closed == "linear"}
+        self._lines = {
+            part: _JointPoints.of(boundary, part) for part, closed in self._closed.items() if closed == "linear"
+        }
 
     def beginning(self, reached: Flags | None) -> list[Flags]:
         """The nodes that each load has reached at each contact where a load step begins, shape (nodes,) each.
@@ -164,14 +173,14 @@ class JointLoads:
             reached: the contact points that loads had reached at the end of the last one, shape (n, m); None: there is
                 none.
         """
-        found = []
-        for one in self._entrances:
-            nodes = one.begins.copy()
+        node_flags = []
+        for entrance in self._entrances:
+            nodes = entrance.begins.copy()
             if reached is not None:
-                here = self._boundary.part == one.part
-                nodes[self._boundary.nodes[here]] |= reached[here, one.load]
-            found.append(self._over_ranks(nodes))
-        return found
+                on_part = self._boundary.part == entrance.part
+                nodes[self._boundary.nodes[on_part]] |= reached[on_part, entrance.load]
+            node_flags.append(self._over_ranks(nodes))
+        return node_flags
 
     def grown(self, open_: Flags, reached: Sequence[Flags]) -> list[Flags]:
         """The nodes that each load reaches at each contact from others through open contact points.
@@ -180,21 +189,21 @@ class JointLoads:
             open_: shape (n,).
             reached: the nodes that they have reached before.
         """
-        found = []
-        for one, begun in zip(self._entrances, reached, strict=True):
-            here = self._boundary.part == one.part
+        node_flags = []
+        for entrance, begun in zip(self._entrances, reached, strict=True):
+            on_part = self._boundary.part == entrance.part
             passes = np.zeros(begun.size, dtype=bool)
-            passes[self._boundary.nodes[here]] = open_[here]
-            found.append(self._spread(one, self._over_ranks(passes) & (one.pressure > 0), begun))
-        return found
+            passes[self._boundary.nodes[on_part]] = open_[on_part]
+            node_flags.append(self._spread(entrance, self._over_ranks(passes) & (entrance.pressure > 0), begun))
+        return node_flags
 
     def at_points(self, reached: Sequence[Flags]) -> Flags:
         """Which load has reached which contact point, shape (n, m)."""
-        found = np.zeros((self._boundary.size, self._loads), dtype=bool)
-        for one, nodes in zip(self._entrances, reached, strict=True):
-            here = self._boundary.part == one.part
-            found[here, one.load] = nodes[self._boundary.nodes[here]]
-        return found
+        point_flags = np.zeros((self._boundary.size, self._loads), dtype=bool)
+        for entrance, nodes in zip(self._entrances, reached, strict=True):
+            on_part = self._boundary.part == entrance.part
+            point_flags[on_part, entrance.load] = nodes[self._boundary.nodes[on_part]]
+        return point_flags
 
     def pressure(self, reached: Sequence[Flags]) -> Array:
         """The pressure of the loads at the contact points, stress, shape (n,), the largest one where they meet.
@@ -202,41 +211,43 @@ class JointLoads:
         Args:
             reached: the nodes that they have reached.
         """
-        found, boundary = np.zeros(self._boundary.size), self._boundary
-        some = np.zeros(boundary.size, dtype=bool)
-        for one, nodes, joint in zip(self._entrances, reached, self._joints, strict=True):
-            here = boundary.part == one.part
-            at = boundary.nodes[here]
-            there = (nodes | joint)[at]
-            found[here] = np.maximum(found[here], np.where(there, one.pressure[at], 0.0))
-            some[here] |= there
+        pressure, boundary = np.zeros(self._boundary.size), self._boundary
+        loaded = np.zeros(boundary.size, dtype=bool)
+        for entrance, nodes, joint in zip(self._entrances, reached, self._joints, strict=True):
+            on_part = boundary.part == entrance.part
+            at = boundary.nodes[on_part]
+            newly_loaded = (nodes | joint)[at]
+            pressure[on_part] = np.maximum(pressure[on_part], np.where(newly_loaded, entrance.pressure[at], 0.0))
+            loaded[on_part] |= newly_loaded
         for part, line in self._lines.items():
-            here = boundary.part == part
-            own = boundary.global_nodes[here]
-            rows = parallel.gather_rows(boundary.comm, np.column_stack((own, found[here], some[here])))
-            every = line.between(rows[:, 0].astype(np.int64), rows[:, 1], rows[:, 2] > 0)
-            found[here] = every[np.searchsorted(line.nodes, own)]
-        return found
+            on_part = boundary.part == part
+            global_nodes = boundary.global_nodes[on_part]
+            rows = parallel.gather_rows(
+                boundary.comm, np.column_stack((global_nodes, pressure[on_part], loaded[on_part]))
+            )
+            line_pressure = line.between(rows[:, 0].astype(np.int64), rows[:, 1], rows[:, 2] > 0)
+            pressure[on_part] = line_pressure[np.searchsorted(line.nodes, global_nodes)]
+        return pressure
 
     def _spread(self, entrance: _Entrance, passing: Flags, begun: Flags) -> Flags:
         """The nodes that a load reaches from others through nodes that it passes, shape (nodes,)."""
         reached, facets = begun, entrance.facets
         while True:
-            before = reached
+            earlier = reached
             while True:
                 full = facets @ (reached & passing).astype(np.float64) > 0
-                more = np.asarray(reached | (facets.T @ full.astype(np.float64) > 0), dtype=np.bool_)
-                if np.array_equal(more, reached):
+                grown = np.asarray(reached | (facets.T @ full.astype(np.float64) > 0), dtype=np.bool_)
+                if np.array_equal(grown, reached):
                     break
-                reached = more
+                reached = grown
             reached = self._over_ranks(reached)
-            if not parallel.any_rank(self._boundary.comm, not np.array_equal(reached, before)):
+            if not parallel.any_rank(self._boundary.comm, not np.array_equal(reached, earlier)):
                 return reached
 
     def _over_ranks(self, flags: Flags) -> Flags:
         """Flags of nodes that some rank has set, shape (nodes,)."""
-        every = la.vector(self._space.dofmap.index_map, 1)
-        every.array[:] = flags
-        every.scatter_reverse(la.InsertMode.add)
-        every.scatter_forward()
-        return np.asarray(every.array > 0)
+        flag_vector = la.vector(self._space.dofmap.index_map, 1)
+        flag_vector.array[:] = flags
+        flag_vector.scatter_reverse(la.InsertMode.add)
+        flag_vector.scatter_forward()
+        return np.asarray(flag_vector.array > 0)

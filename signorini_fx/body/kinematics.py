@@ -49,15 +49,15 @@ class Kinematics:
         """Symmetric tensors from their components, shape (..., components), with zeros out of the plane, shape
         (..., 3, 3).
         """
-        found = np.zeros((*components.shape[:-1], 3, 3))
+        tensors = np.zeros((*components.shape[:-1], 3, 3))
         for column, (i, j) in enumerate(self.pairs):
-            found[..., i, j] = found[..., j, i] = components[..., column]
-        return found
+            tensors[..., i, j] = tensors[..., j, i] = components[..., column]
+        return tensors
 
     def turned(self, arms: _Floats, vectors: _Floats) -> _Floats:
         """Arms times vectors, shape (..., d): moments of forces, one per rotation, shape (..., rotations)."""
         pairs = ((arms[..., i] * vectors[..., j], arms[..., j] * vectors[..., i]) for i, j in self.rotations)
-        return np.stack([one - other for one, other in pairs], axis=-1)
+        return np.stack([positive - negative for positive, negative in pairs], axis=-1)
 
 
 AXISYMMETRIC = Kinematics(2, ((0, 1),), hoop=True)

@@ -44,7 +44,7 @@ class Unproved(Exception):
 
 
 @dataclass(frozen=True)
-class Surface:
+class LimitSurface:
     """Places of one assembly, m of them, whose contact forces contain those of its surface, k motions.
 
     Attributes:
@@ -67,7 +67,7 @@ class Surface:
 
     def pushed(self, motion: Nodal) -> Nodal:
         """Bounds of the most work of contact forces with a unit of pressure on a motion, at the places that press."""
-        normal, tangential, share = (one[self.presses] for one in (self.normal, self.tangential, self.coefficient))
+        normal, tangential, share = (field[self.presses] for field in (self.normal, self.tangential, self.coefficient))
         slips = np.linalg.norm(tangential @ motion, axis=1)
         sizes = np.abs(normal) @ np.abs(motion) + share * (np.abs(tangential).sum(axis=1) @ np.abs(motion))
         return np.asarray(normal @ motion + share * slips + _SUM * sizes)
@@ -76,14 +76,16 @@ class Surface:
         """A bound of the work that friction without pressure takes on a motion."""
         slips = np.linalg.norm(self.tangential @ motion, axis=1)
         slips += _SUM * (np.abs(self.tangential).sum(axis=1) @ np.abs(motion))
-        own = slips[self.places]
-        return float(self.given @ (own.mean(axis=1) if self.flat else own.max(axis=1))) * (1 + _SUM * len(own))
+        facet_slips = slips[self.places]
+        return float(self.given @ (facet_slips.mean(axis=1) if self.flat else facet_slips.max(axis=1))) * (
+            1 + _SUM * len(facet_slips)
+        )
 
-    def holds(self, here: Reactions) -> bool:
+    def holds(self, contact: Reactions) -> bool:
         """Whether the forces at the contact points are among those of the surface: friction without pressure is spread
         over facets, and only in the plane, on flat ones, is that the same.
         """
-        return not here.given.any() or (self.flat and self.tangential.shape[1] == 1)
+        return not contact.given.any() or (self.flat and self.tangential.shape[1] == 1)
 
     def open(self, motion: Nodal) -> Nodal | None:
         """A motion near this one on which no contact force does work, shape (k,); None: there is none."""
@@ -102,21 +104,21 @@ class Surface:
 
     def _away(self) -> Nodal | None:
         """A motion that moves the body off at all places, faster than F times its slip."""
-        normal, tangential, share = (one[self.presses] for one in (self.normal, self.tangential, self.coefficient))
+        normal, tangential, share = (field[self.presses] for field in (self.normal, self.tangential, self.coefficient))
         ways = np.array([[1.0], [-1.0]])
         if tangential.shape[1] == 2:  # an octagon around the disc
             angles = np.pi / 4 * np.arange(8)
             ways = np.column_stack((np.cos(angles), np.sin(angles))) / np.cos(np.pi / 8)
-        most = np.concatenate([normal + share[:, None] * np.einsum("t,mtk->mk", way, tangential) for way in ways])
-        k = most.shape[1]
+        work_rates = np.concatenate([normal + share[:, None] * np.einsum("t,mtk->mk", way, tangential) for way in ways])
+        k = work_rates.shape[1]
         limits = [(-1.0, 1.0)] * k + [(None, 1.0)]
-        rows = np.column_stack((most, np.ones(len(most))))
-        found = linprog(np.append(np.zeros(k), -1.0), A_ub=rows, b_ub=np.zeros(len(rows)), bounds=limits)
-        motion = None if found.x is None else np.asarray(found.x[:-1])
+        rows = np.column_stack((work_rates, np.ones(len(work_rates))))
+        optimum = linprog(np.append(np.zeros(k), -1.0), A_ub=rows, b_ub=np.zeros(len(rows)), bounds=limits)
+        motion = None if optimum.x is None else np.asarray(optimum.x[:-1])
         return motion if motion is not None and self.pushed(motion).max() < 0 else None
 
 
-def surface_of(d: Discretisation, pressing: npt.NDArray[np.bool_] | None = None) -> dict[int, Surface]:
+def surface_of(d: Discretisation, pressing: npt.NDArray[np.bool_] | None = None) -> dict[int, LimitSurface]:
     """The contact surface of each assembly; collective.
 
     Args:
@@ -135,7 +137,7 @@ def surface_of(d: Discretisation, pressing: npt.NDArray[np.bool_] | None = None)
     capped = law is not None and law.cap is not None
     for wrong, reason in (
         (d.scene.axisymmetric, "the body is axisymmetric"),
-        (any(getattr(one, "against", None) for one in d.scene.contact), "two bodies touch each other"),
+        (any(getattr(contact, "against", None) for contact in d.scene.contact), "two bodies touch each other"),
         (len(motions.of_all) > len(motions.free), "forces move a foundation"),
         (parallel.any_rank(comm, bilateral), "the foundation can pull"),
         (capped, "a cap limits the friction"),
@@ -148,72 +150,74 @@ def surface_of(d: Discretisation, pressing: npt.NDArray[np.bool_] | None = None)
         if wrong:
             raise Unproved(reason)
     zero = np.zeros(boundary.size)
-    given, share = (zero, zero) if law is None else (law.given, law.coefficient)
+    base_bound, share = (zero, zero) if law is None else (law.given, law.coefficient)
     able = np.ones(boundary.size) if pressing is None else pressing
     piece = motions.piece[boundary.nodes]
-    own = np.column_stack(
-        (boundary.part, boundary.global_nodes, boundary.x, boundary.normal, given, share, able, piece)
+    point_rows = np.column_stack(
+        (boundary.part, boundary.global_nodes, boundary.x, boundary.normal, base_bound, share, able, piece)
     )
-    every = parallel.gather_rows(comm, own)
+    all_rows = parallel.gather_rows(comm, point_rows)
     facets = parallel.gather_rows(comm, boundary.segments)
-    rows: Nodal = np.asarray(every[np.lexsort((every[:, 1], every[:, 0]))], dtype=np.float64)
+    rows: Nodal = np.asarray(all_rows[np.lexsort((all_rows[:, 1], all_rows[:, 0]))], dtype=np.float64)
     stride = int(max(rows[:, 1].max(), facets[:, 1:].max())) + 1
     keys = rows[:, 0].astype(np.int64) * stride + rows[:, 1].astype(np.int64)
-    place = np.searchsorted(keys, facets[:, :1] * stride + facets[:, 1:])
-    if (place >= len(keys)).any() or (keys[place] != facets[:, :1] * stride + facets[:, 1:]).any():
+    indices = np.searchsorted(keys, facets[:, :1] * stride + facets[:, 1:])
+    if (indices >= len(keys)).any() or (keys[indices] != facets[:, :1] * stride + facets[:, 1:]).any():
         raise Unproved("a facet has nodes that are no contact points")
-    return _surfaces(d, rows, place[:, [0, -1]] if dim == 2 else place[:, : _VERTICES[kind]], place)
+    return _surfaces(d, rows, indices[:, [0, -1]] if dim == 2 else indices[:, : _VERTICES[kind]], indices)
 
 
 def _surfaces(
     d: Discretisation, rows: Nodal, corners: npt.NDArray[np.int64], nodes: npt.NDArray[np.int64]
-) -> dict[int, Surface]:
+) -> dict[int, LimitSurface]:
     """The surfaces, from what is known of the contact points and the vertices and nodes of the facets among them."""
     motions, dim = d.motions, d.tagged.dimension
     x, normal = rows[:, 2 : 2 + dim], rows[:, 2 + dim : 2 + 2 * dim]
-    given, share, able, piece = rows[:, 2 + 2 * dim :].T
+    base_bound, share, able, piece = rows[:, 2 + 2 * dim :].T
     size = d.tagged.size
     turned = np.abs(normal[nodes] - normal[nodes[:, :1]]).max(axis=(1, 2))
     bent = np.abs(np.einsum("fjd,fd->fj", x[nodes] - x[nodes[:, :1]], normal[nodes[:, 0]])).max(axis=1)
     along = bent <= _FLAT * size
-    prescribed = np.array([getattr(one, "direction", None) is not None for one in d.scene.contact])
+    prescribed = np.array([getattr(contact, "direction", None) is not None for contact in d.scene.contact])
     straight = (turned <= _FLAT) & (along | prescribed[rows[nodes[:, 0], 0].astype(np.int64)])
     if dim == 3 and not straight.all():
         raise Unproved("the contact surface is not flat")
     # Facets are straight wherever nodes are in line; what bends in between is not known.
     if compat.geometry_degree(d.tagged.mesh) > 1 and not along.all():
         raise Unproved("the cells are curved")
-    most, least = given[nodes].max(axis=1), given[nodes].min(axis=1)
-    alike = bool((most - least <= _FLAT * most).all() and (np.ptp(share[nodes], axis=1) <= _FLAT).all())
+    largest_bound, least = base_bound[nodes].max(axis=1), base_bound[nodes].min(axis=1)
+    alike = bool(
+        (largest_bound - least <= _FLAT * largest_bound).all() and (np.ptp(share[nodes], axis=1) <= _FLAT).all()
+    )
     at, ways = x[corners], normal[corners]
     stretch: Nodal = np.ones(len(corners))
     if not straight.all():
         at, ways, stretch = _arcs(at, ways)
     count = at.shape[1]
     area = _areas(x[corners])
-    own = motions.free.reshape(motions.pieces.count, motions.each, -1)
+    free_modes = motions.free.reshape(motions.pieces.count, motions.each, -1)
     of = np.repeat(piece[corners[:, 0]].astype(np.int64), count)
-    moved = rigid_modes(at.reshape(-1, dim), motions.centre[of], motions.length[of]) @ own[of]
+    moved = rigid_modes(at.reshape(-1, dim), motions.centre[of], motions.length[of]) @ free_modes[of]
     flat_ways = ways.reshape(-1, dim)
     along_normal = np.einsum("md,mdk->mk", flat_ways, moved)
     across = np.einsum("mdt,mdk->mtk", tangents_of(flat_ways), moved)
     coefficient = np.repeat(share[nodes].max(axis=1), count)
     pressed = np.repeat(able[nodes].any(axis=1), count)
-    found = {}
+    surfaces = {}
     for number in np.unique(motions.assembly):
         columns = motions.assembly == number
-        here = motions.pieces.assembly[piece[corners[:, 0]].astype(np.int64)] == number
-        inside = np.repeat(here, count)
-        found[int(number)] = Surface(
+        in_assembly = motions.pieces.assembly[piece[corners[:, 0]].astype(np.int64)] == number
+        inside = np.repeat(in_assembly, count)
+        surfaces[int(number)] = LimitSurface(
             along_normal[inside][:, columns],
             across[inside][:, :, columns],
             coefficient[inside],
             pressed[inside] > 0,
-            np.arange(count * np.count_nonzero(here)).reshape(-1, count),
-            (most * area * stretch)[here],
+            np.arange(count * np.count_nonzero(in_assembly)).reshape(-1, count),
+            (largest_bound * area * stretch)[in_assembly],
             flat=bool(straight.all() and alike),
         )
-    return found
+    return surfaces
 
 
 def _arcs(x: Nodal, normal: Nodal) -> tuple[Nodal, Nodal, Nodal]:
@@ -228,13 +232,13 @@ def _arcs(x: Nodal, normal: Nodal) -> tuple[Nodal, Nodal, Nodal]:
         x: both ends, shape (f, 2, 2).
         normal: there, shape (f, 2, 2).
     """
-    chord, both = x[:, 1] - x[:, 0], normal.sum(axis=1)
-    length, cosine = np.linalg.norm(chord, axis=1), np.linalg.norm(both, axis=1) / 2
+    chord, bisector = x[:, 1] - x[:, 0], normal.sum(axis=1)
+    length, cosine = np.linalg.norm(chord, axis=1), np.linalg.norm(bisector, axis=1) / 2
     if (cosine < 0.75).any():
         raise Unproved("the contact surface turns by more than 80 degrees between two nodes")
-    if (np.abs(np.einsum("fd,fd->f", both, chord)) > _ARC * length).any():
+    if (np.abs(np.einsum("fd,fd->f", bisector, chord)) > _ARC * length).any():
         raise Unproved("the contact surface is neither flat nor an arc of a circle between two nodes")
-    middle = both / (2 * cosine)[:, None]
+    middle = bisector / (2 * cosine)[:, None]
     angle = np.arccos(cosine.clip(max=1.0)) * np.sign(np.einsum("fd,fd->f", normal[:, 1] - normal[:, 0], chord))
     third = x.mean(axis=1) - (length * np.tan(angle / 2))[:, None] * middle
     at, ways = np.stack((x[:, 0], x[:, 1], third), axis=1), np.stack((normal[:, 0], normal[:, 1], middle), axis=1)
@@ -251,18 +255,18 @@ def _areas(x: Nodal) -> Nodal:
     return np.asarray(first + np.linalg.norm(np.cross(x[:, 1] - x[:, 3], x[:, 2] - x[:, 3]), axis=1) / 2)
 
 
-def balanced(here: Reactions, surface: Surface, load: Nodal) -> bool:
+def balanced(contact: Reactions, surface: LimitSurface, load: Nodal) -> bool:
     """Whether it is proved that contact tractions of the body balance a load.
 
     Args:
-        here: the contact points of the assembly.
+        contact: the contact points of the assembly.
         surface: its surface.
         load: its work on the motions, force, shape (k,).
     """
-    return surface.holds(here) and _balanced(here, load)
+    return surface.holds(contact) and _balanced(contact, load)
 
 
-def excluded(surface: Surface, motion: Nodal, load: Nodal) -> bool:
+def excluded(surface: LimitSurface, motion: Nodal, load: Nodal) -> bool:
     """Whether it is proved that no contact tractions of the body balance a load.
 
     Args:
@@ -277,7 +281,7 @@ def excluded(surface: Surface, motion: Nodal, load: Nodal) -> bool:
     return driven > surface.taken(opened)
 
 
-def factor_at_most(surface: Surface, motion: Nodal, dead: Nodal, live: Nodal) -> float:
+def factor_at_most(surface: LimitSurface, motion: Nodal, dead: Nodal, live: Nodal) -> float:
     """A multiple of a load above which it is proved that no contact tractions of the body balance it; infinite: none.
 
     Args:
@@ -297,41 +301,43 @@ def factor_at_most(surface: Surface, motion: Nodal, dead: Nodal, live: Nodal) ->
     return max(held / driven * (1 + _SUM), 0.0)
 
 
-def factor_at_least(here: Reactions, surface: Surface, found: float, dead: Nodal, live: Nodal) -> float | None:
+def factor_at_least(contact: Reactions, surface: LimitSurface, factor: float, dead: Nodal, live: Nodal) -> float | None:
     """A multiple of a load whose balance by contact tractions of the body is proved; None: that is not.
 
     Forces at the contact points balance a load that is smaller by those of k independent ones, but for round-off; what
     is missing these k forces take.
 
     Args:
-        here: the contact points of the assembly.
+        contact: the contact points of the assembly.
         surface: its surface.
-        found: a multiple that tractions balance but for round-off.
+        factor: a multiple that tractions balance but for round-off.
         dead: the work of the other loads on the motions, force, shape (k,).
         live: that of the load.
     """
-    if not surface.holds(here):
+    if not surface.holds(contact):
         return None
-    if not np.isfinite(found):
-        return np.inf if _balanced(here, live, unlimited=True) and _balanced(here, dead + live) else None
+    if not np.isfinite(factor):
+        return np.inf if _balanced(contact, live, unlimited=True) and _balanced(contact, dead + live) else None
     for share in _LOWER:
-        if _balanced(here, dead + found * (1 - share) * live):
-            return found * (1 - share)
+        if _balanced(contact, dead + factor * (1 - share) * live):
+            return factor * (1 - share)
     return None
 
 
-def _balanced(here: Reactions, load: Nodal, *, unlimited: bool = False) -> bool:
+def _balanced(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> bool:
     """Whether it is proved that forces at contact points balance a load."""
     size, k = float(np.linalg.norm(load)), load.size
     if size == 0.0:
         return False
-    pulls = here.tangential.transpose(1, 0, 2)
-    cones = [here.normal + sign * 0.5 * here.coefficient[:, None] * pull for pull in pulls for sign in (1.0, -1.0)]
+    pulls = contact.tangential.transpose(1, 0, 2)
+    cones = [
+        contact.normal + sign * 0.5 * contact.coefficient[:, None] * pull for pull in pulls for sign in (1.0, -1.0)
+    ]
     rays = np.concatenate((*cones, *pulls))
-    node = np.tile(np.arange(len(here.normal)), len(cones) + len(pulls))
-    two_ways = np.arange(len(rays)) >= len(here.normal) * len(cones)
+    node = np.tile(np.arange(len(contact.normal)), len(cones) + len(pulls))
+    two_ways = np.arange(len(rays)) >= len(contact.normal) * len(cones)
     lengths = np.linalg.norm(rays, axis=1)
-    able = (lengths > _FLAT) & (~two_ways | (here.given > 0)[node])
+    able = (lengths > _FLAT) & (~two_ways | (contact.given > 0)[node])
     if np.count_nonzero(able) < k:
         return False
     rays, node, two_ways = rays[able] / lengths[able, None], node[able], two_ways[able]
@@ -342,10 +348,10 @@ def _balanced(here: Reactions, load: Nodal, *, unlimited: bool = False) -> bool:
     spare = _MISSED * size / independent
     # A pressure gives way on one side, and is raised by what is spared; friction without pressure on both.
     pushed, rubbed = chosen[~two_ways[chosen]], chosen[two_ways[chosen]]
-    given = here.given.copy()
-    given[node[rubbed]] -= 2 * spare / lengths[able][rubbed]
-    if given.min(initial=0.0) < 0:
+    base_bound = contact.given.copy()
+    base_bound[node[rubbed]] -= 2 * spare / lengths[able][rubbed]
+    if base_bound.min(initial=0.0) < 0:
         return False
-    near = nearest(replace(here, given=given), load - spare * rays[pushed].sum(axis=0), unlimited=unlimited)
+    near = nearest(replace(contact, given=base_bound), load - spare * rays[pushed].sum(axis=0), unlimited=unlimited)
     missed = (float(np.linalg.norm(near.motion)) + _SUM * k * (near.forces + 1)) * size
     return near.balanced and missed / independent <= spare

@@ -75,15 +75,15 @@ class AppliedLoad:
     amount: Callable[[float], float] | None = None
     swelling: npt.NDArray[np.float64] | None = None
 
-    def factor(self, place: float) -> float:
+    def factor(self, step: float) -> float:
         """Its factor at a place in the lists of factors."""
         if self.amount is not None:
-            return self.amount(place)
-        return factor_at(self.factors, place) if self.grows else 1.0
+            return self.amount(step)
+        return factor_at(self.factors, step) if self.grows else 1.0
 
-    def at(self, place: float) -> AppliedLoad:
+    def at(self, step: float) -> AppliedLoad:
         """The same at the time of a place; itself if it does not depend on it; collective."""
-        return self if self.again is None else self.again(place)
+        return self if self.again is None else self.again(step)
 
     @property
     def drives(self) -> bool:
@@ -127,9 +127,9 @@ class FormCoefficients:
     def _time(self) -> fem.Constant:
         return fem.Constant(self.space.mesh, default_scalar_type(self.scene.time_at(0)))
 
-    def move_to(self, place: float) -> None:
+    def move_to(self, step: float) -> None:
         """Give expressions of the time t the value at the time of a place in the lists of factors."""
-        self._time.value = self.scene.time_at(place)
+        self._time.value = self.scene.time_at(step)
 
     @property
     def normal(self) -> Any:
@@ -144,22 +144,22 @@ class FormCoefficients:
     @cached_property
     def density(self) -> Any:
         """Mass per volume: a constant, or a function that is constant in each cell."""
-        (found,) = of_materials(self.scene, self.tagged, lambda material: (material.density or 0.0,))
-        return found
+        (density,) = of_materials(self.scene, self.tagged, lambda material: (material.density or 0.0,))
+        return density
 
     @cached_property
     def expansion(self) -> Any:
         """Coefficient of thermal expansion: a constant, or a function that is constant in each cell."""
-        (found,) = of_materials(self.scene, self.tagged, lambda material: (material.expansion or 0.0,))
-        return found
+        (expansion,) = of_materials(self.scene, self.tagged, lambda material: (material.expansion or 0.0,))
+        return expansion
 
     def inside(self, region: str | None) -> Any:
         """1 in the cells of a region, 0 in the others."""
         if region is None:
             return 1
-        found = fem.Function(fem.functionspace(self.space.mesh, ("DG", 0)))
-        found.x.array[found.function_space.dofmap.list[self.tagged.cells(region), 0]] = 1.0
-        return found
+        indicator = fem.Function(fem.functionspace(self.space.mesh, ("DG", 0)))
+        indicator.x.array[indicator.function_space.dofmap.list[self.tagged.cells(region), 0]] = 1.0
+        return indicator
 
     @cached_property
     def _totals(self) -> dict[tuple[str, Any], fem.Constant]:
@@ -190,15 +190,17 @@ class FormCoefficients:
             density = self.value(spread) * self.around
             form = self.inventory.compile(f"total of {effect.name}", lambda: fem.form(density * where(metadata=degree)))
             cut = 0.0 if rule is None else float(np.sum(rule.size * rule.value(spread)))
-            found = float(parallel.global_sum(mesh.comm, np.array(fem.assemble_scalar(form) + cut)))
+            integral = float(parallel.global_sum(mesh.comm, np.array(fem.assemble_scalar(form) + cut)))
             corners = facet_vertices(mesh, self.tagged.facets(boundary))
-            most = parallel.largest(mesh.comm, np.abs(sample(spread, corners.reshape(-1, 3).T)))
+            largest = parallel.largest(mesh.comm, np.abs(sample(spread, corners.reshape(-1, 3).T)))
             tagged, axisymmetric = self.tagged, self.scene.axisymmetric
             scales = Scales.of(tagged.dimension, self.scene.young, tagged.size, axisymmetric=axisymmetric)
-            if not abs(found) > _ROUND_OFF * most * scales.surface:
-                path = next(path for path, one in self.scene.listed() if one is effect)
-                raise SceneError([(f"{path}.spread", f"its integral over {boundary!r} is {found:g}: it must not be 0")])
-            self._totals[boundary, spread] = fem.Constant(mesh, default_scalar_type(found))
+            if not abs(integral) > _ROUND_OFF * largest * scales.surface:
+                path = next(path for path, candidate in self.scene.listed() if candidate is effect)
+                raise SceneError(
+                    [(f"{path}.spread", f"its integral over {boundary!r} is {integral:g}: it must not be 0")]
+                )
+            self._totals[boundary, spread] = fem.Constant(mesh, default_scalar_type(integral))
         return self._totals[boundary, spread]
 
     def value(self, value: Any) -> Any:
@@ -279,17 +281,17 @@ def _assembled(
     z: Any,
     supports: SupportsAt,
     compiled: tuple[tuple[str, ...], tuple[fem.Form, ...]] | None,
-    place: float,
+    step: float,
 ) -> AppliedLoad:
     """The loads at the time of a place in the lists of factors; collective."""
     factors, grows, timed, balanced = group
     space = on.space
-    on.move_to(place)
-    now = {id(load): on.scene.now(load, place)[1] for load in loads if isinstance(load, Force)}
+    on.move_to(step)
+    now = {id(load): on.scene.now(load, step)[1] for load in loads if isinstance(load, Force)}
     cuts = {key: rule for key, moved in now.items() if (rule := cut_rule(moved, on)) is not None}
     names, forms = compiled = compile_loads(loads, on, z, cuts) if cuts or compiled is None else compiled
     prescribed = fem.Function(space)
-    axes, turned = supports(place)
+    axes, turned = supports(step)
     for effect, support in axes:  # the later one applies where two meet
         dofs, _ = support.dof_indices()
         prescribed.x.array[dofs] = 0.0
@@ -307,11 +309,13 @@ def _assembled(
         for key, rule in cuts.items():
             forces = forces + rule.integrals(now[key].density_at(rule), space)
     # No function that refers to itself: such a cycle keeps the mesh until the garbage collector comes.
-    again = partial(_assembled, group, loads, on, z, supports, None if cuts else compiled) if timed else None
-    return AppliedLoad(factors, names, forms, forces, prescribed, grows, again, balanced=balanced, swelling=swelling)
+    reassemble = partial(_assembled, group, loads, on, z, supports, None if cuts else compiled) if timed else None
+    return AppliedLoad(
+        factors, names, forms, forces, prescribed, grows, reassemble, balanced=balanced, swelling=swelling
+    )
 
 
-def tool_load(tools: RigidTools, number: int, scene: Scene, space: fem.FunctionSpace, place: float = 0) -> AppliedLoad:
+def tool_load(tools: RigidTools, number: int, scene: Scene, space: fem.FunctionSpace, step: float = 0) -> AppliedLoad:
     """What drives one of the tools, at the time of a place in the lists of factors; collective."""
     timed = tools.shapes[number].driven_in_time
     return AppliedLoad(
@@ -322,7 +326,7 @@ def tool_load(tools: RigidTools, number: int, scene: Scene, space: fem.FunctionS
         fem.Function(space),
         not timed,
         partial(tool_load, tools, number, scene, space) if timed else None,
-        tools.driven(number, scene.time_at(place)),
+        tools.driven(number, scene.time_at(step)),
     )
 
 
@@ -343,17 +347,17 @@ def _compiled_strains(
     strains: Sequence[InitialStrain], on: FormCoefficients, z: Any
 ) -> tuple[tuple[str, ...], tuple[fem.Form, ...]]:
     mesh, element = on.space.mesh, on.space.element.basix_element.degree
-    name, whole = " + ".join(strain.name for strain in strains), sum(strain.strain(on) for strain in strains)
+    name, total_strain = " + ".join(strain.name for strain in strains), sum(strain.strain(on) for strain in strains)
     degree, radius = strains[0].degree(element), on.position[0] if on.scene.axisymmetric else None
     if on.scene.element.volumetric == "mixed":
         pressures = PressureSpace.of(on.scene, on.tagged)
         q = pressures.scalar(ufl.TestFunction(pressures.own))
         (swelling,) = isotropic(on.scene, on.tagged, lambda _, poisson: ((1 + poisson) / poisson,))
-        form = mixed_strain_form(q, whole, swelling, degree, radius=radius)
+        form = mixed_strain_form(q, total_strain, swelling, degree, radius=radius)
         return (name,), (on.inventory.compile(name, partial(fem.form, form)),)
     terms = initial_strain_forms(
         z,
-        whole,
+        total_strain,
         *lame_coefficients(on.scene, on.tagged),
         degree,
         reduced_degree(on.scene, mesh),

@@ -78,8 +78,8 @@ class MeshLevel:
             if self.rotation is not None:
                 self.rotation.multTranspose(vector.copy(), vector)
             vector.getArray()[self.fixed] = 0.0
-            for other in vectors[:k]:
-                vector.axpy(-vector.dot(other), other)
+            for earlier in vectors[:k]:
+                vector.axpy(-vector.dot(earlier), earlier)
             vector.normalize()
         return PETSc.NullSpace().create(vectors=vectors, comm=comm)
 
@@ -125,30 +125,34 @@ class MeshLevel:
         x.getArray()[:] = coarse.solved.x.array[: x.getLocalSize()]
         if coarse.rotation is not None:
             coarse.rotation.multTranspose(x.copy(), x)
-        found = self._vector()
-        interpolation.mult(x, found)
-        return found
+        start = self._vector()
+        interpolation.mult(x, start)
+        return start
 
     def _shares(self, coarse: MeshLevel) -> Any | None:
         """Shares of the coarse nodes (global numbers) in each owned node, scipy sparse; None: some node is nowhere."""
         shape = coarse.space.ufl_element().sub_elements[0]
         dofmap = coarse.space.dofmap
 
-        def numbers_and_shares(cells: npt.NDArray[np.int32], place: Array) -> Array:
-            shares = shape.tabulate(0, place)[0].reshape(len(cells), -1)
+        def numbers_and_shares(cells: npt.NDArray[np.int32], points: Array) -> Array:
+            shares = shape.tabulate(0, points)[0].reshape(len(cells), -1)
             shares[np.abs(shares) < _ROUND_OFF] = 0.0
             nodes = dofmap.list[cells]
             return np.hstack((dofmap.index_map.local_to_global(nodes.ravel()).reshape(nodes.shape), shares))
 
         x = node_positions(self.space)[: self._owned]
-        known, own = coarse.motions.pieces, self.motions
+        coarse_pieces, motions = coarse.motions.pieces, self.motions
         # Bodies in contact touch or overlap: a node belongs to its own one.  Pieces are in the order of their places.
-        pieces = (own.piece[: self._owned], known.of_cell) if known.count == own.pieces.count > 1 else None
-        found = at_points(coarse.space.mesh, x, _OUTSIDE, numbers_and_shares, pieces)
-        if found is None:
+        pieces = (
+            (motions.piece[: self._owned], coarse_pieces.of_cell)
+            if coarse_pieces.count == motions.pieces.count > 1
+            else None
+        )
+        located = at_points(coarse.space.mesh, x, _OUTSIDE, numbers_and_shares, pieces)
+        if located is None:
             return None
         row = np.repeat(np.arange(self._owned), shape.dim)
-        columns, values = found[:, : shape.dim].ravel().astype(np.int64), found[:, shape.dim :].ravel()
+        columns, values = located[:, : shape.dim].ravel().astype(np.int64), located[:, shape.dim :].ravel()
         used = values != 0
         total = dofmap.index_map.size_global
         return scipy.sparse.csr_matrix((values[used], (row[used], columns[used])), shape=(self._owned, total))

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from signorini_fx.pairs.surface import Surface
+from signorini_fx.pairs.surface import PairSurface
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -25,10 +25,12 @@ Flags = npt.NDArray[np.bool_]
 # half of the angle between facets.  Surfaces that are more askew to the plane have an edge there.
 SMOOTH = 0.2
 # Directions are the same, and positions in a plane as a share of the size of a facet, within this.
-_SAME = 1e-6
+_SAME_POSITION = 1e-6
 
 
-def mirrored(slave: Surface, master: Surface, at_rest: tuple[tuple[Array, Flags], tuple[Array, Flags]]) -> Array:
+def mirrored(
+    slave: PairSurface, master: PairSurface, at_rest: tuple[tuple[Array, Flags], tuple[Array, Flags]]
+) -> Array:
     """Projectors onto the directions across planes of symmetry at the nodes of the slave, shape (N, d, d).
 
     Args:
@@ -37,15 +39,15 @@ def mirrored(slave: Surface, master: Surface, at_rest: tuple[tuple[Array, Flags]
         at_rest: of both sides a frame at each node, one direction per column, shape (N, d, d), and along which of them
             supports hold it where it is, shape (N, d).
     """
-    (frames, held), (axes, others) = at_rest
-    found = np.zeros_like(frames)
-    holding = np.flatnonzero(others.any(axis=1))
+    (frames, held), (axes, master_held) = at_rest
+    slave_projectors = np.zeros_like(frames)
+    holding = np.flatnonzero(master_held.any(axis=1))
     on_slave, on_master = (np.zeros(len(side.x), dtype=bool) for side in (slave, master))
     on_slave[slave.points], on_master[master.nodes] = True, True
     held = held & on_slave[:, None]
     if not held.any() or not holding.size:
-        return found
-    projectors = np.einsum("nik,nk,njk->nij", axes[holding], others[holding].astype(np.float64), axes[holding])
+        return slave_projectors
+    projectors = np.einsum("nik,nk,njk->nij", axes[holding], master_held[holding].astype(np.float64), axes[holding])
     size = max(float(np.linalg.norm(np.ptp(side.corners, axis=1), axis=1).max()) for side in (slave, master))
     nearest = cKDTree(master.x[on_master])
     for node, k in np.argwhere(held):
@@ -53,10 +55,10 @@ def mirrored(slave: Surface, master: Surface, at_rest: tuple[tuple[Array, Flags]
         if abs(slave.nodal_normals[node] @ across) > SMOOTH:
             continue
         apart = master.x[holding] - slave.x[node]
-        in_plane = (np.abs(apart @ across) < _SAME * size) & (
-            np.linalg.norm(projectors @ across - across, axis=1) < _SAME
+        in_plane = (np.abs(apart @ across) < _SAME_POSITION * size) & (
+            np.linalg.norm(projectors @ across - across, axis=1) < _SAME_POSITION
         )
         reach = size + nearest.query(slave.x[node])[0]
         if (in_plane & (np.linalg.norm(apart, axis=1) <= reach)).any():
-            found[node] += np.outer(across, across)
-    return found
+            slave_projectors[node] += np.outer(across, across)
+    return slave_projectors

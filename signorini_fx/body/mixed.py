@@ -31,7 +31,7 @@ from petsc4py import PETSc
 
 from signorini_fx import compat, parallel
 from signorini_fx.body.moduli import isotropic
-from signorini_fx.body.pieces import Pieces
+from signorini_fx.body.pieces import BodyPieces
 from signorini_fx.body.quadrature import strain_degree
 from signorini_fx.effects.material import mixed_forms
 from signorini_fx.errors import InstallationError
@@ -100,16 +100,16 @@ class PressureSpace:
         return int(self.own.dofmap.index_map_bs)
 
     @cached_property
-    def _here(self) -> fem.Function:
+    def _component(self) -> fem.Function:
         """1 in the component of the material of each cell, 0 in the others."""
         space = fem.functionspace(self.own.mesh, ("DG", 0, (self.materials,)))
-        found = fem.Function(space)
-        found.x.array.reshape(-1, self.materials)[space.dofmap.list[:, 0], self.part] = 1.0
-        return found
+        indicator = fem.Function(space)
+        indicator.x.array.reshape(-1, self.materials)[space.dofmap.list[:, 0], self.part] = 1.0
+        return indicator
 
     def scalar(self, q: Any) -> Any:
         """A function or an argument of the space as a pressure, UFL."""
-        return q if self.materials == 1 else ufl.inner(self._here, q)
+        return q if self.materials == 1 else ufl.inner(self._component, q)
 
     @property
     def rows(self) -> npt.NDArray[np.int32]:
@@ -166,7 +166,7 @@ class MixedPressure:
         scene: Scene,
         tagged: TaggedMesh,
         space: fem.FunctionSpace,
-        pieces: Pieces,
+        pieces: BodyPieces,
         unit: float,
         inventory: Inventory,
     ) -> MixedPressure:
@@ -177,12 +177,16 @@ class MixedPressure:
         pressures = PressureSpace.of(scene, tagged)
         soft = [number for number, material in enumerate(scene.material) if material.poisson == 0.5]
         joined, last = pieces.assembly[pieces.of_cell], int(pieces.assembly.max()) + 1
-        each = [(pressures.part == number) & (joined == one) for number in soft for one in range(last)]
-        parts = np.array(each, dtype=bool).reshape(len(each), joined.size)
-        given = yields.x.array[yields.function_space.dofmap.list[:, 0]] if isinstance(yields, fem.Function) else 0.0
-        sums = parallel.global_sum(space.mesh.comm, np.array([parts.sum(axis=1), (parts * (given > 0)).sum(axis=1)]))
-        there = (sums[0] > 0) & (sums[1] == 0)  # and nu = 1/2 in all of its cells
-        return cls(space, pressures, (mu, yields), parts[there], scene.axisymmetric, unit, inventory)
+        part_cells = [(pressures.part == number) & (joined == assembly) for number in soft for assembly in range(last)]
+        parts = np.array(part_cells, dtype=bool).reshape(len(part_cells), joined.size)
+        cell_yields = (
+            yields.x.array[yields.function_space.dofmap.list[:, 0]] if isinstance(yields, fem.Function) else 0.0
+        )
+        sums = parallel.global_sum(
+            space.mesh.comm, np.array([parts.sum(axis=1), (parts * (cell_yields > 0)).sum(axis=1)])
+        )
+        incompressible = (sums[0] > 0) & (sums[1] == 0)  # and nu = 1/2 in all of its cells
+        return cls(space, pressures, (mu, yields), parts[incompressible], scene.axisymmetric, unit, inventory)
 
     @property
     def own(self) -> fem.FunctionSpace:
@@ -231,13 +235,13 @@ class MixedPressure:
     @cached_property
     def compressibility(self) -> PETSc.Mat:
         """-C, with its pattern where it is zero; unknowns that count for nothing have an entry like those of B."""
-        found = self._matrix(2)
+        matrix = self._matrix(2)
         if self.pressures.materials > 1:
             size = self.divergence.norm(PETSc.NormType.NORM_INFINITY)
-            diagonal = found.getDiagonal()
+            diagonal = matrix.getDiagonal()
             diagonal.getArray()[~self.pressures.alive()] = -size
-            found.setDiagonal(diagonal)
-        return found
+            matrix.setDiagonal(diagonal)
+        return matrix
 
     def joined(self, stiffness: PETSc.Mat, rotation: PETSc.Mat | None, fixed: npt.NDArray[np.bool_]) -> PETSc.Mat:
         """K.
@@ -257,9 +261,9 @@ class MixedPressure:
         free.getArray()[:] = ~fixed
         divergence.diagonalScale(R=free)
         blocks = [[stiffness, divergence.transpose(PETSc.Mat())], [divergence, self.compressibility]]
-        found = PETSc.Mat().createNest(blocks, comm=stiffness.comm).convert("aij")
-        found.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        return found
+        matrix = PETSc.Mat().createNest(blocks, comm=stiffness.comm).convert("aij")
+        matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        return matrix
 
     def embedding(self, stiffness: PETSc.Mat, rotation: PETSc.Mat | None, joined: PETSc.Mat) -> PETSc.Mat:
         """[Q 0], from the unknowns of K to displacements, with Q ``rotation``; see ``joined``."""
@@ -275,10 +279,10 @@ class MixedPressure:
 
     def lifted(self, prescribed: fem.Function, swelling: _Floats | None = None) -> _Floats:
         """-B y_D of prescribed displacements, with the ``swelling`` of a load, see ``AppliedLoad``, shape (count,)."""
-        given, found = self.divergence.createVecs()
-        given.getArray()[:] = prescribed.x.array[: given.getLocalSize()]
-        self.divergence.mult(given, found)
-        lifted = -np.array(found.getArray(readonly=True))
+        displacement, divergences = self.divergence.createVecs()
+        displacement.getArray()[:] = prescribed.x.array[: displacement.getLocalSize()]
+        self.divergence.mult(displacement, divergences)
+        lifted = -np.array(divergences.getArray(readonly=True))
         return lifted if swelling is None else lifted - self.unit * swelling
 
     def displacement(self, values: _Floats, name: str = "displacement") -> MixedDisplacement:
@@ -303,20 +307,20 @@ class MixedPressure:
 
     def energy(self, values: _Floats) -> float:
         """(p, p) / lambda of owned unknowns, twice the energy of the change of volume."""
-        given, found = self.compressibility.createVecs()
-        given.getArray()[:] = values
-        self.compressibility.mult(given, found)
-        return -float(given.dot(found))
+        pressure, product = self.compressibility.createVecs()
+        pressure.getArray()[:] = values
+        self.compressibility.mult(pressure, product)
+        return -float(pressure.dot(product))
 
     @cached_property
     def constant(self) -> list[_Floats]:
         """The forces of a constant pressure in each incompressible part at the owned unknowns of the displacement."""
         forces, ones = [], np.ones(self.pressures.rows.shape)
         for cells in self.incompressible:
-            found, pressure = self.divergence.createVecs()
+            force, pressure = self.divergence.createVecs()
             pressure.getArray()[:] = self.pressures.over_cells(ones * cells[:, None]) > 0
-            self.divergence.multTranspose(pressure, found)
-            forces.append(np.array(found.getArray(readonly=True)))
+            self.divergence.multTranspose(pressure, force)
+            forces.append(np.array(force.getArray(readonly=True)))
         return forces
 
     def encloses(self, forces: Sequence[_Floats], held: npt.NDArray[np.bool_]) -> bool:

@@ -32,9 +32,9 @@ def check_covers(scene: Scene, tagged: TaggedMesh) -> None:
     Raises:
         SceneError: the only material has a region, in which some cells are not.
     """
-    region, own = scene.material[0].region, tagged.mesh.topology.index_map(tagged.mesh.topology.dim).size_local
+    region, owned_cells = scene.material[0].region, tagged.mesh.topology.index_map(tagged.mesh.topology.dim).size_local
     if len(scene.material) == 1 and region in tagged.regions:
-        _check_bare(scene, tagged, np.setdiff1d(np.arange(own), tagged.cells(str(region))))
+        _check_bare(scene, tagged, np.setdiff1d(np.arange(owned_cells), tagged.cells(str(region))))
 
 
 def _check_bare(scene: Scene, tagged: TaggedMesh, bare: npt.NDArray[Any]) -> None:
@@ -59,24 +59,24 @@ def of_materials(scene: Scene, tagged: TaggedMesh, numbers: Callable[[Any], tupl
     if len(scene.material) == 1:
         return tuple(fem.Constant(mesh, default_scalar_type(number)) for number in numbers(scene.material[0]))
     space = fem.functionspace(mesh, ("DG", 0))
-    found = tuple(fem.Function(space) for _ in numbers(scene.material[0]))
+    functions = tuple(fem.Function(space) for _ in numbers(scene.material[0]))
     covered = np.zeros(space.dofmap.list.shape[0], dtype=np.int32)
     named = [material for material in scene.material if material.region in tagged.regions]
     if len(named) < len(scene.material):  # which is reported elsewhere
-        return found
+        return functions
     for material in named:
         assert material.region is not None
         dofs = space.dofmap.list[tagged.cells(material.region), 0]
         covered[dofs] += 1
-        for function, value in zip(found, numbers(material), strict=True):
+        for function, value in zip(functions, numbers(material), strict=True):
             function.x.array[dofs] = value
     owned = covered[space.dofmap.list[: space.dofmap.index_map.size_local, 0]]
     _check_bare(scene, tagged, np.flatnonzero(owned == 0))
     if twice := int(parallel.global_sum(mesh.comm, np.array(np.sum(owned > 1)))):
         raise SceneError([("material", f"{twice} cells are in several of the regions that have a material")])
-    for function in found:
+    for function in functions:
         function.x.scatter_forward()
-    return found
+    return functions
 
 
 def lame_coefficients(scene: Scene, tagged: TaggedMesh) -> tuple[Any, Any]:
@@ -116,10 +116,10 @@ def isotropic(scene: Scene, tagged: TaggedMesh, numbers: Callable[[Any, Any], tu
             for modulus, share in zip(moduli, shares, strict=True)
         )
     )
-    found = tuple(fem.Function(space) for _ in values)
-    for function, value in zip(found, values, strict=True):
+    functions = tuple(fem.Function(space) for _ in values)
+    for function, value in zip(functions, values, strict=True):
         function.x.array[:] = value
-    return found
+    return functions
 
 
 def poisson_of(material: LinearElastic, tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> Any:
@@ -146,13 +146,13 @@ def graded(scene: Scene, tagged: TaggedMesh, key: str) -> fem.Function | None:
     problems, mesh = [], tagged.mesh
     if all(getattr(material, key) is None for material in scene.material):
         return None
-    found = fem.Function(fem.functionspace(mesh, ("DG", 0)))
-    found.x.array[:] = 1.0
+    grading = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    grading.x.array[:] = 1.0
     for index, material in enumerate(scene.material):
         value = getattr(material, key)
         if value is None or (material.region is not None and material.region not in tagged.regions):
             continue  # the latter is reported elsewhere
-        count = len(found.function_space.dofmap.list)
+        count = len(grading.function_space.dofmap.list)
         cells = np.arange(count, dtype=np.int32) if material.region is None else tagged.cells(material.region)
         values = _in_the_middle(value, tagged, cells)
         mixed = scene.element.volumetric == "mixed"
@@ -160,16 +160,16 @@ def graded(scene: Scene, tagged: TaggedMesh, key: str) -> fem.Function | None:
         if parallel.any_rank(mesh.comm, not (least & (values <= 1 + _ROUND_OFF)).all()):
             bounds = _BOUNDS[key].replace("from 0 to 1", "above 0 and at most 1") if mixed else _BOUNDS[key]
             problems.append((f"material[{index}].{key}", bounds))
-        found.x.array[found.function_space.dofmap.list[cells, 0]] = values
+        grading.x.array[grading.function_space.dofmap.list[cells, 0]] = values
     if problems:
         raise SceneError(problems)
-    return found
+    return grading
 
 
 def _times(modulus: fem.Constant | fem.Function, share: fem.Function) -> fem.Function:
-    found = fem.Function(share.function_space)
-    found.x.array[:] = share.x.array * _values(modulus)
-    return found
+    product = fem.Function(share.function_space)
+    product.x.array[:] = share.x.array * _values(modulus)
+    return product
 
 
 def _values(modulus: fem.Constant | fem.Function) -> Any:

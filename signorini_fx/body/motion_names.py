@@ -18,21 +18,24 @@ _FAR_AXIS = 30.0
 
 def names_of(moved: _Rows, motions: RigidMotions, members: npt.NDArray[np.int64]) -> str:
     """Names of motions of an assembly, combinations as in ``RigidMotions.of_all``, one per column."""
-    found = []
+    descriptions = []
     moved = moved / np.abs(moved).max()  # the size of a motion means nothing
     rows, tools, pieces = moved.reshape(-1, motions.each, moved.shape[1]), motions.moving, motions.pieces
-    things = [(motions.pieces.called(int(one)), rows[one], motions.centre[one], motions.length[one]) for one in members]
+    things = [
+        (motions.pieces.called(int(member)), rows[member], motions.centre[member], motions.length[member])
+        for member in members
+    ]
     if tools is not None:
         of = [f"the foundation of contact[{part}]" for part in tools.parts]
         things += [(*row, tools.length) for row in zip(of, rows[pieces.count :], tools.centre, strict=True)]
-    for name, given, centre, length in things:
-        vectors, values, _ = np.linalg.svd(given, full_matrices=False)
-        own = given if len(things) == 1 else vectors[:, values > _SLIGHT]
-        if own.shape[1]:
-            names = names_of_piece(own, centre, float(length))
-            found.append(names if len(things) == 1 else f"{name} in {names}")
-    more = f", and {len(found) - MOST_LISTED} more pieces" if len(found) > MOST_LISTED else ""
-    return ", ".join(found[:MOST_LISTED]) + more
+    for name, modes, centre, length in things:
+        vectors, values, _ = np.linalg.svd(modes, full_matrices=False)
+        independent = modes if len(things) == 1 else vectors[:, values > _SLIGHT]
+        if independent.shape[1]:
+            names = names_of_piece(independent, centre, float(length))
+            descriptions.append(names if len(things) == 1 else f"{name} in {names}")
+    suffix = f", and {len(descriptions) - MOST_LISTED} more pieces" if len(descriptions) > MOST_LISTED else ""
+    return ", ".join(descriptions[:MOST_LISTED]) + suffix
 
 
 def names_of_piece(motions: _Rows, centre: _Rows, length: float) -> str:

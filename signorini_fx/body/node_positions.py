@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-_KEPT = "_signorini_fx_node_positions"
+_ATTRIBUTE = "_signorini_fx_node_positions"
 
 
 def node_positions(space: fem.FunctionSpace) -> npt.NDArray[np.float64]:
@@ -15,9 +15,9 @@ def node_positions(space: fem.FunctionSpace) -> npt.NDArray[np.float64]:
     dolfinx passes over all cells at every call, and a solve with its certificate needs the positions at six places.
     They are kept with the space, which cannot be hashed, so that they live as long as it does.
     """
-    found: npt.NDArray[np.float64] | None = getattr(space, _KEPT, None)
-    if found is None:
-        found = np.asarray(space.tabulate_dof_coordinates(), dtype=np.float64)
-        found.flags.writeable = False
-        setattr(space, _KEPT, found)
-    return found
+    positions: npt.NDArray[np.float64] | None = getattr(space, _ATTRIBUTE, None)
+    if positions is None:
+        positions = np.asarray(space.tabulate_dof_coordinates(), dtype=np.float64)
+        positions.flags.writeable = False
+        setattr(space, _ATTRIBUTE, positions)
+    return positions

@@ -37,12 +37,12 @@ def cellwise_stiffness(scene: Scene, tagged: TaggedMesh) -> fem.Function:
     """
     kinematics = AXISYMMETRIC if scene.axisymmetric else KINEMATICS[tagged.dimension]
     rows, columns = _components(scene, kinematics)
-    found = fem.Function(fem.functionspace(tagged.mesh, ("DG", 0, (len(rows), len(columns)))))
-    at_cells, problems = found.x.array.reshape(-1, len(rows), len(columns)), []
+    moduli = fem.Function(fem.functionspace(tagged.mesh, ("DG", 0, (len(rows), len(columns)))))
+    at_cells, problems = moduli.x.array.reshape(-1, len(rows), len(columns)), []
     for number, material in enumerate(scene.material):
         if material.region is not None and material.region not in tagged.regions:
             continue  # which is reported elsewhere
-        count = len(found.function_space.dofmap.list)
+        count = len(moduli.function_space.dofmap.list)
         cells = np.arange(count, dtype=np.int32) if material.region is None else tagged.cells(material.region)
         stiffness = np.linalg.inv(_compliance(material))[None]
         if material.orthotropic is not None:
@@ -57,13 +57,13 @@ def cellwise_stiffness(scene: Scene, tagged: TaggedMesh) -> fem.Function:
             stiffness = np.linalg.inv(np.linalg.inv(stiffness)[:, rows][:, :, columns])
         else:
             stiffness = stiffness[:, rows][:, :, columns]
-        at_cells[found.function_space.dofmap.list[cells, 0]] = stiffness
+        at_cells[moduli.function_space.dofmap.list[cells, 0]] = stiffness
     if problems:
         raise SceneError(problems)
     share = graded(scene, tagged, "grading")
     if share is not None:
         at_cells *= share.x.array[:, None, None]
-    return found
+    return moduli
 
 
 def _components(scene: Scene, kinematics: Kinematics) -> tuple[list[int], list[int]]:
@@ -78,27 +78,27 @@ def _compliance(material: LinearElastic) -> Array:
     if material.orthotropic is not None:
         return material.orthotropic.compliance
     young, poisson = material.young, material.poisson
-    found = np.diag([1 / young] * 3 + [2 * (1 + poisson) / young] * 3)
-    found[:3, :3] -= poisson / young * (1 - np.eye(3))
-    return found
+    compliance = np.diag([1 / young] * 3 + [2 * (1 + poisson) / young] * 3)
+    compliance[:3, :3] -= poisson / young * (1 - np.eye(3))
+    return compliance
 
 
 def _turned(axes: Array) -> Array:
     """The components of a stress from those along the axes, shape (cells, 6, 6) (W. L. Bond, Bell Syst. Tech. J. 22
     (1943) 1-72); its transpose turns the strain back.
     """
-    found = np.empty((len(axes), 6, 6))
+    bond_matrices = np.empty((len(axes), 6, 6))
     for p, (i, j) in enumerate(_PAIRS):
         for q, (a, b) in enumerate(_PAIRS):
-            found[:, p, q] = axes[:, i, a] * axes[:, j, b] + (axes[:, i, b] * axes[:, j, a] if a != b else 0)
-    return found
+            bond_matrices[:, p, q] = axes[:, i, a] * axes[:, j, b] + (axes[:, i, b] * axes[:, j, a] if a != b else 0)
+    return bond_matrices
 
 
 def strain_components(y: Any, hoop: Any = None) -> Any:
     """The components of the strain as a vector, UFL; ``hoop``: that along the circumference."""
     epsilon, kinematics = strain(y), KINEMATICS[len(y)]
-    own = [epsilon[i, j] * (1 if i == j else 2) for i, j in kinematics.pairs]
-    return ufl.as_vector(own if hoop is None else [*own, hoop])
+    components = [epsilon[i, j] * (1 if i == j else 2) for i, j in kinematics.pairs]
+    return ufl.as_vector(components if hoop is None else [*components, hoop])
 
 
 def orthotropic_form(y: Any, z: Any, stiffness: fem.Function, degree: int, radius: Any = None) -> Any:

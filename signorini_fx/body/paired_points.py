@@ -22,7 +22,7 @@ from signorini_fx.body.node_positions import node_positions
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.errors import FormError
 from signorini_fx.pairs.coupling import Coupling, PairingError, couple
-from signorini_fx.pairs.surface import Lagrange, Surface
+from signorini_fx.pairs.surface import Lagrange, PairSurface
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -32,7 +32,7 @@ _ALONG = 1e-8
 
 
 @dataclass(frozen=True)
-class Side:
+class PairedSide:
     """Facets of the body as a surface, the same on every rank but for ``facets``.
 
     Attributes:
@@ -41,18 +41,18 @@ class Side:
         facets: those of this rank, local numbers.
     """
 
-    surface: Surface
+    surface: PairSurface
     nodes: npt.NDArray[np.int64]
     facets: Indices
 
     def columns(self, among: npt.NDArray[np.int64]) -> sp.csr_array:
         """The matrix from values at some nodes, ascending, to those at the nodes of the surface, zero at others."""
-        here = np.flatnonzero(np.isin(self.nodes, among))
-        places = (here, np.searchsorted(among, self.nodes[here]))
-        return sp.csr_array(sp.coo_array((np.ones(here.size), places), shape=(self.nodes.size, among.size)))
+        rows = np.flatnonzero(np.isin(self.nodes, among))
+        places = (rows, np.searchsorted(among, self.nodes[rows]))
+        return sp.csr_array(sp.coo_array((np.ones(rows.size), places), shape=(self.nodes.size, among.size)))
 
     @classmethod
-    def of(cls, space: fem.FunctionSpace, facets: Indices) -> Side:
+    def of(cls, space: fem.FunctionSpace, facets: Indices) -> PairedSide:
         """Those facets of all ranks; collective.  Positions interpolate those of the nodes of the displacement."""
         mesh, element = space.mesh, space.element.basix_element
         dim, entities = mesh.topology.dim, facet_entities(space.mesh, facets)
@@ -62,7 +62,7 @@ class Side:
         local, sign = [], np.zeros(len(facets))
         order = []
         for number, corner in enumerate(topology):
-            here = np.flatnonzero(entities[:, 1] == number)
+            same_number = np.flatnonzero(entities[:, 1] == number)
             start, *ends = vertices[corner[:dim]]
             along = np.array(ends) - start
             closure = np.array(layout.entity_closure_dofs(dim - 1, number))
@@ -70,22 +70,22 @@ class Side:
             places = at if places is None else places
             # The nodes of every facet in the same order.
             apart = np.linalg.norm(places[:, None] - at[None], axis=2)
-            cells = entities[here, 0]
+            cells = entities[same_number, 0]
             local.append(space.dofmap.list[cells][:, closure[apart.argmin(axis=1)]])
-            order.append(here)
+            order.append(same_number)
             middle = start + along.sum(axis=0) / 2
             slopes = geometry.tabulate(1, middle[None])[1:, 0, :, 0]
             jacobian = np.einsum("kg,cgi->ikc", slopes, mesh.geometry.x[corners[cells], :dim])
             across = np.array([along[0, 1], -along[0, 0]]) if dim == 2 else np.cross(*along)
-            sign[here] = np.sign(adjugates(jacobian)[1] * (across @ (start - vertices.mean(axis=0))))
+            sign[same_number] = np.sign(adjugates(jacobian)[1] * (across @ (start - vertices.mean(axis=0))))
         assert places is not None
-        own = np.concatenate(local)[np.argsort(np.concatenate(order))]
-        names = space.dofmap.index_map.local_to_global(own.ravel()).reshape(own.shape)
-        positions = node_positions(space)[own, :dim]
-        names, positions, signs = (parallel.gather_rows(mesh.comm, one) for one in (names, positions, sign))
+        node_table = np.concatenate(local)[np.argsort(np.concatenate(order))]
+        names = space.dofmap.index_map.local_to_global(node_table.ravel()).reshape(node_table.shape)
+        positions = node_positions(space)[node_table, :dim]
+        names, positions, signs = (parallel.gather_rows(mesh.comm, rows) for rows in (names, positions, sign))
         nodes, first, numbers = np.unique(names, return_index=True, return_inverse=True)
         x = np.array(positions.reshape(-1, dim)[first], dtype=np.float64)
-        surface = Surface(numbers.reshape(names.shape).astype(np.int64), x, Lagrange(places), signs)
+        surface = PairSurface(numbers.reshape(names.shape).astype(np.int64), x, Lagrange(places), signs)
         return cls(surface, nodes.astype(np.int64), facets)
 
 
@@ -101,8 +101,8 @@ class PairedSides:
         axes: the frame of each point that supports hold it in, shape (n, d, d); None: the axes of space.
     """
 
-    slave: Side
-    master: Side
+    slave: PairedSide
+    master: PairedSide
     coupling: Coupling
     by_geometry: bool
     axes: Array | None = None
@@ -137,24 +137,24 @@ class PairedSides:
         if compat.geometry_degree(space.mesh) > space.element.basix_element.degree:
             raise FormError([(name, "two bodies with curved cells need a space of degree 2")])
         comm, dim, owned = space.mesh.comm, space.mesh.topology.dim, len(fixed)
-        slave, master = (Side.of(space, here) for here in facets)
+        slave, master = (PairedSide.of(space, entries) for entries in facets)
         taken_nodes = np.zeros(owned, dtype=bool)
-        for others in (*taken, facets[1]):
-            there = fem.locate_dofs_topological(space, dim - 1, others)
-            taken_nodes[there[there < owned]] = True
+        for taken_facets in (*taken, facets[1]):
+            reached = fem.locate_dofs_topological(space, dim - 1, taken_facets)
+            taken_nodes[reached[reached < owned]] = True
         at_rest = np.zeros_like(fixed) if at_rest is None else at_rest
-        known = np.column_stack((fixed, at_rest, taken_nodes)).astype(np.float64)
+        owned_rows = np.column_stack((fixed, at_rest, taken_nodes)).astype(np.float64)
 
-        def told(side: Side) -> tuple[Array, npt.NDArray[np.bool_]]:
+        def told(side: PairedSide) -> tuple[Array, npt.NDArray[np.bool_]]:
             """Frames of the nodes of a side, shape (N, d, d), and what is known there, shape (N, 2 d + 1)."""
             frames: Array = np.tile(np.eye(dim), (side.nodes.size, 1, 1))
             if turned is not None:
-                own = turned.frames_at(np.arange(owned)).reshape(owned, -1)
-                frames = from_owners(own, side.nodes, comm).reshape(frames.shape)
-            return frames, from_owners(known, side.nodes, comm) > 0
+                owned_frames = turned.frames_at(np.arange(owned)).reshape(owned, -1)
+                frames = from_owners(owned_frames, side.nodes, comm).reshape(frames.shape)
+            return frames, from_owners(owned_rows, side.nodes, comm) > 0
 
-        (frames, here), (axes, there) = told(slave), told(master)
-        rests = (frames, here[:, dim:-1]), (axes, there[:, dim:-1])
+        (frames, entries), (axes, reached) = told(slave), told(master)
+        rests = (frames, entries[:, dim:-1]), (axes, reached[:, dim:-1])
         across = (
             mirrored(slave.surface, master.surface, rests),
             mirrored(master.surface, slave.surface, (rests[1], rests[0])),
@@ -164,14 +164,14 @@ class PairedSides:
             for side, planes in zip((slave, master), across, strict=True)
         )
         normals = np.abs(np.einsum("nij,ni->nj", frames, slave.surface.nodal_normals))
-        unable = np.where(here[:, :dim], 0.0, normals).max(axis=1) <= _ALONG
+        unable = np.where(entries[:, :dim], 0.0, normals).max(axis=1) <= _ALONG
         unable[~normals.any(axis=1)] = False  # nodes that no point belongs to
-        unable |= here[:, -1]
+        unable |= entries[:, -1]
         first, last = space.dofmap.index_map.local_range
         mine = (slave.nodes >= first) & (slave.nodes < last)
         by_geometry = not pair.bonded and isinstance(pair.gap, str)
         try:
-            found = couple(
+            coupling = couple(
                 slave.surface,
                 master.surface,
                 unable,
@@ -183,8 +183,8 @@ class PairedSides:
             )
         except PairingError as error:
             raise FormError([(name, str(error))]) from None
-        turns = None if turned is None else frames[found.nodes]
-        return cls(slave, master, found, by_geometry, turns)
+        turns = None if turned is None else frames[coupling.nodes]
+        return cls(slave, master, coupling, by_geometry, turns)
 
     @property
     def across(self) -> Array:
@@ -195,35 +195,37 @@ class PairedSides:
     @property
     def planes(self) -> dict[int, Array]:
         """The same by the global numbers of all nodes of both sides on such planes."""
-        found = dict[int, Array]()
+        planes = dict[int, Array]()
         for side in (self.slave, self.master):
             across = side.surface.across
             assert across is not None
-            found |= {int(side.nodes[k]): across[k] for k in np.flatnonzero(across.any(axis=(1, 2)))}
-        return found
+            planes |= {int(side.nodes[k]): across[k] for k in np.flatnonzero(across.any(axis=(1, 2)))}
+        return planes
 
     @cached_property
     def reached(self) -> npt.NDArray[np.int64]:
         """Global numbers of the nodes that the points of this rank are made of, ascending, shape (m,)."""
-        found, dim = self.coupling, self.slave.surface.dimension
-        lift = found.lift(self.slave.surface)
+        coupling, dim = self.coupling, self.slave.surface.dimension
+        lift = coupling.lift(self.slave.surface)
         lifted = np.flatnonzero(np.diff(lift.tocsr().indptr))
-        own = np.concatenate((found.slave.indices, found.slave_turning.indices // dim, lifted))
-        others = np.concatenate((found.master.indices, found.master_turning.indices // dim))
-        return np.unique(np.concatenate((self.slave.nodes[own], self.master.nodes[others])))
+        slave_columns = np.concatenate((coupling.slave.indices, coupling.slave_turning.indices // dim, lifted))
+        master_columns = np.concatenate((coupling.master.indices, coupling.master_turning.indices // dim))
+        return np.unique(np.concatenate((self.slave.nodes[slave_columns], self.master.nodes[master_columns])))
 
     def shares(self) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
         """D and M of ``Coupling``, shape (n, m), and the rest of the relative displacement, shape (n d, m d), from the
         nodes ``reached``: the turning, and what ``mirrored`` leaves out.
         """
-        found, each = self.coupling, sp.eye_array(self.slave.surface.dimension)
-        own, others = (side.columns(self.reached) for side in (self.slave, self.master))
-        slave, master = sp.csr_array(found.slave @ own), sp.csr_array(found.master @ others)
-        turning = found.slave_turning @ sp.kron(own, each) + found.master_turning @ sp.kron(others, each)
+        coupling, identity = self.coupling, sp.eye_array(self.slave.surface.dimension)
+        slave_columns, master_columns = (side.columns(self.reached) for side in (self.slave, self.master))
+        slave, master = sp.csr_array(coupling.slave @ slave_columns), sp.csr_array(coupling.master @ master_columns)
+        turning = coupling.slave_turning @ sp.kron(slave_columns, identity) + coupling.master_turning @ sp.kron(
+            master_columns, identity
+        )
         if self.across.any():
             at = np.arange(len(self.across) + 1)
             across = sp.bsr_array((self.across, at[:-1], at))
-            turning = turning - across @ (sp.kron(slave - master, each) + turning)
+            turning = turning - across @ (sp.kron(slave - master, identity) + turning)
         return slave, master, sp.csr_array(turning)
 
     def boundary(
@@ -237,24 +239,26 @@ class PairedSides:
             index: of the pair among the contacts.
             fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
         """
-        found, dim = self.coupling, space.mesh.geometry.dim
-        nodes = self.slave.nodes[found.nodes]
+        coupling, dim = self.coupling, space.mesh.geometry.dim
+        nodes = self.slave.nodes[coupling.nodes]
         local = (nodes - space.dofmap.index_map.local_range[0]).astype(np.int32)
-        own, others, turning = self.shares()
-        known = np.column_stack((node_positions(space)[: len(fixed), :dim], fixed)).astype(np.float64)
-        there = from_owners(known, self.reached, space.mesh.comm)
-        lift = sp.csr_array(self.slave.columns(self.reached).T @ found.lift(self.slave.surface))
-        moved = sp.csr_array(own - others)
-        averages = Averages(moved, self.reached, there[:, :dim], there[:, dim:] > 0, turning, found.centre, lift)
-        free = averages.any_of(~averages.fixed) if self.axes is None else np.ones(found.centre.shape, dtype=bool)
+        slave_shares, master_shares, turning = self.shares()
+        owned_rows = np.column_stack((node_positions(space)[: len(fixed), :dim], fixed)).astype(np.float64)
+        reached_rows = from_owners(owned_rows, self.reached, space.mesh.comm)
+        lift = sp.csr_array(self.slave.columns(self.reached).T @ coupling.lift(self.slave.surface))
+        moved = sp.csr_array(slave_shares - master_shares)
+        averages = Averages(
+            moved, self.reached, reached_rows[:, :dim], reached_rows[:, dim:] > 0, turning, coupling.centre, lift
+        )
+        free = averages.any_of(~averages.fixed) if self.axes is None else np.ones(coupling.centre.shape, dtype=bool)
         axes = np.tile(np.eye(dim), (nodes.size, 1, 1)) if self.axes is None else self.axes
         free &= np.einsum("nji,njk,nki->ni", axes, self.across, axes) < 0.5
         return ContactBoundary(
             comm=space.mesh.comm,
             nodes=local,
-            x=self.slave.surface.x[found.nodes],
-            weight=found.weight,
-            normal=found.normal,
+            x=self.slave.surface.x[coupling.nodes],
+            weight=coupling.weight,
+            normal=coupling.normal,
             part=np.full(nodes.size, index, dtype=np.int32),
             free=free,
             segments=segments_of(space, facets, index, vertices=len(self.slave.surface.tests.places) < self._width),

@@ -28,7 +28,7 @@ MOST_PIECES = 200
 
 
 @dataclass(frozen=True)
-class Pieces:
+class BodyPieces:
     """The pieces of a body; all but ``of_cell`` are the same on every rank.
 
     Attributes:
@@ -63,8 +63,8 @@ class Pieces:
 
     def called(self, piece: int) -> str:
         """Which piece it is, for a sentence: a body by its name alone, any other piece as ``describe`` does."""
-        whole = bool(self.bodies) and self.bodies.count(self.bodies[piece]) == 1
-        return self._numbered(piece) if whole else self.describe(piece)
+        unbroken = bool(self.bodies) and self.bodies.count(self.bodies[piece]) == 1
+        return self._numbered(piece) if unbroken else self.describe(piece)
 
     def _numbered(self, piece: int) -> str:
         number = f"piece {piece + 1} of {self.count}"
@@ -73,24 +73,24 @@ class Pieces:
         name = f"body {self.bodies[piece]!r}"
         return name if self.bodies.count(self.bodies[piece]) == 1 else f"{number}, in {name}"
 
-    def of_bodies(self, comm: MPI.Comm, cells: Mapping[str, npt.NDArray[np.int32]]) -> Pieces:
+    def of_bodies(self, comm: MPI.Comm, cells: Mapping[str, npt.NDArray[np.int32]]) -> BodyPieces:
         """The same with the names of bodies, each of which has these cells on this rank; collective."""
-        here = [np.bincount(self.of_cell[some], minlength=self.count) for some in cells.values()]
-        most = parallel.global_sum(comm, np.array(here)).argmax(axis=0)
-        return replace(self, bodies=tuple(np.array(list(cells), dtype=object)[most]))
+        counts = [np.bincount(self.of_cell[body_cells], minlength=self.count) for body_cells in cells.values()]
+        majority = parallel.global_sum(comm, np.array(counts)).argmax(axis=0)
+        return replace(self, bodies=tuple(np.array(list(cells), dtype=object)[majority]))
 
     def as_rows(self) -> list[dict[str, Any]]:
         """One row per piece, ready for JSON; ``joined_to`` lists the pieces (from 1) that it is pinned to."""
         rows = []
         for piece in range(self.count):
-            here = self.pins[(self.pins == piece).any(axis=1)]
+            pins = self.pins[(self.pins == piece).any(axis=1)]
             rows.append(
                 {
                     "piece": piece + 1,
                     "body": self.bodies[piece] if self.bodies else None,
                     "cells": int(self.cells[piece]),
                     "bounds": self.bounds[piece].tolist(),
-                    "joined_to": [int(other) + 1 for other in np.unique(here[here != piece])],
+                    "joined_to": [int(neighbour) + 1 for neighbour in np.unique(pins[pins != piece])],
                 }
             )
         return rows
@@ -101,7 +101,7 @@ def extent(bounds: npt.ArrayLike) -> str:
     return ", ".join(f"x[{axis}] {low:g} to {high:g}" for axis, (low, high) in enumerate(np.transpose(bounds)))
 
 
-def find_pieces(mesh: dmesh.Mesh) -> Pieces:
+def find_pieces(mesh: dmesh.Mesh) -> BodyPieces:
     """The connected pieces of a body, in the order of their smallest coordinates; collective.
 
     Each rank labels the components of its own cells.  The labels of the sides between two ranks then determine which
@@ -135,19 +135,21 @@ def find_pieces(mesh: dmesh.Mesh) -> Pieces:
     numbers = np.empty(count, dtype=np.int64)
     bounds: npt.NDArray[np.float64] = np.empty((count, 2, dim))
     for piece in range(count):
-        here = of_cell == piece
-        bounds[piece] = parallel.global_bounds(comm, x if count == 1 else x.take(corners[here].ravel(), axis=0))
-        numbers[piece] = parallel.global_sum(comm, np.array(np.count_nonzero(here[:owned])))
+        in_piece = of_cell == piece
+        bounds[piece] = parallel.global_bounds(comm, x if count == 1 else x.take(corners[in_piece].ravel(), axis=0))
+        numbers[piece] = parallel.global_sum(comm, np.array(np.count_nonzero(in_piece[:owned])))
     if count == 1:
-        none = np.empty((0, dim))
-        return Pieces(of_cell, numbers, bounds, none[:, :2].astype(np.int64), none, np.zeros(1, dtype=np.int64))
+        no_points = np.empty((0, dim))
+        return BodyPieces(
+            of_cell, numbers, bounds, no_points[:, :2].astype(np.int64), no_points, np.zeros(1, dtype=np.int64)
+        )
     # Rounded, because otherwise round-off would order pieces that are meant to begin at the same place.
     size = float(np.ptp(bounds.reshape(-1, dim), axis=0).max())
     order = np.lexsort(np.round(bounds.reshape(count, 2 * dim) / size, 9).T[::-1])
-    place = np.argsort(order)
-    pins, points = _pins(mesh, place[of_cell])
+    position = np.argsort(order)
+    pins, points = _pins(mesh, position[of_cell])
     _, assembly = _components(count, pins)
-    return Pieces(place[of_cell], numbers[order], bounds[order], pins, points, assembly)
+    return BodyPieces(position[of_cell], numbers[order], bounds[order], pins, points, assembly)
 
 
 def _local_components(topology: Any) -> tuple[Any, _Labels]:
@@ -159,22 +161,22 @@ def _local_components(topology: Any) -> tuple[Any, _Labels]:
     graph = csr_array(
         (np.ones(sides.array.size, dtype=np.int8), sides.array + cells, starts), shape=(cells + count, cells + count)
     )
-    _, found = connected_components(graph, directed=True, connection="weak")
-    return sides, found[:cells].astype(np.int64)  # every side has a cell, so every label has one
+    _, labels = connected_components(graph, directed=True, connection="weak")
+    return sides, labels[:cells].astype(np.int64)  # every side has a cell, so every label has one
 
 
 def _components(count: int, links: _Labels) -> tuple[int, _Labels]:
     """Number of connected components of a graph with this number of nodes, and the component of each."""
     graph = coo_array((np.ones(len(links), dtype=np.int8), (links[:, 0], links[:, 1])), shape=(count, count))
-    found, names = connected_components(graph, directed=False)
-    return int(found), names.astype(np.int64)
+    component_count, names = connected_components(graph, directed=False)
+    return int(component_count), names.astype(np.int64)
 
 
 def _labels_of(entities: npt.NDArray[np.int32], labels: _Labels, index_map: Any) -> _Labels:
     """The label of a cell at each vertex or side (any of them, if there are several), -1 where there is no cell."""
-    found = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int64)
-    found[entities] = np.repeat(labels, entities.size // max(labels.size, 1))
-    return found
+    entity_labels = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int64)
+    entity_labels[entities] = np.repeat(labels, entities.size // max(labels.size, 1))
+    return entity_labels
 
 
 def _disagreements(labels: _Labels, index_map: Any) -> _Labels:
@@ -195,9 +197,9 @@ def _pins(mesh: dmesh.Mesh, of_cell: _Labels) -> tuple[_Labels, npt.NDArray[np.f
     of_corner = np.repeat(of_cell, vertices.array.size // max(of_cell.size, 1))
     inside = np.flatnonzero(of_vertex[vertices.array] != of_corner)
     entity = vertices.array[inside]
-    here = np.column_stack((entity, of_corner[inside], of_vertex[entity])).astype(np.int64)
+    local_rows = np.column_stack((entity, of_corner[inside], of_vertex[entity])).astype(np.int64)
     between = _disagreements(of_vertex, index_map)
-    rows = np.unique(np.concatenate((here, between)), axis=0)
+    rows = np.unique(np.concatenate((local_rows, between)), axis=0)
     nodes: npt.NDArray[np.int32] = np.empty(0, dtype=np.int32)
     if rows.size:  # dolfinx divides by their number
         topology.create_connectivity(0, topology.dim)

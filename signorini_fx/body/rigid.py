@@ -24,7 +24,7 @@ from signorini_fx.body.averages import from_owners
 from signorini_fx.body.contact_boundary import ContactBoundary, MovingFoundation
 from signorini_fx.body.kinematics import KINEMATICS
 from signorini_fx.body.node_positions import node_positions
-from signorini_fx.body.pieces import Pieces
+from signorini_fx.body.pieces import BodyPieces
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.contact.groups import PointGroups
 from signorini_fx.contact.motions import FreeMotions, RigidLoad
@@ -56,7 +56,7 @@ class RigidMotions:
         moving: these foundations; None: there are none.
     """
 
-    pieces: Pieces
+    pieces: BodyPieces
     x: _Floats
     piece: npt.NDArray[np.int64]
     owned: int
@@ -83,13 +83,13 @@ class RigidMotions:
         What is prescribed at a point does not move but for round-off.
         """
         piece = self.piece[boundary.nodes]
-        own = self.free.reshape(self.pieces.count, self.each, -1)
+        free_modes = self.free.reshape(self.pieces.count, self.each, -1)
         if boundary.averages is None or boundary.averages.turning is None:
-            moved = rigid_modes(boundary.centre, self.centre[piece], self.length[piece]) @ own[piece]
+            moved = rigid_modes(boundary.centre, self.centre[piece], self.length[piece]) @ free_modes[piece]
         else:
             nodes, x = boundary.averages.nodes, boundary.averages.x
             of = self._pieces_at(boundary)
-            at_nodes = rigid_modes(x, self.centre[of], self.length[of]) @ own[of]
+            at_nodes = rigid_modes(x, self.centre[of], self.length[of]) @ free_modes[of]
             dim, count = self.x.shape[1], self.free.shape[1]
             flat = at_nodes.reshape(dim * nodes.size, count)
             moved = (boundary.averages.operator @ flat).reshape(boundary.size, dim, count)
@@ -129,7 +129,7 @@ class RigidMotions:
         point, unknown = np.nonzero(touched)
         links = np.column_stack((of[self.piece[boundary.nodes[point]]], count + moving.number[unknown]))
         number = _joined(links, count + int(moving.number.max()) + 1, boundary.comm)
-        own, free = (
+        tool_modes, free = (
             np.eye(moving.fixed.size)[:, ~moving.fixed],
             np.zeros((len(self.free), np.count_nonzero(~moving.fixed))),
         )
@@ -138,15 +138,15 @@ class RigidMotions:
             pieces=replace(self.pieces, assembly=number[of]),
             free=np.hstack((self.free, free)),
             assembly=np.concatenate((number[self.assembly], number[count + moving.number[~moving.fixed]])),
-            foundations=np.hstack((np.zeros((len(own), self.free.shape[1])), own)),
+            foundations=np.hstack((np.zeros((len(tool_modes), self.free.shape[1])), tool_modes)),
             moving=moving,
         )
 
     def _pieces_at(self, boundary: ContactBoundary) -> npt.NDArray[np.int64]:
         """The pieces that the nodes of averages are in, shape (m,); collective."""
         assert boundary.averages is not None
-        own = self.piece[: self.owned, None].astype(np.float64)
-        return from_owners(own, boundary.averages.nodes, boundary.comm)[:, 0].astype(np.int64)
+        owned_pieces = self.piece[: self.owned, None].astype(np.float64)
+        return from_owners(owned_pieces, boundary.averages.nodes, boundary.comm)[:, 0].astype(np.int64)
 
     def displacement(self, motion: _Floats) -> _Floats:
         """The free motions times coefficients of shape (k,) at all nodes of this rank, shape (nodes, d)."""
@@ -154,8 +154,8 @@ class RigidMotions:
 
     def of_pieces(self, motion: _Floats, nodes: npt.NDArray[np.signedinteger[Any]] | slice = slice(None)) -> _Floats:
         """The motions of all pieces times coefficients of shape (m p,) at nodes of this rank, shape (n, d)."""
-        own = motion.reshape(-1, self.each)[self.piece[nodes]]
-        moved: _Floats = np.einsum("ijk,ik->ij", self._modes(nodes), own)
+        coefficients = motion.reshape(-1, self.each)[self.piece[nodes]]
+        moved: _Floats = np.einsum("ijk,ik->ij", self._modes(nodes), coefficients)
         return moved
 
     def load_of(self, forces: _Floats, comm: MPI.Comm, driving: _Floats | None = None) -> RigidLoad:
@@ -211,7 +211,7 @@ def rigid_modes(x: _Floats, centre: _Floats, length: _Floats) -> _Floats:
 
 
 def rigid_motions(
-    space: fem.FunctionSpace, fixed: npt.NDArray[np.bool_], pieces: Pieces, turned: TurnedNodes | None = None
+    space: fem.FunctionSpace, fixed: npt.NDArray[np.bool_], pieces: BodyPieces, turned: TurnedNodes | None = None
 ) -> RigidMotions:
     """The motions without strain that the supports leave free; collective.
 
@@ -232,8 +232,8 @@ def rigid_motions(
     total = parallel.sums_by(comm, piece[owned], sums, pieces.count)
     centre = total[:, 1:] / np.maximum(total[:, :1], 1.0)
     length = np.hypot.reduce(pieces.bounds[:, 1] - pieces.bounds[:, 0], axis=1)
-    none = np.zeros((0, 0))
-    motions = RigidMotions(pieces, x, piece, len(fixed), centre, length, none, np.zeros(0, dtype=np.int64))
+    no_modes = np.zeros((0, 0))
+    motions = RigidMotions(pieces, x, piece, len(fixed), centre, length, no_modes, np.zeros(0, dtype=np.int64))
     supported, _ = _at_supports(motions, fixed, np.zeros(fixed.shape), turned, comm)
     free, assembly = _null_space(supported, motions)
     # Products have half of the digits of where the supports lie: what the motions still do there is taken out.
@@ -261,19 +261,19 @@ def along_axis(motions: RigidMotions) -> RigidMotions:
     columns, numbers = [], []
     for number in np.unique(motions.assembly):
         of = motions.assembly == number
-        own = motions.free[:, of]
+        free_modes = motions.free[:, of]
         for allowed in _around_the_axis(motions):
-            rows = own.reshape(motions.pieces.count, motions.each, -1)
+            rows = free_modes.reshape(motions.pieces.count, motions.each, -1)
             along = np.einsum("pm,pmk->pk", allowed, rows)
-            strained = (rows - allowed[:, :, None] * along[:, None]).reshape(-1, own.shape[1])
+            strained = (rows - allowed[:, :, None] * along[:, None]).reshape(-1, free_modes.shape[1])
             _, sizes, ways = np.linalg.svd(strained)
-            kept = ways[np.count_nonzero(sizes > _HELD) :].T
-            columns.append(own @ kept * np.sign((along @ kept).sum(axis=0)))
-            numbers.append(np.full(kept.shape[1], number))
-    none = motions.free[:, :0]
+            combinations = ways[np.count_nonzero(sizes > _HELD) :].T
+            columns.append(free_modes @ combinations * np.sign((along @ combinations).sum(axis=0)))
+            numbers.append(np.full(combinations.shape[1], number))
+    no_modes = motions.free[:, :0]
     return replace(
         motions,
-        free=np.concatenate([none, *columns], axis=1),
+        free=np.concatenate([no_modes, *columns], axis=1),
         assembly=np.concatenate([motions.assembly[:0], *numbers]),
     )
 
@@ -297,16 +297,16 @@ def without_energy(motions: RigidMotions, matrix: PETSc.Mat, vector: Callable[[_
         moved.append(x.getArray(readonly=True))
         forces.append(force.getArray(readonly=True))
     rows, size = np.array(moved), np.abs(matrix.getDiagonal().getArray(readonly=True))
-    both = np.stack((rows @ np.array(forces).T, (rows * size) @ rows.T))
-    energy, scale = parallel.global_sum(matrix.comm.tompi4py(), both)
+    products = np.stack((rows @ np.array(forces).T, (rows * size) @ rows.T))
+    energy, scale = parallel.global_sum(matrix.comm.tompi4py(), products)
     columns, numbers = [], []
     for number in np.unique(motions.assembly):
         of = motions.assembly == number
         values, vectors = np.linalg.eigh(energy[np.ix_(of, of)])
         # Springs may have nothing to say of a motion: its energy is round-off of that of the others.
-        kept = vectors[:, values <= _NO_STRAIN * np.trace(scale[np.ix_(of, of)])]
-        columns.append(motions.free[:, of] @ kept)
-        numbers.append(np.full(kept.shape[1], number))
+        combinations = vectors[:, values <= _NO_STRAIN * np.trace(scale[np.ix_(of, of)])]
+        columns.append(motions.free[:, of] @ combinations)
+        numbers.append(np.full(combinations.shape[1], number))
     return replace(motions, free=np.concatenate(columns, axis=1), assembly=np.concatenate(numbers))
 
 
@@ -353,12 +353,12 @@ def _at_supports(
     what is prescribed there, shape (p, m); collective.  The arguments are those of ``nearest_motion``.
     """
     node, component = np.nonzero(fixed)
-    modes, given = motions._modes(node), prescribed[node]
+    modes, displacements = motions._modes(node), prescribed[node]
     if turned is not None:
         frames = turned.frames_at(node)
-        modes, given = np.einsum("nij,nik->njk", frames, modes), np.einsum("nij,ni->nj", frames, given)
-    here = np.arange(node.size), component
-    rows, piece = np.column_stack((modes[here], given[here])), motions.piece[node]
+        modes, displacements = np.einsum("nij,nik->njk", frames, modes), np.einsum("nij,ni->nj", frames, displacements)
+    held_entries = np.arange(node.size), component
+    rows, piece = np.column_stack((modes[held_entries], displacements[held_entries])), motions.piece[node]
     products: _Floats = np.zeros((motions.pieces.count, motions.each, motions.each + 1))
     for number in range(motions.pieces.count):
         mine = rows[piece == number]
@@ -374,25 +374,25 @@ def _null_space(supported: _Floats, motions: RigidMotions) -> tuple[_Floats, npt
     numbers: list[int] = []
     for number in range(int(pieces.assembly.max()) + 1):
         members = np.flatnonzero(pieces.assembly == number)
-        place = {int(piece): k for k, piece in enumerate(members)}
+        position = {int(piece): k for k, piece in enumerate(members)}
         gram = np.zeros((m * members.size, m * members.size))
-        for piece, k in place.items():
-            here = slice(m * k, m * k + m)
+        for piece, k in position.items():
+            block = slice(m * k, m * k + m)
             # All prescribed nodes of a piece together have the weight of one pin.
-            gram[here, here] = supported[piece] / max(float(np.linalg.eigvalsh(supported[piece])[-1]), 1e-300)
+            gram[block, block] = supported[piece] / max(float(np.linalg.eigvalsh(supported[piece])[-1]), 1e-300)
         for pin in range(len(pieces.pins)):
-            one, other = int(pieces.pins[pin, 0]), int(pieces.pins[pin, 1])
-            if one in place:
+            first, second = int(pieces.pins[pin, 0]), int(pieces.pins[pin, 1])
+            if first in position:
                 apart = np.zeros((motions.x.shape[1], members.size, m))
-                for piece, sign in ((one, 1.0), (other, -1.0)):
+                for piece, sign in ((first, 1.0), (second, -1.0)):
                     mode = rigid_modes(pieces.pin_points[pin : pin + 1], motions.centre[piece], motions.length[piece])
-                    apart[:, place[piece]] = sign * mode[0]
+                    apart[:, position[piece]] = sign * mode[0]
                 rows = apart.reshape(len(apart), -1)
                 gram += rows.T @ rows
         values, vectors = np.linalg.eigh(gram)
-        kept = vectors[:, values <= _HELD * max(values[-1], 1e-300)]
-        whole = np.zeros((m * pieces.count, kept.shape[1]))
-        whole[(m * members[:, None] + np.arange(m)).ravel()] = kept
-        columns.append(whole)
-        numbers += [number] * kept.shape[1]
+        null_vectors = vectors[:, values <= _HELD * max(values[-1], 1e-300)]
+        modes = np.zeros((m * pieces.count, null_vectors.shape[1]))
+        modes[(m * members[:, None] + np.arange(m)).ravel()] = null_vectors
+        columns.append(modes)
+        numbers += [number] * null_vectors.shape[1]
     return np.concatenate(columns, axis=1), np.array(numbers, dtype=np.int64)

@@ -48,13 +48,13 @@ class Driven:
     motion: _Floats
 
     @classmethod
-    def together(cls, each: Sequence[tuple[float, Driven]]) -> Driven | None:
+    def together(cls, parts: Sequence[tuple[float, Driven]]) -> Driven | None:
         """The sum of several times their factors; None: there are none."""
-        if not each:
+        if not parts:
             return None
-        factors, given = zip(*each, strict=True)
+        factors, drives = zip(*parts, strict=True)
         forces, motion = (
-            np.einsum("i,ij->j", factors, [getattr(one, k) for one in given]) for k in ("forces", "motion")
+            np.einsum("i,ij->j", factors, [getattr(drive, k) for drive in drives]) for k in ("forces", "motion")
         )
         return cls(forces, motion)
 
@@ -82,10 +82,10 @@ class RigidTools:
         cls, contacts: Sequence[Any], dimension: int, length: float, *, axisymmetric: bool = False
     ) -> RigidTools | None:
         """Those among the contacts of a scene; None: there are none."""
-        parts = [place for place, one in enumerate(contacts) if one.tool is not None]
+        parts = [number for number, contact in enumerate(contacts) if contact.tool is not None]
         if not parts:
             return None
-        shapes = [contacts[place].tool for place in parts]
+        shapes = [contacts[number].tool for number in parts]
         centre = np.array([shape.reference(dimension) for shape in shapes])
         return cls(np.array(parts), shapes, centre, length, axisymmetric)
 
@@ -102,28 +102,28 @@ class RigidTools:
 
     def on(self, boundary: ContactBoundary) -> ContactBoundary:
         """The contact points on tools that move."""
-        each, count = KINEMATICS[self.dimension].motions, self.parts.size
-        modes = np.zeros((boundary.size, self.dimension, count, each))
-        for place, part in enumerate(self.parts):
-            here = boundary.part == part
-            modes[here, :, place] = rigid_modes(boundary.centre[here], self.centre[place], np.array(self.length))
-        flat = modes.reshape(boundary.size, self.dimension, count * each)
-        number = np.repeat(np.arange(count), each)
+        motion_count, count = KINEMATICS[self.dimension].motions, self.parts.size
+        modes = np.zeros((boundary.size, self.dimension, count, motion_count))
+        for tool, part in enumerate(self.parts):
+            on_part = boundary.part == part
+            modes[on_part, :, tool] = rigid_modes(boundary.centre[on_part], self.centre[tool], np.array(self.length))
+        flat = modes.reshape(boundary.size, self.dimension, count * motion_count)
+        number = np.repeat(np.arange(count), motion_count)
         moving = MovingFoundation(flat, self.fixed, number, self.parts, self.centre, self.length)
         return replace(boundary, moving=moving)
 
     @property
     def fixed(self) -> npt.NDArray[np.bool_]:
         """Which unknowns are prescribed, shape (k,)."""
-        given = [~np.isnan(shape.drive(self.dimension, 0.0)[1]) for shape in self.shapes]
-        return np.concatenate([flags | AXISYMMETRIC_STILL if self.axisymmetric else flags for flags in given])
+        prescribed = [~np.isnan(shape.drive(self.dimension, 0.0)[1]) for shape in self.shapes]
+        return np.concatenate([flags | AXISYMMETRIC_STILL if self.axisymmetric else flags for flags in prescribed])
 
     def driven(self, number: int, time: float) -> Driven:
         """What drives one of them at a time."""
         forces: _Floats = np.zeros((self.parts.size, self._units.size))
         motion = np.zeros_like(forces)
-        forces[number], given = self.shapes[number].drive(self.dimension, time)
-        motion[number] = np.nan_to_num(given)
+        forces[number], prescribed = self.shapes[number].drive(self.dimension, time)
+        motion[number] = np.nan_to_num(prescribed)
         return Driven((forces / self._units).ravel(), (motion * self._units).ravel())
 
     def motions(self, unknowns: _Floats) -> _Floats:
@@ -131,25 +131,25 @@ class RigidTools:
         return np.asarray(unknowns.reshape(self.parts.size, -1) / self._units)
 
 
-def with_more_unknowns(matrix: PETSc.Mat, more: int) -> PETSc.Mat:
-    """[A 0; 0 0] with the diagonal in its pattern; ``more``: unknowns that this rank adds."""
-    (rows, _), (_, every) = matrix.getSizes()
+def with_more_unknowns(matrix: PETSc.Mat, extra: int) -> PETSc.Mat:
+    """[A 0; 0 0] with the diagonal in its pattern; ``extra``: unknowns that this rank adds."""
+    (rows, _), (_, total_columns) = matrix.getSizes()
     starts, columns, values = matrix.getValuesCSR()
     csr = (
-        np.append(starts, starts[-1] + np.arange(1, more + 1)).astype(PETSc.IntType),
-        np.append(columns, every + np.arange(more)).astype(PETSc.IntType),
-        np.append(values, np.zeros(more)),
+        np.append(starts, starts[-1] + np.arange(1, extra + 1)).astype(PETSc.IntType),
+        np.append(columns, total_columns + np.arange(extra)).astype(PETSc.IntType),
+        np.append(values, np.zeros(extra)),
     )
-    return PETSc.Mat().createAIJ(((rows + more, None), (rows + more, None)), csr=csr, comm=matrix.comm)
+    return PETSc.Mat().createAIJ(((rows + extra, None), (rows + extra, None)), csr=csr, comm=matrix.comm)
 
 
-def without_more(rotation: PETSc.Mat | None, matrix: PETSc.Mat, more: int) -> PETSc.Mat:
+def without_more(rotation: PETSc.Mat | None, matrix: PETSc.Mat, extra: int) -> PETSc.Mat:
     """[Q 0], from the unknowns to displacements y = Q x.
 
     Args:
         rotation: Q without the unknowns of tools; None: the identity.
         matrix: A, for the layout of y.
-        more: unknowns that this rank adds.
+        extra: unknowns that this rank adds.
     """
     (rows, _), (columns, _) = matrix.getSizes()
     if rotation is None:
@@ -158,5 +158,5 @@ def without_more(rotation: PETSc.Mat | None, matrix: PETSc.Mat, more: int) -> PE
     else:
         csr = rotation.getValuesCSR()
     starts, names, values = csr
-    found = (starts.astype(PETSc.IntType), names.astype(PETSc.IntType), values)
-    return PETSc.Mat().createAIJ(((rows, None), (columns + more, None)), csr=found, comm=matrix.comm)
+    entries = (starts.astype(PETSc.IntType), names.astype(PETSc.IntType), values)
+    return PETSc.Mat().createAIJ(((rows, None), (columns + extra, None)), csr=entries, comm=matrix.comm)

@@ -20,8 +20,8 @@ def foundations_of(
     scene: Scene, facets: Sequence[npt.NDArray[np.int32]], masters: Mapping[int, npt.NDArray[np.int32]]
 ) -> list[Foundation | Pair]:
     """The contact of a scene as foundations, on the facets of each, and as pairs, by their places the masters."""
-    found: list[Foundation | Pair] = []
-    for place, (effect, on) in enumerate(zip(scene.contact, facets, strict=True)):
+    foundations: list[Foundation | Pair] = []
+    for number, (effect, on) in enumerate(zip(scene.contact, facets, strict=True)):
         friction: Coulomb | Tresca | None = None
         ratio = effect.friction.ratio
         directed = {} if ratio is None else {"ratio": _evaluable(ratio), "along": effect.friction.vectors}
@@ -29,22 +29,24 @@ def foundations_of(
             case TrescaFriction(bound=bound):
                 friction = Tresca(_evaluable(bound), **directed)
             case CoulombFriction(coefficient=coefficient, cap=cap, cohesion=cohesion):
-                others = (None if value is None else _evaluable(value) for value in (cap, cohesion))
-                friction = Coulomb(_evaluable(coefficient), *others, **directed)
+                limits = (None if value is None else _evaluable(value) for value in (cap, cohesion))
+                friction = Coulomb(_evaluable(coefficient), *limits, **directed)
         bilateral = isinstance(effect, BilateralContact)
-        if place in masters:
+        if number in masters:
             gap = _evaluable(effect.gap)
             nominal, bonded = effect.distance == "nominal", isinstance(effect, BondedContact)
             choice = {"gap": gap} if nominal else {"allowance": gap, "adjust": effect.adjust}
-            found.append(Pair(on, masters[place], friction=friction, bilateral=bilateral, bonded=bonded, **choice))
+            foundations.append(
+                Pair(on, masters[number], friction=friction, bilateral=bilateral, bonded=bonded, **choice)
+            )
             continue
         gap, shape, bonded = _evaluable(effect.gap), effect.surface, isinstance(effect, BondedContact)
         around, direction = _circumference if scene.axisymmetric else None, effect.direction
         if scene.torsion:
             direction = None if direction is None else (*direction, 0.0)
             shape = None if shape is None else _OfRevolution(shape)
-        found.append(Foundation(on, gap, direction, friction, bilateral, around, shape, bonded))
-    return found
+        foundations.append(Foundation(on, gap, direction, friction, bilateral, around, shape, bonded))
+    return foundations
 
 
 @dataclass(frozen=True)

@@ -83,12 +83,12 @@ def section_of(effect: Any, path: str, tagged: TaggedMesh, space: fem.FunctionSp
     if effect.section is None:
         nodes = _marked(space, of_cells[inside & beyond].ravel()) & _marked(space, of_cells[inside & ~beyond].ravel())
     touching = nodes[of_cells].any(axis=1)
-    after, before = (_marked(space, of_cells[touching & side].ravel()) for side in (beyond, ~beyond))
+    far_nodes, near_nodes = (_marked(space, of_cells[touching & side].ravel()) for side in (beyond, ~beyond))
     where = "the mesh" if effect.region is None else f"region {effect.region!r}"
     for wrong, reason in (
         (not parallel.any_rank(mesh.comm, bool(nodes.any())), f"the plane does not cut {where}"),
         (bool((touching & ~inside).any()), f"cells outside {where} share nodes with the section: move it"),
-        (bool((after & before & ~nodes).any()), "the section ends inside the body: it must cut it through"),
+        (bool((far_nodes & near_nodes & ~nodes).any()), "the section ends inside the body: it must cut it through"),
     ):
         if parallel.any_rank(mesh.comm, wrong):
             raise SceneError([(f"{path}.{key}", reason)])
@@ -99,24 +99,24 @@ def section_of(effect: Any, path: str, tagged: TaggedMesh, space: fem.FunctionSp
 def unit_jump(section: Section, space: fem.FunctionSpace) -> fem.Function:
     """``Section.jump`` as a function without continuity."""
     mesh, dim = space.mesh, space.mesh.geometry.dim
-    found = fem.Function(fem.functionspace(mesh, ("DG", space.element.basix_element.degree, (dim,))))
-    found.x.array.reshape(-1, dim)[found.function_space.dofmap.list[section.cells]] = section.jump
-    return found
+    jump = fem.Function(fem.functionspace(mesh, ("DG", space.element.basix_element.degree, (dim,))))
+    jump.x.array.reshape(-1, dim)[jump.function_space.dofmap.list[section.cells]] = section.jump
+    return jump
 
 
 def _inner_facets(name: str, path: str, tagged: TaggedMesh) -> npt.NDArray[np.int32]:
     """The facets inside the mesh with a name, those of this rank."""
     mesh = tagged.mesh
     if name not in tagged.boundaries:
-        known = ", ".join(sorted(tagged.boundaries)) or "none"
-        raise SceneError([(f"{path}.section", f"the mesh has no facets {name!r}; it has: {known}")])
+        boundary_names = ", ".join(sorted(tagged.boundaries)) or "none"
+        raise SceneError([(f"{path}.section", f"the mesh has no facets {name!r}; it has: {boundary_names}")])
     mesh.topology.create_connectivity(mesh.topology.dim - 1, mesh.topology.dim)
     tags = tagged.boundaries[name]
-    every = tagged.facet_tags.indices[np.isin(tagged.facet_tags.values, tags)]
-    found = np.setdiff1d(every, dmesh.exterior_facet_indices(mesh.topology)).astype(np.int32)
-    if not parallel.any_rank(mesh.comm, found.size > 0):
+    tagged_facets = tagged.facet_tags.indices[np.isin(tagged.facet_tags.values, tags)]
+    inner_facets = np.setdiff1d(tagged_facets, dmesh.exterior_facet_indices(mesh.topology)).astype(np.int32)
+    if not parallel.any_rank(mesh.comm, inner_facets.size > 0):
         raise SceneError([(f"{path}.section", f"{name!r} has no facets inside the mesh: it is on its boundary")])
-    return found
+    return inner_facets
 
 
 def _plane(space: fem.FunctionSpace, nodes: _Flags, tagged: TaggedMesh, path: str) -> tuple[_Floats, _Floats]:

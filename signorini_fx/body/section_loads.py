@@ -53,7 +53,7 @@ def section_loads(
     Raises:
         SceneError: see ``section_of``; or contact or supports hold its nodes.
     """
-    z, found = ufl.TestFunction(space), []
+    z, loads = ufl.TestFunction(space), []
     for path, effect in scene.listed():
         if not isinstance(effect, SectionJump) or not effect.acts:
             continue
@@ -70,21 +70,21 @@ def section_loads(
             forms, swelling = forms[:1], np.asarray(assemble(forms[1]) / mixed.unit, dtype=np.float64)
         forces = -sum((assemble(form) for form in forms), np.zeros(owned))
         amount = partial(effect.shortening_at, scene)
-        ones, none = (1.0,) * scene.steps, fem.Function(space)
-        found.append(
+        ones, zero_displacement = (1.0,) * scene.steps, fem.Function(space)
+        loads.append(
             AppliedLoad(
                 ones,
                 names,
                 forms,
                 forces,
-                none,
+                zero_displacement,
                 balanced=True,
                 swelling=swelling,
                 section=effect,
                 amount=amount,
             )
         )
-    return found
+    return loads
 
 
 def holds(
@@ -109,33 +109,35 @@ def holds(
     nodes = np.flatnonzero(section.nodes[: fixed.size // dim])
     frames = np.eye(dim)[None] if turned is None else turned.frames_at(nodes)
     along = np.abs(np.einsum("nij,i->nj", frames, section.axis)) > _ALONG
-    found = bool((fixed.reshape(-1, dim)[nodes] & along).any())
+    held = bool((fixed.reshape(-1, dim)[nodes] & along).any())
     if boundary is None:
-        return found
+        return held
     of_points = section.nodes[boundary.nodes]
     if (averages := boundary.averages) is not None:  # points see other nodes than their own, and the other body's
-        known = section.nodes[: fixed.size // dim, None].astype(np.float64)
-        of_points = abs(averages.shares) @ from_owners(known, averages.nodes, boundary.comm)[:, 0] > 0
+        owned_flags = section.nodes[: fixed.size // dim, None].astype(np.float64)
+        of_points = abs(averages.shares) @ from_owners(owned_flags, averages.nodes, boundary.comm)[:, 0] > 0
     holding = (np.abs(boundary.normal @ section.axis) > _ALONG) | np.isin(boundary.part, bonded)
-    return found or bool((of_points & holding).any())
+    return held or bool((of_points & holding).any())
 
 
 def jump_of(
-    scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, place: float
+    scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, step: float
 ) -> tuple[Any, Callable[[float], None]]:
     """The jumps of all sections together, UFL, and what moves them to a place in the lists of factors.
 
     Returns:
         None in place of the jump where there is none.
     """
-    effects = [(path, one) for path, one in scene.listed() if isinstance(one, SectionJump) and one.acts]
+    effects = [
+        (path, candidate) for path, candidate in scene.listed() if isinstance(candidate, SectionJump) and candidate.acts
+    ]
     amounts = [fem.Constant(tagged.mesh, default_scalar_type(0.0)) for _ in effects]
 
-    def move_to(place: float) -> None:
+    def move_to(step: float) -> None:
         for constant, (_, effect) in zip(amounts, effects, strict=True):
-            constant.value = effect.shortening_at(scene, place)
+            constant.value = effect.shortening_at(scene, step)
 
-    move_to(place)
+    move_to(step)
     jumps = [unit_jump(section_of(effect, path, tagged, space), space) for path, effect in effects]
     terms = [amount * jump for amount, jump in zip(amounts, jumps, strict=True)]
     return sum(terms[1:], terms[0]) if terms else None, move_to

@@ -60,16 +60,16 @@ class Supports:
         fixed = prescribed(space, [condition for _, condition in conditions])[0][:owned]
         return cls(conditions, skew, turned_nodes(scene, space, conditions, skew, fixed), fixed, found, scene)
 
-    def at(self, place: float) -> tuple[Conditions, TurnedNodes | None]:
+    def at(self, step: float) -> tuple[Conditions, TurnedNodes | None]:
         """The conditions and the turned nodes at a place in the lists of factors; collective."""
         scene = self._scene
         if not any(effect.timed for effect in scene.displacement):
             return self.conditions, self.turned
-        moved = tuple(effect.at_time(scene.time_at(place)) for effect in scene.displacement)
+        moved = tuple(effect.at_time(scene.time_at(step)) for effect in scene.displacement)
         axes, skew = self._of(scene.model_copy(update={"displacement": moved}))
-        again = [replace(one, values=now.values) for one, now in zip(self.skew, skew, strict=True)]
+        updated = [replace(initial, values=current.values) for initial, current in zip(self.skew, skew, strict=True)]
         pairs = [(effect, support) for (effect, _), (_, support) in zip(self.conditions, axes, strict=True)]
-        return pairs, None if self.turned is None else replace(self.turned, supports=again)
+        return pairs, None if self.turned is None else replace(self.turned, supports=updated)
 
 
 def dirichlet_conditions(
@@ -135,24 +135,30 @@ def node_at(
     """
     point, x = np.array(effect.at), node_positions(space)[:, : tagged.dimension]
     away = np.linalg.norm(x - point, axis=1)
-    found = np.flatnonzero(away <= _SAME_POINT * tagged.size)
-    if not parallel.any_rank(tagged.mesh.comm, found.size > 0):
+    candidates = np.flatnonzero(away <= _SAME_POINT * tagged.size)
+    if not parallel.any_rank(tagged.mesh.comm, candidates.size > 0):
         nearest = parallel.gather_rows(tagged.mesh.comm, np.column_stack((away, x))[np.argsort(away)[:1]])
-        place = np.round(nearest[np.argmin(nearest[:, 0]), 1:] / tagged.size, 9) * tagged.size
-        at = ", ".join(f"{value:.6g}" for value in place)
+        nearest_point = np.round(nearest[np.argmin(nearest[:, 0]), 1:] / tagged.size, 9) * tagged.size
+        at = ", ".join(f"{value:.6g}" for value in nearest_point)
         raise SceneError([(f"displacement[{index}].at", f"no node of the mesh is at {effect.place}; near is ({at})")])
-    owned = found[found < space.dofmap.index_map.size_local]
+    owned = candidates[candidates < space.dofmap.index_map.size_local]
     count = int(parallel.global_sum(tagged.mesh.comm, np.array(owned.size)))
     if count > 1:
         nodes = {body: np.isin(owned, space.dofmap.list[tagged.cells(body)]).any() for body in bodies}
-        there = [body for body, here in nodes.items() if parallel.any_rank(tagged.mesh.comm, bool(here))]
-        of = f" of the bodies {' and '.join(map(repr, there))}" if there else " of parts that do not share their nodes"
+        touching_bodies = [
+            body for body, has_node in nodes.items() if parallel.any_rank(tagged.mesh.comm, bool(has_node))
+        ]
+        of = (
+            f" of the bodies {' and '.join(map(repr, touching_bodies))}"
+            if touching_bodies
+            else " of parts that do not share their nodes"
+        )
         message = (
             f"{count} nodes of the mesh are at {effect.place},{of}: which one is meant is not known; choose a point at "
             "which there is one node, or a boundary of one of them"
         )
         raise SceneError([(f"displacement[{index}].at", message)])
-    return found
+    return candidates
 
 
 def components(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> list[tuple[int, Any]]:
@@ -204,7 +210,7 @@ def skew_supports(
     scene: Scene, space: fem.FunctionSpace, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
 ) -> list[SkewSupport]:
     """The supports along the normal of a flat boundary across no axis; collective."""
-    found = []
+    supports = []
     for index, effect in enumerate(scene.displacement):
         if effect.normal is None:
             continue
@@ -212,8 +218,8 @@ def skew_supports(
         if np.abs(normal).max() < 1.0:
             nodes = fem.locate_dofs_topological(space, space.mesh.topology.dim - 1, facets[str(effect.boundary)])
             values = sample(effect.normal, node_positions(space)[nodes].T)
-            found.append(SkewSupport(effect, index, nodes, normal, values))
-    return found
+            supports.append(SkewSupport(effect, index, nodes, normal, values))
+    return supports
 
 
 def prescribed(
@@ -247,8 +253,8 @@ def turned_nodes(
     for effect, support in supports:
         axes.reshape(-1)[support.dof_indices()[0]] = position[id(effect)]
     turned = TurnedNodes.of(skew, axes)
-    own = turned.nodes < fixed.size // dim
-    fixed.reshape(-1, dim)[turned.nodes[own]] = turned.fixed[own]
+    on_rank = turned.nodes < fixed.size // dim
+    fixed.reshape(-1, dim)[turned.nodes[on_rank]] = turned.fixed[on_rank]
     return turned
 
 
@@ -264,14 +270,14 @@ def at_rest(
         if effect.timed:
             values[support.dof_indices()[0]] = np.nan
     dim = space.mesh.geometry.dim
-    given = values.reshape(-1, dim)
+    displacements = values.reshape(-1, dim)
     if turned is not None:
-        still = (given[turned.nodes] == 0).all(axis=1)
-        for one in turned.supports:
-            moves = one.nodes[(one.values != 0) | one.effect.timed]
+        still = (displacements[turned.nodes] == 0).all(axis=1)
+        for skew_support in turned.supports:
+            moves = skew_support.nodes[(skew_support.values != 0) | skew_support.effect.timed]
             still &= ~np.isin(turned.nodes, moves)
-        given[turned.nodes] = np.where(still, 0.0, np.nan)[:, None]
-    return np.asarray(fixed & (given.ravel()[: fixed.size] == 0))
+        displacements[turned.nodes] = np.where(still, 0.0, np.nan)[:, None]
+    return np.asarray(fixed & (displacements.ravel()[: fixed.size] == 0))
 
 
 def check_overlap(

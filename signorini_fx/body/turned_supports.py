@@ -78,31 +78,31 @@ class TurnedNodes:
         from_given = np.zeros((nodes.size, dim, len(directions)))
         kinds, kind = np.unique(np.column_stack((axes[nodes], *skew)), axis=0, return_inverse=True)
         for number, prescribes in enumerate(kinds):
-            here = kind.ravel() == number
-            frames[here], count, from_given[here] = _frame(directions, prescribes)
-            fixed[here, :count] = True
+            of_kind = kind.ravel() == number
+            frames[of_kind], count, from_given[of_kind] = _frame(directions, prescribes)
+            fixed[of_kind, :count] = True
         return cls(nodes.astype(np.int32), frames, fixed, from_given, supports)
 
     def place(self, y: _Floats, active: Sequence[Any]) -> None:
         """Put what the active effects prescribe into nodal displacements, shape (nodes, d), which have what supports
         along the axes prescribe.
         """
-        given = [y[self.nodes]]
+        prescribed = [y[self.nodes]]
         for support in self.supports:
             values = np.zeros(len(y))
             if any(support.effect is effect for effect in active):
                 values[support.nodes] = support.values
-            given.append(values[self.nodes, None])
-        y[self.nodes] = np.einsum("nij,nj->ni", self.from_given, np.concatenate(given, axis=1))
+            prescribed.append(values[self.nodes, None])
+        y[self.nodes] = np.einsum("nij,nj->ni", self.from_given, np.concatenate(prescribed, axis=1))
 
     def frames_at(self, nodes: npt.NDArray[np.integer[Any]]) -> _Floats:
         """The frame of each of some nodes, the axes where it is not turned, shape (n, d, d)."""
         dim = self.frames.shape[1]
-        found = np.tile(np.eye(dim), (len(nodes), 1, 1))
-        place = np.minimum(np.searchsorted(self.nodes, nodes), self.nodes.size - 1)
-        here = self.nodes[place] == nodes if self.nodes.size else np.zeros(len(nodes), dtype=bool)
-        found[here] = self.frames[place[here]]
-        return found
+        frames = np.tile(np.eye(dim), (len(nodes), 1, 1))
+        rows = np.minimum(np.searchsorted(self.nodes, nodes), self.nodes.size - 1)
+        turned = self.nodes[rows] == nodes if self.nodes.size else np.zeros(len(nodes), dtype=bool)
+        frames[turned] = self.frames[rows[turned]]
+        return frames
 
 
 def block_rotation(like: PETSc.Mat, frames: Sequence[tuple[npt.NDArray[np.int32], _Floats]]) -> PETSc.Mat:
@@ -139,16 +139,18 @@ def _frame(directions: _Floats, prescribes: npt.NDArray[np.int64]) -> tuple[_Flo
         The frame, one direction per column, shape (d, d); how many of them are prescribed, the first ones; and the
         matrix from the n prescribed values to the displacement, shape (d, n).
     """
-    every, free = np.eye(len(directions)), np.eye(directions.shape[1])
-    whole = np.zeros(directions.T.shape)
+    identity, free = np.eye(len(directions)), np.eye(directions.shape[1])
+    matrix = np.zeros(directions.T.shape)
     held = free[:, :0]
     for position in np.unique(prescribes[prescribes >= 0])[::-1]:
-        own = prescribes == position
+        selected = prescribes == position
         if free.shape[1] == 0:
             break
-        left, size, along = np.linalg.svd(directions[own] @ free)
+        left_vectors, size, along = np.linalg.svd(directions[selected] @ free)
         count = int(np.count_nonzero(size > _DEPENDENT))
         added, free = free @ along[:count].T, free @ along[count:].T
-        whole += added @ (left[:, :count].T @ (every[own] - directions[own] @ whole) / size[:count, None])
+        matrix += added @ (
+            left_vectors[:, :count].T @ (identity[selected] - directions[selected] @ matrix) / size[:count, None]
+        )
         held = np.hstack((held, added))
-    return np.hstack((held, free)), held.shape[1], whole
+    return np.hstack((held, free)), held.shape[1], matrix

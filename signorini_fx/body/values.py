@@ -63,34 +63,38 @@ class NodalValues:
         """
         comm, error = self._space.mesh.comm, None
         x = node_positions(self._space)
-        found = np.full((len(x), components), np.nan)
+        nodal_values = np.full((len(x), components), np.nan)
         try:
             if hasattr(value, "ufl_shape"):
                 expression, function, _ = self._expression(value, components)
                 function.interpolate(expression, cells0=self._cells)
-                found[self.nodes] = function.x.array.reshape(len(x), -1)[self.nodes, :components]
+                nodal_values[self.nodes] = function.x.array.reshape(len(x), -1)[self.nodes, :components]
             else:
-                given = np.asarray(value(in_space(x[self.nodes])) if callable(value) else value, dtype=float)
-                if given.ndim < 2 and components > 1:  # one vector for all points
-                    given = given[:, None]
-                here = np.broadcast_to(given[:components], (components, self.nodes.size)) if components > 1 else given
-                found[self.nodes] = np.broadcast_to(here, (components, self.nodes.size)).T
-            at = found[self.nodes]
+                point_values = np.asarray(value(in_space(x[self.nodes])) if callable(value) else value, dtype=float)
+                if point_values.ndim < 2 and components > 1:  # one vector for all points
+                    point_values = point_values[:, None]
+                rows = (
+                    np.broadcast_to(point_values[:components], (components, self.nodes.size))
+                    if components > 1
+                    else point_values
+                )
+                nodal_values[self.nodes] = np.broadcast_to(rows, (components, self.nodes.size)).T
+            at = nodal_values[self.nodes]
             bad = np.flatnonzero((~(np.abs(at) <= LARGEST) | (at < minimum)).any(axis=1))
             if bad.size:
-                place = ", ".join(f"{c:g}" for c in x[self.nodes[bad[0]], : self._dimension])
+                position = ", ".join(f"{c:g}" for c in x[self.nodes[bad[0]], : self._dimension])
                 wanted = f"a number of at most {LARGEST:g}" + ("" if minimum == -np.inf else ", and not negative")
                 wrong = ", ".join(f"{c:g}" for c in at[bad[0]])
-                error = FormError([(name, f"is {wrong} at ({place}); it must be {wanted}")])
+                error = FormError([(name, f"is {wrong} at ({position}); it must be {wanted}")])
         except Exception as failure:  # of the user's callable, perhaps on one rank only
             error = FormError([(name, f"cannot be evaluated at the contact points: {failure}")])
         parallel.raise_together(comm, error)
-        return found[:, 0] if components == 1 else found
+        return nodal_values[:, 0] if components == 1 else nodal_values
 
     def _expression(self, value: Any, components: int) -> tuple[fem.Expression, fem.Function, Any]:
         """The compiled expression, and a Function of the displacements for it; the value stays with them."""
-        known = self._compiled.get(id(value))
-        if known is None:
+        compiled = self._compiled.get(id(value))
+        if compiled is None:
             shape = tuple(value.ufl_shape)
             if shape != (() if components == 1 else (components,)):
                 raise ValueError(f"it has the shape {shape}")
@@ -100,5 +104,5 @@ class NodalValues:
             vector = value if components > 1 else ufl.as_vector([value] + [0.0] * (self._dimension - 1))
             with compiling():
                 expression = fem.Expression(vector, compat.interpolation_points(self._space.element))
-            known = self._compiled[id(value)] = expression, fem.Function(self._space), value
-        return known
+            compiled = self._compiled[id(value)] = expression, fem.Function(self._space), value
+        return compiled

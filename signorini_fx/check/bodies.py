@@ -28,7 +28,7 @@ def paired_findings(body: Discretisation, moved: float) -> list[Finding]:
         body: the scene and its mesh.
         moved: how far the bodies move, an estimate, length; 0: not known.
     """
-    found = []
+    findings = []
     for index, effect in enumerate(body.scene.contact):
         if effect.against is None:
             continue
@@ -36,38 +36,38 @@ def paired_findings(body: Discretisation, moved: float) -> list[Finding]:
         about = fit or moved
         near = _near(body, index, about)
         names = effect.boundary, effect.against
-        side, other = (SideFigures.of(name, body.tagged, body.lame[1]) for name in names)
+        side, opposite = (SideFigures.of(name, body.tagged, body.lame[1]) for name in names)
         path = f"contact[{index}]"
-        if (reason := other.better(side)) is not None:
-            found.append(
+        if (reason := opposite.better(side)) is not None:
+            findings.append(
                 Finding(
                     "note",
                     f"{path}.points",
-                    f"the contact points are on {side.name!r}, while {other.name!r} is {reason}: results have less "
+                    f"the contact points are on {side.name!r}, while {opposite.name!r} is {reason}: results have less "
                     "error, and fewer linear solves are needed, with the points there",
                 )
             )
-        elif effect.points == "auto" and (reason := side.better(other)) is not None:
-            found.append(
+        elif effect.points == "auto" and (reason := side.better(opposite)) is not None:
+            findings.append(
                 Finding(
                     "note",
                     f"{path}.points",
-                    f"the contact points are on {side.name!r}, which is {reason} than {other.name!r}: results name it "
-                    "as the boundary",
+                    f"the contact points are on {side.name!r}, which is {reason} than {opposite.name!r}: results name "
+                    "it as the boundary",
                 )
             )
-        off, what = sum(_off(body, name, near) for name in names), "the gap" if fit else "displacements"
+        off, yardstick = sum(_off(body, name, near) for name in names), "the gap" if fit else "displacements"
         if effect.distance == "geometry" and effect.kind != "bonded" and 0 < _OFF * about < off:
-            found.append(
+            findings.append(
                 Finding(
                     "note",
                     f"{path}.distance",
-                    f"straight facets of {side.name!r} and {other.name!r} are up to {off:.2g} off the curved sides "
-                    f"that they are chords of, which is much beside {what} of about {about:.2g}: take "
+                    f"straight facets of {side.name!r} and {opposite.name!r} are up to {off:.2g} off the curved sides "
+                    f"that they are chords of, which is much beside {yardstick} of about {about:.2g}: take "
                     'smaller facets, curved cells, or distance = "nominal"',
                 )
             )
-    return found
+    return findings
 
 
 def _near(body: Discretisation, index: int, about: float) -> _Floats:
@@ -75,10 +75,10 @@ def _near(body: Discretisation, index: int, about: float) -> _Floats:
     boundary, data = body.boundary, body.data
     assert boundary is not None
     assert data is not None
-    here = boundary.part == index
-    gap = data.gap[here]
+    on_part = boundary.part == index
+    gap = data.gap[on_part]
     least = -parallel.largest(body.comm, -gap, -np.inf)
-    return np.asarray(boundary.x[here][gap <= least + about])
+    return np.asarray(boundary.x[on_part][gap <= least + about])
 
 
 def _off(body: Discretisation, name: str, near: _Floats) -> float:
@@ -100,7 +100,9 @@ def _off(body: Discretisation, name: str, near: _Floats) -> float:
     return parallel.global_max(body.comm, off)
 
 
-def _sagitta(corners: _Floats, extent: _Floats, inside: _Floats, dimension: int, some: npt.NDArray[np.bool_]) -> float:
+def _sagitta(
+    corners: _Floats, extent: _Floats, inside: _Floats, dimension: int, selected: npt.NDArray[np.bool_]
+) -> float:
     """How far the middle of a facet is off an arc through its corners, at most: a facet that is the chord of an arc
     meets its neighbours at the angle that it spans.
 
@@ -109,7 +111,7 @@ def _sagitta(corners: _Floats, extent: _Floats, inside: _Floats, dimension: int,
         extent: of each facet, length, shape (f,).
         inside: a point of the cell behind each, shape (f, 3).
         dimension: of the body.
-        some: the facets that matter, shape (f,).
+        selected: the facets that matter, shape (f,).
     """
     along = corners[:, 1] - corners[:, 0]
     normal = np.stack((along[:, 1], -along[:, 0], 0 * along[:, 0]), axis=1)
@@ -125,4 +127,4 @@ def _sagitta(corners: _Floats, extent: _Floats, inside: _Floats, dimension: int,
     # Half of the angle between neighbours.
     half = np.arccos(np.clip(np.einsum("fi,fki->fk", normal, means[vertices]), -1.0, 1.0))
     smooth = np.where(half < _CORNER / 2, half, 0.0).max(axis=1)
-    return float((extent * smooth)[some].max(initial=0.0)) / 4
+    return float((extent * smooth)[selected].max(initial=0.0)) / 4

@@ -38,7 +38,7 @@ _RECOVERY = ("stress moments", "stress recovery error", "stress mass", "boundary
 
 
 @dataclass(frozen=True)
-class Effect:
+class ListedEffect:
     """One effect that a scene can list.
 
     Attributes:
@@ -72,7 +72,7 @@ class Check:
     """
 
     title: str
-    effects: tuple[Effect, ...]
+    effects: tuple[ListedEffect, ...]
     forms: tuple[str, ...]
     cost: Cost
     findings: tuple[Finding, ...] = field(default=())
@@ -111,8 +111,8 @@ def _uniqueness(d: Discretisation) -> list[Finding]:
         return []
     from signorini_fx.results.uniqueness import uniqueness
 
-    found = uniqueness(d, None)
-    return [Finding("note" if found.proved else "warning", "solver.uniqueness", str(found))]
+    proof = uniqueness(d, None)
+    return [Finding("note" if proof.proved else "warning", "solver.uniqueness", str(proof))]
 
 
 def _validated(scene: Scene, comm: MPI.Comm) -> Discretisation:
@@ -152,9 +152,9 @@ def _forms(d: Discretisation) -> tuple[str, ...]:
 # --- effects ---------------------------------------------------------------------------------------------------------
 
 
-def _effects(d: Discretisation) -> list[Effect]:
+def _effects(d: Discretisation) -> list[ListedEffect]:
     scene = d.scene
-    found = [_elasticity(d), *_materials(scene), *_orthotropic(scene), _reduced(d), *_mixed(d), *_displacements(d)]
+    effects = [_elasticity(d), *_materials(scene), *_orthotropic(scene), _reduced(d), *_mixed(d), *_displacements(d)]
 
     names = dict(zip(load_groups(scene), (load.names for load in d.applied), strict=False))
 
@@ -165,65 +165,67 @@ def _effects(d: Discretisation) -> list[Effect]:
 
     for key, entries in scene.effects.items():
         if key not in ("material", "displacement", "contact"):
-            found += [
-                Effect(effect.name, effect.acts, effect.said or "it is 0", form_of(effect) if effect.acts else ())
+            effects += [
+                ListedEffect(effect.name, effect.acts, effect.said or "it is 0", form_of(effect) if effect.acts else ())
                 for effect in entries
-            ] or [Effect(key.replace("_", " "), False, f"no {scene.heading(key)}")]
-    found += _contacts(d)
+            ] or [ListedEffect(key.replace("_", " "), False, f"no {scene.heading(key)}")]
+    effects += _contacts(d)
     nodes = contact_nodes(d)
     kind = friction_kind(scene, scene.contact)
-    one, every = (linear_solves(scene, kind, nodes, steps=steps) for steps in (1, scene.expected_steps))
+    single_step, all_steps = (linear_solves(scene, kind, nodes, steps=steps) for steps in (1, scene.expected_steps))
     numbers = {len(load.factors) for load in scene.loads if load.factors is not None}
     why = f"factors: {', '.join(map(str, numbers))} each" if numbers else "no factors"
     if scene.automatic_steps is not None:
         why += f", about {scene.expected_steps} load steps"
-    found.append(Effect("load steps", scene.expected_steps > 1, why, solves=_minus(every, one)))
+    effects.append(ListedEffect("load steps", scene.expected_steps > 1, why, solves=_minus(all_steps, single_step)))
     nested = scene.solver.levels > 1 and d.boundary is not None
-    solves = _minus(linear_solves(scene, kind, nodes, steps=scene.expected_steps, levels=scene.solver.levels), every)
+    solves = _minus(
+        linear_solves(scene, kind, nodes, steps=scene.expected_steps, levels=scene.solver.levels), all_steps
+    )
     estimate = d.boundary is not None and _estimates_error(scene)
     why = f"algorithm = {scene.solver.algorithm!r}, levels = {scene.solver.levels}"
-    found.append(Effect("error estimate", estimate, why, _estimated(d.scene) if estimate else ()))
-    return [*found, Effect("nested iteration", nested, f"levels = {scene.solver.levels}", solves=solves)]
+    effects.append(ListedEffect("error estimate", estimate, why, _estimated(d.scene) if estimate else ()))
+    return [*effects, ListedEffect("nested iteration", nested, f"levels = {scene.solver.levels}", solves=solves)]
 
 
-def _elasticity(d: Discretisation) -> Effect:
+def _elasticity(d: Discretisation) -> ListedEffect:
     hypothesis = d.scene.material[0].hypothesis if d.tagged.dimension == 2 else "in space"
     hypothesis += ", torsion" * d.scene.torsion
-    return Effect("elasticity", True, f"always; {hypothesis}", ("elasticity",), d.dofs, (1, 1))
+    return ListedEffect("elasticity", True, f"always; {hypothesis}", ("elasticity",), d.dofs, (1, 1))
 
 
-def _materials(scene: Scene) -> list[Effect]:
+def _materials(scene: Scene) -> list[ListedEffect]:
     if len(scene.material) == 1:
-        return [Effect("several materials", False, "one [[material]]")]
-    return [Effect("several materials", True, ", ".join(str(m.region) for m in scene.material))]
+        return [ListedEffect("several materials", False, "one [[material]]")]
+    return [ListedEffect("several materials", True, ", ".join(str(m.region) for m in scene.material))]
 
 
-def _orthotropic(scene: Scene) -> list[Effect]:
+def _orthotropic(scene: Scene) -> list[ListedEffect]:
     return [
-        Effect("orthotropic material", True, f"{one.region or 'everywhere'}: {one.orthotropic.said}")
-        for one in scene.material
-        if one.orthotropic is not None
+        ListedEffect("orthotropic material", True, f"{material.region or 'everywhere'}: {material.orthotropic.said}")
+        for material in scene.material
+        if material.orthotropic is not None
     ]
 
 
-def _reduced(d: Discretisation) -> Effect:
+def _reduced(d: Discretisation) -> ListedEffect:
     setting = d.scene.element.volumetric
     on = d.reduced is not None
     why = f"volumetric = {setting!r}"
     if setting == "auto":
         why += f", some nu >= {LOCKING_POISSON:g}" if on else f", no nu >= {LOCKING_POISSON:g}, or linear triangles"
-    return Effect("reduced integration", on, why, tuple(d.inventory.forms[1:2]) if on else ())
+    return ListedEffect("reduced integration", on, why, tuple(d.inventory.forms[1:2]) if on else ())
 
 
-def _mixed(d: Discretisation) -> list[Effect]:
+def _mixed(d: Discretisation) -> list[ListedEffect]:
     if d.mixed is None:
         return []
     pressures = int(d.mixed.own.dofmap.index_map.size_global)
-    return [Effect("pressure of the mixed element", True, "volumetric = 'mixed'", MIXED_FORMS[1:], pressures)]
+    return [ListedEffect("pressure of the mixed element", True, "volumetric = 'mixed'", MIXED_FORMS[1:], pressures)]
 
 
-def _displacements(d: Discretisation) -> list[Effect]:
-    found: list[tuple[PrescribedDisplacement, int]] = []
+def _displacements(d: Discretisation) -> list[ListedEffect]:
+    held: list[tuple[PrescribedDisplacement, int]] = []
     taken = np.zeros_like(d.fixed)
     for effect, support in d.supports:
         dofs, owned = support.dof_indices()
@@ -231,56 +233,56 @@ def _displacements(d: Discretisation) -> list[Effect]:
         new[dofs[:owned]] = True
         count = int(parallel.global_sum(d.comm, np.array(np.count_nonzero(new & ~taken))))
         taken |= new
-        if found and found[-1][0] is effect:
-            count += found.pop()[1]
-        found.append((effect, count))
+        if held and held[-1][0] is effect:
+            count += held.pop()[1]
+        held.append((effect, count))
     owned = d.fixed.size // d.tagged.mesh.geometry.dim
     for skew in () if d.turned is None else d.turned.supports:
-        found.append((skew.effect, int(parallel.global_sum(d.comm, np.array(np.count_nonzero(skew.nodes < owned))))))
-    if not found:
-        return [Effect("displacement", False, "no [[displacement]]")]
-    return [Effect(e.name, True, e.said, unknowns=-count) for e, count in found]
+        held.append((skew.effect, int(parallel.global_sum(d.comm, np.array(np.count_nonzero(skew.nodes < owned))))))
+    if not held:
+        return [ListedEffect("displacement", False, "no [[displacement]]")]
+    return [ListedEffect(e.name, True, e.said, unknowns=-count) for e, count in held]
 
 
-def _contacts(d: Discretisation) -> list[Effect]:
+def _contacts(d: Discretisation) -> list[ListedEffect]:
     scene = d.scene
     if d.boundary is None:
-        return [Effect("contact", False, "no [[contact]]"), Effect("friction", False, "no [[contact]]")]
-    found, nodes = [], contact_nodes(d)
+        return [ListedEffect("contact", False, "no [[contact]]"), ListedEffect("friction", False, "no [[contact]]")]
+    effects, nodes = [], contact_nodes(d)
     # One effect after the other: the first contact counts for the iteration, the first friction of a kind for the rest.
     previous = (1, 1)
     for index, effect in enumerate(scene.contact):
         count = int(parallel.global_sum(d.boundary.comm, np.array(np.count_nonzero(d.boundary.part == index))))
         name, total = f"contact {effect.boundary}", linear_solves(scene, "none", nodes)
         forms: tuple[str, ...] = (name,)
-        said = f"{effect.kind}, {count} nodes"
+        description = f"{effect.kind}, {count} nodes"
         if effect.against is not None:
-            forms, said = (), f"{effect.kind}, against {effect.against}, {count} nodes"
+            forms, description = (), f"{effect.kind}, against {effect.against}, {count} nodes"
         if effect.foundation is not None:
-            said += f"; {effect.foundation.said}; at a distance from {_gaps(d, index)}"
-        moving, more = d.boundary.moving, 0
+            description += f"; {effect.foundation.said}; at a distance from {_gaps(d, index)}"
+        moving, added = d.boundary.moving, 0
         if effect.tool is not None and moving is not None:
-            more = int(np.count_nonzero(~moving.fixed & (moving.parts[moving.number] == index)))
-            said += "; gap and normals stay where it is given"
-        found.append(Effect(name, True, said, forms, unknowns=more, solves=_minus(total, previous)))
+            added = int(np.count_nonzero(~moving.fixed & (moving.parts[moving.number] == index)))
+            description += "; gap and normals stay where it is given"
+        effects.append(ListedEffect(name, True, description, forms, unknowns=added, solves=_minus(total, previous)))
         previous = total
     for index, effect in enumerate(scene.contact):
         law, total = effect.friction, linear_solves(scene, friction_kind(scene, scene.contact[: index + 1]), nodes)
         name = f"friction {effect.boundary}"
-        found.append(Effect(name, law.acts, law.said, solves=_minus(total, previous)))
+        effects.append(ListedEffect(name, law.acts, law.said, solves=_minus(total, previous)))
         previous = total
-    return found
+    return effects
 
 
 def _gaps(d: Discretisation, index: int) -> str:
     """The smallest and the largest gap of one contact in words; collective."""
     assert d.boundary is not None
     assert d.data is not None
-    here = d.data.gap[d.boundary.part == index]
-    low, high = (parallel.largest(d.comm, sign * here, -np.inf) for sign in (-1.0, 1.0))
-    found = (0.0 if abs(gap) < ZERO * d.tagged.size else gap for gap in (-low, high))
-    return " to ".join(f"{gap:.4g}" for gap in found)
+    gaps = d.data.gap[d.boundary.part == index]
+    low, high = (parallel.largest(d.comm, sign * gaps, -np.inf) for sign in (-1.0, 1.0))
+    extremes = (0.0 if abs(gap) < ZERO * d.tagged.size else gap for gap in (-low, high))
+    return " to ".join(f"{gap:.4g}" for gap in extremes)
 
 
-def _minus(after: tuple[int, int], before: tuple[int, int]) -> tuple[int, int]:
-    return after[0] - before[0], after[1] - before[1]
+def _minus(later: tuple[int, int], earlier: tuple[int, int]) -> tuple[int, int]:
+    return later[0] - earlier[0], later[1] - earlier[1]

@@ -79,13 +79,13 @@ def linear_solves(scene: Scene, kind: str, nodes: int, *, steps: int = 1, levels
     """Linear solves to expect, from and to; ``kind`` is a key of ``SOLVES_PER_DOUBLING``."""
     if not scene.contact:
         return steps * levels, steps * levels
-    more = MORE_SOLVES.get(scene.solver.algorithm, (0, 0))
+    extras = MORE_SOLVES.get(scene.solver.algorithm, (0, 0))
     size = math.log2(max(nodes / 2 ** (levels - 1), 4))
-    low, high = (round(factor * size) + extra for factor, extra in zip(SOLVES_PER_DOUBLING[kind], more, strict=True))
+    low, high = (round(factor * size) + extra for factor, extra in zip(SOLVES_PER_DOUBLING[kind], extras, strict=True))
     # A later load step starts from the sets of the previous one, a finer mesh from those of the coarser one.
     low, high = low + SOLVES_OF_LATER_STEP * (steps - 1), high * steps
-    least, most = SOLVES_OF_FINER_MESH
-    return low + least * (levels - 1) * steps, high + most * (levels - 1) * steps
+    least, greatest = SOLVES_OF_FINER_MESH
+    return low + least * (levels - 1) * steps, high + greatest * (levels - 1) * steps
 
 
 def estimated_cost(d: Discretisation) -> Cost:
@@ -105,14 +105,18 @@ def estimated_cost(d: Discretisation) -> Cost:
     dense, held = 0, 12.0 * entries
     if kind == "krylov":
         seconds = KRYLOV_SECONDS["meshes" if d.scene.solver.levels > 1 else "aggregation"]
-        once, each, held = seconds[0] * n, seconds[1] * n, MULTIGRID_SHARE * matrix
+        once, per_solve, held = seconds[0] * n, seconds[1] * n, MULTIGRID_SHARE * matrix
     elif kind == "condensed":
         dense = dim * nodes
-        once, each = CONDENSING * factorisation, dense**3 / 3 / DENSE_SPEED + DENSE_STEP_SECONDS
+        once, per_solve = CONDENSING * factorisation, dense**3 / 3 / DENSE_SPEED + DENSE_STEP_SECONDS
     elif d.boundary is None:
-        reason, once, each = "one factorisation for all load steps", factorisation, BACK_SUBSTITUTION * factorisation
+        reason, once, per_solve = (
+            "one factorisation for all load steps",
+            factorisation,
+            BACK_SUBSTITUTION * factorisation,
+        )
     else:
-        once, each = 0.0, factorisation
+        once, per_solve = 0.0, factorisation
     free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~d.fixed))))
     if d.boundary is not None and d.boundary.moving is not None:
         free += int(np.count_nonzero(~d.boundary.moving.fixed))
@@ -124,17 +128,17 @@ def estimated_cost(d: Discretisation) -> Cost:
         linear_solves=solves,
         factorisation_seconds=factorisation,
         factorisation_bytes=9.0 * entries,
-        seconds=(once + solves[0] * each, once + solves[1] * each),
+        seconds=(once + solves[0] * per_solve, once + solves[1] * per_solve),
         memory_bytes=BASE_BYTES * comm.size + BYTES_PER_DOF * n + 2 * matrix + held + 24.0 * dense**2 + paired,
     )
 
 
 def memory_finding(cost: Cost, comm: MPI.Comm) -> list[Finding]:
     """A warning if the machine has too little memory; collective."""
-    there = parallel.machine_memory(comm)
-    if cost.memory_bytes < MEMORY_SHARE * there:
+    available = parallel.machine_memory(comm)
+    if cost.memory_bytes < MEMORY_SHARE * available:
         return []
     message = (
-        f"about {cost.memory_bytes / 1e9:.0f} GB are needed, this machine has {there / 1e9:.0f}: use a coarser mesh"
+        f"about {cost.memory_bytes / 1e9:.0f} GB are needed, this machine has {available / 1e9:.0f}: use a coarser mesh"
     )
     return [Finding("warning", "mesh", message)]

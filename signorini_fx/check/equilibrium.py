@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from signorini_fx import parallel
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.body.limits import Surface, Unproved, balanced, excluded, surface_of
+from signorini_fx.body.limits import LimitSurface, Unproved, balanced, excluded, surface_of
 from signorini_fx.body.motion_names import names_of
 from signorini_fx.contact.motions import total_work
 from signorini_fx.contact.reactions import Reactions, nearest, reactions
@@ -31,27 +31,29 @@ def equilibrium(body: Discretisation) -> list[Finding]:
     motions, boundary, data = body.motions, body.boundary, body.data
     if motions.free.shape[1] == 0:
         return []
-    every: tuple[Reactions, _Rows] | None = None
-    surfaces: dict[int, Surface] | str = ""
+    all_reactions: tuple[Reactions, _Rows] | None = None
+    surfaces: dict[int, LimitSurface] | str = ""
     if boundary is not None and data is not None:
         gap = parallel.gather_rows(boundary.comm, data.gap[:, None])[:, 0]
-        every = reactions(motions.at(boundary), body.law, data.bilateral), gap
+        all_reactions = reactions(motions.at(boundary), body.law, data.bilateral), gap
         try:
             surfaces = surface_of(body)
         except Unproved as unproved:
             surfaces = str(unproved)
     loads = [load_on(body, step) for step in range(body.scene.steps)]
-    found = []
+    findings = []
     for number in map(int, np.unique(motions.assembly)):
         columns = motions.assembly == number
         contact, without_load = None, False
-        if every is not None:
-            contact = every[0].of(number, columns)
-            without_load = squeezed(contact, every[1][every[0].assembly == number])
-        own = [load[columns] for load in loads]
+        if all_reactions is not None:
+            contact = all_reactions[0].of(number, columns)
+            without_load = squeezed(contact, all_reactions[1][all_reactions[0].assembly == number])
+        assembly_loads = [load[columns] for load in loads]
         surface = surfaces if isinstance(surfaces, str) else surfaces[number]
-        found.append(_equilibrium_of(body, number, columns, contact, surface, own, without_load=without_load))
-    return found
+        findings.append(
+            _equilibrium_of(body, number, columns, contact, surface, assembly_loads, without_load=without_load)
+        )
+    return findings
 
 
 def _equilibrium_of(
@@ -59,7 +61,7 @@ def _equilibrium_of(
     number: int,
     columns: npt.NDArray[np.bool_],
     contact: Reactions | None,
-    surface: Surface | str,
+    surface: LimitSurface | str,
     loads: list[_Rows],
     *,
     without_load: bool,
@@ -79,11 +81,11 @@ def _equilibrium_of(
     free = motions.of_all[:, columns]
     several = motions.pieces.count > 1
     members = np.flatnonzero(motions.pieces.assembly == number)
-    it = "the body"
+    subject = "the body"
     if several:
-        it = "pieces joined by hinges" if np.isin(motions.pieces.pins, members).any() else "bodies that may touch"
+        subject = "pieces joined by hinges" if np.isin(motions.pieces.pins, members).any() else "bodies that may touch"
         if members.size == 1:
-            it = motions.pieces.called(int(members[0]))
+            subject = motions.pieces.called(int(members[0]))
     tangential = np.zeros((0, free.shape[1])) if contact is None else contact.tangential[contact.friction]
     normal = np.zeros((0, free.shape[1])) if contact is None else contact.normal
     loose = null_space(np.concatenate((normal, tangential.reshape(-1, free.shape[1]))))
@@ -94,11 +96,11 @@ def _equilibrium_of(
             who, advice = "neither the supports nor the contact resists", f"{advice}, or add friction"
         proved = "proved for the body"
         if contact is not None:
-            proved = _proved(surface, lambda whole: whole.flat)
-        return Finding("warning", "displacement", f"nothing holds {it}: {who} {names}; {advice}; {proved}")
+            proved = _proved(surface, lambda known_surface: known_surface.flat)
+        return Finding("warning", "displacement", f"nothing holds {subject}: {who} {names}; {advice}; {proved}")
     assert contact is not None
     away = [escape(contact, load) if load.any() else None for load in loads]
-    of_it = f" of {it}" if several else ""
+    of_it = f" of {subject}" if several else ""
     steps = [step for step, way in enumerate(away, start=1) if way is not None]
     if steps:
         when = ""
@@ -109,7 +111,9 @@ def _equilibrium_of(
         drives, cannot, cure = _WAYS[status]
         names = names_of(free @ motion[:, None], motions, members)
         driven = [loads[step - 1] for step in steps]
-        proved = _proved(surface, lambda whole: all(excluded(whole, nearest(contact, w).motion, w) for w in driven))
+        proved = _proved(
+            surface, lambda known_surface: all(excluded(known_surface, nearest(contact, w).motion, w) for w in driven)
+        )
         return Finding(
             "warning",
             scene.forces_at,
@@ -118,18 +122,18 @@ def _equilibrium_of(
         )
     bonds = contact.bilateral & np.isinf(contact.given)
     bonded = np.concatenate((contact.normal[bonds], contact.tangential[bonds].reshape(-1, free.shape[1])))
-    left = null_space(bonded) if bonds.any() else np.eye(free.shape[1])
-    if not left.shape[1]:
+    unbonded = null_space(bonded) if bonds.any() else np.eye(free.shape[1])
+    if not unbonded.shape[1]:
         return Finding("note", "displacement", f"the supports do not hold {names_of(free, motions, members)}: bonds do")
-    alone = "friction" if null_space(contact.normal @ left).shape[1] else "the contact alone"
+    alone = "friction" if null_space(contact.normal @ unbonded).shape[1] else "the contact alone"
     who = "the supports and bonds" if bonds.any() else "the supports"
-    text = f"{who} do not hold {names_of(free @ left, motions, members)}: {alone} must"
+    text = f"{who} do not hold {names_of(free @ unbonded, motions, members)}: {alone} must"
     if several:
-        text = f"{it}: {text}"
-    given = contact.given[:, None, None] > 0
-    stuck = np.linalg.matrix_rank((given * contact.tangential).reshape(-1, free.shape[1])) == free.shape[1]
+        text = f"{subject}: {text}"
+    with_base_bound = contact.given[:, None, None] > 0
+    stuck = np.linalg.matrix_rank((with_base_bound * contact.tangential).reshape(-1, free.shape[1])) == free.shape[1]
     if not any(load.any() for load in loads) and not (stuck or without_load or contact.bilateral.any()):
-        message = f"{text}, but no load presses {it} on its foundation: its position is not determined"
+        message = f"{text}, but no load presses {subject} on its foundation: its position is not determined"
         return Finding("warning", scene.forces_at, message)
     pressed = "it is squeezed without a load" if without_load else "the loads press the body on"
     text = f"{text}, and {pressed}"
@@ -137,12 +141,12 @@ def _equilibrium_of(
         text = f"{text}; friction is so close to its limit that only the iteration can say whether it holds"
     elif any(load.any() for load in loads):
         acting = [load for load in loads if load.any()]
-        proved = _proved(surface, lambda whole: all(balanced(contact, whole, load) for load in acting))
+        proved = _proved(surface, lambda known_surface: all(balanced(contact, known_surface, load) for load in acting))
         text = f"{text}; that tractions balance them is {proved}"
     return Finding("note", "displacement", text)
 
 
-def _proved(surface: Surface | str, statement: Callable[[Surface], bool]) -> str:
+def _proved(surface: LimitSurface | str, statement: Callable[[LimitSurface], bool]) -> str:
     """Of what a statement is proved: of the body, or only of its mesh."""
     if isinstance(surface, str):
         return f"proved for its mesh ({surface})"

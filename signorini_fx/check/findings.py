@@ -46,18 +46,18 @@ def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Find
     """
     scene, data = body.scene, body.data
     note = body.tagged.note
-    found = [Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in scene.incomplete]
-    found += [Finding("note", "mesh", note)] if note else []
-    found += [*_pieces(body), *_locking(body), *_idle(body), *equilibrium(body), *jumping_loads(body)]
+    findings = [Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in scene.incomplete]
+    findings += [Finding("note", "mesh", note)] if note else []
+    findings += [*_pieces(body), *_locking(body), *_idle(body), *equilibrium(body), *jumping_loads(body)]
     # Without an estimate it only matters whether anything acts at all; it is that of a beam in the plane or in space.
     estimates = estimates and not scene.of(Resistance) and not scene.axisymmetric
     moduli = [material.young for material in scene.material]
     moved = _displacement_scale(body, min(moduli)) if estimates else float(_acts(body))
     if estimates:
         # A layer of the softest material is not what bends: only what the stiffest one would do is certainly too much.
-        found += _odd_displacements(body, _displacement_scale(body, max(moduli)), moved)
+        findings += _odd_displacements(body, _displacement_scale(body, max(moduli)), moved)
     if body.boundary is not None and data is not None:
-        found += [
+        findings += [
             *_gaps(body, data, moved, estimates=estimates),
             *_inwards(body),
             *_heights(body),
@@ -70,8 +70,8 @@ def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Find
         if any(effect.against is not None for effect in scene.contact):
             from signorini_fx.check.bodies import paired_findings
 
-            found += paired_findings(body, moved if estimates else 0.0)
-    return found
+            findings += paired_findings(body, moved if estimates else 0.0)
+    return findings
 
 
 def _locking(body: Discretisation) -> list[Finding]:
@@ -95,7 +95,7 @@ def _locking(body: Discretisation) -> list[Finding]:
 
 def _idle(body: Discretisation) -> list[Finding]:
     """Loads and resistances that are expressions of the position and vanish wherever they may act."""
-    found = []
+    findings = []
     for path, effect in body.scene.listed():
         values = [value for value in effect.given.values() if not is_zero(value)]
         on_boundary = effect.where is not None and isinstance(effect, Force | Resistance)
@@ -109,8 +109,8 @@ def _idle(body: Discretisation) -> list[Finding]:
                 f"it is 0 on the whole boundary {effect.where!r}, at all nodes and middles of facets: check its "
                 "expression and the unit of lengths"
             )
-            found.append(Finding("warning", path, message))
-    return found
+            findings.append(Finding("warning", path, message))
+    return findings
 
 
 def result_findings(
@@ -123,13 +123,13 @@ def result_findings(
         touching: whether there is contact anywhere; None for a scene without contact.
         unjudged: names of bodies whose forces are round-off of those of others.
     """
-    found = []
+    findings = []
     if unjudged:
         message = (
             f"the forces on {', '.join(unjudged)} are round-off of the largest ones of the scene: its results mean "
             "nothing, and the certificate does not judge it; solve it in a scene of its own"
         )
-        found.append(Finding("warning", "body, traction, displacement", message))
+        findings.append(Finding("warning", "body, traction, displacement", message))
     worst = max(deformations, key=lambda deformation: deformation.largest)
     far = f"displacements of up to {worst.displacement:.2g} times the size of the body"
     if worst.gradient > SMALL_DEFORMATION:
@@ -137,17 +137,17 @@ def result_findings(
             f"strains and rotations of {worst.gradient:.2g} on average, {far}: the deformation is not small, as "
             "linear elasticity assumes; check the units of E, of the loads and of the lengths"
         )
-        found.append(Finding("warning", "material, traction, body_force, displacement", message))
+        findings.append(Finding("warning", "material, traction, body_force, displacement", message))
     elif worst.displacement > SMALL_DEFORMATION:
         message = (
             f"{far}, by strains and rotations of {worst.gradient:.2g} on average: the body moves far, while gap and "
             "normals are those of its initial position; check the gap and the unit of lengths"
         )
-        found.append(Finding("warning", "contact.gap, displacement", message))
+        findings.append(Finding("warning", "contact.gap, displacement", message))
     if touching is False:
         message = "nothing is in contact; where contact was expected, check the gap, the loads and their units"
-        found.append(Finding("warning", "contact.gap", message))
-    return found
+        findings.append(Finding("warning", "contact.gap", message))
+    return findings
 
 
 def _pieces(body: Discretisation) -> list[Finding]:
@@ -156,16 +156,17 @@ def _pieces(body: Discretisation) -> list[Finding]:
     if pieces.count == 1:
         return []
     listed = "; ".join(pieces.describe(piece) for piece in range(min(pieces.count, MOST_LISTED)))
-    more = f"; and {pieces.count - MOST_LISTED} more" if pieces.count > MOST_LISTED else ""
+    suffix = f"; and {pieces.count - MOST_LISTED} more" if pieces.count > MOST_LISTED else ""
     pairs = [
-        f"{one + 1} and {other + 1}" for one, other in zip(*np.unique(np.sort(pieces.pins), axis=0).T, strict=True)
+        f"{first + 1} and {second + 1}"
+        for first, second in zip(*np.unique(np.sort(pieces.pins), axis=0).T, strict=True)
     ]
     hinges = f"; hinges, where they share a single vertex, join {', '.join(pairs[:MOST_LISTED])}" if pairs else ""
     if any(effect.against is not None for effect in body.scene.contact):
-        return [Finding("note", "mesh", f"there are {pieces.count} bodies: {listed}{more}{hinges}")]
+        return [Finding("note", "mesh", f"there are {pieces.count} bodies: {listed}{suffix}{hinges}")]
     message = (
         f"the mesh of the body is in {pieces.count} pieces that share no side, so that each piece must be held: "
-        f"{listed}{more}{hinges}; if one body is meant, let the cells share their nodes (in gmsh: fragment)"
+        f"{listed}{suffix}{hinges}; if one body is meant, let the cells share their nodes (in gmsh: fragment)"
     )
     return [Finding("note", "mesh", message)]
 
@@ -179,22 +180,22 @@ def _gaps(body: Discretisation, data: RegularisedData, moved: float, *, estimate
     comm, size = boundary.comm, body.tagged.size
     unilateral = np.ones(boundary.size, dtype=bool) if data.bilateral is None else ~data.bilateral
     smallest = -parallel.largest(comm, -data.gap, -np.inf)
-    found = []
+    findings = []
     if smallest < -ZERO * size and not any(effect.moves for effect in body.scene.contact):
         level: Literal["warning", "note"] = "warning" if -smallest > 0.01 * size else "note"
         overlap = "the body penetrates its foundation"
         if any(effect.against is not None for effect in body.scene.contact):
             overlap = "a body penetrates another one, or its foundation,"
         message = f"the gap is negative, down to {smallest:g}: {overlap} before it is loaded"
-        found.append(Finding(level, "contact.gap", message))
+        findings.append(Finding(level, "contact.gap", message))
     two_sided = parallel.any_rank(comm, not unilateral.all())
     if body.motions.free.shape[1] > 0 or two_sided:
-        return found
+        return findings
     if smallest >= -ZERO * size and moved == 0.0:
         message = "there is no load, and every prescribed displacement is 0: the solution is 0"
-        found.append(Finding("warning", "traction, body_force, displacement", message))
+        findings.append(Finding("warning", "traction, body_force, displacement", message))
     elif estimates and smallest > _FAR * moved:
-        found.append(
+        findings.append(
             Finding(
                 "warning",
                 "contact.gap",
@@ -202,12 +203,12 @@ def _gaps(body: Discretisation, data: RegularisedData, moved: float, *, estimate
                 f"{moved:.1g} (an estimate): contact is unlikely to close; check the gap and the units",
             )
         )
-    return found
+    return findings
 
 
 def _inwards(body: Discretisation) -> list[Finding]:
     """Directions that lead into the body, and not from it to its foundation."""
-    found = []
+    findings = []
     mesh, dim = body.tagged.mesh, body.tagged.dimension
     for index, effect in enumerate(body.scene.contact):
         if effect.direction is None:
@@ -215,20 +216,20 @@ def _inwards(body: Discretisation) -> list[Finding]:
         facets = body.tagged.facets(effect.boundary)
         cells = dmesh.compute_midpoints(mesh, dim, facet_entities(mesh, facets)[:, 0])
         outwards = (dmesh.compute_midpoints(mesh, dim - 1, facets) - cells)[:, :dim] @ np.array(effect.direction)
-        inwards, every = parallel.global_sum(body.comm, np.array([np.count_nonzero(outwards < 0), outwards.size]))
-        if 2 * inwards > every:
+        inwards, total = parallel.global_sum(body.comm, np.array([np.count_nonzero(outwards < 0), outwards.size]))
+        if 2 * inwards > total:
             turned = ", ".join(f"{-component + 0.0:g}" for component in effect.direction)
             message = (
-                f"leads into the body on {inwards:.0f} of {every:.0f} facets: it is the direction from the body to the "
+                f"leads into the body on {inwards:.0f} of {total:.0f} facets: it is the direction from the body to the "
                 f"foundation; direction = [{turned}] is the opposite"
             )
-            found.append(Finding("warning", f"contact[{index}].direction", message))
-    return found
+            findings.append(Finding("warning", f"contact[{index}].direction", message))
+    return findings
 
 
 def _moving(scene: Scene) -> list[Finding]:
     """What effects say of themselves, foundations that move with the time, and friction that depends on it."""
-    found = [
+    findings = [
         Finding(kind, f"{path}.{key}", message)
         for path, effect in scene.listed()
         for kind, key, message in effect.remarks
@@ -238,43 +239,43 @@ def _moving(scene: Scene) -> list[Finding]:
             message = (
                 "it moves with the time t: gap and normals are those of each load step, and slip is relative to it"
             )
-            found.append(Finding("note", f"contact[{index}].foundation", message))
+            findings.append(Finding("note", f"contact[{index}].foundation", message))
         if effect.friction.timed:
             message = "it depends on the time t: the bound of the shear is that of each load step"
-            found.append(Finding("note", f"contact[{index}].friction", message))
-    return found
+            findings.append(Finding("note", f"contact[{index}].friction", message))
+    return findings
 
 
 def _heights(body: Discretisation) -> list[Finding]:
     """Gaps that look like the height above the foundation although they are measured along varying normals."""
     boundary = body.boundary
     assert boundary is not None
-    found = []
+    findings = []
     for index, effect in enumerate(body.scene.contact):
         if effect.direction is not None or effect.foundation is not None or isinstance(effect.gap, float):
             continue
-        here = boundary.part == index
+        on_part = boundary.part == index
         step = _STEP * body.tagged.size
-        slope = _slope(effect.gap, boundary.x[here], step)
+        slope = _slope(effect.gap, boundary.x[on_part], step)
         for direction in _fall_lines(slope, boundary.comm):
             # A height decreases by one per unit of length along its direction, wherever the foundation is.
             heights = np.abs(slope @ direction + 1.0) <= _SAME_SLOPE
-            along = boundary.normal[here] @ direction
+            along = boundary.normal[on_part] @ direction
             count, number, total = parallel.global_sum(
                 boundary.comm, np.array([np.count_nonzero(heights), heights.size, along[heights].sum()], dtype=float)
             )
             least = -parallel.largest(boundary.comm, -along[heights], -1.0)
             turned = math.degrees(math.acos(min(1.0, max(-1.0, least))))
             if 2 * count > number and 2 * total > count and turned > _TURNED:
-                told = ", ".join(rounded(c) for c in direction)
+                direction_text = ", ".join(rounded(c) for c in direction)
                 message = (
-                    f"it looks like the distance to the foundation along ({told}), but it is measured along the "
-                    f"normals, which deviate from it by up to {turned:.0f} degrees: write direction = [{told}], or "
-                    "give the distance along the normals"
+                    f"it looks like the distance to the foundation along ({direction_text}), but it is measured along "
+                    f"the normals, which deviate from it by up to {turned:.0f} degrees: write direction = "
+                    f"[{direction_text}], or give the distance along the normals"
                 )
-                found.append(Finding("warning", f"contact[{index}].gap", message))
+                findings.append(Finding("warning", f"contact[{index}].gap", message))
                 break
-    return found
+    return findings
 
 
 # A gap is a height if it decreases by one along a direction, up to this; normals vary if by more than these degrees.
@@ -301,8 +302,8 @@ def _fall_lines(slope: _Rows, comm: MPI.Comm) -> list[_Rows]:
     """Directions along which a gap of this gradient may be a height: the axes, and the line of steepest descent."""
     dim = slope.shape[1]
     lines = [sign * axis for axis in np.eye(dim)[::-1] for sign in (-1.0, 1.0)]
-    known = slope[np.isfinite(slope).all(axis=1)]
-    *total, count = parallel.global_sum(comm, np.append(known.sum(axis=0), float(len(known))))
+    finite = slope[np.isfinite(slope).all(axis=1)]
+    *total, count = parallel.global_sum(comm, np.append(finite.sum(axis=0), float(len(finite))))
     mean = np.array(total) / max(count, 1.0)
     if abs(float(np.hypot.reduce(mean)) - 1.0) <= _SAME_SLOPE:
         lines.append(-mean)
@@ -313,19 +314,19 @@ def _fall_lines(slope: _Rows, comm: MPI.Comm) -> list[_Rows]:
 _HARDLY = 1e-8
 
 
-def _odd_displacements(body: Discretisation, moved: float, most: float) -> list[Finding]:
+def _odd_displacements(body: Discretisation, moved: float, moved_most: float) -> list[Finding]:
     """Loads that are too large for linear elasticity, or hardly felt; usually two units are inconsistent.
 
     Args:
         body: the scene and its mesh.
         moved: how far a body of the stiffest of its materials would move, an estimate, length.
-        most: the same of the softest one.
+        moved_most: the same of the softest one.
     """
     size = body.tagged.size
-    if 0 < most < _HARDLY * size:
+    if 0 < moved_most < _HARDLY * size:
         message = (
-            f"loads and prescribed displacements move the body by about {most:.1g} (an estimate) only, its size is "
-            f"{size:.3g}: are E and the loads in the same units, such as MPa?"
+            f"loads and prescribed displacements move the body by about {moved_most:.1g} (an estimate) only, its size "
+            f"is {size:.3g}: are E and the loads in the same units, such as MPa?"
         )
         return [Finding("note", f"material, {body.scene.forces_at}, displacement", message)]
     if moved < size:
@@ -358,8 +359,8 @@ def _displacement_at(body: Discretisation, step: int, young: float) -> float:
     prescribed = parallel.largest(body.comm, np.abs(owned))
 
     def total(balanced: bool) -> float:
-        own = (factor * load.forces for factor, load in applied if load.balanced is balanced)
-        loads = np.reshape(sum(own, np.zeros(body.fixed.size)), (-1, body.tagged.dimension))
+        forces = (factor * load.forces for factor, load in applied if load.balanced is balanced)
+        loads = np.reshape(sum(forces, np.zeros(body.fixed.size)), (-1, body.tagged.dimension))
         return float(parallel.global_sum(body.comm, np.linalg.norm(loads, axis=1).sum()))
 
     force, swelling = total(balanced=False), total(balanced=True)
@@ -377,12 +378,12 @@ def _displacement_at(body: Discretisation, step: int, young: float) -> float:
 
 def _uniqueness(scene: Scene, boundary: ContactBoundary, law: FrictionLaw | None) -> list[Finding]:
     limit = min(material.friction_indication for material in scene.material)
-    found = []
+    findings = []
     for index, _ in enumerate(scene.contact):
-        here = np.zeros(0) if law is None else law.coefficient[boundary.part == index]
-        largest = parallel.largest(boundary.comm, here)
+        coefficients = np.zeros(0) if law is None else law.coefficient[boundary.part == index]
+        largest = parallel.largest(boundary.comm, coefficients)
         if largest > limit:
-            found.append(
+            findings.append(
                 Finding(
                     "warning",
                     f"contact[{index}].friction.coefficient",
@@ -391,12 +392,12 @@ def _uniqueness(scene: Scene, boundary: ContactBoundary, law: FrictionLaw | None
                     "solutions from different solver.initial_contact, and try solver.coulomb = 'newton'",
                 )
             )
-    return found
+    return findings
 
 
 def _regularisation(scene: Scene, data: RegularisedData, natural: float) -> list[Finding]:
     """Gamma and sigma compared with E over the size of the body."""
-    settings, found = scene.solver, []
+    settings, findings = scene.solver, []
     gammas = {"gamma_n": data.gamma_n, "gamma_t": data.gamma_t}
     if not scene.has_friction:
         del gammas["gamma_t"]
@@ -407,7 +408,7 @@ def _regularisation(scene: Scene, data: RegularisedData, natural: float) -> list
                 f"{gamma:g} is above {LARGEST_GAMMA * natural:.1g}, {LARGEST_GAMMA:g} times E over the size of the "
                 "body: round-off spoils the digits of the pressures; set 'auto', or algorithm = 'alm' or 'exact'"
             )
-            found.append(Finding("warning", f"solver.{name}", message))
+            findings.append(Finding("warning", f"solver.{name}", message))
         if gamma < START_GAMMA * natural and settings.algorithm != "alm":
             error = "a penetration" if name == "gamma_n" else "an elastic slip"
             message = (
@@ -415,11 +416,11 @@ def _regularisation(scene: Scene, data: RegularisedData, natural: float) -> list
                 f"{error} of about {min(1.0, natural / gamma):.0%} of the displacements is to be expected; set "
                 "'auto', or algorithm = 'alm'"
             )
-            found.append(Finding("warning", f"solver.{name}", message))
+            findings.append(Finding("warning", f"solver.{name}", message))
     if scene.has_friction and data.sigma * data.gamma_t <= 1.0 + 1e-9 and data.gamma_t > START_GAMMA * natural:
         message = f"{data.sigma:g} is not above 1 / gamma_t: the slip sets cycle where gamma_t is large; set 'auto'"
-        found.append(Finding("warning", "solver.sigma", message))
-    return found
+        findings.append(Finding("warning", "solver.sigma", message))
+    return findings
 
 
 def _monolithic(scene: Scene) -> list[Finding]:
@@ -431,11 +432,13 @@ def _monolithic(scene: Scene) -> list[Finding]:
         "cohesion": any(contact.cohesive for contact in scene.contact),
         "bilateral contact": any(contact.kind == "bilateral" for contact in scene.contact),
     }
-    given = [reason for reason, holds in reasons.items() if holds]
-    if not given:
+    obstacles = [reason for reason, holds in reasons.items() if holds]
+    if not obstacles:
         return []
     return [
         Finding(
-            "note", "solver.coulomb", f"newton cannot be combined with {' and '.join(given)}: the fixed point is used"
+            "note",
+            "solver.coulomb",
+            f"newton cannot be combined with {' and '.join(obstacles)}: the fixed point is used",
         )
     ]

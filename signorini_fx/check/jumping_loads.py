@@ -25,7 +25,7 @@ _LITTLE = 1e-3
 
 def jumping_loads(d: Discretisation) -> list[Finding]:
     """A warning for each load on a boundary of which the rule on its facets misses a part; collective."""
-    found = []
+    findings = []
     for path, load in d.scene.listed():
         if not isinstance(load, Force) or load.where is None:
             continue
@@ -38,7 +38,7 @@ def jumping_loads(d: Discretisation) -> list[Finding]:
             sums = parallel.global_sum(d.comm, missed_here)
             facets, missed, size = (float(total) for total in sums)
             if missed > _LITTLE * size > 0:
-                found.append(
+                findings.append(
                     Finding(
                         "warning",
                         f"{path}.{key}",
@@ -47,7 +47,7 @@ def jumping_loads(d: Discretisation) -> list[Finding]:
                         "or smaller cells there",
                     )
                 )
-    return found
+    return findings
 
 
 def _simplices(x: Array, cell: str) -> Array:
@@ -82,5 +82,5 @@ def _missed(x: Array, value: Any, degree: int, *, cut_there: bool) -> Array:
     exact = np.bincount(owner, share * (values(local @ parts @ x[owner]) @ weights), len(x))
     is_cut = (np.bincount(owner, minlength=len(x)) > 1) & ~(known & cut_there)
     missed = np.abs(exact - seen @ weights) * size
-    whole = float((np.abs(seen) @ weights * size).sum()) + float((np.abs(exact) * size)[is_cut].sum())
-    return np.array([np.count_nonzero(is_cut & (missed > _LITTLE * np.abs(exact) * size)), missed[is_cut].sum(), whole])
+    total = float((np.abs(seen) @ weights * size).sum()) + float((np.abs(exact) * size)[is_cut].sum())
+    return np.array([np.count_nonzero(is_cut & (missed > _LITTLE * np.abs(exact) * size)), missed[is_cut].sum(), total])

@@ -40,15 +40,15 @@ def refuse_mistyped(comm: MPI.Comm) -> None:
     """
     options = PETSc.Options()
     values = {name: options.getString(name, "") for name in options.getAll()}
-    given = {name: value for name, value in values.items() if name.startswith(PREFIX)}
+    user_options = {name: value for name, value in values.items() if name.startswith(PREFIX)}
     parallel.on_root(comm, lambda: _check_files({name: value for name, value in values.items() if watches(name)}))
-    if not given:
+    if not user_options:
         return
-    refuse_exchanged({name.removeprefix(PREFIX): value for name, value in given.items()})
-    quiet = {name: value for name, value in given.items() if not watches(name)}
+    refuse_exchanged({name.removeprefix(PREFIX): value for name, value in user_options.items()})
+    quiet = {name: value for name, value in user_options.items() if not watches(name)}
     if any("mg_" in name for name in quiet):
         parallel.on_root(comm, lambda: _check_crash(quiet))
-    for name in given:
+    for name in user_options:
         options.delValue(name)
     try:
         complaint = _complaint(comm, quiet)
@@ -57,24 +57,24 @@ def refuse_mistyped(comm: MPI.Comm) -> None:
             name, complaint = next(((n, reason) for n, reason in alone if reason is not None), (None, complaint))
             shown = quiet if name is None else {name: quiet[name]}
             raise OptionsError(f"PETSc option {_spelt(shown)}: {complaint}")
-        for name, value in given.items():
+        for name, value in user_options.items():
             if watches(name) and (reason := _complaint(comm, {name: value}, solve=False)) is not None:
                 raise OptionsError(f"PETSc option {_spelt({name: value})}: {reason}")
     finally:
-        for name, value in given.items():
+        for name, value in user_options.items():
             options[name] = value or None
 
 
-def refuse_exchanged(given: Mapping[str, str]) -> None:
+def refuse_exchanged(user_options: Mapping[str, str]) -> None:
     """Refuse options with which PETSc would not run the Newton method of this package.
 
     Args:
-        given: names without the prefix, and values.
+        user_options: names without the prefix, and values.
 
     Raises:
         OptionsError: one of them does so; the message names it.
     """
-    for name, value in given.items():
+    for name, value in user_options.items():
         harmless = _EXCHANGING.get(name, () if name.startswith(_INNER_SOLVER) else None)
         if harmless is not None and value.lower() not in harmless:
             raise OptionsError(
@@ -86,8 +86,12 @@ def refuse_exchanged(given: Mapping[str, str]) -> None:
 def refused(error: PETSc.Error) -> OptionsError | None:
     """The message for an error of PETSc that options of the user may have caused; None if there are none."""
     options = PETSc.Options()
-    given = {name: options.getString(name, "") for name in options.getAll() if name.startswith(PREFIX)}
-    return OptionsError(f"PETSc fails with the options {_spelt(given)}: {_last_line(error)}") if given else None
+    user_options = {name: options.getString(name, "") for name in options.getAll() if name.startswith(PREFIX)}
+    return (
+        OptionsError(f"PETSc fails with the options {_spelt(user_options)}: {_last_line(error)}")
+        if user_options
+        else None
+    )
 
 
 def _spelt(options: Mapping[str, str]) -> str:
@@ -164,8 +168,8 @@ def _few_equations(comm: MPI.Comm) -> tuple[PETSc.SNES, PETSc.Vec]:
     The Krylov method is one that reads all options, because PETSc does not check options that a direct solver does not
     need.
     """
-    own = 4
-    matrix = PETSc.Mat().createAIJ(((own, None), (own, None)), nnz=(3, 1), comm=comm)
+    owned = 4
+    matrix = PETSc.Mat().createAIJ(((owned, None), (owned, None)), nnz=(3, 1), comm=comm)
     matrix.setBlockSize(2)
     first, last = matrix.getOwnershipRange()
     size = matrix.getSize()[0]

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from signorini_fx.attempts import (
-    AGAIN,
     AUGMENTED,
     EXACT_SOLVES,
     FULL_STEPS,
     HALF,
     METHOD,
+    RAMP_BY_AUGMENTATION,
+    RAMP_WITHOUT_AUGMENTATION,
     REGULARISED,
-    WITHOUT,
     Attempt,
     for_coulomb,
     for_mesh,
@@ -34,8 +34,8 @@ def attempts_for(scene: Scene) -> tuple[tuple[str, tuple[str, ...], str], ...]:
     problem = problem if s.fallbacks else (FULL_STEPS, EXACT_SOLVES)
     rows = [("a problem with given friction", problem, f"at most {s.max_iterations} linear solves each")]
     if scene.has_coulomb:
-        capped = any(one.capped for one in scene.contact)
-        bilateral = any(one.kind == "bilateral" for one in scene.contact)
+        capped = any(contact.capped for contact in scene.contact)
+        bilateral = any(contact.kind == "bilateral" for contact in scene.contact)
         ways = for_coulomb(
             monolithic=not (capped or bilateral),
             first=s.coulomb == "newton",
@@ -44,17 +44,17 @@ def attempts_for(scene: Scene) -> tuple[tuple[str, tuple[str, ...], str], ...]:
             damped=s.algorithm != "alm",
         )
         rows.append(("Coulomb friction", ways, f"at most {s.max_outer_iterations} problems each"))
-    other = REGULARISED if s.algorithm == "alm" else AUGMENTED
-    step: tuple[Attempt, ...] = (METHOD, other) if s.fallbacks else (METHOD,)
+    alternative = REGULARISED if s.algorithm == "alm" else AUGMENTED
+    step: tuple[Attempt, ...] = (METHOD, alternative) if s.fallbacks else (METHOD,)
     rows.append(("a load step", step, f"at most {limit} linear solves together"))
     if ramp:
-        most = (
+        solves_limit = (
             f"an increment that fails takes at most {FAILED_STEP} times the linear solves of the load step before it, "
             f"all that fail together {FAILED_RAMP} times those that do not"
         )
-        again = (AGAIN, WITHOUT) if scene.has_coulomb and AUGMENTED in step else ()
-        rows.append(("a load step of the ramp", (METHOD, *again[:1], HALF, *step[1:], *again[1:]), most))
-    others = for_mesh(generated=scene.generated, ramp=ramp, fallbacks=s.fallbacks)
-    if others and s.levels == 1 and scene.accuracy is None:
-        rows.append(("the first load step", others, f"at most {limit} linear solves more"))
-    return tuple((what, tuple(map(str, names)), most) for what, names, most in rows)
+        retries = (RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION) if scene.has_coulomb and AUGMENTED in step else ()
+        rows.append(("a load step of the ramp", (METHOD, *retries[:1], HALF, *step[1:], *retries[1:]), solves_limit))
+    mesh_attempts = for_mesh(generated=scene.generated, ramp=ramp, fallbacks=s.fallbacks)
+    if mesh_attempts and s.levels == 1 and scene.accuracy is None:
+        rows.append(("the first load step", mesh_attempts, f"at most {limit} linear solves more"))
+    return tuple((purpose, tuple(map(str, names)), solves_limit) for purpose, names, solves_limit in rows)

@@ -18,7 +18,7 @@ from signorini_fx.effects.contact import Contact as ContactEffect
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import OutputError, cannot_be_written
 from signorini_fx.mesh.tagged import TaggedMesh, load_file, load_mesh
-from signorini_fx.pictures.setup import Boundary, Setup
+from signorini_fx.pictures.setup import NamedBoundary, Setup
 from signorini_fx.scene.effect import Effect, Force
 from signorini_fx.scene.model import MeshFile, Scene
 from signorini_fx.units import names_of
@@ -44,11 +44,11 @@ def gather_setup(tagged: TaggedMesh, scene: Scene | None = None, title: str = ""
     else:
         shown, _ = _sides(tagged, dmesh.exterior_facet_indices(mesh.topology))
     acting: dict[str, list[Effect]] = {name: [] for name in tagged.boundaries}
-    for one in () if scene is None else scene.of(Effect):
-        if one.where is not None and (one.acts or one.label == "contact"):
-            acting[one.where].append(one)
-        if isinstance(one, ContactEffect) and one.against is not None:
-            acting[one.against].append(one)
+    for effect in () if scene is None else scene.of(Effect):
+        if effect.where is not None and (effect.acts or effect.label == "contact"):
+            acting[effect.where].append(effect)
+        if isinstance(effect, ContactEffect) and effect.against is not None:
+            acting[effect.against].append(effect)
     time = 0.0 if scene is None else scene.time_at(scene.steps - 1)
     return Setup(
         title,
@@ -70,11 +70,11 @@ def _lines(scene: Scene, tagged: TaggedMesh) -> list[Floats]:
     aside = _BESIDE * float((high - low).max())
     x, y = (np.linspace(a - aside, b + aside, _GRID) for a, b in zip(low, high, strict=True))
     grid = np.stack(np.meshgrid(x, y), axis=2)
-    found = []
+    lines = []
     for shape in shapes:
         signed = shape.distance(grid.reshape(-1, 2))[0].reshape(_GRID, _GRID)
-        found += [np.asarray(line) for line in contour_generator(x, y, signed).lines(0.0)]
-    return found
+        lines += [np.asarray(line) for line in contour_generator(x, y, signed).lines(0.0)]
+    return lines
 
 
 def _shown(tagged: TaggedMesh, acting: dict[str, list[Effect]]) -> list[str]:
@@ -83,13 +83,15 @@ def _shown(tagged: TaggedMesh, acting: dict[str, list[Effect]]) -> list[str]:
     """
     used = [name for name, effects in acting.items() if effects]
     facets = {name: tagged.facets(name) for name in acting}
-    same = np.array([[np.array_equal(facets[name], facets[other]) for other in used] for name in acting], dtype=np.int8)
-    tagged.mesh.comm.Allreduce(MPI.IN_PLACE, same, MPI.MIN)
+    equal = np.array(
+        [[np.array_equal(facets[name], facets[used_name]) for used_name in used] for name in acting], dtype=np.int8
+    )
+    tagged.mesh.comm.Allreduce(MPI.IN_PLACE, equal, MPI.MIN)
     bodies = tagged.origin.get("bodies", {})
-    whole = {name for name in acting if name.partition(".")[0] in bodies}
-    short = {name.partition(".")[2] for name in whole} - whole
+    body_names = {name for name in acting if name.partition(".")[0] in bodies}
+    short = {name.partition(".")[2] for name in body_names} - body_names
     return [
-        name for name, twins in zip(acting, same, strict=True) if acting[name] or not (twins.any() or name in short)
+        name for name, twins in zip(acting, equal, strict=True) if acting[name] or not (twins.any() or name in short)
     ]
 
 
@@ -134,7 +136,7 @@ def _corners(tagged: TaggedMesh, dim: int, entities: npt.NDArray[np.int32]) -> F
     return np.asarray(x[dmesh.entities_to_geometry(mesh, dim, entities)[:, order]])
 
 
-def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) -> Boundary:
+def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) -> NamedBoundary:
     """A boundary with what acts on it, on the first rank; collective."""
     corners, normals = _sides(tagged, tagged.facets(name))
     middles = corners.mean(axis=1)
@@ -151,23 +153,23 @@ def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) 
     load, moved = np.zeros_like(middles), np.zeros_like(middles)
     held: dict[str, None] = {}
     grounded = False
-    for one in (effect.at_time(time) for effect in acting):
-        if isinstance(one, ContactEffect):
-            grounded |= one.against is None
-        elif isinstance(one, Force):
-            load += one.density_at(on)[:, 0]
-        elif isinstance(one, PrescribedDisplacement):
-            along = (*one.components, one.normal)
+    for acting_effect in (effect.at_time(time) for effect in acting):
+        if isinstance(acting_effect, ContactEffect):
+            grounded |= acting_effect.against is None
+        elif isinstance(acting_effect, Force):
+            load += acting_effect.density_at(on)[:, 0]
+        elif isinstance(acting_effect, PrescribedDisplacement):
+            along = (*acting_effect.components, acting_effect.normal)
             held |= {
                 key: None for key, value in zip(("x", "y", "z", "normal"), along, strict=True) if value is not None
             }
-            moved += on.vector(tuple(value or 0.0 for value in one.components))[:, 0]
-            moved += on.value(one.normal or 0.0) * normals
-    kinds = tuple(dict.fromkeys(one.label for one in acting))
+            moved += on.vector(tuple(value or 0.0 for value in acting_effect.components))[:, 0]
+            moved += on.value(acting_effect.normal or 0.0) * normals
+    kinds = tuple(dict.fromkeys(acting_effect.label for acting_effect in acting))
     corners, normals, load, moved = (
         parallel.rows_on_root(tagged.mesh.comm, rows) for rows in (corners, normals, load, moved)
     )
-    return Boundary(name, kinds, corners, normals, load, moved, tuple(held), grounded)
+    return NamedBoundary(name, kinds, corners, normals, load, moved, tuple(held), grounded)
 
 
 def _sides(tagged: TaggedMesh, facets: npt.NDArray[np.int32]) -> tuple[Floats, Floats]:

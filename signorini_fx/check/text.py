@@ -22,8 +22,8 @@ def render(check: Check) -> str:
     count = len(check.warnings)
     verdict = "fine" if count == 0 else f"{count} warning{'s' * (count > 1)}"
     lines = [f"{check.title or 'scene'}: {verdict}", *(f"  {line}" for line in lines), *_wrapped(_estimate(check.cost))]
-    for what, attempts, limit in check.plan:
-        lines += _wrapped(f"tried for {what}, until one has a solution: {'; '.join(attempts)} ({limit})")
+    for purpose, attempts, limit in check.plan:
+        lines += _wrapped(f"tried for {purpose}, until one has a solution: {'; '.join(attempts)} ({limit})")
     for finding in check.findings:
         lines += _wrapped(f"{finding.level}: {finding.path}: {finding.message}")
     return "\n".join(lines)
@@ -37,10 +37,10 @@ def _estimate(cost: Cost) -> str:
     low, high = cost.linear_solves
     solves = f"{low}" if low == high else f"{low} to {high}"
     multigrid = cost.linear_algebra.startswith("krylov")
-    one = "a sparse factorisation would take" if multigrid else "one sparse factorisation"
+    factorisation = "a sparse factorisation would take" if multigrid else "one sparse factorisation"
     return (
         f"estimate, good to a factor of about three: {cost.unknowns} unknowns, {cost.contact_nodes} contact nodes, "
         f"{solves} linear solves ({cost.linear_algebra}); "
-        f"{one} {duration(cost.factorisation_seconds)} and {storage(cost.factorisation_bytes)}; "
+        f"{factorisation} {duration(cost.factorisation_seconds)} and {storage(cost.factorisation_bytes)}; "
         f"altogether {' to '.join(dict.fromkeys(map(duration, cost.seconds)))} and {storage(cost.memory_bytes)}"
     )

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 def _read_scene(options: argparse.Namespace) -> Scene:
     """The scene on every rank, with what the command line changes; PETSc is started with the options of the user."""
-    ((_, scene),) = _read_scenes(options, lambda given: [("", given)])
+    ((_, scene),) = _read_scenes(options, lambda changed: [("", changed)])
     return scene
 
 
@@ -43,7 +43,10 @@ def _read_scenes(
     from signorini_fx.scene.reading import parse_scene_text, read_scene_text
 
     text = parallel.on_root(MPI.COMM_WORLD, lambda: read_scene_text(options.scene))
-    scenes = [(name, parse_scene_text(text, options.scene, own)) for name, own in several(changes(options))]
+    scenes = [
+        (name, parse_scene_text(text, options.scene, scene_changes))
+        for name, scene_changes in several(changes(options))
+    ]
     start_petsc(MPI.COMM_WORLD, options.petsc_options)
     return scenes
 
@@ -56,7 +59,7 @@ def solve(options: argparse.Namespace) -> int:
 
     comm = MPI.COMM_WORLD
     path = options.out or Path("results") / options.scene.stem
-    progress = _Progress(path)
+    progress = _SolveProgress(path)
     scene = _read_scene(options)
     from signorini_fx.results import files
     from signorini_fx.results.fields import chosen_format
@@ -107,16 +110,16 @@ def solve(options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         raise KeyboardInterrupt(str(progress)) from None
     if not options.quiet:
-        parallel.log_on_root(comm, [*lines_of(summary), terminal.Line("  results          ", f"{path}/")])
+        parallel.log_on_root(comm, [*lines_of(summary), terminal.TerminalLine("  results          ", f"{path}/")])
     if not solution.converged:
         # The summary above has said what to do.
-        ended = terminal.Line("signorini-fx: ", outcome(solution, advice=options.quiet), "error")
+        ended = terminal.TerminalLine("signorini-fx: ", outcome(solution, advice=options.quiet), "error")
         parallel.log_on_root(comm, [ended], error=True)
         return EXIT_NO_SOLUTION
     return EXIT_OK
 
 
-class _Progress:
+class _SolveProgress:
     """The progress of a solve: an observer of its history, and the text of an interruption."""
 
     def __init__(self, folder: Path) -> None:
@@ -138,12 +141,12 @@ class _Progress:
         if self.solved:
             return " while the results were written: they are not kept"
         mesh = f" on mesh {self.meshes}" if self.meshes else ""
-        kept = f": the previous mesh is in {self.last_level}/" if self.last_level else ": no result is complete yet"
+        saved = f": the previous mesh is in {self.last_level}/" if self.last_level else ": no result is complete yet"
         from signorini_fx.results.folder import CHECKPOINT
 
         begun = (self._folder / CHECKPOINT).is_dir()
-        again = "; --restart goes on from what is complete" if begun else ""
-        return f" after {self.solves} linear solves,{mesh}{kept}{again}".replace(",:", ":")
+        advice = "; --restart goes on from what is complete" if begun else ""
+        return f" after {self.solves} linear solves,{mesh}{saved}{advice}".replace(",:", ":")
 
 
 def work_precision(options: argparse.Namespace) -> int:
@@ -185,14 +188,14 @@ def sweep(options: argparse.Namespace) -> int:
     comm = MPI.COMM_WORLD
     path = options.out or Path("results") / f"sweep_{options.scene.stem}"
     entry, values = study.several(changes(options))
-    scenes = _read_scenes(options, lambda given: [(value, {**given, entry: value}) for value in values])
+    scenes = _read_scenes(options, lambda changed: [(value, {**changed, entry: value}) for value in values])
     report = partial(parallel.log_on_root, comm)
     with ResultFolder(comm, path, study.FILES) as folder:
-        found = study.run(entry, scenes, comm, report)
-        parallel.on_root(comm, lambda: study.write(found, folder.part))
+        outcome = study.run(entry, scenes, comm, report)
+        parallel.on_root(comm, lambda: study.write(outcome, folder.part))
         folder.commit()
     report(f"results: {path}/")
-    return EXIT_OK if found.solved else EXIT_NO_SOLUTION
+    return EXIT_OK if outcome.solved else EXIT_NO_SOLUTION
 
 
 def sensitivity(options: argparse.Namespace) -> int:
@@ -204,9 +207,9 @@ def sensitivity(options: argparse.Namespace) -> int:
     scene = _read_scene(options)
     from signorini_fx.derivatives.of_scene import sensitivity
 
-    found = sensitivity(scene, options.results, options.by, MPI.COMM_WORLD)
-    for one in found if isinstance(found, list) else [found]:
-        parallel.log_on_root(MPI.COMM_WORLD, str(one))
+    sensitivities = sensitivity(scene, options.results, options.by, MPI.COMM_WORLD)
+    for table in sensitivities if isinstance(sensitivities, list) else [sensitivities]:
+        parallel.log_on_root(MPI.COMM_WORLD, str(table))
     return EXIT_OK
 
 
@@ -222,7 +225,7 @@ def check(options: argparse.Namespace) -> int:
         from signorini_fx.check.checks import check_scene
         from signorini_fx.check.text import render
 
-        found = check_scene(scene, comm)
+        checked = check_scene(scene, comm)
         if options.picture is not None:
             from signorini_fx.check.setup import draw_setup
 
@@ -233,7 +236,7 @@ def check(options: argparse.Namespace) -> int:
             report = {"problems": [{"path": path, "message": message} for path, message in problems]}
             parallel.log_on_root(comm, json.dumps(report, indent=2))
         raise
-    parallel.log_on_root(comm, json.dumps(found.as_dict(), indent=2) if options.json else render(found))
+    parallel.log_on_root(comm, json.dumps(checked.as_dict(), indent=2) if options.json else render(checked))
     return EXIT_OK
 
 

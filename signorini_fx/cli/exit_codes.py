@@ -19,9 +19,9 @@ _PATIENCE = 1.0  # seconds
 
 
 def _complain(text: object) -> int:
-    first, *more = str(text).split("\n", 1)
-    begin = terminal.Line("signorini-fx: error: ", first, "error")
-    terminal.say([begin, *(line for rest in more for line in terminal.prose(rest))], error=True)
+    first, *remainder = str(text).split("\n", 1)
+    begin = terminal.TerminalLine("signorini-fx: error: ", first, "error")
+    terminal.say([begin, *(line for detail in remainder for line in terminal.prose(detail))], error=True)
     return EXIT_BAD_INPUT
 
 
@@ -69,7 +69,7 @@ def on_ranks(run: Callable[[], int], source: object = None) -> int:
         return code
 
     # mpirun and batch systems send SIGTERM, and kill soon after.
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    handler = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         code = run()
         return code or (EXIT_BAD_INPUT if terminal.output_lost() else EXIT_OK)
@@ -91,7 +91,7 @@ def on_ranks(run: Callable[[], int], source: object = None) -> int:
         traceback.print_exc()
         return end(EXIT_CRASH)
     finally:
-        signal.signal(signal.SIGTERM, before)
+        signal.signal(signal.SIGTERM, handler)
 
 
 def _forget_petsc_options() -> None:

@@ -28,14 +28,14 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         if started_as_root():
-            usage = terminal.Line(self.format_usage().removesuffix("\n"))
-            terminal.say([terminal.Line(f"{self.prog}: ", shortened(message), "error"), usage], error=True)
+            usage = terminal.TerminalLine(self.format_usage().removesuffix("\n"))
+            terminal.say([terminal.TerminalLine(f"{self.prog}: ", shortened(message), "error"), usage], error=True)
         self.exit(EXIT_BAD_INPUT)
 
 
 def parser() -> argparse.ArgumentParser:
     """The commands and their options."""
-    after = (
+    epilog = (
         "What follows -- is passed to PETSc, for example: -- -sfx_snes_monitor -sfx_pc_factor_mat_solver_type mumps. "
         "Exit codes: 0 solved, 1 no solution (the summary says why), 2 bad input, 3 internal error, 4 an incomplete "
         "draft, 130 interrupted."
@@ -43,11 +43,11 @@ def parser() -> argparse.ArgumentParser:
     main = _Parser(
         prog="signorini-fx",
         description="Signorini contact with Tresca and Coulomb friction on FEniCSx.",
-        epilog=after,
+        epilog=epilog,
     )
     main.add_argument("--version", action="version", version=f"signorini-fx {__version__}")
     commands = main.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
-    solve = commands.add_parser("solve", help="solve a scene and write its results", epilog=after)
+    solve = commands.add_parser("solve", help="solve a scene and write its results", epilog=epilog)
     solve.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
     solve.add_argument(
         "--out", type=named_path, metavar="DIR", help="result folder (default: results/NAME of the scene file)"
@@ -102,12 +102,12 @@ def parser() -> argparse.ArgumentParser:
     compare = commands.add_parser("compare", help="put two result folders side by side")
     compare.add_argument("one", type=named_path, metavar="FOLDER", help="result folder")
     compare.add_argument("other", type=named_path, metavar="OTHER", help="result folder to compare it with")
-    sweep = commands.add_parser("sweep", help="solve a scene for several values of one of its entries", epilog=after)
+    sweep = commands.add_parser("sweep", help="solve a scene for several values of one of its entries", epilog=epilog)
     sweep.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
     sweep.add_argument(
         "--out", type=named_path, metavar="DIR", help="folder (default: results/sweep_NAME of the scene file)"
     )
-    slopes = commands.add_parser("sensitivity", help="derivatives of a result of a scene by its data", epilog=after)
+    slopes = commands.add_parser("sensitivity", help="derivatives of a result of a scene by its data", epilog=epilog)
     slopes.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
     slopes.add_argument(
         "--of",
@@ -125,13 +125,13 @@ def parser() -> argparse.ArgumentParser:
         "repeated (default: friction, gap, material and loads)",
     )
     for command in (solve, check, sweep, slopes):
-        more = "; one of them with several values, FROM:TO:COUNT or A,B,C" if command is sweep else ""
+        suffix = "; one of them with several values, FROM:TO:COUNT or A,B,C" if command is sweep else ""
         command.add_argument(
             "--set",
             action="append",
             type=parsed_setting,
             metavar="PATH=VALUE",
-            help=f"entry of the scene, such as contact[0].friction.coefficient=0.3; may be repeated{more}",
+            help=f"entry of the scene, such as contact[0].friction.coefficient=0.3; may be repeated{suffix}",
         )
     study = commands.add_parser("work-precision", help="find the cheapest method for each accuracy by trying all")
     study.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML) with a mesh from a generator")
@@ -158,8 +158,8 @@ def parser() -> argparse.ArgumentParser:
         command.add_argument("--size", type=float, help="length of the cells that are made of a .step, .stp or .brep")
     info.add_argument("--json", action="store_true", help="print JSON instead of a table")
     drawn = {check: "mesh, loads, supports and contact", info: "the mesh and the names of its boundaries"}
-    for command, what in drawn.items():
-        command.add_argument("--picture", type=named_path, metavar="FILE", help=f"draw {what}: .png, .pdf or .svg")
+    for command, drawing in drawn.items():
+        command.add_argument("--picture", type=named_path, metavar="FILE", help=f"draw {drawing}: .png, .pdf or .svg")
     schema = commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
     schema.add_argument("--summary", action="store_true", help="that of summary.json in result folders")
     completion = commands.add_parser("completion", help="print a script that completes commands and options in a shell")
@@ -213,7 +213,7 @@ def parsed_setting(text: str) -> tuple[str, Any]:
 
 def changes(options: argparse.Namespace) -> dict[str, Any]:
     """The entries of the scene that the command line replaces, by their paths."""
-    given = {
+    entries = {
         "solver.levels": getattr(options, "levels", None),
         "accuracy.target": getattr(options, "accuracy", None),
         "accuracy.of": getattr(options, "of", None),
@@ -221,4 +221,4 @@ def changes(options: argparse.Namespace) -> dict[str, Any]:
         **{f"accuracy.{key}": value for key, value in getattr(options, "budget", None) or ()},
         **dict(getattr(options, "set", None) or ()),
     }
-    return {path: value for path, value in given.items() if value is not None}
+    return {path: value for path, value in entries.items() if value is not None}

@@ -59,9 +59,9 @@ def hold(
     unresisted = motions.unheld(following.contact, _stick(following, data), following.turned)
     if not unresisted.any():
         return following, None, False
-    here = unresisted[motions.of_point]  # only motions that the sets do not resist
-    slipping = _ranked(points, here & ~sets.slip & following.slip & able, length(shear) - bound)
-    opening = _ranked(points, here & sets.contact & ~following.contact, -pressure)
+    unresisted_points = unresisted[motions.of_point]  # only motions that the sets do not resist
+    slipping = _ranked(points, unresisted_points & ~sets.slip & following.slip & able, length(shear) - bound)
+    opening = _ranked(points, unresisted_points & sets.contact & ~following.contact, -pressure)
     for slipping_counts, opening_counts in (True, False), (False, True), (True, True):
         for share in _shares(max(_count(points, slipping), _count(points, opening))):
             kept_stick = _least(points, slipping, share) if slipping_counts else ~everywhere
@@ -72,14 +72,18 @@ def hold(
                 return held, None, True
     # The iterate is still far from a solution: hold the body with all nodes that can, and let the next iterates
     # release.
-    contact = following.contact | (here & sets.contact)
-    everything = replace(following, contact=contact).sticking(here & contact & able)
+    contact = following.contact | (unresisted_points & sets.contact)
+    everything = replace(following, contact=contact).sticking(unresisted_points & contact & able)
     if holds(everything, data, motions):
         return everything, None, True
     if holds(sets, data, motions):
         return sets, None, True
     # Sets of a problem with another friction bound need not hold it either.
-    return replace(following, contact=following.contact | here).sticking(here & able), None, True
+    return (
+        replace(following, contact=following.contact | unresisted_points).sticking(unresisted_points & able),
+        None,
+        True,
+    )
 
 
 def holds(sets: ActiveSets, data: RegularisedData, motions: FreeMotions) -> bool:
@@ -96,8 +100,8 @@ def _ranked(points: ContactPoints, candidates: npt.NDArray[np.bool_], violation:
     # Position breaks ties: a uniform state would otherwise keep all of them or none.
     ranking = np.column_stack((violation, points.x))
     places = {
-        row: place
-        for place, row in enumerate(sorted(map(tuple, parallel.gather_rows(points.comm, ranking[candidates]))))
+        row: position
+        for position, row in enumerate(sorted(map(tuple, parallel.gather_rows(points.comm, ranking[candidates]))))
     }
     result = np.full(candidates.size, -1, dtype=np.int64)
     result[candidates] = [places[tuple(row)] for row in ranking[candidates]]

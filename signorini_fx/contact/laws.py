@@ -44,10 +44,10 @@ def inner(a: Nodal, b: Nodal) -> Nodal:
 def unit(vectors: Nodal) -> Nodal:
     """Each row over its length; the first axis where a row is zero.  In R^1: the sign, +1 for zero."""
     size = length(vectors)
-    found = np.zeros_like(vectors)
-    found[:, :1] = 1.0
-    np.divide(vectors, size[:, None], out=found, where=(size > 0)[:, None])
-    return found
+    units = np.zeros_like(vectors)
+    units[:, :1] = 1.0
+    np.divide(vectors, size[:, None], out=units, where=(size > 0)[:, None])
+    return units
 
 
 @dataclass(frozen=True)
@@ -93,10 +93,10 @@ class ActiveSets:
         """The directions of the points whose shear resists perpendicular slip, shape (n, d - 1); zero at the others."""
         return np.where((self.slip & (self.turning > 0))[:, None], self.direction, 0.0)
 
-    def changed(self, other: ActiveSets) -> npt.NDArray[np.bool_]:
-        """The points that are in another set in ``other``, or whose direction has turned by more than a right angle."""
-        turned = inner(self.direction, other.direction) < 0
-        return (self.contact != other.contact) | (self.slip != other.slip) | turned
+    def changed(self, reference: ActiveSets) -> npt.NDArray[np.bool_]:
+        """The points in another set than in ``reference``, or whose direction has turned by more than a right angle."""
+        turned = inner(self.direction, reference.direction) < 0
+        return (self.contact != reference.contact) | (self.slip != reference.slip) | turned
 
     def sticking(self, where: npt.NDArray[np.bool_]) -> ActiveSets:
         """The sets with the points ``where`` put into I_f."""

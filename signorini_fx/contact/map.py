@@ -49,8 +49,8 @@ class ContactMap:
         """That of a body without contact points, with the layout of its matrix; collective."""
         operator = PETSc.Mat().createAIJ(((0, None), matrix.getSizes()[1]), nnz=0, comm=matrix.comm)
         operator.assemble()
-        none = np.empty((0, dimension, dimension))
-        return cls(operator, ContactPoints(matrix.comm.tompi4py(), none[:, 0, 0], none, none[:, 0]), fixed)
+        empty = np.empty((0, dimension, dimension))
+        return cls(operator, ContactPoints(matrix.comm.tompi4py(), empty[:, 0, 0], empty, empty[:, 0]), fixed)
 
     def traces(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """(tau_N y, tau_T y), lengths, shapes (n,) and (n, d - 1); collective."""
@@ -78,10 +78,10 @@ class ContactMap:
             unknowns: local numbers of those of this rank, shape (m,).
             fixed: which of them are prescribed, shape (m,).
         """
-        every = np.arange(*self.operator.getOwnershipRange())
+        rows = np.arange(*self.operator.getOwnershipRange())
         sets = [
-            PETSc.IS().createGeneral(some.astype(PETSc.IntType), comm=self.operator.comm)
-            for some in (every, self.operator.getOwnershipRangeColumn()[0] + unknowns)
+            PETSc.IS().createGeneral(indices.astype(PETSc.IntType), comm=self.operator.comm)
+            for indices in (rows, self.operator.getOwnershipRangeColumn()[0] + unknowns)
         ]
         lift = None if self.lift is None else self.lift.createSubMatrix(*sets[::-1])
         return ContactMap(self.operator.createSubMatrix(*sets), self.points, fixed, lift, self.paired)
@@ -166,8 +166,8 @@ def _within(pattern: PETSc.Mat, matrix: PETSc.Mat) -> bool:
     counts = np.diff(starts)
     touched = np.flatnonzero(counts)
     rows = PETSc.IS().createGeneral((first + touched).astype(PETSc.IntType), comm=matrix.comm)
-    there = matrix.createSubMatrix(rows, None)
-    room, names, _ = there.getValuesCSR()
+    touched_rows = matrix.createSubMatrix(rows, None)
+    room, names, _ = touched_rows.getValuesCSR()
     row, width = np.repeat(np.arange(touched.size), np.diff(room)), matrix.getSize()[1]
     wanted = np.repeat(np.arange(touched.size), counts[touched]) * width + columns
     return bool(np.isin(wanted, row * width + names).all())

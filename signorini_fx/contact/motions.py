@@ -45,8 +45,8 @@ class RigidLoad:
     @classmethod
     def of(cls, forces: PETSc.Vec, modes: Sequence[PETSc.Vec]) -> RigidLoad:
         """That of forces on the rigid motions of one body, which has no other assembly; collective."""
-        size, none = np.full(len(modes), forces.norm(PETSc.NormType.NORM_1)), np.zeros(len(modes), dtype=np.int64)
-        return cls(np.array([mode.dot(forces) for mode in modes], dtype=np.float64), size, none)
+        size, assembly = np.full(len(modes), forces.norm(PETSc.NormType.NORM_1)), np.zeros(len(modes), dtype=np.int64)
+        return cls(np.array([mode.dot(forces) for mode in modes], dtype=np.float64), size, assembly)
 
 
 def total_work(loads: Sequence[tuple[float, RigidLoad]], count: int) -> Nodal:
@@ -92,9 +92,9 @@ class FreeMotions:
         relative = np.zeros((*contact.points.movable.shape[:2], len(modes)))
         for number, mode in enumerate(modes):
             relative[:, 0, number], relative[:, 1:, number] = contact.traces(mode)
-        none, points = np.zeros(len(modes), dtype=np.int64), contact.points
+        assembly, points = np.zeros(len(modes), dtype=np.int64), contact.points
         groups = PointGroups.of(points, points.everywhere[:, None])
-        return cls(points, relative, none, np.zeros(points.size, dtype=np.int64), groups)
+        return cls(points, relative, assembly, np.zeros(points.size, dtype=np.int64), groups)
 
     def some(self, points: ContactPoints, rows: npt.NDArray[np.signedinteger[Any]]) -> FreeMotions:
         """The same motions at ``points``, which are those in these rows."""

@@ -108,19 +108,19 @@ class ContactPoints:
             Projections onto the tangential directions in which a point does not move, ``still`` and these, shape
             (n, d - 1, d - 1), and what of the displacement along these is due to ``entered``, length, shape (n, d - 1).
         """
-        found, moved = self.still.copy(), np.zeros((self.size, self.dimension - 1))
+        projections, moved = self.still.copy(), np.zeros((self.size, self.dimension - 1))
         if self.shared is None:
-            return found, moved
+            return projections, moved
         across = self.shared.normal[:, 1:]
         size = np.linalg.norm(across, axis=1)
         use = contact[self.shared.here] & contact[self.shared.beside] & (size > _ALONG)
-        here, beside, size = self.shared.here[use], self.shared.beside[use], size[use]
+        point, beside, size = self.shared.here[use], self.shared.beside[use], size[use]
         aligned, across = self.shared.normal[use, 0], across[use] / size[:, None]
-        np.add.at(found, here, across[:, :, None] * across[:, None, :])
-        found = onto_range(found)
-        moved[here] = across * ((entered[beside] - aligned * entered[here]) / size)[:, None]
-        slips = np.trace(found, axis1=1, axis2=2) < self.dimension - 1.5
-        return np.where(slips[:, None, None], found, self.still), np.where(slips[:, None], moved, 0.0)
+        np.add.at(projections, point, across[:, :, None] * across[:, None, :])
+        projections = onto_range(projections)
+        moved[point] = across * ((entered[beside] - aligned * entered[point]) / size)[:, None]
+        slips = np.trace(projections, axis1=1, axis2=2) < self.dimension - 1.5
+        return np.where(slips[:, None, None], projections, self.still), np.where(slips[:, None], moved, 0.0)
 
     def norm(self, values: Nodal) -> float:
         """The norm of L2(Gamma_c) by the nodal rule, of scalars (n,) or vectors (n, k); collective."""

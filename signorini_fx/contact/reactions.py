@@ -59,15 +59,15 @@ class Reactions:
 
     def of(self, number: int, columns: npt.NDArray[np.bool_]) -> Reactions:
         """The nodes and the motions of one assembly."""
-        here = self.assembly == number
+        in_assembly = self.assembly == number
         return Reactions(
-            normal=self.normal[here][:, columns],
-            tangential=self.tangential[here][:, :, columns],
-            given=self.given[here],
-            coefficient=self.coefficient[here],
-            cap=self.cap[here],
-            bilateral=self.bilateral[here],
-            assembly=self.assembly[here],
+            normal=self.normal[in_assembly][:, columns],
+            tangential=self.tangential[in_assembly][:, :, columns],
+            given=self.given[in_assembly],
+            coefficient=self.coefficient[in_assembly],
+            cap=self.cap[in_assembly],
+            bilateral=self.bilateral[in_assembly],
+            assembly=self.assembly[in_assembly],
         )
 
     @property
@@ -78,8 +78,10 @@ class Reactions:
     @property
     def rough(self) -> Reactions:
         """The same with unlimited friction wherever there is any."""
-        given = np.where(self.friction, np.inf, 0.0)
-        return replace(self, given=given, coefficient=np.zeros_like(given), cap=np.full_like(given, np.inf))
+        base_bound = np.where(self.friction, np.inf, 0.0)
+        return replace(
+            self, given=base_bound, coefficient=np.zeros_like(base_bound), cap=np.full_like(base_bound, np.inf)
+        )
 
     def against(self, motion: Nodal, unit_of_force: float) -> tuple[Nodal, Nodal, npt.NDArray[np.int64], Nodal]:
         """The tractions that do most work on a motion of shape (k,).
@@ -99,11 +101,11 @@ class Reactions:
         side = np.where(self.bilateral & (away < 0), -1.0, 1.0)
         pressed, size = side * away, length(slip)
         # Of a given size less friction does more work where the motion presses more than it slips.
-        less = np.flatnonzero((pressed > 0) & (size < share * pressed))
-        some = (size[less] / pressed[less])[:, None] * pull[less]
+        reduced = np.flatnonzero((pressed > 0) & (size < share * pressed))
+        reduced_pull = (size[reduced] / pressed[reduced])[:, None] * pull[reduced]
         normal = side[:, None] * self.normal
-        edges = np.concatenate((normal + share[:, None] * pull, normal[less] + some, pull[stick]))
-        node = np.concatenate((np.arange(away.size), less, np.full(np.count_nonzero(stick), -1)))
+        edges = np.concatenate((normal + share[:, None] * pull, normal[reduced] + reduced_pull, pull[stick]))
+        node = np.concatenate((np.arange(away.size), reduced, np.full(np.count_nonzero(stick), -1)))
         # Up to its cap, friction grows with the pressure.
         lift = np.zeros_like(away)
         lift[capped] = (self.cap[capped] - self.given[capped]) / self.coefficient[capped]
@@ -137,14 +139,14 @@ def reactions(
     laws = (points.weight * law.given, law.coefficient, cap, sides, able, motions.of_point)
     flat = motions.relative.reshape(points.size, (1 + tangents) * k)
     table = parallel.gather_rows(points.comm, np.column_stack((flat, *laws)))
-    given, share, cap, sides, able, assembly = table[:, (1 + tangents) * k :].T
+    base_bound, share, cap, sides, able, assembly = table[:, (1 + tangents) * k :].T
     sideways = table[:, k : (1 + tangents) * k].reshape(-1, tangents, k)
     # A foundation that may pull as well as push gives friction without limit but a cap: F |lambda| is not convex.
     unlimited = (share > 0) & ((sides > 0) | (share > _ROUGH))
     return Reactions(
         normal=np.where(able[:, None] > 0, table[:, :k], 0.0),
         tangential=sideways,
-        given=np.where(unlimited & (able > 0), cap, np.minimum(given, cap)),
+        given=np.where(unlimited & (able > 0), cap, np.minimum(base_bound, cap)),
         coefficient=np.where(unlimited | (able == 0), 0.0, share),
         cap=cap,
         bilateral=sides > 0,
@@ -153,7 +155,7 @@ def reactions(
 
 
 @dataclass(frozen=True)
-class Nearest:
+class NearestTractions:
     """The admissible tractions of one assembly whose resultant is nearest to a load.
 
     Attributes:
@@ -171,13 +173,13 @@ class Nearest:
     forces: float
 
 
-def nearest(here: Reactions, load: Nodal, *, unlimited: bool = False) -> Nearest:
+def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> NearestTractions:
     """The tractions nearest to a load.
 
     A limited resultant z is the column (z, 1), an unlimited edge e the column (e, 0), and the load (W, 1).
 
     Args:
-        here: the reactions of one assembly.
+        contact: the reactions of one assembly.
         load: W, its work on the motions, shape (k,); its size is the unit of force.
         unlimited: whether tractions with a given bound are left out: how many times the load acts does then not matter.
     """
@@ -185,42 +187,42 @@ def nearest(here: Reactions, load: Nodal, *, unlimited: bool = False) -> Nearest
     target = np.append(load / size, 0.0 if unlimited else 1.0)
     columns, pressing = np.eye(target.size)[-1:], np.array([-1])
     passive: list[int] = []
-    before, stalled = np.inf, 0
+    previous, stalled = np.inf, 0
     proof: tuple[Nodal, list[int]] | None = None
 
     def proves(motion: Nodal) -> bool:
-        gained = motion @ target[:-1] - most_work(here, motion, size, size, unlimited=unlimited)
+        gained = motion @ target[:-1] - most_work(contact, motion, size, size, unlimited=unlimited)
         return bool(gained > ZERO * np.linalg.norm(motion))
 
     for _ in range(_ROUNDS):
-        passive, values, rest = combination(columns, target, passive)
-        left = float(np.linalg.norm(rest))
-        stalled = stalled + 1 if left > (1 - 1e-13) * before else 0
+        passive, values, residual = combination(columns, target, passive)
+        distance = float(np.linalg.norm(residual))
+        stalled = stalled + 1 if distance > (1 - 1e-13) * previous else 0
         # Independent columns are no more than their components: the others differ by round-off.
-        if left <= ZERO**1.5 or stalled > _PATIENCE or len(passive) > 4 * target.size:
+        if distance <= ZERO**1.5 or stalled > _PATIENCE or len(passive) > 4 * target.size:
             break
-        before = left
-        if proves(rest[:-1]):
-            proof = rest[:-1], passive
-        edges, lengths, node, bounded = here.against(rest[:-1], size)
+        previous = distance
+        if proves(residual[:-1]):
+            proof = residual[:-1], passive
+        edges, lengths, node, bounded = contact.against(residual[:-1], size)
         rows = np.column_stack((edges / lengths[:, None], np.zeros(lengths.size)))
         if not unlimited:
             rows, node = np.vstack((rows, np.append(bounded, 1.0))), np.append(node, -1)
             rows[-1] /= np.linalg.norm(rows[-1])
-        work = rows @ rest
-        most = np.argsort(-work, kind="stable")[: _COLUMNS * target.size]
-        most = most[work[most] > max(_STATIONARY, _SLIGHT * left)]
-        if not most.size:
+        work = rows @ residual
+        steepest = np.argsort(-work, kind="stable")[: _COLUMNS * target.size]
+        steepest = steepest[work[steepest] > max(_STATIONARY, _SLIGHT * distance)]
+        if not steepest.size:
             break
-        columns, pressing = np.concatenate((columns, rows[most])), np.concatenate((pressing, node[most]))
-    motion = rest[:-1]
-    balanced = bool(left <= ZERO and values.sum() <= _LARGEST)
+        columns, pressing = np.concatenate((columns, rows[steepest])), np.concatenate((pressing, node[steepest]))
+    motion = residual[:-1]
+    balanced = bool(distance <= ZERO and values.sum() <= _LARGEST)
     # An earlier motion proves what a later one does not if round-off resists the latter by very large forces.
     unbalanced = not balanced and (proves(motion) or proof is not None)
     if unbalanced and not proves(motion) and proof is not None:
         motion, passive = proof
     pressed = np.unique(pressing[passive])
-    return Nearest(
+    return NearestTractions(
         motion=motion,
         pressed=pressed[pressed >= 0],
         balanced=balanced,
@@ -229,11 +231,11 @@ def nearest(here: Reactions, load: Nodal, *, unlimited: bool = False) -> Nearest
     )
 
 
-def most_work(here: Reactions, motion: Nodal, size: float, forces: float, *, unlimited: bool = False) -> float:
+def most_work(contact: Reactions, motion: Nodal, size: float, forces: float, *, unlimited: bool = False) -> float:
     """The most work that admissible tractions do on a motion, in units of ``size``: those with a bound, and others as
     far as round-off of the motion lets them, whose sum is at most ``_LARGEST`` times ``forces``.
     """
-    edges, lengths, _, bounded = here.against(motion, size)
+    edges, lengths, _, bounded = contact.against(motion, size)
     beyond = float(np.max(edges @ motion / lengths, initial=0.0))
     return (0.0 if unlimited else float(bounded @ motion)) + _LARGEST * forces / size * beyond
 
@@ -252,12 +254,12 @@ def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list
     passive = list(passive)
     values = _solve(columns[passive], target)
     banned: list[int] = []
-    rest = target - values @ columns[passive]
+    residual = target - values @ columns[passive]
     for _ in range(10 * target.size):
-        gain = columns @ rest
+        gain = columns @ residual
         gain[passive + banned] = -np.inf
         best = int(np.argmax(gain)) if gain.size else -1
-        if best < 0 or gain[best] <= max(_STATIONARY, _SLIGHT * float(np.linalg.norm(rest))):
+        if best < 0 or gain[best] <= max(_STATIONARY, _SLIGHT * float(np.linalg.norm(residual))):
             break
         passive, values = [*passive, best], np.append(values, 0.0)
         while True:
@@ -274,11 +276,11 @@ def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list
             first = int(np.argmin(steps))
             values = values + steps[first] * (wanted - values)
             values[first] = 0.0  # whatever round-off leaves: the set must shrink
-            kept = ~low | (values > 0)
-            passive = [row for row, keep in zip(passive, kept, strict=True) if keep]
-            values = values[kept]
-        rest = target - values @ columns[passive]
-    return passive, values, rest
+            positive = ~low | (values > 0)
+            passive = [row for row, keep in zip(passive, positive, strict=True) if keep]
+            values = values[positive]
+        residual = target - values @ columns[passive]
+    return passive, values, residual
 
 
 def _solve(columns: Nodal, target: Nodal) -> Nodal:

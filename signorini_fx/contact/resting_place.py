@@ -22,7 +22,7 @@ _SMALL = 1e-6
 
 
 @dataclass(frozen=True)
-class Rest:
+class RestingMotion:
     """A rigid motion, and its components at the contact points.
 
     Attributes:
@@ -48,7 +48,7 @@ def resting_place(
     bilateral: npt.NDArray[np.bool_] | None,
     motions: FreeMotions,
     resultant: npt.NDArray[np.float64],
-) -> Rest | None:
+) -> RestingMotion | None:
     """Where the load moves the rigid body; None if nothing stops it without friction, or if supports hold it;
     collective.
 
@@ -62,16 +62,16 @@ def resting_place(
     table = parallel.gather_rows(comm, np.column_stack((motions.normal, gap, sides, motions.of_point)))
     motion = np.zeros(motions.count)
     for number, columns in motions.assemblies():
-        here = table[table[:, -1] == number]
-        if len(here) and not here[:, -2].any():
-            moved = _rest_of(here[:, :-3][:, columns], here[:, -3], resultant[columns])
+        rows = table[table[:, -1] == number]
+        if len(rows) and not rows[:, -2].any():
+            moved = _rest_of(rows[:, :-3][:, columns], rows[:, -3], resultant[columns])
             motion[columns] = 0.0 if moved is None else moved
     if not motion.any():
         return None
     u_n, u_t = motions.normal @ motion, motions.tangential @ motion
     # A motion along the normals has no tangential part except for round-off.
     still = parallel.largest(comm, np.abs(u_t)) <= 1e-12 * float(np.abs(motion).max())
-    return Rest(motion, u_n, np.zeros_like(u_t) if still else u_t)
+    return RestingMotion(motion, u_n, np.zeros_like(u_t) if still else u_t)
 
 
 def _rest_of(
@@ -90,8 +90,8 @@ def _rest_of(
     size, largest = float(np.abs(gap).max()), float(np.abs(work).max(initial=0.0))
     if size == 0 or largest == 0:
         return None
-    place = _furthest(normal_modes @ resisted, gap / np.float64(size), work / np.float64(largest))
-    return None if place is None else size * (resisted @ place)
+    coefficients = _furthest(normal_modes @ resisted, gap / np.float64(size), work / np.float64(largest))
+    return None if coefficients is None else size * (resisted @ coefficients)
 
 
 def _furthest(
@@ -107,5 +107,5 @@ def _furthest(
         return None
     # The programme is solved to its own tolerance; the gaps that it closes are closed exactly.
     closed = rows @ result.x >= gap - _SMALL
-    place: npt.NDArray[np.float64] = np.linalg.lstsq(rows[closed], gap[closed], rcond=None)[0]
-    return place
+    coefficients: npt.NDArray[np.float64] = np.linalg.lstsq(rows[closed], gap[closed], rcond=None)[0]
+    return coefficients

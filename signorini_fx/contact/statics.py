@@ -79,97 +79,101 @@ def no_balance(
     everywhere = motions.points.everywhere
     able = ~everywhere if law is None else (law.given > 0) | (law.coefficient > 0)
     unheld = motions.unheld(everywhere, able)
-    every = reactions(motions, law, bilateral)
+    all_reactions = reactions(motions, law, bilateral)
     gaps = None if gap is None else parallel.gather_rows(motions.points.comm, gap[:, None])[:, 0]
     for number, columns in motions.assemblies():
-        here, work = every.of(number, columns), load[columns]
-        found: tuple[Status, Nodal] | None = None
-        if unheld[number] or not here.given.size:
-            found = Status.NOT_HELD if unheld[number] else Status.OPEN, work
+        contact, work = all_reactions.of(number, columns), load[columns]
+        escaping: tuple[Status, Nodal] | None = None
+        if unheld[number] or not contact.given.size:
+            escaping = Status.NOT_HELD if unheld[number] else Status.OPEN, work
         elif work.any():
-            found = escape(here, work)
+            escaping = escape(contact, work)
         else:
             # A given friction acts without a pressure, and then holds the body.
-            apart = gaps is not None and not here.given.any() and not squeezed(here, gaps[every.assembly == number])
-            if apart or separable(here):
-                found = Status.OPEN, work
-        if found is not None:
+            apart = (
+                gaps is not None
+                and not contact.given.any()
+                and not squeezed(contact, gaps[all_reactions.assembly == number])
+            )
+            if apart or separable(contact):
+                escaping = Status.OPEN, work
+        if escaping is not None:
             motion = np.zeros(load.size)
-            motion[columns] = found[1]
-            return Escape(found[0], number, motion)
+            motion[columns] = escaping[1]
+            return Escape(escaping[0], number, motion)
     return None
 
 
-def escape(here: Reactions, load: Nodal) -> tuple[Status, Nodal] | None:
+def escape(contact: Reactions, load: Nodal) -> tuple[Status, Nodal] | None:
     """How a load moves one assembly away, and the motion that it drives, shape (k,); None: not proved.
 
     Args:
-        here: the reactions of the assembly.
+        contact: the reactions of the assembly.
         load: its work on the motions, shape (k,), not zero.
     """
-    near = nearest(here, load)
+    near = nearest(contact, load)
     if not near.unbalanced:
         return None
-    if here.friction.any():
-        rough = nearest(here.rough, load)
+    if contact.friction.any():
+        rough = nearest(contact.rough, load)
         if not rough.unbalanced:
-            return Status.SLIDES, along_contact(here, near.motion, near.pressed)
+            return Status.SLIDES, along_contact(contact, near.motion, near.pressed)
         near = rough
     if not near.pressed.size:
         return Status.OPEN, near.motion
-    motion = along_contact(here, near.motion, near.pressed)
-    at_nodes = np.concatenate((here.normal[:, None], here.tangential), axis=1) @ motion
+    motion = along_contact(contact, near.motion, near.pressed)
+    at_nodes = np.concatenate((contact.normal[:, None], contact.tangential), axis=1) @ motion
     still = np.abs(at_nodes[near.pressed]).max() <= _STILL * np.abs(at_nodes).max()
     return (Status.TIPS if still else Status.OPEN), motion
 
 
-def along_contact(here: Reactions, motion: Nodal, pressed: npt.NDArray[np.int64]) -> Nodal:
+def along_contact(contact: Reactions, motion: Nodal, pressed: npt.NDArray[np.int64]) -> Nodal:
     """A motion that keeps pressed nodes in contact, shape (k,).
 
     Where friction follows the pressure, the motion on which tractions can do no more work lifts slipping nodes off; the
     body does not.  The motion is returned as it is if nothing else is left of it.
     """
-    rows = here.normal[pressed]
-    kept: Nodal = motion - np.linalg.lstsq(rows, rows @ motion, rcond=ZERO)[0] if len(rows) else motion
-    return kept if np.linalg.norm(kept) > ZERO * np.linalg.norm(motion) else motion
+    rows = contact.normal[pressed]
+    sliding: Nodal = motion - np.linalg.lstsq(rows, rows @ motion, rcond=ZERO)[0] if len(rows) else motion
+    return sliding if np.linalg.norm(sliding) > ZERO * np.linalg.norm(motion) else motion
 
 
-def separable(here: Reactions) -> bool:
+def separable(contact: Reactions) -> bool:
     """Whether one assembly can move off its foundation at all nodes at once, without slip where friction is given.
 
     Then no pressures are in balance: without a load there are none, and nothing says where the body is.
     """
-    if here.bilateral.any():
+    if contact.bilateral.any():
         return False
-    none = np.zeros_like(here.given)
-    given = np.where(here.given > 0, np.inf, 0.0)
+    zero = np.zeros_like(contact.given)
+    base_bound = np.where(contact.given > 0, np.inf, 0.0)
     with_distance = replace(
-        here,
-        normal=np.column_stack((here.normal, none + 1.0)),
-        tangential=np.concatenate((here.tangential, np.zeros_like(here.tangential[:, :, :1])), axis=2),
-        given=given,
-        cap=np.full_like(given, np.inf),
+        contact,
+        normal=np.column_stack((contact.normal, zero + 1.0)),
+        tangential=np.concatenate((contact.tangential, np.zeros_like(contact.tangential[:, :, :1])), axis=2),
+        given=base_bound,
+        cap=np.full_like(base_bound, np.inf),
     )
-    return nearest(with_distance, np.eye(here.normal.shape[1] + 1)[-1], unlimited=True).unbalanced
+    return nearest(with_distance, np.eye(contact.normal.shape[1] + 1)[-1], unlimited=True).unbalanced
 
 
-def squeezed(here: Reactions, gap: Nodal) -> bool:
+def squeezed(contact: Reactions, gap: Nodal) -> bool:
     """Whether one assembly is held by its foundation without a load, as in an interference fit.
 
     Its nodes overlap with the foundation wherever it is if pressures in balance do work on the gaps that is negative.
 
     Args:
-        here: its contact nodes.
+        contact: its contact nodes.
         gap: at these nodes, length, shape (n,).
     """
     size = float(np.abs(gap).max(initial=0.0))
     if size == 0.0:
         return False
-    rows = np.column_stack((here.normal, gap / size + ZERO))
-    rows = np.concatenate((rows, -np.column_stack((here.normal, gap / size - ZERO))[here.bilateral]))
+    rows = np.column_stack((contact.normal, gap / size + ZERO))
+    rows = np.concatenate((rows, -np.column_stack((contact.normal, gap / size - ZERO))[contact.bilateral]))
     rows /= np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), ZERO)
-    *_, rest = combination(rows, -np.eye(rows.shape[1])[-1], [])
-    return bool(np.linalg.norm(rest) <= ZERO)
+    *_, residual = combination(rows, -np.eye(rows.shape[1])[-1], [])
+    return bool(np.linalg.norm(residual) <= ZERO)
 
 
 def null_space(rows: Nodal, share: float = ZERO) -> Nodal:
@@ -200,7 +204,7 @@ class Limit:
     pressed: npt.NDArray[np.int64]
 
 
-def largest_multiple(here: Reactions, dead: Nodal, live: Nodal) -> Limit | None:
+def largest_multiple(contact: Reactions, dead: Nodal, live: Nodal) -> Limit | None:
     """The largest multiple of the live load that admissible tractions balance together with the dead load.
 
     A linear programme finds the largest multiple that some tractions balance, columns as in ``nearest``, and the motion
@@ -208,26 +212,26 @@ def largest_multiple(here: Reactions, dead: Nodal, live: Nodal) -> Limit | None:
     the dual problem), until the work of all tractions on the motion proves that there is no larger multiple.
 
     Args:
-        here: the reactions of one assembly.
+        contact: the reactions of one assembly.
         dead: the work of the other loads on its motions, shape (k,).
         live: that of the load, shape (k,), not zero.
 
     Returns:
         The multiple; None if no multiple of the load is balanced.
     """
-    if nearest(here, live, unlimited=True).balanced:
-        whole = dead + live
-        balanced = not whole.any() or nearest(here, whole).balanced
+    if nearest(contact, live, unlimited=True).balanced:
+        total_load = dead + live
+        balanced = not total_load.any() or nearest(contact, total_load).balanced
         return Limit(np.inf, np.inf, None, np.zeros(0, dtype=np.int64)) if balanced else None
     k, size = live.size, float(np.linalg.norm(live))
     target, along = np.append(dead / size, 1.0), np.append(live / size, 0.0)
     columns, pressing = np.eye(k + 1)[-1:], np.array([-1])
     # What is not balanced costs more than any motion gains.
-    rest = np.eye(k + 1)[:k]
-    limit, found, stalled = np.inf, -np.inf, 0
+    slack = np.eye(k + 1)[:k]
+    limit, balanced_factor, stalled = np.inf, -np.inf, 0
     best, pressed = np.zeros(k), pressing
     for _ in range(_PROGRAMMES):
-        rows = np.vstack((columns, rest, -rest, -along))
+        rows = np.vstack((columns, slack, -slack, -along))
         cost = np.concatenate((np.zeros(len(columns)), np.full(2 * k, _UNBALANCED), [-1.0]))
         solved = linprog(cost, A_eq=rows.T, b_eq=target, method="highs-ds", options=_EXACT)
         if solved.status != 0:
@@ -240,23 +244,23 @@ def largest_multiple(here: Reactions, dead: Nodal, live: Nodal) -> Limit | None:
         forces[used] += np.linalg.lstsq(rows[used].T, target - forces @ rows, rcond=None)[0]
         motion = dual[:-1]
         if np.abs(forces[len(columns) : -1]).sum() <= ZERO:
-            stalled = stalled + 1 if forces[-1] <= found * (1 + _CLOSE) else 0
-            found = max(found, float(forces[-1]))
-        scale = float(np.linalg.norm(dead)) + max(found, 1.0) * size
-        bound = most_work(here, motion, size, scale) - float(motion @ dead) / size
+            stalled = stalled + 1 if forces[-1] <= balanced_factor * (1 + _CLOSE) else 0
+            balanced_factor = max(balanced_factor, float(forces[-1]))
+        scale = float(np.linalg.norm(dead)) + max(balanced_factor, 1.0) * size
+        bound = most_work(contact, motion, size, scale) - float(motion @ dead) / size
         if bound < limit:
             limit, best = bound, motion
             pressed = np.unique(pressing[forces[: len(columns)] > 0])
-        if limit <= found * (1 + _CLOSE) or stalled > _STALLED:
+        if limit <= balanced_factor * (1 + _CLOSE) or stalled > _STALLED:
             break
-        edges, lengths, node, bounded = here.against(motion, size)
+        edges, lengths, node, bounded = contact.against(motion, size)
         new = np.column_stack((edges / lengths[:, None], np.zeros(lengths.size)))
         work = new @ dual
-        most = np.argsort(-work, kind="stable")[: 4 * (k + 1)]
-        most = most[work[most] > 0]
+        steepest = np.argsort(-work, kind="stable")[: 4 * (k + 1)]
+        steepest = steepest[work[steepest] > 0]
         limited = np.append(bounded, 1.0)
-        columns = np.vstack((columns, new[most], limited / np.linalg.norm(limited)))
-        pressing = np.concatenate((pressing, node[most], [-1]))
-    if found < 0:
+        columns = np.vstack((columns, new[steepest], limited / np.linalg.norm(limited)))
+        pressing = np.concatenate((pressing, node[steepest], [-1]))
+    if balanced_factor < 0:
         return None
-    return Limit(max(limit, found), found, best, pressed[pressed >= 0])
+    return Limit(max(limit, balanced_factor), balanced_factor, best, pressed[pressed >= 0])

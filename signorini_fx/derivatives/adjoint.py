@@ -37,7 +37,7 @@ from signorini_fx.problem.regularised import RegularisedProblem
 from signorini_fx.problem.tangent import ContactTangent
 
 # The iteration for chi ends at this change, relative to chi, or after so many solves.
-_ENOUGH, _MOST = 1e-11, 30
+_ENOUGH, _MOST_SOLVES = 1e-11, 30
 # Below it a change that does not shrink is round-off.
 _ROUND_OFF = 1e-6
 
@@ -124,9 +124,9 @@ class TransposedTangent:
             return None
         jacobian, ksp = newton.snes.getJacobian()[0], newton.snes.getKSP()
         tables = newton.problem.tangent.factorised, newton.problem.tangent.inserted
-        known = [table.get(jacobian.handle) for table in tables]
-        same = all(blocks is not None and np.array_equal(blocks, self._law.tangent) for blocks in known)
-        if parallel.any_rank(self._system.comm, not same or ksp.getType() != PETSc.KSP.Type.PREONLY):
+        factorised = [table.get(jacobian.handle) for table in tables]
+        unchanged = all(blocks is not None and np.array_equal(blocks, self._law.tangent) for blocks in factorised)
+        if parallel.any_rank(self._system.comm, not unchanged or ksp.getType() != PETSc.KSP.Type.PREONLY):
             return None
         return ksp.getPC()
 
@@ -167,28 +167,28 @@ class TransposedTangent:
         law, right = self._law, self._system.with_load(by_displacement)
         contact, load = right.contact, right.load
         _add(contact, np.einsum("nji,nj->ni", law.tangent, by_traction), load)
-        psi, more, rest, forces = load.duplicate(), load.duplicate(), load.copy(), load.norm()
+        psi, correction, residual, forces = load.duplicate(), load.duplicate(), load.copy(), load.norm()
         chi, solves, last = np.zeros_like(by_traction), 0, np.inf
         psi.set(0.0)
         while True:
-            self._solve(rest, more, forces)
-            psi.axpy(1.0, more)
+            self._solve(residual, correction, forces)
+            psi.axpy(1.0, correction)
             solves += 1
             moved = np.column_stack(contact.traces(psi))
             untied = moved - by_traction
             # A traction cannot move what supports prescribe, and so without regularisation it is none of the unknowns.
-            given = (moved == 0.0) & law.exact
-            step = law.gamma * law.tied_tractions(np.where(given, 0.0, untied))
+            unmoved = (moved == 0.0) & law.exact
+            step = law.gamma * law.tied_tractions(np.where(unmoved, 0.0, untied))
             chi = chi + step
             change, size = (parallel.largest(right.comm, np.abs(values)) for values in (step, chi))
             if not np.isfinite(change):
                 raise AdjointError("the tangent at the solution is singular: there is no derivative")
             stalls = change > 0.5 * last and change <= _ROUND_OFF * size
-            if not law.exact or change <= _ENOUGH * size or stalls or solves >= _MOST:
+            if not law.exact or change <= _ENOUGH * size or stalls or solves >= _MOST_SOLVES:
                 break
             last = change
-            rest.set(0.0)
-            _add(contact, -step, rest)  # the smaller it is the less a Krylov method has to do
+            residual.set(0.0)
+            _add(contact, -step, residual)  # the smaller it is the less a Krylov method has to do
         if law.exact and change > _ROUND_OFF * size:
             raise AdjointError(
                 f"the tractions of the adjoint problem still change by {change / size:.0e} of their size "

@@ -21,17 +21,17 @@ _EXAMPLE = "such as contact[0].friction.coefficient, material[0].young, or tract
 
 def default_entries(scene: Scene) -> list[str]:
     """What derivatives are taken by if nothing is named: friction and gap of each contact, the material, each load."""
-    found = []
+    entries = []
     for number, effect in enumerate(scene.contact):
         if effect.friction.acts and effect.friction.law == "coulomb":
-            found.append(f"contact[{number}].friction.coefficient")
+            entries.append(f"contact[{number}].friction.coefficient")
         elif effect.friction.acts:
-            found.append(f"contact[{number}].friction.bound")
-        found.append(f"contact[{number}].gap")
+            entries.append(f"contact[{number}].friction.bound")
+        entries.append(f"contact[{number}].gap")
     isotropic = [number for number, material in enumerate(scene.material) if material.orthotropic is None]
-    found += [f"material[{number}].{key}" for number in isotropic for key in ("young", "poisson")]
+    entries += [f"material[{number}].{key}" for number in isotropic for key in ("young", "poisson")]
     loads = [(path, effect) for path, effect in scene.listed() if isinstance(effect, Load) and effect.acts]
-    return found + [path for path, effect in loads if not is_zero(*effect.given.values())]
+    return entries + [path for path, effect in loads if not is_zero(*effect.given.values())]
 
 
 def entry_of(scene: Scene, path: str, extent: float, dimension: int) -> tuple[float, float]:
@@ -46,14 +46,14 @@ def entry_of(scene: Scene, path: str, extent: float, dimension: int) -> tuple[fl
     Raises:
         SceneError: there is no such entry, or none that a derivative can be taken by.
     """
-    if path.startswith("material") and any(one.orthotropic is not None for one in scene.material):
+    if path.startswith("material") and any(material.orthotropic is not None for material in scene.material):
         raise SceneError([(path, "is not possible yet where a material is orthotropic")])
     if ".friction.ratio" in path or ".friction.along" in path:
         raise SceneError([(path, "is none that a derivative can be taken by")])
     if path.endswith("grading"):
         number = "poisson" if path.endswith("poisson_grading") else "young"
         raise SceneError([(path, f"is none that a derivative can be taken by: take {number}, which it multiplies")])
-    value, parent = _found(scene, path, dimension)
+    value, parent = _entry_and_table(scene, path, dimension)
     if isinstance(value, Load):
         return 1.0, 1e-3
     if isinstance(parent, CoulombFriction | TrescaFriction | Resistance) and value == 0.0:
@@ -73,16 +73,16 @@ def entry_of(scene: Scene, path: str, extent: float, dimension: int) -> tuple[fl
 
 def varied(scene: Scene, path: str, change: float, dimension: int) -> Scene:
     """The scene with a number larger by ``change``; an expression gets it as another term, a load as a part of it."""
-    found = _changed(scene, scene, _way(path), change, dimension)
-    assert isinstance(found, Scene)
-    return found
+    changed = _changed(scene, scene, _way(path), change, dimension)
+    assert isinstance(changed, Scene)
+    return changed
 
 
 def load_of(scene: Scene, path: str) -> Load | None:
     """The load that an entry belongs to, or that it is; None: none."""
     value: Any = scene
     for key in _way(path):
-        value = _one(value, key)
+        value = _single_entry(value, key)
         only = value[0] if isinstance(value, tuple) and len(value) == 1 else value
         if isinstance(only, Load):
             return only
@@ -95,7 +95,7 @@ def _way(path: str) -> list[str | int]:
     return [int(number) if number else name for name, number in PATH_PART.findall(path)]
 
 
-def _one(value: Any, key: str | int) -> Any:
+def _single_entry(value: Any, key: str | int) -> Any:
     """What a key leads to; a list of one stands for what is in it."""
     if isinstance(key, str) and isinstance(value, tuple) and len(value) == 1:
         value = value[0]
@@ -108,7 +108,7 @@ def _one(value: Any, key: str | int) -> Any:
     return getattr(value, key) if isinstance(value, BaseModel) and key in type(value).model_fields else None
 
 
-def _found(scene: Scene, path: str, dimension: int) -> tuple[Any, Any]:
+def _entry_and_table(scene: Scene, path: str, dimension: int) -> tuple[Any, Any]:
     """The entry and what it is in."""
     parent: Any = None
     value: Any = scene
@@ -116,7 +116,7 @@ def _found(scene: Scene, path: str, dimension: int) -> tuple[Any, Any]:
     if way[0] not in scene.effects:
         raise SceneError([(path, f"is no datum of the problem that a derivative can be taken by, {_EXAMPLE}")])
     for key in way:
-        parent, value = value, _one(value, key)
+        parent, value = value, _single_entry(value, key)
         if value is None and key == "shift" and isinstance(way[-1], int):
             value = (0.0,) * dimension
         if value is None:
@@ -129,19 +129,21 @@ def _found(scene: Scene, path: str, dimension: int) -> tuple[Any, Any]:
 def _changed(scene: Scene, value: Any, way: list[str | int], change: float, dimension: int) -> Any:
     if not way:
         if isinstance(value, Load):
-            return value.model_copy(update={"factors": tuple((1 + change) * one for one in scene.factors_of(value))})
+            return value.model_copy(
+                update={"factors": tuple((1 + change) * factor for factor in scene.factors_of(value))}
+            )
         if isinstance(value, Expression):
             return Expression(f"({value.text}) + ({float(change)!r})", value.time, value.allows_time)
         return value + change
-    key, *rest = way
+    key, *inner_way = way
     if isinstance(key, str) and isinstance(value, tuple) and len(value) == 1:
         return (_changed(scene, value[0], way, change, dimension),)
     if isinstance(key, int) and isinstance(value, BaseModel):
-        return _changed(scene, value, rest, change, dimension)
-    inner = _one(value, key)
+        return _changed(scene, value, inner_way, change, dimension)
+    inner = _single_entry(value, key)
     if inner is None:
         inner = (0.0,) * dimension
-    other = _changed(scene, inner, rest, change, dimension)
+    changed = _changed(scene, inner, inner_way, change, dimension)
     if isinstance(key, int):
-        return (*value[:key], other, *value[key + 1 :])
-    return value.model_copy(update={key: other})
+        return (*value[:key], changed, *value[key + 1 :])
+    return value.model_copy(update={key: changed})

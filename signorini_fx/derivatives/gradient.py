@@ -42,7 +42,7 @@ By = Callable[[int], "Explicit"]
 
 
 @dataclass(frozen=True)
-class Solved:
+class SolvedStep:
     """A load step with its solution, and all that its derivatives need.
 
     Attributes:
@@ -75,7 +75,7 @@ class Solved:
         state: ContactState,
         displacement: fem.Function,
         law: FrictionLaw | None,
-    ) -> Solved:
+    ) -> SolvedStep:
         """A load step that has just been solved; collective.
 
         Args:
@@ -108,7 +108,7 @@ class Solved:
         vector.getArray()[self.body.prescribed] = 0.0
         return vector, of.by_traction(self.state.boundary, self.state.pressure, self.state.shear)
 
-    def handed_back(self, adjoint: Adjoint, earlier: Solved) -> tuple[PETSc.Vec, Nodal]:
+    def handed_back(self, adjoint: Adjoint, earlier: SolvedStep) -> tuple[PETSc.Vec, Nodal]:
         """What a quantity with this adjoint state owes to the load step before, as ``quantity``; collective."""
         body, boundary, slips = earlier.body, self.state.boundary, adjoint.tied[:, 1:]
         contact = _map_to(boundary, body)
@@ -118,7 +118,7 @@ class Solved:
         return vector, np.column_stack((np.zeros(len(slips)), turned))
 
 
-def adjoints_of(steps: Sequence[Solved], quantities: Sequence[tuple[int, Quantity]]) -> list[list[Adjoint | None]]:
+def adjoints_of(steps: Sequence[SolvedStep], quantities: Sequence[tuple[int, Quantity]]) -> list[list[Adjoint | None]]:
     """The adjoint states of quantities, at each load step those of all of them; collective.
 
     Args:
@@ -128,43 +128,43 @@ def adjoints_of(steps: Sequence[Solved], quantities: Sequence[tuple[int, Quantit
     Returns:
         None where a quantity owes nothing to a load step.
     """
-    found: list[list[Adjoint | None]] = [[None] * len(quantities) for _ in steps]
+    adjoints: list[list[Adjoint | None]] = [[None] * len(quantities) for _ in steps]
     owed: list[tuple[PETSc.Vec, Nodal] | None] = [None] * len(quantities)
     tangent = None
     for k in range(len(steps) - 1, -1, -1):
         step = steps[k]
-        owed = [step.quantity(of) if at == k else known for (at, of), known in zip(quantities, owed, strict=True)]
-        if not any(known is not None for known in owed):
+        owed = [step.quantity(of) if at == k else debt for (at, of), debt in zip(quantities, owed, strict=True)]
+        if not any(debt is not None for debt in owed):
             continue
         tangent = TransposedTangent(step.system, step.law, step.methods, tangent)
-        for number, known in enumerate(owed):
-            if known is None:
+        for number, debt in enumerate(owed):
+            if debt is None:
                 continue
-            adjoint = found[k][number] = tangent.adjoint(*known)
+            adjoint = adjoints[k][number] = tangent.adjoint(*debt)
             matters = parallel.any_rank(step.body.comm, bool(adjoint.tied[:, 1:].any()))
             owed[number] = step.handed_back(adjoint, steps[k - 1]) if k and matters else None
-    return found
+    return adjoints
 
 
 def _map_to(boundary: ContactBoundary, body: ElasticBody) -> ContactMap:
     """B of contact points from the unknowns of a body; collective."""
-    own = body.boundary
-    assert own is not None
-    same = boundary is own
-    if boundary.averages is own.averages and boundary.moving is own.moving:
-        same = same or np.array_equal(boundary.frames, own.frames)
-    if not parallel.any_rank(body.comm, not same):
+    body_boundary = body.boundary
+    assert body_boundary is not None
+    unchanged = boundary is body_boundary
+    if boundary.averages is body_boundary.averages and boundary.moving is body_boundary.moving:
+        unchanged = unchanged or np.array_equal(boundary.frames, body_boundary.frames)
+    if not parallel.any_rank(body.comm, not unchanged):
         return body.contact
     return contact_map(boundary, body.prescribed, body.stiffness, body.rotation, body.dimension)
 
 
-def _rotation(before: ContactBoundary, after: ContactBoundary) -> Array:
+def _rotation(earlier: ContactBoundary, later: ContactBoundary) -> Array:
     """From the components of a shear in the frames of a load step to those of the next, shape (n, d - 1, d - 1)."""
-    return np.einsum("nij,nik->njk", after.cotangents, before.tangents)
+    return np.einsum("nij,nik->njk", later.cotangents, earlier.tangents)
 
 
 @dataclass(frozen=True)
-class Data:
+class ChangedStep:
     """A load step at some value of a datum.
 
     Attributes:
@@ -188,7 +188,7 @@ class Data:
     law: FrictionLaw | None
     driven: Driven | None = None
     drift: Nodal | None = None
-    usual: Data | None = None
+    usual: ChangedStep | None = None
 
     def changes(self, *names: str) -> bool:
         """Whether the datum may change one of these attributes."""
@@ -214,7 +214,10 @@ class Explicit:
 
 
 def explicit(
-    solved: Solved, data: Data, quantities: Sequence[Quantity], before: tuple[Solved, Data] | None = None
+    solved: SolvedStep,
+    data: ChangedStep,
+    quantities: Sequence[Quantity],
+    previous: tuple[SolvedStep, ChangedStep] | None = None,
 ) -> Explicit:
     """A load step with some data at the displacement and the tractions of its solution; collective.
 
@@ -222,24 +225,24 @@ def explicit(
         solved: the load step.
         data: of it.
         quantities: that are evaluated.
-        before: the load step before it, with its data; None: there is none.
+        previous: the load step before it, with its data; None: there is none.
     """
     state, values, residual, relative, bound = solved.state, [0.0] * len(quantities), None, None, None
     moved = data.changes("prescribed", "driven", "boundary")
     if data.forms or moved or data.changes("forces"):
         residual = _residual(solved, data)
-    if moved or data.changes("gap", "drift") or (before and before[1].changes("prescribed", "driven", "boundary")):
-        relative = _relative(solved, data, before)
+    if moved or data.changes("gap", "drift") or (previous and previous[1].changes("prescribed", "driven", "boundary")):
+        relative = _relative(solved, data, previous)
     if data.changes("law"):
         bound = np.zeros_like(state.pressure) if data.law is None else data.law.bound(state.pressure)
         bound = np.where(np.isfinite(bound), bound, 0.0)
     if moved and quantities:
         y = solved.body.function(_displaced(solved, data, solved.body))
-        values = [one.value(y, data.boundary, state.pressure, state.shear) for one in quantities]
+        values = [quantity.value(y, data.boundary, state.pressure, state.shear) for quantity in quantities]
     return Explicit(values, residual, relative, bound)
 
 
-def _residual(solved: Solved, data: Data) -> PETSc.Vec:
+def _residual(solved: SolvedStep, data: ChangedStep) -> PETSc.Vec:
     """R at the unknowns of the stiffness; collective."""
     body, state = solved.body, solved.state
     residual = body.vector(-data.forces)
@@ -263,49 +266,49 @@ def elastic_forces(body: ElasticBody, forms: Sequence[fem.Form] | PETSc.Mat, y: 
     return body.vector(forces.getArray(readonly=True))
 
 
-def _relative(solved: Solved, data: Data, before: tuple[Solved, Data] | None) -> Nodal:
+def _relative(solved: SolvedStep, data: ChangedStep, previous: tuple[SolvedStep, ChangedStep] | None) -> Nodal:
     """B x - d, length, shape (n, d); collective."""
     body, contact = solved.body, _map_to(data.boundary, solved.body)
     u_n, u_t = contact.traces(_displaced(solved, data, body))
     if data.drift is not None:
         u_t = u_t - np.einsum("nij,ni->nj", data.boundary.tangents, data.drift)
-    if before is not None:
-        earlier, then = before
-        u_t = u_t - contact.traces(_displaced(earlier, then, body))[1]
-        if solved.compliance and data.boundary is not then.boundary:
-            shear = np.einsum("njk,nk->nj", _rotation(then.boundary, data.boundary), earlier.state.shear)
+    if previous is not None:
+        earlier, earlier_data = previous
+        u_t = u_t - contact.traces(_displaced(earlier, earlier_data, body))[1]
+        if solved.compliance and data.boundary is not earlier_data.boundary:
+            shear = np.einsum("njk,nk->nj", _rotation(earlier_data.boundary, data.boundary), earlier.state.shear)
             u_t = u_t + solved.compliance * shear
     return np.column_stack((u_n - data.gap, u_t))
 
 
-def _displaced(solved: Solved, data: Data, body: ElasticBody) -> PETSc.Vec:
+def _displaced(solved: SolvedStep, data: ChangedStep, body: ElasticBody) -> PETSc.Vec:
     """The displacement of a load step with what its data prescribe, in the unknowns of a body; collective."""
-    x, given = solved.body.unknowns(solved.displacement), solved.body.vector(data.prescribed)
+    x, prescribed = solved.body.unknowns(solved.displacement), solved.body.vector(data.prescribed)
     if data.driven is not None:
         solved.body.begin_driven(x, solved.driven, None)
-        solved.body.begin_driven(given, data.driven.motion, None)
+        solved.body.begin_driven(prescribed, data.driven.motion, None)
     fixed = solved.body.prescribed
-    x.getArray()[fixed] = given.getArray(readonly=True)[fixed]
+    x.getArray()[fixed] = prescribed.getArray(readonly=True)[fixed]
     if solved.body is body or solved.body.rotation is body.rotation:
         return x
-    found = body.unknowns(solved.body.function(x))
+    displacement = body.unknowns(solved.body.function(x))
     if data.driven is not None:
-        body.begin_driven(found, solved.body.driven(x, None), None)
-    return found
+        body.begin_driven(displacement, solved.body.driven(x, None), None)
+    return displacement
 
 
-def central(more: By, less: By, step: float) -> By:
+def central(above: By, below: By, step: float) -> By:
     """The derivatives of what depends on a datum, from what it is where the datum is larger and smaller by a step."""
 
     def by(k: int) -> Explicit:
-        high, low, residual = more(k), less(k), None
+        high, low, residual = above(k), below(k), None
         if high.residual is not None and low.residual is not None:
             residual = (high.residual - low.residual) * (0.5 / step)
         slopes = [
-            None if one is None or other is None else np.asarray((one - other) / (2 * step), dtype=np.float64)
-            for one, other in ((high.relative, low.relative), (high.bound, low.bound))
+            None if upper is None or lower is None else np.asarray((upper - lower) / (2 * step), dtype=np.float64)
+            for upper, lower in ((high.relative, low.relative), (high.bound, low.bound))
         ]
-        direct = [(one - other) / (2 * step) for one, other in zip(high.values, low.values, strict=True)]
+        direct = [(upper - lower) / (2 * step) for upper, lower in zip(high.values, low.values, strict=True)]
         return Explicit(direct, residual, *slopes)
 
     return by
@@ -321,14 +324,14 @@ def derivatives(
         quantities: each with the number of its load step.
         by: the derivatives by the datum of a load step, with its quantities.
     """
-    found = np.zeros(len(quantities))
-    for k, known in enumerate(adjoints):
-        if not any(one is not None for one in known):
+    slopes = np.zeros(len(quantities))
+    for k, step_adjoints in enumerate(adjoints):
+        if not any(state is not None for state in step_adjoints):
             continue
         change = by(k)
         direct = iter(change.values)
-        for number, ((own, _), adjoint) in enumerate(zip(quantities, known, strict=True)):
-            by_itself = next(direct) if own == k else 0.0
+        for number, ((at_step, _), adjoint) in enumerate(zip(quantities, step_adjoints, strict=True)):
+            by_itself = next(direct) if at_step == k else 0.0
             if adjoint is not None:
-                found[number] += adjoint.derivative(by_itself, change.residual, change.relative, change.bound)
-    return found.tolist()
+                slopes[number] += adjoint.derivative(by_itself, change.residual, change.relative, change.bound)
+    return slopes.tolist()

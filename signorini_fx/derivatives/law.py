@@ -111,7 +111,7 @@ def _between(
     size = np.where(state.in_contact, state.pressure, gamma[0] * (state.u_n - state.gap))
     opening = ~state.bilateral & (np.abs(size) <= BETWEEN * largest)
     bound = np.where(np.isfinite(state.bound), state.bound, 0.0)
-    most = BETWEEN * bound
-    stopping = slips & (gamma[1] * length(state.xi) <= most)
-    starting = sticks & np.isfinite(state.bound) & (bound - length(state.shear) <= most)
+    tolerance = BETWEEN * bound
+    stopping = slips & (gamma[1] * length(state.xi) <= tolerance)
+    starting = sticks & np.isfinite(state.bound) & (bound - length(state.shear) <= tolerance)
     return int(parallel.global_sum(comm, np.array(np.count_nonzero(opening | stopping | starting))))

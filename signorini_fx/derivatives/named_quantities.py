@@ -47,10 +47,10 @@ def quantity_of(d: Discretisation, text: str) -> Quantity:
 
 
 def _axis(d: Discretisation, name: str) -> int:
-    found = "xyz"[: d.dimension].index(name)
+    axis = "xyz"[: d.dimension].index(name)
     if len(name) != 1:
         raise ValueError(name)
-    return found
+    return axis
 
 
 def _part(d: Discretisation, boundary: str) -> int:
@@ -102,13 +102,13 @@ def _mean(d: Discretisation, boundary: str, axis: str) -> Quantity:
 
 
 def _displacement(d: Discretisation, point: str, axis: str) -> Quantity:
-    x = np.array([float(one) for one in point.split(",")])
+    x = np.array([float(coordinate) for coordinate in point.split(",")])
     if x.size != d.dimension:
         raise ValueError(point)
-    found = OfDisplacement.at_point(d.space, x, _axis(d, axis))
-    if found is None:
+    quantity = OfDisplacement.at_point(d.space, x, _axis(d, axis))
+    if quantity is None:
         raise SceneError([(f"of displacement {point}", "this point is outside of the body")])
-    return found
+    return quantity
 
 
 _NAMED: dict[str, Callable[..., Quantity]] = {

@@ -24,9 +24,9 @@ from signorini_fx.body.rigid_tools import Driven
 from signorini_fx.derivatives.entries import default_entries, entry_of, load_of, varied
 from signorini_fx.derivatives.gradient import (
     By,
-    Data,
+    ChangedStep,
     Explicit,
-    Solved,
+    SolvedStep,
     adjoints_of,
     central,
     derivatives,
@@ -92,8 +92,8 @@ class Sensitivity:
         ]
         for path, datum, slope in zip(self.by, self.data, self.derivatives, strict=True):
             share = f"{slope * datum / self.value:10.4g}" if self.value != 0 and math.isfinite(datum) else f"{'-':>10s}"
-            told = f"{datum:12.6g}" if math.isfinite(datum) else f"{'expression':>12s}"
-            lines.append(f"{path:{wide}s}  {told}  {slope:14.7g}  {share}")
+            datum_text = f"{datum:12.6g}" if math.isfinite(datum) else f"{'expression':>12s}"
+            lines.append(f"{path:{wide}s}  {datum_text}  {slope:14.7g}  {share}")
         if self.between:
             lines.append(f"{self.between} contact points stand between two sets: there the derivatives are one-sided")
         return "\n".join(lines)
@@ -132,8 +132,8 @@ def sensitivity(
     seconds = parallel.global_max(comm, time.perf_counter() - begin)
     if not solution.converged:
         raise ConvergenceError(solution)
-    found = _sensitivities(solved, [of] if isinstance(of, str) else list(of), by, solution, seconds)
-    return found[0] if isinstance(of, str) else found
+    sensitivities = _sensitivities(solved, [of] if isinstance(of, str) else list(of), by, solution, seconds)
+    return sensitivities[0] if isinstance(of, str) else sensitivities
 
 
 @dataclass(frozen=True)
@@ -148,15 +148,15 @@ class _Step:
 
     d: Discretisation
     place: float
-    solved: Solved
+    solved: SolvedStep
 
     @cached_property
-    def data(self) -> Data:
+    def data(self) -> ChangedStep:
         """What derivatives leave out where a datum does not change it; collective."""
         d = self.d
         assert d.boundary is not None
         assert d.data is not None
-        return Data(forms=(), boundary=d.boundary, gap=d.data.gap, law=d.law, **_loads(d, self.place))
+        return ChangedStep(forms=(), boundary=d.boundary, gap=d.data.gap, law=d.law, **_loads(d, self.place))
 
     @classmethod
     def of(cls, step: LoadStep) -> _Step:
@@ -164,7 +164,7 @@ class _Step:
         d, state = step.discretisation, step.result.contact
         assert state is not None
         of = d, step.task, step.outcome, step.start, state, step.result.displacement, step.start.law
-        return cls(d, step.result.place, Solved.of(*of))
+        return cls(d, step.result.place, SolvedStep.of(*of))
 
 
 def _check(scene: Scene) -> None:
@@ -216,7 +216,12 @@ def _sensitivities(
             tuple(value for value, _ in entries),
             tuple(column[k] for column in columns),
             sum(step.solved.law.between for step in steps[: at + 1]),
-            sum(one.solves for known in adjoints for one in known[k : k + 1] if one is not None),
+            sum(
+                adjoint.solves
+                for step_adjoints in adjoints
+                for adjoint in step_adjoints[k : k + 1]
+                if adjoint is not None
+            ),
             parallel.global_max(d.comm, (end - begin)),
             solution,
             seconds,
@@ -225,7 +230,7 @@ def _sensitivities(
     ]
 
 
-def _value(solved: Solved, quantity: Quantity) -> float:
+def _value(solved: SolvedStep, quantity: Quantity) -> float:
     state = solved.state
     return quantity.value(solved.displacement, state.boundary, state.pressure, state.shear)
 
@@ -251,134 +256,134 @@ def _by(scene: Scene, steps: list[_Step], path: str, step: float, quantities: Se
         step: by how much it is changed.
         quantities: each with the number of its load step.
     """
-    more, less = (varied(scene, path, change, steps[0].d.dimension) for change in (step, -step))
+    above, below = (varied(scene, path, change, steps[0].d.dimension) for change in (step, -step))
     load = load_of(scene, path)
-    own = [[quantity for number, quantity in quantities if number == k] for k in range(len(steps))]
+    step_quantities = [[quantity for number, quantity in quantities if number == k] for k in range(len(steps))]
     if path.startswith("material") and path.rpartition(".")[2] in ("young", "poisson"):
-        residual = _by_modulus(more, less, step, steps)
+        residual = _by_modulus(above, below, step, steps)
     elif isinstance(load, Force | InitialStrain) and load.acts:
-        residual = _by_load(more, less, step, steps, path)
+        residual = _by_load(above, below, step, steps, path)
     else:
 
-        def at(other: Scene) -> By:
-            data = cache(_data(other, steps, path))
+        def at(changed: Scene) -> By:
+            data = cache(_data(changed, steps, path))
 
             def evaluated(k: int) -> Explicit:
-                before = (steps[k - 1].solved, data(k - 1)) if k else None
-                return explicit(steps[k].solved, data(k), own[k], before)
+                previous = (steps[k - 1].solved, data(k - 1)) if k else None
+                return explicit(steps[k].solved, data(k), step_quantities[k], previous)
 
             return evaluated
 
-        return central(at(more), at(less), step)
-    return lambda k: Explicit([0.0] * len(own[k]), residual(k))
+        return central(at(above), at(below), step)
+    return lambda k: Explicit([0.0] * len(step_quantities[k]), residual(k))
 
 
-def _by_modulus(more: Scene, less: Scene, step: float, steps: list[_Step]) -> Callable[[int], PETSc.Vec]:
+def _by_modulus(above: Scene, below: Scene, step: float, steps: list[_Step]) -> Callable[[int], PETSc.Vec]:
     """R_p of each load step, where p is a modulus: the forms of the body are linear in the Lame parameters, and are
     assembled with the derivatives of these in their place.
     """
     d, twice = steps[0].d, 2 * step
     forms: Sequence[fem.Form] | PETSc.Mat = d.forms[: len(d.forms) - len(d.resists or ())]
-    high, low = (lame_coefficients(one, d.tagged) for one in (more, less))
-    slopes = [(_values(one) - _values(other)) / twice for one, other in zip(high, low, strict=True)]
+    high, low = (lame_coefficients(entry, d.tagged) for entry in (above, below))
+    slopes = [(_values(entry) - _values(lower)) / twice for entry, lower in zip(high, low, strict=True)]
     if len(steps) > _FEW:
         with _lame(d, slopes):
             forms = sum_of(forms, [])
-    strained = any(isinstance(one, InitialStrain | SectionJump) for _, one in more.listed())
-    prepared = [prepare(one, d.tagged, Timings()) for one in (more, less)] if strained else []
+    strained = any(isinstance(entry, InitialStrain | SectionJump) for _, entry in above.listed())
+    prepared = [prepare(entry, d.tagged, Timings()) for entry in (above, below)] if strained else []
 
     def residual(k: int) -> PETSc.Vec:
         body = steps[k].d
         with _lame(body, slopes):
-            found = elastic_forces(body, forms, steps[k].solved.displacement)
+            slope = elastic_forces(body, forms, steps[k].solved.displacement)
         if prepared:
-            forces = [_loads(one, steps[k].place)["forces"] for one in prepared]
-            found.axpy(-1 / twice, body.vector(forces[0] - forces[1]))
-        found.getArray()[body.prescribed] = 0.0
-        return found
+            forces = [_loads(discretisation, steps[k].place)["forces"] for discretisation in prepared]
+            slope.axpy(-1 / twice, body.vector(forces[0] - forces[1]))
+        slope.getArray()[body.prescribed] = 0.0
+        return slope
 
     return residual
 
 
-def _by_load(more: Scene, less: Scene, step: float, steps: list[_Step], path: str) -> Callable[[int], PETSc.Vec]:
+def _by_load(above: Scene, below: Scene, step: float, steps: list[_Step], path: str) -> Callable[[int], PETSc.Vec]:
     """R_p of each load step, where p belongs to a load that prescribes nothing: nothing else is assembled."""
     loads = []
-    for scene in (more, less):
+    for scene in (above, below):
         load = load_of(scene, path)
         assert load is not None
         loads.append(steps[0].d.alone(scene, load))
 
     def residual(k: int) -> PETSc.Vec:
-        place, body = steps[k].place, steps[k].d
-        high, low = (load.factor(place) * load.at(place).forces for load in loads)
-        found = body.vector(low - high)
-        found.scale(0.5 / step)
-        found.getArray()[body.prescribed] = 0.0
-        return found
+        load_step, body = steps[k].place, steps[k].d
+        high, low = (load.factor(load_step) * load.at(load_step).forces for load in loads)
+        slope = body.vector(low - high)
+        slope.scale(0.5 / step)
+        slope.getArray()[body.prescribed] = 0.0
+        return slope
 
     return residual
 
 
-def _data(scene: Scene, steps: list[_Step], path: str) -> Callable[[int], Data]:
+def _data(scene: Scene, steps: list[_Step], path: str) -> Callable[[int], ChangedStep]:
     """The data of each load step of a scene that differs in contact, loads, or supports."""
     of_contact, of_friction = path.startswith("contact"), path.startswith("contact") and ".friction." in path
-    other = None if of_contact and not scene.tools else prepare(scene, steps[0].d.tagged, Timings())
+    changed = None if of_contact and not scene.tools else prepare(scene, steps[0].d.tagged, Timings())
     placed = [scene.placed(step.place) for step in steps]
 
     @cache
     def contact(k: int) -> dict[str, Any]:
-        d, now = steps[k].d, placed[k]
-        if k and now is placed[k - 1]:
+        d, placed_scene = steps[k].d, placed[k]
+        if k and placed_scene is placed[k - 1]:
             return contact(k - 1)
         if of_friction:
-            return {"law": d.law_of(now)}
-        if other is not None:
-            there = other.placed(steps[k].place)
-            assert there.data is not None
-            return {"boundary": there.boundary, "gap": there.data.gap, "law": there.law}
-        found = d.contact_of(now)
-        moving = {"gap": found["data"].gap, "boundary": found["boundary"], "law": found["law"]}
-        if any(effect.moves for effect in now.contact):
-            there = replace(d, scene=now, boundary=found["boundary"])
-            moving["drift"] = there.moved_since(placed[k - 1] if k else now.placed(-1))
+            return {"law": d.law_of(placed_scene)}
+        if changed is not None:
+            discretisation = changed.placed(steps[k].place)
+            assert discretisation.data is not None
+            return {"boundary": discretisation.boundary, "gap": discretisation.data.gap, "law": discretisation.law}
+        parts = d.contact_of(placed_scene)
+        moving = {"gap": parts["data"].gap, "boundary": parts["boundary"], "law": parts["law"]}
+        if any(effect.moves for effect in placed_scene.contact):
+            discretisation = replace(d, scene=placed_scene, boundary=parts["boundary"])
+            moving["drift"] = discretisation.moved_since(placed[k - 1] if k else placed_scene.placed(-1))
         return moving
 
-    def data(k: int) -> Data:
+    def data(k: int) -> ChangedStep:
         d, usual = steps[k].d, steps[k].data
-        found = replace(usual, usual=usual)
+        step_data = replace(usual, usual=usual)
         if of_contact:
-            found = replace(found, **contact(k))
-        if other is None:
-            return found
-        loads = _loads(other, steps[k].place)
-        same = not scene.of(Resistance) and np.array_equal(loads["prescribed"], found.prescribed)
-        if parallel.any_rank(d.comm, not same) or found.driven is not None:
-            found = replace(found, forms=other.forms if scene.of(Resistance) else d.forms)
-        return replace(found, **loads)
+            step_data = replace(step_data, **contact(k))
+        if changed is None:
+            return step_data
+        loads = _loads(changed, steps[k].place)
+        unchanged = not scene.of(Resistance) and np.array_equal(loads["prescribed"], step_data.prescribed)
+        if parallel.any_rank(d.comm, not unchanged) or step_data.driven is not None:
+            step_data = replace(step_data, forms=changed.forms if scene.of(Resistance) else d.forms)
+        return replace(step_data, **loads)
 
     return data
 
 
-def _loads(d: Discretisation, place: float) -> dict[str, Any]:
-    applied = d.applied_at(place)
-    none = np.zeros(d.fixed.size)
+def _loads(d: Discretisation, load_step: float) -> dict[str, Any]:
+    applied = d.applied_at(load_step)
+    zero = np.zeros(d.fixed.size)
     return {
         "driven": Driven.together([(factor, load.driven) for factor, load in applied if load.driven is not None]),
-        "forces": sum((factor * load.forces for factor, load in applied), none),
-        "prescribed": sum((factor * load.start for factor, load in applied), none),
+        "forces": sum((factor * load.forces for factor, load in applied), zero),
+        "prescribed": sum((factor * load.start for factor, load in applied), zero),
     }
 
 
 @contextmanager
 def _lame(d: Discretisation, values: Sequence[Any]) -> Iterator[None]:
     """The forms of the body have other numbers in the place of the Lame parameters."""
-    kept = [_values(one).copy() for one in d.lame]
+    saved = [_values(part).copy() for part in d.lame]
     try:
-        for mine, other in zip(d.lame, values, strict=True):
-            _values(mine)[...] = other
+        for mine, replacement in zip(d.lame, values, strict=True):
+            _values(mine)[...] = replacement
         yield
     finally:
-        for mine, usual in zip(d.lame, kept, strict=True):
+        for mine, usual in zip(d.lame, saved, strict=True):
             _values(mine)[...] = usual
 
 

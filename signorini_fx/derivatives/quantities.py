@@ -60,13 +60,13 @@ class OfDisplacement:
         mesh, dim = space.mesh, space.mesh.geometry.dim
         x = np.zeros((1, 3))
         x[0, :dim] = point
-        cells, place, gap = cells_of_points(mesh, x, _OUTSIDE)
-        found = mesh.comm.allgather(float(gap[0]))
-        if np.isinf(min(found)):
+        cells, reference_points, gap = cells_of_points(mesh, x, _OUTSIDE)
+        gaps = mesh.comm.allgather(float(gap[0]))
+        if np.isinf(min(gaps)):
             return None
         row = fem.Function(space)
-        if int(np.argmin(found)) == mesh.comm.rank:
-            basis = space.element.basix_element.tabulate(0, np.ascontiguousarray(place))[0].reshape(-1)
+        if int(np.argmin(gaps)) == mesh.comm.rank:
+            basis = space.element.basix_element.tabulate(0, np.ascontiguousarray(reference_points))[0].reshape(-1)
             row.x.array[dim * space.dofmap.list[cells[0]] + component] = basis
         row.x.scatter_reverse(la.InsertMode.add)
         return cls(row.x.array[: space.dofmap.index_map.size_local * dim].copy())
@@ -88,17 +88,17 @@ class ContactForce:
 
     def _directions(self, boundary: ContactBoundary) -> Array:
         """Direction of the traction that counts at each point, in space, zero elsewhere, shape (n, d)."""
-        found = np.zeros_like(boundary.normal)
-        here = boundary.part == self.part
+        directions = np.zeros_like(boundary.normal)
+        on_part = boundary.part == self.part
         if not self.moment:
-            found[here, self.component] = 1.0
-            return found
-        arm = boundary.centre[here]
-        if found.shape[1] == 2:
-            found[here] = np.column_stack((-arm[:, 1], arm[:, 0]))
+            directions[on_part, self.component] = 1.0
+            return directions
+        arm = boundary.centre[on_part]
+        if directions.shape[1] == 2:
+            directions[on_part] = np.column_stack((-arm[:, 1], arm[:, 0]))
         else:
-            found[here] = np.cross(np.eye(3)[self.component], arm)
-        return found
+            directions[on_part] = np.cross(np.eye(3)[self.component], arm)
+        return directions
 
     def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
         """See ``Quantity``."""
@@ -133,12 +133,12 @@ class LargestPressure:
         return self._norm(boundary, pressure)
 
     def _norm(self, boundary: ContactBoundary, pressure: Nodal) -> float:
-        here = boundary.part == self.part
-        pushing = np.where(here, np.maximum(pressure, 0.0), 0.0)
+        on_part = boundary.part == self.part
+        pushing = np.where(on_part, np.maximum(pressure, 0.0), 0.0)
         largest = parallel.largest(boundary.comm, pushing)
         if largest == 0:
             return 0.0
-        sums = np.array([boundary.weight @ (pushing / largest) ** self.power, boundary.weight[here].sum()])
+        sums = np.array([boundary.weight @ (pushing / largest) ** self.power, boundary.weight[on_part].sum()])
         power, area = parallel.global_sum(boundary.comm, sums)
         return float(largest * (power / area) ** (1 / self.power))
 
@@ -148,13 +148,13 @@ class LargestPressure:
 
     def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
         """See ``Quantity``."""
-        found = np.zeros((pressure.size, 1 + shear.shape[1]))
-        here = boundary.part == self.part
+        slopes = np.zeros((pressure.size, 1 + shear.shape[1]))
+        on_part = boundary.part == self.part
         value = self._norm(boundary, pressure)
         if value > 0:
-            area = parallel.global_sum(boundary.comm, boundary.weight[here].sum())
-            found[:, 0] = np.where(here, np.maximum(pressure, 0.0) / value, 0.0) ** (self.power - 1) / area
-        return found
+            area = parallel.global_sum(boundary.comm, boundary.weight[on_part].sum())
+            slopes[:, 0] = np.where(on_part, np.maximum(pressure, 0.0) / value, 0.0) ** (self.power - 1) / area
+        return slopes
 
 
 @dataclass(frozen=True)
@@ -184,8 +184,8 @@ class ContactArea:
         if largest == 0:
             return 0.0, 0.0, 0.0, 0.0
         shares = np.array([boundary.weight @ (pushing / largest) ** power for power in (1.0, self.power)])
-        once, more = map(float, parallel.global_sum(boundary.comm, shares))
-        return (once**self.power / more) ** (1 / (self.power - 1)), largest, once, more
+        once, power_sum = map(float, parallel.global_sum(boundary.comm, shares))
+        return (once**self.power / power_sum) ** (1 / (self.power - 1)), largest, once, power_sum
 
     def by_displacement(self, y: fem.Function) -> Array | None:
         """See ``Quantity``."""
@@ -193,10 +193,12 @@ class ContactArea:
 
     def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
         """See ``Quantity``."""
-        found, q = np.zeros((pressure.size, 1 + shear.shape[1])), self.power
-        area, largest, once, more = self._sums(boundary, pressure)
+        slopes, q = np.zeros((pressure.size, 1 + shear.shape[1])), self.power
+        area, largest, once, power_sum = self._sums(boundary, pressure)
         if largest > 0:
-            here = (boundary.part == self.part) & (pressure > 0)
-            share = np.where(here, pressure, 0.0) / largest
-            found[:, 0] = np.where(here, area * q / (q - 1) * (1 / once - share ** (q - 1) / more) / largest, 0.0)
-        return found
+            pressing = (boundary.part == self.part) & (pressure > 0)
+            share = np.where(pressing, pressure, 0.0) / largest
+            slopes[:, 0] = np.where(
+                pressing, area * q / (q - 1) * (1 / once - share ** (q - 1) / power_sum) / largest, 0.0
+            )
+        return slopes

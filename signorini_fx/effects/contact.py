@@ -129,9 +129,9 @@ class CoulombFriction(Friction):
     @property
     def said(self) -> str:
         """See ``Friction``."""
-        given = [(key, getattr(self, key)) for key in ("coefficient", "cohesion", "cap")]
-        said = "".join(f", {key} = {text(value)}" for key, value in given if value is not None)
-        return f"coulomb{said}{self.directions_said}" + ("" if self.acts else ": frictionless")
+        parameters = [(key, getattr(self, key)) for key in ("coefficient", "cohesion", "cap")]
+        listed = "".join(f", {key} = {text(value)}" for key, value in parameters if value is not None)
+        return f"coulomb{listed}{self.directions_said}" + ("" if self.acts else ": frictionless")
 
 
 class Contact(Effect):
@@ -147,34 +147,34 @@ class Contact(Effect):
     foundation: OneShape = None
     friction: Annotated[NoFriction | TrescaFriction | CoulombFriction, Field(discriminator="law")] = NoFriction()
 
-    def contradictions(self, scene: Any, place: int) -> Contradictions:
+    def contradictions(self, scene: Any, number: int) -> Contradictions:
         """See ``Effect``."""
-        if any(other.boundary == self.boundary for other in scene.contact[:place]):
+        if any(rival.boundary == self.boundary for rival in scene.contact[:number]):
             cure = "describe it in one [[contact]]"
             if self.against is not None:
                 cure = "name it as against, and the others as boundary: several contacts may be against the same one"
-            yield ("contact", place), f"boundary {self.boundary!r} is in contact twice: {cure}"
+            yield ("contact", number), f"boundary {self.boundary!r} is in contact twice: {cure}"
         if self.foundation is not None:
-            for other in ("against", "direction"):
-                if getattr(self, other) is not None:
-                    reason = "the other body" if other == "against" else "the direction, that of the closest point"
-                    yield ("contact", place, other), f"foundation already says {reason}: leave one of them out"
+            for rival in ("against", "direction"):
+                if getattr(self, rival) is not None:
+                    reason = "the other body" if rival == "against" else "the direction, that of the closest point"
+                    yield ("contact", number, rival), f"foundation already says {reason}: leave one of them out"
         if self.tool is not None:
-            yield from _not_with_tools(scene, place)
+            yield from _not_with_tools(scene, number)
         if self.friction.ratio is not None:
-            yield from self._not_with_directions(scene, place)
+            yield from self._not_with_directions(scene, number)
         if self.against is None:
             between = {"distance": self.distance == "nominal", "points": self.points != "auto"}
-            for word, given in {**between, "adjust": self.adjust is not None}.items():
-                if given:
-                    yield ("contact", place, word), "is for contact against another boundary"
+            for word, is_set in {**between, "adjust": self.adjust is not None}.items():
+                if is_set:
+                    yield ("contact", number, word), "is for contact against another boundary"
             return
         if self.against == self.boundary:
-            yield ("contact", place, "against"), "is the boundary itself: two bodies have two boundaries"
+            yield ("contact", number, "against"), "is the boundary itself: two bodies have two boundaries"
         if self.adjust is not None and self.distance == "nominal":
-            yield ("contact", place, "adjust"), "closes distances that the meshes have: with 'nominal' there are none"
+            yield ("contact", number, "adjust"), "closes distances that the meshes have: with 'nominal' there are none"
         if self.direction is not None:
-            yield ("contact", place, "direction"), "is that of the normal where two bodies touch: leave it out"
+            yield ("contact", number, "direction"), "is that of the normal where two bodies touch: leave it out"
         if scene.solver.algorithm == "exact":
             yield (
                 ("solver", "algorithm"),
@@ -188,12 +188,12 @@ class Contact(Effect):
         if scene.axisymmetric:
             yield ("material", 0, "hypothesis"), "axisymmetric is not possible yet where two bodies are in contact"
 
-    def _not_with_directions(self, scene: Any, place: int) -> Contradictions:
+    def _not_with_directions(self, scene: Any, number: int) -> Contradictions:
         """What friction that depends on the direction is not possible with."""
-        here = ("contact", place, "friction", "ratio")
+        ratio_path = ("contact", number, "friction", "ratio")
         for wrong, path, reason in (
-            (self.against is not None, here, "is not possible yet between two bodies"),
-            (self.tool is not None, here, "is not possible yet where a force moves the foundation"),
+            (self.against is not None, ratio_path, "is not possible yet between two bodies"),
+            (self.tool is not None, ratio_path, "is not possible yet where a force moves the foundation"),
             (
                 scene.solver.algorithm == "exact",
                 ("solver", "algorithm"),
@@ -297,15 +297,15 @@ class BondedContact(Contact):
 
     kind: Literal["bonded"]
 
-    def contradictions(self, scene: Any, place: int) -> Contradictions:
+    def contradictions(self, scene: Any, number: int) -> Contradictions:
         """See ``Effect``."""
-        yield from super().contradictions(scene, place)
+        yield from super().contradictions(scene, number)
         if self.against is None and self.tool is None:
             reason = "a bond needs the boundary of another body (against), or a foundation that force or moment moves"
-            yield ("contact", place), reason
+            yield ("contact", number), reason
         for key in ("distance", "adjust", "gap", "friction"):
             if key in self.model_fields_set:
-                yield ("contact", place, key), "a bond has none: both sides stay together as they lie"
+                yield ("contact", number, key), "a bond has none: both sides stay together as they lie"
 
     @property
     def surface(self) -> None:
@@ -335,29 +335,32 @@ class BilateralContact(Contact):
     kind: Literal["bilateral"]
 
 
-def _not_with_tools(scene: Any, place: int) -> Contradictions:
+def _not_with_tools(scene: Any, number: int) -> Contradictions:
     """Why a foundation whose motion is an unknown does not go together with other entries."""
     solver, tool = scene.solver, "where a force moves a foundation"
     if solver.algorithm == "exact":
         reason = "contact ties several, those of the body and of the tool: take 'alm'"
         yield ("solver", "algorithm"), f"exact needs one unknown for each constraint, and {tool} {reason}"
-    driven = scene.contact[place].tool
-    given = driven.prescribed
+    driven = scene.contact[number].tool
+    prescribed = driven.prescribed
     for wrong, name in (
         (driven.force is not None and driven.force[0] != 0.0, "force"),
         (driven.moment is not None, "moment"),
-        (given is not None and (given.x, given.rotation) != (None, None), "prescribed"),
+        (prescribed is not None and (prescribed.x, prescribed.rotation) != (None, None), "prescribed"),
     ):
         if wrong and scene.axisymmetric:
-            yield ("contact", place, "foundation", name), "an axisymmetric tool moves along its axis x[1] alone"
-    if any(one.moves for one in scene.contact):
-        here = ("contact", place, "foundation")
-        yield here, "shift or rotation with t, here or elsewhere, and force, moment or prescribed: choose one of both"
+            yield ("contact", number, "foundation", name), "an axisymmetric tool moves along its axis x[1] alone"
+    if any(contact.moves for contact in scene.contact):
+        foundation_path = ("contact", number, "foundation")
+        yield (
+            foundation_path,
+            "shift or rotation with t, here or elsewhere, and force, moment or prescribed: choose one of both",
+        )
 
 
-def _kind(given: Any) -> str:
+def _kind(entry: Any) -> str:
     """Contact is unilateral unless specified otherwise."""
-    kind = given.get("kind", "unilateral") if isinstance(given, Mapping) else getattr(given, "kind", "unilateral")
+    kind = entry.get("kind", "unilateral") if isinstance(entry, Mapping) else getattr(entry, "kind", "unilateral")
     return kind if isinstance(kind, str) else shown(kind)
 
 

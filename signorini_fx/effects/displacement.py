@@ -46,8 +46,8 @@ class PrescribedDisplacement(Load):
             raise ValueError("give either a boundary or at, a point")
         named = any(component is not None for component in self.components)
         if named == (self.normal is not None):
-            none = "names no component: give x, y, both, or normal"
-            raise ValueError("give either normal or x and y" if named else none)
+            message = "names no component: give x, y, both, or normal"
+            raise ValueError("give either normal or x and y" if named else message)
         if self.at is not None and self.normal is not None:
             raise ValueError("a point has no normal: give x and y")
         if self.rotation is None and (self.about or self.axis):
@@ -82,10 +82,10 @@ class PrescribedDisplacement(Load):
         if len(along) == 2:  # in a section, where x[2] = 0
             across[:, 2] = 0.0
 
-        def moved(given: Any, row: Array) -> Any:
+        def moved(component: Any, row: Array) -> Any:
             if not row.any():
-                return given
-            return lambda x: sample(given or 0.0, x) + sample(rotation, x) * (row @ (x - centre[:, None]))
+                return component
+            return lambda x: sample(component or 0.0, x) + sample(rotation, x) * (row @ (x - centre[:, None]))
 
         first, second, third = map(moved, (self.x, self.y, self.z), across)
         return first, second, third
@@ -94,8 +94,8 @@ class PrescribedDisplacement(Load):
     def given(self) -> dict[str, Any]:
         """See ``Effect``."""
         keys = ("x", "y", "z", "normal", "rotation")
-        every = {key: getattr(self, key) for key in keys}
-        return {key: value for key, value in every.items() if value is not None}
+        entries = {key: getattr(self, key) for key in keys}
+        return {key: value for key, value in entries.items() if value is not None}
 
     @property
     def acts(self) -> bool:
@@ -107,13 +107,13 @@ class PrescribedDisplacement(Load):
         """See ``Effect``."""
         return ", ".join(f"{key} = {text(value)}" for key, value in self.given.items())
 
-    def contradictions(self, scene: Any, place: int) -> Contradictions:
+    def contradictions(self, scene: Any, number: int) -> Contradictions:
         """See ``Effect``."""
         if scene.axisymmetric and not scene.torsion and self.rotation is not None:
-            yield ("displacement", place, "rotation"), "is no axisymmetric motion"
+            yield ("displacement", number, "rotation"), "is no axisymmetric motion"
         touching = self.at is None and any(contact.boundary == self.boundary for contact in scene.contact)
         if touching and (self.normal is not None or None not in self.components):
-            yield ("displacement", place), f"{self.boundary!r} is prescribed, and in contact as well: choose one"
+            yield ("displacement", number), f"{self.boundary!r} is prescribed, and in contact as well: choose one"
 
     def free(self, vector: Any, on: Coefficients) -> Any:
         """See ``Effect``."""

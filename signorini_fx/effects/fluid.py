@@ -36,34 +36,40 @@ class Fluid(JointLoad):
         """See ``Effect``."""
         return {"level": self.level, "weight": self.weight}
 
-    def contradictions(self, scene: Any, place: int) -> Contradictions:
+    def contradictions(self, scene: Any, number: int) -> Contradictions:
         """See ``Effect``."""
         if scene.axisymmetric and self.up == "x":
-            yield ("fluid", place, "up"), "must be along the axis of the body: y"
+            yield ("fluid", number, "up"), "must be along the axis of the body: y"
         if scene.torsion and self.up is None:
-            yield ("fluid", place, "up"), "say along which axis it rises where the body is twisted: up = 'y'"
+            yield ("fluid", number, "up"), "say along which axis it rises where the body is twisted: up = 'y'"
         if self.enters:
-            yield from self._cannot_enter(scene, place)
+            yield from self._cannot_enter(scene, number)
         elif self.closed != "none":
-            yield ("fluid", place, "closed"), "is of a fluid that enters contact: say which in enters"
+            yield ("fluid", number, "closed"), "is of a fluid that enters contact: say which in enters"
 
-    def _cannot_enter(self, scene: Any, place: int) -> Contradictions:
+    def _cannot_enter(self, scene: Any, number: int) -> Contradictions:
         """Why it cannot enter contact in a scene."""
-        here, contacts = ("fluid", place, "enters"), {contact.boundary: contact for contact in scene.contact}
+        enters_path, contacts = ("fluid", number, "enters"), {contact.boundary: contact for contact in scene.contact}
         for name in self.enters:
             if name not in contacts:
-                yield here, f"{name!r} is no boundary in contact; these are: {', '.join(map(repr, contacts)) or 'none'}"
+                yield (
+                    enters_path,
+                    f"{name!r} is no boundary in contact; these are: {', '.join(map(repr, contacts)) or 'none'}",
+                )
             elif contacts[name].kind != "unilateral":
-                yield here, f"contact of {name!r} cannot open: a fluid enters unilateral contact"
+                yield enters_path, f"contact of {name!r} cannot open: a fluid enters unilateral contact"
             elif contacts[name].points == "against":
-                yield here, f"the contact points of {name!r} are on the other body: exchange boundary and against"
-            for other in scene.fluid[:place]:
-                for same in ("closed", "live"):
-                    if name in other.enters and getattr(other, same) != getattr(self, same):
-                        yield ("fluid", place, same), f"must be the same for all fluids that enter {name!r}"
+                yield (
+                    enters_path,
+                    f"the contact points of {name!r} are on the other body: exchange boundary and against",
+                )
+            for fluid in scene.fluid[:number]:
+                for entry in ("closed", "live"):
+                    if name in fluid.enters and getattr(fluid, entry) != getattr(self, entry):
+                        yield ("fluid", number, entry), f"must be the same for all fluids that enter {name!r}"
         for wrong, key, reason in (
             (scene.axisymmetric, ("material", 0, "hypothesis"), "axisymmetric"),
-            (bool(scene.tools), here, "a foundation that force, moment or prescribed moves"),
+            (bool(scene.tools), enters_path, "a foundation that force, moment or prescribed moves"),
             (scene.solver.algorithm == "exact", ("solver", "algorithm"), "exact"),
             (scene.solver.levels > 1, ("solver", "levels"), "a sequence of meshes"),
             (scene.solver.error_bound, ("solver", "error_bound"), "a guaranteed bound"),

@@ -22,7 +22,7 @@ class Gravity(VectorForce):
 
     live: bool = False
 
-    def contradictions(self, scene: Any, place: int) -> Contradictions:
+    def contradictions(self, scene: Any, number: int) -> Contradictions:
         """See ``Effect``."""
         yield from without_density(scene, "gravity") if self.acts else ()
 

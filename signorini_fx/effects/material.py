@@ -52,15 +52,15 @@ class LinearElastic(Effect):
 
     @field_validator("young", "poisson", mode="before")
     @classmethod
-    def _of_axes(cls, given: Any, info: ValidationInfo) -> Any:
+    def _of_axes(cls, constant: Any, info: ValidationInfo) -> Any:
         if "orthotropic" not in info.data:  # which is wrong, and reported
-            return 0.1 if given is None else given
+            return 0.1 if constant is None else constant
         axes = info.data["orthotropic"]
-        if axes is None and given is None:
+        if axes is None and constant is None:
             raise PydanticKnownError("missing")
         if axes is None:
-            return given
-        if given is not None:
+            return constant
+        if constant is not None:
             raise ValueError("is one of the constants in orthotropic: leave it out here")
         first, second = axes.mean_lame
         return max(axes.young) if info.field_name == "young" else first / (2 * (first + second))
@@ -150,44 +150,44 @@ class LinearElastic(Effect):
         nu = self.poisson / (1 + self.poisson) if self.hypothesis == "plane stress" else self.poisson
         return math.sqrt(3 - 4 * nu) / (2 - 2 * nu)
 
-    def contradictions(self, scene: Any, place: int) -> Contradictions:
+    def contradictions(self, scene: Any, number: int) -> Contradictions:
         """See ``Effect``."""
         if self.hypothesis != scene.material[0].hypothesis:
-            yield ("material", place), "all materials must have the same hypothesis"
+            yield ("material", number), "all materials must have the same hypothesis"
         if self.orthotropic is not None:
-            yield from _not_orthotropic(scene, place)
-        if place == 0 and scene.torsion:
+            yield from _not_orthotropic(scene, number)
+        if number == 0 and scene.torsion:
             from signorini_fx.scene.torsion import contradictions_of_torsion
 
             yield from contradictions_of_torsion(scene)
         if scene.element.volumetric == "mixed":
             if not self.poisson > 0:
-                yield ("material", place, "poisson"), "must be above 0 where element.volumetric = 'mixed'"
-            if place == 0:
+                yield ("material", number, "poisson"), "must be above 0 where element.volumetric = 'mixed'"
+            if number == 0:
                 yield from _not_mixed(scene)
         elif self.poisson == 0.5 and self.hypothesis != "plane stress":
             cure = 'element = { degree = 2, volumetric = "mixed" }, whose pressure is an unknown of its own'
-            yield ("material", place, "poisson"), f"must be below 0.5: an incompressible body needs {cure}"
-        if self.hypothesis == "axisymmetric" and scene.accuracy is not None and place == 0:
+            yield ("material", number, "poisson"), f"must be below 0.5: an incompressible body needs {cure}"
+        if self.hypothesis == "axisymmetric" and scene.accuracy is not None and number == 0:
             if scene.accuracy.of != "energy":
                 yield ("accuracy", "of"), "has an estimate for energy only, where the body is axisymmetric"
             if scene.accuracy.refinement != "uniform":
                 yield ("accuracy", "refinement"), "must be 'uniform' where the body is axisymmetric"
 
 
-def _not_orthotropic(scene: Any, place: int) -> Contradictions:
+def _not_orthotropic(scene: Any, number: int) -> Contradictions:
     """What an orthotropic material is not possible with."""
     yet = "is not possible yet with an orthotropic material"
     for wrong, path, reason in (
         (scene.element.volumetric in ("reduced", "mixed"), ("element", "volumetric"), f"{yet}: take 'full'"),
         (
-            any(one.acts for one in scene.of(InitialStrain)),
+            any(entry.acts for entry in scene.of(InitialStrain)),
             ("temperature",),
             f"{yet}, whose expansion depends on the direction too",
         ),
         (
-            any(one.poisson_grading is not None for one in scene.material),
-            ("material", place, "orthotropic"),
+            any(entry.poisson_grading is not None for entry in scene.material),
+            ("material", number, "orthotropic"),
             "is not possible yet where a material has a poisson_grading",
         ),
         (scene.solver.error_bound, ("solver", "error_bound"), "is not known for an orthotropic material"),
@@ -256,7 +256,7 @@ def twisted_strain(y: Any, radius: Any, *, inside: bool = True) -> Any:
     else:
         off = ufl.gt(radius, 0)
         limits = (-ufl.grad(y)[2, 0], 0, ufl.grad(y)[0, 0])
-        ratios = (one / ufl.conditional(off, radius, 1) for one in around)
+        ratios = (component / ufl.conditional(off, radius, 1) for component in around)
         along = ufl.as_vector([ufl.conditional(off, *pair) for pair in zip(ratios, limits, strict=True)])
     return ufl.sym(ufl.grad(y) + ufl.outer(along, ufl.unit_vector(2, 3)))
 
@@ -318,10 +318,10 @@ def elastic_forms(
     dx = ufl.dx(metadata={"quadrature_degree": degree})
     if reduced is None and radius is None:
         return (ufl.inner(stress(y, lame, mu), strain(z)) * dx,)
-    own, other = strain(y), strain(z)
+    trial_strain, test_strain = strain(y), strain(z)
     if radius is not None and len(y) == 3:
-        own, other = twisted_strain(y, radius), twisted_strain(z, radius)
-    shearing, first, second = ufl.inner(own, other), ufl.tr(own), ufl.tr(other)
+        trial_strain, test_strain = twisted_strain(y, radius), twisted_strain(z, radius)
+    shearing, first, second = ufl.inner(trial_strain, test_strain), ufl.tr(trial_strain), ufl.tr(test_strain)
     around = 1
     if radius is not None:
         around = 2 * math.pi * radius

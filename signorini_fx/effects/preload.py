@@ -38,7 +38,7 @@ class Preload(SectionJump):
     locked_after: Count = 1
 
     # The shortenings that forces have led to, by their places in the lists of factors.
-    _found: dict[float, float] = PrivateAttr(default_factory=dict)
+    _shortenings: dict[float, float] = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
@@ -82,48 +82,48 @@ class Preload(SectionJump):
         words = ", ".join(f"{key} = {text(value)}" for key, value in self.given.items())
         return words if self.force is None else f"{words}, locked_after = {self.locked_after}"
 
-    def contradictions(self, scene: Any, place: int) -> Contradictions:
+    def contradictions(self, scene: Any, number: int) -> Contradictions:
         """See ``Effect``."""
-        here = ("preload", place)
+        path = ("preload", number)
         if scene.axisymmetric and self.axis is not None and self.axis[0] != 0:
-            yield (*here, "axis"), "must be along x[1] where the body is axisymmetric"
+            yield (*path, "axis"), "must be along x[1] where the body is axisymmetric"
         if self.force is None:
             return
         if not scene.contact:
-            yield (*here, "force"), "needs contact: without it give shortening, which the force is proportional to"
+            yield (*path, "force"), "needs contact: without it give shortening, which the force is proportional to"
         if self.factors is not None and min(self.factors[: self.locked_after]) <= 0:
-            yield (*here, "factors"), "must be positive while the force acts"
+            yield (*path, "factors"), "must be positive while the force acts"
         for wrong, reason in (
             (bool(scene.joint_loads), "a load that enters a contact"),
-            (any(one.timed for one in scene.contact), "contact that depends on the time"),
+            (any(contact.timed for contact in scene.contact), "contact that depends on the time"),
         ):
             if wrong:
-                yield (*here, "force"), f"is not possible yet with {reason}: give shortening"
+                yield (*path, "force"), f"is not possible yet with {reason}: give shortening"
 
-    def force_at(self, scene: Any, place: float) -> float | None:
+    def force_at(self, scene: Any, step: float) -> float | None:
         """See ``SectionJump``."""
-        if self.force is None or place > self.locked_after - 1:
+        if self.force is None or step > self.locked_after - 1:
             return None
-        return self._now(scene, place)
+        return self._value_at(scene, step)
 
-    def shortening_at(self, scene: Any, place: float) -> float:
+    def shortening_at(self, scene: Any, step: float) -> float:
         """See ``SectionJump``; of a force zero until it is found."""
         if self.force is not None:
-            places = [one for one in self._found if one <= place]
-            return self._found[max(places)] if places else 0.0
-        return self._now(scene, place)
+            places = [found_step for found_step in self._shortenings if found_step <= step]
+            return self._shortenings[max(places)] if places else 0.0
+        return self._value_at(scene, step)
 
-    def _now(self, scene: Any, place: float) -> float:
+    def _value_at(self, scene: Any, step: float) -> float:
         """What is given, at a place in the lists of factors."""
-        factor, now = scene.now(self, place)
-        (value,) = now.given.values()
+        factor, current = scene.now(self, step)
+        (value,) = current.given.values()
         return float(factor * sample(value, np.zeros((3, 1)))[0])
 
-    def tightened(self, place: float, shortening: float) -> Self:
+    def tightened(self, step: float, shortening: float) -> Self:
         """The same with the shortening that its force has led to at a place."""
-        found = self.model_copy()
-        found._found = {**self._found, place: shortening}
-        return found
+        preload = self.model_copy()
+        preload._shortenings = {**self._shortenings, step: shortening}
+        return preload
 
 
 Entry = Preload

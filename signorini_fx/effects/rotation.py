@@ -30,11 +30,11 @@ class Rotation(Force):
         """See ``Effect``."""
         return {"speed": self.speed}
 
-    def contradictions(self, scene: Any, place: int) -> Contradictions:
+    def contradictions(self, scene: Any, number: int) -> Contradictions:
         """See ``Effect``."""
         yield from without_density(scene, "rotation") if self.acts else ()
         if scene.axisymmetric and (self.axis is None or self.axis[0] != 0 or (self.about or (0.0,))[0] != 0):
-            yield ("rotation", place, "axis"), "must be that of the body: axis = [0.0, 1.0]"
+            yield ("rotation", number, "axis"), "must be that of the body: axis = [0.0, 1.0]"
 
     @property
     def vectors(self) -> tuple[str, ...]:

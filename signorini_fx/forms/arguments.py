@@ -38,22 +38,22 @@ def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:
     for name, form, rank in (("a", a, 2), ("L", L, 1)):
         if not isinstance(form, ufl.Form | fem.Form):
             raise FormError([(name, f"must be a UFL form or a compiled form, not {kind_of(form)}")])
-        found = form.rank if isinstance(form, fem.Form) else len(form.arguments())
-        if found != rank:
-            raise FormError([(name, f"must have {rank} argument{'s' * (rank > 1)}, not {found}")])
+        form_rank = form.rank if isinstance(form, fem.Form) else len(form.arguments())
+        if form_rank != rank:
+            raise FormError([(name, f"must have {rank} argument{'s' * (rank > 1)}, not {form_rank}")])
         if isinstance(form, fem.Form):
             spaces += [(name, space, space) for space in form.function_spaces]
         else:
-            given = (argument.ufl_function_space() for argument in form.arguments())
-            spaces += [(name, space._cpp_object, space) for space in given]
-    whole = [space for *_, space in spaces if isinstance(space, fem.FunctionSpace)]
+            argument_spaces = (argument.ufl_function_space() for argument in form.arguments())
+            spaces += [(name, space._cpp_object, space) for space in argument_spaces]
+    python_spaces = [space for *_, space in spaces if isinstance(space, fem.FunctionSpace)]
     if u is not None:
-        whole.insert(0, u.function_space)
-    elif not whole:
+        python_spaces.insert(0, u.function_space)
+    elif not python_spaces:
         raise FormError([("u", "must be given where both forms are compiled: their space is that of this Function")])
-    space = _supported(whole[0])
-    for name, one, _ in spaces:
-        if one != space._cpp_object:
+    space = _supported(python_spaces[0])
+    for name, candidate, _ in spaces:
+        if candidate != space._cpp_object:
             raise FormError([(name, "its arguments are on another space than those of a" + " or u" * (u is not None))])
     return space
 
@@ -90,24 +90,24 @@ def conditions_of(bcs: Any, space: fem.FunctionSpace) -> list[fem.DirichletBC]:
     return list(bcs)
 
 
-def settings_of(given: dict[str, Any]) -> SolverSettings:
+def settings_of(options: dict[str, Any]) -> SolverSettings:
     """The settings of the solver.
 
     Raises:
         FormError: with all that are wrong.
     """
-    wrong = [(name, "is no setting of a ContactProblem") for name in given if name in _NOT_HERE]
+    wrong = [(name, "is no setting of a ContactProblem") for name in options if name in _NOT_HERE]
     if wrong:
         raise FormError(wrong)
     try:
-        found = SolverSettings(**given)
+        settings = SolverSettings(**options)
     except SceneError as error:
         raise FormError(error.problems) from None
-    if (found.algorithm, found.regularisation_error) == ("path-following", "auto"):
+    if (settings.algorithm, settings.regularisation_error) == ("path-following", "auto"):
         raise FormError(
             [("regularisation_error", "must be a number: there is no estimate of the discretisation error")]
         )
-    return found
+    return settings
 
 
 def foundations_of(contact: Any) -> tuple[Foundation | Pair, ...]:
@@ -116,20 +116,20 @@ def foundations_of(contact: Any) -> tuple[Foundation | Pair, ...]:
     Raises:
         FormError: with all errors.
     """
-    given = [contact] if isinstance(contact, Foundation | Pair) else list(contact or [])
-    problems: list[tuple[str, str]] = [] if given else [("contact", "is empty: a problem without contact is linear")]
-    for k, one in enumerate(given):
-        if not isinstance(one, Foundation | Pair):
-            problems.append((f"contact[{k}]", f"must be a Foundation or a Pair, not {kind_of(one)}"))
+    contacts = [contact] if isinstance(contact, Foundation | Pair) else list(contact or [])
+    problems: list[tuple[str, str]] = [] if contacts else [("contact", "is empty: a problem without contact is linear")]
+    for k, entry in enumerate(contacts):
+        if not isinstance(entry, Foundation | Pair):
+            problems.append((f"contact[{k}]", f"must be a Foundation or a Pair, not {kind_of(entry)}"))
             continue
-        if isinstance(one, Pair) and isinstance(one.gap, str) and one.gap != "geometry":
-            problems.append((f"contact[{k}].gap", f'must be "geometry" or values, not {one.gap!r}'))
-        if not isinstance(one.friction, Coulomb | Tresca | None):
-            wrong = f"must be Coulomb(...), Tresca(...) or None, not {kind_of(one.friction)}"
+        if isinstance(entry, Pair) and isinstance(entry.gap, str) and entry.gap != "geometry":
+            problems.append((f"contact[{k}].gap", f'must be "geometry" or values, not {entry.gap!r}'))
+        if not isinstance(entry.friction, Coulomb | Tresca | None):
+            wrong = f"must be Coulomb(...), Tresca(...) or None, not {kind_of(entry.friction)}"
             problems.append((f"contact[{k}].friction", wrong))
     if problems:
         raise FormError(problems)
-    return tuple(given)
+    return tuple(contacts)
 
 
 def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[list[Facets], dict[int, Facets]]:
@@ -142,7 +142,7 @@ def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[l
         FormError: with all errors: facets that do not exist, are not exterior, or are those of points of one contact
             and occur in another one; those of masters may be shared.  Or a section has a pair.
     """
-    if is_section(mesh) and (wrong := [k for k, one in enumerate(contact) if isinstance(one, Pair)]):
+    if is_section(mesh) and (wrong := [k for k, entry in enumerate(contact) if isinstance(entry, Pair)]):
         text = "contact of two bodies is not possible yet on a plane mesh in space"
         raise FormError([(f"contact[{k}]", text) for k in wrong])
     dim = mesh.topology.dim - 1
@@ -150,16 +150,16 @@ def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[l
     facet_map = mesh.topology.index_map(dim)
     exterior = np.zeros(facet_map.size_local + facet_map.num_ghosts, dtype=bool)
     exterior[dmesh.exterior_facet_indices(mesh.topology)] = True
-    own = slice(facet_map.size_local)
-    pairs = [k for k, one in enumerate(contact) if isinstance(one, Pair)]
-    listed = [(f"contact[{k}].facets", one.facets) for k, one in enumerate(contact)]
-    listed += [(f"contact[{k}].against", one.against) for k, one in enumerate(contact) if isinstance(one, Pair)]
+    owned = slice(facet_map.size_local)
+    pairs = [k for k, entry in enumerate(contact) if isinstance(entry, Pair)]
+    listed = [(f"contact[{k}].facets", entry.facets) for k, entry in enumerate(contact)]
+    listed += [(f"contact[{k}].against", entry.against) for k, entry in enumerate(contact) if isinstance(entry, Pair)]
     problems, marks = [], []
-    for name, given in listed:
+    for name, selection in listed:
         mark = la.vector(facet_map, 1, dtype=np.int32)
         marks.append(mark)
         try:
-            local = _listed(given, mesh, dim, exterior.size)
+            local = _listed(selection, mesh, dim, exterior.size)
         except (ValueError, TypeError) as error:
             problems.append((name, str(error)))
             continue
@@ -169,10 +169,10 @@ def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[l
     counts = []
     for k, mark in enumerate(marks):
         mark.scatter_reverse(la.InsertMode.add)
-        there = mark.array[own] > 0
-        counts.append([there.sum(), (there & ~exterior[own]).sum(), (there & taken).sum()])
+        marked = mark.array[owned] > 0
+        counts.append([marked.sum(), (marked & ~exterior[owned]).sum(), (marked & taken).sum()])
         if k < len(contact):  # facets of a master may be those of several
-            taken |= there
+            taken |= marked
     totals = parallel.global_sum(mesh.comm, np.array(counts))
     for (name, _), (count, inside, twice) in zip(listed, totals, strict=True):
         if not count:
@@ -180,11 +180,11 @@ def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[l
         if inside:
             problems.append((name, f"{inside} of its {count} facets are not on the boundary of the mesh"))
         if twice:
-            what = "foundation" if name.endswith("facets") and not pairs else "partner"
-            problems.append((name, f"shares {twice} facets with another contact: a facet has one {what}"))
+            counterpart = "foundation" if name.endswith("facets") and not pairs else "partner"
+            problems.append((name, f"shares {twice} facets with another contact: a facet has one {counterpart}"))
     if problems:
         raise FormError(problems)
-    facets = [np.flatnonzero(mark.array[own] > 0).astype(np.int32) for mark in marks]
+    facets = [np.flatnonzero(mark.array[owned] > 0).astype(np.int32) for mark in marks]
     return facets[: len(contact)], dict(zip(pairs, facets[len(contact) :], strict=True))
 
 
@@ -200,30 +200,30 @@ def parts_of(materials: Any, mesh: dmesh.Mesh) -> list[npt.NDArray[np.int32]]:
     """
     dim, error = mesh.topology.dim, None
     cells = mesh.topology.index_map(dim)
-    every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
+    all_cells = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
     if materials is None:
-        return [every]
+        return [all_cells]
     if not isinstance(materials, dmesh.MeshTags):
         error = f"must be MeshTags of dolfinx, not {kind_of(materials)}"
     elif materials.dim != dim or compat.topology(materials) != compat.topology(mesh):
         error = "must be tags on the cells of the mesh"
-    elif materials.indices.size < every.size:
-        error = f"has no tag on {every.size - materials.indices.size} cells of this rank"
+    elif materials.indices.size < all_cells.size:
+        error = f"has no tag on {all_cells.size - materials.indices.size} cells of this rank"
     parallel.raise_together(mesh.comm, None if error is None else FormError([("materials", error)]))
     tags = parallel.gather_rows(mesh.comm, np.unique(materials.values)[:, None])
     return [materials.find(int(tag)).astype(np.int32) for tag in np.unique(tags)]
 
 
-def _listed(given: Any, mesh: dmesh.Mesh, dim: int, count: int) -> Facets:
+def _listed(selection: Any, mesh: dmesh.Mesh, dim: int, count: int) -> Facets:
     """Local numbers of facets, ghosts included, from a list of them or from tags."""
-    if isinstance(given, tuple) and len(given) == 2 and isinstance(given[0], dmesh.MeshTags):
-        tags, wanted = given
+    if isinstance(selection, tuple) and len(selection) == 2 and isinstance(selection[0], dmesh.MeshTags):
+        tags, wanted = selection
         if tags.dim != dim:
             raise ValueError(f"the tags are on entities of dimension {tags.dim}, not {dim}")
         if compat.topology(tags) != compat.topology(mesh):
             raise ValueError("the tags are of another mesh")
         return np.asarray(tags.indices[np.isin(tags.values, wanted)])
-    facets = np.asarray(given)
+    facets = np.asarray(selection)
     if facets.ndim != 1 or not (facets.size == 0 or np.issubdtype(facets.dtype, np.integer)):
         raise TypeError("local numbers of facets are expected, shape (n,), or (meshtags, tag)")
     if facets.size and not (facets.min() >= 0 and facets.max() < count):

@@ -19,12 +19,12 @@ from dolfinx import fem
 from signorini_fx.body.assembly import action, assemble
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.foundation import Foundation, Pair
-from signorini_fx.body.foundations import Data
+from signorini_fx.body.foundations import FoundationData
 from signorini_fx.results.certificate import Certificate, judged
 from signorini_fx.results.contact_nodes import ContactNodes, ContactSide
 from signorini_fx.results.equilibrium import Balance
-from signorini_fx.results.promised_law import Before, Law, Tractions
-from signorini_fx.results.supports import Supports
+from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.tools import Driving, unbalanced
 from signorini_fx.scales import Scales
@@ -39,11 +39,11 @@ def certify(
     displacement: fem.Function,
     fixed: npt.NDArray[np.bool_],
     values: Nodal,
-    data: Sequence[Data],
+    data: Sequence[FoundationData],
     scales: Scales,
     state: ContactState,
     law: Law,
-    before: Before | None,
+    before: PreviousStep | None,
     tools: Sequence[Driving],
     contact: Sequence[Foundation | Pair],
     named: tuple[Sequence[Indices], Mapping[int, Indices]],
@@ -67,47 +67,47 @@ def certify(
     """
     space = displacement.function_space
     dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
-    every = np.arange(values.size // dim, dtype=np.int32)
-    internal = action((a,), displacement, every).reshape(-1, dim)
+    nodes = np.arange(values.size // dim, dtype=np.int32)
+    internal = action((a,), displacement, nodes).reshape(-1, dim)
     prescribed = fixed.reshape(-1, dim)[:owned]
-    none, nowhere = np.zeros((0, dim)), np.zeros(0, dtype=np.int64)
+    no_vectors, nowhere = np.zeros((0, dim)), np.zeros(0, dtype=np.int64)
     by = np.where(prescribed, 0, -1)
-    supports = Supports(
-        prescribed, values.reshape(-1, dim)[:owned], nowhere, none, np.zeros(0), by, nowhere.astype(np.int64)
+    supports = PrescribedNodes(
+        prescribed, values.reshape(-1, dim)[:owned], nowhere, no_vectors, np.zeros(0), by, nowhere.astype(np.int64)
     )
     external, nothing = assemble(L).reshape(-1, dim), np.zeros_like(internal)
     balance = Balance(SurfaceQuadrature(space), internal, external, supports, scales, scales, nothing)
     sides = [
-        _side(one, given, facets, named[1].get(k), space)
-        for k, (one, given, facets) in enumerate(zip(data, contact, named[0], strict=True))
+        _side(contact_data, entry, facets, named[1].get(k), space)
+        for k, (contact_data, entry, facets) in enumerate(zip(data, contact, named[0], strict=True))
     ]
     tractions = Tractions.of(state)
     moved = tuple(tool for tool, _ in tools)
-    found = judged(displacement, balance, sides, tractions, law=law, before=before, tools=moved)
+    certificate = judged(displacement, balance, sides, tractions, law=law, before=before, tools=moved)
     if not tools:
-        return found
-    left = unbalanced(ContactNodes.of(balance.surface, sides, tractions), tools, 0.0)
-    return replace(found, equilibrium=max(found.equilibrium, left))
+        return certificate
+    imbalance = unbalanced(ContactNodes.of(balance.surface, sides, tractions), tools, 0.0)
+    return replace(certificate, equilibrium=max(certificate.equilibrium, imbalance))
 
 
 def _side(
-    data: Data, given: Foundation | Pair, facets: Indices, master: Indices | None, space: fem.FunctionSpace
+    data: FoundationData, entry: Foundation | Pair, facets: Indices, master: Indices | None, space: fem.FunctionSpace
 ) -> ContactSide:
     """One foundation or pair; what the user named decides which facets meet, and up to which distance."""
 
     def bound(nodes: npt.NDArray[Any], pressure: Nodal) -> Nodal:
-        found = data.given[nodes] + data.coefficient[nodes] * np.abs(pressure)
-        found = np.minimum(found, data.cap[nodes])
-        return np.where(pressure == 0, 0.0, found) if data.cohesive else found
+        limit = data.given[nodes] + data.coefficient[nodes] * np.abs(pressure)
+        limit = np.minimum(limit, data.cap[nodes])
+        return np.where(pressure == 0, 0.0, limit) if data.cohesive else limit
 
     claim, by_geometry, along, ellipse = None, False, data.shape.direction, data.shape.ellipse
-    if isinstance(given, Pair):
+    if isinstance(entry, Pair):
         from signorini_fx.results.paired_claim import claim_of
 
         assert data.pair is not None
         assert master is not None
-        by_geometry = not given.bonded and isinstance(given.gap, str)
-        claim = claim_of(data.pair, space, (facets, master), given.reach, nominal=not by_geometry)
+        by_geometry = not entry.bonded and isinstance(entry.gap, str)
+        claim = claim_of(data.pair, space, (facets, master), entry.reach, nominal=not by_geometry)
     return ContactSide(
         facets,
         lambda nodes: (data.gap if data.allowance is None else data.allowance)[nodes],
@@ -118,5 +118,5 @@ def _side(
         claim,
         by_geometry,
         None if ellipse is None else lambda nodes: (ellipse.along[nodes], ellipse.ratio[nodes]),
-        given.adjust if isinstance(given, Pair) else None,
+        entry.adjust if isinstance(entry, Pair) else None,
     )

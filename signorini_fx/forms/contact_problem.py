@@ -27,12 +27,12 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import contact_table
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.foundation import Coulomb, Foundation, Pair
-from signorini_fx.body.foundations import Foundations, Shape
+from signorini_fx.body.foundations import Foundations, ShapeDistances
 from signorini_fx.body.rigid_tools import RigidTools
 from signorini_fx.body.supports import prescribed
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
-from signorini_fx.derivatives.gradient import Data as ProblemData
-from signorini_fx.derivatives.gradient import Solved
+from signorini_fx.derivatives.gradient import ChangedStep as ProblemData
+from signorini_fx.derivatives.gradient import SolvedStep
 from signorini_fx.errors import FormError
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, facets_of, foundations_of, parts_of, settings_of, space_of
@@ -49,7 +49,7 @@ from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.method import Settings
 from signorini_fx.records import History, Inventory, Status
 from signorini_fx.results.certificate import Certificate
-from signorini_fx.results.promised_law import Before, Law, Tractions
+from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.step_frames import LastSolution, StepEnd, relative_to
 from signorini_fx.results.stresses import RawStresses
@@ -127,7 +127,7 @@ class ContactProblem:
             )
         self.u = fem.Function(space, name="displacement") if u is None else u
         self._options = petsc_options_prefix, dict(petsc_options or {})
-        self._given, self._named = (a, L), (facets, masters)
+        self._forms, self._named = (a, L), (facets, masters)
         self._law, self._parts = law_of(stress, self.u), parts_of(materials, space.mesh)
         self._stresses: RawStresses | None = None
         self._names = [f"contact {k}" for k in range(len(facets))]
@@ -141,7 +141,7 @@ class ContactProblem:
         self.history = History()
         self.status: Status | None = None
         self.certificate: Certificate | None = None
-        self._known: tuple[bytes, bytes] | None = None
+        self._last_pattern: tuple[bytes, bytes] | None = None
         self._boundary: ContactBoundary
         self._elastic: ElasticBody
         self._scales: Scales
@@ -150,7 +150,7 @@ class ContactProblem:
         self._fallen: Array  # the displacement of the resting place that slips are counted from
         self._last: StepEnd | None = None  # at the last advance
         self._start: Start | None = None  # of the present step, in the frames of the present foundations
-        self._before: Before | None = None  # the end of the last step, as the present foundations see it
+        self._previous_step: PreviousStep | None = None  # the end of the last step, as the present foundations see it
         self._solution: LastSolution | None = None  # from which the next solve may begin
         self._outcome: Outcome | None = None
         self._state: ContactState | None = None
@@ -173,7 +173,7 @@ class ContactProblem:
             raise RuntimeError("only the form knows the stresses: give stress=, a function of the displacement")
         if self._stresses is None:
             y, fixed, touching = self.u.copy(), self._prescribed[0], [*self._named[0], *self._named[1].values()]
-            self._stresses = stresses_of(self._law, y, self._parts, self._given, touching, fixed)
+            self._stresses = stresses_of(self._law, y, self._parts, self._forms, touching, fixed)
         return self._stresses
 
     @property
@@ -187,7 +187,7 @@ class ContactProblem:
             FormError: see ``stress``; or the forms are multiplied by a measure, which the estimate does not know.
         """
         stress, outcome = self.stress, self._outcome
-        if any(getattr(one, "measure", None) is not None for one in self.contact):
+        if any(getattr(contact, "measure", None) is not None for contact in self.contact):
             raise FormError([("stress", "there is no error estimate where the forms are multiplied by a measure")])
         assert outcome is not None
         return errors_of(stress, self.u, self.state, self._named[0], self._names, outcome, self._scales.modulus)
@@ -202,7 +202,7 @@ class ContactProblem:
             RuntimeError: see ``errors``; or a problem has no solution.
             FormError: see ``errors``.
         """
-        return price_list([one._level(k) for k, one in enumerate((*coarser, self))], coarser[0]._memory)
+        return price_list([problem._level(k) for k, problem in enumerate((*coarser, self))], coarser[0]._memory)
 
     def _level(self, number: int) -> LevelResult:
         """The errors and the cost of the last solve; collective."""
@@ -225,15 +225,15 @@ class ContactProblem:
     def solver(self) -> PETSc.SNES:
         """The SNES of the semi-smooth Newton method, for monitors and options; set up if it is not yet; collective."""
         with options.applied(*self._options):
-            if self._known is None:
+            if self._last_pattern is None:
                 self._update()
             return self._task.iterate.newton.snes
 
     def fields_of(self, number: int) -> ContactFields:
         """The fields of one foundation alone, new Functions: at its end a node may belong to another one, too."""
-        found = ContactFields.on(self._space, self._degree)
-        found.take(self._space, self.state, self._boundary.part == number)
-        return found
+        fields = ContactFields.on(self._space, self._degree)
+        fields.take(self._space, self.state, self._boundary.part == number)
+        return fields
 
     @property
     def state(self) -> ContactState:
@@ -256,7 +256,7 @@ class ContactProblem:
         with options.applied(*self._options):
             data, law = self._update()
             begun = self._start
-            data = data if (rest := self._task.rest) is None else rest.data_from(data)
+            data = data if (resting := self._task.rest) is None else resting.data_from(data)
             if begun is None:
                 begun = Start(data, law, ActiveSets.all_in_contact(*data.mu_hat.shape), 0)
             else:  # friction is that of the pressure with which the last step has ended
@@ -266,7 +266,7 @@ class ContactProblem:
                 moved = self._foundations.moved(self._boundary)
                 if moved is not None:  # slip is relative to the foundation
                     origin = origin + np.einsum("nij,ni->nj", self._boundary.tangents, moved)
-                self._before = relative_to(self._last.before, self._boundary, moved)
+                self._previous_step = relative_to(self._last.before, self._boundary, moved)
                 begun = replace(begun, data=replace(begun.data, gap=data.gap, bound=bound, slip_origin=origin), law=law)
             begun = replace(begun, factors=np.ones(1))
             if self._solution is not None:
@@ -296,8 +296,8 @@ class ContactProblem:
         law = Law(*self._task.promised(self._outcome))
         self._start = replace(self._outcome.next_step(self._begun), place=0.0)
         normal = self._outcome.problem.traces(self._outcome.newton.x)[0]
-        before = Before.of(self.u.copy(), Tractions.of(self.state), law, self._before, self.tools)
-        self._last = StepEnd(self._start, self._task.rest, normal, self._boundary, before)
+        previous = PreviousStep.of(self.u.copy(), Tractions.of(self.state), law, self._previous_step, self.tools)
+        self._last = StepEnd(self._start, self._task.rest, normal, self._boundary, previous)
         self._foundations.settle()
 
     def gradient(self, of: Any, by: Any) -> Gradient:
@@ -321,7 +321,7 @@ class ContactProblem:
         quantity, constants = quantity_of(of, self.u, len(self.contact)), checked(by)
         _, law = self._point_data(self._foundations.shapes())
         return gradient(
-            Solved.of(self._elastic, self._task, self._outcome, self._begun, self.state, self.u, law),
+            SolvedStep.of(self._elastic, self._task, self._outcome, self._begun, self.state, self.u, law),
             self._data_now,
             quantity,
             constants,
@@ -332,7 +332,7 @@ class ContactProblem:
         """The problem with the values that Constants have now; collective."""
         shapes, fixed = self._foundations.shapes(), self._elastic.fixed
         boundary = self._boundary
-        if any(one.factor is not None or one.direction is not None for one in shapes):
+        if any(shape.factor is not None or shape.direction is not None for shape in shapes):
             boundary = self._foundations.boundary(shapes, fixed, at_rest=self._foundations.at_rest(*self._prescribed))
         settings, gamma = Settings.of(self.settings), self._scales.gamma
         data, law = self._foundations.problem(boundary, self._foundations.data(shapes), settings, gamma)
@@ -373,7 +373,7 @@ class ContactProblem:
             self._scales,
             state,
             Law(*self._task.promised(outcome)),
-            self._before,
+            self._previous_step,
             driving_of(self._tools, self.tools),
             self.contact,
             self._named,
@@ -389,22 +389,22 @@ class ContactProblem:
         space, comm = self._space, self._space.mesh.comm
         self._prescribed = fixed, values = prescribed(space, conditions_of(self.bcs, space))
         shapes = self._foundations.shapes()
-        geometry = [values for one in shapes for values in (one.factor, one.direction) if values is not None]
+        geometry = [values for shape in shapes for values in (shape.factor, shape.direction) if values is not None]
         at_rest = self._foundations.at_rest(fixed, values)
         self._tools = tools_of(self._foundations.driven, space.mesh)
         held, driven = values_of(self._tools)
-        known = digest(self._a, fixed, at_rest, *geometry, *held), digest(self._L, values, *driven)
-        last, self._known = self._known, None  # until all that follows has gone well
-        if last is None or parallel.any_rank(comm, known[0] != last[0]):
+        fingerprints = digest(self._a, fixed, at_rest, *geometry, *held), digest(self._L, values, *driven)
+        last, self._last_pattern = self._last_pattern, None  # until all that follows has gone well
+        if last is None or parallel.any_rank(comm, fingerprints[0] != last[0]):
             self._set_up(shapes)
             self._outcome = None  # its iterate is that of another system
-        elif parallel.any_rank(comm, known[1] != last[1]):
+        elif parallel.any_rank(comm, fingerprints[1] != last[1]):
             self._task.system.set_case(0, self._case(values))
         data = self._point_data(shapes)
-        self._known = known
+        self._last_pattern = fingerprints
         return data
 
-    def _set_up(self, shapes: Sequence[Shape]) -> None:
+    def _set_up(self, shapes: Sequence[ShapeDistances]) -> None:
         """Contact points, stiffness and linear algebra; collective."""
         space, (fixed, values) = self._space, self._prescribed
         free_unused(space.mesh)
@@ -417,11 +417,11 @@ class ContactProblem:
             if count == 0:
                 wrong = "bcs prescribe the displacement along the normal at all of its points, or measure is zero"
                 raise FormError([(f"contact[{k}]", wrong)])
-        rest = None
+        resting = None
         if self._last is not None:
             # A body that has fallen may have been taken hold of since: then it is counted from the initial position.
             fallen = self._last.rest is not None and bool(self._fallen[fixed].any())
-            self._start, rest = self._last.seen_from(boundary, held=parallel.any_rank(space.mesh.comm, fallen))
+            self._start, resting = self._last.seen_from(boundary, held=parallel.any_rank(space.mesh.comm, fallen))
         self._boundary = boundary
         elastic = self._elastic = elastic_body(space, self._a, self.bcs, fixed[:owned], boundary, self.settings)
         self._scales = scales_of(elastic, boundary, self._foundations.facets)
@@ -431,18 +431,18 @@ class ContactProblem:
             *self._point_data(shapes),
             natural_gamma=self._scales.gamma,
             history=self.history,
-            has_coulomb=any(isinstance(one.friction, Coulomb) for one in self.contact),
+            has_coulomb=any(isinstance(contact.friction, Coulomb) for contact in self.contact),
         )
         if self._start is None:
-            rest = task.rest
-            self._fallen = np.zeros(0) if rest is None else elastic.motions.displacement(rest.motion).ravel()
-        self._task = replace(task, rest=rest)
+            resting = task.rest
+            self._fallen = np.zeros(0) if resting is None else elastic.motions.displacement(resting.motion).ravel()
+        self._task = replace(task, rest=resting)
 
     def _case(self, values: Array) -> LoadCase:
         """See ``case_of``."""
         return case_of(self._elastic, self._L, values, driven_by(self._tools))
 
-    def _point_data(self, shapes: Sequence[Shape]) -> tuple[RegularisedData, FrictionLaw | None]:
+    def _point_data(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, FrictionLaw | None]:
         """Gap, friction and regularisation at the contact points, as they are now; collective."""
         self._data = self._foundations.data(shapes)
         return self._foundations.problem(self._boundary, self._data, Settings.of(self.settings), self._scales.gamma)

@@ -33,10 +33,10 @@ def digest(form: fem.Form, *arrays: npt.NDArray[Any]) -> bytes:
     """A fingerprint of what a form is assembled from on this rank (constants, coefficients, positions of the mesh), and
     of other arrays.
     """
-    found = blake2b(digest_size=16)
+    fingerprint = blake2b(digest_size=16)
     for values in (*compat.form_data(form), form.mesh.geometry.x, *arrays):
-        found.update(np.ascontiguousarray(values).data)
-    return found.digest()
+        fingerprint.update(np.ascontiguousarray(values).data)
+    return fingerprint.digest()
 
 
 def elastic_body(
@@ -81,8 +81,8 @@ def case_of(elastic: ElasticBody, L: fem.Form, values: Array, driven: Driven | N
     """
     function, forces = fem.Function(elastic.space), assemble(L)
     function.x.array[:] = values
-    for name, given in (("bcs", values), ("L", forces)):
-        if parallel.any_rank(elastic.comm, not np.isfinite(given).all()):
+    for name, entries in (("bcs", values), ("L", forces)):
+        if parallel.any_rank(elastic.comm, not np.isfinite(entries).all()):
             raise FormError([(name, "is not finite somewhere")])
     return elastic.case(forces, function, driven)
 
@@ -101,13 +101,13 @@ def check_energy(matrix: PETSc.Mat, owned: int) -> None:
     generator = np.random.default_rng(matrix.comm.rank)
     for vector in (x, y):
         vector.getArray()[:] = generator.standard_normal(vector.getLocalSize())
-    forces, others = x.duplicate(), x.duplicate()
+    forces, forces_of_y = x.duplicate(), x.duplicate()
     matrix.mult(x, forces)
-    matrix.mult(y, others)
+    matrix.mult(y, forces_of_y)
     size = forces.norm()
     if not np.isfinite(size):
         raise FormError([("a", "its matrix is not finite: check its coefficients")])
-    if abs(forces.dot(y) - others.dot(x)) > _ASYMMETRY * size:
+    if abs(forces.dot(y) - forces_of_y.dot(x)) > _ASYMMETRY * size:
         raise FormError([("a", "is not symmetric: a(y, z) and a(z, y) differ; friction is what contact= adds")])
     diagonal = matrix.getDiagonal().getArray(readonly=True)[:owned]
     if parallel.any_rank(matrix.comm.tompi4py(), bool((diagonal <= 0).any())):

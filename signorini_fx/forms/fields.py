@@ -35,20 +35,22 @@ class ContactFields:
         """Zero, for displacements in a space."""
         mesh = space.mesh
         scalar = fem.functionspace(mesh, ("Lagrange", degree))
-        same = degree == space.element.basix_element.degree
-        vector = space if same else fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))
+        same_degree = degree == space.element.basix_element.degree
+        vector = space if same_degree else fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))
         makes = {"pressure": scalar, "shear": vector, "gap": scalar, "slip": vector}
         return cls(**{name: fem.Function(where, name=name) for name, where in makes.items()})
 
-    def take(self, space: fem.FunctionSpace, state: ContactState, here: npt.NDArray[np.bool_] | None = None) -> None:
+    def take(
+        self, space: fem.FunctionSpace, state: ContactState, selected: npt.NDArray[np.bool_] | None = None
+    ) -> None:
         """The values of a state; collective.
 
         Args:
             space: the displacements, whose nodes the points are numbered by.
             state: of the contact points of this rank.
-            here: the points to take, shape (n,); None: all.  Of a node of two contacts the later one is taken.
+            selected: the points to take, shape (n,); None: all.  Of a node of two contacts the later one is taken.
         """
-        where = slice(None) if here is None else here
+        where = slice(None) if selected is None else selected
         tangents, cotangents = state.boundary.tangents, state.boundary.cotangents
         values = {
             "pressure": state.pressure[:, None],
@@ -56,13 +58,13 @@ class ContactFields:
             "gap": (state.gap - state.u_n)[:, None],
             "slip": np.einsum("ijk,ik->ij", cotangents, state.slip_length),
         }
-        for name, found in values.items():
+        for name, point_values in values.items():
             function: fem.Function = getattr(self, name)
             nodes = function.function_space.dofmap.list
-            place = np.zeros(node_positions(space).shape[0], dtype=np.int64)
-            place[space.dofmap.list[:, : nodes.shape[1]]] = nodes  # vertices come first in every cell
+            numbering = np.zeros(node_positions(space).shape[0], dtype=np.int64)
+            numbering[space.dofmap.list[:, : nodes.shape[1]]] = nodes  # vertices come first in every cell
             array = function.x.array
             array[:] = 0.0
-            array.reshape(-1, found.shape[1])[place[state.boundary.nodes[where]]] = found[where]
+            array.reshape(-1, point_values.shape[1])[numbering[state.boundary.nodes[where]]] = point_values[where]
             function.x.scatter_reverse(la.InsertMode.add)  # the owner of a vertex need not be that of the point
             function.x.scatter_forward()

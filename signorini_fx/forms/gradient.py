@@ -15,7 +15,7 @@ from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.contact.laws import Nodal, length
-from signorini_fx.derivatives.gradient import By, Data, Solved, adjoints_of, central, derivatives, explicit
+from signorini_fx.derivatives.gradient import By, ChangedStep, SolvedStep, adjoints_of, central, derivatives, explicit
 from signorini_fx.derivatives.quantities import ContactArea, ContactForce, LargestPressure, Quantity
 from signorini_fx.errors import FormError
 from signorini_fx.machine.compilation import compiling
@@ -25,7 +25,7 @@ Array = npt.NDArray[np.float64]
 _STEP = 1e-5
 # What a result owes to where points were before is round-off up to this share of it.
 _NOTHING = 1e-9
-_KNOWN = (
+_RESULTS = (
     "a UFL form of u without arguments, 'force NUMBER AXIS' or 'moment NUMBER [AXIS]' of a contact, or "
     "'pressure NUMBER [POWER]' or 'area NUMBER [POWER]'"
 )
@@ -64,12 +64,12 @@ class OfForm:
 
     def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
         """See ``Quantity``."""
-        kept = self.u.x.array.copy()
+        saved = self.u.x.array.copy()
         self.u.x.array[:] = y.x.array
         try:
             return float(parallel.global_sum(boundary.comm, np.array(fem.assemble_scalar(self.form))))
         finally:
-            self.u.x.array[:] = kept
+            self.u.x.array[:] = saved
 
     def by_displacement(self, y: fem.Function) -> Array | None:
         """See ``Quantity``."""
@@ -80,42 +80,42 @@ class OfForm:
         return np.zeros((pressure.size, 1 + shear.shape[1]))
 
 
-def quantity_of(given: Any, u: fem.Function, contacts: int) -> Quantity:
+def quantity_of(wanted: Any, u: fem.Function, contacts: int) -> Quantity:
     """A result as ``ContactProblem.gradient`` takes it.
 
     Raises:
         FormError: it is none.
     """
     dimension = u.function_space.mesh.geometry.dim
-    if isinstance(given, ufl.Form):
-        if given.arguments():
+    if isinstance(wanted, ufl.Form):
+        if wanted.arguments():
             raise FormError([("of", "has arguments: a number is expected, a form of u alone")])
         with compiling():
             test = ufl.TestFunction(u.function_space)
-            return OfForm(fem.form(given), fem.form(ufl.derivative(given, u, test)), u)
+            return OfForm(fem.form(wanted), fem.form(ufl.derivative(wanted, u, test)), u)
     try:
-        kind, number, *more = str(given).split()
+        kind, number, *words = str(wanted).split()
         part = int(number)
         if not 0 <= part < contacts:
             raise ValueError(number)
         if kind == "force":
-            (axis,) = more
+            (axis,) = words
             return ContactForce(part, ("x", "y", "z")[:dimension].index(axis))
-        if kind == "moment" and dimension == 2 and not more:
+        if kind == "moment" and dimension == 2 and not words:
             return ContactForce(part, 0, moment=True)
         if kind == "moment":
-            (axis,) = more
+            (axis,) = words
             return ContactForce(part, ("x", "y", "z")[: 3 if dimension == 3 else 0].index(axis), moment=True)
-        if kind in ("pressure", "area") and len(more) < 2:
+        if kind in ("pressure", "area") and len(words) < 2:
             kinds: dict[str, tuple[type[LargestPressure | ContactArea], float]]
             kinds = {"pressure": (LargestPressure, 8.0), "area": (ContactArea, 2.0)}
             made, usual = kinds[kind]
-            power = float(*more) if more else usual
+            power = float(*words) if words else usual
             if 1 < power <= 1000:
                 return made(part, power)
     except ValueError:
         pass
-    raise FormError([("of", f"{given!r} is no result; there are: {_KNOWN}")])
+    raise FormError([("of", f"{wanted!r} is no result; there are: {_RESULTS}")])
 
 
 def checked(by: Sequence[Any]) -> list[fem.Constant]:
@@ -124,15 +124,17 @@ def checked(by: Sequence[Any]) -> list[fem.Constant]:
     Raises:
         FormError: something is no Constant with one value.
     """
-    given = [by] if isinstance(by, fem.Constant) else list(by)
-    wrong = [k for k, one in enumerate(given) if not isinstance(one, fem.Constant) or one.value.size != 1]
+    constants = [by] if isinstance(by, fem.Constant) else list(by)
+    wrong = [
+        k for k, constant in enumerate(constants) if not isinstance(constant, fem.Constant) or constant.value.size != 1
+    ]
     if wrong:
         raise FormError([(f"by[{k}]", "a Constant with one value is expected, that the problem uses") for k in wrong])
-    return given
+    return constants
 
 
 def gradient(
-    solved: Solved, data: Callable[[], Data], quantity: Quantity, by: Sequence[fem.Constant], *, later: bool
+    solved: SolvedStep, data: Callable[[], ChangedStep], quantity: Quantity, by: Sequence[fem.Constant], *, later: bool
 ) -> Gradient:
     """The derivatives of one result; collective.
 
@@ -150,25 +152,25 @@ def gradient(
     adjoints, state = adjoints_of([solved], quantities), solved.state
     value = quantity.value(solved.displacement, state.boundary, state.pressure, state.shear)
     moved = state.points.weight * (length(state.u_t) + length(state.slip_length))
-    owed = [np.sum(moved * length(one.tied[:, 1:])) for one in adjoints[0] if one is not None]
+    owed = [np.sum(moved * length(adjoint.tied[:, 1:])) for adjoint in adjoints[0] if adjoint is not None]
     if later and parallel.global_sum(solved.body.comm, np.sum(owed)) > _NOTHING * abs(value):
         raise RuntimeError(
             "after advance() the result depends on the slip and the shear of the step before, by points that stick or, "
             "in space, turn, and what that step was solved with is not kept: take a scene with load steps"
         )
-    found = []
+    slopes = []
     for constant in by:
         kept = constant.value.copy()
         step = _STEP * (abs(float(kept.ravel()[0])) or 1.0)
 
-        def at(change: float, constant: fem.Constant = constant, kept: Array = kept) -> By:
+        def at(change: float, constant: fem.Constant = constant, initial: Array = kept) -> By:
             try:
-                constant.value[...] = kept + change
+                constant.value[...] = initial + change
                 evaluated = explicit(solved, data(), [quantity])
             finally:
-                constant.value[...] = kept
+                constant.value[...] = initial
             return lambda k: evaluated
 
-        found += derivatives(adjoints, quantities, central(at(step), at(-step), step))
-    solves = sum(one.solves for one in adjoints[0] if one is not None)
-    return Gradient(value, np.array(found), solved.law.between, solves)
+        slopes += derivatives(adjoints, quantities, central(at(step), at(-step), step))
+    solves = sum(adjoint.solves for adjoint in adjoints[0] if adjoint is not None)
+    return Gradient(value, np.array(slopes), solved.law.between, solves)

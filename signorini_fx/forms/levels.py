@@ -33,8 +33,8 @@ def errors_of(
     """
     mesh = u.function_space.mesh
     squares = stress.recovery().squares(u.x.array)
-    none = np.zeros(squares.size)
+    zero = np.zeros(squares.size)
     cells = facet_entities(mesh, np.concatenate(facets))[:, 0]
     blur = compliance_of(outcome, mesh.comm) * modulus
     table = contact_table(state, names)
-    return combined(state.boundary, table, cells, squares, DataError(none, none, 0.0), stress.energy(), blur)
+    return combined(state.boundary, table, cells, squares, DataError(zero, zero, 0.0), stress.energy(), blur)

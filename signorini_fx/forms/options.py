@@ -13,22 +13,22 @@ from signorini_fx.linalg.options import PREFIX
 
 
 @contextmanager
-def applied(prefix: str, given: Mapping[str, Any]) -> Iterator[None]:
+def applied(prefix: str, problem_options: Mapping[str, Any]) -> Iterator[None]:
     """Put the options of a problem where its solver objects read them; those of the database take precedence.
 
     Args:
         prefix: of the problem.
-        given: options without the prefix.
+        problem_options: options without the prefix.
 
     Raises:
         OptionsError: PETSc fails with them, or would run another method than ours with one of them.
     """
     database = PETSc.Options()
-    wanted = {name: str(value) if value is not None else "" for name, value in given.items()}
+    wanted = {name: str(value) if value is not None else "" for name, value in problem_options.items()}
     wanted |= {name.removeprefix(prefix): value for name, value in database.getAll().items() if name.startswith(prefix)}
     ours = PETSc.Options(PREFIX)
     refuse_exchanged({name: value or "" for name, value in {**ours.getAll(), **wanted}.items()})
-    before = {name: value for name, value in database.getAll().items() if name.startswith(PREFIX)}
+    saved = {name: value for name, value in database.getAll().items() if name.startswith(PREFIX)}
     for name, value in wanted.items():
         ours[name] = value or None
     try:
@@ -38,5 +38,5 @@ def applied(prefix: str, given: Mapping[str, Any]) -> Iterator[None]:
     finally:
         for name in wanted:
             ours.delValue(name)
-        for name, value in before.items():
+        for name, value in saved.items():
             database[name] = value or None

@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.rigid_tools import Driven, RigidTools
-from signorini_fx.contact.resting_place import Rest
+from signorini_fx.contact.resting_place import RestingMotion
 from signorini_fx.results.tool_motion import ToolMotion
 from signorini_fx.results.tools import Driving
 
@@ -47,7 +47,7 @@ def values_of(tools: RigidTools | None) -> tuple[list[npt.NDArray[Any]], list[np
 
 
 def motions_of(
-    tools: RigidTools | None, names: Sequence[str], elastic: ElasticBody, x: PETSc.Vec, rest: Rest | None
+    tools: RigidTools | None, names: Sequence[str], elastic: ElasticBody, x: PETSc.Vec, resting: RestingMotion | None
 ) -> tuple[ToolMotion, ...]:
     """How they have moved in a displacement that is counted from the resting place; collective.
 
@@ -56,11 +56,11 @@ def motions_of(
         names: of the contacts.
         elastic: the body.
         x: the displacement.
-        rest: see ``ElasticBody.driven``.
+        resting: see ``ElasticBody.driven``.
     """
     if tools is None:
         return ()
-    dim, motions = tools.dimension, tools.motions(elastic.driven(x, rest))
+    dim, motions = tools.dimension, tools.motions(elastic.driven(x, resting))
     return tuple(
         ToolMotion(part, names[part], tools.centre[k], motions[k, :dim], motions[k, dim:])
         for k, part in enumerate(map(int, tools.parts))
@@ -70,4 +70,4 @@ def motions_of(
 def driving_of(tools: RigidTools | None, motions: Sequence[ToolMotion]) -> list[Driving]:
     """The motions, and what drives them."""
     shapes = [] if tools is None else tools.shapes
-    return [(one, shape.drive(one.reference.size, 0.0)) for one, shape in zip(motions, shapes, strict=True)]
+    return [(motion, shape.drive(motion.reference.size, 0.0)) for motion, shape in zip(motions, shapes, strict=True)]

@@ -62,9 +62,9 @@ def stresses_of(
     @cache
     def recovery() -> StressRecovery:
         stress = stress_of(law, fem.Function(y.function_space), parts)
-        known = all(isinstance(form, ufl.Form) for form in forms)
-        residual = partial(residual_of, stress, forms, contact, fixed) if known else lambda z: None
-        return StressRecovery(stress, lambda z: (lambda place: None, residual(z)), Inventory())
+        all_ufl = all(isinstance(form, ufl.Form) for form in forms)
+        residual = partial(residual_of, stress, forms, contact, fixed) if all_ufl else lambda z: None
+        return StressRecovery(stress, lambda z: (lambda step: None, residual(z)), Inventory())
 
     return RawStresses(stress_of(law, y, parts), recovery, lambda: recovery().energy(y.x.array))
 
@@ -83,12 +83,12 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStres
         FormError: the law has another shape, or some strain has no stress.
     """
     mesh = y.function_space.mesh
-    kinematics, x, whole = KINEMATICS[mesh.geometry.dim], ufl.SpatialCoordinate(mesh), law(y)
+    kinematics, x, full_stress = KINEMATICS[mesh.geometry.dim], ufl.SpatialCoordinate(mesh), law(y)
     dim, pairs = kinematics.dimension, kinematics.pairs
-    if not hasattr(whole, "ufl_shape") or whole.ufl_shape not in ((dim, dim), (3, 3)):
-        shape = getattr(whole, "ufl_shape", "none")
+    if not hasattr(full_stress, "ufl_shape") or full_stress.ufl_shape not in ((dim, dim), (3, 3)):
+        shape = getattr(full_stress, "ufl_shape", "none")
         raise FormError([("stress", f"has the shape {shape}; ({dim}, {dim}) or (3, 3) is needed")])
-    outward = whole[2, 2] if whole.ufl_shape[0] > dim else None
+    outward = full_stress[2, 2] if full_stress.ufl_shape[0] > dim else None
     axes = [ufl.unit_vector(k, dim) for k in range(dim)]
     strained = [(x[i] * axes[j] + x[j] * axes[i]) / 2 for i, j in pairs]  # with one strain, or one twice a shear
     at_rest = law(fem.Function(y.function_space))
@@ -97,7 +97,7 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStres
     moduli = ufl.as_vector([column[i, j] for i, j in rows for column in columns])
     cellwise = interpolated(moduli, fem.functionspace(mesh, ("DG", 0, (len(moduli),))))
     at_cells = cellwise.x.array.reshape(-1, len(rows), len(pairs))
-    sigma = ufl.as_matrix([[whole[i, j] for j in range(dim)] for i in range(dim)])
+    sigma = ufl.as_matrix([[full_stress[i, j] for j in range(dim)] for i in range(dim)])
     try:
         numbers = cellwise.function_space.dofmap.list[:, 0]
         return anisotropic_stress(y, sigma, outward, (at_cells, numbers), parts)
@@ -121,10 +121,14 @@ def residual_of(
     """
     space = stress.displacement.function_space
     mesh, dim = space.mesh, stress.kinematics.dimension
-    known = np.setdiff1d(dmesh.exterior_facet_indices(mesh.topology), np.concatenate(list(contact))).astype(np.int32)
-    held = fixed.reshape(-1, dim)[facet_nodes(space, known)].all(axis=1)
-    integrals = [one for form in forms for one in form.integrals() if one.integral_type() == "exterior_facet"]
-    on = [np.isin(known, _facets_of(one, mesh)) for one in integrals]
+    traction_facets = np.setdiff1d(dmesh.exterior_facet_indices(mesh.topology), np.concatenate(list(contact))).astype(
+        np.int32
+    )
+    held = fixed.reshape(-1, dim)[facet_nodes(space, traction_facets)].all(axis=1)
+    integrals = [
+        integral for form in forms for integral in form.integrals() if integral.integral_type() == "exterior_facet"
+    ]
+    on = [np.isin(traction_facets, _facets_of(integral, mesh)) for integral in integrals]
 
     def of(numbers: npt.NDArray[np.int64], residual: Any) -> tuple[Any, list[Any], bool]:
         varies = False
@@ -135,12 +139,12 @@ def residual_of(
         free = [0.0 if k in numbers else residual[k] for k in range(dim)]
         return ufl.as_vector(free), [], varies
 
-    return squared_residual(stress, known, np.column_stack((held, *on)), of, z)
+    return squared_residual(stress, traction_facets, np.column_stack((held, *on)), of, z)
 
 
 def _traction(integrand: Any, y: fem.Function) -> Any:
     """What an integral over the boundary prescribes, as a vector: of L with its sign, of a(y, .) minus that."""
-    *trial, test = sorted(_arguments(integrand), key=lambda one: -int(one.number()))
+    *trial, test = sorted(_arguments(integrand), key=lambda argument: -int(argument.number()))
     dim = len(y)
     parts = [ufl.replace(integrand, {test: ufl.unit_vector(k, dim), **dict.fromkeys(trial, y)}) for k in range(dim)]
     return (-1 if trial else 1) * ufl.as_vector(parts)
@@ -159,7 +163,9 @@ def _facets_of(integral: Any, mesh: dmesh.Mesh) -> Facets:
         return np.asarray(dmesh.exterior_facet_indices(mesh.topology))
     if hasattr(data, "values"):
         return np.asarray(data.indices[np.isin(data.values, wanted)])
-    pairs = np.concatenate([np.empty(0, int), *(one for number, one in data if number in wanted)]).reshape(-1, 2)
+    pairs = np.concatenate([np.empty(0, int), *(entities for number, entities in data if number in wanted)]).reshape(
+        -1, 2
+    )
     dim = mesh.topology.dim
     mesh.topology.create_connectivity(dim, dim - 1)
     of_cell = mesh.topology.connectivity(dim, dim - 1)

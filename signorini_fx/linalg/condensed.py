@@ -78,8 +78,8 @@ class CondensedSystem(DenseSystem):
             dense, contact = relative.matrix, relative.contact
         matrix = dense_matrix(e.comm, dense, contact.fixed.size)
         load, start = matrix.createVecRight(), matrix.createVecRight()
-        none = np.zeros(e.free)
-        system = cls(matrix, load, start, none, contact, e, [], schur, relative)
+        resultant = np.zeros(e.free)
+        system = cls(matrix, load, start, resultant, contact, e, [], schur, relative)
         system.cases = [system._condensed(*case) for case in zip(e.cases, schur.loads, schur.between, strict=True)]
         system.set_load(np.ones(len(e.cases)))
         return system
@@ -94,12 +94,12 @@ class CondensedSystem(DenseSystem):
     ) -> _CondensedCase:
         """A load case and its condensed load of all ranks; collective."""
         start = np.array(case.start.getArray(readonly=True)[self.schur.retained])
-        here = slice(*self.matrix.getOwnershipRange())
+        owned_rows = slice(*self.matrix.getOwnershipRange())
         if self.relative is None:
-            return _CondensedCase(case, load[here], start, between, np.empty(0))
+            return _CondensedCase(case, load[owned_rows], start, between, np.empty(0))
         start = parallel.gather_rows(self.comm, start)
         load, inner = self.relative.load(load, start)
-        return _CondensedCase(case, load[here], self.relative.unknowns(start)[here], between, inner)
+        return _CondensedCase(case, load[owned_rows], self.relative.unknowns(start)[owned_rows], between, inner)
 
     def set_load(self, factors: npt.NDArray[np.float64]) -> None:
         """The condensed loads and the prescribed displacements times their factors."""
@@ -115,11 +115,11 @@ class CondensedSystem(DenseSystem):
 
     def with_load(self, load: PETSc.Vec) -> CondensedSystem:
         """The same with this load alone, condensed: one back substitution."""
-        other, case = copy(self), LoadCase(load, load.duplicate(), RigidLoad.of(load, []))
-        other.cases = [self._condensed(case, *self.schur.condense(load))]
-        other.factors, other.load = np.ones(1), self.load.duplicate()
-        other.load.getArray()[:] = other.cases[0].load
-        return other
+        system, case = copy(self), LoadCase(load, load.duplicate(), RigidLoad.of(load, []))
+        system.cases = [self._condensed(case, *self.schur.condense(load))]
+        system.factors, system.load = np.ones(1), self.load.duplicate()
+        system.load.getArray()[:] = system.cases[0].load
+        return system
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """The interior recovered: x_i = A_ii^-1 (b_i - A_ic x_c)."""
@@ -127,8 +127,8 @@ class CondensedSystem(DenseSystem):
         if self.relative is not None:
             values = parallel.gather_rows(self.comm, values)
             values = self.relative.displacement(values, self.factors @ [case.inner for case in self.cases])
-            before = parallel.rows_before(self.comm, retained.size)
-            values = values[before : before + retained.size]
+            offset = parallel.rows_before(self.comm, retained.size)
+            values = values[offset : offset + retained.size]
         load = self.schur.matrix.createVecRight()
         load.set(0.0)
         for factor, case in zip(self.factors, self.cases, strict=True):
@@ -157,16 +157,16 @@ class _CondensedCase:
     inner: npt.NDArray[np.float64]
 
 
-def dense_matrix(comm: MPI.Comm, entries: npt.NDArray[np.float64], own: int) -> PETSc.Mat:
+def dense_matrix(comm: MPI.Comm, entries: npt.NDArray[np.float64], owned: int) -> PETSc.Mat:
     """A symmetric dense matrix that every rank has, distributed; collective.
 
     Args:
         comm: the ranks.
         entries: shape (n, n), the same on all ranks.
-        own: number of its rows on this rank.
+        owned: number of its rows on this rank.
     """
-    first = parallel.rows_before(comm, own)
-    columns = np.ascontiguousarray(entries[:, first : first + own])
-    matrix = PETSc.Mat().createDense(((own, None), (own, None)), array=columns.T, comm=comm)
+    first = parallel.rows_before(comm, owned)
+    columns = np.ascontiguousarray(entries[:, first : first + owned])
+    matrix = PETSc.Mat().createDense(((owned, None), (owned, None)), array=columns.T, comm=comm)
     matrix.assemble()
     return matrix

@@ -19,7 +19,7 @@ Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.intp]
 _LEAF = 32  # nodes that are not divided
 _DEEPEST = 40  # halvings
-_SAME = 1e-7  # coordinates that differ by less, relative to the extent of the body
+_SAME_COORDINATE = 1e-7  # coordinates that differ by less, relative to the extent of the body
 
 
 def nearest_first(rows: sp.csr_array, stay: npt.NDArray[np.bool_]) -> Numbers:
@@ -27,13 +27,13 @@ def nearest_first(rows: sp.csr_array, stay: npt.NDArray[np.bool_]) -> Numbers:
 
     Minimum degree takes the first of equal degrees, so that its operations depend on the numbering, up to threefold.
     """
-    own, size = rows.shape
+    owned, size = rows.shape
     # A node more, from which the search begins; columns of other ranks have no row and end it.
     columns = np.concatenate((rows.indices, np.flatnonzero(stay).astype(rows.indices.dtype)))
-    ends = np.concatenate((rows.indptr, np.full(size - own, rows.indptr[-1]), [columns.size]))
+    ends = np.concatenate((rows.indptr, np.full(size - owned, rows.indptr[-1]), [columns.size]))
     graph = sp.csr_array((np.broadcast_to(1.0, columns.size), columns, ends), shape=(size + 1,) * 2)
     order = breadth_first_order(graph, size, return_predecessors=False)
-    inner = np.append(~stay[:own], np.zeros(size + 1 - own, dtype=bool))
+    inner = np.append(~stay[:owned], np.zeros(size + 1 - owned, dtype=bool))
     order = order[inner[order]]
     inner[order] = False  # what the search has not reached is left
     return np.concatenate((order, np.flatnonzero(inner)))
@@ -58,11 +58,11 @@ def dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
     first = np.flatnonzero(begins)[alive]
     number = np.full(rows.shape[1], -1)  # by the first unknown of each node that has inner ones
     number[first] = np.arange(first.size)
-    there = rows[first]
-    columns = number[there.indices]
-    kept = columns >= 0
-    ends = np.concatenate(([0], np.cumsum(kept)))[there.indptr]
-    columns = columns[kept]
+    node_rows = rows[first]
+    columns = number[node_rows.indices]
+    coupled = columns >= 0
+    ends = np.concatenate(([0], np.cumsum(coupled)))[node_rows.indptr]
+    columns = columns[coupled]
     graph = sp.csr_array((np.broadcast_to(1.0, columns.size), columns, ends), shape=(first.size,) * 2)
     order = alive[_nested_dissection(graph, positions.take(first, axis=0))]
     when = np.empty(counts.size, dtype=np.intp)
@@ -86,11 +86,11 @@ def _nested_dissection(graph: sp.csr_array, positions: Array) -> Numbers:
     order = np.argsort(level, kind="stable")  # of so small numbers in linear time
     halvings, counts = np.unique(level, return_counts=True)
     edges, ends = edges[order], np.cumsum(counts)[:-1]
-    one, other = np.searchsorted(graph.indptr, edges, side="right") - 1, graph.indices[edges]
+    tails, heads = np.searchsorted(graph.indptr, edges, side="right") - 1, graph.indices[edges]
     separates = np.full(path.size, _DEEPEST)  # the halves of which halving; none
-    for halving, here, there in zip(halvings.tolist(), np.split(one, ends), np.split(other, ends), strict=False):
-        left = (path[here] < path[there]) & (separates[here] == _DEEPEST) & (separates[there] == _DEEPEST)
-        sides = [_once(side[left], path.size) for side in (here, there)]
+    for halving, tail, head in zip(halvings.tolist(), np.split(tails, ends), np.split(heads, ends), strict=False):
+        unseparated = (path[tail] < path[head]) & (separates[tail] == _DEEPEST) & (separates[head] == _DEEPEST)
+        sides = [_once(side[unseparated], path.size) for side in (tail, head)]
         halved = np.concatenate([path[side] >> (_DEEPEST - halving) for side in sides])
         number = np.unique(halved, return_inverse=True)[1]
         first, second = np.split(number, [sides[0].size])
@@ -104,22 +104,22 @@ def _nested_dissection(graph: sp.csr_array, positions: Array) -> Numbers:
 
 def _once(numbers: Numbers, size: int) -> Numbers:
     """Each of many numbers below ``size`` once, ascending."""
-    there = np.zeros(size, dtype=bool)
-    there[numbers] = True
-    return np.flatnonzero(there)
+    present = np.zeros(size, dtype=bool)
+    present[numbers] = True
+    return np.flatnonzero(present)
 
 
 def _paths(positions: Array, piece: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
     """For each node its piece, and a bit for each halving of it, on which side the node is, shape (n,)."""
     # Round-off must not divide nodes that are in one plane, which would make of a separating layer two.
-    positions = np.rint(positions / (float(np.ptp(positions, axis=0).max()) * _SAME or 1.0))
-    found = piece.astype(np.int64) << _DEEPEST
+    positions = np.rint(positions / (float(np.ptp(positions, axis=0).max()) * _SAME_COORDINATE or 1.0))
+    paths = piece.astype(np.int64) << _DEEPEST
     for nodes in np.split(np.argsort(piece, kind="stable"), np.cumsum(np.bincount(piece))[:-1]):
         waiting = [(cKDTree(positions.take(nodes, axis=0), leafsize=_LEAF).tree, 0, 0)] if nodes.size > _LEAF else []
         while waiting:
             node, path, depth = waiting.pop()
             if node.split_dim < 0 or depth == _DEEPEST:
-                found[nodes[node.indices]] |= path << (_DEEPEST - depth)
+                paths[nodes[node.indices]] |= path << (_DEEPEST - depth)
             else:
                 waiting += [(node.lesser, 2 * path, depth + 1), (node.greater, 2 * path + 1, depth + 1)]
-    return found
+    return paths

@@ -47,7 +47,7 @@ def from_scipy(
         fixed[prescribed[0]], start[prescribed[0]] = True, prescribed[1]
     free, diagonal = sp.diags_array((~fixed).astype(np.float64)), float(matrix.diagonal().max())
     lifted = np.where(fixed, diagonal * start, load - matrix @ start)
-    kept = sp.csr_array(free @ matrix @ free + sp.diags_array(diagonal * fixed))
+    supported = sp.csr_array(free @ matrix @ free + sp.diags_array(diagonal * fixed))
     rows = sp.csr_array(operator, dtype=np.float64)
     d, moving = rows.shape[0] // points, sp.csr_array(rows @ free)
     gram = np.array([[moving[i::d].multiply(moving[j::d]).sum(axis=1) for j in range(d)] for i in range(d)])
@@ -57,7 +57,7 @@ def from_scipy(
     contact = ContactMap(_matrix(rows), at, fixed)
     motions = [_vector(mode) for mode in (np.zeros((0, count)) if modes is None else modes.T)]
     resultant = RigidLoad.of(_vector(np.where(fixed, 0.0, load)), motions)
-    petsc = _matrix(kept)
+    petsc = _matrix(supported)
     petsc.setOption(PETSc.Mat.Option.SPD, True)
     case = LoadCase(_vector(lifted), _vector(start), resultant)
     return Elasticity(petsc, [case], contact, len(motions)), FreeMotions.of(contact, motions)

@@ -50,10 +50,10 @@ class JoinedBodies:
         starts, columns, values = matrix.getValuesCSR()
         row = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
         column = columns - matrix.getOwnershipRange()[0]
-        same = row // size == column // size
-        found = np.zeros(self.shape)
-        found[row[same] // size, row[same] % size, column[same] % size] = values[same]
-        return found
+        on_block = row // size == column // size
+        blocks = np.zeros(self.shape)
+        blocks[row[on_block] // size, row[on_block] % size, column[on_block] % size] = values[on_block]
+        return blocks
 
     def split(self, reduced: PETSc.Mat | None) -> tuple[Array, Array]:
         """E, and D of what E does not hold.

@@ -41,7 +41,9 @@ class KrylovSystem(AssembledSystem):
     """See ``ElasticSystem``: solved by CG or FGMRES with multigrid."""
 
     _forces: float = 0.0
-    _before: float = 0.0  # the residual that the last solve of the same Newton iteration began with; 0: there is none
+    _first_residual: float = (
+        0.0  # the residual that the last solve of the same Newton iteration began with; 0: there is none
+    )
     # By the handles of their KSP: what PETSc held would be freed late on several ranks, or never.
     _preconditioners: dict[int, ContactPreconditioner] = field(default_factory=dict)
 
@@ -143,9 +145,9 @@ class KrylovSystem(AssembledSystem):
         if options.user_sets("ksp_") or (atol == 0.0 and rtol > _NO_SHARE):
             return
         size = (b - ksp.getOperators()[0] * x).norm()
-        left = self._left_by(size) if self.inexact else 0.0
-        ksp.setTolerances(rtol=_NO_SHARE, atol=max(KRYLOV_TOLERANCE * self._forces, left))
-        self._before = size if left > 0 else 0.0  # else Newton's method ends, and another iteration begins
+        allowance = self._left_by(size) if self.inexact else 0.0
+        ksp.setTolerances(rtol=_NO_SHARE, atol=max(KRYLOV_TOLERANCE * self._forces, allowance))
+        self._first_residual = size if allowance > 0 else 0.0  # else Newton's method ends, and another iteration begins
 
     def _left_by(self, size: float) -> float:
         """The residual that a loose solve may leave of one of this size, see "Tolerances" in docs/theory.md.
@@ -153,8 +155,8 @@ class KrylovSystem(AssembledSystem):
         It follows Eisenstat & Walker (1996): what Newton's method will leave anyway, if it gains as much as in the last
         step, or the share of the forces, if that is larger.  Where the method may end soon, nothing is left.
         """
-        known = [whole for whole in (self._forces, self._before) if whole > 0]
-        share = min(INEXACT_TOLERANCE, max((size / whole for whole in known), default=1.0))
+        scales = [scale for scale in (self._forces, self._first_residual) if scale > 0]
+        share = min(INEXACT_TOLERANCE, max((size / scale for scale in scales), default=1.0))
         return share * size if share * size > _LAST * self._forces else 0.0
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:

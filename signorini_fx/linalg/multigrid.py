@@ -40,7 +40,7 @@ Array = npt.NDArray[np.float64]
 _ESTIMATING_STEPS = 10
 _FEW = 300  # unknowns that PETSc's own factor, without the overhead of a package, is good enough for
 # Directions held and soft stiffnesses that differ by less make no other levels: the cycle need not be exact.
-_SAME_PLACE, _SAME_STIFFNESS = 1e-3, 0.1
+_SAME_DIRECTION, _SAME_STIFFNESS = 1e-3, 0.1
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,8 @@ class Hierarchy:
             below = cls._aggregated(coarse[-1])
             interpolations += below.interpolations
             coarse += below.coarse
-        for one in coarse:
-            one.setOption(PETSc.Mat.Option.SPD, True)
+        for level_matrix in coarse:
+            level_matrix.setOption(PETSc.Mat.Option.SPD, True)
         return cls(tuple(interpolations), tuple(coarse), _largest_eigenvalue(matrix))
 
     def with_rigid_bodies(self, free: npt.NDArray[np.bool_]) -> Hierarchy:
@@ -227,25 +227,27 @@ class ContactLevels:
         """Whether the levels are to be truncated anew on account of this rank."""
         if self._truncated_at is None:
             return True
-        known = self._truncated_at
-        near = _SAME_STIFFNESS * np.abs(known[1]) + _SAME_PLACE * self.nodes.scale[:, None, None]
-        return bool((np.abs(held - known[0]) > _SAME_PLACE).any() or (np.abs(soft - known[1]) > near).any())
+        truncated = self._truncated_at
+        near = _SAME_STIFFNESS * np.abs(truncated[1]) + _SAME_DIRECTION * self.nodes.scale[:, None, None]
+        return bool((np.abs(held - truncated[0]) > _SAME_DIRECTION).any() or (np.abs(soft - truncated[1]) > near).any())
 
     def _inverse_diagonal(self) -> PETSc.Mat:
         """D^-1, with room for the directions of the nodes in contact that are free to move; collective."""
         nodes = self.nodes
         unknowns = self.unknowns[: nodes.starts.size - 1]
         first, last = self.diagonal.getOwnershipRange()
-        others = np.ones(last - first, dtype=bool)
-        others[unknowns] = False
+        interior = np.ones(last - first, dtype=bool)
+        interior[unknowns] = False
         counts = np.ones(last - first, dtype=np.int64)
         counts[unknowns] = np.diff(nodes.starts)
         starts = np.concatenate(([0], np.cumsum(counts)))
         columns, values = np.empty(starts[-1], dtype=np.int64), np.zeros(starts[-1])
-        columns[starts[:-1][others]] = first + np.flatnonzero(others)
-        values[starts[:-1][others]] = 1.0 / self.diagonal.getArray(readonly=True)[others]
-        place = np.repeat(starts[unknowns] - nodes.starts[:-1], np.diff(nodes.starts)) + np.arange(nodes.columns.size)
-        columns[place] = first + unknowns[nodes.columns]
+        columns[starts[:-1][interior]] = first + np.flatnonzero(interior)
+        values[starts[:-1][interior]] = 1.0 / self.diagonal.getArray(readonly=True)[interior]
+        positions = np.repeat(starts[unknowns] - nodes.starts[:-1], np.diff(nodes.starts)) + np.arange(
+            nodes.columns.size
+        )
+        columns[positions] = first + unknowns[nodes.columns]
         csr = (starts.astype(PETSc.IntType), columns.astype(PETSc.IntType), values)
         sizes = self.diagonal.getSizes()
         return PETSc.Mat().createAIJ((sizes, sizes), csr=csr, comm=self._comm)
@@ -312,7 +314,7 @@ class ContactPreconditioner:
             self._contact.setOption(PETSc.Mat.Option.SPD, True)
         self._solver.setOperators(self._contact)
         self._solver.setUp()
-        self._right, self._left = self._contact.createVecs()
+        self._right, self._product = self._contact.createVecs()
         self._residual = tangent.createVecLeft()
         if (joined := self._levels.joined) is not None:
             self._reduced = self._contact.ptap(joined.lift, result=self._reduced)
@@ -334,9 +336,9 @@ class ContactPreconditioner:
             for smoother in self._smoothers:
                 smoother.setUp()
         self._right.getArray()[:] = right.getArray(readonly=True)[self._unknowns]
-        self._solver.apply(self._right, self._left)
+        self._solver.apply(self._right, self._product)
         x.set(0.0)
-        x.getArray()[self._unknowns] = self._left.getArray(readonly=True)
+        x.getArray()[self._unknowns] = self._product.getArray(readonly=True)
 
     @called_back
     def apply(self, pc: PETSc.PC, right: PETSc.Vec, x: PETSc.Vec) -> None:
@@ -346,13 +348,13 @@ class ContactPreconditioner:
         assert self._contact_rows is not None
         unknowns = self._unknowns
         self._right.getArray()[:] = right.getArray(readonly=True)[unknowns]
-        self._solver.apply(self._right, self._left)
-        self._contact_rows.multTranspose(self._left, self._residual)
+        self._solver.apply(self._right, self._product)
+        self._contact_rows.multTranspose(self._product, self._residual)
         self._residual.aypx(-1.0, right)
         self._cycle.apply(self._residual, x)
         # Prescribed unknowns have rows of their own; the least of what the coarse levels move there would be a motion.
         x.getArray()[self._fixed] = right.getArray(readonly=True)[self._fixed] / self._prescribed
-        self._contact_rows.mult(x, self._left)
-        self._right.getArray()[:] = right.getArray(readonly=True)[unknowns] - self._left.getArray(readonly=True)
-        self._solver.apply(self._right, self._left)
-        x.getArray()[unknowns] += self._left.getArray(readonly=True)
+        self._contact_rows.mult(x, self._product)
+        self._right.getArray()[:] = right.getArray(readonly=True)[unknowns] - self._product.getArray(readonly=True)
+        self._solver.apply(self._right, self._product)
+        x.getArray()[unknowns] += self._product.getArray(readonly=True)

@@ -55,14 +55,14 @@ class NodalBlocks:
         self._rows = np.repeat(np.arange(unknowns.size), counts)
         self.columns = np.repeat(begins - self.starts[:-1], counts) + np.arange(self._rows.size)
         self._elastic = self._blocks(elastic)
-        there = self._components()
+        present = self._components()
         trace = np.trace(self._elastic, axis1=1, axis2=2)
-        self.scale = np.divide(trace, there.sum(axis=1), out=np.ones_like(trace), where=there.any(axis=1))
+        self.scale = np.divide(trace, present.sum(axis=1), out=np.ones_like(trace), where=present.any(axis=1))
 
     def _components(self) -> npt.NDArray[np.bool_]:
-        there = np.zeros(self.shape[:2], dtype=bool)
-        there[self._node, self._component] = True
-        return there
+        present = np.zeros(self.shape[:2], dtype=bool)
+        present[self._node, self._component] = True
+        return present
 
     def values(self, blocks: Array) -> Array:
         """The entries of blocks in the order of ``columns``."""
@@ -76,9 +76,9 @@ class NodalBlocks:
             blocks: see above.
             into: an earlier one, which is filled again; None: a new one.
         """
-        none = self._sizes[0][0] - self._node.size
+        empty_rows = self._sizes[0][0] - self._node.size
         csr = (
-            np.pad(self.starts, (0, none), "edge").astype(PETSc.IntType),
+            np.pad(self.starts, (0, empty_rows), "edge").astype(PETSc.IntType),
             (self._first + self.columns).astype(PETSc.IntType),
             self.values(blocks),
         )
@@ -93,12 +93,12 @@ class NodalBlocks:
         starts, columns, values = matrix.getValuesCSR()
         row = np.repeat(np.arange(self._node.size), np.diff(starts[: self._node.size + 1]))
         column, values = columns[: row.size] - self._first, values[: row.size]
-        own = (column >= 0) & (column < self._node.size)
-        row, column, values = row[own], column[own], values[own]
-        same = self._node[row] == self._node[column]
-        row, column = row[same], column[same]
+        local = (column >= 0) & (column < self._node.size)
+        row, column, values = row[local], column[local], values[local]
+        on_block = self._node[row] == self._node[column]
+        row, column = row[on_block], column[on_block]
         blocks = np.zeros(self.shape)
-        blocks[self._node[row], self._component[row], self._component[column]] = values[same]
+        blocks[self._node[row], self._component[row], self._component[column]] = values[on_block]
         return blocks
 
     def split(self, contact: PETSc.Mat, rows: PETSc.Mat) -> tuple[Array, Array]:
@@ -122,9 +122,9 @@ class NodalBlocks:
     def inverse(self, held: Array) -> Array:
         """Of the diagonal of A, on the directions that are not held; what contact adds softly takes no fewer steps."""
         size = self.shape[1]
-        there = self._components()
+        present = self._components()
         diagonal = np.diagonal(self._elastic, axis1=1, axis2=2)
-        diagonal = np.where(there, diagonal, self.scale[:, None])
+        diagonal = np.where(present, diagonal, self.scale[:, None])
         free = np.eye(size) - held
         block = free @ (diagonal[:, :, None] * free)
         scale = self.scale[:, None, None]

@@ -66,8 +66,10 @@ class PartialFactor:
         to = np.full(places.size, -1, dtype=rows.indices.dtype)
         # Of an indefinite matrix, of a mixed element, minimum degree takes fewer operations.
         self._in_order = positions is not None and definite and _order_is_taken()
-        known = positions if self._in_order else None
-        to[nearest_first(rows, stay) if known is None else dissected(rows, self.inner, known)] = np.arange(inside)
+        usable_positions = positions if self._in_order else None
+        to[nearest_first(rows, stay) if usable_positions is None else dissected(rows, self.inner, usable_positions)] = (
+            np.arange(inside)
+        )
         to[stay] = inside + places[stay]
         self._order = to[self.inner]
         # With a Schur complement MUMPS does not scale, and pivots below an absolute threshold would be lost.
@@ -78,8 +80,8 @@ class PartialFactor:
         # Zeros between inner ones stay: with the same pattern for all unknowns of a node the ordering is better.
         upper = (row < inside) & (column >= row) & ((column < inside) | (rows.data != 0.0))
         values, row, column = rows.data[upper], row[upper], column[upper]
-        there = np.flatnonzero(column >= inside)
-        toward = values[there], (row[there], column[there] - inside)
+        retained_entries = np.flatnonzero(column >= inside)
+        toward = values[retained_entries], (row[retained_entries], column[retained_entries] - inside)
         self.toward: Any = sp.csr_array(toward, shape=(inside, count))[self._order]
         values /= self._unit
         scaled = [load[self.inner] / size for load, size in zip(loads, self._sizes, strict=True)]
@@ -88,11 +90,11 @@ class PartialFactor:
         values = np.concatenate((values, np.asarray(scaled)[of_load, at] if loads else [], 0.0 * last))
         row = np.concatenate((row, self._order[at], last))
         column = np.concatenate((column, (inside + count + of_load).astype(row.dtype), last))
-        found = sp.csr_array((values, (row, column)), shape=(inside + count + len(loads),) * 2)
+        bordered = sp.csr_array((values, (row, column)), shape=(inside + count + len(loads),) * 2)
         del values, row, column, upper
-        csr = (found.indptr.astype(PETSc.IntType), found.indices.astype(PETSc.IntType, copy=False), found.data)
-        self._whole = PETSc.Mat().createSBAIJ(found.shape, 1, csr=csr, comm=PETSc.COMM_SELF)
-        self._whole.setOption(PETSc.Mat.Option.SPD, definite)
+        csr = (bordered.indptr.astype(PETSc.IntType), bordered.indices.astype(PETSc.IntType, copy=False), bordered.data)
+        self._matrix = PETSc.Mat().createSBAIJ(bordered.shape, 1, csr=csr, comm=PETSc.COMM_SELF)
+        self._matrix.setOption(PETSc.Mat.Option.SPD, definite)
 
     def eliminate(self) -> tuple[Array, Array]:
         """Factorise, once, when the caller needs the rows no more.
@@ -103,17 +105,17 @@ class PartialFactor:
         Raises:
             PETSc.Error: the factorisation broke down.
         """
-        inside, count, whole = self.inner.size, self._count, self._whole
-        del self._whole
+        inside, count, bordered = self.inner.size, self._count, self._matrix
+        del self._matrix
         if not inside:  # some MUMPS fail with nothing to eliminate
             return np.zeros((count, count)), np.zeros((self._sizes.size, count))
-        self._right, self._found = whole.createVecs()
-        self._factor = handle = _factorise(whole, inside, _MEMORY, in_order=self._in_order)
+        self._right, self._solution = bordered.createVecs()
+        self._factor = handle = _factorise(bordered, inside, _MEMORY, in_order=self._in_order)
         dense = ctypes.c_void_p()
         call("MatFactorGetSchurComplement", handle, ctypes.byref(dense), None)
         entries = ctypes.POINTER(ctypes.c_double)()
         call("MatDenseGetArrayRead", dense, ctypes.byref(entries))
-        values = self._unit * np.ctypeslib.as_array(entries, shape=(whole.getSize()[0] - inside,) * 2)
+        values = self._unit * np.ctypeslib.as_array(entries, shape=(bordered.getSize()[0] - inside,) * 2)
         call("MatDenseRestoreArrayRead", dense, ctypes.byref(entries))
         _symmetrise(values)
         call("MatMumpsSetIcntl", handle, 26, _SOLVE_INTERIOR_ONLY)
@@ -125,8 +127,8 @@ class PartialFactor:
             return np.zeros(right.size)
         self._right.set(0.0)
         self._right.getArray()[self._order] = right
-        call("MatSolve", self._factor, self._right, self._found)
-        return np.asarray(self._found.getArray(readonly=True)[self._order] / self._unit)
+        call("MatSolve", self._factor, self._right, self._solution)
+        return np.asarray(self._solution.getArray(readonly=True)[self._order] / self._unit)
 
     def __del__(self) -> None:
         if getattr(self, "_factor", None):
@@ -141,12 +143,12 @@ def _power(size: float) -> float:
 @cache
 def _order_is_taken() -> bool:
     """Whether ``_factorise`` can prescribe the order: not with all versions of PETSc."""
-    whole = PETSc.Mat().createSBAIJ(
+    sample = PETSc.Mat().createSBAIJ(
         (3, 3), 1, csr=([0, 2, 3, 4], [0, 2, 1, 2], [1.0, 1.0, 1.0, 0.0]), comm=PETSc.COMM_SELF
     )
     used = ctypes.c_int()
     try:
-        factor = _factorise(whole, 2, _MEMORY, in_order=True)
+        factor = _factorise(sample, 2, _MEMORY, in_order=True)
     except PETSc.Error:
         return False
     call("MatMumpsGetInfog", factor, 7, ctypes.byref(used))
@@ -154,11 +156,11 @@ def _order_is_taken() -> bool:
     return used.value == _ORDER_OF_USER
 
 
-def _factorise(whole: PETSc.Mat, inside: int, memory: Sequence[tuple[int, int]], *, in_order: bool) -> ctypes.c_void_p:
+def _factorise(matrix: PETSc.Mat, inside: int, memory: Sequence[tuple[int, int]], *, in_order: bool) -> ctypes.c_void_p:
     """Factorise the first rows and columns of a symmetric matrix; those of the others become the Schur complement.
 
     Args:
-        whole: the matrix.
+        matrix: the matrix.
         inside: number of those rows.
         memory: what is tried one after another, as numbers and values of ICNTL.
         in_order: whether to eliminate them one after another, where PETSc lets MUMPS know; else by minimum degree.
@@ -167,9 +169,9 @@ def _factorise(whole: PETSc.Mat, inside: int, memory: Sequence[tuple[int, int]],
         PETSc.Error: PETSc has no MUMPS, or the factorisation broke down.
     """
     factor, broken = ctypes.c_void_p(), ctypes.c_int()
-    call("MatGetFactor", whole, b"mumps", _FACTOR_CHOLESKY, ctypes.byref(factor))
-    every = np.arange(whole.getSize()[0], dtype=PETSc.IntType)
-    call("MatFactorSetSchurIS", factor, PETSc.IS().createGeneral(every[inside:], comm=whole.comm))
+    call("MatGetFactor", matrix, b"mumps", _FACTOR_CHOLESKY, ctypes.byref(factor))
+    indices = np.arange(matrix.getSize()[0], dtype=PETSc.IntType)
+    call("MatFactorSetSchurIS", factor, PETSc.IS().createGeneral(indices[inside:], comm=matrix.comm))
     call("MatMumpsSetIcntl", factor, *memory[0])
     info = (ctypes.c_double * 32)()  # MatFactorInfo is a struct of doubles; zeros are its defaults
     if in_order:
@@ -180,19 +182,19 @@ def _factorise(whole: PETSc.Mat, inside: int, memory: Sequence[tuple[int, int]],
         call("MatGetOperation", lent, _LU_SYMBOLIC, ctypes.byref(symbolic))
         call("MatDestroy", ctypes.byref(lent))
         call("MatSetOperation", factor, _LU_SYMBOLIC, symbolic)
-        order = PETSc.IS().createGeneral(every, comm=whole.comm)
-        call("MatLUFactorSymbolic", factor, whole, order, order, ctypes.byref(info))
-        call("MatLUFactorNumeric", factor, whole, ctypes.byref(info))
+        order = PETSc.IS().createGeneral(indices, comm=matrix.comm)
+        call("MatLUFactorSymbolic", factor, matrix, order, order, ctypes.byref(info))
+        call("MatLUFactorNumeric", factor, matrix, ctypes.byref(info))
     else:
-        call("MatCholeskyFactorSymbolic", factor, whole, None, ctypes.byref(info))
-        call("MatCholeskyFactorNumeric", factor, whole, ctypes.byref(info))
+        call("MatCholeskyFactorSymbolic", factor, matrix, None, ctypes.byref(info))
+        call("MatCholeskyFactorNumeric", factor, matrix, ctypes.byref(info))
     call("MatFactorGetError", factor, ctypes.byref(broken))
     if not broken.value:
         return factor
     call("MatDestroy", ctypes.byref(factor))
     if not memory[1:]:
         raise PETSc.Error(ERROR_IN_LIBRARY)
-    return _factorise(whole, inside, memory[1:], in_order=in_order)
+    return _factorise(matrix, inside, memory[1:], in_order=in_order)
 
 
 def _symmetrise(values: Array, block: int = 256) -> None:
@@ -201,7 +203,7 @@ def _symmetrise(values: Array, block: int = 256) -> None:
     if not values[first + 1 :, first].any():
         values = values.T
     for k in range(0, values.shape[0], block):
-        here = slice(k, k + block)
-        lower = np.tril(values[here, here])
-        values[here, here] = lower + np.tril(lower, -1).T
-        values[here, k + block :] = values[k + block :, here].T
+        rows = slice(k, k + block)
+        lower = np.tril(values[rows, rows])
+        values[rows, rows] = lower + np.tril(lower, -1).T
+        values[rows, k + block :] = values[k + block :, rows].T

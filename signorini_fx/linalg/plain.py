@@ -49,9 +49,9 @@ class PlainSystem:
 
     def with_load(self, load: PETSc.Vec) -> Self:
         """The same with this load alone."""
-        other = copy(self)
-        other.load = load.copy()
-        return other
+        system = copy(self)
+        system.load = load.copy()
+        return system
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """X itself."""

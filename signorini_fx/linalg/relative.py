@@ -69,26 +69,26 @@ class RelativeUnknowns:
         if contact.lift is None:
             return None
         comm = contact.points.comm
-        operator, lift = (of_all_ranks(comm, one) for one in (contact.operator, contact.lift))
+        operator, lift = (of_all_ranks(comm, part) for part in (contact.operator, contact.lift))
         lift.eliminate_zeros()
         points, fixed = np.diff(lift.indptr) > 0, parallel.gather_rows(comm, contact.fixed)
         # Across a plane of symmetry there is no relative displacement, see ``body.mirrored_points``.
-        there = abs(operator).sum(axis=1) > _ROUND_OFF
-        moving = abs(lift) @ there > 0
-        own, free = (sp.diags_array(flags.astype(np.float64)) for flags in (moving, ~fixed))
-        every = sp.csr_array(lift @ operator)
-        square = (own @ every @ own + sp.eye_array(points.size) - own).toarray()
-        if own.sum() != there.sum() or not np.linalg.cond(square, 1) < _REGULAR:
+        movable = abs(operator).sum(axis=1) > _ROUND_OFF
+        moving = abs(lift) @ movable > 0
+        at_points, free = (sp.diags_array(flags.astype(np.float64)) for flags in (moving, ~fixed))
+        mapping = sp.csr_array(lift @ operator)
+        square = (at_points @ mapping @ at_points + sp.eye_array(points.size) - at_points).toarray()
+        if at_points.sum() != movable.sum() or not np.linalg.cond(square, 1) < _REGULAR:
             return None
         if abs(square - np.eye(points.size)).max() > _ROUND_OFF:  # points turn with their own nodes
-            divided = np.linalg.solve(square, (own @ every).toarray())
-            every = sp.csr_array(np.where(np.abs(divided) > _ROUND_OFF / 1000, divided, 0.0))
-        others = every - every @ own
-        sums = sp.csr_array(free @ others)
+            divided = np.linalg.solve(square, (at_points @ mapping).toarray())
+            mapping = sp.csr_array(np.where(np.abs(divided) > _ROUND_OFF / 1000, divided, 0.0))
+        couplings = mapping - mapping @ at_points
+        sums = sp.csr_array(free @ couplings)
         # A prescribed component of a node with a point cannot be replaced: there contact reaches what it did.
-        left = sp.csr_array(operator @ own @ (own + others - sums))
-        left.eliminate_zeros()
-        reached = points | (np.bincount(left.indices, minlength=points.size) > 0)
+        remaining = sp.csr_array(operator @ at_points @ (at_points + couplings - sums))
+        remaining.eliminate_zeros()
+        reached = points | (np.bincount(remaining.indices, minlength=points.size) > 0)
         stay, gone = np.flatnonzero(reached), np.flatnonzero(~reached)
         changed = _changed(dense, sp.csr_array(sums @ free)[points][:, ~points], points)
         held = True
@@ -100,7 +100,7 @@ class RelativeUnknowns:
             return None
         between = solve_triangular(factor, changed[np.ix_(gone, stay)], lower=True, check_finite=False)
         matrix = changed[np.ix_(stay, stay)] - between.T @ between
-        inside = _distributed(sp.csr_array(left[:, stay]), stay, contact, fixed)
+        inside = _distributed(sp.csr_array(remaining[:, stay]), stay, contact, fixed)
         return cls(matrix, inside, stay, gone, points[stay], sums, factor, between, dense, fixed)
 
     def load(self, load: Array, start: Array) -> tuple[Array, Array]:
@@ -112,10 +112,10 @@ class RelativeUnknowns:
 
     def displacement(self, x: Array, inner: Array) -> Array:
         """The m unknowns from those that stay; ``inner``: of the load."""
-        found = np.empty(self.fixed.size)
-        found[self.stay] = x
-        found[self.gone] = solve_triangular(self.factor, inner - self.between @ x, lower=True, trans=1)
-        return np.asarray(found - self.sums @ found)
+        unknowns = np.empty(self.fixed.size)
+        unknowns[self.stay] = x
+        unknowns[self.gone] = solve_triangular(self.factor, inner - self.between @ x, lower=True, trans=1)
+        return np.asarray(unknowns - self.sums @ unknowns)
 
     def unknowns(self, x: Array) -> Array:
         """Those that stay from the m unknowns."""
@@ -125,7 +125,7 @@ class RelativeUnknowns:
 def of_all_ranks(comm: MPI.Comm, matrix: PETSc.Mat) -> sp.csr_array:
     """A sparse matrix of the size of contact with the rows of all ranks, on every rank; collective."""
     starts, columns, values = matrix.getValuesCSR()
-    counts, columns, values = (parallel.gather_rows(comm, one) for one in (np.diff(starts), columns, values))
+    counts, columns, values = (parallel.gather_rows(comm, part) for part in (np.diff(starts), columns, values))
     return sp.csr_array((values, columns, np.concatenate(([0], np.cumsum(counts)))), shape=matrix.getSize())
 
 
@@ -141,19 +141,19 @@ def _distributed(
         fixed: which of the m unknowns are prescribed.
     """
     first, last = contact.operator.getOwnershipRangeColumn()
-    here, (start, end) = stay[(first <= stay) & (stay < last)], contact.operator.getOwnershipRange()
-    own = sp.csr_array(rows[start:end])
-    csr = (own.indptr.astype(PETSc.IntType), own.indices.astype(PETSc.IntType), own.data)
-    size = ((end - start, None), (here.size, None))
+    owned, (start, end) = stay[(first <= stay) & (stay < last)], contact.operator.getOwnershipRange()
+    owned_rows = sp.csr_array(rows[start:end])
+    csr = (owned_rows.indptr.astype(PETSc.IntType), owned_rows.indices.astype(PETSc.IntType), owned_rows.data)
+    size = ((end - start, None), (owned.size, None))
     operator = PETSc.Mat().createAIJ(size, csr=csr, comm=contact.operator.comm)
-    return ContactMap(operator, contact.points, fixed[here], paired=contact.paired)
+    return ContactMap(operator, contact.points, fixed[owned], paired=contact.paired)
 
 
 def _changed(dense: Array, sums: Any, points: npt.NDArray[np.bool_]) -> Array:
     """(1 - N)^T A (1 - N), which differs from A in the rows and columns without points; ``sums``: N between both."""
-    found, own, others = dense.copy(), np.flatnonzero(points), np.flatnonzero(~points)
-    half = sums.T @ dense[own]
-    found[others] -= half
-    found[:, others] -= half.T
-    found[np.ix_(others, others)] += half[:, own] @ sums
-    return found
+    changed, with_points, without_points = dense.copy(), np.flatnonzero(points), np.flatnonzero(~points)
+    half = sums.T @ dense[with_points]
+    changed[without_points] -= half
+    changed[:, without_points] -= half.T
+    changed[np.ix_(without_points, without_points)] += half[:, with_points] @ sums
+    return changed

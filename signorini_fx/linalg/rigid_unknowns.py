@@ -20,18 +20,18 @@ _LEAST = 1e-10
 _STEPS, _TOLERANCE = 100, 1e-12
 
 
-def of_nodes(matrix: PETSc.Mat, more: int) -> PETSc.Mat:
+def of_nodes(matrix: PETSc.Mat, rigid: int) -> PETSc.Mat:
     """A copy of A without the last unknowns; collective.
 
     Args:
         matrix: A.
-        more: how many of the unknowns of this rank are those of rigid bodies.
+        rigid: how many of the unknowns of this rank are those of rigid bodies.
     """
     first, last = matrix.getOwnershipRange()
-    rows = PETSc.IS().createStride(last - first - more, first, 1, comm=matrix.comm)
-    found = matrix.createSubMatrix(rows, rows)
-    found.setOption(PETSc.Mat.Option.SPD, True)
-    return found
+    rows = PETSc.IS().createStride(last - first - rigid, first, 1, comm=matrix.comm)
+    submatrix = matrix.createSubMatrix(rows, rows)
+    submatrix.setOption(PETSc.Mat.Option.SPD, True)
+    return submatrix
 
 
 def with_rigid_bodies(
@@ -44,12 +44,12 @@ def with_rigid_bodies(
         coarse: A_1, A_2, ...
         free: which of those of this rank are not prescribed; the others are on the finest level alone.
     """
-    every = np.ones(np.count_nonzero(free), dtype=bool)
-    found = tuple(_bordered(matrix, every if level else free, 1.0) for level, matrix in enumerate(interpolations))
-    levels = tuple(_bordered(matrix, every, _LEAST * matrix.getDiagonal().max()[1]) for matrix in coarse)
+    all_free = np.ones(np.count_nonzero(free), dtype=bool)
+    bordered = tuple(_bordered(matrix, all_free if level else free, 1.0) for level, matrix in enumerate(interpolations))
+    levels = tuple(_bordered(matrix, all_free, _LEAST * matrix.getDiagonal().max()[1]) for matrix in coarse)
     for level in levels:
         level.setOption(PETSc.Mat.Option.SPD, True)
-    return found, levels
+    return bordered, levels
 
 
 def _bordered(matrix: PETSc.Mat, free: npt.NDArray[np.bool_], entry: float) -> PETSc.Mat:
@@ -60,12 +60,12 @@ def _bordered(matrix: PETSc.Mat, free: npt.NDArray[np.bool_], entry: float) -> P
         free: of this rank.
         entry: of D, where the row of a free one meets its column.
     """
-    (rows, _), (columns, every) = matrix.getSizes()
+    (rows, _), (columns, total_columns) = matrix.getSizes()
     starts, names, values = matrix.getValuesCSR()
     count = np.count_nonzero(free)
     csr = (
         np.append(starts, starts[-1] + np.cumsum(free)).astype(PETSc.IntType),
-        np.append(names, every + np.arange(count)).astype(PETSc.IntType),
+        np.append(names, total_columns + np.arange(count)).astype(PETSc.IntType),
         np.append(values, np.full(count, entry)),
     )
     return PETSc.Mat().createAIJ(((rows + free.size, None), (columns + count, None)), csr=csr, comm=matrix.comm)
@@ -79,11 +79,11 @@ def relative_to_rigid_bodies(contact: ContactMap, places: PETSc.IS, rigid: int) 
         places: the contact unknowns of this rank, those of rigid bodies last.
         rigid: how many of them are those of rigid bodies.
     """
-    comm, own = places.comm, places.getIndices()
-    nodes, count = own.size - rigid, int(parallel.global_sum(comm.tompi4py(), np.array(rigid)))
+    comm, unknowns = places.comm, places.getIndices()
+    nodes, count = unknowns.size - rigid, int(parallel.global_sum(comm.tompi4py(), np.array(rigid)))
     first, last = contact.operator.getOwnershipRange()
     rows = PETSc.IS().createStride(last - first, first, 1, comm=comm)
-    operator = contact.operator.createSubMatrix(rows, PETSc.IS().createGeneral(own[:nodes], comm=comm))
+    operator = contact.operator.createSubMatrix(rows, PETSc.IS().createGeneral(unknowns[:nodes], comm=comm))
     ksp = PETSc.KSP().create(comm)
     ksp.setType(PETSc.KSP.Type.LSQR)
     ksp.getPC().setType(PETSc.PC.Type.NONE)
@@ -91,8 +91,10 @@ def relative_to_rigid_bodies(contact: ContactMap, places: PETSc.IS, rigid: int) 
     ksp.setTolerances(rtol=_TOLERANCE, max_it=_STEPS)
     motion, moved = operator.createVecs()
     unit = contact.operator.createVecRight()
-    numbers = parallel.gather_rows(comm.tompi4py(), own[nodes:, None].astype(np.float64))[:, 0].astype(PETSc.IntType)
-    found = np.empty((nodes, count))
+    numbers = parallel.gather_rows(comm.tompi4py(), unknowns[nodes:, None].astype(np.float64))[:, 0].astype(
+        PETSc.IntType
+    )
+    motions = np.empty((nodes, count))
     for column, number in enumerate(numbers):
         unit.set(0.0)
         if unit.getOwnershipRange()[0] <= number < unit.getOwnershipRange()[1]:
@@ -100,12 +102,12 @@ def relative_to_rigid_bodies(contact: ContactMap, places: PETSc.IS, rigid: int) 
         unit.assemble()
         contact.operator.mult(unit, moved)
         ksp.solve(moved, motion)  # B_u (-G) = B_q
-        found[:, column] = motion.getArray(readonly=True)
-    every = PETSc.Vec().createMPI((own.size, None), comm=comm)
-    begin, total = every.getOwnershipRange()[0], every.getSize()
+        motions[:, column] = motion.getArray(readonly=True)
+    layout = PETSc.Vec().createMPI((unknowns.size, None), comm=comm)
+    begin, total = layout.getOwnershipRange()[0], layout.getSize()
     names = np.column_stack((begin + np.arange(nodes), np.tile(np.arange(total - count, total), (nodes, 1))))
-    starts = np.minimum(np.arange(own.size + 1), nodes) * (1 + count)
-    values = np.column_stack((np.ones(nodes), found))
+    starts = np.minimum(np.arange(unknowns.size + 1), nodes) * (1 + count)
+    values = np.column_stack((np.ones(nodes), motions))
     csr = (starts.astype(PETSc.IntType), names.ravel().astype(PETSc.IntType), values.ravel())
-    sizes = (own.size, None)
+    sizes = (unknowns.size, None)
     return PETSc.Mat().createAIJ((sizes, sizes), csr=csr, comm=comm)

@@ -58,25 +58,25 @@ class SchurComplement:
     ) -> None:
         self.matrix, self.retained = matrix, retained
         self._comm: MPI.Comm = matrix.comm.tompi4py()
-        (first, last), (rows, others) = matrix.getOwnershipRange(), _own_columns_first(matrix)
-        own, stay = last - first, parallel.gather_rows(self._comm, first + retained)
-        separating = np.zeros(own + others.size, dtype=bool)
-        separating[own:] = (others >= last) & ~np.isin(others, stay)
+        (first, last), (rows, foreign) = matrix.getOwnershipRange(), _own_columns_first(matrix)
+        owned, stay = last - first, parallel.gather_rows(self._comm, first + retained)
+        separating = np.zeros(owned + foreign.size, dtype=bool)
+        separating[owned:] = (foreign >= last) & ~np.isin(foreign, stay)
         entries = np.flatnonzero(separating[rows.indices] & (rows.data != 0.0))
         self._border = np.setdiff1d(np.searchsorted(rows.indptr, entries, side="right") - 1, retained)
         joint = np.concatenate((parallel.gather_rows(self._comm, first + self._border), stay))
         self._size, self._cut = joint.size, joint.size - stay.size
         # Of each column its number among the joint unknowns; -1: it is inner.
-        numbers, here = np.full(own + others.size, -1), np.concatenate((self._border, retained))
-        named = np.concatenate((here, np.arange(own, numbers.size)))
-        numbers[named] = _places_in(joint, np.concatenate((first + here, others)))
-        inner = np.repeat(numbers[:own] < 0, np.diff(rows.indptr)) & (rows.data != 0.0)
+        numbers, local_joint = np.full(owned + foreign.size, -1), np.concatenate((self._border, retained))
+        named = np.concatenate((local_joint, np.arange(owned, numbers.size)))
+        numbers[named] = _places_in(joint, np.concatenate((first + local_joint, foreign)))
+        inner = np.repeat(numbers[:owned] < 0, np.diff(rows.indptr)) & (rows.data != 0.0)
         touched = np.full(self._size, self._comm.size == 1)
         touched[numbers[rows.indices[inner & (numbers >= 0)[rows.indices]]]] = True
         touched[0] = True  # one joint unknown at least, as MUMPS must leave something
         self._places = np.flatnonzero(touched)
         places = np.where(numbers >= 0, np.searchsorted(self._places, numbers), -1)
-        between = sp.coo_array(rows[np.flatnonzero(numbers[:own] >= 0)])
+        between = sp.coo_array(rows[np.flatnonzero(numbers[:owned] >= 0)])
         self._factor = PartialFactor(rows, places, self._places.size, loads, positions, definite=definite)
         del rows, inner
         broken = False
@@ -86,16 +86,17 @@ class SchurComplement:
             broken = True
         if parallel.any_rank(self._comm, broken):
             raise PETSc.Error(ERROR_IN_LIBRARY)
-        there = np.flatnonzero(numbers[between.col] >= 0)
-        of_row = numbers[:own][numbers[:own] >= 0][between.row[there]]
+        joint_entries = np.flatnonzero(numbers[between.col] >= 0)
+        of_row = numbers[:owned][numbers[:owned] >= 0][between.row[joint_entries]]
         row, column, entry = (
-            parallel.gather_rows(self._comm, one) for one in (of_row, numbers[between.col[there]], between.data[there])
+            parallel.gather_rows(self._comm, part)
+            for part in (of_row, numbers[between.col[joint_entries]], between.data[joint_entries])
         )
         beyond = sp.csr_array((entry, (row, column)), shape=(self._size, self._size))
         self._blocks, self.dense = self._eliminated(beyond, dense)
-        found = [self._onto_retained(load, condensed[number]) for number, load in enumerate(loads)]
-        self.loads = np.reshape([load for load, _ in found], (len(loads), stay.size))
-        self.between = np.reshape([between for _, between in found], (len(loads), self._cut))
+        condensed_loads = [self._onto_retained(load, condensed[number]) for number, load in enumerate(loads)]
+        self.loads = np.reshape([load for load, _ in condensed_loads], (len(loads), stay.size))
+        self.between = np.reshape([between for _, between in condensed_loads], (len(loads), self._cut))
 
     def condense(self, load: PETSc.Vec) -> tuple[Array, Array]:
         """Another load as one of ``loads``, and as one of ``between``: one back substitution."""
@@ -115,12 +116,12 @@ class SchurComplement:
         for block in self._blocks:
             right = between[block.border] - block.across @ at_joint[self._cut + block.stay]
             at_joint[block.border] = solve_triangular(block.factor, right, lower=True, trans=1, check_finite=False)
-        every = result.getArray()
+        unknowns = result.getArray()
         right = load.getArray(readonly=True)[self._factor.inner] - self._factor.toward @ at_joint[self._places]
-        every[self._factor.inner] = self._factor.solve(right)
-        before = parallel.rows_before(self._comm, self._border.size)
-        every[self._border] = at_joint[before : before + self._border.size]
-        every[self.retained] = values
+        unknowns[self._factor.inner] = self._factor.solve(right)
+        offset = parallel.rows_before(self._comm, self._border.size)
+        unknowns[self._border] = at_joint[offset : offset + self._border.size]
+        unknowns[self.retained] = values
         return result
 
     def _uncoupled(self, beyond: sp.csr_array, dense: Array) -> list[Indices]:
@@ -132,38 +133,38 @@ class SchurComplement:
         """
         if not self._cut:
             return [np.arange(self._size)]
-        first, left = np.arange(len(dense)), dense != 0.0
+        first, coupled = np.arange(len(dense)), dense != 0.0
         waiting: npt.NDArray[np.bool_] = np.ones(len(dense), dtype=bool)
         while waiting.any():
             begin = int(np.argmax(waiting))
             members, grown = np.zeros_like(waiting), np.arange(len(dense)) == begin
             while (grown & ~members).any():
-                members, grown = grown, left[grown].any(axis=0) | grown
+                members, grown = grown, coupled[grown].any(axis=0) | grown
             first[members], waiting = begin, waiting & ~members
         pairs = parallel.gather_rows(self._comm, np.column_stack((self._places, self._places[first])))
         edges = sp.coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=beyond.shape)
         _, label = connected_components(abs(beyond) + edges, directed=False)
         label[~np.isin(label, label[: self._cut])] = -1
-        return [np.flatnonzero(label == one) for one in np.unique(label)]
+        return [np.flatnonzero(label == number) for number in np.unique(label)]
 
     def _eliminated(self, beyond: sp.csr_array, dense: Array) -> tuple[list[_Block], Array]:
         """The parts of the joint unknowns, and their matrix without the border; arguments as for ``_uncoupled``."""
-        blocks, found = [], np.zeros((self._size - self._cut,) * 2)  # as long as it is empty it takes no memory
+        blocks, schur = [], np.zeros((self._size - self._cut,) * 2)  # as long as it is empty it takes no memory
         for joint in self._uncoupled(beyond, dense):
-            whole = self._among(joint, beyond, dense)
+            block_matrix = self._among(joint, beyond, dense)
             cut = np.searchsorted(joint, self._cut)
             border, stay = joint[:cut], joint[cut:] - self._cut
             try:
-                factor = cholesky(whole[:cut, :cut], lower=True, check_finite=False)
+                factor = cholesky(block_matrix[:cut, :cut], lower=True, check_finite=False)
             except np.linalg.LinAlgError:  # not finite, as the solution will not be either
                 factor = np.full((cut, cut), np.nan)
-            across = solve_triangular(factor, whole[:cut, cut:], lower=True, check_finite=False)
-            matrix = whole[cut:, cut:] - across.T @ across if cut else whole
+            across = solve_triangular(factor, block_matrix[:cut, cut:], lower=True, check_finite=False)
+            matrix = block_matrix[cut:, cut:] - across.T @ across if cut else block_matrix
             blocks.append(_Block(border, stay, factor, across))
             if joint.size == self._size:
                 return blocks, matrix
-            found[np.ix_(stay, stay)] = matrix
-        return blocks, found
+            schur[np.ix_(stay, stay)] = matrix
+        return blocks, schur
 
     def _among(self, joint: Indices, beyond: sp.csr_array, dense: Array) -> Array:
         """The matrix of some joint unknowns; their numbers, ascending, and arguments as for ``_uncoupled``."""
@@ -171,10 +172,10 @@ class SchurComplement:
             entries = sp.coo_array(beyond)
             dense[entries.row, entries.col] += entries.data
             return dense
-        whole, mine = beyond[joint][:, joint].toarray(), np.flatnonzero(np.isin(self._places, joint))
-        for there, part in self._parts(np.searchsorted(joint, self._places[mine]), dense[np.ix_(mine, mine)]):
-            whole[np.ix_(there, there)] += part.reshape(there.size, there.size)
-        return np.asarray(whole)
+        block_matrix, mine = beyond[joint][:, joint].toarray(), np.flatnonzero(np.isin(self._places, joint))
+        for members, part in self._parts(np.searchsorted(joint, self._places[mine]), dense[np.ix_(mine, mine)]):
+            block_matrix[np.ix_(members, members)] += part.reshape(members.size, members.size)
+        return np.asarray(block_matrix)
 
     def _onto_retained(self, load: Array, part: Array) -> tuple[Array, Array]:
         """A load at all that stay without the border, and at the border, eliminated.
@@ -183,21 +184,23 @@ class SchurComplement:
             load: of this rank.
             part: what its inner unknowns add to the joint ones that they couple with.
         """
-        every = np.concatenate([parallel.gather_rows(self._comm, load[one]) for one in (self._border, self.retained)])
-        for there, values in self._parts(self._places, part):
-            every[there] += values
-        between, found = np.empty(self._cut), every[self._cut :]
+        joint_load = np.concatenate(
+            [parallel.gather_rows(self._comm, load[unknowns]) for unknowns in (self._border, self.retained)]
+        )
+        for members, values in self._parts(self._places, part):
+            joint_load[members] += values
+        between, retained_load = np.empty(self._cut), joint_load[self._cut :]
         for block in self._blocks:
-            right = every[block.border]
+            right = joint_load[block.border]
             between[block.border] = solve_triangular(block.factor, right, lower=True, check_finite=False)
-            found[block.stay] -= block.across.T @ between[block.border]
-        return found, between
+            retained_load[block.stay] -= block.across.T @ between[block.border]
+        return retained_load, between
 
     def _parts(self, places: Indices, values: Array) -> Iterator[tuple[Indices, Array]]:
         """Numbers of joint unknowns of each rank, and its values there, flat."""
-        every = [parallel.gather_rows(self._comm, one) for one in (places, np.ravel(values))]
+        gathered = [parallel.gather_rows(self._comm, rows) for rows in (places, np.ravel(values))]
         ends = [np.cumsum(self._comm.allgather(size))[:-1] for size in (places.size, values.size)]
-        return zip(*(np.split(one, at) for one, at in zip(every, ends, strict=True)), strict=True)
+        return zip(*(np.split(rows, at) for rows, at in zip(gathered, ends, strict=True)), strict=True)
 
 
 @dataclass(frozen=True)
@@ -222,15 +225,15 @@ def _own_columns_first(matrix: PETSc.Mat) -> tuple[sp.csr_array, Indices]:
     starts, columns, values = matrix.getValuesCSR()
     columns -= first
     outside = np.flatnonzero((columns < 0) | (columns >= last - first))
-    others, at = np.unique(columns[outside], return_inverse=True)
+    foreign, at = np.unique(columns[outside], return_inverse=True)
     columns[outside] = last - first + at
-    rows = sp.csr_array((values, columns, starts), shape=(last - first, last - first + others.size))
-    return rows, others.astype(np.int64) + first
+    rows = sp.csr_array((values, columns, starts), shape=(last - first, last - first + foreign.size))
+    return rows, foreign.astype(np.int64) + first
 
 
-def _places_in(names: Indices, some: Indices) -> Indices:
+def _places_in(names: Indices, wanted: Indices) -> Indices:
     """Where each of some names is among others, -1: nowhere."""
     order = np.argsort(names)
-    places = order[np.minimum(np.searchsorted(names[order], some), names.size - 1)]
-    places[names[places] != some] = -1
+    places = order[np.minimum(np.searchsorted(names[order], wanted), names.size - 1)]
+    places[names[places] != wanted] = -1
     return places

@@ -22,7 +22,7 @@ Array = npt.NDArray[np.float64]
 # Coarse functions that truncation leaves nothing of get this share of the diagonal that they had: far below the
 # smallest eigenvalue of a coarse matrix, far above its round-off.
 _SHIFT = 1e-10
-_SAME, _SUBSET, _DIFFERENT = (
+_SAME_PATTERN, _SUBSET_PATTERN, _DIFFERENT_PATTERN = (
     PETSc.Mat.Structure.SAME_NONZERO_PATTERN,
     PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN,
     PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN,
@@ -74,26 +74,26 @@ class TruncatedLevels:
         self._blocks, self._lift, self._functions = blocks, lift, functions
         self._below = interpolations[1:]
         self._places = places
-        none = np.zeros(blocks.shape)
-        self._held, self._soft = blocks.matrix(none), blocks.matrix(none)
+        zero_blocks = np.zeros(blocks.shape)
+        self._held, self._soft = blocks.matrix(zero_blocks), blocks.matrix(zero_blocks)
         self._stiffness = elastic.copy() if lift is None else elastic.ptap(lift)
-        self._stiffness.axpy(1.0, self._soft, structure=_DIFFERENT)
+        self._stiffness.axpy(1.0, self._soft, structure=_DIFFERENT_PATTERN)
         self._product = product if lift is None else lift.transposeMatMult(product)
         # Everything with no direction held, for its pattern.
         self._along = self._held.matMult(functions)
         self._moved = self._along if lift is None else lift.matMult(self._along)
         self._contact_rows = interpolations[0].createSubMatrix(places, None)
-        self._contact_rows.axpy(1.0, self._moved, structure=_DIFFERENT)
-        self._left = self._contact_rows.copy()
+        self._contact_rows.axpy(1.0, self._moved, structure=_DIFFERENT_PATTERN)
+        self._kept_rows = self._contact_rows.copy()
         self.interpolation = interpolations[0].copy()
-        self.interpolation.axpy(1.0, self._in_all_rows(self._moved), structure=_DIFFERENT)
+        self.interpolation.axpy(1.0, self._in_all_rows(self._moved), structure=_DIFFERENT_PATTERN)
         self._law = self._stiffness.ptap(self._held)
         self._by_law = self._law.ptap(functions)
         self._half = self._along.transposeMatMult(self._product)
         self._other_half = self._half.transpose(PETSc.Mat())
         change = self._by_law.copy()
-        change.axpy(1.0, self._half, structure=_DIFFERENT)
-        change.axpy(1.0, self._other_half, structure=_DIFFERENT)
+        change.axpy(1.0, self._half, structure=_DIFFERENT_PATTERN)
+        change.axpy(1.0, self._other_half, structure=_DIFFERENT_PATTERN)
         self._changes, self._products = [change], list[PETSc.Mat]()
         for interpolation in self._below:
             self._products.append(self._changes[-1].matMult(interpolation))
@@ -124,35 +124,35 @@ class TruncatedLevels:
         self._held.matMult(self._functions, result=self._along)
         if self._lift is not None:
             self._lift.matMult(self._along, result=self._moved)
-        self._contact_rows.copy(self._left, _SAME)
-        self._left.axpy(-1.0, self._moved, structure=_SUBSET)
-        starts, columns, values = self._left.getValuesCSR()
+        self._contact_rows.copy(self._kept_rows, _SAME_PATTERN)
+        self._kept_rows.axpy(-1.0, self._moved, structure=_SUBSET_PATTERN)
+        starts, columns, values = self._kept_rows.getValuesCSR()
         if len(starts) > 1:
             self.interpolation.setValuesIJV(starts, columns, values, rowmap=self._places.getIndices())
         self.interpolation.assemble()
         self._stiffness.ptap(self._held, result=self._law)
-        self._law.axpy(1.0, self._soft, structure=_SUBSET)
+        self._law.axpy(1.0, self._soft, structure=_SUBSET_PATTERN)
         self._law.ptap(self._functions, result=self._by_law)
         self._along.transposeMatMult(self._product, result=self._half)
         self._half.transpose(self._other_half)
         change = self._changes[0]
         change.zeroEntries()
-        change.axpy(1.0, self._by_law, structure=_SUBSET)
-        change.axpy(-1.0, self._half, structure=_SUBSET)
-        change.axpy(-1.0, self._other_half, structure=_SUBSET)
+        change.axpy(1.0, self._by_law, structure=_SUBSET_PATTERN)
+        change.axpy(-1.0, self._half, structure=_SUBSET_PATTERN)
+        change.axpy(-1.0, self._other_half, structure=_SUBSET_PATTERN)
         above = zip(self._changes, self._below, self._products, self._changes[1:], strict=False)
         for change, interpolation, product, below in above:
             change.matMult(interpolation, result=product)
             interpolation.transposeMatMult(product, result=below)
         for level, untruncated, change in zip(self.coarse, self._untruncated, self._changes, strict=True):
-            untruncated.copy(level, _SAME)
-            level.axpy(1.0, change, structure=_SUBSET)
+            untruncated.copy(level, _SAME_PATTERN)
+            level.axpy(1.0, change, structure=_SUBSET_PATTERN)
 
 
 def _widened(matrix: PETSc.Mat, pattern: PETSc.Mat) -> PETSc.Mat:
     """A coarse matrix with a little more on its diagonal, and room for what a pattern, a matrix of zeros, has."""
     wider, diagonal = matrix.copy(), matrix.getDiagonal()
-    wider.axpy(1.0, pattern, structure=_DIFFERENT)
+    wider.axpy(1.0, pattern, structure=_DIFFERENT_PATTERN)
     diagonal.scale(_SHIFT)
     wider.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD_VALUES)
     return wider

@@ -65,10 +65,10 @@ def _locks() -> Iterator[None]:
             if key in _LOADED:
                 return _LOADED[key]
             prepare(Path(folder), module, float(timeout), held)
-            found = look(module, objects, folder, timeout)
-            if found[0] is not None:  # None: it has to be compiled
-                _LOADED[key] = found
-            return found
+            loaded = look(module, objects, folder, timeout)
+            if loaded[0] is not None:  # None: it has to be compiled
+                _LOADED[key] = loaded
+            return loaded
 
         jit.get_cached_module = locked
         try:
@@ -95,14 +95,14 @@ def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None
     except OSError:
         return
     # One byte of the file stands for one form.
-    place, begin, told = zlib.crc32(module.encode()), time.monotonic(), False
+    byte, begin, announced = zlib.crc32(module.encode()), time.monotonic(), False
     while not _compiled(folder, module):  # what compiled it may hold its lock a little longer
         try:
-            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place)
+            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, byte)
         except OSError:
-            if not told and time.monotonic() - begin > _SILENT:
+            if not announced and time.monotonic() - begin > _SILENT:
                 terminal.say("waiting for another process, which compiles the same form", error=True)
-                told = True
+                announced = True
         else:
             # A program without locks has begun less than its own patience ago, or is gone.
             if not 0.0 <= _age(_source(folder, module)) < patience:

@@ -14,11 +14,11 @@ import mpi4py.MPI as MPI  # first, see signorini_fx.body
 from dolfinx import mesh as dmesh
 from petsc4py import PETSc
 
-_SAME = (MPI.IDENT, MPI.CONGRUENT)
+_SAME_COMMUNICATOR = (MPI.IDENT, MPI.CONGRUENT)
 
 
 @dataclass(frozen=True, eq=False)
-class _Kept:
+class _MeshObject:
     """A mesh, and an object of PETSc on its communicator."""
 
     mesh: weakref.ReferenceType[dmesh.Mesh]
@@ -30,7 +30,7 @@ class _Kept:
         return self.holder.comm.tompi4py()
 
 
-_kept: list[_Kept] = []
+_mesh_objects: list[_MeshObject] = []
 
 
 def free_unused(mesh: dmesh.Mesh) -> None:
@@ -39,14 +39,14 @@ def free_unused(mesh: dmesh.Mesh) -> None:
     """
     if mesh.comm.size == 1:  # destroyed at once
         return
-    here = [kept for kept in _kept if MPI.Comm.Compare(kept.comm, mesh.comm) in _SAME]
-    for kept in here:
-        PETSc.garbage_cleanup(kept.comm)
+    entries = [entry for entry in _mesh_objects if MPI.Comm.Compare(entry.comm, mesh.comm) in _SAME_COMMUNICATOR]
+    for entry in entries:
+        PETSc.garbage_cleanup(entry.comm)
     # A rank may have forgotten a mesh that another one still has.
-    gone = mesh.comm.allreduce(sum(1 << k for k, kept in enumerate(here) if kept.mesh() is None), MPI.BAND)
-    for k, kept in enumerate(here):
+    gone = mesh.comm.allreduce(sum(1 << k for k, entry in enumerate(entries) if entry.mesh() is None), MPI.BAND)
+    for k, entry in enumerate(entries):
         if gone >> k & 1:
-            kept.holder.destroy()
-            _kept.remove(kept)
-    if not any(kept.mesh() is mesh for kept in here):
-        _kept.append(_Kept(weakref.ref(mesh), PETSc.Vec().createMPI((0, 0), comm=mesh.comm)))
+            entry.holder.destroy()
+            _mesh_objects.remove(entry)
+    if not any(entry.mesh() is mesh for entry in entries):
+        _mesh_objects.append(_MeshObject(weakref.ref(mesh), PETSc.Vec().createMPI((0, 0), comm=mesh.comm)))

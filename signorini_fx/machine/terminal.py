@@ -42,7 +42,7 @@ def is_terminal(stream: TextIO | None) -> bool:
 
 
 @dataclass(frozen=True)
-class Line:
+class TerminalLine:
     """A line of output.
 
     Attributes:
@@ -73,7 +73,7 @@ _NARROWEST = 20  # columns of prose
 _COLOURS = {"error": "31;1", "warning": "33;1", "advice": "1", "good": "32;1"}  # red, yellow, bold, green
 
 
-def say(output: str | Iterable[Line], *, error: bool = False) -> None:
+def say(output: str | Iterable[TerminalLine], *, error: bool = False) -> None:
     """Print on standard output, or on standard error; a stream that cannot be written is given up.
 
     Args:
@@ -95,9 +95,9 @@ def say(output: str | Iterable[Line], *, error: bool = False) -> None:
         _give_up(stream, reason)
 
 
-def prose(text: str) -> list[Line]:
+def prose(text: str) -> list[TerminalLine]:
     """The lines of a text; a terminal continues each below its own beginning."""
-    return [Line(line[: len(line) - len(line.lstrip())], line.lstrip()) for line in text.split("\n")]
+    return [TerminalLine(line[: len(line) - len(line.lstrip())], line.lstrip()) for line in text.split("\n")]
 
 
 def output_lost() -> bool:

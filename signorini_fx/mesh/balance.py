@@ -35,16 +35,16 @@ def balanced(tagged: TaggedMesh) -> TaggedMesh:
     nodes = mesh.geometry.index_map()
     cells = _global_nodes(mesh, compat.geometry_cells(mesh)[: mesh.topology.index_map(dim).size_local])
     points = mesh.geometry.x[: nodes.size_local, : mesh.geometry.dim].astype(np.float64)
-    tags = {one.dim: one for one in (tagged.facet_tags, tagged.cell_tags) if one is not None}
-    own = {place: _owned(mesh, one) for place, one in tags.items()}
-    even, found = distributed(mesh.comm, mesh.ufl_domain(), cells, points, own)
-    return TaggedMesh(even, found[dim - 1], tagged.boundaries, found.get(dim), tagged.regions, tagged.origin)
+    tags = {mesh_tags.dim: mesh_tags for mesh_tags in (tagged.facet_tags, tagged.cell_tags) if mesh_tags is not None}
+    local_tags = {entity_dim: _owned(mesh, mesh_tags) for entity_dim, mesh_tags in tags.items()}
+    even, even_tags = distributed(mesh.comm, mesh.ufl_domain(), cells, points, local_tags)
+    return TaggedMesh(even, even_tags[dim - 1], tagged.boundaries, even_tags.get(dim), tagged.regions, tagged.origin)
 
 
 def _global_nodes(mesh: dmesh.Mesh, rows: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
     """Global numbers of geometry nodes, of the same shape."""
-    found: npt.NDArray[np.int64] = mesh.geometry.index_map().local_to_global(np.ascontiguousarray(rows).ravel())
-    return found.reshape(rows.shape)
+    numbers: npt.NDArray[np.int64] = mesh.geometry.index_map().local_to_global(np.ascontiguousarray(rows).ravel())
+    return numbers.reshape(rows.shape)
 
 
 def _owned(mesh: dmesh.Mesh, tags: dmesh.MeshTags) -> Tagged:

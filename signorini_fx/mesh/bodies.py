@@ -57,7 +57,7 @@ class BodyArrays:
     @property
     def without_cells(self) -> BodyArrays:
         """The same kind and names, and nothing that this rank brings."""
-        cells, facets = (Tagged(one.nodes[:0], one.tags[:0]) for one in (self.cells, self.facets))
+        cells, facets = (Tagged(entities.nodes[:0], entities.tags[:0]) for entities in (self.cells, self.facets))
         empty = {name: getattr(self, name)[:0] for name in ("points", "middles", "corners")}
         return replace(self, cells=cells, facets=facets, **empty)
 
@@ -95,49 +95,49 @@ def together(scene: Scene, load: Callable[[Any, MPI.Comm, Collection[str]], Any]
         MeshError: the meshes have different kinds of cells, or a mesh cannot be made.
     """
     bodies = scene.body
-    meshes = [_of_body(scene, place, load, comm) for place in range(len(bodies))]
+    meshes = [_of_body(scene, number, load, comm) for number in range(len(bodies))]
     _check_alike(bodies, meshes)
-    meshes = [one.placed(body) for body, one in zip(bodies, meshes, strict=True)]
+    meshes = [arrays.placed(body) for body, arrays in zip(bodies, meshes, strict=True)]
     dim = meshes[0].dimension
     firsts = {
-        dim: _first_tags([one.regions for one in meshes]),
-        dim - 1: _first_tags([one.boundaries for one in meshes]),
+        dim: _first_tags([arrays.regions for arrays in meshes]),
+        dim - 1: _first_tags([arrays.boundaries for arrays in meshes]),
     }
-    renumber = _renumbering(comm, [len(one.points) for one in meshes])
+    renumber = _renumbering(comm, [len(arrays.points) for arrays in meshes])
     gathered = {
-        dim: _one_after_the_other([one.cells for one in meshes], renumber, firsts[dim]),
-        dim - 1: _one_after_the_other([one.facets for one in meshes], renumber, firsts[dim - 1]),
+        dim: _one_after_the_other([arrays.cells for arrays in meshes], renumber, firsts[dim]),
+        dim - 1: _one_after_the_other([arrays.facets for arrays in meshes], renumber, firsts[dim - 1]),
     }
     names = [body.name for body in bodies]
-    boundaries = _named(names, [one.boundaries for one in meshes], firsts[dim - 1])
-    regions = _named(names, [one.regions for one in meshes], firsts[dim])
-    for name, one, first in zip(names, meshes, firsts[dim], strict=True):
-        regions[name] = (first, *(first + tag for tag in sorted(set(_flat(one.regions)))))
+    boundaries = _named(names, [arrays.boundaries for arrays in meshes], firsts[dim - 1])
+    regions = _named(names, [arrays.regions for arrays in meshes], firsts[dim])
+    for name, arrays, first in zip(names, meshes, firsts[dim], strict=True):
+        regions[name] = (first, *(first + tag for tag in sorted(set(_flat(arrays.regions)))))
     owner = None
     if comm.size > 1:
         wanted = _flat({name: boundaries[name] for name in scene.touching if name in boundaries})
-        sides = np.concatenate([one.corners for one in meshes])[np.isin(gathered[dim - 1].tags, wanted)]
-        owner = shares(comm, np.concatenate([one.middles for one in meshes]), sides)
+        sides = np.concatenate([arrays.corners for arrays in meshes])[np.isin(gathered[dim - 1].tags, wanted)]
+        owner = shares(comm, np.concatenate([arrays.middles for arrays in meshes]), sides)
     word, degree, variant = meshes[0].kind
-    points = np.concatenate([one.points for one in meshes])
-    whole = domain(word, degree, dim, variant)
-    mesh, found = distributed(comm, whole, gathered[dim].nodes, points, gathered, owner)
+    points = np.concatenate([arrays.points for arrays in meshes])
+    joint_domain = domain(word, degree, dim, variant)
+    mesh, new_tags = distributed(comm, joint_domain, gathered[dim].nodes, points, gathered, owner)
     return {
         "mesh": mesh,
-        "facet_tags": found[dim - 1],
+        "facet_tags": new_tags[dim - 1],
         "boundaries": boundaries,
-        "cell_tags": found[dim],
+        "cell_tags": new_tags[dim],
         "regions": regions,
-        "origin": {"bodies": {name: dict(one.origin) for name, one in zip(names, meshes, strict=True)}},
-        "note": "; ".join(f"{name}: {one.note}" for name, one in zip(names, meshes, strict=True) if one.note),
+        "origin": {"bodies": {name: dict(arrays.origin) for name, arrays in zip(names, meshes, strict=True)}},
+        "note": "; ".join(f"{name}: {arrays.note}" for name, arrays in zip(names, meshes, strict=True) if arrays.note),
     }
 
 
 def _of_body(
-    scene: Scene, place: int, load: Callable[[Any, MPI.Comm, Collection[str]], Any], comm: MPI.Comm
+    scene: Scene, number: int, load: Callable[[Any, MPI.Comm, Collection[str]], Any], comm: MPI.Comm
 ) -> BodyArrays:
     """The mesh of one of several bodies; errors name it."""
-    body = scene.body[place]
+    body = scene.body[number]
     sections = scene.sections_of(body.name)
     made: list[BodyArrays] = []
 
@@ -148,12 +148,12 @@ def _of_body(
     try:
         if isinstance(body.mesh, TaggedMeshBase):
             return _arrays(load(body.mesh, comm, sections))
-        others = parallel.on_root(comm, make)
+        arrays = parallel.on_root(comm, make)
     except SceneError as error:
-        raise SceneError([(f"body[{place}].{path}", message) for path, message in error.problems]) from None
+        raise SceneError([(f"body[{number}].{path}", message) for path, message in error.problems]) from None
     except MeshError as error:
         raise MeshError(f"body {body.name!r}: {error}") from None
-    return made[0] if made else others
+    return made[0] if made else arrays
 
 
 def _arrays(tagged: Any) -> BodyArrays:
@@ -165,15 +165,15 @@ def _arrays(tagged: Any) -> BodyArrays:
     cells = compat.geometry_cells(mesh)[: _count(mesh, dim)]
     regions = np.zeros(len(cells), dtype=np.int32)
     if tagged.cell_tags is not None:
-        own = tagged.cell_tags.indices < len(cells)
-        regions[tagged.cell_tags.indices[own]] = tagged.cell_tags.values[own]
-    own = tagged.facet_tags.indices < _count(mesh, dim - 1)
-    facets = _nodes_of_facets(mesh, tagged.facet_tags.indices[own])
+        owned = tagged.cell_tags.indices < len(cells)
+        regions[tagged.cell_tags.indices[owned]] = tagged.cell_tags.values[owned]
+    owned = tagged.facet_tags.indices < _count(mesh, dim - 1)
+    facets = _nodes_of_facets(mesh, tagged.facet_tags.indices[owned])
     return BodyArrays(
         kind=(mesh.topology.cell_name(), element.degree, int(element.lagrange_variant)),
         points=x[: nodes.size_local],
         cells=Tagged(numbers[cells], regions),
-        facets=Tagged(numbers[facets], tagged.facet_tags.values[own]),
+        facets=Tagged(numbers[facets], tagged.facet_tags.values[owned]),
         middles=x[cells].mean(axis=1),
         corners=x[facets],
         boundaries=dict(tagged.boundaries),
@@ -185,7 +185,7 @@ def _arrays(tagged: Any) -> BodyArrays:
 
 def _check_alike(bodies: Sequence[Body], meshes: Sequence[BodyArrays]) -> None:
     """Check that the meshes can be one, and that the bodies are placed in their dimension."""
-    kinds = [f"{one.kind[0]} cells{', curved' if one.kind[1] > 1 else ''}" for one in meshes]
+    kinds = [f"{arrays.kind[0]} cells{', curved' if arrays.kind[1] > 1 else ''}" for arrays in meshes]
     for body, kind in zip(bodies, kinds, strict=True):
         if kind != kinds[0]:
             raise MeshError(
@@ -194,15 +194,15 @@ def _check_alike(bodies: Sequence[Body], meshes: Sequence[BodyArrays]) -> None:
             )
     dim = meshes[0].dimension
     problems = []
-    for place, body in enumerate(bodies):
+    for number, body in enumerate(bodies):
         where = "the mesh is plane" if dim == 2 else "the mesh is in space"
         for key in ("shift", "pivot"):
-            given = getattr(body, key)
-            if given is not None and len(given) != dim:
-                problems.append((f"body[{place}].{key}", f"{where}: give {dim} numbers, not {len(given)}"))
+            vector = getattr(body, key)
+            if vector is not None and len(vector) != dim:
+                problems.append((f"body[{number}].{key}", f"{where}: give {dim} numbers, not {len(vector)}"))
         if body.rotation is not None and isinstance(body.rotation, tuple) != (dim == 3):
             wanted = "an angle" if dim == 2 else "three numbers, the axis"
-            problems.append((f"body[{place}].rotation", f"{where}: give {wanted}"))
+            problems.append((f"body[{number}].rotation", f"{where}: give {wanted}"))
     if problems:
         raise SceneError(problems)
 
@@ -216,25 +216,25 @@ def _renumbering(
         comm: the ranks.
         counts: how many nodes of each body this rank brings.
     """
-    every = parallel.gather_rows(comm, np.array([counts], dtype=np.int64))
-    ends = np.cumsum(every, axis=0)
-    starts = (np.cumsum(every.ravel()) - every.ravel()).reshape(every.shape)
+    all_counts = parallel.gather_rows(comm, np.array([counts], dtype=np.int64))
+    ends = np.cumsum(all_counts, axis=0)
+    starts = (np.cumsum(all_counts.ravel()) - all_counts.ravel()).reshape(all_counts.shape)
 
-    def renumber(place: int, named: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-        rank = np.searchsorted(ends[:, place], named, side="right")
-        return np.asarray(named - (ends - every)[rank, place] + starts[rank, place])
+    def renumber(body: int, named: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        rank = np.searchsorted(ends[:, body], named, side="right")
+        return np.asarray(named - (ends - all_counts)[rank, body] + starts[rank, body])
 
     return renumber
 
 
 def _one_after_the_other(
-    given: Sequence[Tagged],
+    entities: Sequence[Tagged],
     renumber: Callable[[int, npt.NDArray[np.int64]], npt.NDArray[np.int64]],
     firsts: Sequence[int],
 ) -> Tagged:
     """The entities of all bodies with the numbers and the tags that they have together."""
-    nodes = [renumber(place, one.nodes) for place, one in enumerate(given)]
-    tags = [one.tags + first for one, first in zip(given, firsts, strict=True)]
+    nodes = [renumber(body, tagged.nodes) for body, tagged in enumerate(entities)]
+    tags = [tagged.tags + first for tagged, first in zip(entities, firsts, strict=True)]
     return Tagged(np.concatenate(nodes), np.concatenate(tags).astype(np.int32))
 
 
@@ -260,20 +260,20 @@ def _flat(names: Mapping[str, Tags]) -> list[int]:
 
 def _first_tags(names: Sequence[Mapping[str, Tags]]) -> list[int]:
     """What is added to the tags of each body, so that all of them differ and none is zero."""
-    found = [1]
-    for one in names:
-        found.append(found[-1] + max(_flat(one), default=0) + 1)
-    return found[:-1]
+    firsts = [1]
+    for named in names:
+        firsts.append(firsts[-1] + max(_flat(named), default=0) + 1)
+    return firsts[:-1]
 
 
 def _named(bodies: Sequence[str], names: Sequence[Mapping[str, Tags]], firsts: Sequence[int]) -> dict[str, Tags]:
     """The names of all bodies with their new tags; those that are the name of a body are left to it."""
-    count = Counter(name for one in names for name in one)
-    found: dict[str, Tags] = {}
-    for body, one, first in zip(bodies, names, firsts, strict=True):
-        for name, tags in one.items():
+    count = Counter(name for named in names for name in named)
+    tags_by_name: dict[str, Tags] = {}
+    for body, named, first in zip(bodies, names, firsts, strict=True):
+        for name, tags in named.items():
             moved = tags + first if isinstance(tags, int) else tuple(tag + first for tag in tags)
-            found[f"{body}.{name}"] = moved
+            tags_by_name[f"{body}.{name}"] = moved
             if count[name] == 1 and name not in bodies:
-                found[name] = moved
-    return found
+                tags_by_name[name] = moved
+    return tags_by_name

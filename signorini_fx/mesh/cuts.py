@@ -44,9 +44,9 @@ def shares(comm: MPI.Comm, middles: Floats, sides: Floats) -> npt.NDArray[np.int
     while (parts[:, 1] - parts[:, 0] > 1).any():
         ends = parts[parts[:, 1] - parts[:, 0] > 1]
         middle = ends.sum(axis=1) // 2
-        cells, facets = ([np.flatnonzero(which == first) for first in ends[:, 0]] for which in (owner, at))
-        low, weights = _directions(comm, [middles[own] for own in cells], [squares[own] for own in facets])
-        keys = [(middles[own] - low[k]) @ weights[k] for k, own in enumerate(cells)]
+        cells, facets = ([np.flatnonzero(part_of == first) for first in ends[:, 0]] for part_of in (owner, at))
+        low, weights = _directions(comm, [middles[rows] for rows in cells], [squares[rows] for rows in facets])
+        keys = [(middles[rows] - low[k]) @ weights[k] for k, rows in enumerate(cells)]
         limits = _quantiles(comm, keys, (middle - ends[:, 0]) / (ends[:, 1] - ends[:, 0]))
         for k, limit in enumerate(limits):
             owner[cells[k][keys[k] > limit]] = middle[k]
@@ -64,8 +64,8 @@ def partitioner(owner: npt.NDArray[np.integer[Any]]) -> Any:
     """
 
     def partition(*_: Any) -> Any:
-        found = adjacencylist(owner.astype(np.int32)[:, None])
-        return getattr(found, "_cpp_object", found)
+        graph = adjacencylist(owner.astype(np.int32)[:, None])
+        return getattr(graph, "_cpp_object", graph)
 
     return partition
 
@@ -87,8 +87,8 @@ def _directions(comm: MPI.Comm, middles: list[Floats], squares: list[Floats]) ->
         middles: of the cells of each part on this rank, shape (m, d) each.
         squares: of the components of the normals of the contact in each part, shape (f, d) each.
     """
-    bounds = np.stack([parallel.global_bounds(comm, own) for own in middles])
-    sums = parallel.global_sum(comm, np.stack([np.append(own.sum(axis=0), len(own)) for own in squares]))
+    bounds = np.stack([parallel.global_bounds(comm, entries) for entries in middles])
+    sums = parallel.global_sum(comm, np.stack([np.append(entries.sum(axis=0), len(entries)) for entries in squares]))
     away = sums[:, :-1] / np.maximum(sums[:, -1:], 1.0)
     extent = np.maximum(bounds[:, 1] - bounds[:, 0], 0.0)
     suited = extent / np.maximum(extent.max(axis=1, keepdims=True), np.finfo(float).tiny)
@@ -108,14 +108,16 @@ def _quantiles(comm: MPI.Comm, keys: list[Floats], portions: Floats) -> Floats:
         keys: of each part on this rank, at least 0 but for round-off.
         portions: shape (parts,).
     """
-    ordered = [np.sort(own) for own in keys]
-    high = np.array([own[-1] if own.size else 0.0 for own in ordered])
+    ordered = [np.sort(part_keys) for part_keys in keys]
+    high = np.array([part_keys[-1] if part_keys.size else 0.0 for part_keys in ordered])
     comm.Allreduce(MPI.IN_PLACE, high, op=MPI.MAX)
-    wanted = np.rint(parallel.global_sum(comm, np.array([float(own.size) for own in ordered])) * portions)
+    wanted = np.rint(parallel.global_sum(comm, np.array([float(part_keys.size) for part_keys in ordered])) * portions)
     low = -1e-9 * high
     for _ in range(_HALVINGS):  # no rank needs the keys of another
         limit = (low + high) / 2
-        below = np.array([np.searchsorted(own, x, side="right") for own, x in zip(ordered, limit, strict=True)])
+        below = np.array(
+            [np.searchsorted(part_keys, x, side="right") for part_keys, x in zip(ordered, limit, strict=True)]
+        )
         below = parallel.global_sum(comm, below)
         if (below == wanted).all():
             return limit

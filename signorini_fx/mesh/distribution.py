@@ -58,13 +58,15 @@ def distributed(
     """
     divided = None if owner is None or comm.size == 1 else partitioner(owner)
     mesh = dmesh.create_mesh(comm, cells=cells, x=points, e=domain, partitioner=divided)
-    found = {}
-    for dim, own in tagged.items():
-        local, values = distribute_entity_data(mesh, dim, own.nodes, own.tags)
+    mesh_tags = {}
+    for dim, entities in tagged.items():
+        local, values = distribute_entity_data(mesh, dim, entities.nodes, entities.tags)
         mesh.topology.create_connectivity(dim, 0)
         mesh.topology.create_connectivity(dim, mesh.topology.dim)
-        found[dim] = dmesh.meshtags_from_entities(mesh, dim, adjacencylist(local), values.astype(np.int32, copy=False))
-    return mesh, found
+        mesh_tags[dim] = dmesh.meshtags_from_entities(
+            mesh, dim, adjacencylist(local), values.astype(np.int32, copy=False)
+        )
+    return mesh, mesh_tags
 
 
 def from_root(
@@ -94,15 +96,18 @@ def from_root(
         points = arrays.points
         nodes = {dim: arrays.cells[:, _order(kind)], dim - 1: arrays.facets[:, _order(facet)]}
         tags = {dim: of_cell, dim - 1: of_side}
-    tagged = {place: Tagged(nodes[place][own > 0], own[own > 0].astype(np.int32)) for place, own in tags.items()}
+    tagged = {
+        entity_dim: Tagged(nodes[entity_dim][values > 0], values[values > 0].astype(np.int32))
+        for entity_dim, values in tags.items()
+    }
     owner = None
     if touching and comm.size > 1:
         corners: Floats = np.empty((0, 1, dim)) if held is None else points[held[0].corners]
         sides: Floats = np.empty((0, dim, dim)) if held is None else _sides(held[0], touching)
         owner = shares(comm, corners.mean(axis=1), sides)
     even = domain(_word(kind), kind.degree, dim, int(basix.LagrangeVariant.equispaced))
-    mesh, found = distributed(comm, even, nodes[dim], points, tagged, owner)
-    return mesh, found[dim - 1], found[dim]
+    mesh, mesh_tags = distributed(comm, even, nodes[dim], points, tagged, owner)
+    return mesh, mesh_tags[dim - 1], mesh_tags[dim]
 
 
 def _sides(arrays: MeshArrays, names: Collection[str]) -> Floats:

@@ -80,13 +80,15 @@ def draw_outline(drawing: Drawing, corners: list[Corner]) -> tuple[int, dict[str
     loop: list[int] = []
     ends: list[tuple[int, int]] = []  # for each corner: the end of the side before it, the start of the next
     arcs: list[int | None] = []
-    for before, corner, after in zip(corners[-1:] + corners[:-1], corners, corners[1:] + corners[:1], strict=True):
+    for previous, corner, following in zip(
+        corners[-1:] + corners[:-1], corners, corners[1:] + corners[:1], strict=True
+    ):
         if corner.radius == 0.0:
             point = drawing.point(corner.x, corner.y)
             ends.append((point, point))
             arcs.append(None)
             continue
-        first, last = (_direction(corner, other) for other in (before, after))
+        first, last = (_direction(corner, neighbour) for neighbour in (previous, following))
         half = math.acos(max(-1.0, min(1.0, first[0] * last[0] + first[1] * last[1]))) / 2
         along, away = corner.radius / math.tan(half), corner.radius / math.sin(half)
         bisector = _unit(first[0] + last[0], first[1] + last[1])
@@ -111,8 +113,8 @@ def _unit(x: float, y: float) -> tuple[float, float]:
     return x / length, y / length
 
 
-def _direction(here: Corner, there: Corner) -> tuple[float, float]:
-    return _unit(there.x - here.x, there.y - here.y)
+def _direction(corner: Corner, neighbour: Corner) -> tuple[float, float]:
+    return _unit(neighbour.x - corner.x, neighbour.y - corner.y)
 
 
 @dataclass(frozen=True)
@@ -341,9 +343,9 @@ def mesh_extruded(
     points = gmsh.model.getEntities(0)
     gmsh.model.removeEntities([point for point in points if not len(gmsh.model.getAdjacencies(*point)[0])])
     named = {ends[0]: list(sections), ends[1]: []}
-    for before, (dim, _) in pairwise(extruded):
+    for previous, (dim, _) in pairwise(extruded):
         if dim == 3:  # the end of the section comes before its solid
-            named[ends[1]].append(before[1])
+            named[ends[1]].append(previous[1])
     swept = {frozenset(_curves(gmsh, tag)): tag for _, tag in gmsh.model.getEntities(2)}
     for name, curves in sides.items():
         swept_curves = {abs(curve) for curve in curves}

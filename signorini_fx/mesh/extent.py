@@ -34,4 +34,4 @@ def diameter(x: Array) -> float:
     except QhullError:
         extents = " by ".join(f"{extent:g}" for extent in high - low)
         raise MeshError(f"the body is too thin to be meshed: it measures {extents}") from None
-    return max(float(cdist(some, corners).max()) for some in np.array_split(corners, 1 + len(corners) // 1000))
+    return max(float(cdist(chunk, corners).max()) for chunk in np.array_split(corners, 1 + len(corners) // 1000))

@@ -34,9 +34,9 @@ def create_box(comm: MPI.Comm, ends: npt.NDArray[np.float64], counts: tuple[int,
         mesh.geometry.x[:] *= unit
         return mesh
     nodes = np.array(counts) + 1
-    own = np.stack(np.unravel_index(_share(comm, int(np.prod(counts))), counts[::-1]), axis=1)[:, ::-1]
-    cells = _number(own[:, None] + _CORNERS, nodes)
-    owner = _number(own * blocks // counts, np.array(blocks))
+    hexahedra = np.stack(np.unravel_index(_share(comm, int(np.prod(counts))), counts[::-1]), axis=1)[:, ::-1]
+    cells = _number(hexahedra[:, None] + _CORNERS, nodes)
+    owner = _number(hexahedra * blocks // counts, np.array(blocks))
     if cell == "tetrahedron":
         cells, owner = cells[:, _TETRAHEDRA].reshape(-1, 4), np.repeat(owner, len(_TETRAHEDRA))
     at = np.stack(np.unravel_index(_share(comm, int(np.prod(nodes))), nodes[::-1]), axis=1)[:, ::-1]
@@ -58,14 +58,14 @@ def _number(places: npt.NDArray[np.int64], counts: npt.NDArray[np.int64]) -> npt
 
 def _blocks(size: int, counts: tuple[int, int, int]) -> tuple[int, int, int]:
     """Into how many blocks the box is divided along each axis, ``size`` in all, as cubic as may be."""
-    blocks, rest, factor = [1, 1, 1], size, 2
+    blocks, quotient, factor = [1, 1, 1], size, 2
     factors = []
-    while rest > 1:
-        while rest % factor == 0:
+    while quotient > 1:
+        while quotient % factor == 0:
             factors.append(factor)
-            rest //= factor
+            quotient //= factor
         factor += 1
-    for one in reversed(factors):
+    for prime in reversed(factors):
         longest = 2 - int(np.argmax((np.array(counts) / blocks)[::-1]))
-        blocks[longest] *= one
+        blocks[longest] *= prime
     return blocks[0], blocks[1], blocks[2]

@@ -18,7 +18,7 @@ from signorini_fx.mesh.files.shape import Ints
 
 # Places on the reference cell in units of a quarter of a side, so that nodes between children's corners are whole
 # numbers too.
-_Place = tuple[int, ...]
+_VertexKey = tuple[int, ...]
 _SIDE = 4
 
 
@@ -41,25 +41,25 @@ def straightened(mesh: MeshArrays) -> MeshArrays:
 def halved(mesh: MeshArrays) -> MeshArrays:
     """The mesh with every side of every cell halved."""
     cell = mesh.cell
-    children = [[_middle([child[c] for c in own]) for own in cell.nodes] for child in _children(cell)]
-    lattice = sorted({place for child in children for place in child})
+    children = [[_middle([child[c] for c in members]) for members in cell.nodes] for child in _children(cell)]
+    lattice = sorted({point for child in children for point in child})
     x = np.array(lattice) / _SIDE
     points = np.einsum("ln,cnd->cld", cell.shape(x), mesh.points[mesh.cells])
     number, first = _numbered(mesh.corners, np.rint(cell.weights(x) * _SIDE**cell.dim).astype(np.int64))
-    places = np.array([[lattice.index(place) for place in child] for child in children])
+    places = np.array([[lattice.index(point) for point in child] for child in children])
     # The children of each facet, by the facets of children that are on it.
     sides = [
         [
             places[child, nodes]
-            for child, own in enumerate(children)
+            for child, members in enumerate(children)
             for nodes, corners in zip(cell.facet_nodes, cell.facets, strict=True)
-            if all(_on(cell, facet, own[c]) for c in corners)
+            if all(_on(cell, facet, members[c]) for c in corners)
         ]
         for facet in cell.facets
     ]
     at = rows_of(mesh.facet_corners, sides_of(mesh.cells, cell)[:, : len(mesh.facet.corners)])
-    owner, which = np.divmod(at, len(cell.facets))
-    halves = number[owner[:, None, None], np.array(sides)[which]]
+    owner, side = np.divmod(at, len(cell.facets))
+    halves = number[owner[:, None, None], np.array(sides)[side]]
     return MeshArrays(
         points=points.reshape(-1, mesh.dim)[first],
         kind=mesh.kind,
@@ -80,17 +80,17 @@ def _numbered(corners: Ints, weights: Ints) -> tuple[Ints, Ints]:
     Returns:
         The numbers, shape (m, places), and for each number the first place in the flattened table that has it.
     """
-    count, most = int(corners.max()) + 1, int(weights.max()) + 1
+    count, weight_bound = int(corners.max()) + 1, int(weights.max()) + 1
     number = np.empty((len(corners), len(weights)), dtype=np.int64)
     first: list[Ints] = []
     total = 0
     on = (weights > 0).sum(axis=1)
     for width in np.unique(on):  # places at corners, on sides, on faces, inside
         columns = np.flatnonzero(on == width)
-        own = np.array([np.flatnonzero(weights[column]) for column in columns])
-        keys = corners[:, own] * most + weights[columns[:, None], own]
+        corner_numbers = np.array([np.flatnonzero(weights[column]) for column in columns])
+        keys = corners[:, corner_numbers] * weight_bound + weights[columns[:, None], corner_numbers]
         if width == weights.shape[1]:
-            keys = np.arange(len(corners) * len(columns)).reshape(len(corners), len(columns), 1) + count * most
+            keys = np.arange(len(corners) * len(columns)).reshape(len(corners), len(columns), 1) + count * weight_bound
         _, index, inverse = np.unique(row_keys(keys.reshape(-1, keys.shape[2])), return_index=True, return_inverse=True)
         number[:, columns] = total + inverse.reshape(len(corners), len(columns))
         cell, column = np.divmod(index, len(columns))
@@ -104,17 +104,17 @@ def _repeated(rows: Ints, times: int) -> Ints:
     return (times * rows[:, None] + np.arange(times)).ravel()
 
 
-def _middle(places: list[_Place]) -> _Place:
+def _middle(places: list[_VertexKey]) -> _VertexKey:
     return tuple(sum(values) // len(places) for values in zip(*places, strict=True))
 
 
-def _on(cell: Cell, facet: tuple[int, ...], place: _Place) -> bool:
+def _on(cell: Cell, facet: tuple[int, ...], point: _VertexKey) -> bool:
     """Whether a place is on a facet: no other corner has a weight there."""
-    weights = cell.weights(np.array([place]) / _SIDE)[0]
+    weights = cell.weights(np.array([point]) / _SIDE)[0]
     return float(weights[list(facet)].sum()) > 1 - 1e-9
 
 
-def _children(cell: Cell) -> list[list[_Place]]:
+def _children(cell: Cell) -> list[list[_VertexKey]]:
     """The corners of each child, in the order of a cell of the kind."""
     ends = [tuple(_SIDE * value for value in corner) for corner in cell.corners]
     half = _SIDE // 2

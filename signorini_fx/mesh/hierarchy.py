@@ -22,7 +22,7 @@ def scene_on(scene: Scene, factor: float) -> Scene:
     """
     if scene.body:
         return scene.model_copy(
-            update={"body": tuple(one.model_copy(update={"mesh": _mesh_on(one.mesh, factor)}) for one in scene.body)}
+            update={"body": tuple(body.model_copy(update={"mesh": _mesh_on(body.mesh, factor)}) for body in scene.body)}
         )
     return scene.model_copy(update={"mesh": _mesh_on(scene.mesh, factor)})
 
@@ -45,7 +45,7 @@ def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
         MeshError: a mesh cannot be divided; the message names the body.
     """
     halved = []
-    for place, body in enumerate(scene.body):
+    for number, body in enumerate(scene.body):
         mesh: Any = body.mesh
         try:
             if isinstance(mesh, MeshFile):
@@ -56,7 +56,7 @@ def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
                 for _ in range(halvings):
                     mesh = refine(mesh)
         except SceneError as error:
-            raise SceneError([(f"body[{place}].{path}", message) for path, message in error.problems]) from None
+            raise SceneError([(f"body[{number}].{path}", message) for path, message in error.problems]) from None
         except MeshError as error:
             raise MeshError(f"body {body.name!r}: {error}") from None
         if isinstance(mesh, MeshGenerator):

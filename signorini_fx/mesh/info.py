@@ -32,15 +32,15 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
     """
     shape = quality(mesh.points, mesh.corners)
     size, outside = measures(mesh.points, mesh.cells, mesh.cell), measures(mesh.points, mesh.facets, mesh.facet)
-    whole, around, of_facets = _MEASURES[mesh.dim]
+    measure, around, of_facets = _MEASURES[mesh.dim]
     diagonal = float(np.linalg.norm(np.ptp(mesh.points, axis=0)))
 
     def facets(rows: Ints) -> dict[str, Any]:
-        found: dict[str, Any] = {"facets": len(rows), of_facets: float(outside[rows].sum())}
-        return found | ({"bounds": _bounds(mesh.points[mesh.facet_corners[rows].ravel()])} if len(rows) else {})
+        figures: dict[str, Any] = {"facets": len(rows), of_facets: float(outside[rows].sum())}
+        return figures | ({"bounds": _bounds(mesh.points[mesh.facet_corners[rows].ravel()])} if len(rows) else {})
 
     def cells(rows: Ints) -> dict[str, Any]:
-        return {"cells": len(rows), whole: float(size[rows].sum())}
+        return {"cells": len(rows), measure: float(size[rows].sum())}
 
     return {
         "cells": len(mesh.cells),
@@ -48,7 +48,7 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
         "degree": mesh.degree,
         "points": len(mesh.points),
         "bounds": _bounds(mesh.points),
-        whole: float(size.sum()),
+        measure: float(size.sum()),
         around: float(outside.sum()),
         "quality": {
             "min": float(shape.min()),
@@ -66,8 +66,8 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
 
 
 def _bounds(points: Floats) -> list[list[float]]:
-    found: list[list[float]] = plain(np.stack((points.min(axis=0), points.max(axis=0))))
-    return found
+    bounds: list[list[float]] = plain(np.stack((points.min(axis=0), points.max(axis=0))))
+    return bounds
 
 
 def _without(named: Mapping[str, Ints], count: int) -> Ints:
@@ -103,8 +103,8 @@ def render(info: Mapping[str, Any], name: str) -> str:
 
     degree = f", geometry of degree {info['degree']}" if info["degree"] > 1 else ""
     lines.append(f"{name}: {info['cells']} {info['kind']}, {info['points']} points{degree}")
-    whole = "volume" if "volume" in info else "area"
-    row("extent", f"{_extent(info['bounds'])}; {whole} {info[whole]:g}")
+    measure = "volume" if "volume" in info else "area"
+    row("extent", f"{_extent(info['bounds'])}; {measure} {info[measure]:g}")
     row("quality", f"min {shape['min']:.3f}, mean {shape['mean']:.3f} (best 1), worst at ({_point(shape['worst'])})")
     if info["pieces"] > 1:
         shared = "face" if "volume" in info else "side"

@@ -67,23 +67,23 @@ def at_points(
     answers: list[Any] = []
     failure: Exception | None = None
     try:
-        cells, place, gap = cells_of_points(mesh, np.concatenate(received), outside, of)
-        found = np.flatnonzero(cells >= 0)
-        values = evaluate(cells[found], place[found]) if found.size else np.empty((0, 0))
+        cells, reference, gap = cells_of_points(mesh, np.concatenate(received), outside, of)
+        hits = np.flatnonzero(cells >= 0)
+        values = evaluate(cells[hits], reference[hits]) if hits.size else np.empty((0, 0))
         ends = np.cumsum([0, *(len(points) for points in received)])
         for begin, end in pairwise(ends):
-            share = slice(*np.searchsorted(found, (begin, end)))
-            answers.append((found[share] - begin, gap[found[share]], values[share]))
+            share = slice(*np.searchsorted(hits, (begin, end)))
+            answers.append((hits[share] - begin, gap[hits[share]], values[share]))
     except Exception as error:
         failure = error
     parallel.raise_together(comm, failure)
     replies = comm.alltoall(answers)
     least, rows = np.full(len(x), np.inf), np.empty((len(x), max(values.shape[1] for *_, values in replies)))
-    for points, (found, gap, values) in zip(asked, replies, strict=True):
-        own = points[found]
-        nearer = gap < least[own]
+    for points, (hits, gap, values) in zip(asked, replies, strict=True):
+        numbers = points[hits]
+        nearer = gap < least[numbers]
         if nearer.any():
-            least[own[nearer]], rows[own[nearer]] = gap[nearer], values[nearer]
+            least[numbers[nearer]], rows[numbers[nearer]] = gap[nearer], values[nearer]
     return None if parallel.any_rank(comm, bool(np.isinf(least).any())) else rows
 
 
@@ -113,40 +113,40 @@ def cells_of_points(
     # How the place moves with the point, in sizes of the cell, where cells are taken for straight simplices.
     turned = _inverse(np.einsum("dk,nkc->ncd", table[1:], nodes / size[:, None, None]))
     straight = element.degree == 1 and element.cell_type in _SIMPLICES
-    cells, place, gap = np.full(len(x), -1, dtype=np.int32), np.zeros((len(x), dim)), np.full(len(x), np.inf)
+    cells, reference, gap = np.full(len(x), -1, dtype=np.int32), np.zeros((len(x), dim)), np.full(len(x), np.inf)
     # Cells that differ much in size are apart from each other, because a tree pads all its boxes alike.
     groups = np.floor(np.log2(size))
     for share in (_ROUND_OFF, outside):
-        left = np.flatnonzero((cells < 0) | (gap > _ROUND_OFF * size[cells])) if len(size) else cells[:0]
-        for group in np.unique(groups) if len(left) else ():
+        open_points = np.flatnonzero((cells < 0) | (gap > _ROUND_OFF * size[cells])) if len(size) else cells[:0]
+        for group in np.unique(groups) if len(open_points) else ():
             entities = np.flatnonzero(groups == group).astype(np.int32)
             if len(entities) == 1:  # of a tree with one box dolfinx 0.9 reads children, which are not there
                 entities = np.repeat(entities, 2)
             tree = geometry.bb_tree(mesh, dim, entities=entities, padding=float(share * 2 ** (group + 1)))
-            near: Any = geometry.compute_collisions_points(tree, np.ascontiguousarray(x[left]))
-            which = np.repeat(left, np.diff(near.offsets))
-            for begin in range(0, len(which), _PAIRS):
-                point, cell = which[begin : begin + _PAIRS], near.array[begin : begin + _PAIRS]
+            near: Any = geometry.compute_collisions_points(tree, np.ascontiguousarray(x[open_points]))
+            point_numbers = np.repeat(open_points, np.diff(near.offsets))
+            for begin in range(0, len(point_numbers), _PAIRS):
+                point, cell = point_numbers[begin : begin + _PAIRS], near.array[begin : begin + _PAIRS]
                 if pieces is not None:
-                    same = pieces[0][point] == pieces[1][cell]
-                    point, cell = point[same], cell[same]
+                    same_piece = pieces[0][point] == pieces[1][cell]
+                    point, cell = point[same_piece], cell[same_piece]
                     if not len(point):  # of no points basix's tables of hexahedra end the process
                         continue
                 # Lengths of the cell, so that no unit matters.
                 corners = (nodes[cell] - x[point, None, :dim]) / size[cell, None, None]
                 away = np.einsum("k,nkc->nc", table[0], corners)
-                found = np.clip(middle - np.einsum("ncd,nd->nc", turned[cell], away), *_BOUNDS)
+                trial = np.clip(middle - np.einsum("ncd,nd->nc", turned[cell], away), *_BOUNDS)
                 if not straight:
-                    found = _pull_back(element, corners, found)
-                distance = _distances(element, corners, found)
+                    trial = _pull_back(element, corners, trial)
+                distance = _distances(element, corners, trial)
                 far = distance * size[cell]
                 order = np.lexsort((far, point))
                 order = order[(distance <= outside)[order]]
                 best = order[np.unique(point[order], return_index=True)[1]]
                 best = best[far[best] < gap[point[best]]]
-                own = point[best]
-                cells[own], place[own], gap[own] = cell[best], found[best], far[best]
-    return cells, place, gap
+                best_points = point[best]
+                cells[best_points], reference[best_points], gap[best_points] = cell[best], trial[best], far[best]
+    return cells, reference, gap
 
 
 def _nodes(mesh: dmesh.Mesh) -> Array:
@@ -166,13 +166,13 @@ def _inverse(slope: Array) -> Array:
     return np.linalg.inv(np.where(regular[:, None, None], slope, np.eye(slope.shape[2])))
 
 
-def _pull_back(element: Any, corners: Array, place: Array) -> Array:
+def _pull_back(element: Any, corners: Array, reference: Array) -> Array:
     """The places in the reference cell that cells map to the origin, by Newton's method.
 
     Args:
         element: of the geometry.
         corners: the nodes of each cell relative to the point, in sizes of the cell, shape (n, nodes, d).
-        place: where to begin, shape (n, d); changed.
+        reference: where to begin, shape (n, d); changed.
 
     Returns:
         Shape (n, d); for a point far outside its cell somewhere at the bounds.
@@ -181,18 +181,18 @@ def _pull_back(element: Any, corners: Array, place: Array) -> Array:
     for _ in range(_NEWTON_STEPS):
         if not moving.size:
             break
-        table = element.tabulate(1, place[moving])[..., 0]
+        table = element.tabulate(1, reference[moving])[..., 0]
         away = np.einsum("nk,nkc->nc", table[0], corners[moving])
         turned = _inverse(np.einsum("dnk,nkc->ncd", table[1:], corners[moving]))
-        before = place[moving]
-        place[moving] = np.clip(before - np.einsum("ncd,nd->nc", turned, away), *_BOUNDS)
-        moving = moving[np.abs(place[moving] - before).max(axis=1) >= _ROUND_OFF]
-    return place
+        previous = reference[moving]
+        reference[moving] = np.clip(previous - np.einsum("ncd,nd->nc", turned, away), *_BOUNDS)
+        moving = moving[np.abs(reference[moving] - previous).max(axis=1) >= _ROUND_OFF]
+    return reference
 
 
-def _distances(element: Any, corners: Array, place: Array) -> Array:
+def _distances(element: Any, corners: Array, reference: Array) -> Array:
     """How far cells are from the origin, at most: by the point of the cell next to a place in the reference cell."""
-    inside = np.clip(place, 0.0, None)
+    inside = np.clip(reference, 0.0, None)
     if element.cell_type in _SIMPLICES:
         inside /= np.maximum(inside.sum(axis=1, keepdims=True), 1.0)
     inside = np.minimum(inside, 1.0)

@@ -45,10 +45,10 @@ def cells_at(tagged: TaggedMesh, points: npt.NDArray[np.float64]) -> npt.NDArray
     x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)][:, :, :dim]
     owned = x[: tagged.mesh.topology.index_map(dim).size_local]
     near = 1e-6 * np.ptp(owned, axis=1).max(axis=1)
-    found = np.zeros(len(owned), dtype=bool)
+    selected = np.zeros(len(owned), dtype=bool)
     for point in points:
-        found |= (np.abs(owned - point).max(axis=2) <= near[:, None]).any(axis=1)
-    return np.flatnonzero(found).astype(np.int32)
+        selected |= (np.abs(owned - point).max(axis=2) <= near[:, None]).any(axis=1)
+    return np.flatnonzero(selected).astype(np.int32)
 
 
 def check_divisible(tagged: TaggedMesh) -> None:
@@ -90,16 +90,16 @@ def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> Ta
     for pair in pairs:
         fine.topology.create_connectivity(*pair)
     # dolfinx's own transfer refuses meshes with ghost cells.  A child knows its parent by its place before reordering.
-    place = fine.topology.original_cell_index
+    original = fine.topology.original_cell_index
     first = parallel.rows_before(mesh.comm, len(parent_cell))
     children = np.arange(len(parent_cell), dtype=np.int32)
-    parents = parent_cell[place[children] - first]
-    sides = parent_facet.reshape(-1, dim + 1)[place[children] - first]
+    parents = parent_cell[original[children] - first]
+    sides = parent_facet.reshape(-1, dim + 1)[original[children] - first]
     cell_tags = None
     if tagged.cell_tags is not None:
         kinds = _table(tagged.cell_tags, mesh.topology.index_map(dim))[parents]
-        known = kinds != _NO_TAG
-        cell_tags = dmesh.meshtags(fine, dim, children[known], kinds[known])
+        has_tag = kinds != _NO_TAG
+        cell_tags = dmesh.meshtags(fine, dim, children[has_tag], kinds[has_tag])
     old, new = (m.topology.connectivity(dim, dim - 1).array.reshape(-1, dim + 1) for m in (mesh, fine))
     on_side = sides >= 0
     facets = new[: len(children)][on_side]

@@ -23,7 +23,7 @@ def section_in_space(mesh: dmesh.Mesh) -> dmesh.Mesh:
         mesh: of the plane.
     """
     element = compat.geometry_element(mesh)
-    place = basix.ufl.element(
+    domain = basix.ufl.element(
         "Lagrange",
         mesh.topology.cell_name(),
         element.degree,
@@ -32,7 +32,7 @@ def section_in_space(mesh: dmesh.Mesh) -> dmesh.Mesh:
         dtype=mesh.geometry.x.dtype,
     )
     made: Any = type(mesh._cpp_object)(mesh.comm, compat.topology(mesh), compat.geometry_in_space(mesh))
-    return dmesh.Mesh(made, ufl.Mesh(place))
+    return dmesh.Mesh(made, ufl.Mesh(domain))
 
 
 def is_section(mesh: dmesh.Mesh) -> bool:

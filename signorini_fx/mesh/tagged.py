@@ -82,8 +82,8 @@ class TaggedMesh(TaggedMeshBase):
             MeshError: there is no such name; the message lists the known ones.
         """
         if name not in self.boundaries:
-            known = ", ".join(sorted(self.boundaries)) or "none"
-            raise MeshError(f"the mesh has no boundary {name!r}; its boundaries are: {known}")
+            names = ", ".join(sorted(self.boundaries)) or "none"
+            raise MeshError(f"the mesh has no boundary {name!r}; its boundaries are: {names}")
         # dolfinx 0.10 integrates ds(tag) over interior facets too: only the exterior ones are kept, on every version.
         tagged = _tagged(self.facet_tags, self.boundaries[name])
         self.mesh.topology.create_connectivity(self.mesh.topology.dim - 1, self.mesh.topology.dim)
@@ -127,19 +127,19 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
     return _load_one(scene, scene.mesh, comm, scene.sections)
 
 
-def _load_one(scene: Scene, given: Any, comm: MPI.Comm, sections: Collection[str]) -> TaggedMesh:
+def _load_one(scene: Scene, source: Any, comm: MPI.Comm, sections: Collection[str]) -> TaggedMesh:
     """The mesh that a table ``mesh`` of a scene names, with sections; see ``load_mesh``."""
-    match given:
+    match source:
         case TaggedMesh():
-            tagged = given
+            tagged = source
         case MeshFile():
             # A drawing gets curved cells if the degree of the elements permits.
-            curved = scene.element.degree == 2 and given.file.suffix.lower() in DRAWN
-            tagged = load_file(given, comm, 0, 2 if curved else None, sections, scene.touching)
+            curved = scene.element.degree == 2 and source.file.suffix.lower() in DRAWN
+            tagged = load_file(source, comm, 0, 2 if curved else None, sections, scene.touching)
         case MeshGenerator(generator=name, parameters=parameters):
             tagged = generate_mesh(name, parameters, comm)
         case _:
-            raise TypeError(f"no mesh: {given!r}")
+            raise TypeError(f"no mesh: {source!r}")
     check_dimension(tagged)
     return tagged
 
@@ -250,8 +250,8 @@ def simplex_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, An
 
 def generated_cell(name: str, parameters: Mapping[str, Any]) -> str | None:
     """The kind of cells that the generator ``name`` makes, such as "triangle"; None if no parameter says so."""
-    known = inspect.signature(_generator(name, parameters)).parameters
-    return parameters.get("cell", known["cell"].default) if "cell" in known else None
+    accepted = inspect.signature(_generator(name, parameters)).parameters
+    return parameters.get("cell", accepted["cell"].default) if "cell" in accepted else None
 
 
 def curved_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -260,8 +260,8 @@ def curved_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any
     Raises:
         SceneError: unknown generator.
     """
-    known = inspect.signature(_generator(name, parameters)).parameters
-    return {**parameters, "order": 2} if "order" in known else None
+    accepted = inspect.signature(_generator(name, parameters)).parameters
+    return {**parameters, "order": 2} if "order" in accepted else None
 
 
 def read_mesh(
@@ -322,14 +322,14 @@ def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:
         SceneError: there is none of this name, it cannot be imported, or parameters are wrong: all of them are
             reported.
     """
-    known = known_generators(name)
-    if name not in known:
-        raise SceneError([("mesh.generator", f"no generator {name!r}; there are: {', '.join(known)}")])
+    generators = known_generators(name)
+    if name not in generators:
+        raise SceneError([("mesh.generator", f"no generator {name!r}; there are: {', '.join(generators)}")])
     try:
-        generate: Callable[..., Any] = known[name].load()
+        generate: Callable[..., Any] = generators[name].load()
         types = get_type_hints(inspect.unwrap(generate), include_extras=True)
     except Exception as error:  # of the code of the user
-        message = f"{name!r} cannot be imported from {known[name].value}: {type(error).__name__}: {error}"
+        message = f"{name!r} cannot be imported from {generators[name].value}: {type(error).__name__}: {error}"
         raise SceneError([("mesh.generator", message)]) from error
     names = [key for key, p in inspect.signature(generate).parameters.items() if p.kind is p.KEYWORD_ONLY]
     problems: list[tuple[str, str]] = []
@@ -431,13 +431,13 @@ def tag_boundaries(
     for marker, marked in enumerate(facets_of):
         holds[np.searchsorted(facets, marked), marker] = True
     shared = np.unique(parallel.gather_rows(mesh.comm, np.unique(holds[holds.sum(axis=1) > 1], axis=0)), axis=0)
-    each = np.concatenate([np.eye(len(rules), dtype=bool), shared])
-    tags = rows_of(_places(holds), _places(each)) + 1
+    patterns = np.concatenate([np.eye(len(rules), dtype=bool), shared])
+    tags = rows_of(_places(holds), _places(patterns)) + 1
     facet_tags = dmesh.meshtags(mesh, dim, facets, tags.astype(np.int32))
     return TaggedMesh(
         mesh,
         facet_tags,
-        _plain({name: tuple(map(int, np.flatnonzero(each[:, marker]) + 1)) for marker, name in enumerate(rules)}),
+        _plain({name: tuple(map(int, np.flatnonzero(patterns[:, marker]) + 1)) for marker, name in enumerate(rules)}),
     )
 
 

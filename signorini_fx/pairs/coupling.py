@@ -34,7 +34,7 @@ from signorini_fx.pairs.overlap import Overlap
 from signorini_fx.pairs.overlap_plane import plane_overlap, turned_in_plane
 from signorini_fx.pairs.overlap_space import space_overlap, turned_in_space
 from signorini_fx.pairs.search import default_reach
-from signorini_fx.pairs.surface import Surface
+from signorini_fx.pairs.surface import PairSurface
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -97,7 +97,7 @@ class Coupling:
     reach: float
     directions: Array | None
 
-    def lift(self, slave: Surface) -> sp.csr_array:
+    def lift(self, slave: PairSurface) -> sp.csr_array:
         """Displacements of slave nodes, all along one direction, that move the points by one each: D times them is
         one, but for hats.  Sparse, shape (nodes of the slave, n).
         """
@@ -110,8 +110,8 @@ class Coupling:
         met = sp.csr_array(sp.coo_array(entries, shape=shape))
         met.data /= np.asarray(sp.csr_array(sp.coo_array((np.ones(rows.size), entries[1]), shape=shape)).data)
         points = sp.csr_array(met[:, self.nodes])
-        own = np.asarray((self.slave @ points).diagonal())
-        return sp.csr_array(points @ sp.diags_array(1.0 / own))
+        diagonal = np.asarray((self.slave @ points).diagonal())
+        return sp.csr_array(points @ sp.diags_array(1.0 / diagonal))
 
     @property
     def gap(self) -> Array:
@@ -140,30 +140,30 @@ class _Tested:
     hats: bool
 
     @classmethod
-    def of(cls, slave: Surface, master: Surface, overlap: Overlap, comm: MPI.Comm, *, bonded: bool) -> _Tested:
+    def of(cls, slave: PairSurface, master: PairSurface, overlap: Overlap, comm: MPI.Comm, *, bonded: bool) -> _Tested:
         """With the functions on what is covered; collective."""
-        found_here = np.bincount(overlap.slave, overlap.weight.sum(axis=1), minlength=len(slave.nodes))
-        area: Array = parallel.global_sum(comm, found_here.astype(np.float64))
-        whole = bonded and len(slave.tests.places) < len(slave.functions.places)
-        coefficients = hats(slave) if whole else dual_coefficients(slave, overlap)
+        local_area = np.bincount(overlap.slave, overlap.weight.sum(axis=1), minlength=len(slave.nodes))
+        area: Array = parallel.global_sum(comm, local_area.astype(np.float64))
+        uses_hats = bonded and len(slave.tests.places) < len(slave.functions.places)
+        coefficients = hats(slave) if uses_hats else dual_coefficients(slave, overlap)
         psi = np.einsum("pij,pqj->pqi", coefficients[overlap.slave], slave.tests.values(overlap.at))
-        return cls(overlap, area, psi * overlap.weight[..., None], whole)
+        return cls(overlap, area, psi * overlap.weight[..., None], uses_hats)
 
     @property
     def covered(self) -> Indices:
         """The facets of the slave that meet the other side."""
         return np.flatnonzero(self.area)
 
-    def moments(self, slave: Surface, values: Array, comm: MPI.Comm) -> Array:
+    def moments(self, slave: PairSurface, values: Array, comm: MPI.Comm) -> Array:
         """Integrals of functions times values at the points, shape (p, q, k), by nodes, shape (N, k); collective."""
-        found = np.zeros((len(slave.x), values.shape[2]))
-        np.add.at(found, slave.points[self.overlap.slave], np.einsum("pqi,pqk->pik", self.weighted, values))
-        return parallel.global_sum(comm, found)
+        integrals = np.zeros((len(slave.x), values.shape[2]))
+        np.add.at(integrals, slave.points[self.overlap.slave], np.einsum("pqi,pqk->pik", self.weighted, values))
+        return parallel.global_sum(comm, integrals)
 
 
 def couple(
-    slave: Surface,
-    master: Surface,
+    slave: PairSurface,
+    master: PairSurface,
     unable: npt.NDArray[np.bool_],
     *,
     bonded: bool = False,
@@ -191,14 +191,14 @@ def couple(
     if reach is None:
         reach = default_reach(*used)
     ends = len(slave.nodes) * comm.rank // comm.size, len(slave.nodes) * (comm.rank + 1) // comm.size
-    some = np.arange(*ends)
+    facets = np.arange(*ends)
     project, turned = (plane_overlap, turned_in_plane) if slave.dimension == 2 else (space_overlap, turned_in_space)
-    overlap = project(slave, master, reach, some, None).within(reach, slave, master)
+    overlap = project(slave, master, reach, facets, None).within(reach, slave, master)
     tested = _Tested.of(slave, master, overlap, comm, bonded=bonded)
     _check(slave, master, tested.area, reach)
     directions = None if nominal else _mean_normals(slave, master, tested, comm)
     if directions is not None and turned(slave, directions) > _PARALLEL:
-        overlap = project(slave, master, reach, some, directions).within(reach, slave, master)
+        overlap = project(slave, master, reach, facets, directions).within(reach, slave, master)
         tested = _Tested.of(slave, master, overlap, comm, bonded=bonded)
         _check(slave, master, tested.area, reach)
 
@@ -228,7 +228,7 @@ def couple(
     weight = shares @ weight
     scale = sp.diags_array(1.0 / weight)
     distance = (shares @ distance) / weight[:, None]
-    own, others = (_clean(sp.csr_array(scale @ shares @ matrix)) for matrix in sums)
+    slave_shares, master_shares = (_clean(sp.csr_array(scale @ shares @ matrix)) for matrix in sums)
     half = 0.0 if nominal else 0.5
     turnings = [
         _turning(sp.csr_array(shares @ matrix), side.x, part * distance)
@@ -236,17 +236,17 @@ def couple(
     ]
     normal = slave.nodal_normals[nodes]
     if not nominal:
-        normal = slave.in_planes(own @ slave.directions - others @ master.directions, nodes)
-    found = Coupling(
+        normal = slave.in_planes(slave_shares @ slave.directions - master_shares @ master.directions, nodes)
+    coupling = Coupling(
         nodes=nodes,
         weight=weight,
         normal=normal,
         distance=distance,
-        slave=own,
-        master=others,
+        slave=slave_shares,
+        master=master_shares,
         slave_turning=turnings[0],
         master_turning=turnings[1],
-        centre=own @ slave.x + half * distance,
+        centre=slave_shares @ slave.x + half * distance,
         overlap=overlap,
         covered=float(tested.area.sum()),
         alone=np.diff(shares.indptr) == 1,
@@ -255,34 +255,34 @@ def couple(
         directions=directions,
     )
     size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in used)
-    if (deepest := parallel.largest(comm, -found.gap, -np.inf)) > _DEEP * size:
+    if (deepest := parallel.largest(comm, -coupling.gap, -np.inf)) > _DEEP * size:
         raise PairingError(
             f"its facets lie up to {deepest:.3g} behind those of the other side, of a size of {size:.3g}: check the "
             "facets, and that the bodies do not lie inside each other"
         )
-    return found
+    return coupling
 
 
-def _mean_normals(slave: Surface, master: Surface, tested: _Tested, comm: MPI.Comm) -> Array:
+def _mean_normals(slave: PairSurface, master: PairSurface, tested: _Tested, comm: MPI.Comm) -> Array:
     """N_i of the nodes of the slave, as if each could carry a point, shape (N, d); collective.
 
     Where a node has no point, the normal of the master is the mean of those beside it.
     """
     overlap = tested.overlap
     ones = np.ones((*overlap.weight.shape, 1))
-    own = slave.functions.values(overlap.at) @ slave.directions[slave.nodes[overlap.slave]]
-    others = master.functions.values(overlap.over) @ master.directions[master.nodes[overlap.master]]
-    moments = tested.moments(slave, np.concatenate((ones, own, others), axis=2), comm)
+    slave_normals = slave.functions.values(overlap.at) @ slave.directions[slave.nodes[overlap.slave]]
+    master_normals = master.functions.values(overlap.over) @ master.directions[master.nodes[overlap.master]]
+    moments = tested.moments(slave, np.concatenate((ones, slave_normals, master_normals), axis=2), comm)
     nodes, shares = carried(slave, tested.covered, moments[:, 0], np.zeros(len(slave.x), dtype=bool))
     means = shares @ moments
     means = means[:, 1:] / means[:, :1]
     dim = slave.dimension
-    found = slave.nodal_normals - extended(slave, nodes, means[:, dim:])
-    found[nodes] = means[:, :dim] - means[:, dim:]
-    return slave.in_planes(found, np.arange(len(found)))
+    directions = slave.nodal_normals - extended(slave, nodes, means[:, dim:])
+    directions[nodes] = means[:, :dim] - means[:, dim:]
+    return slave.in_planes(directions, np.arange(len(directions)))
 
 
-def _check(slave: Surface, master: Surface, covered: Array, reach: float) -> None:
+def _check(slave: PairSurface, master: PairSurface, covered: Array, reach: float) -> None:
     """Whether both sides meet, and every facet has one partner at most at each of its points.
 
     Args:
@@ -298,35 +298,38 @@ def _check(slave: Surface, master: Surface, covered: Array, reach: float) -> Non
         )
     twice = np.flatnonzero(covered > (1.0 + _TWICE) * slave.facet_areas)
     if twice.size:
-        place = ", ".join(f"{c:g}" for c in slave.corners[twice[0]].mean(axis=0))
+        point = ", ".join(f"{c:g}" for c in slave.corners[twice[0]].mean(axis=0))
         raise PairingError(
             f"{twice.size} of its facets see more than one sheet of the other side within {reach:.3g}, such as that at "
-            f"({place}): give a smaller reach"
+            f"({point}): give a smaller reach"
         )
 
 
-def _nearest(slave: Surface, master: Surface) -> str:
+def _nearest(slave: PairSurface, master: PairSurface) -> str:
     """Where both sides are nearest to each other, how far apart, and which way they face there, in words."""
     middles = [side.corners.mean(axis=1) for side in (slave, master)]
-    away, others = cKDTree(middles[1]).query(middles[0])
-    here = int(away.argmin())
+    away, partners = cKDTree(middles[1]).query(middles[0])
+    nearest = int(away.argmin())
     center = np.full((1, 1, slave.dimension - 1), 1.0 / 3.0)
     normals = [
-        side.normals(np.array([facet]), center)[0, 0] for side, facet in ((slave, here), (master, int(others[here])))
+        side.normals(np.array([facet]), center)[0, 0]
+        for side, facet in ((slave, nearest), (master, int(partners[nearest])))
     ]
     cosine = normals[0] @ normals[1] / np.prod([np.linalg.norm(normal) for normal in normals])
     size = float(np.abs(middles[0]).max())
-    place = ", ".join(f"{c:.4g}" for c in size * np.round(middles[0][here] / size, 9))
+    point = ", ".join(f"{c:.4g}" for c in size * np.round(middles[0][nearest] / size, 9))
     angle = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
     return (
-        f"both are nearest at ({place}), {away[here]:.3g} apart, where their normals enclose {angle:.0f} degrees, of "
-        "sides that face each other about 180"
+        f"both are nearest at ({point}), {away[nearest]:.3g} apart, where their normals enclose {angle:.0f} degrees, "
+        "of sides that face each other about 180"
     )
 
 
 def _sparse(points: Indices, nodes: Indices, values: Array, rows: int, columns: int) -> sp.csr_array:
-    here, there = (np.broadcast_to(at, values.shape) for at in (points[:, :, None], nodes[:, None]))
-    return sp.csr_array(sp.coo_array((values.ravel(), (here.ravel(), there.ravel())), shape=(rows, columns)))
+    row_numbers, column_numbers = (np.broadcast_to(at, values.shape) for at in (points[:, :, None], nodes[:, None]))
+    return sp.csr_array(
+        sp.coo_array((values.ravel(), (row_numbers.ravel(), column_numbers.ravel())), shape=(rows, columns))
+    )
 
 
 def _over_ranks(comm: MPI.Comm, matrix: sp.csr_array) -> sp.csr_array:
@@ -373,7 +376,7 @@ def _turning(arms: sp.csr_array, x: Array, distance: Array) -> sp.csr_array:
 
 def _crossing(vectors: Array) -> Array:
     """The matrices of v x ., shape (n, 3, 3)."""
-    found = np.zeros((len(vectors), 3, 3))
+    matrices = np.zeros((len(vectors), 3, 3))
     x, y, z = vectors.T
-    found[:, 0, 1], found[:, 0, 2], found[:, 1, 2] = -z, y, -x
-    return found - found.transpose(0, 2, 1)
+    matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2] = -z, y, -x
+    return matrices - matrices.transpose(0, 2, 1)

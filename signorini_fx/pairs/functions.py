@@ -13,7 +13,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 from signorini_fx.pairs.overlap import Overlap
-from signorini_fx.pairs.surface import Surface
+from signorini_fx.pairs.surface import PairSurface
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -21,10 +21,10 @@ Indices = npt.NDArray[np.int64]
 # Eigenvalues of the products of functions below this share of the largest one are those of functions that vanish.
 _SINGULAR = 1e-10
 # Share of its weight that a function must keep to carry a point.
-_KEPT = 0.03
+_KEPT_SHARE = 0.03
 
 
-def dual_coefficients(side: Surface, overlap: Overlap) -> Array:
+def dual_coefficients(side: PairSurface, overlap: Overlap) -> Array:
     """A_e of each facet, shape (f, t, t); zero where it is not covered."""
     tests = side.tests.values(overlap.at)
     products = np.einsum("pq,pqi,pqj->pij", overlap.weight, tests, tests)
@@ -32,20 +32,20 @@ def dual_coefficients(side: Surface, overlap: Overlap) -> Array:
     np.add.at(mass, overlap.slave, products)
     covered = np.zeros(len(mass), dtype=bool)
     covered[overlap.slave] = True
-    found = np.zeros_like(mass)
+    coefficients = np.zeros_like(mass)
     inverse = np.linalg.pinv(mass[covered], rcond=_SINGULAR, hermitian=True)
-    found[covered] = mass[covered].sum(axis=2)[:, :, None] * inverse
-    return found
+    coefficients[covered] = mass[covered].sum(axis=2)[:, :, None] * inverse
+    return coefficients
 
 
-def hats(side: Surface) -> Array:
+def hats(side: PairSurface) -> Array:
     """The functions themselves, as coefficients for each facet, shape (f, t, t)."""
     count = len(side.tests.places)
     return np.tile(np.eye(count), (len(side.nodes), 1, 1))
 
 
 def carried(
-    side: Surface, covered: Indices, weight: Array, unable: npt.NDArray[np.bool_]
+    side: PairSurface, covered: Indices, weight: Array, unable: npt.NDArray[np.bool_]
 ) -> tuple[Indices, sp.csr_array]:
     """Which nodes carry a point, and how these take over the functions of the others.
 
@@ -59,63 +59,63 @@ def carried(
         The nodes, shape (n,), and the share of the function of each node in each point, columns with the sum one,
         sparse, shape (n, N).
     """
-    there, beside = _beside(side, covered)
-    for kept in (_KEPT, 0.0):
-        able = there & ~unable & (weight > kept * side.area)
+    tested_nodes, beside = _beside(side, covered)
+    for threshold in (_KEPT_SHARE, 0.0):
+        able = tested_nodes & ~unable & (weight > threshold * side.area)
         while able.any():
-            nodes, shares = _taken_over(beside, there, able)
+            nodes, shares = _taken_over(beside, tested_nodes, able)
             # What a point takes over may have a negative weight.
-            weak = shares @ weight <= kept * side.area[nodes]
+            weak = shares @ weight <= threshold * side.area[nodes]
             if not weak.any():
                 return nodes, shares
             able[nodes[weak]] = False
     return np.zeros(0, dtype=np.int64), sp.csr_array((0, len(weight)))
 
 
-def extended(side: Surface, nodes: Indices, values: Array) -> Array:
+def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
     """Values at some nodes, ascending, shape (n, k), and at all others with test functions the means of those beside
     them, ring by ring, shape (N, k); zero where no ring arrives.
     """
-    there, beside = _beside(side, np.arange(len(side.nodes)))
-    able = np.zeros(len(there), dtype=bool)
+    tested_nodes, beside = _beside(side, np.arange(len(side.nodes)))
+    able = np.zeros(len(tested_nodes), dtype=bool)
     able[nodes] = True
-    _, shares = _taken_over(beside, there, able)
+    _, shares = _taken_over(beside, tested_nodes, able)
     return np.asarray(shares.T @ values)
 
 
-def _beside(side: Surface, facets: Indices) -> tuple[npt.NDArray[np.bool_], sp.csr_array]:
+def _beside(side: PairSurface, facets: Indices) -> tuple[npt.NDArray[np.bool_], sp.csr_array]:
     """Which nodes have test functions on some facets, shape (N,), and which of them are on a facet together."""
     tests, count = side.points[facets], len(side.area)
-    there = np.zeros(count, dtype=bool)
-    there[tests] = True
+    tested_nodes = np.zeros(count, dtype=bool)
+    tested_nodes[tests] = True
     rows = np.repeat(tests, tests.shape[1], axis=1).ravel()
     columns = np.tile(tests, (1, tests.shape[1])).ravel()
     beside = sp.csr_array((np.ones(rows.size), (rows, columns)), shape=(count, count))
     beside.data[:] = 1.0
-    return there, beside
+    return tested_nodes, beside
 
 
 def _taken_over(
-    beside: sp.csr_array, there: npt.NDArray[np.bool_], able: npt.NDArray[np.bool_]
+    beside: sp.csr_array, tested_nodes: npt.NDArray[np.bool_], able: npt.NDArray[np.bool_]
 ) -> tuple[Indices, sp.csr_array]:
     """Nodes that carry a point, and how they take over the functions of others, ring by ring.
 
     Args:
         beside: which nodes are on a facet together, shape (N, N).
-        there: nodes of the covered part, shape (N,).
+        tested_nodes: nodes of the covered part, shape (N,).
         able: those of them that carry a point, shape (N,).
     """
-    nodes, count = np.flatnonzero(able), there.size
+    nodes, count = np.flatnonzero(able), tested_nodes.size
     shares = sp.csr_array((np.ones(nodes.size), (np.arange(nodes.size), nodes)), shape=(nodes.size, count))
-    done, left = able.copy(), there & ~able
-    while left.any():
-        known = sp.diags_array(done.astype(np.float64))
-        known_beside = sp.csr_array(known @ beside @ sp.diags_array(left.astype(np.float64)))
+    done, remaining = able.copy(), tested_nodes & ~able
+    while remaining.any():
+        done_diagonal = sp.diags_array(done.astype(np.float64))
+        known_beside = sp.csr_array(done_diagonal @ beside @ sp.diags_array(remaining.astype(np.float64)))
         number = np.asarray(known_beside.sum(axis=0)).ravel()
-        reached = left & (number > 0)
+        reached = remaining & (number > 0)
         if not reached.any():
             break
         mean = sp.diags_array(np.divide(1.0, number, out=np.zeros(count), where=reached))
         shares = sp.csr_array(shares + shares @ known_beside @ mean)
-        done, left = done | reached, left & ~reached
+        done, remaining = done | reached, remaining & ~reached
     return nodes, shares

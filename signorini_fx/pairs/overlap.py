@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.pairs.surface import Surface
+from signorini_fx.pairs.surface import PairSurface
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -30,16 +30,16 @@ class Overlap:
     over: Array
     weight: Array
 
-    def distance(self, slave: Surface, master: Surface) -> Array:
+    def distance(self, slave: PairSurface, master: PairSurface) -> Array:
         """From each slave point to the master point over it, length, shape (p, q, d)."""
         return master.positions(self.master, self.over) - slave.positions(self.slave, self.at)
 
-    def within(self, reach: float, slave: Surface, master: Surface) -> Overlap:
+    def within(self, reach: float, slave: PairSurface, master: PairSurface) -> Overlap:
         """The pieces of the pairs of facets whose mean distance, of all pieces, is at most ``reach``, length."""
         _, pair = np.unique(np.column_stack((self.slave, self.master)), axis=0, return_inverse=True)
         pair = pair.ravel()  # whose shape differs between versions of NumPy
         moment = np.einsum("pq,pqd->pd", self.weight, self.distance(slave, master))
         mean = np.stack([np.bincount(pair, column) for column in moment.T], axis=1)
         near = np.linalg.norm(mean, axis=1) <= reach * np.bincount(pair, self.weight.sum(axis=1))
-        kept = near[pair]
-        return Overlap(*(one[kept] for one in (self.slave, self.master, self.at, self.over, self.weight)))
+        selected = near[pair]
+        return Overlap(*(values[selected] for values in (self.slave, self.master, self.at, self.over, self.weight)))

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from signorini_fx.pairs.overlap import Overlap
 from signorini_fx.pairs.search import Patches, candidates
-from signorini_fx.pairs.surface import Surface
+from signorini_fx.pairs.surface import PairSurface
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -27,7 +27,7 @@ _NOTHING = 1e-10
 
 
 def plane_overlap(
-    slave: Surface, master: Surface, reach: float, some: Indices, directions: Array | None = None
+    slave: PairSurface, master: PairSurface, reach: float, facets: Indices, directions: Array | None = None
 ) -> Overlap:
     """The overlap, one piece for each pair of facets that meet.
 
@@ -35,44 +35,46 @@ def plane_overlap(
         slave: the side with the points, d = 2.
         master: the other one.
         reach: distance beyond which points are no partners, length.
-        some: the facets of the slave that are paired, shape (m,).
+        facets: the facets of the slave that are paired, shape (m,).
         directions: of projection at the nodes of the slave, shape (N, 2); None: its normals.
     """
-    here, there = candidates(patches(slave, some), patches(master, np.arange(len(master.nodes))), reach, _TURNING)
-    here = some[here]
-    normals = (slave.nodal_normals if directions is None else directions)[slave.nodes[here]]
-    corners = slave.corners[here]
+    slave_facets, master_facets = candidates(
+        patches(slave, facets), patches(master, np.arange(len(master.nodes))), reach, _TURNING
+    )
+    slave_facets = facets[slave_facets]
+    normals = (slave.nodal_normals if directions is None else directions)[slave.nodes[slave_facets]]
+    corners = slave.corners[slave_facets]
     ends = np.stack(
-        [_under(slave, corners, normals, _end(master, there, place)) for place in (0.0, 1.0)], axis=1
+        [_under(slave, corners, normals, _end(master, master_facets, parameter)) for parameter in (0.0, 1.0)], axis=1
     )  # of each pair: the images of both ends
     ends.sort(axis=1)
-    kept = ends[:, 1] - ends[:, 0] > _NOTHING
-    here, there = here[kept], there[kept]
-    ends, normals, corners = ends[kept], normals[kept], corners[kept]
+    meets = ends[:, 1] - ends[:, 0] > _NOTHING
+    slave_facets, master_facets = slave_facets[meets], master_facets[meets]
+    ends, normals, corners = ends[meets], normals[meets], corners[meets]
     points, weights = np.polynomial.legendre.leggauss(_POINTS)
     width = ends[:, 1] - ends[:, 0]
     at = ends[:, :1] + width[:, None] * (points + 1) / 2
     shape = slave.functions.values(at[..., None])
     x, normal = np.einsum("mqk,mkd->mqd", shape, corners), np.einsum("mqk,mkd->mqd", shape, normals)
-    over = _over(master, master.corners[there], x, normal)
-    size = np.linalg.norm(slave.normals(here, at[..., None]), axis=2)
+    over = _over(master, master.corners[master_facets], x, normal)
+    size = np.linalg.norm(slave.normals(slave_facets, at[..., None]), axis=2)
     weight = size * weights / 2 * width[:, None]
-    return Overlap(here, there, at[..., None], over[..., None], weight)
+    return Overlap(slave_facets, master_facets, at[..., None], over[..., None], weight)
 
 
-def turned_in_plane(slave: Surface, directions: Array) -> float:
+def turned_in_plane(slave: PairSurface, directions: Array) -> float:
     """The largest distance of directions of projection from those that a first projection takes, of length one."""
     return float(np.abs(directions - slave.nodal_normals)[slave.points].max())
 
 
-def patches(side: Surface, some: Indices) -> Patches:
+def patches(side: PairSurface, facets: Indices) -> Patches:
     """Facets of a side as straight patches."""
-    middle = side.normals(some, np.full((len(some), 1, 1), 0.5))[:, 0]
-    return Patches(side.corners[some], middle / np.linalg.norm(middle, axis=1, keepdims=True))
+    middle = side.normals(facets, np.full((len(facets), 1, 1), 0.5))[:, 0]
+    return Patches(side.corners[facets], middle / np.linalg.norm(middle, axis=1, keepdims=True))
 
 
-def _end(side: Surface, facets: Indices, place: float) -> Array:
-    return side.positions(facets, np.full((len(facets), 1, 1), place))[:, 0]
+def _end(side: PairSurface, facets: Indices, parameter: float) -> Array:
+    return side.positions(facets, np.full((len(facets), 1, 1), parameter))[:, 0]
 
 
 def _cross(a: Array, b: Array) -> Array:
@@ -84,7 +86,7 @@ def _at(shape: Array, values: Array) -> Array:
     return np.einsum("mk,mkd->md", shape, values)
 
 
-def _under(side: Surface, corners: Array, normals: Array, x: Array) -> Array:
+def _under(side: PairSurface, corners: Array, normals: Array, x: Array) -> Array:
     """The place s in [0, 1] of the slave point under each point of shape (m, d), or the end beyond which it is."""
 
     def miss(s: Array) -> Array:
@@ -101,7 +103,7 @@ def _under(side: Surface, corners: Array, normals: Array, x: Array) -> Array:
     first, last = (_at(side.functions.values(s[:, None]), corners) for s in (low, high))
     # Along the facet the misses fall or rise, as its normal is on its right or left.
     way = np.sign(_cross(last - first, normals.mean(axis=1)))
-    before, after = way * miss(low) > 0, way * miss(high) < 0
+    above_low, below_high = way * miss(low) > 0, way * miss(high) < 0
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2
         right = way * miss(middle) > 0
@@ -111,10 +113,10 @@ def _under(side: Surface, corners: Array, normals: Array, x: Array) -> Array:
         gradient = slope(root)
         step = np.divide(miss(root), gradient, out=np.zeros(len(x)), where=gradient != 0)
         root = np.clip(root - step, 0.0, 1.0)
-    return np.where(before & after, root, np.where(before, 1.0, 0.0))
+    return np.where(above_low & below_high, root, np.where(above_low, 1.0, 0.0))
 
 
-def _over(side: Surface, corners: Array, x: Array, normal: Array) -> Array:
+def _over(side: PairSurface, corners: Array, x: Array, normal: Array) -> Array:
     """The place of the master point over each point of shape (m, q, d) along its normal, in [0, 1]."""
     at = np.full(x.shape[:2], 0.5)
     for _ in range(_BISECTIONS):

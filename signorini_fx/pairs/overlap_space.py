@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from signorini_fx.pairs.overlap import Overlap
 from signorini_fx.pairs.search import Patches, candidates
-from signorini_fx.pairs.surface import Lagrange, Surface
+from signorini_fx.pairs.surface import Lagrange, PairSurface
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -33,7 +33,7 @@ _NOTHING = 1e-10
 # Steps of Newton's method that invert a map, at most.
 _STEPS = 12
 # A step of a place in a reference facet that is round-off, and one after which the next one is, as steps square errors.
-_PLACE, _LAST = 1e-14, 1e-9
+_ROUND_OFF, _LAST = 1e-14, 1e-9
 
 
 @dataclass(frozen=True)
@@ -51,11 +51,11 @@ class Parts:
     patches: Patches
 
     @classmethod
-    def of(cls, side: Surface, some: Indices) -> Parts:
+    def of(cls, side: PairSurface, facets: Indices) -> Parts:
         """Those of some facets."""
         parts = side.functions.parts
-        facet = np.repeat(some, len(parts))
-        reference = np.tile(parts, (len(some), 1, 1))
+        facet = np.repeat(facets, len(parts))
+        reference = np.tile(parts, (len(facets), 1, 1))
         corners = side.positions(facet, reference)
         first, last = corners[:, 1] - corners[:, 0], corners[:, -1] - corners[:, 0]
         if corners.shape[1] == 4:  # both diagonals
@@ -66,7 +66,7 @@ class Parts:
 
 
 def space_overlap(
-    slave: Surface, master: Surface, reach: float, some: Indices, directions: Array | None = None
+    slave: PairSurface, master: PairSurface, reach: float, facets: Indices, directions: Array | None = None
 ) -> Overlap:
     """The overlap, some triangles for each pair of parts that meet.
 
@@ -74,48 +74,56 @@ def space_overlap(
         slave: the side with the points, d = 3.
         master: the other one.
         reach: distance beyond which parts are no partners, length.
-        some: the facets of the slave that are paired, shape (m,).
+        facets: the facets of the slave that are paired, shape (m,).
         directions: of projection at the nodes of the slave with test functions, shape (N, 3); None: the normals of the
             parts of the slave.
     """
-    own, other = Parts.of(slave, some), Parts.of(master, np.arange(len(master.nodes)))
-    along, turning = own.patches.normal, np.asarray(np.zeros(len(own.facet)), dtype=np.float64)
+    slave_parts, master_parts = Parts.of(slave, facets), Parts.of(master, np.arange(len(master.nodes)))
+    along, turning = slave_parts.patches.normal, np.asarray(np.zeros(len(slave_parts.facet)), dtype=np.float64)
     if directions is not None:
-        along, turning = _along(slave, own, directions)
-    here, there = candidates(own.patches, other.patches, reach, turning)
-    centre, axes = own.patches.centre[here], _axes(along[here])
+        along, turning = _along(slave, slave_parts, directions)
+    slave_numbers, master_numbers = candidates(slave_parts.patches, master_parts.patches, reach, turning)
+    centre, axes = slave_parts.patches.centre[slave_numbers], _axes(along[slave_numbers])
     flat, flat_master = (
         np.einsum("mcd,mkd->mck", corners - centre[:, None], axes)
-        for corners in (own.patches.corners[here], other.patches.corners[there])
+        for corners in (slave_parts.patches.corners[slave_numbers], master_parts.patches.corners[master_numbers])
     )
     polygon, count = clip(_counterclockwise(flat_master), _counterclockwise(flat))
-    kept = _areas(polygon, count) > _NOTHING * np.abs(_areas(flat, np.full(len(flat), flat.shape[1])))
-    here, there, count = here[kept], there[kept], count[kept]
-    flat, flat_master, polygon, centre, axes = (one[kept] for one in (flat, flat_master, polygon, centre, axes))
+    nonempty = _areas(polygon, count) > _NOTHING * np.abs(_areas(flat, np.full(len(flat), flat.shape[1])))
+    slave_numbers, master_numbers, count = slave_numbers[nonempty], master_numbers[nonempty], count[nonempty]
+    flat, flat_master, polygon, centre, axes = (entry[nonempty] for entry in (flat, flat_master, polygon, centre, axes))
     triangles, pair = _fan(polygon, count)
-    both = slave.functions, master.functions
-    curved = _curved(slave, own.facet[here]) or _curved(master, other.facet[there])
-    degree = _degree(both, (own.patches.corners[here], other.patches.corners[there]), curved=curved)
+    functions = slave.functions, master.functions
+    curved = _curved(slave, slave_parts.facet[slave_numbers]) or _curved(master, master_parts.facet[master_numbers])
+    degree = _degree(
+        functions,
+        (slave_parts.patches.corners[slave_numbers], master_parts.patches.corners[master_numbers]),
+        curved=curved,
+    )
     points, weights = basix.make_quadrature(basix.CellType.triangle, degree)
     first, second = (triangles[:, k] - triangles[:, 0] for k in (1, 2))
     p = triangles[:, :1] + points[:, :1] * first[:, None] + points[:, 1:] * second[:, None]
     area = np.abs(_cross(first, second))[:, None] * weights
-    here, there = here[pair], there[pair]
-    at, projected = _back(flat[pair], own.reference[here], p)
-    over, _ = _back(flat_master[pair], other.reference[there], p)
-    true = np.linalg.norm(slave.normals(own.facet[here], at), axis=2)
-    if max(one.degree for one in both) > 1:
-        p = np.einsum("mqd,mkd->mqk", slave.positions(own.facet[here], at) - centre[pair][:, None], axes[pair])
-        over = _projected(master, other.facet[there], over, p, centre[pair], axes[pair])
-    return Overlap(own.facet[here], other.facet[there], at, over, area * true / projected)
+    slave_numbers, master_numbers = slave_numbers[pair], master_numbers[pair]
+    at, projected = _back(flat[pair], slave_parts.reference[slave_numbers], p)
+    over, _ = _back(flat_master[pair], master_parts.reference[master_numbers], p)
+    true = np.linalg.norm(slave.normals(slave_parts.facet[slave_numbers], at), axis=2)
+    if max(entry.degree for entry in functions) > 1:
+        p = np.einsum(
+            "mqd,mkd->mqk", slave.positions(slave_parts.facet[slave_numbers], at) - centre[pair][:, None], axes[pair]
+        )
+        over = _projected(master, master_parts.facet[master_numbers], over, p, centre[pair], axes[pair])
+    return Overlap(
+        slave_parts.facet[slave_numbers], master_parts.facet[master_numbers], at, over, area * true / projected
+    )
 
 
-def turned_in_space(slave: Surface, directions: Array) -> float:
+def turned_in_space(slave: PairSurface, directions: Array) -> float:
     """The largest tangent of the angles between directions of projection and those that a first projection takes."""
     return float(np.max(_along(slave, Parts.of(slave, np.arange(len(slave.nodes))), directions)[1]))
 
 
-def _along(side: Surface, parts: Parts, directions: Array) -> tuple[Array, Array]:
+def _along(side: PairSurface, parts: Parts, directions: Array) -> tuple[Array, Array]:
     """The direction of projection at the middle of each part, of length one, shape (p, 3), and the tangent of its angle
     to the normal there, shape (p,); ``directions``: at the nodes.
     """
@@ -127,7 +135,7 @@ def _along(side: Surface, parts: Parts, directions: Array) -> tuple[Array, Array
     return along, sine / cosine
 
 
-def _curved(side: Surface, facets: Indices) -> bool:
+def _curved(side: PairSurface, facets: Indices) -> bool:
     """Whether some of these facets are triangles whose edges are arcs."""
     if side.functions.degree == 1 or not side.functions.simplex:
         return False
@@ -136,10 +144,10 @@ def _curved(side: Surface, facets: Indices) -> bool:
     return bool((away > _PARALLEL * np.linalg.norm(corners[:, 1:2] - corners[:, :1], axis=2)).any())
 
 
-def _degree(both: tuple[Lagrange, Lagrange], corners: tuple[Array, Array], *, curved: bool) -> int:
+def _degree(functions: tuple[Lagrange, Lagrange], corners: tuple[Array, Array], *, curved: bool) -> int:
     """Of the quadrature on each triangle; ``corners``: of the parts of both sides, shape (m, c, 3)."""
-    highest = max(one.degree for one in both)
-    if all(one.simplex for one in both) and not curved:
+    highest = max(lagrange.degree for lagrange in functions)
+    if all(lagrange.simplex for lagrange in functions) and not curved:
         return _DEGREES[highest]
     return _PARALLELOGRAMS if highest == 1 and all(map(_parallelograms, corners)) else _RATIONAL
 
@@ -152,15 +160,15 @@ def _parallelograms(corners: Array) -> bool:
     return bool((mixed <= _PARALLEL * np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1)).all())
 
 
-def _projected(side: Surface, facets: Indices, at: Array, p: Array, centre: Array, axes: Array) -> Array:
+def _projected(side: PairSurface, facets: Indices, at: Array, p: Array, centre: Array, axes: Array) -> Array:
     """The places on curved facets whose projections are the points p of the planes, by Newton's method from ``at``."""
     for _ in range(_STEPS):
-        left = p - np.einsum("mqd,mkd->mqk", side.positions(facets, at) - centre[:, None], axes)
+        residual = p - np.einsum("mqd,mkd->mqk", side.positions(facets, at) - centre[:, None], axes)
         along = np.einsum("smqk,mkd->smqd", side.functions.slopes(at), side.corners[facets])
         first, second = np.einsum("smqd,mkd->smqk", along, axes)
-        step = np.stack((_cross(left, second), _cross(first, left)), axis=-1) / _cross(first, second)[..., None]
+        step = np.stack((_cross(residual, second), _cross(first, residual)), axis=-1) / _cross(first, second)[..., None]
         at = at + step
-        if np.abs(step).max(initial=0.0) < _PLACE:
+        if np.abs(step).max(initial=0.0) < _ROUND_OFF:
             break
     return at
 
@@ -179,8 +187,8 @@ def _cross(a: Array, b: Array) -> Array:
 
 def _areas(polygon: Array, count: Indices) -> Array:
     """Signed areas of polygons of shape (m, v, 2), of which the first ``count`` corners are there, shape (m,)."""
-    there = np.arange(polygon.shape[1]) < count[:, None]
-    arms = np.where(there[..., None], polygon - polygon[:, :1], 0.0)
+    valid = np.arange(polygon.shape[1]) < count[:, None]
+    arms = np.where(valid[..., None], polygon - polygon[:, :1], 0.0)
     return np.asarray(_cross(arms[:, :-1], arms[:, 1:]).sum(axis=1) / 2)
 
 
@@ -204,33 +212,33 @@ def clip(subject: Array, window: Array) -> tuple[Array, Indices]:
         start = window[:, edge, None]
         along = window[:, (edge + 1) % window.shape[1], None] - start
         size = polygon.shape[1]
-        there = np.arange(size) < count[:, None]
+        valid = np.arange(size) < count[:, None]
         following = (np.arange(size) + 1)[None] % np.maximum(count, 1)[:, None]
-        after = np.take_along_axis(polygon, following[..., None], axis=1)
-        height, height_after = _cross(along, polygon - start), _cross(along, after - start)
-        inside, crosses = there & (height >= 0), there & ((height >= 0) != (height_after >= 0))
+        next_corners = np.take_along_axis(polygon, following[..., None], axis=1)
+        height, height_after = _cross(along, polygon - start), _cross(along, next_corners - start)
+        inside, crosses = valid & (height >= 0), valid & ((height >= 0) != (height_after >= 0))
         share = np.divide(height, height - height_after, out=np.zeros_like(height), where=crosses)
-        cut = polygon + share[..., None] * (after - polygon)
+        cut = polygon + share[..., None] * (next_corners - polygon)
         # Of each side first the corner that stays, then where it crosses the edge.
-        every = np.stack((polygon, cut), axis=2).reshape(len(polygon), 2 * size, 2)
+        corners = np.stack((polygon, cut), axis=2).reshape(len(polygon), 2 * size, 2)
         stays = np.stack((inside, crosses), axis=2).reshape(len(polygon), 2 * size)
         # One more than before; where corners are on the edge but for round-off the cut may go to and fro along it.
         count = stays.sum(axis=1)
         order = np.argsort(~stays, axis=1, kind="stable")[:, : count.max(initial=1)]
-        polygon = np.take_along_axis(every, order[..., None], axis=1)
+        polygon = np.take_along_axis(corners, order[..., None], axis=1)
     return polygon, count
 
 
 def _fan(polygon: Array, count: Indices) -> tuple[Array, Indices]:
     """Triangles around the centre of each polygon, shape (t, 3, 2), and which polygon each is of, shape (t,)."""
     size = polygon.shape[1]
-    there = np.arange(size) < count[:, None]
-    centre = np.where(there[..., None], polygon, 0.0).sum(axis=1) / np.maximum(count, 1)[:, None]
+    valid = np.arange(size) < count[:, None]
+    centre = np.where(valid[..., None], polygon, 0.0).sum(axis=1) / np.maximum(count, 1)[:, None]
     following = (np.arange(size) + 1)[None] % np.maximum(count, 1)[:, None]
-    after = np.take_along_axis(polygon, following[..., None], axis=1)
+    next_corners = np.take_along_axis(polygon, following[..., None], axis=1)
     middle = np.broadcast_to(centre[:, None], polygon.shape)
-    triangles = np.stack((middle, polygon, after), axis=2)
-    return triangles[there], np.nonzero(there)[0]
+    triangles = np.stack((middle, polygon, next_corners), axis=2)
+    return triangles[valid], np.nonzero(valid)[0]
 
 
 def _back(flat: Array, reference: Array, p: Array) -> tuple[Array, Array]:
@@ -255,9 +263,9 @@ def _back(flat: Array, reference: Array, p: Array) -> tuple[Array, Array]:
         return corners[:, None, 0] + a * first + b * second + a * b * mixed, first + b * mixed, second + a * mixed
 
     for _ in range(_STEPS if flat.shape[1] == 4 else 1):
-        place, first, second = maps(flat)
-        left, determinant = p - place, _cross(first, second)
-        step = np.stack((_cross(left, second), _cross(first, left)), axis=-1) / determinant[..., None]
+        image, first, second = maps(flat)
+        residual, determinant = p - image, _cross(first, second)
+        step = np.stack((_cross(residual, second), _cross(first, residual)), axis=-1) / determinant[..., None]
         s = s + step
         if np.abs(step).max(initial=0.0) < _LAST:
             break

@@ -18,7 +18,7 @@ _REACH = 0.2
 # Pairs that are tested at once: few, for memory, and enough, for time.
 _AT_ONCE = 4096
 # Bounds are widened by this factor against round-off.
-_MORE = 1.0 + 1e-9
+_WIDENED = 1.0 + 1e-9
 
 
 @dataclass(frozen=True)
@@ -79,15 +79,15 @@ def candidates(slave: Patches, master: Patches, reach: float, turning: npt.Array
     if len(slave.corners) and len(master.corners):
         parts.append((np.arange(len(slave.corners)), np.arange(len(master.corners))))
     while parts:
-        part, others = parts.pop()
-        others = search.near(part, others)
-        if part.size > 1 and part.size * others.size > _AT_ONCE:
-            parts += [(half, others) for half in search.halves(part)]
-        elif others.size:
-            pairs += search.tested(part, others)
-    here, there = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0), dtype=np.int64)
-    order = np.lexsort((there, here))
-    return here[order], there[order]
+        part, master_part = parts.pop()
+        master_part = search.near(part, master_part)
+        if part.size > 1 and part.size * master_part.size > _AT_ONCE:
+            parts += [(half, master_part) for half in search.halves(part)]
+        elif master_part.size:
+            pairs += search.tested(part, master_part)
+    slave_numbers, master_numbers = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0), dtype=np.int64)
+    order = np.lexsort((master_numbers, slave_numbers))
+    return slave_numbers[order], master_numbers[order]
 
 
 @dataclass(frozen=True)
@@ -125,26 +125,28 @@ class _Search:
     @classmethod
     def of(cls, slave: Patches, master: Patches, reach: float, turning: npt.ArrayLike) -> _Search:
         """For these patches."""
-        own, others = _Ball.around(slave), _Ball.around(master)
-        away = own.radius + float(others.radius.max(initial=0.0)) + reach
-        return cls(own, others, reach, np.broadcast_to(np.asarray(turning, dtype=np.float64), away.shape), away)
+        slave_balls, master_balls = _Ball.around(slave), _Ball.around(master)
+        away = slave_balls.radius + float(master_balls.radius.max(initial=0.0)) + reach
+        return cls(
+            slave_balls, master_balls, reach, np.broadcast_to(np.asarray(turning, dtype=np.float64), away.shape), away
+        )
 
-    def tested(self, part: Indices, others: Indices) -> list[tuple[Indices, Indices]]:
+    def tested(self, part: Indices, master_part: Indices) -> list[tuple[Indices, Indices]]:
         """The pairs of a part of the slave with some patches of the master, some at a time."""
-        found = []
-        for some in np.array_split(others, -(-part.size * others.size // _AT_ONCE)):
-            here, there = np.repeat(part, some.size), np.tile(some, part.size)
-            normal = self.slave.normal[here]
-            apart = self.master.centre[there] - self.slave.centre[here]
-            beyond = self.slave.radius[here] + self.master.radius[there]
+        pairs = []
+        for chunk in np.array_split(master_part, -(-part.size * master_part.size // _AT_ONCE)):
+            slave_numbers, master_numbers = np.repeat(part, chunk.size), np.tile(chunk, part.size)
+            normal = self.slave.normal[slave_numbers]
+            apart = self.master.centre[master_numbers] - self.slave.centre[slave_numbers]
+            beyond = self.slave.radius[slave_numbers] + self.master.radius[master_numbers]
             along = np.einsum("md,md->m", apart, normal)
-            turning = self.turning[here]
+            turning = self.turning[slave_numbers]
             across = np.linalg.norm(apart - along[:, None] * normal, axis=1) - turning * np.abs(along)
-            facing = np.einsum("md,md->m", normal, self.master.normal[there]) < _FACING
-            kept = facing & (across <= _aslant(turning) * beyond) & (np.abs(along) <= self.reach + beyond)
-            kept &= np.linalg.norm(apart, axis=1) <= self.away[here]
-            found.append((here[kept], there[kept]))
-        return found
+            facing = np.einsum("md,md->m", normal, self.master.normal[master_numbers]) < _FACING
+            near = facing & (across <= _aslant(turning) * beyond) & (np.abs(along) <= self.reach + beyond)
+            near &= np.linalg.norm(apart, axis=1) <= self.away[slave_numbers]
+            pairs.append((slave_numbers[near], master_numbers[near]))
+        return pairs
 
     def halves(self, part: Indices) -> tuple[Indices, Indices]:
         """A part of the slave, cut across where it is longest."""
@@ -152,7 +154,7 @@ class _Search:
         order = np.argpartition(centre[:, np.ptp(centre, axis=0).argmax()], part.size // 2)
         return part[order[: part.size // 2]], part[order[part.size // 2 :]]
 
-    def near(self, part: Indices, others: Indices) -> Indices:
+    def near(self, part: Indices, master_part: Indices) -> Indices:
         """Those patches of the master that may be in a pair with some patch of a part of the slave, and a few more.
 
         Let the normals of the part enclose angles up to t with their mean n.  From a patch of the part to a partner of
@@ -160,31 +162,31 @@ class _Search:
         n, and a + b sin t along n; conversely a is at most what it has along n plus sin t times what it has across n.
         The part is in a cylinder around n, which is as much larger.
         """
-        own, seen = self.slave, self.master
-        centre = own.centre[part].mean(axis=0)
-        arms, apart = own.centre[part] - centre, seen.centre[others] - centre
+        slave_balls, seen = self.slave, self.master
+        centre = slave_balls.centre[part].mean(axis=0)
+        arms, apart = slave_balls.centre[part] - centre, seen.centre[master_part] - centre
         size = float(np.linalg.norm(arms, axis=1).max())
-        kept = np.linalg.norm(apart, axis=1) <= _MORE * (size + float(self.away[part].max()))
-        mean = own.normal[part].mean(axis=0)
+        near = np.linalg.norm(apart, axis=1) <= _WIDENED * (size + float(self.away[part].max()))
+        mean = slave_balls.normal[part].mean(axis=0)
         length = float(np.linalg.norm(mean))
         axis = mean / length if length > 0 else mean
-        cosine = min(1.0, float((own.normal[part] @ axis).min()))
+        cosine = min(1.0, float((slave_balls.normal[part] @ axis).min()))
         if cosine <= 0:
-            return others[kept]
-        others, apart = others[kept], apart[kept]
+            return master_part[near]
+        master_part, apart = master_part[near], apart[near]
         sine = np.sqrt(1.0 - cosine**2)
-        facing = seen.normal[others] @ axis < _FACING * cosine + np.sqrt(1.0 - _FACING**2) * sine + _MORE - 1.0
+        facing = seen.normal[master_part] @ axis < _FACING * cosine + np.sqrt(1.0 - _FACING**2) * sine + _WIDENED - 1.0
         height, arms_height = apart @ axis, arms @ axis
         width = np.linalg.norm(apart - height[:, None] * axis, axis=1)
         own_width = float(np.linalg.norm(arms - arms_height[:, None] * axis, axis=1).max())
         own_height = float(np.abs(arms_height).max())
-        beyond = float(own.radius[part].max()) + seen.radius[others]
+        beyond = float(slave_balls.radius[part].max()) + seen.radius[master_part]
         turning = float(self.turning[part].max())
         along = np.minimum(self.reach + beyond, np.abs(height) + own_height + (width + own_width) * sine)
         across = turning * along + float(_aslant(np.array(turning))) * beyond
-        kept = facing & (width <= _MORE * (own_width + across + along * sine))
-        kept &= np.abs(height) <= _MORE * (own_height + along + across * sine)
-        return others[kept]
+        near = facing & (width <= _WIDENED * (own_width + across + along * sine))
+        near &= np.abs(height) <= _WIDENED * (own_height + along + across * sine)
+        return master_part[near]
 
 
 def _aslant(turning: Array) -> Array:

@@ -41,8 +41,8 @@ class Lagrange:
         steps = range(self.degree + 1)
         if self.places.shape[1] == 1:
             return np.array([[i] for i in steps])
-        every = [[i, j] for j in steps for i in steps]
-        return np.array([pair for pair in every if not self.simplex or sum(pair) <= self.degree])
+        powers = [[i, j] for j in steps for i in steps]
+        return np.array([pair for pair in powers if not self.simplex or sum(pair) <= self.degree])
 
     @cached_property
     def _coefficients(self) -> Array:
@@ -50,13 +50,13 @@ class Lagrange:
 
     def _monomials(self, at: Array, along: int | None = None) -> Array:
         """The monomials at points of shape (..., d - 1), or their derivatives along one direction, shape (..., k)."""
-        found: Array = np.ones(1)
+        product: Array = np.ones(1)
         for axis, power in enumerate(self._exponents.T):
             s = at[..., axis, None]
-            one = np.ones_like(s)
-            powers = (0.0 * s, one, 2.0 * s) if axis == along else (one, s, s * s)
-            found = found * np.concatenate(powers, axis=-1)[..., power]
-        return np.asarray(found)
+            ones = np.ones_like(s)
+            powers = (0.0 * s, ones, 2.0 * s) if axis == along else (ones, s, s * s)
+            product = product * np.concatenate(powers, axis=-1)[..., power]
+        return np.asarray(product)
 
     def values(self, at: Array) -> Array:
         """At points of shape (..., d - 1), shape (..., k)."""
@@ -81,15 +81,15 @@ class Lagrange:
             return np.array([[[0.0], [1.0]]])
         square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
         triangle = square[[0, 1, 3]]
-        whole = triangle if self.simplex else square
+        facet_corners = triangle if self.simplex else square
         if self.degree == 1:
-            return whole[None]
-        corners = [whole / 2 + shift for shift in whole / 2]
+            return facet_corners[None]
+        corners = [facet_corners / 2 + shift for shift in facet_corners / 2]
         return np.array([*corners, (1.0 - triangle) / 2] if self.simplex else corners)
 
 
 @dataclass(frozen=True)
-class Surface:
+class PairSurface:
     """The facets of one side, f of them.
 
     Attributes:
@@ -156,8 +156,8 @@ class Surface:
     def _integrals(self) -> tuple[Array, Array]:
         """Of test functions and of these times the normal, shapes (N,) and (N, d)."""
         points, weights = self.functions.rule(_DEGREE)
-        every = np.arange(len(self.nodes))
-        normals = self.normals(every, np.broadcast_to(points, (len(every), *points.shape)))
+        facets = np.arange(len(self.nodes))
+        normals = self.normals(facets, np.broadcast_to(points, (len(facets), *points.shape)))
         tests = self.tests.values(points) * weights[:, None]
         area, moment = np.zeros(len(self.x)), np.zeros(self.x.shape)
         np.add.at(area, self.points, np.einsum("qt,mq->mt", tests, np.linalg.norm(normals, axis=2)))
@@ -192,15 +192,15 @@ class Surface:
         """
         if len(self.tests.places) == len(self.functions.places):
             return self.nodal_normals
-        found = np.zeros(self.x.shape)
-        found[self.nodes] = self.tests.values(self.functions.places) @ self.nodal_normals[self.points]
-        size = np.linalg.norm(found, axis=1, keepdims=True)
-        return np.divide(found, size, out=np.zeros_like(found), where=size > 0)
+        directions = np.zeros(self.x.shape)
+        directions[self.nodes] = self.tests.values(self.functions.places) @ self.nodal_normals[self.points]
+        size = np.linalg.norm(directions, axis=1, keepdims=True)
+        return np.divide(directions, size, out=np.zeros_like(directions), where=size > 0)
 
     @cached_property
     def facet_areas(self) -> Array:
         """Area (in the plane: length) of each facet, shape (f,)."""
         points, weights = self.functions.rule(_DEGREE)
-        every = np.arange(len(self.nodes))
-        normals = self.normals(every, np.broadcast_to(points, (len(every), *points.shape)))
+        facets = np.arange(len(self.nodes))
+        normals = self.normals(facets, np.broadcast_to(points, (len(facets), *points.shape)))
         return np.asarray(np.linalg.norm(normals, axis=2) @ weights)

@@ -15,7 +15,7 @@ Rows = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Body:
+class DrawnBody:
     """The cells of a body in the plane, or the outer facets of one in space.
 
     Attributes:

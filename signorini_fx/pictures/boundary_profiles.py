@@ -108,7 +108,7 @@ class ContactColumns:
 
 
 @dataclass(frozen=True)
-class Boundary(ContactColumns):
+class PlaneBoundary(ContactColumns):
     """One of the plane: the coordinate to draw against, its label, and where its connected pieces start."""
 
     coordinate: Floats
@@ -136,7 +136,7 @@ class Boundary(ContactColumns):
         first, last = max(first - around, low), min(last + around, high)
         return (first, last) if last - first < _SMALL_PART * (high - low) else None
 
-    def near(self) -> Boundary:
+    def near(self) -> PlaneBoundary:
         """The nodes in the window; the whole boundary if there is none."""
         if self.window is None:
             return self
@@ -145,7 +145,7 @@ class Boundary(ContactColumns):
         piece = np.searchsorted(self.starts, rows, side="right")
         starts = [0, *(int(k) + 1 for k in np.flatnonzero((np.diff(rows) > 1) | (np.diff(piece) > 0)))]
         columns = {key: np.asarray(column)[rows] for key, column in self.columns.items()}
-        return Boundary(self.name, columns, self.coordinate[rows], f"{self.label}, the part in contact", starts)
+        return PlaneBoundary(self.name, columns, self.coordinate[rows], f"{self.label}, the part in contact", starts)
 
 
 @dataclass(frozen=True)
@@ -193,7 +193,7 @@ class Panel:
         return _limits([curve.values for curve in self.curves], self.reach, self.least)
 
 
-def panels_of(boundary: Boundary, side: str) -> list[Panel]:
+def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:
     """What is drawn of a boundary: its stresses, and its lengths.
 
     Args:
@@ -203,7 +203,7 @@ def panels_of(boundary: Boundary, side: str) -> list[Panel]:
     """
     if side == "contact":
         pressure, motion, gap = (boundary.floats(name) for name in ("pressure", "u_n", "gap"))
-        moves, other = ("relative ", "the other body") if boundary.against else ("", "rigid foundation")
+        moves, opposite = ("relative ", "the other body") if boundary.against else ("", "rigid foundation")
         # The foundation is drawn where it is near, and its nearest point is always visible.
         nearest = float(np.abs(gap).min(initial=np.inf, where=np.isfinite(gap)))
         water = [Curve("pressure of the fluid", "p", boundary.water, WATER)] if boundary.water.any() else []
@@ -213,7 +213,7 @@ def panels_of(boundary: Boundary, side: str) -> list[Panel]:
                 "length",
                 [
                     Curve(f"{moves}normal displacement", r"\tau_N\,\mathbf{y}", motion, MOTION),
-                    Curve(other, "d", gap, LIMIT),
+                    Curve(opposite, "d", gap, LIMIT),
                 ],
                 max(2.5 * largest_of(motion), 1.2 * nearest),
             ),
@@ -301,7 +301,7 @@ def boundary_profiles(
         finish(figure, path_stem, title, suffixes)
 
 
-def _draw_panel(axes: Axes, boundary: Boundary, panel: Panel, name: str) -> None:
+def _draw_panel(axes: Axes, boundary: PlaneBoundary, panel: Panel, name: str) -> None:
     power = panel.power
     for curve in reversed(panel.curves):
         label = {"label": f"{curve.name} ${curve.symbol}$"} if curve.symbol else {}
@@ -321,22 +321,22 @@ def state_patches(states: set[str]) -> list[Patch]:
     ]
 
 
-def boundaries_of(table: Table) -> list[Boundary]:
+def boundaries_of(table: Table) -> list[PlaneBoundary]:
     """The boundaries in the order in which they appear."""
     names = [str(name) for name in table["boundary"]]
     boundaries = []
     for name in dict.fromkeys(names):
-        here = np.array([other == name for other in names])
-        columns = _closed({key: np.asarray(column)[here] for key, column in table.items()})
+        on_boundary = np.array([label == name for label in names])
+        columns = _closed({key: np.asarray(column)[on_boundary] for key, column in table.items()})
         x, y, s = (np.asarray(columns[key], dtype=np.float64) for key in ("x", "y", "s"))
         starts = _starts(s)
         if np.ptp(y) <= 1e-9 * np.ptp(x):
-            boundaries.append(Boundary(plain(name), columns, x, "$x$", starts))
+            boundaries.append(PlaneBoundary(plain(name), columns, x, "$x$", starts))
         else:
-            before = np.zeros_like(s)
+            offset = np.zeros_like(s)
             for start in starts[1:]:
-                before[start:] += s[start - 1]
-            boundaries.append(Boundary(plain(name), columns, s + before, "arc length $s$", starts))
+                offset[start:] += s[start - 1]
+            boundaries.append(PlaneBoundary(plain(name), columns, s + offset, "arc length $s$", starts))
     return boundaries
 
 
@@ -357,22 +357,22 @@ def _closed(columns: Table) -> Table:
         np.append(s[a:b], s[b - 1] + to_next[b - 1])[: len(piece)]
         for a, b, piece in zip(starts, ends, rows, strict=True)
     ]
-    every = np.concatenate([np.array(piece, dtype=np.int64) for piece in rows])
-    return {key: np.asarray(column)[every] for key, column in columns.items()} | {"s": np.concatenate(along)}
+    all_rows = np.concatenate([np.array(piece, dtype=np.int64) for piece in rows])
+    return {key: np.asarray(column)[all_rows] for key, column in columns.items()} | {"s": np.concatenate(along)}
 
 
 def _limits(curves: Sequence[Floats], reach: float, least: float = 0.0) -> tuple[float, float]:
     """Of an axis, with a margin; what lies further from zero than ``reach`` is cut off."""
-    every = np.concatenate(curves)
-    every = np.clip(every[np.isfinite(every)], -reach, reach)
-    low, high = float(every.min(initial=0.0)), float(every.max(initial=0.0))
+    values = np.concatenate(curves)
+    values = np.clip(values[np.isfinite(values)], -reach, reach)
+    low, high = float(values.min(initial=0.0)), float(values.max(initial=0.0))
     if max(-low, high) < least:
         low, high = -least, least
     margin = 0.05 * (high - low) or 1.0
     return low - margin, high + margin
 
 
-def finish_panel(axes: Axes, boundary: Boundary, name: str, curves: Sequence[Floats], reach: float) -> None:
+def finish_panel(axes: Axes, boundary: PlaneBoundary, name: str, curves: Sequence[Floats], reach: float) -> None:
     """Axes and legend; what lies further from zero than ``reach`` is cut off."""
     axes.set_ylim(*_limits(curves, reach))
     low, high = float(boundary.coordinate.min()), float(boundary.coordinate.max())
@@ -388,7 +388,7 @@ def finish_panel(axes: Axes, boundary: Boundary, name: str, curves: Sequence[Flo
     legend.get_title().set_fontweight("bold")
 
 
-def state_strip(axes: Axes, boundary: Boundary) -> None:
+def state_strip(axes: Axes, boundary: PlaneBoundary) -> None:
     """Every node colours the boundary up to halfway to its neighbours; nodes of equal state are one rectangle."""
     states = boundary.states
     for first, end in itertools.pairwise([*boundary.starts, len(states)]):

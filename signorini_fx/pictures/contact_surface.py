@@ -59,7 +59,7 @@ _MANY = 1000  # polygons from which on they are drawn as an image
 
 
 @dataclass(frozen=True)
-class Side(ContactColumns):
+class VisibleSide(ContactColumns):
     """The visible part of one contact boundary from one side.
 
     Attributes:
@@ -89,7 +89,7 @@ class Side(ContactColumns):
         return seen
 
 
-def sides_of(table: Table, facets: Rows) -> list[Side]:
+def sides_of(table: Table, facets: Rows) -> list[VisibleSide]:
     """The contact boundaries in their order, each as seen along the mean normal of the facets in contact.
 
     A boundary that is so curved that parts of it face the other way, such as the wall of a hole, is seen from a second
@@ -121,12 +121,14 @@ def sides_of(table: Table, facets: Rows) -> list[Side]:
         sights.append(np.eye(3)[np.argmax(weight @ normal**2)])
         sight = next(sight for sight in sights if np.linalg.norm(sight) > _TURNED)
         forth = normal[of_boundary].mean(axis=1) @ -view.along(sight).toward >= -1e-6
-        both = bool(np.any(touching[of_boundary[~forth]] > 0))
+        two_sided = bool(np.any(touching[of_boundary[~forth]] > 0))
         sides.append(
-            Side(plain(name), columns, of_boundary[forth], view.along(sight), bool(np.any(~forth)) and not both)
+            VisibleSide(
+                plain(name), columns, of_boundary[forth], view.along(sight), bool(np.any(~forth)) and not two_sided
+            )
         )
-        if both:
-            sides.append(Side(plain(name), columns, of_boundary[~forth], view.along(-sight)))
+        if two_sided:
+            sides.append(VisibleSide(plain(name), columns, of_boundary[~forth], view.along(-sight)))
     return sides
 
 
@@ -165,7 +167,8 @@ def contact_surface(
 
 def contact_figure(table: Table, facets: Rows, shown: Sequence[str] = PANELS) -> Figure:
     """The figure that ``contact_surface`` writes."""
-    sides = sides_of(table, facets)
+    # A boundary whose nodes belong to facets of others alone has none to show.
+    sides = [side for side in sides_of(table, facets) if side.polygons.size]
     if not sides:
         raise ValueError("the contact table has no rows")
     friction = any(side.has_friction for side in sides)
@@ -214,10 +217,10 @@ def _cells(grid: mpl.gridspec.GridSpec, row: int, panels: int, columns: int) -> 
     return [grid[panels * row + k, 0] for k in range(panels)] if panels > 1 else [grid[row, k] for k in range(columns)]
 
 
-def _window(side: Side) -> tuple[Floats, Floats, bool]:
+def _window(side: VisibleSide) -> tuple[Floats, Floats, bool]:
     """Lower and upper corner of the visible part, each of shape (2,), and whether it is only a part of the boundary."""
-    every = side.nodes[side.shown]
-    low, high = every.min(axis=0), every.max(axis=0)
+    visible = side.nodes[side.shown]
+    low, high = visible.min(axis=0), visible.max(axis=0)
     size = _size(low, high) or 1.0
     margin = (_MARGIN if side.has_friction else 0.5 * _MARGIN) * size
     closed = side.nodes[side.shown & side.touching]
@@ -236,7 +239,7 @@ def _size(low: Floats, high: Floats) -> float:
     return float(np.max(high - low))
 
 
-def _frame(axes: Axes, side: Side, low: Floats, high: Floats) -> None:
+def _frame(axes: Axes, side: VisibleSide, low: Floats, high: Floats) -> None:
     """Equal axes with the coordinates in space."""
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     for kind, direction in (("x", side.view.right), ("y", side.view.up)):
@@ -248,7 +251,7 @@ def _frame(axes: Axes, side: Side, low: Floats, high: Floats) -> None:
         axis.set_major_locator(mpl.ticker.MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]))
 
 
-def _pressure_panel(figure: Figure, axes: Axes, side: Side, low: Floats, high: Floats, heading: str) -> None:
+def _pressure_panel(figure: Figure, axes: Axes, side: VisibleSide, low: Floats, high: Floats, heading: str) -> None:
     pressure, nodes, closed = np.nan_to_num(side.floats("pressure"), posinf=0.0, neginf=0.0), side.nodes, side.touching
     power = decimal_power(largest_of(pressure))
     inside = side.shown & closed
@@ -298,7 +301,7 @@ def _pressure_panel(figure: Figure, axes: Axes, side: Side, low: Floats, high: F
     axes.set_title(text, loc="left", fontsize=8)
 
 
-def _state_panel(axes: Axes, side: Side, low: Floats, high: Floats, heading: str) -> set[str]:
+def _state_panel(axes: Axes, side: VisibleSide, low: Floats, high: Floats, heading: str) -> set[str]:
     states, nodes = side.states, side.nodes
     where, owner = _around_nodes(nodes, side.polygons)
     colours = np.array([to_rgba(STATES[state][0]) for state in states])[owner]
@@ -320,7 +323,7 @@ def _state_panel(axes: Axes, side: Side, low: Floats, high: Floats, heading: str
     return {states[k] for k in np.flatnonzero(side.shown)}
 
 
-def _rim(side: Side) -> LineCollection:
+def _rim(side: VisibleSide) -> LineCollection:
     """Where the boundary ends."""
     edges = side.nodes[view.outline(side.nodes, side.polygons)]
     return LineCollection(list(edges), colors=MUTED, linewidths=0.8, zorder=3)
@@ -349,7 +352,7 @@ def _around_nodes(nodes: Floats, polygons: Rows) -> tuple[Floats, Rows]:
 
 def _arrows(
     axes: Axes,
-    side: Side,
+    side: VisibleSide,
     vectors: Floats,
     where: npt.NDArray[np.bool_],
     low: Floats,

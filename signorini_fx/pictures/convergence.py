@@ -91,8 +91,8 @@ def _mark_outer(upper: Axes, lower: Axes, solve: Floats, outer: Floats, firsts: 
             axes.axvline(border, color=MUTED, linewidth=0.5 if firsts.size < 30 else 0.25, zorder=0)
     room = 0.03 * (borders[-1] - borders[0])
     ticks, labels, free_from = [], [], -math.inf
-    for (left, right), number in zip(itertools.pairwise(borders), outer[[0, *firsts]], strict=True):
-        middle = 0.5 * (left + right)
+    for (left_border, right_border), number in zip(itertools.pairwise(borders), outer[[0, *firsts]], strict=True):
+        middle = 0.5 * (left_border + right_border)
         if middle >= free_from:
             ticks.append(middle)
             labels.append(f"{number:.0f}")
@@ -151,12 +151,12 @@ def _total_seconds(rows: Sequence[Mapping[str, Any]]) -> list[float]:
 
 def _draw_errors(axes: Axes, cost: Sequence[float], rows: Sequence[Mapping[str, Any]], name: str, **style: Any) -> None:
     """One quantity: filled where it was solved, open and thin where it is predicted."""
-    known = [k for k, row in enumerate(rows) if row[name]]
-    solved = [k for k in known if not rows[k]["predicted"]]
+    present = [k for k, row in enumerate(rows) if row[name]]
+    solved = [k for k in present if not rows[k]["predicted"]]
     if not solved:
         return
     axes.plot([cost[k] for k in solved], [rows[k][name] for k in solved], linewidth=1.3, markersize=4.5, **style)
-    ahead = [k for k in known if rows[k]["predicted"]]
+    ahead = [k for k in present if rows[k]["predicted"]]
     if ahead:
         way = [solved[-1], *ahead]
         style = style | {"label": "_", "markerfacecolor": "white", "markevery": slice(1, None)}

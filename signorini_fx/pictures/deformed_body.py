@@ -73,7 +73,7 @@ def keeps_shape(added: float, size: float, real: Floats, drawn: Floats) -> bool:
 
 
 @dataclass(frozen=True)
-class Foundation:
+class DrawnFoundation:
     """The contact boundary and what it may touch.
 
     Attributes:
@@ -101,19 +101,19 @@ class Foundation:
         closed = np.linalg.norm(self.offset[self.other & self.touching], axis=1)
         return float(closed[np.isfinite(closed)].max(initial=0.0))
 
-    def pieces(self) -> list[Foundation]:
+    def pieces(self) -> list[DrawnFoundation]:
         """Connected parts of the boundary."""
         nodes, offset = (np.asarray(part, dtype=np.float64) for part in (self.nodes, self.offset))
         touching = np.zeros(len(nodes), dtype=bool) if self.touching is None else np.asarray(self.touching, dtype=bool)
         finite = np.isfinite(nodes).all(axis=1) & np.isfinite(offset).all(axis=1)
-        nodes, offset, touching, other = nodes[finite], offset[finite], touching[finite], ~self.grounded[finite]
+        nodes, offset, touching, ungrounded = nodes[finite], offset[finite], touching[finite], ~self.grounded[finite]
         # From one boundary to the next the step is nought or much longer than those before and after.
         steps = np.concatenate(([0.0], np.hypot(*np.diff(nodes, axis=0).T), [0.0]))
         usual = np.maximum(steps[:-2], steps[2:])
         inner = steps[1:-1]
-        breaks = np.flatnonzero((inner == 0) | ((inner > 4 * usual) & (usual > 0)) | np.diff(other)) + 1
-        split = zip(*(np.split(part, breaks) for part in (nodes, offset, touching, other)), strict=True)
-        return [Foundation(*parts) for parts in split if len(parts[0]) > 1]
+        breaks = np.flatnonzero((inner == 0) | ((inner > 4 * usual) & (usual > 0)) | np.diff(ungrounded)) + 1
+        split = zip(*(np.split(part, breaks) for part in (nodes, offset, touching, ungrounded)), strict=True)
+        return [DrawnFoundation(*parts) for parts in split if len(parts[0]) > 1]
 
     def keeps_its_shape(self, factor: float, points: Floats) -> bool:
         """Whether all connected parts look like themselves below a body with these points, see ``deformed_mesh``."""
@@ -141,7 +141,7 @@ def deformed_mesh(
     tiles: Tiling | None = None,
     field: Field = FIELDS["von_mises"],
     stress: Floats | None = None,
-    foundation: Foundation | None = None,
+    foundation: DrawnFoundation | None = None,
     factor: float | None = None,
     top: float | None = None,
     frame: tuple[Floats, Floats] | None = None,
@@ -241,7 +241,7 @@ def _panels(
     cells: npt.NDArray[np.int64],
     displacement: Floats,
     outline: npt.NDArray[np.int64],
-    foundation: Foundation | None,
+    foundation: DrawnFoundation | None,
     factor: float | None,
 ) -> tuple[list[_Panel], tuple[Floats, Floats] | None, str]:
     """What is seen where, see ``deformed_mesh``; the contact zone if the last panel enlarges it; and what to say of it.
@@ -256,14 +256,14 @@ def _panels(
     panels = [_Panel.of(points, cells, displacement, outline, scale, pieces) for scale in scales]
     if not true:
         panels[-1] = replace(panels[-1], with_foundation=False)
-    what = f"displacement $\\times\\,{math_number(chosen)}$"
+    scaling = f"displacement $\\times\\,{math_number(chosen)}$"
     if true:
         grounded = any(piece.grounded.all() for piece in pieces)
-        remark = what if chosen == 1 or not grounded else what.replace("displacement", "displacement and gap")
+        remark = scaling if chosen == 1 or not grounded else scaling.replace("displacement", "displacement and gap")
     elif factor is not None:
-        remark = f"{what}, contact zone thick"
+        remark = f"{scaling}, contact zone thick"
     else:
-        remark = f"left: as it is; right: {what}, contact zone thick"
+        remark = f"left: as it is; right: {scaling}, contact zone thick"
     zone = _small_zone(pieces, _diagonal(points)) if factor is None else None
     if zone is None:
         return panels, None, remark
@@ -271,7 +271,7 @@ def _panels(
     return [panels[0], enlarged], zone, f"left: {remark if true else 'as it is'}; right: the contact zone as it is"
 
 
-def _small_zone(pieces: Sequence[Foundation], size: float) -> tuple[Floats, Floats] | None:
+def _small_zone(pieces: Sequence[DrawnFoundation], size: float) -> tuple[Floats, Floats] | None:
     """Lowest and highest coordinates around what is in contact; None if that is no small part of the body."""
     touching = [piece.nodes[piece.touching] for piece in pieces if piece.touching is not None]
     nodes = np.concatenate([np.empty((0, 2)), *touching])
@@ -291,7 +291,7 @@ class _Panel:
     moved: Floats
     outline: npt.NDArray[np.int64]
     factor: float
-    pieces: list[Foundation]
+    pieces: list[DrawnFoundation]
     with_foundation: bool = True
 
     @classmethod
@@ -302,7 +302,7 @@ class _Panel:
         displacement: Floats,
         outline: npt.NDArray[np.int64],
         factor: float,
-        pieces: list[Foundation],
+        pieces: list[DrawnFoundation],
     ) -> _Panel:
         moved = points + factor * displacement
         # A solve that failed may leave anything behind.
@@ -318,7 +318,7 @@ class _Panel:
         return [piece.nodes + self.factor * piece.offset for piece in self.grounds] if self.with_foundation else []
 
     @property
-    def grounds(self) -> list[Foundation]:
+    def grounds(self) -> list[DrawnFoundation]:
         """The pieces on rigid foundations."""
         return [piece for piece in self.pieces if piece.grounded.all()]
 
@@ -340,7 +340,7 @@ class _Panel:
         triangles: npt.NDArray[np.int64] | None,
         tones: Tones,
         cell_size: float,
-        whole: tuple[Floats, Floats],
+        extent: tuple[Floats, Floats],
     ) -> None:
         """The body in colours, the outline, the foundations; or the contact zone where there are none."""
         edged = cell_size >= (_VISIBLE_CELL if triangles is None else _LARGE_CELL)
@@ -370,15 +370,17 @@ class _Panel:
             )
             axes.add_collection(body, autolim=False)
         if self.factor != 1:
-            rest = LineCollection(list(self.points[self.outline]), colors=MUTED, linewidths=0.6, zorder=3, alpha=0.7)
-            axes.add_collection(rest, autolim=False)
+            undeformed = LineCollection(
+                list(self.points[self.outline]), colors=MUTED, linewidths=0.6, zorder=3, alpha=0.7
+            )
+            axes.add_collection(undeformed, autolim=False)
         edges = self.moved[self.outline]
         axes.add_collection(LineCollection(list(edges), colors=INK, linewidths=0.8, capstyle="round"), autolim=False)
         if not self.with_foundation:
             self._mark_contact(axes)
             return
         centres = self.points[self.cells].mean(axis=1)
-        margin = 0.035 * float(np.max(whole[1] - whole[0]))
+        margin = 0.035 * float(np.max(extent[1] - extent[0]))
         for piece, line in zip(self.grounds, self.lines(), strict=True):
             _draw_foundation(axes, line, _side_of_body(piece.nodes, centres), margin)
 
@@ -388,8 +390,8 @@ class _Panel:
         for piece in self.pieces:
             line = self.moved[at.query(piece.nodes)[1]]
             assert piece.touching is not None
-            both = piece.touching[:-1] & piece.touching[1:]
-            zone = np.stack((line[:-1], line[1:]), axis=1)[both]
+            in_contact = piece.touching[:-1] & piece.touching[1:]
+            zone = np.stack((line[:-1], line[1:]), axis=1)[in_contact]
             axes.add_collection(
                 LineCollection(list(zone), colors=INK, linewidths=3.0, capstyle="round", zorder=5), autolim=False
             )

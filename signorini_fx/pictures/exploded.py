@@ -48,45 +48,45 @@ def moved_apart(skin: Skin, contact: Table) -> Floats | None:
     names, against = (np.asarray(contact[key]).astype(str) for key in ("boundary", "against"))
     for name in dict.fromkeys(names[against != ""]):
         rows = names == name
-        x, n = (np.column_stack([contact[f"{what}{axis}"] for axis in "xyz"])[rows] for what in ("", "n_"))
+        x, n = (np.column_stack([contact[f"{prefix}{axis}"] for axis in "xyz"])[rows] for prefix in ("", "n_"))
         weight = np.asarray(contact["weight"], dtype=np.float64)[rows]
         distances: dict[bool, dict[int, float]] = {True: {}, False: {}}
         for body, tree in nearest.items():
-            away, there = tree.query(x)
-            same = np.einsum("nd,nd->n", normals[trees[body][there]], n) > 0
+            away, nearest_rows = tree.query(x)
+            same_way = np.einsum("nd,nd->n", normals[trees[body][nearest_rows]], n) > 0
             for side in (True, False):  # that of the points, and the other one
-                far = np.where(same == side, away, np.inf)
-                some = np.isfinite(far)
-                distances[side][body] = float(far[some].mean()) / some.mean() if some.any() else np.inf
+                far = np.where(same_way == side, away, np.inf)
+                reached = np.isfinite(far)
+                distances[side][body] = float(far[reached].mean()) / reached.mean() if reached.any() else np.inf
         slave = min(distances[True], key=distances[True].__getitem__)
-        others = {body: far for body, far in distances[False].items() if body != slave and np.isfinite(far)}
-        if not others:
+        candidates = {body: far for body, far in distances[False].items() if body != slave and np.isfinite(far)}
+        if not candidates:
             continue
-        master = min(others, key=others.__getitem__)
+        master = min(candidates, key=candidates.__getitem__)
         mean = weight @ n / weight.sum()
         if np.linalg.norm(mean) > _OPEN:
             way = -mean / np.linalg.norm(mean) * _APART * float(np.linalg.norm(np.ptp(x, axis=0)))
         else:
             axis = np.linalg.eigh((weight[:, None] * n).T @ n)[1][:, 0]
             axis = axis * np.sign(axis[np.argmax(np.abs(axis))])
-            both = skin.points[np.isin(bodies, (slave, master))] @ axis
-            way = axis * _CLEAR * float(np.ptp(both))
+            heights = skin.points[np.isin(bodies, (slave, master))] @ axis
+            way = axis * _CLEAR * float(np.ptp(heights))
         steps[slave].append((master, -way))
         steps[master].append((slave, way))
     if not any(steps.values()):
         return None
-    found, seen = np.zeros((len(trees), 3)), set[int]()
+    shifts, seen = np.zeros((len(trees), 3)), set[int]()
     for first in sorted(trees, key=lambda body: -len(trees[body])):
         waiting = deque([first] if first not in seen else [])
         seen.add(first)
         while waiting:
             body = waiting.popleft()
-            for other, way in steps[body]:
-                if other not in seen:
-                    found[other] = found[body] + way
-                    seen.add(other)
-                    waiting.append(other)
-    return np.asarray(found[bodies])
+            for neighbour, way in steps[body]:
+                if neighbour not in seen:
+                    shifts[neighbour] = shifts[body] + way
+                    seen.add(neighbour)
+                    waiting.append(neighbour)
+    return np.asarray(shifts[bodies])
 
 
 def exploded(
@@ -114,7 +114,7 @@ def exploded(
     field = FIELDS["von_mises"]
     tones = tones_of(apart, above, field)
     solid = replace(solid_of(apart, tones, 1.0, ()), edges=apart.edges)
-    cameras = [view.Camera.on(one, solid.points) for one in views]
+    cameras = [view.Camera.on(sight, solid.points) for sight in views]
     inch = _LARGEST / max(2 * float(camera.half.max()) for camera in cameras)
     widths, heights = (2 * inch * np.array([camera.half[k] for camera in cameras]) for k in (0, 1))
     with mpl.rc_context(STYLE):
@@ -123,5 +123,5 @@ def exploded(
         for axes, camera in zip(panels, cameras, strict=True):
             show(axes, solid, camera, inch)
         tones.bar(figure, list(panels))
-        what = "bodies moved apart; left: from above, right: from below"
-        finish(figure, path_stem, f"{title}   ({what})" if title else what, suffixes)
+        remark = "bodies moved apart; left: from above, right: from below"
+        finish(figure, path_stem, f"{title}   ({remark})" if title else remark, suffixes)

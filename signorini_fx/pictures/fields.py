@@ -34,8 +34,8 @@ class Field:
 
     def told(self, *, at_points: bool) -> Field:
         """The field with a label that says what is seen: at points the recovered stress, else one value per cell."""
-        what = ", one value per cell" if not at_points else ", recovered" if self.of_stress else ""
-        return replace(self, label=self.label + what)
+        suffix = ", one value per cell" if not at_points else ", recovered" if self.of_stress else ""
+        return replace(self, label=self.label + suffix)
 
 
 # Name in options and file names -> what it is.

@@ -87,9 +87,9 @@ def plane_of(points: Floats) -> Floats | None:
     flat = seen.flat(points)
     low, high = flat.min(axis=0), flat.max(axis=0)
     margin = _MARGIN * float(max(high - low))
-    (left, bottom), (right, top) = low - margin, high + margin
+    (left_edge, bottom), (right_edge, top) = low - margin, high + margin
     height = float(middle @ seen.toward)
-    corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
+    corners = [(left_edge, bottom), (right_edge, bottom), (right_edge, top), (left_edge, top)]
     return np.array([r * seen.right + u * seen.up + height * seen.toward for r, u in corners])
 
 

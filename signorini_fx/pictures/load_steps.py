@@ -94,14 +94,14 @@ def _draw(upper: Axes, lower: Axes, steps: Table) -> None:
         pressing = [MULTIPLIER | {"linewidth": 0.7}, *pressing[::-1]]
         rubbing = [*rubbing, MOTION | {"linestyle": LIMIT["linestyle"]}]
     friction = max(names[count:], key=lambda name: largest_of(forces[name]))
-    measure, motion_name, which = "force per thickness", "mean_tangential_displacement", ""
+    measure, motion_name, direction = "force per thickness", "mean_tangential_displacement", ""
     if in_space:  # the motion is a vector: its component along the force that is drawn against it
         measure, motion_name = "force", f"{motion_name}{friction[-2:]}"
-        which = f" {friction[-1]}"
+        direction = f" {friction[-1]}"
     drawn, kind = friction.replace("_", " "), "force"
     resisting = forces[friction]
     if twisted:
-        drawn, kind, motion_name, which = "torque", "moment", "mean_tangential_displacement_z", " around the axis"
+        drawn, kind, motion_name, direction = "torque", "moment", "mean_tangential_displacement_z", " around the axis"
         resisting = np.asarray(steps["torque"], dtype=np.float64)
     for name, style in zip(names, (*pressing, *rubbing), strict=True):
         if largest_of(forces[name]) > 1e-6 * scale:  # components that are zero up to round-off are not shown
@@ -113,7 +113,7 @@ def _draw(upper: Axes, lower: Axes, steps: Table) -> None:
     power = decimal_power(largest_of(resisting))
     lower.plot(motion * 10.0**out, resisting * 10.0**power, **_DOTS, **MULTIPLIER)
     lower.set(
-        xlabel=f"mean tangential displacement{which}{unit_of(out, 'length')}",
+        xlabel=f"mean tangential displacement{direction}{unit_of(out, 'length')}",
         ylabel=_above(drawn, unit_of(power, kind)),
     )
 
@@ -130,47 +130,51 @@ def _draw_of_each(upper: Axes, lower: Axes, steps: Table, boundaries: Sequence[s
 
     def largest(kind: str, boundary: str) -> tuple[str, Floats]:
         """The axis, and the component."""
-        every = {axis: np.asarray(steps[f"{kind}_{axis} {boundary}"], dtype=np.float64) for axis in axes}
-        axis = max(every, key=lambda one: largest_of(every[one]))
-        return axis, every[axis]
+        components = {axis: np.asarray(steps[f"{kind}_{axis} {boundary}"], dtype=np.float64) for axis in axes}
+        axis = max(components, key=lambda candidate: largest_of(components[candidate]))
+        return axis, components[axis]
 
     closed = {
-        one: found
-        for one in boundaries
-        if (found := _closed(steps, f" {one}", [largest(kind, one)[1] for kind in ("contact_force", "friction_force")]))
+        name: turning
+        for name in boundaries
+        if (
+            turning := _closed(
+                steps, f" {name}", [largest(kind, name)[1] for kind in ("contact_force", "friction_force")]
+            )
+        )
     }
     if len(closed) == len(boundaries):
-        return _draw_closed(upper, lower, steps, [(one, *closed[one]) for one in boundaries])
-    boundaries = [one for one in boundaries if one not in closed]
-    pressing, rubbing = ([largest(kind, one) for one in boundaries] for kind in ("contact_force", "friction_force"))
+        return _draw_closed(upper, lower, steps, [(name, *closed[name]) for name in boundaries])
+    boundaries = [name for name in boundaries if name not in closed]
+    pressing, rubbing = ([largest(kind, name) for name in boundaries] for kind in ("contact_force", "friction_force"))
     in_space = len(axes) == 3
     motion = [
-        np.asarray(steps[f"mean_tangential_displacement{f'_{axis}' * in_space} {one}"], dtype=np.float64)
-        for one, (axis, _) in zip(boundaries, rubbing, strict=True)
+        np.asarray(steps[f"mean_tangential_displacement{f'_{axis}' * in_space} {name}"], dtype=np.float64)
+        for name, (axis, _) in zip(boundaries, rubbing, strict=True)
     ]
     scale = largest_of(*(force for _, force in (*pressing, *rubbing)))
     farthest = largest_of(*motion)
     power, out = decimal_power(scale), decimal_power(farthest)
     resisting = decimal_power(largest_of(*(force for _, force in rubbing)))
-    for k, one in enumerate(boundaries):
+    for k, name in enumerate(boundaries):
         colour = {"color": _COLOURS[k % len(_COLOURS)]}
         for kind, curves, style in (("contact", pressing, MULTIPLIER), ("friction", rubbing, MOTION)):
             axis, force = curves[k]
             if largest_of(force) > 1e-6 * scale:
-                later = sum(_alike(force, [other for _, other in curves[k + 1 :]], scale))
-                label = f"{plain(one)}: {kind} force {axis}"
+                later = sum(_alike(force, [curve for _, curve in curves[k + 1 :]], scale))
+                label = f"{plain(name)}: {kind} force {axis}"
                 upper.plot(times, force * 10.0**power, label=label, **(_DOTS | style | colour | _wider(style, later)))
         if largest_of(rubbing[k][1]) > 1e-6 * scale:
             moves = _alike(motion[k], motion[k + 1 :], farthest)
-            later = sum(map(min, moves, _alike(rubbing[k][1], [other for _, other in rubbing[k + 1 :]], scale)))
+            later = sum(map(min, moves, _alike(rubbing[k][1], [curve for _, curve in rubbing[k + 1 :]], scale)))
             style = _DOTS | MULTIPLIER | colour | _wider(MULTIPLIER, later)
             lower.plot(motion[k] * 10.0**out, rubbing[k][1] * 10.0**resisting, **style)
     upper.set_ylabel(_above(f"force{'' if in_space else ' per thickness'}", unit_of(power, "force")))
     along = {axis for axis, force in rubbing if largest_of(force) > 1e-6 * scale}
-    which = f" {along.pop()}" if len(along) == 1 else ""
+    direction = f" {along.pop()}" if len(along) == 1 else ""
     lower.set(
-        xlabel=f"mean tangential displacement{which * in_space}{unit_of(out, 'length')}",
-        ylabel=_above(f"friction force{which}", unit_of(resisting, "force")),
+        xlabel=f"mean tangential displacement{direction * in_space}{unit_of(out, 'length')}",
+        ylabel=_above(f"friction force{direction}", unit_of(resisting, "force")),
     )
 
 
@@ -195,7 +199,7 @@ def _draw_closed(
     friction, over time.
     """
     times = np.asarray(steps["time"], dtype=np.float64)
-    largest = [max(moments.items(), key=lambda one: largest_of(one[1])) for _, _, moments in closed]
+    largest = [max(moments.items(), key=lambda entry: largest_of(entry[1])) for _, _, moments in closed]
     measure = "force" if largest[0][0] else "force per thickness"
     power = decimal_power(largest_of(*(pressing for _, pressing, _ in closed)))
     turning = decimal_power(largest_of(*(moment for _, moment in largest)))
@@ -219,19 +223,19 @@ def _above(name: str, unit: str) -> str:
     return f"{name}\n{unit.lstrip()}" if unit else name
 
 
-def _alike(curve: Floats, others: Sequence[Floats], size: float) -> list[bool]:
+def _alike(curve: Floats, later_curves: Sequence[Floats], size: float) -> list[bool]:
     """Which curves would hide this one, if they are drawn later; those of forces in a chain of bodies do."""
-    return [largest_of(other - curve) < _ALIKE * size for other in others]
+    return [largest_of(later - curve) < _ALIKE * size for later in later_curves]
 
 
 def _wider(style: Mapping[str, Any], times: int) -> dict[str, Any]:
     """The width of a line with so many on it, and its marks and dashes, which are as long as before."""
     factor = 1 + times
-    found = {"linewidth": factor * style["linewidth"], "markersize": factor * _DOTS["markersize"]}
+    widened = {"linewidth": factor * style["linewidth"], "markersize": factor * _DOTS["markersize"]}
     if "linestyle" in style:
         start, dashes = style["linestyle"]
-        found["linestyle"] = start, tuple(dash / factor for dash in dashes)
-    return found
+        widened["linestyle"] = start, tuple(dash / factor for dash in dashes)
+    return widened
 
 
 def _mark_names(axes: Axes, steps: Table) -> int:
@@ -254,8 +258,8 @@ def _mark_names(axes: Axes, steps: Table) -> int:
         name = plain(str(names[first]))
         above: Any = {"xycoords": axes.get_xaxis_transform(), "textcoords": "offset points"}
         text = axes.annotate(name, (middle, 1.0), (0.0, 1.0), **above, ha="center", va="bottom")
-        left, right = inverse.transform(text.get_window_extent())[:, 0]
-        row = next((k for k, end in enumerate(ends) if end < left), len(ends))
-        ends[row : row + 1] = [right + _BETWEEN * (right - left)]
+        text_left, text_right = inverse.transform(text.get_window_extent())[:, 0]
+        row = next((k for k, end in enumerate(ends) if end < text_left), len(ends))
+        ends[row : row + 1] = [text_right + _BETWEEN * (text_right - text_left)]
         text.set_position((0.0, 1.0 + _ROW * row))
     return len(ends)

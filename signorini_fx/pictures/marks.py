@@ -32,11 +32,11 @@ def draw_lengths(
     middle = flat(0.5 * (low + high))
     beside = _BESIDE * float(np.ptp(corners, axis=0).max())
     for axis, name in enumerate("xyz"[: len(low)]):
-        others = [k for k in range(len(low)) if k != axis]
+        transverse = [k for k in range(len(low)) if k != axis]
         ends = []
-        for choice in itertools.product(*(((low[k], high[k])) for k in others)):
+        for choice in itertools.product(*(((low[k], high[k])) for k in transverse)):
             start, end = np.array(low), np.array(high)
-            start[others] = end[others] = choice
+            start[transverse] = end[transverse] = choice
             ends.append(flat(np.stack((start, end))))
         # The edge that is lowest in the picture, of the upright ones that on the left.
         upright = axis == len(low) - 1
@@ -57,16 +57,16 @@ def draw_lengths(
         axes.text(x, y, text, ha=across, va=upwards, color=INK, fontsize=8.5, clip_on=False)
 
 
-def mark_largest(axes: Axes, place: Floats, value: float) -> None:
+def mark_largest(axes: Axes, point: Floats, value: float) -> None:
     """A small circle at a place in the picture, shape (2,), with the value of the field there."""
     text = f"${math_number(float(f'{value:.{_DIGITS}g}'))}$"
     axes.plot(
-        *place, marker="o", markersize=5, markerfacecolor="white", markeredgecolor=INK, markeredgewidth=0.9, zorder=7
+        *point, marker="o", markersize=5, markerfacecolor="white", markeredgecolor=INK, markeredgewidth=0.9, zorder=7
     )
     box = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
     axes.annotate(
         text,
-        (float(place[0]), float(place[1])),
+        (float(point[0]), float(point[1])),
         (6, 6),
         textcoords="offset points",
         fontsize=8,

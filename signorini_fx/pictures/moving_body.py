@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image
 
-from signorini_fx.pictures.body import Body, Moment
-from signorini_fx.pictures.deformed_body import Foundation, deformed_mesh, magnification
+from signorini_fx.pictures.body import DrawnBody, Moment
+from signorini_fx.pictures.deformed_body import DrawnFoundation, deformed_mesh, magnification
 from signorini_fx.pictures.style import Floats
 
 if TYPE_CHECKING:
@@ -33,10 +33,10 @@ def shown(count: int) -> list[int]:
 
 def moving_body(
     path: str | Path,
-    body: Body,
+    body: DrawnBody,
     moments: Sequence[Moment],
     *,
-    foundation: Foundation | None = None,
+    foundation: DrawnFoundation | None = None,
     title: str = "",
 ) -> None:
     """Write a GIF of the deformed body of the plane, one frame per load step.
@@ -57,10 +57,10 @@ def moving_body(
     assert body.outline is not None
     outline = body.outline
     factor, top, places = _alike(body.points, moments, 0.0 if foundation is None else foundation.parted)
-    whole = foundation is not None and foundation.keeps_its_shape(factor, body.points)
-    frame = _frame(places, foundation if whole else None, factor)
+    keeps_shape = foundation is not None and foundation.keeps_its_shape(factor, body.points)
+    frame = _frame(places, foundation if keeps_shape else None, factor)
 
-    def draw(stem: Path, number: int, said: str) -> None:
+    def draw(stem: Path, number: int, caption: str) -> None:
         moment = moments[number]
         ground = None if foundation is None else replace(foundation, touching=moment.touching)
         deformed_mesh(
@@ -75,7 +75,7 @@ def moving_body(
             factor=factor,
             top=top,
             frame=frame,
-            title=said,
+            title=caption,
             suffixes=[".png"],
         )
 
@@ -84,7 +84,7 @@ def moving_body(
 
 def moving_solid(
     path: str | Path,
-    body: Body,
+    body: DrawnBody,
     moments: Sequence[Moment],
     *,
     foundations: Sequence[FoundationSurface] = (),
@@ -97,13 +97,13 @@ def moving_solid(
 
     factor, top, places = _alike(body.points, moments)
     skins = [
-        Skin.of(replace(body, displacement=one.displacement, values={"von_mises": one.values}), "von_mises")
-        for one in moments
+        Skin.of(replace(body, displacement=entry.displacement, values={"von_mises": entry.values}), "von_mises")
+        for entry in moments
     ]
-    shown = [one for one in foundations if one.looks_like_itself(factor, skins[0].size)]
+    shown = [entry for entry in foundations if entry.looks_like_itself(factor, skins[0].size)]
     reach, seen = np.concatenate(places), telling_view(skins[-1])
 
-    def draw(stem: Path, number: int, said: str) -> None:
+    def draw(stem: Path, number: int, caption: str) -> None:
         deformed_solid(
             stem,
             skins[number],
@@ -112,7 +112,7 @@ def moving_solid(
             top=top,
             reach=reach,
             seen=seen,
-            title=said,
+            title=caption,
             suffixes=[".png"],
         )
 
@@ -147,14 +147,14 @@ def _animate(path: str | Path, moments: Sequence[Moment], draw: Callable[[Path, 
         pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=durations, loop=0, optimize=True)
 
 
-def _frame(places: Sequence[Floats], foundation: Foundation | None, factor: float) -> tuple[Floats, Floats]:
+def _frame(places: Sequence[Floats], foundation: DrawnFoundation | None, factor: float) -> tuple[Floats, Floats]:
     """What is seen in the plane, with a margin; not all of a foundation that runs far away."""
     body = np.concatenate(places)
     low, high = body.min(axis=0), body.max(axis=0)
     around = 0.3 * float(max(high - low))
     ground = body if foundation is None else (foundation.nodes + factor * foundation.offset)[foundation.grounded]
-    every = np.concatenate((body, np.clip(ground, low - around, high + around)))
-    low, high = every.min(axis=0), every.max(axis=0)
+    points = np.concatenate((body, np.clip(ground, low - around, high + around)))
+    low, high = points.min(axis=0), points.max(axis=0)
     margin = _MARGIN * float(max(high - low))
     return low - margin, high + margin
 
@@ -164,9 +164,9 @@ def _palette(pictures: Sequence[Image.Image]) -> Image.Image:
     together = Image.new("RGB", (pictures[0].width, sum(picture.height for picture in pictures)))
     for number, picture in enumerate(pictures):
         together.paste(picture, (0, number * picture.height))
-    found = together.quantize(colors=256, method=Image.Quantize.MEDIANCUT, kmeans=3)
+    palette = together.quantize(colors=256, method=Image.Quantize.MEDIANCUT, kmeans=3)
     # The ground stays white: the mean with a few pale colours would show around the picture.
-    colours = np.array(found.getpalette(), dtype=np.uint8).reshape(-1, 3)
+    colours = np.array(palette.getpalette(), dtype=np.uint8).reshape(-1, 3)
     colours[(colours >= _PALE).all(axis=1)] = 255
-    found.putpalette(colours.tobytes())
-    return found
+    palette.putpalette(colours.tobytes())
+    return palette

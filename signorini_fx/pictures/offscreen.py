@@ -39,16 +39,16 @@ class _Painter:
     """The process that draws."""
 
     def __init__(self) -> None:
-        here = {name: value for name, value in os.environ.items() if not name.startswith(_OF_MPI)}
+        environment = {name: value for name, value in os.environ.items() if not name.startswith(_OF_MPI)}
         root = str(Path(__file__).resolve().parents[2])
-        here["PYTHONPATH"] = os.pathsep.join(filter(None, (root, here.get("PYTHONPATH"))))
-        self._said = tempfile.TemporaryFile()  # noqa: SIM115
+        environment["PYTHONPATH"] = os.pathsep.join(filter(None, (root, environment.get("PYTHONPATH"))))
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115
         self._process = subprocess.Popen(
             [sys.executable, "-W", "ignore", "-m", "signorini_fx.pictures.offscreen"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=self._said,
-            env=here,
+            stderr=self._output,
+            env=environment,
             start_new_session=True,  # an interrupt from the keyboard is for the solve
         )
 
@@ -79,9 +79,9 @@ class _Painter:
             with contextlib.suppress(OSError):
                 pipe.close()
         self._process.wait()
-        with self._said as said:
-            said.seek(0)
-            return (said.read().decode(errors="replace").strip().splitlines() or ["no word"])[-1]
+        with self._output as output:
+            output.seek(0)
+            return (output.read().decode(errors="replace").strip().splitlines() or ["no word"])[-1]
 
 
 _painter: _Painter | None = None
@@ -143,16 +143,16 @@ def _display() -> subprocess.Popen[bytes] | None:
     server = shutil.which("Xvfb")
     if server is None:
         return None
-    number, told = os.pipe()
+    number, write_end = os.pipe()
     size = ["-screen", "0", "64x64x24", "-nolisten", "tcp"]
     display = subprocess.Popen(
-        [server, "-displayfd", str(told), *size],
-        pass_fds=[told],
+        [server, "-displayfd", str(write_end), *size],
+        pass_fds=[write_end],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         preexec_fn=lambda: ctypes.CDLL(None).prctl(1, signal.SIGTERM),  # it ends with this process
     )
-    os.close(told)
+    os.close(write_end)
     name = b""
     while not name.endswith(b"\n") and select.select([number], [], [], _TO_START)[0]:
         name += (part := os.read(number, 20))

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.csv_text import Table
-from signorini_fx.pictures.body import Body, Moment, Volume
+from signorini_fx.pictures.body import DrawnBody, Moment, Volume
 from signorini_fx.pictures.fields import FIELDS, values_of
 from signorini_fx.units import labelled
 
@@ -44,7 +44,7 @@ class ResultPictures:
     title: str
     dimension: int
     fields: tuple[str, ...]
-    body: Body | None
+    body: DrawnBody | None
     moments: Sequence[Moment]
     history: Sequence[Mapping[str, Any]]
     prices: Sequence[Mapping[str, Any]]
@@ -112,8 +112,8 @@ class ResultPictures:
             if contact is not None and self.volume is not None:
                 self._draw_section(self.body, self.volume, contact, foundations, folder, title)
 
-    def _draw_in_the_plane(self, body: Body, contact: Table | None, folder: Path, title: str) -> None:
-        from signorini_fx.pictures.deformed_body import Foundation, deformed_mesh
+    def _draw_in_the_plane(self, body: DrawnBody, contact: Table | None, folder: Path, title: str) -> None:
+        from signorini_fx.pictures.deformed_body import DrawnFoundation, deformed_mesh
         from signorini_fx.pictures.moving_body import moving_body
 
         assert body.outline is not None
@@ -122,9 +122,9 @@ class ResultPictures:
             nodes = np.column_stack((contact["x"], contact["y"]))
             offset = np.column_stack((contact["n_x"], contact["n_y"])) * contact["gap"][:, None]
             for name, moved in self.tools.items():
-                here = np.asarray(contact["boundary"] == name)
-                offset[here] += moved(nodes[here])
-            foundation = Foundation(nodes, offset, contact["state"] != "open", ~_grounded(contact))
+                on_tool = np.asarray(contact["boundary"] == name)
+                offset[on_tool] += moved(nodes[on_tool])
+            foundation = DrawnFoundation(nodes, offset, contact["state"] != "open", ~_grounded(contact))
         for name in self.fields:
             deformed_mesh(
                 folder / _stem(name),
@@ -143,7 +143,9 @@ class ResultPictures:
         if self.moments:
             moving_body(folder / "deformed.gif", body, self.moments, foundation=foundation, title=title)
 
-    def _draw_in_space(self, body: Body, foundations: Sequence[FoundationSurface], folder: Path, title: str) -> None:
+    def _draw_in_space(
+        self, body: DrawnBody, foundations: Sequence[FoundationSurface], folder: Path, title: str
+    ) -> None:
         from signorini_fx.pictures.moving_body import moving_solid
         from signorini_fx.pictures.solid_body import Skin, deformed_solid, telling_view
         from signorini_fx.pictures.turning import write_turning
@@ -167,7 +169,7 @@ class ResultPictures:
 
     def _draw_section(
         self,
-        body: Body,
+        body: DrawnBody,
         volume: Volume,
         contact: Table,
         foundations: Sequence[FoundationSurface],
@@ -218,11 +220,18 @@ def foundations_of(
     nodes, normals = (np.column_stack([c[f"{name}{axis}"] for axis in "xyz"]) for name in ("", "n_"))
     gap = np.array(c["gap"])
     corners = facets[:, :4]  # VTK's biquadratic facets begin with their corners
-    found = []
+    foundations = []
     for name in dict.fromkeys(c["boundary"][_grounded(c)]):
-        here = np.asarray(c["boundary"] == name)
-        row = np.cumsum(here) - 1
+        on_boundary = np.asarray(c["boundary"] == name)
+        row = np.cumsum(on_boundary) - 1
         if name in tools:
-            gap[here] += np.sum(normals[here] * tools[name](nodes[here]), axis=1)
-        found.append(FoundationSurface(nodes[here], normals[here], gap[here], row[corners[here[corners].all(axis=1)]]))
-    return found
+            gap[on_boundary] += np.sum(normals[on_boundary] * tools[name](nodes[on_boundary]), axis=1)
+        foundations.append(
+            FoundationSurface(
+                nodes[on_boundary],
+                normals[on_boundary],
+                gap[on_boundary],
+                row[corners[on_boundary[corners].all(axis=1)]],
+            )
+        )
+    return foundations

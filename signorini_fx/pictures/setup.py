@@ -22,7 +22,7 @@ from signorini_fx.pictures.style import BLUE, INK, MUTED, ORANGE, SCREEN, STYLE,
 from signorini_fx.pictures.tones import spaced
 from signorini_fx.units import bracketed, labelled, unit
 
-_BODY, _NAMED, _OTHER = "#e4e4e4", "#8a8a8a", "#cc79a7"
+_BODY, _NAMED, _LOAD_COLOUR = "#e4e4e4", "#8a8a8a", "#cc79a7"
 # By the label of an effect; another effect has the last colour above.
 _COLOURS = {"contact": ORANGE, "traction": BLUE, "displacement": "#009e73"}
 _LARGEST = 6.0  # width and height of the picture, inches
@@ -41,7 +41,7 @@ _MOST_EDGES = 60_000  # of cells: more would be a black body
 
 
 @dataclass(frozen=True)
-class Boundary:
+class NamedBoundary:
     """A named boundary; it may have no facets.
 
     Attributes:
@@ -73,7 +73,7 @@ class Boundary:
     def colour(self) -> str:
         """Of the effect that says most about it."""
         first = [_COLOURS[kind] for kind in _COLOURS if kind in self.kinds]
-        return (first or [_OTHER if self.kinds else _NAMED])[0]
+        return (first or [_LOAD_COLOUR if self.kinds else _NAMED])[0]
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Setup:
 
     title: str
     polygons: Floats
-    boundaries: Sequence[Boundary]
+    boundaries: Sequence[NamedBoundary]
     units: Mapping[str, str] = field(default_factory=dict)
     foundations: Sequence[Floats] = ()
 
@@ -128,7 +128,7 @@ class Setup:
         points = self.polygons.reshape(-1, 2)
         low, high = points.min(axis=0), points.max(axis=0)
         size = high - low
-        aside = (0.17 if any(one.kinds for one in self.boundaries) else 0.05) * float(size.max())
+        aside = (0.17 if any(boundary.kinds for boundary in self.boundaries) else 0.05) * float(size.max())
         low, high = low - aside, high + aside
         width, height = (high - low) * _LARGEST / float((high - low).max())
         figure = Figure(figsize=(max(width, 3.4), height + 0.8), layout="constrained")
@@ -137,11 +137,13 @@ class Setup:
         axes.add_collection(
             PolyCollection(list(self.polygons), facecolor=_BODY, edgecolor="white" if thin else _BODY, linewidth=thin)
         )
-        for one in self.boundaries:
-            if one.kinds:
-                axes.add_collection(LineCollection(list(one.corners), colors=one.colour, linewidths=2.2, zorder=4))
+        for boundary in self.boundaries:
+            if boundary.kinds:
+                axes.add_collection(
+                    LineCollection(list(boundary.corners), colors=boundary.colour, linewidths=2.2, zorder=4)
+                )
             else:
-                axes.add_collection(LineCollection(list(one.corners), colors=_NAMED, linewidths=1.2, zorder=3))
+                axes.add_collection(LineCollection(list(boundary.corners), colors=_NAMED, linewidths=1.2, zorder=3))
         axes.add_collection(LineCollection(list(self.foundations), colors=ORANGE, linewidths=1.2, zorder=2))
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
         axes.set(xlabel=f"$x${bracketed('length')}", ylabel=f"$y${bracketed('length')}")
@@ -153,13 +155,13 @@ class Setup:
         from signorini_fx.pictures import offscreen, view
         from signorini_fx.pictures.solid import Solid
 
-        colours = list(dict.fromkeys((_BODY, *(one.colour for one in self.boundaries if one.kinds))))
+        colours = list(dict.fromkeys((_BODY, *(entry.colour for entry in self.boundaries if entry.kinds))))
         size = float(np.linalg.norm(np.ptp(self.polygons.reshape(-1, 3), axis=0)))
         patches = [(self.polygons, 0)]
         patches += [
-            (one.corners + _ABOVE * size * one.normals[:, None], colours.index(one.colour))
-            for one in self.boundaries
-            if one.kinds
+            (entry.corners + _ABOVE * size * entry.normals[:, None], colours.index(entry.colour))
+            for entry in self.boundaries
+            if entry.kinds
         ]
         points = np.concatenate([corners for corners, _ in patches])
         k = points.shape[1]
@@ -171,7 +173,7 @@ class Setup:
             points,
             fan,
             np.repeat(np.tile(colour, k - 2)[:, None], 3, axis=1).astype(np.float64),
-            ListedColormap([_BODY, *(_lighter(one) for one in colours[1:]), _BODY]),
+            ListedColormap([_BODY, *(_lighter(entry) for entry in colours[1:]), _BODY]),
             (-0.5, len(colours) + 0.5),
             np.stack((polygons, np.roll(polygons, -1, axis=1)), axis=2).reshape(-1, 2)
             if len(polygons) <= _MOST_EDGES
@@ -196,33 +198,38 @@ class Setup:
     def _marks(self, axes: Axes, flat: Callable[[Any], Any], toward: Floats | None) -> list[Annotation]:
         """Arrows, supports and names, on the sides that face the viewer; the names are returned."""
         names = []
-        (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-        side = max(right - left, top - bottom)
+        (left_edge, right_edge), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+        side = max(right_edge - left_edge, top - bottom)
         points = self.polygons.reshape(-1, self.dimension)
         size = float(np.ptp(points, axis=0).max())
-        largest = max((float(np.linalg.norm(one.load, axis=1).max(initial=0.0)) for one in self.boundaries), default=0)
+        largest = max(
+            (float(np.linalg.norm(boundary.load, axis=1).max(initial=0.0)) for boundary in self.boundaries), default=0
+        )
         farthest = max(
-            (float(np.linalg.norm(one.moved, axis=1).max(initial=0.0)) for one in self.boundaries), default=0
+            (float(np.linalg.norm(boundary.moved, axis=1).max(initial=0.0)) for boundary in self.boundaries), default=0
         )
         middle = flat(0.5 * (points.min(axis=0) + points.max(axis=0)))
         self._hatch(axes, size)
-        for one in self.boundaries:
-            front = np.full(len(one.corners), True) if toward is None else one.normals @ toward > 0
+        for boundary in self.boundaries:
+            front = np.full(len(boundary.corners), True) if toward is None else boundary.normals @ toward > 0
             hidden = not front.any()
             front |= hidden
-            at, normals = one.middles[front], one.normals[front]
+            at, normals = boundary.middles[front], boundary.normals[front]
             if not len(at):
                 continue
-            rows = _some(flat(at), side / _ARROWS) if len(at) > _FEW else np.arange(len(at))
-            for vectors, most, colour in ((one.load, largest, BLUE), (one.moved, farthest, _COLOURS["displacement"])):
-                if most > 0:
-                    arrows = np.asarray(vectors[front][rows] / most)
+            rows = _spaced_rows(flat(at), side / _ARROWS) if len(at) > _FEW else np.arange(len(at))
+            for vectors, longest, colour in (
+                (boundary.load, largest, BLUE),
+                (boundary.moved, farthest, _COLOURS["displacement"]),
+            ):
+                if longest > 0:
+                    arrows = np.asarray(vectors[front][rows] / longest)
                     self._arrows(axes, flat, at[rows], normals[rows], arrows, size, colour, hidden=hidden)
-            if one.held and not hidden and not one.moved.any():
-                rows = _some(flat(at), side / _SUPPORTS)
-                _supports(axes, flat, at[rows], normals[rows], one.held, size)
-            color, line = INK if one.kinds else MUTED, ":" if hidden else "-"
-            names.append(self._name(axes, flat, one.name, at, normals, middle, side, color=color, linestyle=line))
+            if boundary.held and not hidden and not boundary.moved.any():
+                rows = _spaced_rows(flat(at), side / _SUPPORTS)
+                _supports(axes, flat, at[rows], normals[rows], boundary.held, size)
+            color, line = INK if boundary.kinds else MUTED, ":" if hidden else "-"
+            names.append(self._name(axes, flat, boundary.name, at, normals, middle, side, color=color, linestyle=line))
         return names
 
     def _arrows(
@@ -246,10 +253,10 @@ class Setup:
         into = np.einsum("ij,ij->i", vectors, normals) < -1e-12
         along = np.abs(np.einsum("ij,ij->i", vectors, normals)) < 0.3 * np.linalg.norm(vectors, axis=1)
         at = at + _BESIDE * size * along[:, None] * normals
-        for place, vector, inwards in zip(at, _LONGEST * size * vectors, into, strict=True):
+        for point, vector, inwards in zip(at, _LONGEST * size * vectors, into, strict=True):
             if np.linalg.norm(vector) < _VISIBLE * _LONGEST * size:
                 continue
-            start, end = (place - vector, place) if inwards else (place, place + vector)
+            start, end = (point - vector, point) if inwards else (point, point + vector)
             axes.annotate("", flat(end), flat(start), arrowprops=style, annotation_clip=False, zorder=6)
 
     def _name(
@@ -292,40 +299,46 @@ class Setup:
         """Of each name in the plane: points along the other boundaries, in pixels, and whether nothing acts on its own
         one, whose name may be on the outer side then; the pixels are known when the figure has been laid out.
         """
-        shown = [one for one in self.boundaries if len(one.corners)]
+        shown = [boundary for boundary in self.boundaries if len(boundary.corners)]
         size = float(np.ptp(self.polygons.reshape(-1, self.dimension), axis=0).max())
 
-        def of(own: Boundary) -> Callable[[], tuple[Floats, bool]]:
-            bare = not own.kinds
-            others = [_along(one.corners, size) for one in shown if one is not own]
-            points = np.concatenate(others) if others else np.empty((0, 2))
+        def of(target: NamedBoundary) -> Callable[[], tuple[Floats, bool]]:
+            bare = not target.kinds
+            outlines = [_along(boundary.corners, size) for boundary in shown if boundary is not target]
+            points = np.concatenate(outlines) if outlines else np.empty((0, 2))
             return lambda: (np.asarray(axes.transData.transform(points)), bare)
 
-        return [of(one) for one in shown]
+        return [of(boundary) for boundary in shown]
 
     def _hatch(self, axes: Axes, size: float) -> None:
         """In the plane, strokes on the outer side of boundaries, where the foundation is."""
-        for one in self.boundaries:
-            if self.dimension == 3 or not one.grounded or not len(one.corners):
+        for boundary in self.boundaries:
+            if self.dimension == 3 or not boundary.grounded or not len(boundary.corners):
                 continue
-            rows = _some(one.middles, size / _STROKES) if len(one.corners) > _FEW else np.arange(len(one.corners))
-            start, out = one.middles[rows], one.normals[rows]
+            rows = (
+                _spaced_rows(boundary.middles, size / _STROKES)
+                if len(boundary.corners) > _FEW
+                else np.arange(len(boundary.corners))
+            )
+            start, out = boundary.middles[rows], boundary.normals[rows]
             end = start + 0.025 * size * (out + 0.8 * np.column_stack((out[:, 1], -out[:, 0])))
             strokes = LineCollection(list(np.stack((start, end), axis=1)), colors=ORANGE, linewidths=0.8, zorder=4)
             axes.add_collection(strokes)
 
     def _largest(self, vectors: str) -> float:
         """The length of the largest of all vectors."""
-        sizes = [np.linalg.norm(getattr(one, vectors), axis=1).max(initial=0.0) for one in self.boundaries]
+        sizes = [np.linalg.norm(getattr(boundary, vectors), axis=1).max(initial=0.0) for boundary in self.boundaries]
         return float(max(sizes, default=0.0))
 
     def _legend(self, figure: Figure) -> None:
         """What the colours mean, and how large the longest arrows are."""
-        told = {}
-        for one in self.boundaries:
-            for kind in one.kinds:
-                told[kind] = _COLOURS.get(kind, _OTHER)
-        handles: list[Any] = [Line2D([], [], color=colour, linewidth=2.2, label=kind) for kind, colour in told.items()]
+        colours = {}
+        for boundary in self.boundaries:
+            for kind in boundary.kinds:
+                colours[kind] = _COLOURS.get(kind, _LOAD_COLOUR)
+        handles: list[Any] = [
+            Line2D([], [], color=colour, linewidth=2.2, label=kind) for kind, colour in colours.items()
+        ]
         for vectors, kind, quantity in (("load", "traction", "stress"), ("moved", "displacement", "length")):
             if largest := self._largest(vectors):
                 text = f"longest arrow: ${math_number(float(f'{largest:.3g}'))}$ {plain(unit(quantity))}".rstrip()
@@ -359,14 +372,14 @@ def _spread(
     for k, name in enumerate(names):
         box = Text.get_window_extent(name)
         others, bare = obstacles[k]() if obstacles else (np.empty((0, 2)), False)
-        place = figure.axes[0].transData.transform(name.xy) if obstacles else np.zeros(2)
-        outside = box.translated(*_across(box, place, name.xyann))
+        anchor = figure.axes[0].transData.transform(name.xy) if obstacles else np.zeros(2)
+        outside = box.translated(*_across(box, anchor, name.xyann))
 
-        def cost(one: tuple[Any, int, bool], others: Floats = others) -> float:
+        def cost(option: tuple[Any, int, bool], others: Floats = others) -> float:
             """Of covering other names, of lying on another boundary, and of rows away from its place."""
-            within = np.all((others > one[0].min) & (others < one[0].max), axis=1).any()
-            covers = any(one[0].overlaps(other) for other in taken)
-            return float(1000.0 * covers + _ON_ANOTHER * within + one[2] + abs(one[1]))
+            within = np.all((others > option[0].min) & (others < option[0].max), axis=1).any()
+            covers = any(option[0].overlaps(cover) for cover in taken)
+            return float(1000.0 * covers + _ON_ANOTHER * within + option[2] + abs(option[1]))
 
         places = [(box.translated(0.0, m * (box.height + 2)), m, False) for m in shifts]
         places += [(outside.translated(0.0, m * (outside.height + 2)), m, True) for m in shifts if bare]
@@ -379,15 +392,15 @@ def _spread(
             name.arrow_patch.set_visible(True)
 
 
-def _across(box: Any, place: Floats, away: tuple[float, float]) -> Floats:
+def _across(box: Any, anchor: Floats, away: tuple[float, float]) -> Floats:
     """How far a name is moved to the other side of its boundary, in pixels, shape (2,).
 
     Args:
         box: of the name.
-        place: of the boundary that the name is beside, pixels, shape (2,).
+        anchor: of the boundary that the name is beside, pixels, shape (2,).
         away: from there to the name.
     """
-    back = -2 * (np.array([(box.x0 + box.x1) / 2, (box.y0 + box.y1) / 2]) - place)
+    back = -2 * (np.array([(box.x0 + box.x1) / 2, (box.y0 + box.y1) / 2]) - anchor)
     return np.where(np.abs(away) > 0.5 * np.abs(away).max(initial=0.0), back, 0.0)
 
 
@@ -400,7 +413,7 @@ def _along(corners: Floats, size: float) -> Floats:
     return np.asarray(corners[:, 0] + share * (corners[:, 1] - corners[:, 0])).reshape(-1, 2)
 
 
-def _some(points: Floats, spacing: float) -> npt.NDArray[np.intp]:
+def _spaced_rows(points: Floats, spacing: float) -> npt.NDArray[np.intp]:
     """Rows of points of shape (m, 2) so far apart, from one end of them to the other."""
     return spaced(points, np.lexsort(np.round(points.T / spacing, 6)), spacing)
 
@@ -411,14 +424,14 @@ def _supports(
     """A triangle along each component that is held, outside of the body; strokes where all are."""
     long, wide = 0.028 * size, 0.011 * size
     clamped = len(held) == at.shape[1]
-    place: Any
+    point: Any
     normal: Any
-    for place, normal in zip(at, normals, strict=True):
+    for point, normal in zip(at, normals, strict=True):
         for name in held[:1] if clamped else held:
             along = -normal if clamped or name == "normal" else np.eye(len(normal))["xyz".index(name)]
             if along @ normal > 0:
                 along = -along
-            ends = np.stack([flat(place), flat(place - long * along)])
+            ends = np.stack([flat(point), flat(point - long * along)])
             back = ends[1] - ends[0]
             across = np.array([-back[1], back[0]])
             if not (far := float(np.linalg.norm(across))) > 0:

@@ -112,8 +112,8 @@ def draw(plotter: Any, solid: Solid, camera: Camera) -> None:
     _draw_lines(plotter, solid.points[solid.edges], INK, 1.0, opacity=0.25)
     plotter.add_silhouette(skin, color=INK, line_width=2.5, feature_angle=_SHARP)
     if solid.at_rest is not None:
-        before = _surface(solid.at_rest, solid.triangles)
-        plotter.add_silhouette(before, color=MUTED, line_width=1.5, feature_angle=_SHARP, opacity=0.6)
+        undeformed = _surface(solid.at_rest, solid.triangles)
+        plotter.add_silhouette(undeformed, color=MUTED, line_width=1.5, feature_angle=_SHARP, opacity=0.6)
     for points, polygons in solid.grounds:
         ground = _surface(points, polygons)
         plotter.add_mesh(ground, color=GROUND, culling="back", ambient=_AMBIENT, diffuse=1 - _AMBIENT)
@@ -122,8 +122,8 @@ def draw(plotter: Any, solid: Solid, camera: Camera) -> None:
     for lines in solid.lines:
         _draw_lines(plotter, lines.ends, lines.colour, lines.width)
     plotter.remove_all_lights()
-    for place, bright in _LAMPS:
-        plotter.add_light(pyvista.Light(position=place, intensity=bright, light_type="camera light"))
+    for position, bright in _LAMPS:
+        plotter.add_light(pyvista.Light(position=position, intensity=bright, light_type="camera light"))
     plotter.camera.position = camera.position
     plotter.camera.focal_point = camera.centre
     plotter.camera.up = camera.view.up
@@ -153,9 +153,9 @@ def _behind(solid: Solid, cut: Cut) -> Solid:
     kind = {4: pyvista.CellType.TETRA, 8: pyvista.CellType.HEXAHEDRON}[cut.cells.shape[1]]
     grid = pyvista.UnstructuredGrid({kind: cut.cells}, cut.points)
     grid.point_data["field"] = cut.values
-    left = grid.clip(normal=cut.normal, origin=cut.origin, invert=True).extract_surface().triangulate()
-    triangles = left.faces.reshape(-1, 4)[:, 1:]
-    return replace(solid, points=left.points, triangles=triangles, values=left.point_data["field"][triangles])
+    remaining = grid.clip(normal=cut.normal, origin=cut.origin, invert=True).extract_surface().triangulate()
+    triangles = remaining.faces.reshape(-1, 4)[:, 1:]
+    return replace(solid, points=remaining.points, triangles=triangles, values=remaining.point_data["field"][triangles])
 
 
 def _surface(points: Floats, polygons: Rows) -> Any:

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from signorini_fx.display import clean
 from signorini_fx.pictures import offscreen, view
-from signorini_fx.pictures.body import Body, Volume
+from signorini_fx.pictures.body import DrawnBody, Volume
 from signorini_fx.pictures.deformed_body import magnification
 from signorini_fx.pictures.fields import FIELDS, Field, values_of
 from signorini_fx.pictures.foundation import FoundationSurface, normals_of
@@ -28,7 +28,7 @@ from signorini_fx.pictures.tones import STROKES, Tones, strokes, thinned
 Rows = npt.NDArray[np.int64]
 
 _VISIBLE_FACET = 9.0  # size from which on the edges of a facet are drawn, in 1/72 inch
-_MORE = 1.15  # how much more of the field another view must show to be preferred to the usual one
+_PREFERRED_GAIN = 1.15  # how much more of the field another view must show to be preferred to the usual one
 _LARGEST = 4.8  # width and height of the body, inches
 _NARROWEST = 3.4  # width of a picture, inches: for its lettering
 _PIXELS = 240.0  # per inch
@@ -59,7 +59,7 @@ class Skin:
     pieces: Rows | None = None
 
     @classmethod
-    def of(cls, body: Body, field: str) -> Skin:
+    def of(cls, body: DrawnBody, field: str) -> Skin:
         """A body in space with one of its fields, see ``FIELDS``."""
         if not body.within.size:
             raise ValueError("the body has no facets")
@@ -158,17 +158,17 @@ def solid_figure(
         PictureError: PyVista is missing.
     """
     chosen = magnification(skin.points, skin.displacement) if factor is None else factor
-    true = factor is not None or all(one.looks_like_itself(chosen, skin.size) for one in foundations)
-    what = f"displacement $\\times\\,{math_number(chosen)}$"
+    true = factor is not None or all(entry.looks_like_itself(chosen, skin.size) for entry in foundations)
+    scaling = f"displacement $\\times\\,{math_number(chosen)}$"
     if true:
-        remark = what if chosen == 1 or not foundations else what.replace("displacement", "displacement and gap")
+        remark = scaling if chosen == 1 or not foundations else scaling.replace("displacement", "displacement and gap")
     else:
-        remark = f"left: as it is; right: {what}"
+        remark = f"left: as it is; right: {scaling}"
     seen = telling_view(skin) if seen is None else seen
     tones = tones_of(skin, seen, field, top)
     factors = [chosen] if true else [1.0, chosen]
     shown = [solid_of(skin, tones, at, foundations if true or at == 1 else ()) for at in factors]
-    cameras = [view.Camera.on(seen, _extent(one, reach)) for one in shown]
+    cameras = [view.Camera.on(seen, _extent(entry, reach)) for entry in shown]
     inch = (_LARGEST if true else 0.75 * _LARGEST) / max(2 * float(camera.half.max()) for camera in cameras)
     widths, heights = (2 * inch * np.array([camera.half[k] for camera in cameras]) for k in (0, 1))
     figure = Figure(figsize=(max(float(widths.sum()), _NARROWEST), float(heights.max()) + 0.9), layout="constrained")
@@ -213,7 +213,7 @@ def section(
         suffixes: of the files to write.
     """
     chosen = magnification(skin.points, skin.displacement)
-    factor = chosen if all(one.looks_like_itself(chosen, skin.size) for one in foundations) else 1.0
+    factor = chosen if all(foundation.looks_like_itself(chosen, skin.size) for foundation in foundations) else 1.0
     # Of the coordinate planes that contain the direction, as far as one does, the one that the viewer sees best.
     facing = np.abs(seen.toward) * (1 - np.abs(across) / (float(np.linalg.norm(across)) or 1.0))
     axis = int(np.argmax(facing))
@@ -234,8 +234,8 @@ def section(
         show(axes, solid, camera, inch)
         tones.bar(figure, axes)
         at_plane = math_number(float(f"{clean([float(origin[axis])], skin.size)[0]:.4g}"))
-        what = f"cut at ${'xyz'[axis]} = {at_plane}$, displacement $\\times\\,{math_number(factor)}$"
-        finish(figure, path_stem, f"{title}   ({what})" if title else what, suffixes)
+        remark = f"cut at ${'xyz'[axis]} = {at_plane}$, displacement $\\times\\,{math_number(factor)}$"
+        finish(figure, path_stem, f"{title}   ({remark})" if title else remark, suffixes)
 
 
 def show(axes: Axes, solid: Solid, camera: view.Camera, inch: float) -> None:
@@ -256,7 +256,7 @@ def solid_of(skin: Skin, tones: Tones, factor: float, foundations: Sequence[Foun
         (tones.low, tones.high),
         np.empty((0, 2), dtype=np.int64),
         None if factor == 1 else skin.points,
-        [one.shape(factor) for one in foundations],
+        [foundation.shape(factor) for foundation in foundations],
     )
 
 
@@ -275,10 +275,10 @@ def telling_view(skin: Skin) -> view.View:
     area = normals_of(skin.points, skin.triangles)
     size = np.abs(np.nan_to_num(skin.values)).mean(axis=1)
     views = [view.oblique(azimuth) for azimuth in (-58.0, -122.0, 58.0, 122.0)]
-    shown = [float(np.maximum(area @ one.toward, 0.0) @ size) for one in views]
+    shown = [float(np.maximum(area @ sight.toward, 0.0) @ size) for sight in views]
     # Of sides that show as much but for round-off the first.
     best = int(np.argmax(np.asarray(shown) >= (1 - 1e-6) * np.max(shown)))
-    return views[best] if shown[best] > _MORE * shown[0] else views[0]
+    return views[best] if shown[best] > _PREFERRED_GAIN * shown[0] else views[0]
 
 
 def _extent(solid: Solid, reach: Floats | None) -> Floats:

@@ -15,7 +15,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from signorini_fx.csv_text import Table
 from signorini_fx.pictures.boundary_profiles import (
     AROUND,
-    Boundary,
+    PlaneBoundary,
     boundaries_of,
     finish_panel,
     state_patches,
@@ -49,8 +49,8 @@ def step_animation(path: str | Path, table: Table) -> None:
     stride = math.ceil(steps.size / _MOST_FRAMES)
     stresses = [np.asarray(table[name], dtype=np.float64) for name in ("pressure", "shear")]
     power = decimal_power(largest_of(*stresses))
-    every = np.concatenate([column[np.isfinite(column)] for column in stresses]) * 10.0**power
-    low, high = float(every.min(initial=0.0)), float(every.max(initial=0.0))
+    values = np.concatenate([column[np.isfinite(column)] for column in stresses]) * 10.0**power
+    low, high = float(values.min(initial=0.0)), float(values.max(initial=0.0))
     margin = 0.06 * (high - low) or 1.0
     with mpl.rc_context(STYLE):
         count = len(dict.fromkeys(table["boundary"]))
@@ -67,8 +67,8 @@ def step_animation(path: str | Path, table: Table) -> None:
         writer = PillowWriter(fps=_FRAMES_A_SECOND)
         with writer.saving(figure, str(path), _GIF_DPI):
             for step in (*steps[:-1:stride], steps[-1]):
-                here = {name: np.asarray(column)[numbers == step] for name, column in table.items()}
-                for (panel, strip), boundary in zip(panels, boundaries_of(here), strict=True):
+                step_columns = {name: np.asarray(column)[numbers == step] for name, column in table.items()}
+                for (panel, strip), boundary in zip(panels, boundaries_of(step_columns), strict=True):
                     panel.clear()
                     strip.clear()
                     _stress_panel(panel, boundary, power, boundary.name if count > 1 else "")
@@ -79,7 +79,7 @@ def step_animation(path: str | Path, table: Table) -> None:
                 figure.set_layout_engine("none")  # the first frame has placed everything, and it is slow
 
 
-def _stress_panel(axes: Axes, boundary: Boundary, power: int, name: str) -> None:
+def _stress_panel(axes: Axes, boundary: PlaneBoundary, power: int, name: str) -> None:
     """Pressure, shear and its bounds, with one scale for all."""
     pressure, shear, bound = (boundary.floats(key) * 10.0**power for key in ("pressure", "shear", "bound"))
     if boundary.has_friction:

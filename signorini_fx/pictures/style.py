@@ -133,10 +133,10 @@ def _entitle(figure: Figure, title: str) -> None:
     room = 0.976 * figure.bbox.width
     if text.get_window_extent().width <= room:
         return
-    said, *remark = title.split("   (", 1)
-    text.set_text(said)
-    letters = int(len(said) * room / text.get_window_extent().width)  # a user's text, without mathematics
-    lines = [line for part in said.split("\n") for line in textwrap.wrap(part, max(letters, 10))]
+    headline, *remark = title.split("   (", 1)
+    text.set_text(headline)
+    letters = int(len(headline) * room / text.get_window_extent().width)  # a user's text, without mathematics
+    lines = [line for part in headline.split("\n") for line in textwrap.wrap(part, max(letters, 10))]
     text.set_text("\n".join([*lines, *(f"({part}" for part in remark)]))
 
 

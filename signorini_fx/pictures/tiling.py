@@ -42,10 +42,10 @@ class Tiling:
     @cached_property
     def mirrored(self) -> Rows:
         """For each point the one with both coordinates exchanged, shape (p,): the same cell seen from behind."""
-        there, back = (np.lexsort(np.round(points, 9).T) for points in (self.points, self.points[:, ::-1]))
-        found = np.empty(len(there), dtype=np.int64)
-        found[back] = there
-        return found
+        forth, back = (np.lexsort(np.round(points, 9).T) for points in (self.points, self.points[:, ::-1]))
+        order = np.empty(len(forth), dtype=np.int64)
+        order[back] = forth
+        return order
 
     def within(self, first: Floats, second: Floats, last: Floats) -> Floats:
         """The points in a flat cell without curved sides, given by corners of shape (d,): shape (p, d)."""

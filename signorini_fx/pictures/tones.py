@@ -115,9 +115,9 @@ def draw_principal(axes: Axes, points: Floats, stress: Floats, size: float) -> N
     pressed, drawn_out = strokes(flat, stress[rows], size / STROKES, plane=True)
     # White rims keep both colours apart from any ground.
     for lines, colour, width in ((pressed, BLUE, 1.7), (drawn_out, ORANGE, 1.1)):
-        for tone, more in (("white", 1.0), (colour, 0.0)):
+        for tone, rim in (("white", 1.0), (colour, 0.0)):
             axes.add_collection(
-                LineCollection(list(lines[..., :2]), colors=tone, linewidths=width + more, capstyle="butt", zorder=4),
+                LineCollection(list(lines[..., :2]), colors=tone, linewidths=width + rim, capstyle="butt", zorder=4),
                 autolim=False,
             )
 
@@ -160,9 +160,9 @@ def spaced(points: Floats, rows: npt.NDArray[np.intp], spacing: float) -> npt.ND
 
     In order along a line the distances of those that are left are alike, but for the distances of the points.
     """
-    found: list[int] = []
+    chosen: list[int] = []
     while len(rows):
-        found.append(int(rows[0]))
+        chosen.append(int(rows[0]))
         away = np.linalg.norm(points[rows] - points[rows[0]], axis=1)
         rows = rows[away > (1 - 1e-9) * spacing]  # those of a regular mesh may be equal to it but for round-off
-    return np.array(found, dtype=np.intp)
+    return np.array(chosen, dtype=np.intp)

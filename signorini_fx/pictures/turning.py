@@ -34,14 +34,14 @@ def write_turning(file: Path, skin: Skin, foundations: Sequence[FoundationSurfac
     factor = magnification(skin.points, skin.displacement)
     tones = tones_of(skin, seen, FIELDS["von_mises"])
     pairs = np.column_stack((skin.triangles.ravel(), np.nan_to_num(skin.values.astype(np.float32)).ravel()))
-    each, corner = np.unique(pairs, axis=0, return_inverse=True)  # where the field jumps, a point for each value
-    row = each[:, 0].astype(np.int64)
-    first = np.searchsorted(each[:, 0], np.arange(len(skin.points)))
+    distinct, corner = np.unique(pairs, axis=0, return_inverse=True)  # where the field jumps, a point for each value
+    row = distinct[:, 0].astype(np.int64)
+    first = np.searchsorted(distinct[:, 0], np.arange(len(skin.points)))
     moved = np.nan_to_num(skin.displacement)
-    body = _part(skin.points[row], moved[row], each[:, 1], corner.reshape(-1, 3), first[skin.edges])
+    body = _part(skin.points[row], moved[row], distinct[:, 1], corner.reshape(-1, 3), first[skin.edges])
     grounds = []
-    for one in foundations:
-        points, motion, polygons = one.moving()
+    for foundation in foundations:
+        points, motion, polygons = foundation.moving()
         k = np.arange(1, polygons.shape[1] - 1)
         first_ones = np.broadcast_to(polygons[:, :1], polygons[:, k].shape)
         fan = np.stack((first_ones, polygons[:, k], polygons[:, k + 1]), axis=2)
@@ -55,7 +55,7 @@ def write_turning(file: Path, skin: Skin, foundations: Sequence[FoundationSurfac
         "label": f"{tones.field.label}{bracketed(tones.field.quantity)}",
         "unit": unit("length"),
         "factor": factor,
-        "bends": not all(one.looks_like_itself(factor, skin.size) for one in foundations),
+        "bends": not all(foundation.looks_like_itself(factor, skin.size) for foundation in foundations),
         "low": skin.points.min(axis=0).tolist(),
         "high": skin.points.max(axis=0).tolist(),
         "azimuth": math.degrees(math.atan2(y, x)),

@@ -141,10 +141,10 @@ class Problem(ABC):
         bound, _ = self.friction_bounds(x)
         pressure, shear = self.multipliers(x, self.sets)
         alone, felt = self.points.felt(shear), self.points.felt(shear, pressure)
-        left = np.divide(felt, alone, out=np.ones_like(felt), where=alone > 0)
+        felt_ratio = np.divide(felt, alone, out=np.ones_like(felt), where=alone > 0)
         # What follows the pressure of nodes that supports press into the foundation is no scale for others, nor is
         # what a pressure and a shear undo in each other.
-        felt = np.maximum(left * self.points.felt(np.where(np.isfinite(bound), bound, 0.0)), felt)
+        felt = np.maximum(felt_ratio * self.points.felt(np.where(np.isfinite(bound), bound, 0.0)), felt)
         away, size = (self.groups.largest(values) for values in (self.away(x), felt))
         size = self.scales(size, x)
         if self.system.contact.paired:
@@ -234,15 +234,15 @@ class Problem(ABC):
 
         def escaping() -> Status | None:
             if self._escaping is None:  # until the data change
-                data, none = self.data, np.zeros(points.size)
-                given, coefficient = (none if part is None else part for part in (data.bound, data.coupling))
-                law = FrictionLaw(given, coefficient)
+                data, zeros = self.data, np.zeros(points.size)
+                bound, coefficient = (zeros if part is None else part for part in (data.bound, data.coupling))
+                law = FrictionLaw(bound, coefficient)
                 # Strains change the gaps: without a load there are none.
                 at_rest = self.system.load.norm() == 0.0 and self.system.start.norm() == 0.0
                 gap = data.gap if at_rest else None
                 self._escaping = (no_balance(law, data.bilateral, motions, resultant, gap),)
-            (found,) = self._escaping
-            return None if found is None else found.status
+            (verdict,) = self._escaping
+            return None if verdict is None else verdict.status
 
         sets, escapes, repaired = hold(trial, self.sets, pressure, shear, self.data, motions, escaping)
         self.next = NextSets(sets, trial, repaired, escapes)

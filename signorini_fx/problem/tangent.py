@@ -58,12 +58,13 @@ class ContactTangent:
         Returns:
             How many points differ from the last factorisation, None if there is none; the same on all ranks.
         """
-        known = [table.get(matrix.handle) for table in (self.inserted, self.factorised)]
+        earlier_blocks = [table.get(matrix.handle) for table in (self.inserted, self.factorised)]
         differ = [
-            1 + blocks.size if old is None else np.count_nonzero((old != blocks).any(axis=(1, 2))) for old in known
+            1 + blocks.size if old is None else np.count_nonzero((old != blocks).any(axis=(1, 2)))
+            for old in earlier_blocks
         ]
         changed, moved = (int(count) for count in parallel.global_sum(self._comm, np.array(differ)))
-        since = None if known[1] is None else moved
+        since = None if earlier_blocks[1] is None else moved
         if changed > 0:
             self.inserted[matrix.handle] = blocks
             self._law(self._weight * blocks, self._blocks).matMult(self._operator, result=self._half)

@@ -32,11 +32,11 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
     if prices:
         *_, last, following = prices
         errors = {name: last[name] for name in ("energy", "pressure", "force", "zone", "peak") if last[name]}
-        told = ", ".join(f"{name} {percent(value)}" for name, value in errors.items())
+        error_text = ", ".join(f"{name} {percent(value)}" for name, value in errors.items())
         effort = duration(following["seconds"]), storage(1024**2 * following["memory"])
         cost = f"{' and '.join(effort)}, {following['dofs']} unknowns"
         energy = f", energy error then {percent(following['energy'])}" if following["energy"] else ""
-        advice.append(f"Estimated errors of this mesh: {told}. The next one would take about {cost}{energy}.")
+        advice.append(f"Estimated errors of this mesh: {error_text}. The next one would take about {cost}{energy}.")
         if last["energy"] and last["regularisation"] > 0.2 * last["energy"]:
             advice.append(
                 "The regularisation takes a notable part of the error: raise solver.gamma_n and solver.gamma_t, or "
@@ -44,14 +44,14 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
             )
     elif contact and "steps" not in summary:
         mean = (summary.get("stress") or {}).get("error")
-        known = "" if mean is None else f" (that of the stress is about {percent(mean)} in the mean)"
+        stress_error = "" if mean is None else f" (that of the stress is about {percent(mean)} in the mean)"
         if not in_space(summary):
             cure = "solve with --levels 3 (a mesh from a generator), or ask for an accuracy, as with --accuracy 0.05"
         elif all({"generator", "file"} & set(mesh or ()) for mesh in _meshes(summary["scene"])):
             cure = "ask for an accuracy, as with --accuracy 0.2"
         else:  # not every mesh from Python can be refined
             cure = "solve on a finer mesh as well, and compare"
-        advice.append(f"The error of the contact figures has not been estimated{known}: {cure}.")
+        advice.append(f"The error of the contact figures has not been estimated{stress_error}: {cure}.")
     if contact:
         runs = _zone_sizes(contact)
         if runs and min(runs) < FEW_NODES:

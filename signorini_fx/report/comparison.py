@@ -39,7 +39,7 @@ _FIGURES: dict[str, tuple[str, ...]] = {
 }
 
 
-def compare(one: Path, other: Path) -> str:
+def compare(first: Path, second: Path) -> str:
     """A table of two result folders, with relative differences; then how far their contact boundaries agree.
 
     Pressure and shear of the second are interpolated to the nodes of the first: along the boundary in the plane, from
@@ -49,8 +49,8 @@ def compare(one: Path, other: Path) -> str:
         ResultError: one of them is no result folder.
         ValueError: a table of theirs cannot be read.
     """
-    summaries = read_summary(one), read_summary(other)
-    lines = [_row("", str(one), str(other), "difference")]
+    summaries = read_summary(first), read_summary(second)
+    lines = [_row("", str(first), str(second), "difference")]
     for name, keys in (_WORDS | _COUNTS).items():
         values = [_at(summary, keys) for summary in summaries]
         if any(value is not None for value in values):
@@ -71,25 +71,27 @@ def compare(one: Path, other: Path) -> str:
     ratio = f"{seconds[1] / seconds[0]:.2f} times" if seconds[0] > 0 else ""
     lines.append(_row("seconds", f"{seconds[0]:.3g}", f"{seconds[1]:.3g}", ratio))
     if all("contact_nodes" in summary for summary in summaries):
-        lines += ["", *_boundaries(*(ResultFiles(folder).columns("contact.csv") for folder in (one, other)))]
+        lines += ["", *_boundaries(*(ResultFiles(folder).columns("contact.csv") for folder in (first, second)))]
     return "\n".join(line.rstrip() for line in lines)
 
 
 def _of_each(name: str, key: str, summaries: tuple[dict[str, Any], dict[str, Any]]) -> list[str]:
     """The force of each contact boundary."""
-    found = [{row["boundary"]: row.get(key) for row in summary.get("contact_boundaries", ())} for summary in summaries]
-    every = [force for forces in found for force in forces.values() if force]
-    size = max((float(np.abs(force).max()) for force in every), default=0.0)
+    by_boundary = [
+        {row["boundary"]: row.get(key) for row in summary.get("contact_boundaries", ())} for summary in summaries
+    ]
+    all_forces = [force for forces in by_boundary for force in forces.values() if force]
+    size = max((float(np.abs(force).max()) for force in all_forces), default=0.0)
     lines = []
-    for k, boundary in enumerate(dict.fromkeys([*found[0], *found[1]])):
-        a, b = (clean(forces.get(boundary), size) for forces in found)
-        one, other = (f"{_shown(value)} on {boundary}" for value in (a, b))
-        lines.append(_row("" if k else name, one, other, _difference(a, b)))
+    for k, boundary in enumerate(dict.fromkeys([*by_boundary[0], *by_boundary[1]])):
+        a, b = (clean(forces.get(boundary), size) for forces in by_boundary)
+        first, second = (f"{_shown(value)} on {boundary}" for value in (a, b))
+        lines.append(_row("" if k else name, first, second, _difference(a, b)))
     return lines
 
 
-def _row(name: str, one: str, other: str, difference: str = "") -> str:
-    return f"{name:18s}{one:{_WIDTH}s} {other:{_WIDTH}s} {difference}"
+def _row(name: str, first: str, second: str, difference: str = "") -> str:
+    return f"{name:18s}{first:{_WIDTH}s} {second:{_WIDTH}s} {difference}"
 
 
 def _at(summary: dict[str, Any], keys: tuple[str, ...]) -> Any:
@@ -113,16 +115,16 @@ def _cleaned(name: str, values: list[Any], summaries: tuple[dict[str, Any], dict
     kind = name.rpartition(" ")[2]
     if kind not in ("force", "moment"):
         return values
-    every = [summary.get(f"{of}_{kind}") for summary in summaries for of in ("contact", "friction")]
-    size = max((float(np.abs(value).max()) for value in every if value), default=0.0)
+    forces = [summary.get(f"{of}_{kind}") for summary in summaries for of in ("contact", "friction")]
+    size = max((float(np.abs(value).max()) for value in forces if value), default=0.0)
     return [clean(value, size) for value in values]
 
 
-def _difference(one: Any, other: Any) -> str:
+def _difference(first: Any, second: Any) -> str:
     """Relative to the larger of the two, as vectors."""
-    if one is None or other is None or np.shape(one) != np.shape(other):
+    if first is None or second is None or np.shape(first) != np.shape(second):
         return ""
-    a, b = np.atleast_1d(np.asarray(one, dtype=np.float64)), np.atleast_1d(np.asarray(other, dtype=np.float64))
+    a, b = np.atleast_1d(np.asarray(first, dtype=np.float64)), np.atleast_1d(np.asarray(second, dtype=np.float64))
     size = max(float(np.linalg.norm(a)), float(np.linalg.norm(b)))
     if not size > 0:
         return ""
@@ -135,44 +137,44 @@ def _zones(name: str, zones: list[Any]) -> list[str]:
     runs = [zone or [] for zone in zones]
 
     def shown(run: list[list[float]]) -> str:
-        return " to ".join(_shown([round(float(c), 9) + 0.0 for c in place]) for place in run)
+        return " to ".join(_shown([round(float(c), 9) + 0.0 for c in point]) for point in run)
 
     rows = itertools.zip_longest(*(map(shown, run) for run in runs), fillvalue="-")
-    return [_row("" if k else name, one, other) for k, (one, other) in enumerate(rows)]
+    return [_row("" if k else name, first, second) for k, (first, second) in enumerate(rows)]
 
 
-def _boundaries(one: Table, other: Table) -> list[str]:
+def _boundaries(first: Table, second: Table) -> list[str]:
     """How far pressure, shear and states agree, boundary by boundary."""
     lines = []
-    for name in dict.fromkeys(one["boundary"].tolist()):
-        here, there = one["boundary"] == name, other["boundary"] == name
-        if not there.any():
+    for name in dict.fromkeys(first["boundary"].tolist()):
+        first_rows, second_rows = first["boundary"] == name, second["boundary"] == name
+        if not second_rows.any():
             lines.append(f"boundary {name}: only in the first")
             continue
-        x, y = _positions(one)[here], _positions(other)[there]
+        x, y = _positions(first)[first_rows], _positions(second)[second_rows]
         if x.shape[1] != y.shape[1]:
             lines.append(f"boundary {name}: one is in the plane, the other in space")
             continue
-        take = _interpolation(one, here, other, there)
-        weight = one["weight"][here]
-        told = []
+        take = _interpolation(first, first_rows, second, second_rows)
+        weight = first["weight"][first_rows]
+        parts = []
         size = float(np.ptp(x, axis=0).max() or 1.0)
         for quantity in ("pressure", "shear"):
-            a, b = one[quantity][here], take(other[quantity][there])
+            a, b = first[quantity][first_rows], take(second[quantity][second_rows])
             gap = np.abs(a - b)
             norm = math.sqrt(float(weight @ a**2)) or math.sqrt(float(weight @ b**2))
             share = math.sqrt(float(weight @ gap**2)) / norm if norm > 0 else 0.0
             worst = int(gap.argmax())
             at = f", at most {gap[worst]:.3g} at {_shown(clean(x[worst].tolist(), size))}" if gap[worst] > 0 else ""
-            told.append(f"{quantity} {share:.1e} of its norm{at}")
+            parts.append(f"{quantity} {share:.1e} of its norm{at}")
         if len(x) == len(y) and np.allclose(x, y, rtol=0, atol=1e-9 * size):
-            count = int((one["state"][here] != other["state"][there]).sum())
-            told.append(f"{count} of {len(x)} nodes in another state")
-        lines.append(f"boundary {name}: {'; '.join(told)}")
+            count = int((first["state"][first_rows] != second["state"][second_rows]).sum())
+            parts.append(f"{count} of {len(x)} nodes in another state")
+        lines.append(f"boundary {name}: {'; '.join(parts)}")
     lines += [
         f"boundary {name}: only in the second"
-        for name in dict.fromkeys(other["boundary"].tolist())
-        if name not in set(one["boundary"].tolist())
+        for name in dict.fromkeys(second["boundary"].tolist())
+        if name not in set(first["boundary"].tolist())
     ]
     return lines
 
@@ -182,7 +184,7 @@ def _positions(table: Table) -> Floats:
 
 
 def _interpolation(
-    one: Table, here: npt.NDArray[np.bool_], other: Table, there: npt.NDArray[np.bool_]
+    target: Table, target_rows: npt.NDArray[np.bool_], source: Table, source_rows: npt.NDArray[np.bool_]
 ) -> Callable[[Floats], Floats]:
     """From values at the nodes of the second to those of the first, on one boundary.
 
@@ -191,11 +193,11 @@ def _interpolation(
     """
     from scipy.spatial import cKDTree
 
-    x, y = _positions(one)[here], _positions(other)[there]
+    x, y = _positions(target)[target_rows], _positions(source)[source_rows]
     nearest = cKDTree(y).query(x)[1]
-    if "s" not in other:
+    if "s" not in source:
         return lambda values: np.asarray(values[nearest])
-    goes_on = np.append(np.diff(other["s"][there]) > 0, False)
+    goes_on = np.append(np.diff(source["s"][source_rows]) > 0, False)
     begin = np.stack((np.maximum(nearest - 1, 0), nearest))
     end = np.where(goes_on[begin], begin + 1, begin)
     side, to = y[end] - y[begin], x - y[begin]

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 # Digits of a figure without an estimate, and the most that are shown of one with an estimate.
-_UNKNOWN, _MOST = 4, 6
+_UNKNOWN, _MOST_DIGITS = 4, 6
 # Figure of the summary -> the estimate of the price list that is its own.
 _ESTIMATES = {"contact_force": "force", "friction_force": "force", "max_pressure": "peak", "max_shear": "pressure"}
 
@@ -23,19 +23,19 @@ def estimated_errors(summary: Mapping[str, Any]) -> dict[str, float]:
     solved = [row for row in summary.get("price_list", []) if not row["predicted"]]
     if not solved:
         return {}
-    found: dict[str, float | None] = {name: solved[-1].get(own) for name, own in _ESTIMATES.items()}
+    errors: dict[str, float | None] = {name: solved[-1].get(key) for name, key in _ESTIMATES.items()}
     contact, friction = (math.hypot(*summary.get(name, [0.0])) for name in ("contact_force", "friction_force"))
     rows = summary.get("contact_boundaries", ())
-    every = [f for row in rows for name in ("contact_force", "friction_force") for f in row.get(name, ())]
-    error = found["contact_force"]
+    components = [f for row in rows for name in ("contact_force", "friction_force") for f in row.get(name, ())]
+    error = errors["contact_force"]
     if error is not None and len(rows) > 1 and contact + friction > 0:
-        error *= max(1.0, math.hypot(*every) / math.hypot(contact, friction))
-    found["contact_force"] = found["friction_force"] = error
+        error *= max(1.0, math.hypot(*components) / math.hypot(contact, friction))
+    errors["contact_force"] = errors["friction_force"] = error
     if error is not None and 0 < friction < contact:
-        found["friction_force"] = error * contact / friction
+        errors["friction_force"] = error * contact / friction
     energy = solved[-1].get("energy")
-    found["strain_energy"] = None if energy is None else energy**2
-    return {name: float(error) for name, error in found.items() if error is not None}
+    errors["strain_energy"] = None if energy is None else energy**2
+    return {name: float(error) for name, error in errors.items() if error is not None}
 
 
 def between(stress: Mapping[str, Any]) -> float | None:
@@ -43,7 +43,7 @@ def between(stress: Mapping[str, Any]) -> float | None:
 
     Digits beyond that mean nothing; it says nothing about the error, least of all where the stress has no limit.
     """
-    values = [(one or {}).get("von_mises", {}).get("value") for one in (stress, stress.get("recovered"))]
+    values = [(entry or {}).get("von_mises", {}).get("value") for entry in (stress, stress.get("recovered"))]
     if None in values or not max(values) > 0:
         return None
     return float((max(values) - min(values)) / max(values))
@@ -72,15 +72,15 @@ def _rounded(value: float, size: float, error: float | None) -> str:
     if value == 0 or size == 0:
         return "0"
     largest = math.floor(math.log10(size))
-    uncertain = largest - _MOST + 1 if error == 0 else largest - _UNKNOWN + 1
+    uncertain = largest - _MOST_DIGITS + 1 if error == 0 else largest - _UNKNOWN + 1
     if error:
-        uncertain = max(math.floor(math.log10(error * size) + 1e-9), largest - _MOST + 1)
+        uncertain = max(math.floor(math.log10(error * size) + 1e-9), largest - _MOST_DIGITS + 1)
     rounded = round(value, -uncertain)
     if rounded == 0:
         return "0"
-    if error is None or error <= 10.0 ** (1 - _MOST):  # zeros at the end say nothing about an error
-        return f"{rounded:.{_MOST}g}"
-    if not -4 <= largest < _MOST:
+    if error is None or error <= 10.0 ** (1 - _MOST_DIGITS):  # zeros at the end say nothing about an error
+        return f"{rounded:.{_MOST_DIGITS}g}"
+    if not -4 <= largest < _MOST_DIGITS:
         return f"{rounded:.{max(math.floor(math.log10(abs(rounded))) - uncertain, 0)}e}"
     return f"{rounded:.{max(-uncertain, 0)}f}"
 

@@ -65,9 +65,9 @@ def certificate(summary: dict[str, Any]) -> Markup:
     if not missed:
         largest = f"{figures[worst]:.1e} ({worst.replace('_', ' ')})"
         verdict = f"The certificate holds: no figure is above {largest}, the limit is {CERTIFICATE_TOLERANCE:g}."
-    every = table(["figure", "value", "", "limit"], rows, classes)
+    full_table = table(["figure", "value", "", "limit"], rows, classes)
     parts = [tag("p", in_text(verdict)), tag("p", in_text(note), class_="note")]
-    parts.append(every if missed else folded("Every figure of the certificate", every))
+    parts.append(full_table if missed else folded("Every figure of the certificate", full_table))
     if "functionals" in summary:
         gap = summary["functionals"]["relative_duality_gap"]
         parts.append(tag("p", in_text(f"The relative difference of primal and dual functional is {gap:.1e}.")))
@@ -94,37 +94,41 @@ def scene(summary: dict[str, Any]) -> Markup:
         generator, data = _mesh(scene["mesh"])
         rows.append((_named("mesh", generator), data))
     rows.append(("element", shown(scene["element"])))
-    for kind, given in scene.items():
+    for kind, section in scene.items():
         nothing = None if kind in ("material", "displacement") else 0.0
-        place = "region" if kind == "material" else "boundary"
-        for entry in [] if kind in _TOLD_APART else given if isinstance(given, list) else [given] if given else []:
-            name = _named(kind.replace("_", " "), entry.get(place) or "")
-            rows.append((name, _data(entry, place, nothing=nothing)))
+        name_key = "region" if kind == "material" else "boundary"
+        for entry in (
+            [] if kind in _TOLD_APART else section if isinstance(section, list) else [section] if section else []
+        ):
+            name = _named(kind.replace("_", " "), entry.get(name_key) or "")
+            rows.append((name, _data(entry, name_key, nothing=nothing)))
     for entry in scene["contact"]:
         friction = entry.get("friction") or {"law": "none"}
-        rest = {key: value for key, value in entry.items() if key != "friction"}
-        rows.append((_named(f"{entry['kind']} contact", entry["boundary"]), _data(rest, "boundary", "kind")))
+        without_friction = {key: value for key, value in entry.items() if key != "friction"}
+        rows.append(
+            (_named(f"{entry['kind']} contact", entry["boundary"]), _data(without_friction, "boundary", "kind"))
+        )
         rows.append((_named(f"friction: {friction['law']}", entry["boundary"]), _data(friction, "law")))
     steps = {key: value for key, value in (scene.get("load_steps") or {}).items() if value}
     if steps:
         rows.append(("load steps", shown(steps)))
     method = {"algorithm": summary["algorithm"], **summary["parameters"], "linear algebra": summary["linear_algebra"]}
-    whole = tag("pre", json.dumps(scene, indent=1))
+    full_scene = tag("pre", json.dumps(scene, indent=1))
     return joined(
         [
             table(["effect", "data"], rows),
             tag("p", in_text(f"Method: {shown(method)}.")),
-            folded("The whole scene with all defaults", whole),
+            folded("The whole scene with all defaults", full_scene),
         ]
     )
 
 
-def _mesh(given: Any) -> tuple[str, str]:
+def _mesh(mesh: Any) -> tuple[str, str]:
     """The generator of a mesh, "" for another one, and the data of the mesh."""
-    if isinstance(given, dict) and "generator" in given:
-        return given["generator"], shown(given["parameters"]) + ", then divided" * bool(given.get("refined"))
-    said = {key: value for key, value in given.items() if value} if isinstance(given, dict) else {}
-    return "", shown(said) or "made in Python"
+    if isinstance(mesh, dict) and "generator" in mesh:
+        return mesh["generator"], shown(mesh["parameters"]) + ", then divided" * bool(mesh.get("refined"))
+    entries = {key: value for key, value in mesh.items() if value} if isinstance(mesh, dict) else {}
+    return "", shown(entries) or "made in Python"
 
 
 def _named(name: str, remark: str) -> Markup:
@@ -134,12 +138,12 @@ def _named(name: str, remark: str) -> Markup:
 
 def _data(entry: Mapping[str, Any], *leave_out: str, nothing: float | None = None) -> str:
     """The text for an effect; ``nothing`` is the text for an absent load."""
-    said = {key: value for key, value in entry.items() if key not in leave_out and value not in (None, nothing)}
-    factors = said.pop("factors", None)
+    entries = {key: value for key, value in entry.items() if key not in leave_out and value not in (None, nothing)}
+    factors = entries.pop("factors", None)
     if not factors:
-        return shown(said)
+        return shown(entries)
     listed = ", ".join(map(shown, factors)) if len(factors) <= _MOST_FACTORS else f"{len(factors)} of them"
-    return f"{shown(said)}, times the factors {listed}"
+    return f"{shown(entries)}, times the factors {listed}"
 
 
 def price_list(rows: list[dict[str, Any]]) -> Markup:
@@ -176,10 +180,10 @@ def history(summary: dict[str, Any], folder: ResultFiles, history: dict[str, Any
     from signorini_fx.pictures.convergence import iteration_history
 
     solves, factorised = summary["linear_solves"], summary.get("factorisations")
-    told = f"{summary['algorithm']}: {solves} linear solve{'s' * (solves != 1)}"
+    text = f"{summary['algorithm']}: {solves} linear solve{'s' * (solves != 1)}"
     if factorised is not None:
-        told += f" with {factorised} factorisation{'s' * (factorised != 1)}"
-    parts = [tag("p", f"{told}.")]
+        text += f" with {factorised} factorisation{'s' * (factorised != 1)}"
+    parts = [tag("p", f"{text}.")]
     if history:
         caption = "Sizes of the active sets and nodes that change, and residual, against the linear solves."
         drawn = drawn_by(iteration_history, history, caption=caption, dimension=dimension)
@@ -203,6 +207,6 @@ def made_with(summary: dict[str, Any]) -> Markup:
     ranks = f"{summary['ranks']} rank{'s' * (summary['ranks'] > 1)}"
     programs = " and ".join(f"{name} {versions[name]}" for name in ("signorini_fx", "dolfinx") if versions.get(name))
     timings = table(["phase", "seconds"], [(name, _two_digits(value)) for name, value in summary["timings"].items()])
-    both = tag("div", timings, table(["program", "version"], list(versions.items())), class_="pictures")
+    tables = tag("div", timings, table(["program", "version"], list(versions.items())), class_="pictures")
     compiled = tag("p", f"Compiled: {', '.join(summary['compiled'])}.")
-    return joined([tag("p", f"{when} by {programs} on {ranks}."), folded("Times and versions", compiled, both)])
+    return joined([tag("p", f"{when} by {programs} on {ranks}."), folded("Times and versions", compiled, tables)])

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.pictures.boundary_profiles import SIDES, STATES, Boundary, Panel, panels_of
+from signorini_fx.pictures.boundary_profiles import SIDES, STATES, Panel, PlaneBoundary, panels_of
 from signorini_fx.pictures.result_pictures import TURNING
 from signorini_fx.report.markup import Markup, script, tag
 from signorini_fx.report.reading import ResultFiles
@@ -55,7 +55,7 @@ def head() -> list[Markup]:
     ]
 
 
-def plots(boundaries: Sequence[Boundary]) -> list[Markup]:
+def plots(boundaries: Sequence[PlaneBoundary]) -> list[Markup]:
     """A place for the plots of each boundary, with their data; nothing without the library."""
     if library() is None or sum(len(boundary.coordinate) for boundary in boundaries) > _MOST_NODES:
         return []
@@ -84,7 +84,7 @@ def turning(folder: ResultFiles) -> list[Markup]:
     return [element, tag("p", hint, class_="note hint"), script(start)]
 
 
-def _data(boundary: Boundary) -> dict[str, Any]:
+def _data(boundary: PlaneBoundary) -> dict[str, Any]:
     """What report.js draws: coordinates that increase, panels with rows, colours of the states."""
     order, breaks = _increasing(boundary)
     x = boundary.coordinate[order]
@@ -105,7 +105,7 @@ def _in_html(state: str) -> tuple[str, str]:
     return colour, name.replace("$", "").replace("-", "\N{MINUS SIGN}")
 
 
-def _increasing(boundary: Boundary) -> tuple[npt.NDArray[np.int64], list[int]]:
+def _increasing(boundary: PlaneBoundary) -> tuple[npt.NDArray[np.int64], list[int]]:
     """Rows in the order of the coordinate, piece by piece, and where a new piece begins in it."""
     ends = [*boundary.starts[1:], len(boundary.coordinate)]
     pieces = [
@@ -119,8 +119,8 @@ def _increasing(boundary: Boundary) -> tuple[npt.NDArray[np.int64], list[int]]:
 def _panel(panel: Panel, x: Any, order: Any, breaks: list[int]) -> dict[str, Any]:
     values = [_numbers(curve.values[order]) for curve in panel.curves]
     rows = [list(row) for row in zip(_numbers(x), *values, strict=True)]
-    for place in reversed(breaks):  # an empty row interrupts the lines
-        rows.insert(place, [0.5 * (rows[place - 1][0] + rows[place][0]), *[None] * len(values)])
+    for index in reversed(breaks):  # an empty row interrupts the lines
+        rows.insert(index, [0.5 * (rows[index - 1][0] + rows[index][0]), *[None] * len(values)])
     return {
         "unit": f"{panel.unit}{bracketed(panel.unit)}",
         "names": [curve.name for curve in panel.curves],
@@ -140,7 +140,7 @@ def _dashes(style: Any) -> list[float] | None:
     return [2 * stroke for stroke in style[1]] if isinstance(style, tuple) else None
 
 
-def _states(boundary: Boundary, x: Any, order: Any, breaks: list[int]) -> list[list[Any]]:
+def _states(boundary: PlaneBoundary, x: Any, order: Any, breaks: list[int]) -> list[list[Any]]:
     """From where to where the boundary has which colour: each node up to halfway to its neighbours."""
     states = np.array(boundary.states)[order]
     stretches: list[list[Any]] = []

@@ -31,11 +31,11 @@ class Markup(str):
 
 def tag(name: str, *children: str, **attributes: str) -> Markup:
     """An element; children and values of attributes are escaped unless they are markup (``class_`` means class)."""
-    said = {key.rstrip("_"): value for key, value in attributes.items() if value or key != "class_"}
-    given = "".join(f' {key}="{html.escape(printable(value))}"' for key, value in said.items())
+    present = {key.rstrip("_"): value for key, value in attributes.items() if value or key != "class_"}
+    text = "".join(f' {key}="{html.escape(printable(value))}"' for key, value in present.items())
     if name in _VOID:
-        return Markup(f"<{name}{given}>")
-    return Markup(f"<{name}{given}>{joined(children)}</{name}>")
+        return Markup(f"<{name}{text}>")
+    return Markup(f"<{name}{text}>{joined(children)}</{name}>")
 
 
 def script(text: str, **attributes: str) -> Markup:
@@ -69,10 +69,10 @@ def shown(value: Any) -> str:
     if isinstance(value, list | tuple):
         return f"({', '.join(map(shown, value))})"
     if isinstance(value, Mapping):
-        said = {key: shown(item) for key, item in value.items() if item is not None}
+        texts = {key: shown(item) for key, item in value.items() if item is not None}
         # What belongs to an inner table stands in braces, as in the scene file.
-        inner = {key: f"{{{said[key]}}}" for key in said if isinstance(value[key], Mapping)}
-        return ", ".join(f"{key} = {text}" for key, text in {**said, **inner}.items())
+        inner = {key: f"{{{texts[key]}}}" for key in texts if isinstance(value[key], Mapping)}
+        return ", ".join(f"{key} = {text}" for key, text in {**texts, **inner}.items())
     return str(value)
 
 
@@ -84,9 +84,9 @@ _POWERS = str.maketrans("0123456789-", "\u2070\xb9\xb2\xb3\u2074\u2075\u2076\u20
 def in_text(text: str) -> str:
     """Text whose numbers have powers of ten that no line break tears apart: 2.8e-08 is 2.8 times 10 to the -8."""
 
-    def power(found: re.Match[str]) -> str:
-        factor = "" if found[1] == "1" else f"{found[1]}\N{MULTIPLICATION SIGN}"
-        return f"{factor}10{str(int(found[2])).translate(_POWERS)}"
+    def power(match: re.Match[str]) -> str:
+        factor = "" if match[1] == "1" else f"{match[1]}\N{MULTIPLICATION SIGN}"
+        return f"{factor}10{str(int(match[2])).translate(_POWERS)}"
 
     return re.sub(r"\b(\d+(?:\.\d+)?)e([+-]\d+)\b", power, text)
 
@@ -109,8 +109,8 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[Any]], classes: Sequen
             cells.append(tag("td", _breakable(text) if words else text, class_="words" if words else "number" * right))
         body.append(tag("tr", *cells, class_=class_))
     size = "wide" if len(columns) > _WIDE_TABLE else ""
-    whole = tag("table", tag("thead", tag("tr", *head)), tag("tbody", *body), class_=size)
-    return tag("div", whole, class_="scroll", tabindex="0")
+    element = tag("table", tag("thead", tag("tr", *head)), tag("tbody", *body), class_=size)
+    return tag("div", element, class_="scroll", tabindex="0")
 
 
 def _breakable(text: str) -> Markup:
@@ -129,7 +129,10 @@ def long_table(title: str, columns: Mapping[str, Any], file: str) -> Markup:
         text = f"The first and the last {half} of {len(rows)} rows; {file} has all of them."
         remark, rows = [tag("p", text, class_="note")], [*rows[:half], *rows[-half:]]
     # Behind a blank there is the name of a boundary, which stays as it is.
-    names = [" ".join([first.replace("_", " "), *rest]) for first, *rest in (name.split(" ", 1) for name in columns)]
+    names = [
+        " ".join([first.replace("_", " "), *boundary_name])
+        for first, *boundary_name in (name.split(" ", 1) for name in columns)
+    ]
     return folded(f"{title}, {len(rows)} row{'s' * (len(rows) != 1)}", *remark, table(names, rows))
 
 

@@ -50,39 +50,39 @@ def page(folder: Path) -> str:
 def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     solid = in_space(summary)
     contact = folder.columns("contact.csv", summary["contact_nodes"]) if "contact_nodes" in summary else {}
-    found = {"Outcome": sections.outcome(summary), "Deformed body": sections.deformed(folder, solid=solid)}
+    chapters = {"Outcome": sections.outcome(summary), "Deformed body": sections.deformed(folder, solid=solid)}
     if contact and solid:
         from signorini_fx.report import sections_in_space
 
         facets = folder.facets(summary["contact_nodes"])
-        found["Contact surface"] = sections_in_space.surface(contact, facets)
-        found["Forces and areas"] = joined(
+        chapters["Contact surface"] = sections_in_space.surface(contact, facets)
+        chapters["Forces and areas"] = joined(
             [sections_in_space.resultants(summary, contact), sections.forces(summary)],
         )
     elif contact:
-        found["Contact boundary"] = sections.profiles(contact)
-        found["Forces and zones"] = sections.forces(summary)
+        chapters["Contact boundary"] = sections.profiles(contact)
+        chapters["Forces and zones"] = sections.forces(summary)
     elif summary.get("resultants"):
-        found["Forces"] = sections.forces(summary)
+        chapters["Forces"] = sections.forces(summary)
     if "steps" in summary:
-        found["Load steps"] = sections.steps(folder, folder.columns("steps.csv", len(summary["steps"])), contact)
+        chapters["Load steps"] = sections.steps(folder, folder.columns("steps.csv", len(summary["steps"])), contact)
     lines = [tag("li", line) for line in next_steps(summary, contact)]
     if lines:
-        found["What to do next"] = tag("ul", *lines)
+        chapters["What to do next"] = tag("ul", *lines)
     if "price_list" in summary:
-        found["Price list"] = evidence.price_list(summary["price_list"])
-    found["Certificate"] = evidence.certificate(summary)
+        chapters["Price list"] = evidence.price_list(summary["price_list"])
+    chapters["Certificate"] = evidence.certificate(summary)
     if contact:
         columns = folder.columns("history.csv", summary["linear_solves"])
-        found["Iteration"] = evidence.history(summary, folder, columns, dimension=3 if "shear_z" in contact else 2)
-    found["Scene and effects"] = evidence.scene(summary)
-    found["Made with"] = evidence.made_with(summary)
+        chapters["Iteration"] = evidence.history(summary, folder, columns, dimension=3 if "shear_z" in contact else 2)
+    chapters["Scene and effects"] = evidence.scene(summary)
+    chapters["Made with"] = evidence.made_with(summary)
     title = summary["title"] or name
     day = f"solved on {summary['finished'].partition('T')[0]}" if "finished" in summary else ""
     style = Markup(resources.files("signorini_fx.report").joinpath("report.css").read_text(encoding="utf-8"))
-    anchors = {heading: heading.lower().replace(" ", "-") for heading in found}
-    parts = [tag("section", tag("h2", heading), text, id=anchors[heading]) for heading, text in found.items()]
-    whole = tag(
+    anchors = {heading: heading.lower().replace(" ", "-") for heading in chapters}
+    parts = [tag("section", tag("h2", heading), text, id=anchors[heading]) for heading, text in chapters.items()]
+    document = tag(
         "html",
         tag(
             "head",
@@ -90,7 +90,7 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
             tag("meta", name_="generator", content=f"signorini_fx {__version__}"),
             tag("meta", name_="viewport", content="width=device-width, initial-scale=1"),
             tag("title", f"{title}: {status_in_words(summary)}"),
-            *(head() if 'class="plots' in found.get("Contact boundary", "") else []),
+            *(head() if 'class="plots' in chapters.get("Contact boundary", "") else []),
             tag("style", style),
         ),
         tag(
@@ -102,7 +102,7 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
         ),
         lang="en",
     )
-    return f"<!DOCTYPE html>\n{whole}\n"
+    return f"<!DOCTYPE html>\n{document}\n"
 
 
 def write_report(folder: str | Path, file: str | Path | None = None) -> Path:

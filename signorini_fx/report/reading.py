@@ -87,12 +87,12 @@ def read_summary(folder: Path) -> dict[str, Any]:
     """
     file = folder / "summary.json"
     if not os.path.isdir(folder):  # a name may be of any length
-        what = "is a file" if os.path.exists(folder) else "is not there"
-        raise ResultError(f"{folder}: {what}: give the folder that signorini-fx solve wrote, such as results/NAME")
+        reason = "is a file" if os.path.exists(folder) else "is not there"
+        raise ResultError(f"{folder}: {reason}: give the folder that signorini-fx solve wrote, such as results/NAME")
     if not file.is_file():
         begun = any((folder / name).exists() for name in (PART, "history.csv", "contact.csv"))
-        what = "is half written, it has no summary.json yet: let solve finish, or solve again"
-        raise ResultError(f"{folder}: {what if begun else 'is no result folder, it has no summary.json'}")
+        reason = "is half written, it has no summary.json yet: let solve finish, or solve again"
+        raise ResultError(f"{folder}: {reason if begun else 'is no result folder, it has no summary.json'}")
     try:
         if file.stat().st_size > _LARGEST_SUMMARY:
             raise ResultError(f"{file}: is longer than what signorini-fx solve writes: give a folder that it wrote")
@@ -146,11 +146,11 @@ class ResultFiles:
         Raises:
             ValueError: it has another number of rows.
         """
-        found = read_csv(self.path / name)
-        count = len(next(iter(found.values()), ()))
+        columns = read_csv(self.path / name)
+        count = len(next(iter(columns.values()), ()))
         if rows is not None and count != rows:
             raise ValueError(f"{name} has {count} rows, {rows} are expected")
-        return found
+        return columns
 
     def facets(self, rows: int) -> npt.NDArray[np.int64]:
         """The facets of the contact surface, see ``read_facets``, for a table with this number of rows.

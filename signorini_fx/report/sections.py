@@ -74,8 +74,8 @@ def outcome(summary: dict[str, Any]) -> Markup:
     if "safety" in summary:
         cards.insert(0, _safety_card(summary["safety"]))
     cards.append(_card("seconds", f"{seconds_of(summary):.3g}", None))
-    whole = in_space(summary) or is_axisymmetric(summary["scene"])
-    measure = "what" if whole else "per unit thickness, and what"
+    solid = in_space(summary) or is_axisymmetric(summary["scene"])
+    measure = "what" if solid else "per unit thickness, and what"
     named = "" if summary["scene"].get("units", {}).get("length") else "; units are those of the scene"
     digits = "Figures with an estimated error are rounded to it, others to four digits; all digits are in summary.json."
     who, body = _sides(entry.get("against") for entry in summary["scene"].get("contact", []))
@@ -85,22 +85,22 @@ def outcome(summary: dict[str, Any]) -> Markup:
 
 def _sides(against: Iterable[str | None]) -> tuple[str, str]:
     """What exerts the forces of contacts, and on what, from the other boundary of each; none or "": it is rigid."""
-    found = {bool(name) for name in against}
+    kinds = {bool(name) for name in against}
     who = {(True,): "the other body", (False, True): "the foundation or the other body"}
-    return who.get(tuple(sorted(found)), "the foundation"), "the body of the boundary" if True in found else "the body"
+    return who.get(tuple(sorted(kinds)), "the foundation"), "the body of the boundary" if True in kinds else "the body"
 
 
 def _card(label: str, value: str, error: float | None) -> Markup:
-    told = percent(error) if error and error < 1 else ""
-    estimate = [tag("small", f"error {'' if told.startswith('below') else 'about '}{told}")] if told else []
+    share = percent(error) if error and error < 1 else ""
+    estimate = [tag("small", f"error {'' if share.startswith('below') else 'about '}{share}")] if share else []
     return tag("div", tag("dt", label), tag("dd", value, *estimate), class_="wide" if value.startswith("(") else "")
 
 
 def _safety_card(safety: dict[str, Any]) -> Markup:
     """The safety factor of the live loads, the motion beyond it, and what it does not say."""
     beyond = [f"beyond, {safety['motion']}"] if safety["motion"] else []
-    told = tag("small", "; ".join([*beyond, *friction_in_use(safety), *safety_assumed(safety)]))
-    return tag("div", tag("dt", "safety factor"), tag("dd", safety_factor(safety), told), class_="wide")
+    remark = tag("small", "; ".join([*beyond, *friction_in_use(safety), *safety_assumed(safety)]))
+    return tag("div", tag("dt", "safety factor"), tag("dd", safety_factor(safety), remark), class_="wide")
 
 
 def _cards(summary: dict[str, Any]) -> dict[str, tuple[str, str]]:
@@ -116,24 +116,24 @@ def _cards(summary: dict[str, Any]) -> dict[str, tuple[str, str]]:
 
 def _stress_card(stress: dict[str, Any]) -> Markup:
     """The larger one of the raw and the recovered von Mises stress, and what it is worth."""
-    found = {"raw": stress["von_mises"]}
+    stresses = {"raw": stress["von_mises"]}
     if stress.get("recovered"):
-        found["recovered"] = stress["recovered"]["von_mises"]
-    values = {name: one["value"] for name, one in found.items()}
+        stresses["recovered"] = stress["recovered"]["von_mises"]
+    values = {name: entry["value"] for name, entry in stresses.items()}
     shown = {name: with_unit(figure(value, between(stress)), "stress") for name, value in values.items()}
-    inside = {name: f" in {one['region']}" if one.get("region") else "" for name, one in found.items()}
-    told = ", ".join(f"{name} {value}{inside[name]}" for name, value in shown.items())
+    inside = {name: f" in {entry['region']}" if entry.get("region") else "" for name, entry in stresses.items()}
+    remark = ", ".join(f"{name} {value}{inside[name]}" for name, value in shown.items())
     if why := stress["von_mises"].get("no_limit"):
-        told = f"no limit as the mesh is refined: {why} ({told})"
+        remark = f"no limit as the mesh is refined: {why} ({remark})"
     label = tag("dt", "largest von Mises stress")
-    return tag("div", label, tag("dd", shown[max(values, key=lambda name: values[name] or 0.0)], tag("small", told)))
+    return tag("div", label, tag("dd", shown[max(values, key=lambda name: values[name] or 0.0)], tag("small", remark)))
 
 
 def _findings(summary: dict[str, Any], level: str) -> list[Markup]:
     """The findings of one level about the scene and the result; empty if there are none."""
-    found = [finding for finding in summary.get("findings", []) if finding["level"] == level]
-    others = [finding for finding in found if finding["message"] != summary["advice"]]
-    items = [tag("li", tag("code", finding["path"]), f": {finding['message']}.") for finding in others]
+    findings = [finding for finding in summary.get("findings", []) if finding["level"] == level]
+    further = [finding for finding in findings if finding["message"] != summary["advice"]]
+    items = [tag("li", tag("code", finding["path"]), f": {finding['message']}.") for finding in further]
     return [tag("p", f"{level.capitalize()}s:"), tag("ul", *items)] if items else []
 
 
@@ -168,16 +168,16 @@ def deformed(folder: ResultFiles, *, solid: bool = False) -> Markup:
             reason += f", or has too many facets to be drawn, or without {PYVISTA}"
         return joined([*turned, tag("p", f"No picture: {reason}.", class_="note")])
     caption = _SOLID_BODY if solid else _PLANE_BODY
-    whole = picture(data, "png", "deformed body on its foundation", caption)
+    overview = picture(data, "png", "deformed body on its foundation", caption)
     cut, apart = folder.picture("section.png"), folder.picture("exploded.png")
     inside = [] if cut is None else [picture(cut, "png", "section through the body", _SECTION)]
     inside += [] if apart is None else [picture(apart, "png", "bodies moved apart", _APART)]
-    others = inside + [
+    further = inside + [
         picture(data, "png", field.label, f"{field.label[0].upper()}{field.label[1:]}{field.remark}.")
         for name, field in FIELDS.items()
         if (data := folder.picture(f"field_{name}.png")) is not None
     ]
-    return joined([whole, *turned, *([tag("div", *others, class_="pictures")] if others else [])])
+    return joined([overview, *turned, *([tag("div", *further, class_="pictures")] if further else [])])
 
 
 def profiles(contact: dict[str, Any]) -> Markup:
@@ -185,8 +185,8 @@ def profiles(contact: dict[str, Any]) -> Markup:
     from signorini_fx.pictures.boundary_profiles import boundaries_of, boundary_profiles
 
     frictional = bool(np.any(contact["bound"] != 0) or np.any(contact["friction"] != "none"))
-    other, _ = _sides(contact.get("against", ()))
-    beside = other.replace("the ", "")
+    opposite, _ = _sides(contact.get("against", ()))
+    beside = opposite.replace("the ", "")
     sides = {"contact": f"Contact pressure; normal displacement and {beside}; below, what is in contact."}
     if frictional:
         sides["friction"] = "Shear and its bounds; tangential displacement; below, where the contact sticks and slips."
@@ -194,7 +194,7 @@ def profiles(contact: dict[str, Any]) -> Markup:
         drawn_by(boundary_profiles, contact, sides=[side], caption=caption, class_="still curves")
         for side, caption in sides.items()
     ]
-    signs = f"Normal displacement above {other} is penetration; shear has the sign of the slip."
+    signs = f"Normal displacement above {opposite} is penetration; shear has the sign of the slip."
     if "shear_z" in contact:
         signs += " Friction acts along the section and around the axis: both parts together are bounded."
     apart = contact["state"] == "open"
@@ -235,8 +235,8 @@ def _contact_boundaries(summary: dict[str, Any]) -> Markup | None:
     if not entries:
         return None
     length = unit("length")
-    whole = in_space(summary) or is_axisymmetric(summary["scene"])
-    area = f"area{f' ({length}²)' if length else ''}" if whole else f"length{bracketed('length')}"
+    solid = in_space(summary) or is_axisymmetric(summary["scene"])
+    area = f"area{f' ({length}²)' if length else ''}" if solid else f"length{bracketed('length')}"
     names = {
         "boundary": "contact boundary",
         "area": area,

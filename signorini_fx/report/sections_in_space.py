@@ -45,25 +45,30 @@ def resultants(summary: dict[str, Any], contact: dict[str, Any]) -> Markup:
     whom = summary["contact_boundaries"][0]["boundary"] if touch_each_other(summary) else "the body"
     parts = [table([f"on {whom}", "components", "size", "moment about the origin"], rows)]
     if several:  # their moments are among the resultants of all boundaries
-        each = [
+        force_rows = [
             (f"{kind} on {row['boundary']}", figure(row[name]), figure(float(np.linalg.norm(row[name]))))
             for kind, name in (("contact force", "contact_force"), ("friction force", "friction_force"))
             for row in summary["contact_boundaries"]
         ]
-        parts = [table(["between bodies", "components", "size"], each)]
+        parts = [table(["between bodies", "components", "size"], force_rows)]
     through = None if several else summary["contact_force_through"]
     if through is not None:
         extent = max(float(np.ptp(contact[axis])) for axis in "xyz")
-        left = float(force @ moment / np.linalg.norm(force))
-        row = (figure(clean(through, extent)), figure(left if abs(left) > 1e-9 * lever else 0.0))
+        axial_moment = float(force @ moment / np.linalg.norm(force))
+        row = (figure(clean(through, extent)), figure(axial_moment if abs(axial_moment) > 1e-9 * lever else 0.0))
         parts.append(table(["axis of the contact force, through", "moment about this axis"], [row]))
     names = np.asarray(contact["boundary"])
     weight, touching = np.asarray(contact["weight"]), contact["state"] != "open"
     rubs = np.asarray(contact["friction"])
     areas = []
     for name in dict.fromkeys(map(str, names)):
-        here = names == name
-        parts_of = (here, here & touching, here & (rubs == "stick"), here & (rubs == "slip"))
+        on_boundary = names == name
+        parts_of = (
+            on_boundary,
+            on_boundary & touching,
+            on_boundary & (rubs == "stick"),
+            on_boundary & (rubs == "slip"),
+        )
         areas.append((name, *(float(weight[where].sum()) for where in parts_of)))
     if len(areas) > 1:
         areas.append(("all", *(sum(column) for column in list(zip(*areas, strict=True))[1:])))
@@ -96,12 +101,12 @@ def surface(contact: dict[str, Any], facets: npt.NDArray[np.int64]) -> Markup:
 
 def nodes(contact: dict[str, Any]) -> dict[str, Any]:
     """The contact table with vectors in one column: scalars and vectors in turn, one entry for each node."""
-    found: dict[str, Any] = {"boundary": contact["boundary"], "position": _vectors(contact, _VECTORS["position"])}
+    columns: dict[str, Any] = {"boundary": contact["boundary"], "position": _vectors(contact, _VECTORS["position"])}
     for name in _COLUMNS:
-        found[name] = contact[name]
+        columns[name] = contact[name]
         if f"{name}_x" in contact:
-            found[f"{name} vector"] = _vectors(contact, tuple(f"{name}_{axis}" for axis in "xyz"))
-    return found | {"normal": _vectors(contact, _VECTORS["normal"]), "weight": contact["weight"]}
+            columns[f"{name} vector"] = _vectors(contact, tuple(f"{name}_{axis}" for axis in "xyz"))
+    return columns | {"normal": _vectors(contact, _VECTORS["normal"]), "weight": contact["weight"]}
 
 
 def _vectors(contact: dict[str, Any], names: tuple[str, ...]) -> list[tuple[float, ...]]:

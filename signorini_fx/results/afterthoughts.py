@@ -22,12 +22,12 @@ T = TypeVar("T")
 PATIENCE = 30.0
 
 
-def afterthought(comm: MPI.Comm, what: str, findings: list[dict[str, Any]], state: Callable[[], T]) -> T | None:
+def afterthought(comm: MPI.Comm, subject: str, findings: list[dict[str, Any]], state: Callable[[], T]) -> T | None:
     """What ``state`` returns; None if it fails on any rank, with a warning among the findings; collective.
 
     Args:
         comm: the ranks.
-        what: it is, a key of the summary.
+        subject: it is, a key of the summary.
         findings: rows of the summary.
         state: computes it; collective.
 
@@ -46,15 +46,15 @@ def afterthought(comm: MPI.Comm, what: str, findings: list[dict[str, Any]], stat
     if error is None:
         everybody.Wait()
     elif not _ends(everybody):
-        error.add_note(f"The results are written, without this: {what}.")
+        error.add_note(f"The results are written, without this: {subject}.")
         raise error
     reasons = apart.allgather(None if error is None else failure_in_words(error)) if failed[0] else []
     apart.Free()
-    reason = next((told for told in reasons if told is not None), None)
+    reason = next((message_lines for message_lines in reasons if message_lines is not None), None)
     if reason is None:
         return result
     message = f"was not computed, which changes nothing in the other results: {reason}"
-    findings.append(asdict(Finding("warning", what, message)))
+    findings.append(asdict(Finding("warning", subject, message)))
     return None
 
 

@@ -11,7 +11,7 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities
-from signorini_fx.pictures.body import Body
+from signorini_fx.pictures.body import DrawnBody
 from signorini_fx.pictures.tiling import tiling
 from signorini_fx.results import sampling
 from signorini_fx.results.solution import Solution
@@ -19,7 +19,7 @@ from signorini_fx.results.solution import Solution
 Floats = npt.NDArray[np.float64]
 
 
-def gather_cells(solution: Solution, fields: Sequence[str] = (), *, recovered: bool = False) -> Body:
+def gather_cells(solution: Solution, fields: Sequence[str] = (), *, recovered: bool = False) -> DrawnBody:
     """Cells and their values from all ranks, on the first one; collective.
 
     Args:
@@ -47,13 +47,15 @@ def gather_cells(solution: Solution, fields: Sequence[str] = (), *, recovered: b
     outline = outline + parallel.rows_before(comm, len(x))
     functions = sampling.recovered_fields(solution, fields) if recovered else None
     if functions is None:
-        found = sampling.cell_values(solution, cells, fields)
+        local_values = sampling.cell_values(solution, cells, fields)
     else:
-        found = {name: sampling.values_within(name, one, inside, cells) for name, one in functions.items()}
-    values = {name: parallel.rows_on_root(comm, rows) for name, rows in found.items()}
+        local_values = {
+            name: sampling.values_within(name, function, inside, cells) for name, function in functions.items()
+        }
+    values = {name: parallel.rows_on_root(comm, rows) for name, rows in local_values.items()}
     points = parallel.rows_on_root(comm, x)
     numbers = np.arange(len(points), dtype=np.int64).reshape(-1, len(inside))
-    return Body(
+    return DrawnBody(
         points,
         numbers,
         tiles,

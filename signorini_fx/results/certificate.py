@@ -35,15 +35,15 @@ from signorini_fx.results.equilibrium import (
     LOST_UNITS,
     ROUND_OFF,
     Balance,
-    Units,
+    PieceScales,
     change_of_volume,
     equilibrium,
     share,
 )
 from signorini_fx.results.nodal_forces import NodalForces, left_over
-from signorini_fx.results.promised_law import UNREGULARISED, Before, Law, Tractions
+from signorini_fx.results.promised_law import UNREGULARISED, Law, PreviousStep, Tractions
 from signorini_fx.results.rigid_part import RigidPart
-from signorini_fx.results.supports import Supports
+from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.tool_motion import ToolMotion
 from signorini_fx.results.tools import given_in, unbalanced
 from signorini_fx.scales import Scales
@@ -152,7 +152,7 @@ def certify(
     law: Law = UNREGULARISED,
     step: float = 0,
     scale: float = 1.0,
-    before: Before | None = None,
+    before: PreviousStep | None = None,
     pairs: Mapping[int, PairedSides] | None = None,
     tools: tuple[ToolMotion, ...] = (),
 ) -> Certificate:
@@ -176,18 +176,18 @@ def certify(
     """
     space = displacement.function_space
     forces = NodalForces(scene, tagged, space)
-    every = displacement.x.array.reshape(-1, tagged.mesh.geometry.dim)
+    nodal_displacements = displacement.x.array.reshape(-1, tagged.mesh.geometry.dim)
     scales = Scales.of(tagged.dimension, scene.young, tagged.size, axisymmetric=scene.axisymmetric)
     mixed = scene.element.volumetric == "mixed"  # whose forces are not those of a change of volume
-    stiffest = replace(scales, modulus=max(one.stiffest(mixed=mixed) for one in scene.material))
+    stiffest = replace(scales, modulus=max(material.stiffest(mixed=mixed) for material in scene.material))
     balance = Balance(
         forces,
         forces.internal(displacement),
         forces.external(step, scale),
-        Supports.of(forces, step, scale),
+        PrescribedNodes.of(forces, step, scale),
         scales,
         stiffest,
-        forces.resisted(every),
+        forces.resisted(nodal_displacements),
         *forces.initial(step, scale, displacement),
         dilation=forces.dilation(displacement, step, scale) if mixed else None,
     )
@@ -197,12 +197,12 @@ def certify(
 
         within = forces_entered(forces, sides, tractions, step, before)
         balance = replace(balance, external=balance.external + within)
-    found = judged(displacement, balance, sides, tractions, law=law, before=before, tools=tools)
+    certificate = judged(displacement, balance, sides, tractions, law=law, before=before, tools=tools)
     if tools and tractions is not None:
-        nodes, given = ContactNodes.of(forces, sides, tractions), given_in(scene, tools, step, scale)
-        left = unbalanced(nodes, given, FAINT * scales.stress(found.strain_energy) * nodes.area)
-        found = replace(found, equilibrium=max(found.equilibrium, left))
-    return found
+        nodes, drives = ContactNodes.of(forces, sides, tractions), given_in(scene, tools, step, scale)
+        unbalanced_stress = unbalanced(nodes, drives, FAINT * scales.stress(certificate.strain_energy) * nodes.area)
+        certificate = replace(certificate, equilibrium=max(certificate.equilibrium, unbalanced_stress))
+    return certificate
 
 
 def judged(
@@ -212,7 +212,7 @@ def judged(
     tractions: Tractions | None,
     *,
     law: Law = UNREGULARISED,
-    before: Before | None = None,
+    before: PreviousStep | None = None,
     tools: tuple[ToolMotion, ...] = (),
 ) -> Certificate:
     """Check equilibrium and contact conditions of a problem; collective.
@@ -231,8 +231,8 @@ def judged(
     """
     forces, supports = balance.surface, balance.supports
     comm, dim = forces.space.mesh.comm, forces.dimension
-    every = displacement.x.array.reshape(-1, dim)
-    y, x = every[: forces.owned], forces.at_nodes[: forces.owned, :dim]
+    nodal_displacements = displacement.x.array.reshape(-1, dim)
+    y, x = nodal_displacements[: forces.owned], forces.at_nodes[: forces.owned, :dim]
     pieces = RigidPart(forces.space, x)
     works = pieces.works(
         *(force * y for force in (balance.internal, balance.resisted, balance.external, balance.initial))
@@ -243,11 +243,11 @@ def judged(
     scales, stiffest = balance.of_pieces(pieces)
     # Of the initial strains it is not known which piece they strain.
     halves = works[:, 0] / 2 if balance.dilation is None or strain_energy == half else np.full(pieces.count, strained)
-    mean = np.array([own.stress(max(half, 0.0)) for own, half in zip(scales, halves, strict=True)])
+    mean = np.array([piece_scales.stress(max(half, 0.0)) for piece_scales, half in zip(scales, halves, strict=True)])
     far = pieces.largest(np.linalg.norm(y, axis=1))
     deformed = pieces.largest_beside(y)
     length = np.maximum(deformed, ROUND_OFF * far.max())
-    found: dict[str, Any] = {
+    figures: dict[str, Any] = {
         "supports": share(comm, supports.missed(y), length[supports.among(pieces.piece)]),
         "displacement": float(far.max()) / balance.scales.size,
         "law": law,
@@ -256,12 +256,12 @@ def judged(
     }
     volume = change_of_volume(balance, float(far.max()), strained)
     if tractions is None:
-        units = Units(length, far, np.zeros(pieces.count), np.zeros(pieces.count))
+        units = PieceScales(length, far, np.zeros(pieces.count), np.zeros(pieces.count))
         left, unjudged = equilibrium(balance, pieces, y, None, units)
-        return Certificate(equilibrium=max(left, volume), unjudged=unjudged, **found)
+        return Certificate(equilibrium=max(left, volume), unjudged=unjudged, **figures)
     nodes = ContactNodes.of(forces, sides, tractions)
     at = nodes.pieces(pieces.piece)
-    found["coupling"] = nodes.coupling_error(supports, y / (float(far.max()) or 1.0))
+    figures["coupling"] = nodes.coupling_error(supports, y / (float(far.max()) or 1.0))
 
     def largest(values: Nodal) -> Nodal:
         """Of the points of each piece, from either side."""
@@ -273,13 +273,13 @@ def judged(
     length = np.maximum(length, ROUND_OFF * largest(drawn))
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
     stress = np.maximum(largest(nodes.felt(supports)), FAINT * mean)
-    moduli, sizes = np.array([(own.modulus, own.size) for own in stiffest]).T
+    moduli, sizes = np.array([(piece_scales.modulus, piece_scales.size) for piece_scales in stiffest]).T
     fineness = largest(np.asarray(1.0 / balance.scales.side(nodes.weight)))
     stress = np.maximum(stress, ROUND_OFF * moduli * far * fineness)
     # What supports take of a traction leaves its round-off in the directions that are free, and in the penetration.
     stress = np.maximum(stress, ROUND_OFF * largest(np.linalg.norm(nodes.traction, axis=1)))
     length = np.maximum(length, ROUND_OFF * largest(np.abs(nodes.pressure)) / law.gamma_n)
-    (u_n, slip), origin = nodes.traces(every, tools), np.zeros_like(nodes.shear)
+    (u_n, slip), origin = nodes.traces(nodal_displacements, tools), np.zeros_like(nodes.shear)
     if before is not None:  # what is added to it has its round-off
         last = ContactNodes.of(forces, sides, before.tractions)
         so_far = before.displacement.x.array.reshape(-1, dim)
@@ -296,23 +296,25 @@ def judged(
         slip, origin = nodes.along(slip), nodes.along(origin)
     # Most of the displacement that a relative one is the difference of may be common to two bodies.
     terms = ROUND_OFF * largest(nodes.terms(y))
-    penalty = terms * max((one for one in (law.gamma_n, law.gamma_t) if np.isfinite(one)), default=0.0)
+    penalty = terms * max((gamma for gamma in (law.gamma_n, law.gamma_t) if np.isfinite(gamma)), default=0.0)
     # With a larger gamma nothing is known of the tractions.
     strains = mean > LOST_UNITS * ROUND_OFF * moduli * far.max() / sizes
     penalty = np.where(strains, np.minimum(penalty, _ABOVE_THE_MEAN * mean), penalty)
     length, stress = np.maximum(length, terms), np.maximum(stress, penalty)
     stress = np.maximum(stress, ROUND_OFF * float(stress.max()))  # round-off of the joint system
     # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
-    still = FAINT * np.array([own.deflection(most) for own, most in zip(scales, stress, strict=True)])
-    units = Units(np.maximum(length, still), np.maximum(far, still), stress, penalty)
+    still = FAINT * np.array(
+        [piece_scales.deflection(largest_stress) for piece_scales, largest_stress in zip(scales, stress, strict=True)]
+    )
+    units = PieceScales(np.maximum(length, still), np.maximum(far, still), stress, penalty)
     points = units.between(*at)
-    found |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, supports, points)
+    figures |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, supports, points)
     left, unjudged = equilibrium(balance, pieces, y, nodes, units)
-    return Certificate(equilibrium=max(left, volume), unjudged=unjudged, **found)
+    return Certificate(equilibrium=max(left, volume), unjudged=unjudged, **figures)
 
 
 def contact_conditions(
-    nodes: ContactNodes, u_n: Nodal, slip: Nodal, origin: Nodal, law: Law, supports: Supports, units: Units
+    nodes: ContactNodes, u_n: Nodal, slip: Nodal, origin: Nodal, law: Law, supports: PrescribedNodes, units: PieceScales
 ) -> dict[str, float]:
     """How far contact points are from the law, the figures of ``Certificate`` by name; collective.
 
@@ -327,7 +329,7 @@ def contact_conditions(
     """
     pressure, shear, bilateral = nodes.pressure, nodes.rounded(nodes.shear, -1), nodes.bilateral
     comm, length, far, stress = nodes.evaluation.space.mesh.comm, units.length, units.far, units.stress
-    one = np.ones_like(stress)
+    unity = np.ones_like(stress)
     overlap, sheared = u_n - nodes.gap, np.linalg.norm(shear, axis=1)
     entered = overlap - pressure / law.gamma_n
     xi = slip - (shear - origin) / law.gamma_t
@@ -347,10 +349,10 @@ def contact_conditions(
     figures = {
         "negative_pressure": (-pressure[~bilateral], stress[~bilateral]),
         "friction_cone": (np.maximum(sheared - nodes.bound, excluded), stress),
-        "wrong_way_slip": (_smaller(slipped, length, astray, stress), one),
+        "wrong_way_slip": (_smaller(slipped, length, astray, stress), unity),
         "entered": (np.where(bilateral, np.abs(entered), entered), length),
-        "pressure_at_distance": (_smaller(distance, length, pressure, stress), one),
-        "slip_below_bound": (_smaller(slipped, length, nodes.bound - along, stress), one),
+        "pressure_at_distance": (_smaller(distance, length, pressure, stress), unity),
+        "slip_below_bound": (_smaller(slipped, length, nodes.bound - along, stress), unity),
         "penetration": (np.where(bilateral, np.abs(overlap), overlap), far),
         "complementarity": (np.abs(pressure * overlap), stress * far),
         "stick_slip": (

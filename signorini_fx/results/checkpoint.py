@@ -39,7 +39,7 @@ Figures = dict[str, Any]
 _FORMAT = 5
 _SCENE, _FIGURES, _NODES, _FIELD = "scene.json", "figures.json", "nodes.npz", "displacement.bin"
 # Nodes are the same if their positions agree to this share of the size of the body.
-_SAME = 1e-9
+_SAME_POSITION = 1e-9
 _ABSENT = "(absent)"
 
 
@@ -83,10 +83,10 @@ class Checkpoint:
             level: number of the mesh.
             step: number of the load step, from 0.
         """
-        found = self._complete.get((level, step))
-        if found is None:
+        figures = self._complete.get((level, step))
+        if figures is None:
             self._forget((level, step))
-        return found
+        return figures
 
     def read(
         self, level: int, step: int, space: fem.FunctionSpace, boundary: ContactBoundary, size: float
@@ -105,17 +105,17 @@ class Checkpoint:
         """
         folder = self._folder(level, step)
         displacement = fem.Function(space, name="displacement")
-        found: dict[str, Nodal] | None = None
+        contact_values: dict[str, Nodal] | None = None
         try:
             _read_field(folder / _FIELD, displacement)
             with np.load(folder / _NODES, allow_pickle=False) as file:
                 stored = {name: file[name] for name in file.files}
-            found = _placed(stored, boundary, displacement, size)
+            contact_values = _placed(stored, boundary, displacement, size)
         except (MPI.Exception, OSError, ValueError, KeyError):  # the step is solved again
-            found = None
-        if parallel.any_rank(self._comm, found is None) or found is None:
+            contact_values = None
+        if parallel.any_rank(self._comm, contact_values is None) or contact_values is None:
             return None
-        return displacement, found
+        return displacement, contact_values
 
     def write(
         self,
@@ -160,8 +160,8 @@ class Checkpoint:
                 named: dict[str, Any] = dict(zip(columns, pieces, strict=True))
                 with (part / _NODES).open("wb") as file:
                     np.savez(file, **named)
-                whole = {**figures, "files": dict(_digests(part, figures))}
-                (part / _FIGURES).write_text(json.dumps(whole), encoding="utf-8")
+                all_figures = {**figures, "files": dict(_digests(part, figures))}
+                (part / _FIGURES).write_text(json.dumps(all_figures), encoding="utf-8")
                 target = self._folder(level, step)
                 shutil.rmtree(target, ignore_errors=True)
                 manifest.add(self.path, [f"{target.name}/{name}" for name in manifest.files(part)])
@@ -176,11 +176,11 @@ class Checkpoint:
 
     def _refuse_foreign(self) -> None:
         try:
-            found = manifest.foreign(self.path.parent, [CHECKPOINT])
+            foreign_files = manifest.foreign(self.path.parent, [CHECKPOINT])
         except OSError as reason:
             raise cannot_be_written(self.path, reason) from None
-        if found:
-            raise OutputError(f"{self.path.parent}: {found[0]}: no earlier run lists this as its own: move it")
+        if foreign_files:
+            raise OutputError(f"{self.path.parent}: {foreign_files[0]}: no earlier run lists this as its own: move it")
 
     def _begin(self) -> None:
         """Make room for a load step; before the first one, remove what an earlier run has left."""
@@ -194,8 +194,8 @@ class Checkpoint:
                     manifest.begin_inner(self.path.parent, self.path.name)
                     manifest.add(self.path, [_SCENE], alone=True, inner=True)
                     described = _described(self._scene)
-                    told = {"format": _FORMAT, "scene": described, "digest": _digest_of(described)}
-                    (self.path / _SCENE).write_text(json.dumps(told), encoding="utf-8")
+                    description = {"format": _FORMAT, "scene": described, "digest": _digest_of(described)}
+                    (self.path / _SCENE).write_text(json.dumps(description), encoding="utf-8")
                 shutil.rmtree(self.path / manifest.PART, ignore_errors=True)
                 (self.path / manifest.PART).mkdir()
             except OSError as reason:
@@ -224,21 +224,24 @@ class Checkpoint:
         """The complete load steps on disk, and the damaged files; on one rank."""
         file = self.path / _SCENE
         try:
-            told = json.loads(file.read_text(encoding="utf-8"))
-            if told["format"] != _FORMAT:
+            description = json.loads(file.read_text(encoding="utf-8"))
+            if description["format"] != _FORMAT:
                 return {}, []
-            before = told["scene"]
-            if told["digest"] != _digest_of(before):
+            stored_scene = description["scene"]
+            if description["digest"] != _digest_of(stored_scene):
                 return {}, [file]
         except FileNotFoundError:
             return {}, []
         except (OSError, ValueError, KeyError, TypeError):
             return {}, [file]
-        differences = list(_differences(before, _described(self._scene)))
+        differences = list(_differences(stored_scene, _described(self._scene)))
         if differences:
-            again = f"restore it, or solve without restart, which removes {self.path}"
+            remedy = f"restore it, or solve without restart, which removes {self.path}"
             raise SceneError(
-                [(key, f"was {was} in the run to go on from, and is {now}: {again}") for key, was, now in differences]
+                [
+                    (key, f"was {was} in the run to go on from, and is {current}: {remedy}")
+                    for key, was, current in differences
+                ]
             )
         complete, damaged = {}, []
         for folder in sorted(self.path.glob("*-*")):
@@ -294,15 +297,15 @@ def _transfer(
     comm: MPI.Intracomm, path: Path, mode: int, numbers: npt.NDArray[np.int32], row: Any, values: Nodal
 ) -> None:
     """Write or read the rows with these numbers, all ranks together."""
-    place = row.Create_indexed_block(1, numbers) if numbers.size else row.Dup()
-    place.Commit()
+    filetype = row.Create_indexed_block(1, numbers) if numbers.size else row.Dup()
+    filetype.Commit()
     file = MPI.File.Open(comm, str(path), mode)
     try:
-        file.Set_view(0, MPI.DOUBLE, place)
+        file.Set_view(0, MPI.DOUBLE, filetype)
         (file.Read_all if mode == MPI.MODE_RDONLY else file.Write_all)([values, MPI.DOUBLE])
     finally:
         file.Close()
-        place.Free()
+        filetype.Free()
         row.Free()
 
 
@@ -336,11 +339,11 @@ def _size_of(displacement: fem.Function) -> float:
 
 def _described(scene: Scene) -> dict[str, Any]:
     """The scene as JSON with all defaults, its files by content, without what changes no result: title, remarks."""
-    told: dict[str, Any] = json.loads(json.dumps(describe(scene)))
-    told.pop("title", None)
-    told.pop("incomplete", None)
-    _add_contents(scene, told)
-    return told
+    description: dict[str, Any] = json.loads(json.dumps(describe(scene)))
+    description.pop("title", None)
+    description.pop("incomplete", None)
+    _add_contents(scene, description)
+    return description
 
 
 def _digest(path: Path) -> str:
@@ -348,37 +351,37 @@ def _digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _add_contents(given: Any, told: Any) -> None:
+def _add_contents(scene_part: Any, description: Any) -> None:
     """Add to every table that names a file, of a mesh, a shape or a temperature, what tells its content.
 
     Args:
-        given: the scene, or a part of it.
-        told: the same as JSON, where of a file there is the name alone.
+        scene_part: the scene, or a part of it.
+        description: the same as JSON, where of a file there is the name alone.
     """
-    if isinstance(told, list):
-        for one, entry in zip(given, told, strict=True):
-            _add_contents(one, entry)
-    elif isinstance(told, dict) and isinstance(given, BaseModel):
-        if isinstance(path := getattr(given, "file", None), Path):
+    if isinstance(description, list):
+        for inner_part, entry in zip(scene_part, description, strict=True):
+            _add_contents(inner_part, entry)
+    elif isinstance(description, dict) and isinstance(scene_part, BaseModel):
+        if isinstance(path := getattr(scene_part, "file", None), Path):
             try:
-                told["content"] = " ".join(map(_digest, files_of(path)))
+                description["content"] = " ".join(map(_digest, files_of(path)))
             except (OSError, MeshError):
-                told["content"] = "unreadable"
-        for key, entry in told.items():
-            _add_contents(getattr(given, key, None), entry)
+                description["content"] = "unreadable"
+        for key, entry in description.items():
+            _add_contents(getattr(scene_part, key, None), entry)
 
 
-def _differences(before: Any, now: Any, key: str = "") -> Iterator[tuple[str, str, str]]:
+def _differences(stored: Any, current: Any, key: str = "") -> Iterator[tuple[str, str, str]]:
     """Every key whose value differs, with both values."""
-    if isinstance(before, dict) and isinstance(now, dict):
-        for name in dict.fromkeys((*before, *now)):
+    if isinstance(stored, dict) and isinstance(current, dict):
+        for name in dict.fromkeys((*stored, *current)):
             inner = f"{key}.{name}" if key else str(name)
-            yield from _differences(before.get(name, _ABSENT), now.get(name, _ABSENT), inner)
-    elif isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
-        for place, (one, other) in enumerate(zip(before, now, strict=True)):
-            yield from _differences(one, other, f"{key}[{place}]")
-    elif before != now:
-        yield key, json.dumps(before), json.dumps(now)
+            yield from _differences(stored.get(name, _ABSENT), current.get(name, _ABSENT), inner)
+    elif isinstance(stored, list) and isinstance(current, list) and len(stored) == len(current):
+        for index, (stored_entry, current_entry) in enumerate(zip(stored, current, strict=True)):
+            yield from _differences(stored_entry, current_entry, f"{key}[{index}]")
+    elif stored != current:
+        yield key, json.dumps(stored), json.dumps(current)
 
 
 def _placed(
@@ -395,12 +398,16 @@ def _placed(
     row: npt.NDArray[np.int64] = np.zeros(boundary.size, dtype=np.int64)
     far = float(np.abs(stored["y"]).max(initial=0.0)) or 1.0
     for number in np.unique(boundary.part):
-        here, there = boundary.part == number, np.flatnonzero(part == number)
-        if not there.size:
+        on_part, stored_rows = boundary.part == number, np.flatnonzero(part == number)
+        if not stored_rows.size:
             return None
-        tree = cKDTree(np.column_stack((stored["x"][there] / size, _SAME * stored["y"][there] / far)))
-        distance, nearest = tree.query(np.column_stack((boundary.x[here] / size, _SAME * moved[here] / far)))
-        if (distance > _SAME).any():
+        tree = cKDTree(
+            np.column_stack((stored["x"][stored_rows] / size, _SAME_POSITION * stored["y"][stored_rows] / far))
+        )
+        distance, nearest = tree.query(
+            np.column_stack((boundary.x[on_part] / size, _SAME_POSITION * moved[on_part] / far))
+        )
+        if (distance > _SAME_POSITION).any():
             return None
-        row[here] = there[nearest]
+        row[on_part] = stored_rows[nearest]
     return {name: values[row] for name, values in stored.items() if name not in ("part", "x", "y")}

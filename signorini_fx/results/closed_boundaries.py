@@ -50,24 +50,24 @@ def turning_of(scene: Scene, contact: ContactState) -> list[Turning | None]:
 
 def _of_part(contact: ContactState, part: int) -> Turning | None:
     boundary, comm = contact.boundary, contact.boundary.comm
-    here = boundary.part == part
-    weight, x, normal = boundary.weight[here], boundary.centre[here], boundary.normal[here]
+    on_part = boundary.part == part
+    weight, x, normal = boundary.weight[on_part], boundary.centre[on_part], boundary.normal[on_part]
     dim = x.shape[1]
     ones = np.ones((len(x), 1))
-    sums = np.concatenate((x, normal, ones, contact.pressure[here, None]), axis=1)
+    sums = np.concatenate((x, normal, ones, contact.pressure[on_part, None]), axis=1)
     total = parallel.global_sum(comm, weight @ sums)
     area = float(total[2 * dim])
     if not np.linalg.norm(total[dim : 2 * dim]) < _CLOSED * area:
         return None
     arm = x - total[:dim] / area
-    force = -boundary.nodal_forces(np.zeros_like(contact.pressure), contact.shear)[here]
+    force = -boundary.nodal_forces(np.zeros_like(contact.pressure), contact.shear)[on_part]
     moment = parallel.global_sum(comm, _cross(arm, force).sum(axis=0))
     size = float(np.linalg.norm(moment))
     turn = moment / size if size > 0 else np.eye(len(moment))[-1]
     way = np.column_stack((-arm[:, 1], arm[:, 0])) * turn if dim == 2 else np.cross(turn, arm)
-    reach = np.linalg.norm(np.einsum("nij,ni->nj", boundary.tangents[here], way), axis=1)
-    most = weight * np.where(reach > 0, contact.bound[here] * reach, 0.0)
-    return Turning(float(total[-1]), moment, float(parallel.global_sum(comm, np.array(most.sum()))))
+    reach = np.linalg.norm(np.einsum("nij,ni->nj", boundary.tangents[on_part], way), axis=1)
+    largest_moments = weight * np.where(reach > 0, contact.bound[on_part] * reach, 0.0)
+    return Turning(float(total[-1]), moment, float(parallel.global_sum(comm, np.array(largest_moments.sum()))))
 
 
 def friction_in_words(row: dict[str, Any]) -> str:

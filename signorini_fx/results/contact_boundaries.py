@@ -64,23 +64,23 @@ def contact_figures(scene: Scene, contact: ContactState) -> list[ContactFigures]
     """The figures of each contact boundary, in the order of the scene; collective."""
     boundary, comm = contact.boundary, contact.boundary.comm
     shear = -boundary.nodal_forces(np.zeros_like(contact.pressure), contact.shear)
-    found = []
-    every = turning_of(scene, contact)
-    for part, (effect, turning) in enumerate(zip(scene.contact, every, strict=True)):
-        here = boundary.part == part
-        weight, pressure = boundary.weight[here], contact.pressure[here]
+    figures = []
+    turnings = turning_of(scene, contact)
+    for part, (effect, turning) in enumerate(zip(scene.contact, turnings, strict=True)):
+        on_part = boundary.part == part
+        weight, pressure = boundary.weight[on_part], contact.pressure[on_part]
         sums = np.array(
-            [weight.sum(), weight @ contact.in_contact[here], weight @ pressure, weight @ contact.bound[here]]
+            [weight.sum(), weight @ contact.in_contact[on_part], weight @ pressure, weight @ contact.bound[on_part]]
         )
-        total = parallel.global_sum(comm, np.concatenate((sums, shear[here].sum(axis=0))))
+        total = parallel.global_sum(comm, np.concatenate((sums, shear[on_part].sum(axis=0))))
         area, touching, normal, limit = map(float, total[:4])
         tangential = float(np.linalg.norm(total[4:]))
         if tangential <= _ROUND_OFF * max(abs(normal), limit if np.isfinite(limit) else 0.0):
             tangential = 0.0
         if boundary.ellipse is not None and 0 < limit < np.inf:
             reached = total[4:] if tangential else np.zeros(3)
-            limit = _largest_resultant(boundary.tangents[here], weight * contact.bound[here], reached, comm)
-        found.append(
+            limit = _largest_resultant(boundary.tangents[on_part], weight * contact.bound[on_part], reached, comm)
+        figures.append(
             ContactFigures(
                 boundary=effect.boundary,
                 area=area,
@@ -96,7 +96,7 @@ def contact_figures(scene: Scene, contact: ContactState) -> list[ContactFigures]
                 moment_limit=None if turning is None else turning.limit,
             )
         )
-    return found
+    return figures
 
 
 def _largest_resultant(tangents: Array, bound: Array, resultant: Array, comm: MPI.Comm) -> float:

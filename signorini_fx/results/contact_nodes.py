@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from signorini_fx import parallel
 from signorini_fx.results.promised_law import Tractions
-from signorini_fx.results.supports import Supports
+from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.tool_motion import ToolMotion
 
@@ -126,11 +126,11 @@ class ContactNodes:
                 least = _ROUND_OFF * parallel.largest(forces.space.mesh.comm, weight)
             nodes = np.flatnonzero(weight > least)
             normal = outward[nodes] if side.direction is None else side.direction(nodes)
-            here = np.flatnonzero(np.asarray(tractions.part) == part)
-            here = here[np.argsort(np.asarray(tractions.nodes)[here], kind="stable")]
-            unmatched |= not np.array_equal(np.asarray(tractions.nodes)[here], nodes)
+            rows = np.flatnonzero(np.asarray(tractions.part) == part)
+            rows = rows[np.argsort(np.asarray(tractions.nodes)[rows], kind="stable")]
+            unmatched |= not np.array_equal(np.asarray(tractions.nodes)[rows], nodes)
             pressure, shear = (
-                (values[here] if not unmatched else np.zeros((nodes.size, *values.shape[1:])))
+                (values[rows] if not unmatched else np.zeros((nodes.size, *values.shape[1:])))
                 for values in (tractions.pressure, tractions.shear)
             )
             if side.claim is None and spread:
@@ -149,20 +149,20 @@ class ContactNodes:
         if parallel.any_rank(forces.space.mesh.comm, unmatched):
             raise ValueError("the tractions are not those of the contact nodes of the scene")
         counts = [len(column[0]) for column in columns]
-        nodes, *rest = (np.concatenate(column) for column in zip(*columns, strict=True))
-        weight, normal, gap, bound, bilateral, pressure, shear = rest
+        nodes, *remaining = (np.concatenate(column) for column in zip(*columns, strict=True))
+        weight, normal, gap, bound, bilateral, pressure, shear = remaining
         held = spread or None
         claims = [side.claim for side in sides] if any(side.claim is not None for side in sides) else None
-        found = cls(forces, nodes, weight, normal, gap, bound, bilateral, pressure, shear, held, counts, claims)
+        contact_nodes = cls(forces, nodes, weight, normal, gap, bound, bilateral, pressure, shear, held, counts, claims)
         if all(side.ellipse is None for side in sides):
-            return found
+            return contact_nodes
         across, ratio = np.zeros_like(normal), np.ones(nodes.size)
-        for side, points in zip(sides, found._parts(), strict=True):
+        for side, points in zip(sides, contact_nodes._parts(), strict=True):
             if side.ellipse is not None:
                 along, ratio[points] = side.ellipse(nodes[points])
                 across[points] = np.cross(normal[points], along)
                 across[points] /= np.linalg.norm(across[points], axis=1, keepdims=True)
-        return replace(found, across=across, ratio=ratio)
+        return replace(contact_nodes, across=across, ratio=ratio)
 
     def rounded(self, vectors: Nodal, power: int) -> Nodal:
         """Tangential vectors, shape (n, d), with their part across the direction of friction times r^power: with -1
@@ -182,28 +182,31 @@ class ContactNodes:
         """Pressure and shear as one vector, stress, shape (n, d)."""
         return np.asarray(self.pressure[:, None] * self.normal + self.shear)
 
-    def traces(self, every: Nodal, tools: Sequence[ToolMotion] = ()) -> tuple[Nodal, Nodal]:
+    def traces(self, displacements: Nodal, tools: Sequence[ToolMotion] = ()) -> tuple[Nodal, Nodal]:
         """(tau_N y, tau_T y) of displacements with ghosts, shape (nodes, d), relative to tools that have moved; the
         latter as a vector, shape (n, d).
         """
-        here, moved = self._at(every), {tool.part: tool for tool in tools}
+        relative, moved = self._at(displacements), {tool.part: tool for tool in tools}
         for claim, part in self._paired():
-            here[part] = claim.relative(every[: self.evaluation.owned])
+            relative[part] = claim.relative(displacements[: self.evaluation.owned])
         for number, part in enumerate(self._parts()):
             if number in moved:
-                here[part] -= self._at(moved[number].at(self._x))[part]
-        return np.sum(here * self.normal, axis=1), self.along(here)
+                relative[part] -= self._at(moved[number].at(self._x))[part]
+        return np.sum(relative * self.normal, axis=1), self.along(relative)
 
     @property
     def _x(self) -> Nodal:
         """Positions of the nodes with ghosts, length, shape (nodes, d)."""
         return np.asarray(self.evaluation.at_nodes[:, : self.normal.shape[1]])
 
-    def _at(self, every: Nodal) -> Nodal:
+    def _at(self, nodal_values: Nodal) -> Nodal:
         """Values of nodes with ghosts, shape (nodes, d), at the points of one body, shape (n, d)."""
         if self.spread is None:
-            return np.array(every[self.nodes])
-        sums = [every if products is None else self.evaluation.over_ranks(products @ every) for products in self.spread]
+            return np.array(nodal_values[self.nodes])
+        sums = [
+            nodal_values if products is None else self.evaluation.over_ranks(products @ nodal_values)
+            for products in self.spread
+        ]
         return np.asarray(self._at_points(sums) / self.weight[:, None])
 
     def pieces(self, of_node: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
@@ -213,10 +216,10 @@ class ContactNodes:
         Args:
             of_node: the piece that each owned node is in.
         """
-        other = np.full(self.nodes.size, -1, dtype=np.int64)
+        opposite = np.full(self.nodes.size, -1, dtype=np.int64)
         for claim, part in self._paired():
-            other[part] = claim.on_other_side(of_node)
-        return of_node[self.nodes], other
+            opposite[part] = claim.on_other_side(of_node)
+        return of_node[self.nodes], opposite
 
     def part(self, number: int) -> slice:
         """The points of one contact boundary."""
@@ -244,58 +247,58 @@ class ContactNodes:
         """The sums of the magnitudes of what relative displacements of two bodies are added up of, 0 at points on a
         rigid foundation, length, shape (n,), from displacements of shape (owned nodes, d).
         """
-        found = np.zeros(self.nodes.size)
+        magnitudes = np.zeros(self.nodes.size)
         for claim, part in self._paired():
-            found[part] = np.linalg.norm(claim.terms(owned), axis=1)
-        return found
+            magnitudes[part] = np.linalg.norm(claim.terms(owned), axis=1)
+        return magnitudes
 
     def forces(self) -> tuple[npt.NDArray[np.int64], Nodal, Nodal]:
         """What the tractions do to the body: the local nodes that they act on, shape (m,), the forces on them, shape
         (m, d), and the area that a node stands for, shape (m,); a node of two boundaries is there twice.
         """
         traction = self.traction
-        found = [claim.forces(traction[part], self.evaluation.owned) for claim, part in self._paired()]
+        groups = [claim.forces(traction[part], self.evaluation.owned) for claim, part in self._paired()]
         if self.spread is None:
             alone = self._of_one_body()
-            found.append((self.nodes[alone], (self.weight[:, None] * traction)[alone], self.weight[alone]))
-        for products, here in zip(self.spread or [], self._parts() if self.spread else [], strict=True):
+            groups.append((self.nodes[alone], (self.weight[:, None] * traction)[alone], self.weight[alone]))
+        for products, points in zip(self.spread or [], self._parts() if self.spread else [], strict=True):
             if products is None:
                 continue
             at_nodes = np.zeros((self.evaluation.owned, traction.shape[1]))
-            at_nodes[self.nodes[here]] = traction[here]
+            at_nodes[self.nodes[points]] = traction[points]
             force = self.evaluation.over_ranks(products.T @ self.evaluation.with_ghosts(at_nodes))
             area = _sums(self.evaluation, abs(products).sum(axis=0))
             reached = np.flatnonzero(area > 0)
-            found.append((reached, force[reached], area[reached]))
-        nodes, forces, area = (np.concatenate(column) for column in zip(*found, strict=True))
+            groups.append((reached, force[reached], area[reached]))
+        nodes, forces, area = (np.concatenate(column) for column in zip(*groups, strict=True))
         return nodes, forces, area
 
-    def felt(self, supports: Supports) -> Nodal:
+    def felt(self, supports: PrescribedNodes) -> Nodal:
         """The larger of pressure and shear without what supports take of them, stress, shape (n,).
 
         A support may press a node into the foundation: the resulting penalty pressure is not a scale for other nodes.
         Neither is a part of the one that the other undoes.
         """
         tractions = self.pressure[:, None] * self.normal, self.shear
-        *alone, both = (
+        *alone, combined = (
             np.linalg.norm(self._movable(part, supports), axis=1) for part in (*tractions, np.add(*tractions))
         )
-        return np.minimum(np.maximum(*alone), both)
+        return np.minimum(np.maximum(*alone), combined)
 
-    def immovable(self, supports: Supports) -> npt.NDArray[np.bool_]:
+    def immovable(self, supports: PrescribedNodes) -> npt.NDArray[np.bool_]:
         """Points that cannot move along their normal, because what is free at them is across it."""
         return np.asarray(np.max(np.abs(self._movable(self.normal, supports)), axis=1, initial=0.0) <= _ALONG)
 
-    def _movable(self, vectors: Nodal, supports: Supports) -> Nodal:
+    def _movable(self, vectors: Nodal, supports: PrescribedNodes) -> Nodal:
         """The part of vectors at the points that is along directions in which something can move, shape (n, d)."""
-        found = (
+        movable = (
             supports.left(vectors, self.nodes) if self.spread is None else vectors * self._any_of(supports.movable())
         )
         for claim, part in self._paired():
-            found[part] = vectors[part] * claim.moved(supports.movable())
-        return found
+            movable[part] = vectors[part] * claim.moved(supports.movable())
+        return movable
 
-    def coupling_error(self, supports: Supports, y: Nodal) -> float:
+    def coupling_error(self, supports: PrescribedNodes, y: Nodal) -> float:
         """The largest error of what the solver says of pairs of bodies.
 
         Args:
@@ -313,10 +316,10 @@ class ContactNodes:
     @property
     def shear_across(self) -> Nodal:
         """The shear across planes of symmetry, of which there is none, stress, shape (n, d)."""
-        found = np.zeros_like(self.shear)
+        across = np.zeros_like(self.shear)
         for claim, part in self._paired():
-            found[part] = np.einsum("nij,nj->ni", claim.across, self.shear[part])
-        return found
+            across[part] = np.einsum("nij,nj->ni", claim.across, self.shear[part])
+        return across
 
     def _paired(self) -> list[tuple[Claim, slice]]:
         """The pairs of bodies, and which points are theirs."""
@@ -325,25 +328,28 @@ class ContactNodes:
 
     def _of_one_body(self) -> npt.NDArray[np.bool_]:
         """The points on a rigid foundation, shape (n,)."""
-        found = np.ones(self.nodes.size, dtype=bool)
+        on_rigid = np.ones(self.nodes.size, dtype=bool)
         for _, part in self._paired():
-            found[part] = False
-        return found
+            on_rigid[part] = False
+        return on_rigid
 
     def _any_of(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Whether a node that a point averages over has a flag, shape (n, d)."""
         if self.spread is None:
             return flags[self.nodes]
-        every = self.evaluation.with_ghosts(flags.astype(np.float64))
+        nodal_flags = self.evaluation.with_ghosts(flags.astype(np.float64))
         shares = [
-            every if products is None else self.evaluation.over_ranks(abs(products) @ every) for products in self.spread
+            nodal_flags if products is None else self.evaluation.over_ranks(abs(products) @ nodal_flags)
+            for products in self.spread
         ]
         share = self._at_points(shares)
         return np.asarray(share > _ROUND_OFF * self.weight[:, None])
 
     def _at_points(self, of_parts: list[Nodal]) -> Nodal:
         """What each contact boundary has at its own points."""
-        return np.concatenate([values[self.nodes[here]] for values, here in zip(of_parts, self._parts(), strict=True)])
+        return np.concatenate(
+            [values[self.nodes[points]] for values, points in zip(of_parts, self._parts(), strict=True)]
+        )
 
     def _parts(self) -> list[slice]:
         ends = np.cumsum([0, *self.counts])

@@ -41,25 +41,25 @@ def sides_of(
         from signorini_fx.results.paired_claim import claim_of
 
         paired = pairs_of(scene, tagged, space) if pairs is None else pairs
-        for place, pair in paired.items():
-            effect = scene.contact[place]
+        for part, pair in paired.items():
+            effect = scene.contact[part]
             slave, master = map(tagged.facets, (effect.boundary, str(effect.against)))
-            claims[place] = claim_of(pair, space, (slave, master), nominal=not _by_geometry(effect))
+            claims[part] = claim_of(pair, space, (slave, master), nominal=not _by_geometry(effect))
     x = node_positions(space)[:, : space.mesh.geometry.dim]
 
-    def side(place: int, effect: Any) -> ContactSide:
+    def side(part: int, effect: Any) -> ContactSide:
         bonded = isinstance(effect, BondedContact)
 
         gap = effect.gap_in(tagged.dimension)
 
         def along(nodes: npt.NDArray[Any]) -> Nodal:
-            found = np.zeros((nodes.size, x.shape[1]))  # the rest is around the axis
-            found[:, : tagged.dimension] = (
+            directions = np.zeros((nodes.size, x.shape[1]))  # the rest is around the axis
+            directions[:, : tagged.dimension] = (
                 np.asarray(effect.direction) / np.linalg.norm(effect.direction)
                 if effect.surface is None
                 else gap.direction(in_space(x[nodes])).T
             )
-            return found
+            return directions
 
         return ContactSide(
             effect.boundary,
@@ -72,7 +72,7 @@ def sides_of(
             bonded or isinstance(effect, BilateralContact),
             None if effect.direction is None and effect.surface is None else along,
             2 * np.pi * np.maximum(x[:, 0], 0.0) if scene.axisymmetric else None,
-            claim=claims.get(place),
+            claim=claims.get(part),
             by_geometry=_by_geometry(effect),
             adjust=effect.adjust,
             ellipse=None
@@ -80,7 +80,7 @@ def sides_of(
             else lambda nodes: effect.friction.ellipse(in_space(x[nodes])),
         )
 
-    return [side(place, effect) for place, effect in enumerate(scene.contact)]
+    return [side(part, effect) for part, effect in enumerate(scene.contact)]
 
 
 def _by_geometry(effect: Any) -> bool:

@@ -15,15 +15,15 @@ ENTERS = "a load that enters the contact depends on what opens"
 _MOST_COMPONENTS = 1200
 
 
-def contact_stiffness(d: Discretisation, place: float | None = None) -> tuple[Nodal, Nodal] | str:
+def contact_stiffness(d: Discretisation, step: float | None = None) -> tuple[Nodal, Nodal] | str:
     """The stiffness and the contact map for ``uniqueness_of``, with Coulomb friction; or why there is no proof.
 
     Args:
         d: the discretised scene.
-        place: of the load step in the lists of factors; None: the last one.
+        step: of the load step in the lists of factors; None: the last one.
     """
-    law, there = d.law, d.scene.steps - 1 if place is None else place
-    by_force = any(one.acts and one.force_at(d.scene, there) is not None for one in d.scene.of(SectionJump))
+    law, load_step = d.law, d.scene.steps - 1 if step is None else step
+    by_force = any(jump.acts and jump.force_at(d.scene, load_step) is not None for jump in d.scene.of(SectionJump))
     assert law is not None
     for wrong, reason in (
         (bool(d.scene.joint_loads), ENTERS),

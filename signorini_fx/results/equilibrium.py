@@ -13,7 +13,7 @@ from signorini_fx import parallel
 from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.results.contact_nodes import ContactNodes
 from signorini_fx.results.rigid_part import RigidPart
-from signorini_fx.results.supports import Supports
+from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.scales import Scales
 
@@ -50,7 +50,7 @@ class Balance:
     surface: SurfaceQuadrature
     internal: Nodal
     external: Nodal
-    supports: Supports
+    supports: PrescribedNodes
     scales: Scales
     stiffest: Scales
     resisted: Nodal
@@ -64,10 +64,10 @@ class Balance:
             return [self.scales], [self.stiffest]
         sizes = map(float, pieces.size)
         scales = [replace(self.scales, size=size) for size in sizes]
-        return scales, [replace(own, modulus=self.stiffest.modulus) for own in scales]
+        return scales, [replace(piece_scales, modulus=self.stiffest.modulus) for piece_scales in scales]
 
 
-class Units(NamedTuple):
+class PieceScales(NamedTuple):
     """What figures are relative to, for each piece or each point: a length of the deformation, of the displacement, and
     a stress; the latter is at least ``penalty``, of which the round-off of a regularised law of two bodies is a
     tolerated share.
@@ -78,7 +78,7 @@ class Units(NamedTuple):
     stress: Nodal
     penalty: Nodal
 
-    def between(self, piece: Numbers, other: Numbers) -> Units:
+    def between(self, piece: Numbers, other: Numbers) -> PieceScales:
         """Those of points on a piece and another one, -1: on a rigid foundation, from those of pieces.
 
         A stress is that of the piece with the smaller one: forces that press the other one elsewhere say nothing of
@@ -87,11 +87,11 @@ class Units(NamedTuple):
         rigid = other < 0
         length, far, _, penalty = (np.maximum(values[piece], np.where(rigid, 0.0, values[other])) for values in self)
         smaller = np.minimum(self.stress[piece], np.where(rigid, np.inf, self.stress[other]))
-        return Units(length, far, np.maximum(smaller, penalty), penalty)
+        return PieceScales(length, far, np.maximum(smaller, penalty), penalty)
 
 
 def equilibrium(
-    balance: Balance, pieces: RigidPart, y: Nodal, nodes: ContactNodes | None, units: Units
+    balance: Balance, pieces: RigidPart, y: Nodal, nodes: ContactNodes | None, units: PieceScales
 ) -> tuple[float, tuple[int, ...]]:
     """The residual of (3.3a) in the free unknowns, of each piece and of the worst contact node as a stress; collective.
 
@@ -112,10 +112,13 @@ def equilibrium(
     comm, supports = balance.surface.space.mesh.comm, balance.supports
     _, stiffest = balance.of_pieces(pieces)
     spacing = [
-        own.spacing(int(many)) for own, many in zip(stiffest, pieces.works(np.ones((len(y), 1)))[:, 0], strict=True)
+        piece_scales.spacing(int(many))
+        for piece_scales, many in zip(stiffest, pieces.works(np.ones((len(y), 1)))[:, 0], strict=True)
     ]
     # A motion without stress, or without change of volume, has forces too: round-off of the largest modulus.
-    firmness = np.array([own.stiffness(one) for own, one in zip(stiffest, spacing, strict=True)])
+    firmness = np.array(
+        [piece_scales.stiffness(distance) for piece_scales, distance in zip(stiffest, spacing, strict=True)]
+    )
     least = ROUND_OFF * firmness * pieces.norms(y)
     loads = balance.external + balance.initial
     acting = [supports.left(loads), supports.left(balance.resisted)]
@@ -137,15 +140,17 @@ def equilibrium(
     residual = supports.left(residual)
     digits = LOST_UNITS * np.finfo(float).eps
     missing = pieces.norms(residual) - digits * least / ROUND_OFF
-    whole = max(map(ratio, missing, force))
+    residual_share = max(map(ratio, missing, force))
     if nodes is None:
-        return whole, unjudged
+        return residual_share, unjudged
     # The stress at a node is known to the digits of loads, and of the displacement over the length of its side.
-    here, load = pieces.piece[reached], pieces.largest(np.linalg.norm(loads, axis=1))
-    modulus = np.array([own.modulus for own in stiffest])
-    least_stress = digits * ((modulus * units.far)[here] / balance.stiffest.side(area) + load[here] / area)
+    reached_piece, load = pieces.piece[reached], pieces.largest(np.linalg.norm(loads, axis=1))
+    modulus = np.array([piece_scales.modulus for piece_scales in stiffest])
+    least_stress = digits * (
+        (modulus * units.far)[reached_piece] / balance.stiffest.side(area) + load[reached_piece] / area
+    )
     unbalanced = np.linalg.norm(residual[reached], axis=1) / area - least_stress
-    return max(whole, share(comm, unbalanced, units.stress[here])), unjudged
+    return max(residual_share, share(comm, unbalanced, units.stress[reached_piece])), unjudged
 
 
 def change_of_volume(balance: Balance, far: float, strain_energy: float) -> float:
@@ -173,8 +178,8 @@ def _norm(comm: MPI.Comm, values: Nodal) -> float:
     return float(np.sqrt(parallel.global_sum(comm, np.sum(values**2))))
 
 
-def ratio(part: float, whole: float) -> float:
+def ratio(part: float, total: float) -> float:
     """Nothing is a share of nothing, and what is not is more than any share of it; negative parts count as nothing."""
     if part <= 0:
         return 0.0
-    return float(part / whole) if whole > 0 else np.inf
+    return float(part / total) if total > 0 else np.inf

@@ -87,25 +87,25 @@ def write_fields(solution: Solution, folder: Path, kind: str) -> list[str]:
         for moment, time in zip(moments, times, strict=True):
             for name, function in _fields(moment, kind).items():
                 written[name].x.array[:] = function.x.array
-            for one in write:
-                one(time)
+            for write_step in write:
+                write_step(time)
     return files
 
 
 def _fields(solution: Solution, kind: str) -> dict[str, fem.Function]:
     """Every field under its name; in functions of their own, which may be overwritten."""
-    found = solution.stress
+    stress = solution.stress
     fields = {
         "displacement": solution.displacement,
-        "stress": found.tensor,
-        "von_mises": found.von_mises,
-        "principal_stresses": found.principal,
-        "density": found.shear_energy_density,
+        "stress": stress.tensor,
+        "von_mises": stress.von_mises,
+        "principal_stresses": stress.principal,
+        "density": stress.shear_energy_density,
     }
     # The same fields in all load steps: those of recovery need finite values, which only a failed first step lacks.
     values = solution.displacement.x.array
     if not parallel.any_rank(solution.comm, not np.isfinite(values).all()):
-        fields |= {"recovered_stress": found.recovered.tensor, "recovered_von_mises": found.recovered.von_mises}
+        fields |= {"recovered_stress": stress.recovered.tensor, "recovered_von_mises": stress.recovered.von_mises}
     if kind == VTU:
         return {name: _in_cells(solution, function, name) for name, function in fields.items()}
     displacement = fem.Function(solution.displacement.function_space, name=solution.displacement.name)
@@ -123,6 +123,6 @@ def _in_cells(solution: Solution, function: fem.Function, name: str) -> fem.Func
     d = solution.discretisation
     degree, shape = max(solution.scene.element.degree, 1), function.ufl_shape
     element = ("DG", degree, shape) if shape else ("DG", degree)
-    found = fem.Function(fem.functionspace(d.tagged.mesh, element), name=name)
-    found.interpolate(function)
-    return found
+    interpolated = fem.Function(fem.functionspace(d.tagged.mesh, element), name=name)
+    interpolated.interpolate(function)
+    return interpolated

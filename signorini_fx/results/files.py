@@ -284,16 +284,16 @@ def _contact_by_step(solution: Solution) -> list[dict[str, Any]]:
     Returns:
         One dictionary for each load step on the first rank, none on the others.
     """
-    found: list[dict[str, Any]] = []
+    tables: list[dict[str, Any]] = []
     for result in solution.shown_steps:
         if result.contact is not None:
             columns = contact_table(result.contact, *solution.scene.sides).columns
             first = [name for name in _LEADING_COLUMNS if name in columns]
-            rest = [name for name in columns if name not in (*first, *_CONSTANT_COLUMNS)]
+            trailing = [name for name in columns if name not in (*first, *_CONSTANT_COLUMNS)]
             if parallel.is_root(solution.comm):
                 steps = np.full(len(columns["x"]), result.step)
-                found.append({"step": steps, **{name: columns[name] for name in (*first, *rest)}})
-    return found
+                tables.append({"step": steps, **{name: columns[name] for name in (*first, *trailing)}})
+    return tables
 
 
 def describe(value: Any, without: tuple[str, ...] = ()) -> Any:

@@ -71,19 +71,19 @@ class FixedPoint:
         )
 
 
-def fixed_point(d: Discretisation, contact: ContactState, place: float | None = None) -> FixedPoint:
+def fixed_point(d: Discretisation, contact: ContactState, step: float | None = None) -> FixedPoint:
     """The distance of a solution with Coulomb friction from the fixed point.
 
     Args:
         d: the discretised scene.
         contact: its contact nodes in the solution.
-        place: of the load step in the lists of factors; None: the last one.
+        step: of the load step in the lists of factors; None: the last one.
     """
-    law, found = d.law, contact_stiffness(d, place)
+    law, stiffness = d.law, contact_stiffness(d, step)
     assert law is not None
-    if isinstance(found, str):
-        return FixedPoint(np.inf, reason=found)
-    rough = components(*found, law)
+    if isinstance(stiffness, str):
+        return FixedPoint(np.inf, reason=stiffness)
+    rough = components(*stiffness, law)
     if isinstance(rough, str):
         return FixedPoint(np.inf, reason=rough)
     often = min(_EVALUATIONS, 1 + int(_WORK / len(rough.stiffness) ** 3))

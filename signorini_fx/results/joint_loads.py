@@ -16,7 +16,7 @@ from signorini_fx.body.assembly import facet_nodes
 from signorini_fx.body.joint_pressure import Flags
 from signorini_fx.results.contact_nodes import ContactNodes, ContactSide
 from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.results.promised_law import Before, Tractions
+from signorini_fx.results.promised_law import PreviousStep, Tractions
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -30,20 +30,20 @@ def forces_of_joint_loads(forces: NodalForces, sides: Sequence[ContactSide], tra
     assert tractions.joint is not None
     alone = replace(tractions, pressure=tractions.joint.pressure, shear=np.zeros_like(tractions.shear))
     reached, pushing, _ = ContactNodes.of(forces, sides, alone).forces()
-    found = np.zeros((forces.owned, forces.dimension))
-    np.subtract.at(found, reached, pushing)
-    return found
+    joint_forces = np.zeros((forces.owned, forces.dimension))
+    np.subtract.at(joint_forces, reached, pushing)
+    return joint_forces
 
 
 def forces_entered(
-    forces: NodalForces, sides: Sequence[ContactSide], tractions: Tractions, place: float, before: Before | None
+    forces: NodalForces, sides: Sequence[ContactSide], tractions: Tractions, step: float, previous: PreviousStep | None
 ) -> Array:
     """The same of loads that have entered; of one that has not there are none: they leave the body unbalanced."""
-    found = forces_of_joint_loads(forces, sides, tractions)
-    return np.zeros_like(found) if astray(forces, tractions, place, before) else found
+    joint_forces = forces_of_joint_loads(forces, sides, tractions)
+    return np.zeros_like(joint_forces) if astray(forces, tractions, step, previous) else joint_forces
 
 
-def astray(forces: NodalForces, tractions: Tractions, place: float, before: Before | None = None) -> bool:
+def astray(forces: NodalForces, tractions: Tractions, step: float, previous: PreviousStep | None = None) -> bool:
     """Whether loads within contact are not where they have come to, or do not have their pressure; collective.
 
     - They are where they were at the end of the last load step, and where they enter.
@@ -56,10 +56,10 @@ def astray(forces: NodalForces, tractions: Tractions, place: float, before: Befo
     Args:
         forces: of the scene on its mesh.
         tractions: those of the contact; a point is open where its pressure is not positive.
-        place: the load step, or a place between two.
-        before: the end of the last load step; None: there is none.
+        step: the load step, or a place between two.
+        previous: the end of the last load step; None: there is none.
     """
-    return any(_astray(forces, tractions, place, part, before) for part in range(len(forces.scene.contact)))
+    return any(_astray(forces, tractions, step, part, previous) for part in range(len(forces.scene.contact)))
 
 
 @dataclass(frozen=True)
@@ -85,15 +85,15 @@ class _Joint:
     def flooded(self, reached: Flags, passing: Flags) -> Flags:
         """The nodes that are reached from others through nodes that let pass, shape (nodes,)."""
         facet, node = self.parts(passing)
-        found = reached.copy()
-        found[self.facets[np.isin(facet, node[reached & passing])]] = True
-        return found
+        flooded = reached.copy()
+        flooded[self.facets[np.isin(facet, node[reached & passing])]] = True
+        return flooded
 
-    def connected(self, some: Flags) -> Flags:
+    def connected(self, seeds: Flags) -> Flags:
         """The nodes of the facets that are connected with some nodes, shape (nodes,)."""
-        return self.flooded(some, np.ones(self.count, dtype=bool))
+        return self.flooded(seeds, np.ones(self.count, dtype=bool))
 
-    def conducted(self, pressure: Array, known: Flags, points: Flags, x: Array) -> Array:
+    def conducted(self, pressure: Array, pressurised: Flags, points: Flags, x: Array) -> Array:
         """What flows through a line of constant conductivity, between points where its pressure is known and its ends,
         which are dry: nowhere sources, shape (nodes,).
         """
@@ -105,54 +105,56 @@ class _Joint:
             nodes = nodes[np.argsort(((x[nodes] - x[facet[0]]) @ (x[facet[1]] - x[facet[0]])) / far)]
             rows, columns = [*rows, *nodes[:-1]], [*columns, *nodes[1:]]
         a, b = np.array(rows, dtype=np.int64), np.array(columns, dtype=np.int64)
-        given = known | (points & (np.bincount(np.concatenate((a, b)), minlength=self.count) <= 1))
-        value = np.where(known, pressure, 0.0)
+        prescribed = pressurised | (points & (np.bincount(np.concatenate((a, b)), minlength=self.count) <= 1))
+        value = np.where(pressurised, pressure, 0.0)
         size = (self.count, self.count)
         links = coo_array((1 / np.linalg.norm(x[a] - x[b], axis=1), (a, b)), shape=size)
         links = links + links.T
         label = connected_components(links, directed=False)[1]
-        entered = np.isin(label, label[known])
-        unknown = points & ~given & entered
+        entered = np.isin(label, label[pressurised])
+        unknown = points & ~prescribed & entered
         value[points & ~entered] = 0.0
         if unknown.any():
             matrix = laplacian(links).tocsr()
-            load = -matrix[unknown][:, given] @ value[given]
+            load = -matrix[unknown][:, prescribed] @ value[prescribed]
             value[unknown] = np.atleast_1d(spsolve(matrix[unknown][:, unknown].tocsc(), load))
         return value
 
 
-def _astray(forces: NodalForces, tractions: Tractions, place: float, part: int, before: Before | None) -> bool:
+def _astray(forces: NodalForces, tractions: Tractions, step: float, part: int, previous: PreviousStep | None) -> bool:
     """The same for one contact."""
     scene, numbers, name = forces.scene, forces.space.dofmap.index_map, forces.scene.contact[part].boundary
     joint, comm = tractions.joint, forces.space.mesh.comm
     assert joint is not None
     loads = [(k, load) for k, load in enumerate(scene.joint_loads.values()) if name in load.enters]
-    here = np.flatnonzero(tractions.part == part)
-    nodes, which = tractions.nodes[here], [k for k, _ in loads]
+    points_of_part = np.flatnonzero(tractions.part == part)
+    nodes, load_numbers = tractions.nodes[points_of_part], [k for k, _ in loads]
     x = forces.at_nodes[nodes, : forces.dimension]
     offers: list[Array] = []
     for _, load in loads:
-        factor, now = scene.now(load, place)
-        offers.append(np.maximum(factor * now.pressure(x), 0.0)[:, None])
-    last = None if before is None else before.tractions.joint
-    none = np.zeros_like(joint.reached)
-    stages = [joint.reached, none if last is None else last.reached, none]
+        factor, current = scene.now(load, step)
+        offers.append(np.maximum(factor * current.pressure(x), 0.0)[:, None])
+    last = None if previous is None else previous.tractions.joint
+    unreached = np.zeros_like(joint.reached)
+    stages = [joint.reached, unreached if last is None else last.reached, unreached]
     opened = [tractions.pressure <= 0, np.zeros(tractions.pressure.size, dtype=bool)]
     if joint.stage is not None:
         stages[2], opened[1] = joint.stage.reached, joint.stage.open
     columns = [joint.pressure, *opened]
-    own = np.column_stack([numbers.local_to_global(nodes), x, *(one[here] for one in columns), *offers])
-    own = np.column_stack([own, *(one[here][:, which] for one in stages)])
-    rows = parallel.gather_rows(comm, own)
+    local_rows = np.column_stack(
+        [numbers.local_to_global(nodes), x, *(column[points_of_part] for column in columns), *offers]
+    )
+    local_rows = np.column_stack([local_rows, *(column[points_of_part][:, load_numbers] for column in stages)])
+    rows = parallel.gather_rows(comm, local_rows)
     count, dim, m = int(numbers.size_global), forces.dimension, len(loads)
-    known = np.zeros((count, rows.shape[1]))
-    known[rows[:, 0].astype(np.int64)] = rows
+    node_table = np.zeros((count, rows.shape[1]))
+    node_table[rows[:, 0].astype(np.int64)] = rows
     points = np.zeros(count, dtype=bool)
     points[rows[:, 0].astype(np.int64)] = True
-    x, (pressure, open_, opened_before) = known[:, 1 : 1 + dim], known[:, 1 + dim : 4 + dim].T
-    offered, now_at, last_at, stage_at = (known[:, 4 + dim + k * m : 4 + dim + (k + 1) * m] for k in range(4))
+    x, (pressure, open_, opened_before) = node_table[:, 1 : 1 + dim], node_table[:, 1 + dim : 4 + dim].T
+    offered, now_at, last_at, stage_at = (node_table[:, 4 + dim + k * m : 4 + dim + (k + 1) * m] for k in range(4))
     line = _Joint(_facets(forces, name), count)
-    there: Array = np.zeros(count)
+    expected: Array = np.zeros(count)
     right: Flags = np.zeros(count, dtype=bool)
     for number, (_, load) in enumerate(loads):
         reached, passing = now_at[:, number] > 0, offered[:, number] > 0
@@ -173,15 +175,15 @@ def _astray(forces: NodalForces, tractions: Tractions, place: float, part: int, 
         if wrong.any():
             return True
         at = line.connected(enters) if load.closed == "full" else reached
-        there = np.maximum(there, np.where(at, offered[:, number], 0.0))
+        expected = np.maximum(expected, np.where(at, offered[:, number], 0.0))
         right |= at
     if loads and loads[0][1].closed == "linear":
-        there = line.conducted(there, right & points, points, x)
-    return bool((np.abs(pressure - there)[points] > _ROUND_OFF * np.abs(there).max(initial=0.0)).any())
+        expected = line.conducted(expected, right & points, points, x)
+    return bool((np.abs(pressure - expected)[points] > _ROUND_OFF * np.abs(expected).max(initial=0.0)).any())
 
 
 def _facets(forces: NodalForces, boundary: str) -> Numbers:
     """Global numbers of the nodes of the facets of a boundary, shape (facets, nodes of a facet); collective."""
-    own = facet_nodes(forces.space, forces.tagged.facets(boundary))
-    numbers = forces.space.dofmap.index_map.local_to_global(own.ravel()).reshape(own.shape)
+    local_nodes = facet_nodes(forces.space, forces.tagged.facets(boundary))
+    numbers = forces.space.dofmap.index_map.local_to_global(local_nodes.ravel()).reshape(local_nodes.shape)
     return parallel.gather_rows(forces.space.mesh.comm, numbers)

@@ -64,7 +64,7 @@ class BoundaryFacet:
         return bool(within.all() and (np.abs((points - self.vertices[0]) @ self.normal) <= near).all())
 
 
-def facets_near(body: Discretisation, place: Array, step: float) -> list[BoundaryFacet]:
+def facets_near(body: Discretisation, point: Array, step: float) -> list[BoundaryFacet]:
     """Exterior facets of this rank with a vertex within their size from a place."""
     mesh, dim = body.tagged.mesh, body.tagged.dimension
     mesh.topology.create_connectivity(dim - 1, dim)
@@ -76,8 +76,8 @@ def facets_near(body: Discretisation, place: Array, step: float) -> list[Boundar
     x = np.asarray(mesh.geometry.x[..., :dim], dtype=np.float64)
     vertices = x[np.take_along_axis(nodes, corners[entities[:, 1]], axis=1)]
     size = np.linalg.norm(np.ptp(vertices, axis=1), axis=1)
-    close = np.linalg.norm(vertices - place, axis=2).min(axis=1, initial=np.inf) <= BESIDE * size
-    found = []
+    close = np.linalg.norm(vertices - point, axis=2).min(axis=1, initial=np.inf) <= BESIDE * size
+    facets = []
     for k in np.flatnonzero(close):
         middle = x[nodes[k][: len(basix.geometry(cell_type))]].mean(axis=0)
         normal = _normal(vertices[k], middle)
@@ -85,19 +85,19 @@ def facets_near(body: Discretisation, place: Array, step: float) -> list[Boundar
         traction, loaded = _traction(body, int(numbers[k]), beside, step)
         condition = _condition(body, int(numbers[k]), normal, vertices[k])
         piece = int(body.pieces.of_cell[entities[k, 0]])
-        found.append(BoundaryFacet(vertices[k], normal, traction, *condition, piece, loaded))
-    return found
+        facets.append(BoundaryFacet(vertices[k], normal, traction, *condition, piece, loaded))
+    return facets
 
 
 def _traction(body: Discretisation, facet: int, points: Array, step: float) -> tuple[Array, tuple[str, ...]]:
     """The loads on a facet but for pressure, shape (n, d), and their boundaries."""
     total, names = np.zeros_like(points), []
     for load in body.scene.of(Force):
-        factor, now = body.scene.now(load, step)
+        factor, current = body.scene.now(load, step)
         if load.where is not None and factor != 0 and facet in body.tagged.facets(load.where):
             # A form of the user's own is not known at a point; without a normal there is no pressure.
             on = SampledPoints(points, np.zeros((len(points), 1, points.shape[1])), body.coefficients.whole, np.nan)
-            total += factor * now.density_at(on)[:, 0]
+            total += factor * current.density_at(on)[:, 0]
             names.append(load.where)
     return total, tuple(names)
 
@@ -129,8 +129,8 @@ def _condition(body: Discretisation, facet: int, normal: Array, corners: Array) 
     still = scene.torsion and any(effect.components[2] is not None for effect in supports)  # around the axis
     if not rows and not still:
         return "free", (), ""
-    whole = still or np.linalg.matrix_rank(np.array(rows), tol=1e-6) == dim
-    held = whole or any(effect.friction.acts for effect in touching)
+    clamped = still or np.linalg.matrix_rank(np.array(rows), tol=1e-6) == dim
+    held = clamped or any(effect.friction.acts for effect in touching)
     return "held" if held else "guided", names, min(paired, default="")
 
 
@@ -146,7 +146,7 @@ class CellAtVertex(NamedTuple):
     length: float
 
 
-def cells_near(body: Discretisation, place: Array) -> list[CellAtVertex]:
+def cells_near(body: Discretisation, point: Array) -> list[CellAtVertex]:
     """The cells of all ranks at each vertex near a place, which is within an edge of it; collective."""
     mesh, dim = body.tagged.mesh, body.tagged.dimension
     cell_type = getattr(basix.CellType, mesh.topology.cell_name())
@@ -170,14 +170,14 @@ def cells_near(body: Discretisation, place: Array) -> list[CellAtVertex]:
         )
 
     kinds = [kind_of(material) for material in body.scene.material]
-    (number,) = of_materials(body.scene, body.tagged, lambda one: (float(kinds.index(kind_of(one))),))
+    (number,) = of_materials(body.scene, body.tagged, lambda entry: (float(kinds.index(kind_of(entry))),))
     kind = number.x.array[number.function_space.dofmap.list[cells, 0]]
     joined, of_cell = _joined_pieces(body), body.pieces.of_cell
     edges = vertices[:, neighbours] - vertices[:, :, None]
     length = np.linalg.norm(edges, axis=3)
-    distance, reach = np.linalg.norm(vertices - place, axis=2), BESIDE * length.max(axis=2)
+    distance, reach = np.linalg.norm(vertices - point, axis=2), BESIDE * length.max(axis=2)
     close = distance <= parallel.largest(body.comm, reach[distance <= reach])
-    own = [
+    local_cells = [
         CellAtVertex(
             vertices[cell, corner],
             int(kind[cell]),
@@ -187,19 +187,19 @@ def cells_near(body: Discretisation, place: Array) -> list[CellAtVertex]:
         )
         for cell, corner in np.argwhere(close)
     ]
-    return [one for rows in body.comm.allgather(own) for one in rows]
+    return [entry for rows in body.comm.allgather(local_cells) for entry in rows]
 
 
 def _joined_pieces(body: Discretisation) -> npt.NDArray[np.int64]:
     """For each connected piece of the mesh one number of all pieces that bonds join to it; collective."""
-    found = np.arange(body.pieces.count)
+    joined = np.arange(body.pieces.count)
     for effect in body.scene.contact:
         if effect.against is not None and effect.kind == "bonded":
             facets = np.concatenate([body.tagged.facets(name) for name in (effect.boundary, effect.against)])
-            own = np.unique(body.pieces.of_cell[facet_entities(body.tagged.mesh, facets)[:, 0]])
-            pieces = sorted({piece for rows in body.comm.allgather(own.tolist()) for piece in rows})
-            found[np.isin(found, found[pieces])] = found[pieces].min()
-    return found
+            local_pieces = np.unique(body.pieces.of_cell[facet_entities(body.tagged.mesh, facets)[:, 0]])
+            pieces = sorted({piece for rows in body.comm.allgather(local_pieces.tolist()) for piece in rows})
+            joined[np.isin(joined, joined[pieces])] = joined[pieces].min()
+    return joined
 
 
 def _angle(edges: Array) -> float:

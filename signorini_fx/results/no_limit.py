@@ -40,50 +40,56 @@ _CURVED, _ROUND_OFF = np.degrees(CORNER_ANGLE), 1.0
 # Share of a load that is a jump.
 _JUMP = 1e-3
 # Vertices at a distance below this share of the size of the body are at one place.
-_SAME = 1e-8
+_SAME_POSITION = 1e-8
 # Share of an angle around a vertex that is round-off.
 _SAME_ANGLE = 1e-6
 
 
-def why_no_limit(body: Discretisation, place: tuple[float, ...], step: float = 0.0) -> str | None:
+def why_no_limit(body: Discretisation, point: tuple[float, ...], step: float = 0.0) -> str | None:
     """Why the stress at a place, or within one facet from it, has no limit; None if nothing is known; collective.
 
     Contact boundaries count as pressed, with friction as held.
 
     Args:
         body: the body.
-        place: a point, length, shape (d,).
+        point: a point, length, shape (d,).
         step: the load step that the loads are those of, its place in the lists of factors.
     """
-    every = [facet for own in body.comm.allgather(facets_near(body, np.array(place), step)) for facet in own]
-    found = [_where_materials_meet(body, np.array(place), every)]
-    for one, other in combinations(every, 2):
-        if one.piece != other.piece:
+    facets = [
+        facet
+        for local_facets in body.comm.allgather(facets_near(body, np.array(point), step))
+        for facet in local_facets
+    ]
+    reasons = [_where_materials_meet(body, np.array(point), facets)]
+    for facet_a, facet_b in combinations(facets, 2):
+        if facet_a.piece != facet_b.piece:
             continue
-        distance = np.linalg.norm(one.vertices[:, None] - other.vertices[None], axis=2)
-        first, second = np.nonzero(distance <= _SAME * body.tagged.size)
-        size = min(one.size, other.size)
-        near = np.linalg.norm(one.vertices[first] - place, axis=1) <= BESIDE * size
+        distance = np.linalg.norm(facet_a.vertices[:, None] - facet_b.vertices[None], axis=2)
+        first, second = np.nonzero(distance <= _SAME_POSITION * body.tagged.size)
+        size = min(facet_a.size, facet_b.size)
+        near = np.linalg.norm(facet_a.vertices[first] - point, axis=1) <= BESIDE * size
         if len(first) == body.tagged.dimension - 1 and near.any():
-            others = [facet for facet in every if facet.piece != one.piece and facet.reaches(one.vertices[first])]
-            found += [_reason(one, other, others), _where_loads_jump(one, other, first, second)]
-    return min((reason for reason in found if reason is not None), default=None)
+            opposite_facets = [
+                facet for facet in facets if facet.piece != facet_a.piece and facet.reaches(facet_a.vertices[first])
+            ]
+            reasons += [_reason(facet_a, facet_b, opposite_facets), _where_loads_jump(facet_a, facet_b, first, second)]
+    return min((reason for reason in reasons if reason is not None), default=None)
 
 
-def _reason(one: BoundaryFacet, other: BoundaryFacet, others: list[BoundaryFacet]) -> str | None:
+def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet, opposite_facets: list[BoundaryFacet]) -> str | None:
     """Why the stress has no limit where two facets of a body meet, and facets of others are."""
-    turn, angle = _corner(one.normal, other.normal, other.vertices.mean(axis=0) - one.vertices.mean(axis=0))
-    kinds = tuple(sorted({one.kind, other.kind}))
+    turn, angle = _corner(facet_a.normal, facet_b.normal, facet_b.vertices.mean(axis=0) - facet_a.vertices.mean(axis=0))
+    kinds = tuple(sorted({facet_a.kind, facet_b.kind}))
     alike = len(kinds) == 1
-    if one.paired or other.paired:
-        touched = any(facet.paired for facet in others)
-        if (one.paired and other.paired) or not touched:
-            filled = touched and one.paired == other.paired == "bonded"
+    if facet_a.paired or facet_b.paired:
+        touched = any(facet.paired for facet in opposite_facets)
+        if (facet_a.paired and facet_b.paired) or not touched:
+            filled = touched and facet_a.paired == facet_b.paired == "bonded"
             return None if filled or angle <= 180 + _CURVED else "it is at a reentrant corner of the body"
-        side = one if one.paired else other
+        side = facet_a if facet_a.paired else facet_b
         beyond = [
             _corner(-side.normal, facet.normal, (facet.vertices - side.vertices[:1]).mean(axis=0))[1]
-            for facet in others
+            for facet in opposite_facets
             if not facet.paired
         ]
         together = angle + min(beyond, default=180.0)
@@ -91,27 +97,27 @@ def _reason(one: BoundaryFacet, other: BoundaryFacet, others: list[BoundaryFacet
             return None
     elif (alike and turn <= _CURVED) or angle <= _BOUNDED[kinds] + (_CURVED if alike else _ROUND_OFF):
         return None
-    elif alike and one.kind != "guided":
+    elif alike and facet_a.kind != "guided":
         return "it is at a reentrant corner of the body"
-    names = {*one.names, *other.names} if alike else {*one.names} ^ {*other.names}
+    names = {*facet_a.names, *facet_b.names} if alike else {*facet_a.names} ^ {*facet_b.names}
     return f"it is at the end of the {_boundaries(names)}"
 
 
-def _corner(normal: Array, other: Array, toward: Array) -> tuple[float, float]:
+def _corner(normal: Array, other_normal: Array, toward: Array) -> tuple[float, float]:
     """How far the normal turns from one facet to another one, and the angle within the body between them, degrees.
 
     Args:
         normal: of the one.
-        other: that of the other one.
+        other_normal: that of the other one.
         toward: from the one to the other.
     """
-    turn = _turn(normal, other)
+    turn = _turn(normal, other_normal)
     return turn, 180 + turn if toward @ normal > 0 else 180 - turn
 
 
-def _turn(normal: Array, other: Array) -> float:
+def _turn(normal: Array, other_normal: Array) -> float:
     """The angle between two normals, degrees."""
-    return float(np.degrees(np.arccos(np.clip(normal @ other, -1.0, 1.0))))
+    return float(np.degrees(np.arccos(np.clip(normal @ other_normal, -1.0, 1.0))))
 
 
 def _boundaries(names: set[str]) -> str:
@@ -120,32 +126,32 @@ def _boundaries(names: set[str]) -> str:
 
 
 def _where_loads_jump(
-    one: BoundaryFacet, other: BoundaryFacet, first: npt.NDArray[np.int64], second: npt.NDArray[np.int64]
+    facet_a: BoundaryFacet, facet_b: BoundaryFacet, first: npt.NDArray[np.int64], second: npt.NDArray[np.int64]
 ) -> str | None:
     """Whether a load along the boundary jumps where two facets meet that share these vertices of theirs.
 
     A boundary that only guides is a mirror: a load that ends there at a right angle, or acts along it, is one that
     jumps.
     """
-    turn = _turn(one.normal, other.normal)
-    kinds = {one.kind, other.kind}
-    loads = one.traction[first], other.traction[second]
+    turn = _turn(facet_a.normal, facet_b.normal)
+    kinds = {facet_a.kind, facet_b.kind}
+    loads = facet_a.traction[first], facet_b.traction[second]
     if kinds <= {"free", "guided"} and turn <= _CURVED:
-        jump, normal = loads[0] - loads[1], one.normal + other.normal
+        jump, normal = loads[0] - loads[1], facet_a.normal + facet_b.normal
     elif kinds == {"free", "guided"} and abs(turn - 90) <= _ROUND_OFF:
-        free, guided = (0, 1) if one.kind == "free" else (1, 0)
-        normal, across = (one, other)[free].normal, (one, other)[guided].normal
+        free, guided = (0, 1) if facet_a.kind == "free" else (1, 0)
+        normal, across = (facet_a, facet_b)[free].normal, (facet_a, facet_b)[guided].normal
         jump = (loads[free] @ across)[:, None] * across  # along the edge of a mirror nothing jumps
     else:
         return None
     along = jump - np.outer(jump @ normal, normal) / (normal @ normal)
-    size = np.linalg.norm(np.concatenate((one.traction, other.traction)), axis=1).max()
+    size = np.linalg.norm(np.concatenate((facet_a.traction, facet_b.traction)), axis=1).max()
     if not (np.linalg.norm(along, axis=1) > _JUMP * size).all():
         return None
-    return f"it is where the load along the {_boundaries({*one.loaded, *other.loaded})} jumps"
+    return f"it is where the load along the {_boundaries({*facet_a.loaded, *facet_b.loaded})} jumps"
 
 
-def _where_materials_meet(body: Discretisation, place: Array, boundary: list[BoundaryFacet]) -> str | None:
+def _where_materials_meet(body: Discretisation, point: Array, boundary: list[BoundaryFacet]) -> str | None:
     """Whether materials meet at the boundary, or their interface has a corner, within a facet of a place; collective.
 
     Those of bodies that touch do not, unless they are bonded.
@@ -154,37 +160,40 @@ def _where_materials_meet(body: Discretisation, place: Array, boundary: list[Bou
     """
     if len(body.scene.material) == 1:
         return None
-    every = cells_near(body, place)
-    whole = 2 * np.pi if body.tagged.dimension == 2 else 4 * np.pi
-    found: list[str] = []
-    for vertex, joined in ((one.vertex, one.joined) for one in every):
-        here = [
-            one
-            for one in every
-            if one.joined == joined and np.linalg.norm(one.vertex - vertex) <= _SAME * body.tagged.size
+    cells = cells_near(body, point)
+    full_angle = 2 * np.pi if body.tagged.dimension == 2 else 4 * np.pi
+    reasons: list[str] = []
+    for vertex, joined in ((cell.vertex, cell.joined) for cell in cells):
+        cells_at_vertex = [
+            cell
+            for cell in cells
+            if cell.joined == joined and np.linalg.norm(cell.vertex - vertex) <= _SAME_POSITION * body.tagged.size
         ]
-        angles = {kind: sum(one.angle for one in here if one.kind == kind) for kind in (one.kind for one in here)}
-        if len(angles) == 1 or np.linalg.norm(vertex - place) > BESIDE * min(one.length for one in here):
+        angles = {
+            kind: sum(cell.angle for cell in cells_at_vertex if cell.kind == kind)
+            for kind in (cell.kind for cell in cells_at_vertex)
+        }
+        if len(angles) == 1 or np.linalg.norm(vertex - point) > BESIDE * min(cell.length for cell in cells_at_vertex):
             continue
         total = sum(angles.values())
         facets = [
             facet
             for facet in boundary
             if facet.paired != "bonded"
-            and (np.linalg.norm(facet.vertices - vertex, axis=1) <= _SAME * body.tagged.size).any()
+            and (np.linalg.norm(facet.vertices - vertex, axis=1) <= _SAME_POSITION * body.tagged.size).any()
         ]
         # A flat boundary that only guides is a mirror.
         mirror = (
             bool(facets)
             and all(facet.kind == "guided" for facet in facets)
-            and abs(2 * total / whole - 1) < _SAME_ANGLE
+            and abs(2 * total / full_angle - 1) < _SAME_ANGLE
         )
-        inside = mirror or abs(total / whole - 1) < _SAME_ANGLE
+        inside = mirror or abs(total / full_angle - 1) < _SAME_ANGLE
         if inside and len(angles) == 2 and abs(2 * min(angles.values()) / total - 1) <= _CURVED / 180:
             continue
-        found.append(
+        reasons.append(
             "it is at a corner of the interface of materials"
             if inside
             else "it is where materials meet at the boundary"
         )
-    return min(found, default=None)
+    return min(reasons, default=None)

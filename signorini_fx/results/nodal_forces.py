@@ -28,7 +28,7 @@ from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.results.cut_entities import cut_rules
 from signorini_fx.results.quadrature_points import QuadraturePoints
-from signorini_fx.results.surface_quadrature import Facets, SurfaceQuadrature, over_ranks
+from signorini_fx.results.surface_quadrature import QuadratureFacets, SurfaceQuadrature, over_ranks
 from signorini_fx.scene.effect import Effect, Force, InitialStrain, Points, Resistance, SectionJump
 from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.model import Scene
@@ -60,7 +60,7 @@ class NodalForces(SurfaceQuadrature):
         self.tagged = tagged
         owned = int(space.mesh.topology.index_map(self.across).size_local)
         self._mixed = scene.element.volumetric == "mixed"
-        self._own = np.arange(owned, dtype=np.int32) if cells is None else cells[cells < owned]
+        self._owned_cells = np.arange(owned, dtype=np.int32) if cells is None else cells[cells < owned]
 
     def facets(self, boundary: Any) -> Indices:
         """Those of a boundary of the mesh, by its name; of another part of it see ``SurfaceQuadrature``."""
@@ -71,8 +71,8 @@ class NodalForces(SurfaceQuadrature):
 
         What resists them on the boundary is not in it, see ``resisted``.
         """
-        found = self.of_stress(displacement.x.array.reshape(-1, self.dimension))
-        return found - self.over_ranks(self._pressed(displacement)[0]) if self._mixed else found
+        forces = self.of_stress(displacement.x.array.reshape(-1, self.dimension))
+        return forces - self.over_ranks(self._pressed(displacement)[0]) if self._mixed else forces
 
     def of_stress(self, y: Array) -> Array:
         """a(y, .) of nodal displacements with ghosts, shape (nodes, d), of a mixed element without its pressure;
@@ -116,15 +116,18 @@ class NodalForces(SurfaceQuadrature):
         they are prevented, shape (owned nodes, d), and its energy; of a mixed element those of sections alone, and what
         both add to the energy of its ``displacement``.
         """
-        found, energy = self.strained(step, scale, displacement)
+        forces, energy = self.strained(step, scale, displacement)
         for effect, beyond, jump in self.sections():
             jump = scale * effect.shortening_at(self.scene, step) * jump
-            own = beyond.of_stress(jump)
-            work = np.sum((own / 2 - beyond.strained(step, scale)[0]) * jump[: self.owned])
+            jump_forces = beyond.of_stress(jump)
+            work = np.sum((jump_forces / 2 - beyond.strained(step, scale)[0]) * jump[: self.owned])
             if self._mixed and displacement is not None:
                 work -= np.sum(beyond._pressed(displacement)[0] * jump) / 2
-            found, energy = found - own, energy + float(parallel.global_sum(self.tagged.mesh.comm, np.array(work)))
-        return found, energy
+            forces, energy = (
+                forces - jump_forces,
+                energy + float(parallel.global_sum(self.tagged.mesh.comm, np.array(work))),
+            )
+        return forces, energy
 
     def sections(self) -> Iterator[tuple[SectionJump, NodalForces, Array]]:
         """The sections that are shortened: the forces of the cells beyond each alone, and the jump J of these cells for
@@ -144,24 +147,26 @@ class NodalForces(SurfaceQuadrature):
         """``initial`` of initial strains alone."""
         strain, degree = self._strain(step, scale)
         if self._mixed or strain is None:
-            more = 0.0 if displacement is None or strain is None else self._swollen(displacement, step, scale)[1]
-            none = np.zeros((self.owned, self.dimension))
-            return none, float(parallel.global_sum(self.tagged.mesh.comm, np.array(more)))
+            added_energy = (
+                0.0 if displacement is None or strain is None else self._swollen(displacement, step, scale)[1]
+            )
+            zero_forces = np.zeros((self.owned, self.dimension))
+            return zero_forces, float(parallel.global_sum(self.tagged.mesh.comm, np.array(added_energy)))
         forces, energy = self._stress_work(self._zero(), degree, strain)
         return -self.over_ranks(forces), float(parallel.global_sum(self.tagged.mesh.comm, np.array(energy)))
 
-    def _strain(self, step: float, scale: float) -> tuple[Callable[[Facets], Array] | None, int]:
+    def _strain(self, step: float, scale: float) -> tuple[Callable[[QuadratureFacets], Array] | None, int]:
         """What gives the initial strains of a load step times ``scale`` at points, shape (f, q), None without any, and
         the degree of their quadrature.
         """
         strains = [strain for strain in self.scene.of(InitialStrain) if strain.acts]
         if not strains:
             return None, 0
-        moved = [(scale * factor, now) for factor, now in (self.scene.now(strain, step) for strain in strains)]
+        moved = [(scale * factor, current) for factor, current in (self.scene.now(strain, step) for strain in strains)]
 
-        def strain(part: Facets) -> Array:
+        def strain(part: QuadratureFacets) -> Array:
             points = QuadraturePoints(self, part, np.empty(0), self._zero())
-            return sum((factor * now.strain_at(points) for factor, now in moved), np.zeros(1))
+            return sum((factor * current.strain_at(points) for factor, current in moved), np.zeros(1))
 
         return strain, strains[0].degree(self.scene.element.degree)
 
@@ -171,28 +176,28 @@ class NodalForces(SurfaceQuadrature):
         """
         pressure, (space, rows) = hydrostatic_of(displacement), self._dilating
         p = pressure.x.array[pressure.function_space.dofmap.list]
-        found, energy, (strain, degree) = np.zeros_like(fem.Function(space).x.array), 0.0, self._strain(step, scale)
+        work, energy, (strain, degree) = np.zeros_like(fem.Function(space).x.array), 0.0, self._strain(step, scale)
         if strain is None:
-            return found, energy
+            return work, energy
         hat = basix.create_element(basix.ElementFamily.P, self._cell, 1).tabulate(
             0, basix.make_quadrature(self._cell, degree)[0]
         )[0, ..., 0]
         young, poisson = self._young_and_poisson()
         numbers = (1 + poisson) / poisson, young / (2 * (1 + poisson))
         for part, size in self._cells(degree):
-            own = strain(part)
+            initial_strain = strain(part)
             swelling, mu = (m[:, None] if m.size == 1 else m[part.cells, None] for m in numbers)
-            weighted = swelling * size * self._around(part) * own
-            np.add.at(found, rows[part.cells], weighted @ hat)
-            energy += float(np.sum(weighted * (p[part.cells] @ hat.T / 2 - mu * own)))
-        return found, energy
+            weighted = swelling * size * self._around(part) * initial_strain
+            np.add.at(work, rows[part.cells], weighted @ hat)
+            energy += float(np.sum(weighted * (p[part.cells] @ hat.T / 2 - mu * initial_strain)))
+        return work, energy
 
-    def resisted(self, displacement: Array, some: Sequence[Resistance] | None = None) -> Array:
+    def resisted(self, displacement: Array, resistances: Sequence[Resistance] | None = None) -> Array:
         """What resists nodal displacements with ghosts, shape (nodes, d), on the boundary: all of it, or some; forces,
         shape (owned nodes, d).
         """
         total = self._zero()
-        for effect in self.scene.of(Resistance) if some is None else some:
+        for effect in self.scene.of(Resistance) if resistances is None else resistances:
             total += self._integral(effect, effect.reaction_at, displacement)
         return self.over_ranks(total)
 
@@ -215,14 +220,14 @@ class NodalForces(SurfaceQuadrature):
         """
         total, compiled = self._zero(), np.zeros((self.owned, self.dimension))
         for load in self.scene.of(Force) if some is None else some:
-            factor, now = self.scene.now(load, step)
+            factor, current = self.scene.now(load, step)
             if any(hasattr(value, "ufl_shape") for value in load.given.values()):
                 compiled += scale * factor * self._compiled(load, step)
             else:
-                total += scale * factor * self._integral(now, now.density_at, total)
+                total += scale * factor * self._integral(current, current.density_at, total)
         return self.over_ranks(total) + compiled
 
-    def values(self, value: Any, part: Facets) -> Array:
+    def values(self, value: Any, part: QuadratureFacets) -> Array:
         """A value at points, see ``QuadraturePoints``."""
         if isinstance(value, float | Expression):
             at = self.positions(part)
@@ -231,11 +236,11 @@ class NodalForces(SurfaceQuadrature):
         x = self.at_nodes[nodes.ravel(), : self.dimension]
         return sample(value, in_space(x)).reshape(nodes.shape) @ part.table.shape.T
 
-    def positions(self, part: Facets) -> Array:
+    def positions(self, part: QuadratureFacets) -> Array:
         """X of points, shape (f, q, d)."""
         return np.asarray(part.table.place @ self._x[self._corners[part.cells]])
 
-    def _around(self, part: Facets) -> Array | float:
+    def _around(self, part: QuadratureFacets) -> Array | float:
         """Length of the circumference of an axisymmetric body at points, shape (f, q); 1 of other bodies."""
         return 2 * np.pi * self.positions(part)[..., 0] if self.scene.axisymmetric else 1.0
 
@@ -244,10 +249,10 @@ class NodalForces(SurfaceQuadrature):
         materials = self.scene.material
         if len(materials) == 1:
             return [np.array([number]) for number in numbers(materials[0])]
-        found = np.full((len(numbers(materials[0])), len(self._corners)), np.nan)
+        cell_values = np.full((len(numbers(materials[0])), len(self._corners)), np.nan)
         for material in materials:
-            found[:, self.tagged.cells(material.region)] = np.array(numbers(material))[:, None]
-        return list(found)
+            cell_values[:, self.tagged.cells(material.region)] = np.array(numbers(material))[:, None]
+        return list(cell_values)
 
     def _hooke(self) -> tuple[Array, Array]:
         """Hooke's law, of a mixed element without its pressure, of all cells alike, shape (1,), or cell by cell."""
@@ -256,7 +261,7 @@ class NodalForces(SurfaceQuadrature):
 
     def _young_and_poisson(self) -> tuple[Array, Array]:
         """Both, of all cells alike, shape (1,), or cell by cell."""
-        young, poisson = self.of_materials(lambda one: (one.young, one.poisson))
+        young, poisson = self.of_materials(lambda material: (material.young, material.poisson))
         return young * self.grading("grading"), poisson * self.grading("poisson_grading")
 
     def grading(self, key: str) -> Array:
@@ -273,17 +278,17 @@ class NodalForces(SurfaceQuadrature):
     # --- how ---------------------------------------------------------------------------------------------------------
 
     def _chunks(self, some: Indices | None = None) -> Iterator[Indices]:
-        every = self._own if some is None else some
+        every = self._owned_cells if some is None else some
         for first in range(0, every.size, _CHUNK):
             yield every[first : first + _CHUNK]
 
     def _integral(self, effect: Effect, density: Callable[[Points], Array], y: Array) -> Array:
         """A force per volume or area, integrated with the shape functions on this rank alone, shape (nodes, d)."""
         total, degree = self._zero(), effect.degree(self.scene.element.degree)
-        whole = np.nan if effect.weighting is None else self._whole(effect, degree)
+        integral = np.nan if effect.weighting is None else self._whole(effect, degree)
         for part, size in self._parts(effect, degree):
             force: Array = (size * self._around(part))[:, :, None] * density(
-                QuadraturePoints(self, part, size, y, whole)
+                QuadraturePoints(self, part, size, y, integral)
             )
             np.add.at(total, self._nodes[part.cells], part.table.shape.T @ force)
         return total
@@ -292,17 +297,17 @@ class NodalForces(SurfaceQuadrature):
         """The integral of its ``weighting`` over its boundary."""
         parts = self._parts(effect, degree)
         # A float on a rank without facets too: ranks that sum numbers of different types find anything.
-        own = sum(
+        local_integral = sum(
             (np.sum(size * self._around(part) * self.values(effect.weighting, part)) for part, size in parts), 0.0
         )
-        return float(parallel.global_sum(self.tagged.mesh.comm, np.array(own)))
+        return float(parallel.global_sum(self.tagged.mesh.comm, np.array(local_integral)))
 
-    def _parts(self, effect: Effect, degree: int) -> Iterator[tuple[Facets, Array]]:
+    def _parts(self, effect: Effect, degree: int) -> Iterator[tuple[QuadratureFacets, Array]]:
         """What an effect acts on, on this rank, with the volumes or areas of its points: cells or facets that no jump
         of a load cuts together, others one by one.
         """
         inside = effect.where is None
-        every = self._own if inside else self.facets(effect.where)
+        every = self._owned_cells if inside else self.facets(effect.where)
         rules = dict(cut_rules(self.tagged.mesh, effect, every, degree))
         left = np.setdiff1d(every, list(rules)).astype(np.int32) if rules else every
         rule = basix.make_quadrature(self._cell if inside else self._facet, degree)
@@ -315,15 +320,18 @@ class NodalForces(SurfaceQuadrature):
 
     def _cells(
         self, degree: int, some: Indices | None = None, rule: tuple[Array, Array] | None = None
-    ) -> Iterator[tuple[Facets, Array]]:
+    ) -> Iterator[tuple[QuadratureFacets, Array]]:
         """All cells of this rank, or some, and the volumes of their points."""
         points, weight = rule or basix.make_quadrature(self._cell, degree)
         table = self._table(points)
         for cells in self._chunks(some):
-            yield Facets(cells, table, np.empty(0)), weight * np.abs(adjugates(self._jacobian(cells, table))[1])
+            yield (
+                QuadratureFacets(cells, table, np.empty(0)),
+                weight * np.abs(adjugates(self._jacobian(cells, table))[1]),
+            )
 
     def _stress_work(
-        self, u: Array, degree: int, initial: Callable[[Facets], Array] | None = None
+        self, u: Array, degree: int, initial: Callable[[QuadratureFacets], Array] | None = None
     ) -> tuple[Array, float]:
         """The work of the stress with the strains of unit displacements, and the energy of the initial strain alone.
 
@@ -353,7 +361,7 @@ class NodalForces(SurfaceQuadrature):
         degree: int,
         a: Array,
         b: Array,
-        initial: Callable[[Facets], Array] | None,
+        initial: Callable[[QuadratureFacets], Array] | None,
         law: Callable[[Indices, Array, Array | None], tuple[Array, Array | None]] | None = None,
     ) -> tuple[Array, float]:
         """That of the stress a epsilon + b tr(epsilon) I, or by another ``law``, see ``_stress_work``."""
@@ -375,18 +383,18 @@ class NodalForces(SurfaceQuadrature):
             stress = first * (gradient + gradient.swapaxes(0, 1)) / 2
             dilation = np.einsum("iicq->cq", gradient)
             size, forces = weight * np.abs(determinant), np.zeros_like(nodal)
-            part = Facets(cells, table, np.empty(0))
+            part = QuadratureFacets(cells, table, np.empty(0))
             size = size * self._around(part)
-            own, hoop = 0.0 if initial is None else initial(part), None
+            initial_strain, hoop = 0.0 if initial is None else initial(part), None
             if self.scene.axisymmetric:
                 radius = self.positions(part)[..., 0]
                 hoop = nodal[:, :, 0] @ table.shape.T / radius
-                dilation, hoop = dilation + hoop, hoop - own
+                dilation, hoop = dilation + hoop, hoop - initial_strain
             if initial is not None:
-                dilation = dilation - axis_count * own
-                energy += float(np.sum(size * (first + axis_count * second) * axis_count * own**2)) / 2
+                dilation = dilation - axis_count * initial_strain
+                energy += float(np.sum(size * (first + axis_count * second) * axis_count * initial_strain**2)) / 2
             around = None if hoop is None else first * hoop + second * dilation
-            mean = second * dilation - first * own
+            mean = second * dilation - first * initial_strain
             for i in axes:
                 stress[i, i] += mean
             if law is not None:
@@ -433,17 +441,17 @@ class NodalForces(SurfaceQuadrature):
             np.add.at(volume, rows[cells], size @ hat)
         return forces, residual, volume
 
-    def _compiled(self, load: Force, place: float) -> Array:
+    def _compiled(self, load: Force, step: float) -> Array:
         """A load with UFL expressions, by its own form."""
         import ufl
 
         on = FormCoefficients(self.scene, self.tagged, self.space, Inventory())
         _, (form,) = compile_loads([load], on, ufl.TestFunction(self.space))
-        on.move_to(place)
+        on.move_to(step)
         return assemble(form).reshape(-1, self.dimension)
 
 
 def left_over(strained: float, initial: float) -> float:
     """The energy of the stress from that of the strains and what initial strains take of it; round-off is none."""
-    found = strained + initial
-    return found if found > _ROUND_OFF * abs(strained) or initial == 0.0 else 0.0
+    energy = strained + initial
+    return energy if energy > _ROUND_OFF * abs(strained) or initial == 0.0 else 0.0

@@ -51,8 +51,8 @@ def stress_in_axes(material: LinearElastic, middle: Array, strain: Array) -> Arr
         e1 = e2 = e3 = material.young
         nu12 = nu13 = nu23 = material.poisson
         shear = (e1 / (2 * (1 + nu12)),) * 3
-    own = np.einsum("fia,fqij,fjb->fqab", axes, strain, axes, optimize=True)
-    normal = own.diagonal(axis1=2, axis2=3)
+    strain_in_axes = np.einsum("fia,fqij,fjb->fqab", axes, strain, axes, optimize=True)
+    normal = strain_in_axes.diagonal(axis1=2, axis2=3)
     flexible = np.array(
         [
             [1 / e1, -nu12 / e1, -nu13 / e1],
@@ -61,9 +61,9 @@ def stress_in_axes(material: LinearElastic, middle: Array, strain: Array) -> Arr
         ]
     )
     free = 2 if material.hypothesis == "plane stress" else 3  # without stress along axis 3
-    stress = np.zeros_like(own)
+    stress = np.zeros_like(strain_in_axes)
     for k, value in enumerate(np.moveaxis(normal[..., :free] @ np.linalg.inv(flexible[:free, :free]), -1, 0)):
         stress[..., k, k] = value
     for (i, j), modulus in zip(((0, 1), (0, 2), (1, 2)), shear, strict=True):
-        stress[..., i, j] = stress[..., j, i] = 2 * modulus * own[..., i, j]
+        stress[..., i, j] = stress[..., j, i] = 2 * modulus * strain_in_axes[..., i, j]
     return np.asarray(np.einsum("fia,fqab,fjb->fqij", axes, stress, axes, optimize=True))

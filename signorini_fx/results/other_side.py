@@ -32,22 +32,22 @@ def other_side(solution: Solution) -> dict[str, npt.NDArray[Any]]:
     space, boundary = solution.displacement.function_space, contact.boundary
     dim, owned = tagged.dimension, space.dofmap.index_map.size_local
     x = np.array(node_positions(space)[:owned, :dim], dtype=np.float64)
-    found = []
+    blocks = []
     for part, side in enumerate(sides_of(scene, tagged, space, solution.discretisation.pairs)):
         if (claim := side.claim) is None:
             continue
-        here = np.flatnonzero(boundary.part == part)
-        here = here[np.argsort(boundary.nodes[here], kind="stable")]
-        distance = contact.gap[here] - contact.u_n[here]
-        shear = np.einsum("ijk,ik->ij", boundary.tangents, contact.shear)[here]
-        values = np.column_stack((contact.pressure[here], -shear, distance))
+        points = np.flatnonzero(boundary.part == part)
+        points = points[np.argsort(boundary.nodes[points], kind="stable")]
+        distance = contact.gap[points] - contact.u_n[points]
+        shear = np.einsum("ijk,ik->ij", boundary.tangents, contact.shear)[points]
+        values = np.column_stack((contact.pressure[points], -shear, distance))
         shares = abs(claim.others).T * claim.weight
         rows = to_owners(np.column_stack((shares @ values, shares.sum(axis=1))), claim.reached, claim.comm, owned)
         nodes = np.flatnonzero(rows[:, -1] > 0)
         means = rows[nodes, :-1] / rows[nodes, -1:]
-        found.append(np.column_stack((np.full(nodes.size, part), x[nodes], means)))
-    every = parallel.gather_rows(tagged.mesh.comm, np.concatenate(found))
-    parts, places, pressure, traction, apart = np.split(every, np.cumsum([1, dim, 1, dim]), axis=1)
+        blocks.append(np.column_stack((np.full(nodes.size, part), x[nodes], means)))
+    gathered = parallel.gather_rows(tagged.mesh.comm, np.concatenate(blocks))
+    parts, places, pressure, traction, apart = np.split(gathered, np.cumsum([1, dim, 1, dim]), axis=1)
     order = np.lexsort((*places.T[::-1], parts[:, 0]))
     names = [[effect.against or "", effect.boundary] for effect in scene.contact]
     sides = np.array(names)[parts[order, 0].astype(int)]

@@ -12,7 +12,7 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities
-from signorini_fx.pictures.body import Body, Volume
+from signorini_fx.pictures.body import DrawnBody, Volume
 from signorini_fx.pictures.tiling import tiling
 from signorini_fx.results import sampling
 from signorini_fx.results.solution import Solution
@@ -20,18 +20,18 @@ from signorini_fx.results.solution import Solution
 Floats = npt.NDArray[np.float64]
 # Corners of a cell as basix numbers them, in the order of VTK.
 _ORDER_OF_VTK = {"tetrahedron": [0, 1, 2, 3], "hexahedron": [0, 1, 3, 2, 4, 5, 7, 6]}
-_SAME = 1e-8  # of the size of the body: points that are closer are one
+_SAME_POSITION = 1e-8  # of the size of the body: points that are closer are one
 
 
 def outer_facets(solution: Solution) -> int:
     """How many facets the outer surface has; collective."""
     mesh = solution.discretisation.tagged.mesh
     mesh.topology.create_connectivity(2, 3)
-    own = dmesh.exterior_facet_indices(mesh.topology).size
-    return int(parallel.global_sum(solution.comm, np.array(own)))
+    local_count = dmesh.exterior_facet_indices(mesh.topology).size
+    return int(parallel.global_sum(solution.comm, np.array(local_count)))
 
 
-def gather_outer_surface(solution: Solution, fields: Sequence[str] = (), *, recovered: bool = False) -> Body:
+def gather_outer_surface(solution: Solution, fields: Sequence[str] = (), *, recovered: bool = False) -> DrawnBody:
     """The outer surface of all ranks, on the first one, and an empty one on the others; collective.
 
     Args:
@@ -52,14 +52,14 @@ def gather_outer_surface(solution: Solution, fields: Sequence[str] = (), *, reco
 
     def within(values: Callable[[Floats, npt.NDArray[np.int32]], Floats]) -> Floats:
         """Values at the points of each facet, which is a side of its cell."""
-        found: Floats | None = None
+        sampled: Floats | None = None
         for side, points in enumerate(places):
-            here = entities[:, 1] == side
-            rows = values(points, cells[here])
-            found = np.zeros((len(cells), *rows.shape[1:])) if found is None else found
-            found[here] = rows
-        assert found is not None
-        return found
+            on_side = entities[:, 1] == side
+            rows = values(points, cells[on_side])
+            sampled = np.zeros((len(cells), *rows.shape[1:])) if sampled is None else sampled
+            sampled[on_side] = rows
+        assert sampled is not None
+        return sampled
 
     x, u = within(partial(sampling.positions, solution)), within(partial(sampling.values_at, solution.displacement))
     middle = sampling.positions(solution, corners.mean(axis=0)[None], cells)[:, 0]
@@ -68,24 +68,24 @@ def gather_outer_surface(solution: Solution, fields: Sequence[str] = (), *, reco
     if functions is None:
         values = sampling.cell_values(solution, cells, fields)
     else:
-        values = {name: within(partial(sampling.values_within, name, one)) for name, one in functions.items()}
+        values = {name: within(partial(sampling.values_within, name, function)) for name, function in functions.items()}
     for rows in (x, u, *(values.values() if functions is not None else ())):
         rows[inwards] = rows[inwards][:, tiles.mirrored]
 
     of_piece = _repeated(solution.discretisation.motions.pieces.of_cell[cells], x)
-    both = parallel.rows_on_root(comm, np.concatenate((x, u, of_piece), axis=2).reshape(-1, 7))
-    size = float(np.ptp(both[:, :3], axis=0).max()) if len(both) else 1.0
+    gathered = parallel.rows_on_root(comm, np.concatenate((x, u, of_piece), axis=2).reshape(-1, 7))
+    size = float(np.ptp(gathered[:, :3], axis=0).max()) if len(gathered) else 1.0
     # Bodies that touch have points of their own.
-    grid = np.round(np.column_stack((both[:, :3] / (_SAME * size), both[:, 6]))).astype(np.int64)
+    grid = np.round(np.column_stack((gathered[:, :3] / (_SAME_POSITION * size), gathered[:, 6]))).astype(np.int64)
     _, first, number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
-    return Body(
-        both[first, :3],
+    return DrawnBody(
+        gathered[first, :3],
         number.reshape(-1, len(tiles.points)).astype(np.int64),
         tiles,
-        both[first, 3:6],
+        gathered[first, 3:6],
         {name: parallel.rows_on_root(comm, rows) for name, rows in values.items()},
         functions is not None,
-        pieces=both[first, 6].astype(np.int64),
+        pieces=gathered[first, 6].astype(np.int64),
     )
 
 
@@ -110,7 +110,7 @@ def gather_volume(solution: Solution) -> Volume | None:
     of_piece = _repeated(solution.discretisation.motions.pieces.of_cell[cells], x)
     rows = parallel.rows_on_root(comm, np.concatenate((x, u, values[..., None], of_piece), axis=2).reshape(-1, 8))
     size, top = (float(np.ptp(part, axis=0).max()) or 1.0 if len(rows) else 1.0 for part in (rows[:, :3], rows[:, 6:7]))
-    places = np.column_stack((rows[:, :3] / size, rows[:, 6] / top)) / _SAME
+    places = np.column_stack((rows[:, :3] / size, rows[:, 6] / top)) / _SAME_POSITION
     grid = np.round(np.column_stack((places, rows[:, 7]))).astype(np.int64)
     _, first, number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
     number = number.reshape(-1, len(corners)).astype(np.int64)

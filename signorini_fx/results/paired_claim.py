@@ -77,21 +77,21 @@ class Claim:
         """Vectors at nodes of either side, by global numbers, without what they have across planes of symmetry, and of
         length one; zero where they are, shape (m, d).
         """
-        found = np.array(vectors)
+        projected = np.array(vectors)
         for row in np.flatnonzero(np.isin(nodes, list(self.planes))):
-            found[row] -= self.planes[int(nodes[row])] @ found[row]
-        size = np.linalg.norm(found, axis=1, keepdims=True)
-        return np.divide(found, size, out=np.zeros_like(found), where=size > 0)
+            projected[row] -= self.planes[int(nodes[row])] @ projected[row]
+        size = np.linalg.norm(projected, axis=1, keepdims=True)
+        return np.divide(projected, size, out=np.zeros_like(projected), where=size > 0)
 
     def normal(self, slave: Array, master: Array) -> Array:
         """The mean normals at the points, from unit normals of both sides at the owned nodes, shape (owned nodes, d);
         zero where a node is not on the side.
         """
-        there = from_owners(np.column_stack((slave, master)), self.reached, self.comm)
-        normals, others = np.split(there, 2, axis=1)
-        found = self.own @ normals - self.others @ others
-        found = found - np.einsum("nij,nj->ni", self.across, found)
-        return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+        reached_values = from_owners(np.column_stack((slave, master)), self.reached, self.comm)
+        normals, master_normals = np.split(reached_values, 2, axis=1)
+        mean_normals = self.own @ normals - self.others @ master_normals
+        mean_normals = mean_normals - np.einsum("nij,nj->ni", self.across, mean_normals)
+        return np.asarray(mean_normals / np.linalg.norm(mean_normals, axis=1, keepdims=True))
 
     def gap(self, normal: Array) -> Array:
         """The distance of both sides along normals at the points, length, shape (n,)."""
@@ -99,13 +99,13 @@ class Claim:
 
     def relative(self, owned: Array) -> Array:
         """The relative displacement at the points from that of the owned nodes, shape (owned nodes, d)."""
-        there = from_owners(owned, self.reached, self.comm)
-        return np.asarray(self.operator @ there.ravel()).reshape(self.distance.shape)
+        reached_values = from_owners(owned, self.reached, self.comm)
+        return np.asarray(self.operator @ reached_values.ravel()).reshape(self.distance.shape)
 
     def terms(self, owned: Array) -> Array:
         """The sums of the magnitudes of what ``relative`` adds up, shape (n, d)."""
-        there = from_owners(np.abs(owned), self.reached, self.comm)
-        return np.asarray(abs(self.operator) @ there.ravel()).reshape(self.distance.shape)
+        reached_values = from_owners(np.abs(owned), self.reached, self.comm)
+        return np.asarray(abs(self.operator) @ reached_values.ravel()).reshape(self.distance.shape)
 
     def forces(self, traction: Array, owned: int) -> tuple[npt.NDArray[np.int64], Array, Array]:
         """What tractions at the points, shape (n, d), do to both bodies: owned nodes, forces on them, and their areas;
@@ -116,26 +116,28 @@ class Claim:
         shares = abs(self.own) + abs(self.others)
         shares.data = np.maximum(shares.data, _SLIVER)
         area = shares.T @ self.weight
-        found = to_owners(np.column_stack((forces, area)), self.reached, self.comm, owned)
-        nodes = np.flatnonzero(found[:, -1] > 0)
-        return nodes, found[nodes, :-1], found[nodes, -1]
+        nodal_rows = to_owners(np.column_stack((forces, area)), self.reached, self.comm, owned)
+        nodes = np.flatnonzero(nodal_rows[:, -1] > 0)
+        return nodes, nodal_rows[nodes, :-1], nodal_rows[nodes, -1]
 
     def on_other_side(self, of_node: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
         """Numbers that the owned nodes have, at a node of the other side that each point meets most, -1 where it meets
         none, shape (n,).
         """
-        there = from_owners(of_node[:, None].astype(np.float64), self.reached, self.comm)[:, 0].astype(np.int64)
+        reached_numbers = from_owners(of_node[:, None].astype(np.float64), self.reached, self.comm)[:, 0].astype(
+            np.int64
+        )
         shares = abs(self.others).tocsr()
-        found = np.full(shares.shape[0], -1, dtype=np.int64)
+        opposite = np.full(shares.shape[0], -1, dtype=np.int64)
         for row in np.flatnonzero(np.diff(shares.indptr)):
             span = slice(shares.indptr[row], shares.indptr[row + 1])
-            found[row] = there[shares.indices[span][np.argmax(shares.data[span])]]
-        return found
+            opposite[row] = reached_numbers[shares.indices[span][np.argmax(shares.data[span])]]
+        return opposite
 
     def moved(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Whether a node that a point depends on has a flag, from shape (owned nodes, d) to shape (n, d)."""
-        there = from_owners(flags.astype(np.float64), self.reached, self.comm)
-        return np.asarray((abs(self.own) + abs(self.others)) @ there > 0)
+        reached_flags = from_owners(flags.astype(np.float64), self.reached, self.comm)
+        return np.asarray((abs(self.own) + abs(self.others)) @ reached_flags > 0)
 
 
 def claim_of(
@@ -149,27 +151,29 @@ def claim_of(
     """What the solver says of a pair on this rank, whose sides are these facets according to the problem, nominally in
     contact or not, with partners up to this distance; None: up to the usual one.
     """
-    found, (own, others, turning) = pair.coupling, pair.shares()
+    coupling, (slave_shares, master_shares, turning) = pair.coupling, pair.shares()
     return Claim(
         comm=space.mesh.comm,
         slave=sides[0],
         master=sides[1],
         paired=(pair.slave.facets, pair.master.facets),
-        points=pair.slave.nodes[found.nodes] - space.dofmap.index_map.local_range[0],
-        weight=found.weight,
-        distance=found.distance,
+        points=pair.slave.nodes[coupling.nodes] - space.dofmap.index_map.local_range[0],
+        weight=coupling.weight,
+        distance=coupling.distance,
         reached=pair.reached,
-        own=own,
-        others=others,
-        operator=sp.csr_array(sp.kron(own - others, sp.eye_array(found.distance.shape[1])) + turning),
-        alone=found.alone,
-        covered=found.covered,
-        hats=found.hats,
-        reach=found.reach,
+        own=slave_shares,
+        others=master_shares,
+        operator=sp.csr_array(
+            sp.kron(slave_shares - master_shares, sp.eye_array(coupling.distance.shape[1])) + turning
+        ),
+        alone=coupling.alone,
+        covered=coupling.covered,
+        hats=coupling.hats,
+        reach=coupling.reach,
         allowed=reach,
         across=pair.across,
         planes=pair.planes,
         named=pair.slave.nodes,
-        directions=found.directions,
+        directions=coupling.directions,
         nominal=nominal,
     )

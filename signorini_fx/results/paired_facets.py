@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.node_positions import node_positions
-from signorini_fx.results.paired_polygons import PLACE, STEPS, collapsed, cut, gauss, place_in, positive
+from signorini_fx.results.paired_polygons import ROUND_OFF, STEPS, collapsed, cut, gauss, place_in, positive
 
 Array = npt.NDArray[np.float64]
 
@@ -44,7 +44,7 @@ _NOTHING = 1e-9
 _DEGREE = 8
 
 
-class Facets:
+class PairFacets:
     """Facets of all ranks, each made from its rows when it is asked for; collective.
 
     Args:
@@ -68,7 +68,9 @@ class Facets:
         nodes = of_cells[np.arange(len(cells))[:, None], self._closures[numbers]]
         names = space.dofmap.index_map.local_to_global(nodes.ravel()).reshape(nodes.shape)
         rows = numbers, names, x[nodes], x[of_cells].mean(axis=1)
-        self._numbers, self.nodes, self._x, self._inside = (parallel.gather_rows(comm, one) for one in rows)
+        self._numbers, self.nodes, self._x, self._inside = (
+            parallel.gather_rows(comm, local_rows) for local_rows in rows
+        )
         self.points = _tested(self.nodes, dim)
         self._made: dict[int, Facet] = {}
         self.middle = self._x.mean(axis=1)
@@ -100,7 +102,7 @@ class Facets:
         return np.flatnonzero((np.abs(along) <= reach + beyond) & (across <= beyond + _TURNING * np.abs(along)))
 
 
-def usual_reach(slave: Facets, master: Facets) -> float:
+def usual_reach(slave: PairFacets, master: PairFacets) -> float:
     """The distance beyond which facets are no partners where the problem names none, length."""
     nearest = float(cKDTree(master.x).query(slave.x)[0].min())
     return nearest + _REACH * min(float(np.linalg.norm(np.ptp(side.x, axis=0))) for side in (slave, master))
@@ -297,7 +299,7 @@ class FlatPart:
 
 
 @dataclass(frozen=True)
-class Piece:
+class OverlapPiece:
     """A piece of the overlap.
 
     Attributes:
@@ -315,7 +317,7 @@ class Piece:
 
 def pieces_of(
     facet: Facet, masters: Sequence[Facet], reach: float, normals: dict[int, Array] | None = None
-) -> list[Piece]:
+) -> list[OverlapPiece]:
     """The overlap of a slave facet with the facets of the other side.
 
     Args:
@@ -325,37 +327,37 @@ def pieces_of(
         normals: directions of projection at the points of the slave, which are interpolated; in space None: normals of
             the linear parts of the slave.
     """
-    found: list[Piece] = []
+    overlap: list[OverlapPiece] = []
     if facet.kind == "interval":
         assert normals is not None
         masters = [master for master in masters if facet.outward @ master.outward < _FACING]
         at_nodes = np.array([normals[int(node)] for node in facet.nodes])
-        every = [_in_plane(facet, master, at_nodes) for master in masters]
+        by_master = [_in_plane(facet, master, at_nodes) for master in masters]
     else:
         directions = None if normals is None else np.array([normals[int(node)] for node in facet.points])
-        every = _in_space(facet, masters, directions)
-    for master, pieces in zip(masters, every, strict=True):
+        by_master = _in_space(facet, masters, directions)
+    for master, pieces in zip(masters, by_master, strict=True):
         moment = sum(piece.weight @ (master.place(piece.over) - facet.place(piece.at)) for piece in pieces)
         if pieces and np.linalg.norm(moment) <= reach * sum(piece.weight.sum() for piece in pieces):
-            found += pieces
-    return found
+            overlap += pieces
+    return overlap
 
 
-def _in_plane(facet: Facet, master: Facet, normals: Array) -> list[Piece]:
+def _in_plane(facet: Facet, master: Facet, normals: Array) -> list[OverlapPiece]:
     """Rays along the continuous normal: the places of the slave from which they meet the master."""
 
     def met(s: Array) -> Array:
         """The place on the master that the ray from each place meets, beyond its ends if it must."""
         at = s[:, None]
         x, normal = facet.place(at), facet.shape(at) @ normals
-        found: Array = np.full(s.size, 0.5)
+        parameters: Array = np.full(s.size, 0.5)
         for _ in range(STEPS):
-            apart, along = master.place(found[:, None]) - x, master.tangents(found[:, None])[0]
+            apart, along = master.place(parameters[:, None]) - x, master.tangents(parameters[:, None])[0]
             miss, slope = (u[:, 0] * normal[:, 1] - u[:, 1] * normal[:, 0] for u in (apart, along))
-            found = found - miss / slope
-            if np.abs(miss / slope).max() < PLACE:
+            parameters = parameters - miss / slope
+            if np.abs(miss / slope).max() < ROUND_OFF:
                 break
-        return found
+        return parameters
 
     ends = met(np.array([0.0, 1.0]))
     lowest, highest = float(ends.min()), float(ends.max())
@@ -366,31 +368,31 @@ def _in_plane(facet: Facet, master: Facet, normals: Array) -> list[Piece]:
         return float(met(np.array([s]))[0]) - value
 
     passed = [value for value in (0.0, 1.0) if lowest + _NOTHING < value < highest - _NOTHING]
-    cuts = sorted({0.0, 1.0, *(float(brentq(beyond, 0.0, 1.0, (value,), xtol=PLACE)) for value in passed)})
+    cuts = sorted({0.0, 1.0, *(float(brentq(beyond, 0.0, 1.0, (value,), xtol=ROUND_OFF)) for value in passed)})
     nodes, weights = gauss(_POINTS["interval"])
-    found = []
+    pieces = []
     for first, last in pairwise(cuts):
         at = first + (last - first) * (nodes + 1) / 2
         over = met(at)
         if last - first > _NOTHING and 0.0 <= over[len(over) // 2] <= 1.0:
             weight = facet.areas(at[:, None]) * weights / 2 * (last - first)
-            found.append(Piece(master, at[:, None], over[:, None], weight))
-    return found
+            pieces.append(OverlapPiece(master, at[:, None], over[:, None], weight))
+    return pieces
 
 
-def _in_space(facet: Facet, masters: Sequence[Facet], directions: Array | None) -> list[list[Piece]]:
+def _in_space(facet: Facet, masters: Sequence[Facet], directions: Array | None) -> list[list[OverlapPiece]]:
     """The linear parts of the slave, each cut by those of the masters in its plane: the pieces with each master."""
-    found: list[list[Piece]] = [[] for _ in masters]
+    pieces: list[list[OverlapPiece]] = [[] for _ in masters]
     parts = facet.flat_parts
     if directions is not None:
         along = [(facet.hats(part.mean(axis=0, keepdims=True)) @ directions)[0] for part, _ in facet.placed_parts]
         parts = [FlatPart.of(*placed, normal) for placed, normal in zip(facet.placed_parts, along, strict=True)]
-    for own, outward in zip(parts, facet.outward_of_parts, strict=True):
-        centre, axes, flat = own.centre, own.axes, own.flat
+    for slave_part, outward in zip(parts, facet.outward_of_parts, strict=True):
+        centre, axes, flat = slave_part.centre, slave_part.axes, slave_part.flat
         # Number and corners of a part of a master, in its reference facet and in the plane; points and their weights.
         shared: list[tuple[int, Array, Array, Array, Array]] = []
         for number, master in enumerate(masters):
-            for (other, corners), normal in zip(master.placed_parts, master.outward_of_parts, strict=True):
+            for (reference, corners), normal in zip(master.placed_parts, master.outward_of_parts, strict=True):
                 if float(np.dot(outward, normal)) >= _FACING:
                     continue
                 window = (corners - centre) @ axes.T
@@ -400,35 +402,35 @@ def _in_space(facet: Facet, masters: Sequence[Facet], directions: Array | None) 
                 if len(polygon) < 3:
                     continue
                 p, weight = collapsed(polygon, max(facet.rule, master.rule))
-                if weight.sum() > _NOTHING * own.size**2:
-                    shared.append((number, other, window, p, weight))
+                if weight.sum() > _NOTHING * slave_part.size**2:
+                    shared.append((number, reference, window, p, weight))
         if not shared:
             continue
         met, references, windows, points, weights = zip(*shared, strict=True)
         counts = [len(p) for p in points]
         p, ends = np.concatenate(points), np.cumsum(counts)[:-1]
-        at, unit = place_in(own.part[None], flat[None], p)
+        at, unit = place_in(slave_part.part[None], flat[None], p)
         weight = np.concatenate(weights) * facet.areas(at) / unit
         over, _ = place_in(np.repeat(references, counts, axis=0), np.repeat(windows, counts, axis=0), p)
         if facet.quadratic:  # as are all then; others are projected like their corners
             p = (facet.place(at) - centre) @ axes.T
-        split = zip(met, *(np.split(one, ends) for one in (at, over, p, weight)), strict=True)
+        split = zip(met, *(np.split(rows, ends) for rows in (at, over, p, weight)), strict=True)
         for number, at_own, over_own, p_own, weight_own in split:
             master = masters[number]
             if facet.quadratic:
                 over_own = _under(master, over_own, p_own, centre, axes)
-            found[number].append(Piece(master, at_own, over_own, weight_own))
-    return found
+            pieces[number].append(OverlapPiece(master, at_own, over_own, weight_own))
+    return pieces
 
 
 def _under(facet: Facet, at: Array, p: Array, centre: Array, axes: Array) -> Array:
     """The places of a facet that lie over points of the plane, by Newton's method."""
     for _ in range(STEPS):
-        left = p - (facet.place(at) - centre) @ axes.T
+        residual = p - (facet.place(at) - centre) @ axes.T
         jacobian = np.einsum("sqd,kd->qks", facet.tangents(at), axes)
-        step = np.linalg.solve(jacobian, left[:, :, None])[:, :, 0]
+        step = np.linalg.solve(jacobian, residual[:, :, None])[:, :, 0]
         at = at + step
-        if np.abs(step).max() < PLACE:
+        if np.abs(step).max() < ROUND_OFF:
             break
     return at
 
@@ -437,10 +439,10 @@ def mean_normals(facets: Sequence[Facet]) -> dict[int, Array]:
     """The means of the normals around each node with test functions, and between the vertices of quadratic triangles
     of those at both, of length one.
     """
-    found: dict[int, Array] = defaultdict(lambda: np.zeros(facets[0].outward.size))
+    sums: dict[int, Array] = defaultdict(lambda: np.zeros(facets[0].outward.size))
     for facet in facets:
         at, weights = basix.make_quadrature(getattr(basix.CellType, facet.kind), _DEGREE)
         moments = facet.hats(at).T @ (facet.normal(at) * (facet.areas(at) * weights)[:, None])
         for node, moment in zip(facet.points, moments, strict=True):
-            found[int(node)] += moment
-    return {node: moment / np.linalg.norm(moment) for node, moment in found.items()}
+            sums[int(node)] += moment
+    return {node: moment / np.linalg.norm(moment) for node, moment in sums.items()}

@@ -29,18 +29,18 @@ from scipy.spatial import cKDTree
 
 from signorini_fx import parallel
 from signorini_fx.results.paired_claim import Claim
-from signorini_fx.results.paired_facets import Facet, Facets, Piece, mean_normals, pieces_of
+from signorini_fx.results.paired_facets import Facet, OverlapPiece, PairFacets, mean_normals, pieces_of
 
 Array = npt.NDArray[np.float64]
 # A facet of the slave and the pieces of the other side over it.
-_Overlap = tuple[Facet, list[Piece]]
+_Overlap = tuple[Facet, list[OverlapPiece]]
 
 # Points whose integrals are computed again, by the dimension.
 _SAMPLED = {2: 16, 3: 6}
 # A facet that is covered by less than this share is not among them: its dual functions have few digits.
 _COVERED = 0.05
 # One that is covered by this share has no node without a function; nodes of such facets at which directions are tried.
-_WHOLE, _TRIED = 0.99, {2: 8, 3: 3}
+_WHOLLY_COVERED, _TRIED = 0.99, {2: 8, 3: 3}
 # Displacements on which rotations are tried, and share of the best resisted one below which nothing resists a rotation.
 _DISPLACEMENTS, _NO_ARM = 3, 1e-12
 
@@ -50,17 +50,17 @@ def largest(values: Array) -> float:
     return float(np.max(np.abs(values), initial=0.0))
 
 
-def sampled(claim: Claim, space: fem.FunctionSpace, slave: Facets, master: Facets, reach: float) -> float:
+def sampled(claim: Claim, space: fem.FunctionSpace, slave: PairFacets, master: PairFacets, reach: float) -> float:
     """The largest error of the integrals of some points of this rank, relative to their weights and the sizes of
     facets, with partners up to a distance; collective.
     """
     names = claim.points + space.dofmap.index_map.local_range[0]
-    every = np.unique(np.concatenate((claim.reached, slave.nodes.ravel(), master.nodes.ravel())))
-    most = -(-_SAMPLED[space.mesh.geometry.dim] // claim.comm.size)
+    all_nodes = np.unique(np.concatenate((claim.reached, slave.nodes.ravel(), master.nodes.ravel())))
+    sample_size = -(-_SAMPLED[space.mesh.geometry.dim] // claim.comm.size)
     draw = np.random.default_rng(len(claim.points))
-    choice = draw.permutation(np.flatnonzero(claim.alone))[:most]
+    choice = draw.permutation(np.flatnonzero(claim.alone))[:sample_size]
     bare, worst = _bare(claim, slave.points, names)
-    bare = draw.permutation(bare)[:most]
+    bare = draw.permutation(bare)[:sample_size]
     nodes, areas = _areas(claim, slave, master)
     around = [slave.around(names[[point]]) for point in choice]
     beside = [slave.around(nodes[[k]]) for k in range(len(nodes))]
@@ -85,7 +85,7 @@ def sampled(claim: Claim, space: fem.FunctionSpace, slave: Facets, master: Facet
         ),
         *(float(_is_covered(*overlaps[number])) for number in bare),
         *(
-            _error_at(claim, int(point), int(names[point]), every, [overlaps[number] for number in numbers])
+            _error_at(claim, int(point), int(names[point]), all_nodes, [overlaps[number] for number in numbers])
             for point, numbers in zip(choice, around, strict=True)
         ),
     ]
@@ -93,8 +93,8 @@ def sampled(claim: Claim, space: fem.FunctionSpace, slave: Facets, master: Facet
 
 
 def _overlaps(
-    slave: Facets,
-    master: Facets,
+    slave: PairFacets,
+    master: PairFacets,
     reach: float,
     numbers: npt.NDArray[np.int64],
     directions: dict[int, Array] | None,
@@ -107,10 +107,10 @@ def _overlaps(
     }
 
 
-def _normals(claim: Claim, side: Facets, nodes: npt.NDArray[np.int64]) -> dict[int, Array]:
+def _normals(claim: Claim, side: PairFacets, nodes: npt.NDArray[np.int64]) -> dict[int, Array]:
     """The normals of a side at some of its nodes with test functions, global numbers."""
-    found = mean_normals([side[k] for k in side.around(nodes)])
-    return {int(node): claim.in_planes(np.array([node]), found[int(node)][None])[0] for node in nodes}
+    normals = mean_normals([side[k] for k in side.around(nodes)])
+    return {int(node): claim.in_planes(np.array([node]), normals[int(node)][None])[0] for node in nodes}
 
 
 def _interpolated(facet: Facet, normals: dict[int, Array], at: Array) -> Array:
@@ -123,7 +123,7 @@ def _interpolated(facet: Facet, normals: dict[int, Array], at: Array) -> Array:
 
 
 def _error_of_direction(
-    claim: Claim, directions: Array, node: int, slave: Facets, master: Facets, reach: float
+    claim: Claim, directions: Array, node: int, slave: PairFacets, master: PairFacets, reach: float
 ) -> float:
     """The error of the direction of projection at a node of the slave; zero where some facet around it is not covered.
 
@@ -136,22 +136,24 @@ def _error_of_direction(
         reach: distance beyond which facets are no partners, length.
     """
     numbers = slave.around(np.array([node]))
-    own = _normals(claim, slave, np.unique(slave.points[numbers]))
-    overlaps = list(_overlaps(slave, master, reach, numbers, own if slave.x.shape[1] == 2 else None).values())
-    if not all(_is_covered(facet, pieces, _WHOLE) for facet, pieces in overlaps):
+    slave_normals = _normals(claim, slave, np.unique(slave.points[numbers]))
+    overlaps = list(_overlaps(slave, master, reach, numbers, slave_normals if slave.x.shape[1] == 2 else None).values())
+    if not all(_is_covered(facet, pieces, _WHOLLY_COVERED) for facet, pieces in overlaps):
         return 0.0
     seen = np.unique(np.concatenate([piece.master.points for _, pieces in overlaps for piece in pieces]))
-    others, total = _normals(claim, master, seen), np.zeros(slave.x.shape[1])
+    master_normals, total = _normals(claim, master, seen), np.zeros(slave.x.shape[1])
     for facet, pieces in overlaps:
         row = int(np.flatnonzero(facet.points == node)[0])
         for piece, values in zip(pieces, _functions(facet, pieces, claim.hats), strict=True):
-            apart = _interpolated(facet, own, piece.at) - _interpolated(piece.master, others, piece.over)
+            apart = _interpolated(facet, slave_normals, piece.at) - _interpolated(
+                piece.master, master_normals, piece.over
+            )
             total += (values[:, row] * piece.weight) @ apart
     direction = claim.in_planes(np.array([node]), total[None])[0]
     return largest(direction - directions[np.searchsorted(claim.named, node)])
 
 
-def _is_covered(facet: Facet, pieces: list[Piece], share: float = _COVERED) -> bool:
+def _is_covered(facet: Facet, pieces: list[OverlapPiece], share: float = _COVERED) -> bool:
     return bool(sum(piece.weight.sum() for piece in pieces) > share * facet.area)
 
 
@@ -159,26 +161,28 @@ def _error_of_area(node: int, area: float, overlaps: Iterable[_Overlap]) -> floa
     """The error of the integral of the shape function of a node over the covered part of the facets around it, relative
     to their area.
     """
-    left, size = float(area), 0.0
+    missing, size = float(area), 0.0
     for facet, pieces in overlaps:
         size += facet.area
         row = int(np.flatnonzero(facet.nodes == node)[0])
-        left -= float(sum(facet.shape(piece.at)[:, row] @ piece.weight for piece in pieces))
-    return abs(left) / size
+        missing -= float(sum(facet.shape(piece.at)[:, row] @ piece.weight for piece in pieces))
+    return abs(missing) / size
 
 
-def _error_at(claim: Claim, point: int, node: int, every: npt.NDArray[np.int64], overlaps: Iterable[_Overlap]) -> float:
+def _error_at(
+    claim: Claim, point: int, node: int, all_nodes: npt.NDArray[np.int64], overlaps: Iterable[_Overlap]
+) -> float:
     """The error of the integrals of a point; zero where some facet around it is hardly covered.
 
     Args:
         claim: what is claimed.
         point: its number on this rank.
         node: its global node.
-        every: global nodes that integrals may be of, ascending.
+        all_nodes: global nodes that integrals may be of, ascending.
         overlaps: the facets around it.
     """
-    total, own, others = 0.0, np.zeros(every.size), np.zeros(every.size)
-    positions, areas = np.zeros((every.size, claim.distance.shape[1])), np.zeros((2, every.size))
+    total, slave_integrals, master_integrals = 0.0, np.zeros(all_nodes.size), np.zeros(all_nodes.size)
+    positions, areas = np.zeros((all_nodes.size, claim.distance.shape[1])), np.zeros((2, all_nodes.size))
     distance, size, clear = np.zeros(claim.distance.shape[1]), 0.0, True
     for facet, pieces in overlaps:
         if not pieces:
@@ -190,28 +194,31 @@ def _error_at(claim: Claim, point: int, node: int, every: npt.NDArray[np.int64],
         for piece, values in zip(pieces, psi, strict=True):
             weighted = values[:, row] * piece.weight
             total += weighted.sum()
-            met = (own, areas[0], facet, piece.at), (others, areas[1], piece.master, piece.over)
+            met = (slave_integrals, areas[0], facet, piece.at), (master_integrals, areas[1], piece.master, piece.over)
             for integrals, arms, side, at in met:
-                rows = np.searchsorted(every, side.nodes)
+                rows = np.searchsorted(all_nodes, side.nodes)
                 integrals[rows] += weighted @ side.shape(at)
                 arms[rows] += piece.weight.sum()
                 positions[rows] = side.corners
             distance += weighted @ (piece.master.place(piece.over) - facet.place(piece.at))
     if not clear or total <= 0:
         return 0.0
-    weight, place = claim.weight[point], np.searchsorted(every, claim.reached)
+    weight, reached_rows = claim.weight[point], np.searchsorted(all_nodes, claim.reached)
     far = float(np.linalg.norm(claim.distance[point])) / size
     errors = [abs(total / weight - 1.0), largest(distance / weight - claim.distance[point]) / size]
-    errors.append(_error_of_motion(claim, point, (own - others) / weight, areas, positions, place) / (1.0 + far))
-    for integrals, shares in ((own, claim.own), (others, claim.others)):
+    errors.append(
+        _error_of_motion(claim, point, (slave_integrals - master_integrals) / weight, areas, positions, reached_rows)
+        / (1.0 + far)
+    )
+    for integrals, shares in ((slave_integrals, claim.own), (master_integrals, claim.others)):
         integrals /= weight
-        integrals[place] -= shares[[point]].toarray().ravel()
+        integrals[reached_rows] -= shares[[point]].toarray().ravel()
         errors.append(largest(integrals))
     return float(max(errors))
 
 
 def _error_of_motion(
-    claim: Claim, point: int, shares: Array, areas: Array, x: Array, place: npt.NDArray[np.int64]
+    claim: Claim, point: int, shares: Array, areas: Array, x: Array, reached_rows: npt.NDArray[np.int64]
 ) -> float:
     """The largest error of the relative displacement at a point for some displacements drawn at random.
 
@@ -221,7 +228,7 @@ def _error_of_motion(
         shares: D - M at m nodes, shape (m,).
         areas: in which each side sees them, shape (2, m).
         x: their positions, length, shape (m, d).
-        place: of the nodes that are reached among them.
+        reached_rows: of the nodes that are reached among them.
     """
     dim, distance, draw = x.shape[1], claim.distance[point], np.random.default_rng(point)
     rows, worst = claim.operator[dim * point : dim * (point + 1)], 0.0
@@ -230,7 +237,7 @@ def _error_of_motion(
         u = draw.uniform(-1.0, 1.0, x.shape)
         moved: Array = shares @ u + sum(_turned(a, x, u, part * distance) for a, part in zip(areas, parts, strict=True))
         moved = moved - claim.across[point] @ moved
-        worst = max(worst, largest(rows @ u[place].ravel() - moved))
+        worst = max(worst, largest(rows @ u[reached_rows].ravel() - moved))
     return worst
 
 
@@ -260,12 +267,12 @@ def _bare(claim: Claim, nodes: npt.NDArray[np.int64], names: npt.NDArray[np.int6
     """
     pointed, alone = parallel.gather_rows(claim.comm, np.column_stack((names, claim.alone)).astype(np.int64)).T
     without = ~np.isin(nodes, pointed).all(axis=1)
-    found = np.flatnonzero(without & np.isin(nodes, pointed[alone > 0]).any(axis=1))
+    bare = np.flatnonzero(without & np.isin(nodes, pointed[alone > 0]).any(axis=1))
     needless = ~np.isin(pointed[alone == 0], nodes[without])
-    return found[claim.comm.rank :: claim.comm.size], float(needless.any())
+    return bare[claim.comm.rank :: claim.comm.size], float(needless.any())
 
 
-def _areas(claim: Claim, slave: Facets, master: Facets) -> tuple[npt.NDArray[np.int64], Array]:
+def _areas(claim: Claim, slave: PairFacets, master: PairFacets) -> tuple[npt.NDArray[np.int64], Array]:
     """Some nodes of the slave, the share of this rank, and what the functions of all points make the integrals of the
     shape functions of these nodes over the covered part; collective.
 
@@ -281,24 +288,26 @@ def _areas(claim: Claim, slave: Facets, master: Facets) -> tuple[npt.NDArray[np.
     nodes, first = np.unique(slave.nodes.ravel(), return_index=True)
     away = cKDTree(master.middle).query(slave.x[first])[0]
     rows = claim.own, claim.own[~claim.alone]
-    seen, taken = (claim.reached[np.unique(one.indices)] for one in rows)
-    seen, taken = (np.unique(parallel.gather_rows(comm, one[:, None])) for one in (seen, taken))
+    seen, taken = (claim.reached[np.unique(part.indices)] for part in rows)
+    seen, taken = (np.unique(parallel.gather_rows(comm, part[:, None])) for part in (seen, taken))
     without = np.flatnonzero(~np.isin(nodes, seen))
     groups = nodes[without[np.argsort(away[without], kind="stable")]], draw.permutation(taken), draw.permutation(nodes)
-    each = -(-_SAMPLED[slave.x.shape[1]] // len(groups))
-    chosen = np.unique(np.concatenate([group[:each] for group in groups]))
+    group_size = -(-_SAMPLED[slave.x.shape[1]] // len(groups))
+    chosen = np.unique(np.concatenate([group[:group_size] for group in groups]))
     sums, areas = claim.own.T @ claim.weight, np.zeros(chosen.size)
     mine = np.isin(chosen, claim.reached)
     areas[mine] = sums[np.searchsorted(claim.reached, chosen[mine])]
-    here = slice(comm.rank, None, comm.size)
-    return chosen[here], parallel.global_sum(comm, areas)[here]
+    rank_share = slice(comm.rank, None, comm.size)
+    return chosen[rank_share], parallel.global_sum(comm, areas)[rank_share]
 
 
-def _functions(facet: Facet, pieces: list[Piece], hats: bool) -> list[Array]:
+def _functions(facet: Facet, pieces: list[OverlapPiece], hats: bool) -> list[Array]:
     """Values of the test functions at the points of the pieces, shape (q, t) each."""
     values = [facet.hats(piece.at) for piece in pieces]
     if hats:
         return values
-    mass = sum(one.T @ (piece.weight[:, None] * one) for one, piece in zip(values, pieces, strict=True))
+    mass = sum(
+        functions.T @ (piece.weight[:, None] * functions) for functions, piece in zip(values, pieces, strict=True)
+    )
     dual: Array = np.diag(np.sum(mass, axis=1)) @ np.linalg.inv(mass)
-    return [one @ dual.T for one in values]
+    return [functions @ dual.T for functions in values]

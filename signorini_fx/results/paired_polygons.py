@@ -13,7 +13,7 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 # Steps of Newton's method at most, and a place in a reference facet that is round-off.
-STEPS, PLACE = 15, 1e-14
+STEPS, ROUND_OFF = 15, 1e-14
 
 
 @cache
@@ -39,16 +39,16 @@ def cut(polygon: Array, window: Array) -> Array:
     for edge in range(len(window)):
         a, along = window[edge], window[(edge + 1) % len(window)] - window[edge]
         heights = along[0] * (polygon - a)[:, 1] - along[1] * (polygon - a)[:, 0]
-        kept = []
+        corners = []
         for k in range(len(polygon)):
             p, q, hp, hq = polygon[k - 1], polygon[k], heights[k - 1], heights[k]
             if (hp < 0) != (hq < 0):
-                kept.append(p + hp / (hp - hq) * (q - p))
+                corners.append(p + hp / (hp - hq) * (q - p))
             if hq >= 0:
-                kept.append(q)
-        if len(kept) < 3:
+                corners.append(q)
+        if len(corners) < 3:
             return np.zeros((0, 2))
-        polygon = np.array(kept)
+        polygon = np.array(corners)
     return polygon
 
 
@@ -57,13 +57,13 @@ def collapsed(polygon: Array, count: int) -> tuple[Array, Array]:
     nodes, weights = gauss(count)
     s, w = (nodes + 1) / 2, weights / 2
     u, v = (grid.ravel() for grid in np.meshgrid(s, s))
-    both = np.outer(w, w).ravel() * u
-    points, found = [], []
+    square_weights = np.outer(w, w).ravel() * u
+    points, triangle_weights = [], []
     for corner in range(1, len(polygon) - 1):
         first, across = polygon[corner] - polygon[0], polygon[corner + 1] - polygon[corner]
         points.append(polygon[0] + u[:, None] * (first + v[:, None] * across))
-        found.append(both * abs(first[0] * across[1] - first[1] * across[0]))
-    return np.concatenate(points), np.concatenate(found)
+        triangle_weights.append(square_weights * abs(first[0] * across[1] - first[1] * across[0]))
+    return np.concatenate(points), np.concatenate(triangle_weights)
 
 
 def place_in(part: Array, flat: Array, p: Array) -> tuple[Array, Array]:
@@ -87,7 +87,7 @@ def place_in(part: Array, flat: Array, p: Array) -> tuple[Array, Array]:
         jacobian = (slopes @ flat).swapaxes(1, 2)
         step = np.linalg.solve(jacobian, (p - (shares[:, None] @ flat)[:, 0])[:, :, None])[:, :, 0]
         s = s + step
-        if np.abs(step).max() < PLACE:
+        if np.abs(step).max() < ROUND_OFF:
             break
     shares, slopes = _bilinear(s)
     areas = [np.linalg.det(slopes @ corners) for corners in (flat, part)]

@@ -18,7 +18,7 @@ from signorini_fx import parallel
 from signorini_fx.body.averages import from_owners
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.results.paired_claim import Claim
-from signorini_fx.results.paired_facets import Facets, usual_reach
+from signorini_fx.results.paired_facets import PairFacets, usual_reach
 from signorini_fx.results.paired_integrals import largest, sampled
 
 Array = npt.NDArray[np.float64]
@@ -35,26 +35,26 @@ def not_held(claim: Claim, held: Array, y: Array) -> float:
     """
     if not parallel.any_rank(claim.comm, bool(claim.across.any())):
         return 0.0
-    known = np.column_stack((held.reshape(len(held), -1), y))
-    there: Array = from_owners(known, claim.reached, claim.comm)
+    nodal_rows = np.column_stack((held.reshape(len(held), -1), y))
+    reached_rows: Array = from_owners(nodal_rows, claim.reached, claim.comm)
     dim, worst = y.shape[1], 0.0
     planes = np.array([node for node in claim.planes if node in claim.reached], dtype=np.int64)
     for node, k in zip(planes, np.searchsorted(claim.reached, planes), strict=True):
-        plane, row = claim.planes[int(node)], there[k]
+        plane, row = claim.planes[int(node)], reached_rows[k]
         worst = max(worst, largest(row[:-dim].reshape(dim, dim) @ plane - plane) + largest(plane @ row[-dim:]))
     for point in np.flatnonzero(claim.across.any(axis=(1, 2))):
         nodes = claim.others.indices[claim.others.indptr[point] : claim.others.indptr[point + 1]]
-        rows = [known[claim.points[[point]]], there[nodes]]
+        rows = [nodal_rows[claim.points[[point]]], reached_rows[nodes]]
         values, ways = np.linalg.eigh(claim.across[point])
         for way in ways[:, values > 0.5].T:
             worst = max(
                 worst,
                 *(
                     np.min(
-                        np.linalg.norm(one[:, :-dim].reshape(-1, dim, dim) @ way - way, axis=1)
-                        + abs(one[:, -dim:] @ way)
+                        np.linalg.norm(candidates[:, :-dim].reshape(-1, dim, dim) @ way - way, axis=1)
+                        + abs(candidates[:, -dim:] @ way)
                     )
-                    for one in rows
+                    for candidates in rows
                 ),
             )
     return parallel.global_max(claim.comm, float(worst))
@@ -69,26 +69,26 @@ def defect(claim: Claim, space: fem.FunctionSpace) -> float:
     size, middle = float(np.linalg.norm(high - low)), (low + high) / 2
     arm = (used - middle) / size
     total = float(parallel.global_sum(comm, claim.weight.sum()))
-    found = [abs(total / claim.covered - 1.0), parallel.local_max(-claim.weight, -np.inf) / claim.covered]
-    found += [largest(shares @ np.ones(len(used)) - 1.0) for shares in (claim.own, claim.others)]
-    found.append(largest(claim.own @ arm - claim.others @ arm + claim.distance / size))
+    errors = [abs(total / claim.covered - 1.0), parallel.local_max(-claim.weight, -np.inf) / claim.covered]
+    errors += [largest(shares @ np.ones(len(used)) - 1.0) for shares in (claim.own, claim.others)]
+    errors.append(largest(claim.own @ arm - claim.others @ arm + claim.distance / size))
     for motion in _rigid((x - middle) / size):
-        found.append(largest(claim.relative(motion)))
+        errors.append(largest(claim.relative(motion)))
     named = claim.slave, claim.master
-    found.append(float(any(np.setxor1d(*both).size for both in zip(claim.paired, named, strict=True))))
-    slave, master = (Facets(space, own) for own in named)
+    errors.append(float(any(np.setxor1d(*pair).size for pair in zip(claim.paired, named, strict=True))))
+    slave, master = (PairFacets(space, facets) for facets in named)
     reach = usual_reach(slave, master) if claim.allowed is None else claim.allowed
-    found.append(float(not np.isclose(claim.reach, reach, atol=0.0)))  # which may be zero, or infinite
-    found.append(sampled(claim, space, slave, master, reach))
-    return parallel.global_max(comm, float(max(found)))
+    errors.append(float(not np.isclose(claim.reach, reach, atol=0.0)))  # which may be zero, or infinite
+    errors.append(sampled(claim, space, slave, master, reach))
+    return parallel.global_max(comm, float(max(errors)))
 
 
 def _rigid(arm: Array) -> list[Array]:
     dim = arm.shape[1]
-    found = [np.tile(row, (len(arm), 1)) for row in np.eye(dim)]
+    motions = [np.tile(row, (len(arm), 1)) for row in np.eye(dim)]
     for first in range(dim):
         for second in range(first):
             turned = np.zeros_like(arm)
             turned[:, first], turned[:, second] = -arm[:, second], arm[:, first]
-            found.append(turned)
-    return found
+            motions.append(turned)
+    return motions

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from signorini_fx import parallel
-from signorini_fx.pictures.body import Body, Moment, Volume
+from signorini_fx.pictures.body import DrawnBody, Moment, Volume
 from signorini_fx.pictures.result_pictures import MOST_FACETS, ResultPictures
 from signorini_fx.records import as_rows
 from signorini_fx.results.solution import Solution
@@ -43,7 +43,7 @@ def _volume(solution: Solution) -> Volume | None:
     return gather_volume(solution) if topology.index_map(3).size_global <= MOST_CELLS else None
 
 
-def _gatherer(solution: Solution) -> Callable[..., Body] | None:
+def _gatherer(solution: Solution) -> Callable[..., DrawnBody] | None:
     """What gathers the body; None if it is too large to be drawn; collective."""
     if solution.discretisation.tagged.dimension == 2:
         from signorini_fx.results.body_cells import gather_cells
@@ -61,17 +61,17 @@ def _gatherer(solution: Solution) -> Callable[..., Body] | None:
     return None
 
 
-def _moments(solution: Solution, gather: Callable[..., Body]) -> list[Moment]:
+def _moments(solution: Solution, gather: Callable[..., DrawnBody]) -> list[Moment]:
     """The body at the load steps that an animation shows, none if there is only one; collective."""
     steps = solution.shown_steps
     if len(steps) < 2:
         return []
     from signorini_fx.pictures.moving_body import shown
 
-    found = []
+    moments = []
     for step in (steps[k] for k in shown(len(steps))):
-        then = solution.at(step)
-        body = gather(then, ("von_mises",), recovered=True)
-        touching = None if then.contact is None else then.table.columns["state"] != "open"
-        found.append(Moment(str(step), body.displacement, body.values["von_mises"], touching))
-    return found
+        step_solution = solution.at(step)
+        body = gather(step_solution, ("von_mises",), recovered=True)
+        touching = None if step_solution.contact is None else step_solution.table.columns["state"] != "open"
+        moments.append(Moment(str(step), body.displacement, body.values["von_mises"], touching))
+    return moments

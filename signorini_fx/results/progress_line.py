@@ -51,11 +51,11 @@ class ProgressLine:
 
     def __call__(self, progress: Progress) -> None:
         """Show where the solve is, if the last time is some time ago."""
-        now = time.perf_counter()
-        if not self._silent and now >= self._next:
-            self._next = now + _PAUSE
+        seconds = time.perf_counter()
+        if not self._silent and seconds >= self._next:
+            self._next = seconds + _PAUSE
             self._shown = True
-            self._show(told(progress, now))
+            self._show(progress_text(progress, seconds))
 
     def erase(self) -> None:
         """Remove the line."""
@@ -80,12 +80,12 @@ def _display_of_a_notebook() -> Any:
     return interactive.display.display if interactive is not None and hasattr(shell, "kernel") else None
 
 
-def told(progress: Progress, now: float) -> str:
+def progress_text(progress: Progress, seconds: float) -> str:
     """Where a solve is, in words.
 
     Args:
         progress: where it is.
-        now: seconds on the clock of ``progress.end``.
+        seconds: seconds on the clock of ``progress.end``.
     """
     p = progress
     parts = []
@@ -98,6 +98,6 @@ def told(progress: Progress, now: float) -> str:
     parts.append(f"linear solve {p.solve}")
     if p.krylov:
         parts.append(f"{p.krylov} Krylov steps")
-    if p.end is not None and p.end > now:
-        parts.append(f"about {duration(p.end - now)} left")
+    if p.end is not None and p.end > seconds:
+        parts.append(f"about {duration(p.end - seconds)} left")
     return ", ".join(parts)

@@ -78,7 +78,7 @@ class Tractions:
 
 
 @dataclass(frozen=True)
-class Before:
+class PreviousStep:
     """The previous load step, from which a step starts.
 
     Attributes:
@@ -102,14 +102,14 @@ class Before:
         displacement: fem.Function,
         tractions: Tractions,
         law: Law,
-        before: Before | None,
+        previous: PreviousStep | None,
         tools: tuple[ToolMotion, ...] = (),
-    ) -> Before:
-        """The end of a load step that kept to ``law`` and started from ``before``."""
+    ) -> PreviousStep:
+        """The end of a load step that kept to ``law`` and started from ``previous``."""
         if not np.isfinite(law.gamma_t):
             return cls(displacement, tractions, tools=tools)
-        added = tractions.shear if before is None else tractions.shear - before.tractions.shear
+        added = tractions.shear if previous is None else tractions.shear - previous.tractions.shear
         elastic: Nodal = np.asarray(added / law.gamma_t)
-        if before is not None and before.elastic_slip is not None:
-            elastic = before.elastic_slip + elastic
+        if previous is not None and previous.elastic_slip is not None:
+            elastic = previous.elastic_slip + elastic
         return cls(displacement, tractions, elastic, tools=tools)

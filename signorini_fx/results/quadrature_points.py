@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.results.surface_quadrature import Facets
+from signorini_fx.results.surface_quadrature import QuadratureFacets
 from signorini_fx.scene.effect import Effect
 
 Array = npt.NDArray[np.float64]
@@ -27,7 +27,7 @@ class QuadraturePoints:
     """
 
     forces: Any
-    part: Facets
+    part: QuadratureFacets
     size: Array
     y: Array
     whole: float = np.nan
@@ -48,8 +48,8 @@ class QuadraturePoints:
         return self._of_material("expansion")
 
     def _of_material(self, key: str) -> Array:
-        (found,) = self.forces.of_materials(lambda material: (getattr(material, key) or 0.0,))
-        return found[:, None] if found.size == 1 else found[self.part.cells, None]
+        (constants,) = self.forces.of_materials(lambda material: (getattr(material, key) or 0.0,))
+        return constants[:, None] if constants.size == 1 else constants[self.part.cells, None]
 
     def inside(self, region: str | None) -> Array:
         """Whether the cells are in a region, shape (f, 1)."""
@@ -68,8 +68,8 @@ class QuadraturePoints:
 
     def _padded(self, vectors: Array) -> Array:
         """Vectors in a section, with the component out of it."""
-        more = self.forces.dimension - vectors.shape[2]
-        return np.pad(vectors, ((0, 0), (0, 0), (0, more))) if more else vectors
+        missing = self.forces.dimension - vectors.shape[2]
+        return np.pad(vectors, ((0, 0), (0, 0), (0, missing))) if missing else vectors
 
     @property
     def displacement(self) -> Array:

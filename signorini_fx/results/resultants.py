@@ -21,7 +21,7 @@ from signorini_fx.results.contact_nodes import ContactNodes
 from signorini_fx.results.contact_sides import sides_of
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import Tractions
-from signorini_fx.results.supports import Supports
+from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.scene.effect import Force, Resistance
 from signorini_fx.scene.model import Scene
 
@@ -145,23 +145,26 @@ class Resultants:
 
     def every(self) -> list[Resultant]:
         """Those of all boundaries with loads, supports or contact, and of the body force; collective."""
-        found = [self.of(name) for name in self._names]
-        return [*found, *([self.body_force()] if self._of_effects(None) else [])]
+        resultants = [self.of(name) for name in self._names]
+        return [*resultants, *([self.body_force()] if self._of_effects(None) else [])]
 
     def as_rows(self) -> list[dict[str, object]]:
         """Those of ``every`` for the summary; none if the displacement is not a number; collective."""
         if parallel.any_rank(self.tagged.mesh.comm, not np.isfinite(self.displacement.x.array).all()):
             return []
-        found = self.every()
-        size = max((one.size[0] for one in found), default=0.0), max((one.size[1] for one in found), default=0.0)
-        return [one.as_dict(size, self.tagged.size) for one in found]
+        resultants = self.every()
+        size = (
+            max((resultant.size[0] for resultant in resultants), default=0.0),
+            max((resultant.size[1] for resultant in resultants), default=0.0),
+        )
+        return [resultant.as_dict(size, self.tagged.size) for resultant in resultants]
 
     @property
     def _names(self) -> list[str]:
         """The boundaries through which something acts."""
-        every = [effect.where for _, effect in self.scene.listed()]
-        every += [effect.against for effect in self.scene.contact]
-        return list(dict.fromkeys(name for name in [*every, *self._points] if name is not None))
+        boundaries = [effect.where for _, effect in self.scene.listed()]
+        boundaries += [effect.against for effect in self.scene.contact]
+        return list(dict.fromkeys(name for name in [*boundaries, *self._points] if name is not None))
 
     @property
     def _points(self) -> dict[str, tuple[float, ...]]:
@@ -179,17 +182,17 @@ class Resultants:
         return node_positions(space)[: self._nodal.owned, : self.tagged.mesh.geometry.dim]
 
     @cached_property
-    def _supports(self) -> Supports:
-        return Supports.of(self._nodal, self.place, 1.0)
+    def _supports(self) -> PrescribedNodes:
+        return PrescribedNodes.of(self._nodal, self.place, 1.0)
 
     @cached_property
-    def _left(self) -> Array:
+    def _forces_of_supports(self) -> Array:
         """What the stresses in the body leave to the supports, shape (owned nodes, d)."""
         nodal = self._nodal
-        every = self.displacement.x.array.reshape(-1, self.tagged.mesh.geometry.dim)
-        left = (
+        displacements = self.displacement.x.array.reshape(-1, self.tagged.mesh.geometry.dim)
+        unbalanced = (
             nodal.internal(self.displacement)
-            + nodal.resisted(every)
+            + nodal.resisted(displacements)
             - nodal.external(self.place)
             - nodal.initial(self.place)[0]
         )
@@ -198,46 +201,49 @@ class Resultants:
             tractions = Tractions.of(self.contact)
             nodes = ContactNodes.of(nodal, sides, tractions)
             reached, forces, _ = nodes.forces()
-            np.add.at(left, reached, forces)
+            np.add.at(unbalanced, reached, forces)
             if tractions.joint is not None:
                 from signorini_fx.results.joint_loads import forces_of_joint_loads
 
-                left -= forces_of_joint_loads(nodal, sides, tractions)
-        return left
+                unbalanced -= forces_of_joint_loads(nodal, sides, tractions)
+        return unbalanced
 
     def _through(self, boundary: str) -> dict[str, _Forces]:
         """The forces on the body at the nodes of a boundary, by what exerts them."""
-        scene, found = self.scene, {}
+        scene, by_cause = self.scene, {}
         held = [k for k, effect in enumerate(scene.displacement) if effect.place == boundary]
         if held:
-            taken = sum((self._supports.taken(self._left, k) for k in held), np.zeros_like(self._left))
-            found["support"] = _Forces(self._x, taken)
-        found |= self._of_effects(boundary)
+            taken = sum(
+                (self._supports.taken(self._forces_of_supports, k) for k in held),
+                np.zeros_like(self._forces_of_supports),
+            )
+            by_cause["support"] = _Forces(self._x, taken)
+        by_cause |= self._of_effects(boundary)
         for sign, key in ((-1.0, "boundary"), (1.0, "against")):  # on the other body they are opposite
             parts = [k for k, effect in enumerate(scene.contact) if getattr(effect, key) == boundary]
             if parts and self.contact is not None:
                 state = self.contact
-                here = np.isin(state.boundary.part, parts)
+                on_boundary = np.isin(state.boundary.part, parts)
                 forces = sign * state.boundary.nodal_forces(state.pressure, state.shear)
-                found["contact"] = _Forces(state.boundary.centre[here], forces[here])
+                by_cause["contact"] = _Forces(state.boundary.centre[on_boundary], forces[on_boundary])
                 if state.joint is not None:
                     forces = sign * state.boundary.nodal_forces(state.joint.pressure, np.zeros_like(state.shear))
                     label = next(iter(scene.joint_loads.values())).label
-                    found[f"{label} in contact"] = _Forces(state.boundary.centre[here], forces[here])
-        return found
+                    by_cause[f"{label} in contact"] = _Forces(state.boundary.centre[on_boundary], forces[on_boundary])
+        return by_cause
 
     def _of_effects(self, boundary: str | None) -> dict[str, _Forces]:
         """Those of loads and of what resists the displacement, by their kinds; None: in the body."""
-        nodal, every = self._nodal, self.displacement.x.array.reshape(-1, self.tagged.mesh.geometry.dim)
-        found: dict[str, _Forces] = {}
+        nodal, displacements = self._nodal, self.displacement.x.array.reshape(-1, self.tagged.mesh.geometry.dim)
+        by_cause: dict[str, _Forces] = {}
         for kind in self.scene.effects.values():
-            here = [effect for effect in kind if effect.where == boundary]
-            forces = [effect for effect in here if isinstance(effect, Force)]
-            resisting = [effect for effect in here if isinstance(effect, Resistance)]
+            effects = [effect for effect in kind if effect.where == boundary]
+            forces = [effect for effect in effects if isinstance(effect, Force)]
+            resisting = [effect for effect in effects if isinstance(effect, Resistance)]
             if forces or resisting:
-                values = nodal.external(self.place, some=forces) - nodal.resisted(every, resisting)
-                found[here[0].label] = _Forces(self._x, values)
-        return found
+                values = nodal.external(self.place, some=forces) - nodal.resisted(displacements, resisting)
+                by_cause[effects[0].label] = _Forces(self._x, values)
+        return by_cause
 
     def _sum(self, boundary: str | None, forces: dict[str, _Forces], about: npt.ArrayLike | None) -> Resultant:
         """The resultant of what acts through a boundary."""
@@ -246,16 +252,16 @@ class Resultants:
         if point.shape != (dim,):
             raise ValueError(f"about: a point with {dim} coordinates is expected, got {about!r}")
         total: Array = np.zeros(KINEMATICS[dim].motions + 2)
-        for one in forces.values():
-            turning = moments(one.points - point, one.values).sum(axis=0) * self._turns
-            sizes = np.linalg.norm(one.values, axis=1)
-            arms = np.linalg.norm(one.points - point, axis=1)
-            total += np.concatenate((one.values.sum(axis=0), turning, [sizes.sum(), arms @ sizes]))
+        for nodal in forces.values():
+            turning = moments(nodal.points - point, nodal.values).sum(axis=0) * self._turns
+            sizes = np.linalg.norm(nodal.values, axis=1)
+            arms = np.linalg.norm(nodal.points - point, axis=1)
+            total += np.concatenate((nodal.values.sum(axis=0), turning, [sizes.sum(), arms @ sizes]))
         total = parallel.global_sum(comm, total)
         force, moment, size = total[:dim], total[dim:-2], (float(total[-2]), float(total[-1]))
         acts_at: Array | None = None
         if np.linalg.norm(force) > _ROUND_OFF * size[0] and not self.scene.axisymmetric:
-            middle, normal = (point, None) if boundary is None else self._place(boundary)
+            middle, normal = (point, None) if boundary is None else self._middle(boundary)
             shifted = moment + moments(point - middle, force)
             acts_at = middle + arm(shifted, force, normal)
         return Resultant(boundary, tuple(forces), force, _plain(moment), point, acts_at, size)
@@ -265,7 +271,7 @@ class Resultants:
         """Which moments do not cancel over a revolution."""
         return np.array([0.0, 1.0, 0.0]) if self.scene.torsion else not self.scene.axisymmetric
 
-    def _place(self, boundary: str) -> tuple[Array, Array | None]:
+    def _middle(self, boundary: str) -> tuple[Array, Array | None]:
         """The middle of a boundary, and its normal if it is flat; a point itself."""
         if boundary in self._points:
             return np.array(self._points[boundary]), None

@@ -67,17 +67,17 @@ class RigidPart:
             piece: which piece each belongs to, -1: to none; None: values are those of the owned nodes.
         """
         piece = self.piece if piece is None else piece
-        found = np.zeros(self.count)
-        np.maximum.at(found, piece[piece >= 0], np.nan_to_num(values, nan=np.inf)[piece >= 0])
-        total = np.empty_like(found)
-        self._comm.Allreduce(found, total, op=MPI.MAX)
+        local_largest = np.zeros(self.count)
+        np.maximum.at(local_largest, piece[piece >= 0], np.nan_to_num(values, nan=np.inf)[piece >= 0])
+        total = np.empty_like(local_largest)
+        self._comm.Allreduce(local_largest, total, op=MPI.MAX)
         return total
 
     def norms(self, vectors: Array, piece: npt.NDArray[Any] | None = None) -> Array:
         """The norms of vectors at the owned nodes of each piece, or at others, shape (pieces,); collective."""
         squares = vectors[:, None] ** 2 if vectors.ndim == 1 else np.sum(vectors**2, axis=1)[:, None]
-        which = self.piece if piece is None else piece
-        return np.asarray(np.sqrt(parallel.sums_by(self._comm, which, squares, self.count)[:, 0]))
+        pieces = self.piece if piece is None else piece
+        return np.asarray(np.sqrt(parallel.sums_by(self._comm, pieces, squares, self.count)[:, 0]))
 
     def works(self, *products: Array) -> Array:
         """The sums of products of forces and displacements at the owned nodes, shape (pieces, number of products);

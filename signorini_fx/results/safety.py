@@ -11,7 +11,7 @@ from signorini_fx import parallel
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.joint_pressure import work_on_motions
-from signorini_fx.body.limits import Surface, Unproved, factor_at_least, factor_at_most, surface_of
+from signorini_fx.body.limits import LimitSurface, Unproved, factor_at_least, factor_at_most, surface_of
 from signorini_fx.body.motion_names import names_of
 from signorini_fx.body.rigid import RigidMotions
 from signorini_fx.contact.laws import FrictionLaw, Nodal
@@ -27,7 +27,7 @@ from signorini_fx.scene.stated import STRAIGHT_CELLS, may_have_arcs
 # A node whose gap is below this share of the size of the body is closed.
 _CLOSED = 1e-9
 # Factors of the mesh and of the body that differ by less are equal.
-_SAME = 1e-8
+_SAME_FACTOR = 1e-8
 # Share of the largest normal motion at contact points below which a motion opens none: normals of meshes are not exact.
 _ALONG = 1e-3
 
@@ -74,23 +74,23 @@ class Safety:
     def of_body(self) -> bool:
         """Whether ``factor`` is proved for the body and not only for its mesh."""
         low, high = self.body
-        return bool(low >= self.factor * (1 - _SAME) and high <= self.bound * (1 + _SAME) and self.bound < np.inf) or (
-            low == np.inf
-        )
+        return bool(
+            low >= self.factor * (1 - _SAME_FACTOR) and high <= self.bound * (1 + _SAME_FACTOR) and self.bound < np.inf
+        ) or (low == np.inf)
 
     def as_dict(self) -> dict[str, object]:
         """All figures, JSON-safe: null where there is no limit."""
-        found: dict[str, object] = {name: None if value == np.inf else value for name, value in asdict(self).items()}
-        return found | {"body": [None if value == np.inf else value for value in self.body], "of_body": self.of_body}
+        figures: dict[str, object] = {name: None if value == np.inf else value for name, value in asdict(self).items()}
+        return figures | {"body": [None if value == np.inf else value for value in self.body], "of_body": self.of_body}
 
 
-def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety | None:
+def safety_of(d: Discretisation, contact: ContactState, step: float) -> Safety | None:
     """The safety factor of a load step with a solution; collective.
 
     Args:
         d: the discretised scene.
         contact: the contact nodes of this rank in its solution.
-        place: of the load step in the lists of factors.
+        step: of the load step in the lists of factors.
 
     Returns:
         None if supports hold the body, if no live load acts on its free motions, or if the tractions of the solution do
@@ -101,14 +101,14 @@ def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety 
         return None
     at_contact, immovable = motions.at(boundary), boundary.points.immovable
     nothing: npt.NDArray[np.float64] = np.zeros(len(motions.of_all) - len(motions.free))
-    driving = sum((factor * load.driven.forces for factor, load in d.applied_at(place) if load.driven), nothing)
-    works = (motions.load_of(forces, d.comm, on) for forces, on in zip(_loads(d, place), (driving, None), strict=True))
+    driving = sum((factor * load.driven.forces for factor, load in d.applied_at(step) if load.driven), nothing)
+    works = (motions.load_of(forces, d.comm, on) for forces, on in zip(_loads(d, step), (driving, None), strict=True))
     live, dead = (
         total_work([(1.0, work), *((1.0, load) for load in within)], count)
         for work, within in zip(works, _within(contact, at_contact, d.scene), strict=True)
     )
     law = d.law
-    pressing = _touching(d, contact, live + dead, place) & ~immovable
+    pressing = _touching(d, contact, live + dead, step) & ~immovable
     if law is not None:
         # Where a support takes the pressure, no other load changes the friction bound.
         law = replace(law, given=np.where(immovable, contact.bound, law.given))
@@ -133,7 +133,7 @@ def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety 
             return None
         if limit.factor < np.inf:
             along = _along_contact(here, motions, columns)
-            driven = np.where(np.abs(loads[1] @ along) > _SAME * np.abs(loads[1]).max(), loads[1] @ along, 0.0)
+            driven = np.where(np.abs(loads[1] @ along) > _SAME_FACTOR * np.abs(loads[1]).max(), loads[1] @ along, 0.0)
             sliding = min(sliding, _multiple(_on(here, along), loads[0] @ along, driven, limit.factor))
             overturning = min(overturning, _multiple(here.rough, *loads, limit.factor))
         if surfaces is not None:
@@ -149,10 +149,10 @@ def safety_of(d: Discretisation, contact: ContactState, place: float) -> Safety 
                 words = names_of((motions.of_all[:, columns] @ beyond)[:, None], motions, members)
             worst = limit, words
         if present is not None:
-            now = largest_multiple(present.of(number, columns), *loads)
-            if now is None:
+            present_limit = largest_multiple(present.of(number, columns), *loads)
+            if present_limit is None:
                 return None
-            used.append(1 / now.found if now.found > 0 else np.inf)
+            used.append(1 / present_limit.found if present_limit.found > 0 else np.inf)
     if worst is None:
         return None
     limit, words = worst
@@ -191,7 +191,7 @@ def _along_contact(here: Reactions, motions: RigidMotions, columns: npt.NDArray[
     turned = moved[:, motions.x.shape[1] :].reshape(-1, moved.shape[2])
     both = np.column_stack((null_space(turned, _ALONG), null_space(here.normal, _ALONG)))
     vectors, values, _ = np.linalg.svd(both, full_matrices=False)
-    return np.asarray(vectors[:, values > _SAME])
+    return np.asarray(vectors[:, values > _SAME_FACTOR])
 
 
 def _on(here: Reactions, motions: Nodal) -> Reactions:
@@ -207,7 +207,7 @@ def _multiple(here: Reactions, dead: Nodal, live: Nodal, whole: float) -> float:
     return whole if limit is None else max(whole, limit.factor)
 
 
-def _surfaces(d: Discretisation, pressing: npt.NDArray[np.bool_]) -> tuple[dict[int, Surface] | None, str]:
+def _surfaces(d: Discretisation, pressing: npt.NDArray[np.bool_]) -> tuple[dict[int, LimitSurface] | None, str]:
     """The contact surface of each assembly as far as it touches; or None, and why it is not known."""
     try:
         return surface_of(d, pressing), ""
@@ -215,12 +215,10 @@ def _surfaces(d: Discretisation, pressing: npt.NDArray[np.bool_]) -> tuple[dict[
         return None, str(unproved)
 
 
-def _loads(d: Discretisation, place: float) -> list[npt.NDArray[np.float64]]:
+def _loads(d: Discretisation, step: float) -> list[npt.NDArray[np.float64]]:
     """The live and the other loads of a load step at the owned dofs, shape (owned dofs,) each."""
     nodal, forces = NodalForces(d.scene, d.tagged, d.space), d.scene.of(Force)
-    return [
-        nodal.external(place, some=[load for load in forces if load.live is live]).ravel() for live in (True, False)
-    ]
+    return [nodal.external(step, some=[load for load in forces if load.live is live]).ravel() for live in (True, False)]
 
 
 def _within(contact: ContactState, motions: FreeMotions, scene: Scene) -> tuple[list[RigidLoad], list[RigidLoad]]:
@@ -231,20 +229,20 @@ def _within(contact: ContactState, motions: FreeMotions, scene: Scene) -> tuple[
     parts = [part for part, effect in enumerate(scene.contact) if effect.boundary in names]
     grows = np.isin(contact.boundary.part, parts)
     pressure = contact.joint.pressure
-    of_live, of_dead = (work_on_motions(motions, np.where(here, pressure, 0.0)) for here in (grows, ~grows))
+    of_live, of_dead = (work_on_motions(motions, np.where(selected, pressure, 0.0)) for selected in (grows, ~grows))
     return [of_live], [of_dead]
 
 
 def _touching(
-    d: Discretisation, contact: ContactState, load: npt.NDArray[np.float64], place: float
+    d: Discretisation, contact: ContactState, load: npt.NDArray[np.float64], step: float
 ) -> npt.NDArray[np.bool_]:
     """The nodes that touch their foundation in the solution, or where the rigid body rests on it, shape (n,).
 
     Supports that move may keep the body away from where it would rest: then only the former.
     """
     touching = contact.in_contact | contact.bilateral
-    if parallel.any_rank(d.comm, any(load.start.any() for _, load in d.applied_at(place))):
+    if parallel.any_rank(d.comm, any(load.start.any() for _, load in d.applied_at(step))):
         return touching
-    rest = resting_place(contact.gap, contact.bilateral, d.motions.at(contact.boundary), load)
-    gap = contact.gap if rest is None else contact.gap - rest.u_n
+    resting = resting_place(contact.gap, contact.bilateral, d.motions.at(contact.boundary), load)
+    gap = contact.gap if resting is None else contact.gap - resting.u_n
     return np.asarray(touching | (gap <= _CLOSED * d.tagged.size))

@@ -23,7 +23,7 @@ Floats = npt.NDArray[np.float64]
 PERIMETER = {3: [0, 1, 2], 4: [0, 1, 3, 2]}
 # Straight pieces that stand for a side that may be curved; and of a whole picture, to the square.
 _PIECES = 4
-_MOST = 100_000
+_MOST_POINTS = 100_000
 
 
 def pieces(solution: Solution, polygons: int = 1) -> int:
@@ -35,7 +35,7 @@ def pieces(solution: Solution, polygons: int = 1) -> int:
     """
     d = solution.discretisation
     curved = compat.geometry_degree(d.tagged.mesh) > 1 or d.scene.element.degree > 1
-    return max(1, min(_PIECES, math.isqrt(_MOST // max(polygons, 1)))) if curved else 1
+    return max(1, min(_PIECES, math.isqrt(_MOST_POINTS // max(polygons, 1)))) if curved else 1
 
 
 def positions(solution: Solution, points: Floats, cells: npt.NDArray[np.int32]) -> Floats:
@@ -73,17 +73,17 @@ def recovered_fields(solution: Solution, fields: Sequence[str]) -> dict[str, fem
     """
     if parallel.any_rank(solution.comm, not np.isfinite(solution.displacement.x.array).all()):
         return None
-    found = {}
+    functions = {}
     if "von_mises" in fields:
-        found["von_mises"] = solution.stress.recovered.von_mises
+        functions["von_mises"] = solution.stress.recovered.von_mises
     if "density" in fields:
-        found["density"] = solution.stress.recovered.shear_energy_density
+        functions["density"] = solution.stress.recovered.shear_energy_density
     if any(name in FROM_STRESS for name in fields):
-        found["stress"] = solution.stress.recovered.tensor
+        functions["stress"] = solution.stress.recovered.tensor
     for name in ("displacement", "around"):
         if name in fields:
-            found[name] = solution.displacement
-    return found
+            functions[name] = solution.displacement
+    return functions
 
 
 def values_within(name: str, function: fem.Function, points: Floats, cells: npt.NDArray[np.int32]) -> Floats:
@@ -115,14 +115,14 @@ def cell_values(solution: Solution, cells: npt.NDArray[np.int32], fields: Sequen
     mesh = d.tagged.mesh
     deviator = ufl.dev(element_stress(d, solution.displacement, solution.last_step.place).in_space)
     density = ufl.inner(deviator, deviator) / (4 * d.lame[1])  # the gray tones of Figures 2 and 6 of the paper
-    both = ufl.as_vector((density, ufl.sqrt(6 * d.lame[1] * density)))
-    constant = interpolated(both, fem.functionspace(mesh, ("DG", 0, (2,))))
+    combined = ufl.as_vector((density, ufl.sqrt(6 * d.lame[1] * density)))
+    constant = interpolated(combined, fem.functionspace(mesh, ("DG", 0, (2,))))
     rows = constant.x.array.reshape(-1, 2)[constant.function_space.dofmap.list[cells, 0]]
-    found: dict[str, Floats] = {"density": rows[:, 0], "von_mises": rows[:, 1]}
+    values: dict[str, Floats] = {"density": rows[:, 0], "von_mises": rows[:, 1]}
     middle = basix.geometry(getattr(basix.CellType, mesh.topology.cell_name())).mean(axis=0)[None]
     for name in ("displacement", "around"):
         if name in fields:
-            found[name] = values_within(name, solution.displacement, middle, cells)[:, 0]
+            values[name] = values_within(name, solution.displacement, middle, cells)[:, 0]
     if any(name in FROM_STRESS for name in fields):
-        found["stress"] = values_at(solution.stress.tensor, middle, cells).reshape(-1, 3, 3)
-    return found
+        values["stress"] = values_at(solution.stress.tensor, middle, cells).reshape(-1, 3, 3)
+    return values

@@ -46,13 +46,13 @@ def section_forces(
     """What goes through each section that a scene shortens, with all loads times ``scale``; collective."""
     nodal, space = NodalForces(scene, tagged, displacement.function_space), displacement.function_space
     mixed = scene.element.volumetric == "mixed"
-    inside, found = [load for load in scene.of(Force) if load.where is None], []
+    inside, forces = [load for load in scene.of(Force) if load.where is None], []
     for effect, beyond, jump in nodal.sections():
         shortening = scale * effect.shortening_at(scene, step)
         moved = MixedDisplacement(space, hydrostatic_of(displacement)) if mixed else fem.Function(space)
         moved.x.array[:] = displacement.x.array + shortening * jump.ravel()
-        left = beyond.internal(moved)
-        left = left - beyond.external(step, scale, inside) - beyond.strained(step, scale)[0]
-        force = parallel.global_sum(tagged.mesh.comm, np.array(np.sum(left * jump[: beyond.owned])))
-        found.append(SectionForce(effect.name, float(force), shortening))
-    return found
+        residual = beyond.internal(moved)
+        residual = residual - beyond.external(step, scale, inside) - beyond.strained(step, scale)[0]
+        force = parallel.global_sum(tagged.mesh.comm, np.array(np.sum(residual * jump[: beyond.owned])))
+        forces.append(SectionForce(effect.name, float(force), shortening))
+    return forces

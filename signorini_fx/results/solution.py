@@ -141,7 +141,7 @@ class Solution:
             ("unknowns", f"{self.discretisation.dofs:,}"),
             ("linear solves", self.history.linear_solves),
             ("certificate", repr(self.certificate).strip("<>")),
-            *((f"{found.level}: {found.path}", found.message) for found in self.findings),
+            *((f"{finding.level}: {finding.path}", finding.message) for finding in self.findings),
         ]
         return html_table(("", ""), rows, self.scene.title)
 
@@ -160,7 +160,7 @@ class Solution:
         path = {Status.NOT_HELD: "displacement"} | dict.fromkeys(_LEAVES, self.scene.forces_at)
         if self.status in path:
             wanted = ("warning", path[self.status])
-            named = (found.message for found in self.findings if (found.level, found.path) == wanted)
+            named = (finding.message for finding in self.findings if (finding.level, finding.path) == wanted)
             return next(named, self.status.advice)
         if self.status in _UNDECIDED and self.scene.automatic_steps is not None and last is not failed:
             return (
@@ -178,8 +178,8 @@ class Solution:
             ways += ["lower solver.gamma_n and solver.gamma_t", "set another solver.initial_contact"]
             return f"{', or '.join(ways)}; beyond a limit load there is no solution: lower the load"
         if self.status is Status.LINEAR_SOLVER:
-            others = [repr(kind) for kind in ("krylov", "full") if kind != settings.linear_algebra]
-            return self.status.advice.replace("'krylov' or 'full'", " or ".join(others))
+            alternatives = [repr(kind) for kind in ("krylov", "full") if kind != settings.linear_algebra]
+            return self.status.advice.replace("'krylov' or 'full'", " or ".join(alternatives))
         return self.status.advice
 
     @property
@@ -220,13 +220,13 @@ class Solution:
         """The stress in the body, raw and recovered: tensor, von Mises stress, principal stresses and their extremes;
         with load steps, of the last one.
         """
-        return Stresses.of(self.discretisation, self.displacement, self._place, self.shared)
+        return Stresses.of(self.discretisation, self.displacement, self._position, self.shared)
 
     @cached_property
     def resultants(self) -> Resultants:
         """Forces and moments on the body through each boundary; with load steps, of the last one."""
         d = self.discretisation
-        return Resultants(self.scene, d.tagged, self.displacement, self.contact, self._place, d.pairs)
+        return Resultants(self.scene, d.tagged, self.displacement, self.contact, self._position, d.pairs)
 
     @cached_property
     def preloads(self) -> list[SectionForce]:
@@ -235,7 +235,7 @@ class Solution:
             return []
         from signorini_fx.results.sections import section_forces
 
-        return section_forces(self.scene, self.discretisation.tagged, self.displacement, self._place)
+        return section_forces(self.scene, self.discretisation.tagged, self.displacement, self._position)
 
     @cached_property
     def contact_figures(self) -> list[ContactFigures]:
@@ -249,7 +249,7 @@ class Solution:
 
         if self.contact is None or not self.converged:
             return None
-        return uniqueness(self.discretisation, self.contact, place=self._place)
+        return uniqueness(self.discretisation, self.contact, place=self._position)
 
     @cached_property
     def error_bound(self) -> ErrorBound | str | None:
@@ -258,7 +258,7 @@ class Solution:
 
         if not self.converged:
             return None
-        return error_bound(self.discretisation, self.displacement, self.contact, self._place)
+        return error_bound(self.discretisation, self.displacement, self.contact, self._position)
 
     @cached_property
     def fixed_point(self) -> FixedPoint | None:
@@ -269,7 +269,7 @@ class Solution:
 
         if self.contact is None or not self.converged or not self.scene.has_coulomb:
             return None
-        return fixed_point(self.discretisation, self.contact, self._place)
+        return fixed_point(self.discretisation, self.contact, self._position)
 
     def mean_displacement_bounds(self, boundary: str, direction: tuple[float, float]) -> Interval | str:
         """Guaranteed bounds of the mean of u . direction over a boundary, a length, which print what they rest on; or
@@ -283,7 +283,9 @@ class Solution:
 
         if not self.converged:
             return "there is no solution"
-        return mean_displacement(self.discretisation, self.displacement, self.contact, boundary, direction, self._place)
+        return mean_displacement(
+            self.discretisation, self.displacement, self.contact, boundary, direction, self._position
+        )
 
     def force_bounds(self, boundary: str, direction: tuple[float, float]) -> Interval | str:
         """Guaranteed bounds of the force of a support or contact on the body, per thickness; or why there are none.
@@ -298,7 +300,7 @@ class Solution:
 
         if not self.converged:
             return "there is no solution"
-        return force(self.discretisation, self.displacement, self.contact, boundary, direction, self._place)
+        return force(self.discretisation, self.displacement, self.contact, boundary, direction, self._position)
 
     @cached_property
     def safety(self) -> Safety | None:
@@ -307,14 +309,14 @@ class Solution:
         """
         if self.contact is None or self.last_step.status is not Status.CONVERGED:
             return None
-        return safety_of(self.discretisation, self.contact, self._place)
+        return safety_of(self.discretisation, self.contact, self._position)
 
     def plot(self, *fields: str) -> Any:
         """Pictures that a notebook displays, see the function ``plot``; collective."""
         return signorini_fx.plot(self, *fields)
 
     @property
-    def _place(self) -> float:
+    def _position(self) -> float:
         """The place in the lists of factors of the load step that the displacement belongs to."""
         return self.last_step.place if self.steps else 0.0
 
@@ -352,5 +354,5 @@ def outcome(solution: Solution, *, advice: bool = True) -> str:
     text = f"{status.value}: {solution.advice}" if advice else status.value
     if not solution.scene.several_steps or failed.status is Status.CONVERGED:
         return text
-    kept = f"; the results are those of {last}" if last is not failed else ""
-    return f"{failed}: {text}{kept}"
+    remark = f"; the results are those of {last}" if last is not failed else ""
+    return f"{failed}: {text}{remark}"

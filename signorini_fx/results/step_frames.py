@@ -12,9 +12,9 @@ from signorini_fx.algorithms.task import Outcome, Start
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.contact.laws import ActiveSets, length, unit
 from signorini_fx.contact.laws import Nodal as Array
-from signorini_fx.contact.resting_place import Rest
+from signorini_fx.contact.resting_place import RestingMotion
 from signorini_fx.errors import FormError
-from signorini_fx.results.promised_law import Before
+from signorini_fx.results.promised_law import PreviousStep
 
 
 @dataclass(frozen=True)
@@ -32,12 +32,12 @@ class StepEnd:
     """
 
     start: Start
-    rest: Rest | None
+    rest: RestingMotion | None
     normal: Array
     boundary: ContactBoundary
-    before: Before
+    before: PreviousStep
 
-    def seen_from(self, boundary: ContactBoundary, *, held: bool) -> tuple[Start, Rest | None]:
+    def seen_from(self, boundary: ContactBoundary, *, held: bool) -> tuple[Start, RestingMotion | None]:
         """The start of the step and the resting place, in the frames that the same points have now; collective.
 
         Args:
@@ -47,13 +47,13 @@ class StepEnd:
         Raises:
             FormError: see ``carried``.
         """
-        start, rest = self.start, self.rest
-        if held and rest is not None:
+        start, resting = self.start, self.rest
+        if held and resting is not None:
             assert start.data.slip_origin is not None
-            start = replace(start, data=replace(start.data, slip_origin=start.data.slip_origin + rest.u_t))
-            rest = None
-        begun, place, _ = carried(start, rest, self.normal, self.boundary, boundary)
-        return begun, place
+            start = replace(start, data=replace(start.data, slip_origin=start.data.slip_origin + resting.u_t))
+            resting = None
+        begun, carried_rest, _ = carried(start, resting, self.normal, self.boundary, boundary)
+        return begun, carried_rest
 
 
 @dataclass(frozen=True)
@@ -95,8 +95,12 @@ class LastSolution:
 
 
 def carried(
-    start: Start, rest: Rest | None, normal: Array, before: ContactBoundary, after: ContactBoundary
-) -> tuple[Start, Rest | None, Array]:
+    start: Start,
+    resting: RestingMotion | None,
+    normal: Array,
+    old_boundary: ContactBoundary,
+    new_boundary: ContactBoundary,
+) -> tuple[Start, RestingMotion | None, Array]:
     """The start of a step, the place from which its slips are counted, and the normal displacement at that start, in
     the frames that the same points have now; collective.
 
@@ -105,26 +109,28 @@ def carried(
     Raises:
         FormError: the points are others, or their normals where contact alone holds the body.
     """
-    comm = before.comm
-    if parallel.any_rank(comm, not np.array_equal(before.nodes, after.nodes)):
+    comm = old_boundary.comm
+    if parallel.any_rank(comm, not np.array_equal(old_boundary.nodes, new_boundary.nodes)):
         raise FormError([("contact", "its points cannot change between the steps of a loop")])
-    turns = parallel.any_rank(comm, not np.allclose(before.normal, after.normal))
-    if turns and rest is not None:
+    turns = parallel.any_rank(comm, not np.allclose(old_boundary.normal, new_boundary.normal))
+    if turns and resting is not None:
         wrong = "its directions cannot change between the steps of a loop where contact alone holds the body"
         raise FormError([("contact", wrong)])
-    rotation = np.einsum("nij,nik->njk", after.cotangents, before.tangents)
+    rotation = np.einsum("nij,nik->njk", new_boundary.cotangents, old_boundary.tangents)
 
     def turned(shear: Array) -> Any:
         return np.einsum("njk,nk->nj", rotation, shear)
 
     def moved(slip: Array | None) -> Any:
-        return None if slip is None else np.einsum("nij,nik,nk->nj", after.tangents, before.cotangents, slip)
+        return (
+            None if slip is None else np.einsum("nij,nik,nk->nj", new_boundary.tangents, old_boundary.cotangents, slip)
+        )
 
     data, multipliers, origin = start.data, start.multipliers, moved(start.data.slip_origin)
     if turns and origin is not None:
         relative = np.column_stack((normal, np.asarray(start.data.slip_origin)))
-        coframes = np.concatenate((before.normal[:, :, None], before.cotangents), axis=2)
-        relative = np.einsum("nki,nkj,nj->ni", after.frames, coframes, relative)
+        coframes = np.concatenate((old_boundary.normal[:, :, None], old_boundary.cotangents), axis=2)
+        relative = np.einsum("nki,nkj,nj->ni", new_boundary.frames, coframes, relative)
         normal, origin = relative[:, 0], relative[:, 1:]
     begun = replace(
         start,
@@ -132,15 +138,15 @@ def carried(
         multipliers=None if multipliers is None else (multipliers[0], turned(multipliers[1])),
         elastic_slip=moved(start.elastic_slip),
     )
-    return begun, None if rest is None else replace(rest, u_t=moved(rest.u_t)), normal
+    return begun, None if resting is None else replace(resting, u_t=moved(resting.u_t)), normal
 
 
-def relative_to(before: Before, boundary: ContactBoundary, moved: Array | None) -> Before:
+def relative_to(previous: PreviousStep, boundary: ContactBoundary, moved: Array | None) -> PreviousStep:
     """The end of the last step as one begins from it whose foundations may have turned and moved, with shears along
     them.
 
     Args:
-        before: as it was.
+        previous: as it was.
         boundary: the points as they are now.
         moved: by which the foundations have moved at them, shape (n, d); None: they have not.
     """
@@ -148,6 +154,6 @@ def relative_to(before: Before, boundary: ContactBoundary, moved: Array | None) 
     def along(vectors: Array) -> Array:
         return vectors - np.einsum("ni,ni->n", vectors, boundary.normal)[:, None] * boundary.normal
 
-    tractions, elastic = before.tractions, before.elastic_slip
+    tractions, elastic = previous.tractions, previous.elastic_slip
     tractions = replace(tractions, shear=along(tractions.shear))
-    return replace(before, tractions=tractions, elastic_slip=None if elastic is None else along(elastic), moved=moved)
+    return replace(previous, tractions=tractions, elastic_slip=None if elastic is None else along(elastic), moved=moved)

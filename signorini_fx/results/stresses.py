@@ -100,9 +100,9 @@ class StressFields:
         it.
         """
         sigma = self._nodal()
-        known = np.isfinite(sigma).all(axis=(1, 2))  # a solve that failed may leave anything behind
+        finite = np.isfinite(sigma).all(axis=(1, 2))  # a solve that failed may leave anything behind
         values = np.full((len(sigma), 3), np.nan)
-        values[known] = np.linalg.eigvalsh(sigma[known])[:, ::-1]
+        values[finite] = np.linalg.eigvalsh(sigma[finite])[:, ::-1]
         return self._function("principal_stresses", values)
 
     def component(self, name: str) -> fem.Function:
@@ -133,19 +133,21 @@ class StressFields:
         return self._extreme(field, component, sign=-1.0)
 
     def _extremes(self) -> dict[str, Extreme]:
-        found = {
+        extremes = {
             "von_mises": self.largest(),
             "largest_principal": self.largest("principal", 0),
             "smallest_principal": self.smallest(),
         }
         if self.stress.outward is not None:
-            found |= {"largest_zz": self.largest("zz"), "smallest_zz": self.smallest("zz")}
-        return found
+            extremes |= {"largest_zz": self.largest("zz"), "smallest_zz": self.smallest("zz")}
+        return extremes
 
     def _extreme(self, field: str, component: int, *, sign: float) -> Extreme:
         if field not in ("von_mises", "principal", *_COMPONENTS):
-            known = ", ".join(_COMPONENTS)
-            raise ValueError(f"{field!r} is no field with extremes: take 'von_mises', 'principal' or one of {known}")
+            components = ", ".join(_COMPONENTS)
+            raise ValueError(
+                f"{field!r} is no field with extremes: take 'von_mises', 'principal' or one of {components}"
+            )
         function: fem.Function = self.component(field) if field in _COMPONENTS else getattr(self, field)
         comm, space = self.comm, function.function_space
         component = min(component, space.dofmap.bs - 1)
@@ -153,8 +155,8 @@ class StressFields:
         x = node_positions(space)[:, : space.mesh.topology.dim]
         values = np.where(np.isfinite(values), values, -np.inf)
         at = int(values.argmax()) if values.size else 0
-        own = float(values[at]) if values.size else -np.inf
-        best, rank = comm.allreduce((own, -comm.rank), op=MPI.MAX)
+        local_extreme = float(values[at]) if values.size else -np.inf
+        best, rank = comm.allreduce((local_extreme, -comm.rank), op=MPI.MAX)
         where: tuple[tuple[float, ...], int] = (), -1
         if -rank == comm.rank and values.size:
             cell = np.flatnonzero((space.dofmap.list == at).any(axis=1))[:1].astype(np.int32)
@@ -199,8 +201,8 @@ class RawStresses(StressFields):
         shape (3, 3), discontinuous and of the degree of the element.
         """
         space = self.stress.displacement.function_space
-        whole = fem.functionspace(space.mesh, ("DG", space.element.basix_element.degree, (3, 3)))
-        return interpolated(self.stress.in_space, whole, "stress")
+        tensor_space = fem.functionspace(space.mesh, ("DG", space.element.basix_element.degree, (3, 3)))
+        return interpolated(self.stress.in_space, tensor_space, "stress")
 
     @cached_property
     def recovered(self) -> RecoveredStresses:
@@ -235,7 +237,7 @@ class Stresses(RawStresses):
 
     @classmethod
     def of(
-        cls, d: Discretisation, displacement: fem.Function, place: float, shared: dict[str, StressRecovery]
+        cls, d: Discretisation, displacement: fem.Function, step: float, shared: dict[str, StressRecovery]
     ) -> Stresses:
         """Those of a displacement; ``shared``: where what projects is kept for other load steps."""
 
@@ -245,8 +247,8 @@ class Stresses(RawStresses):
                 shared["recovery"] = StressRecovery.of(d, Inventory())
             return shared["recovery"]
 
-        energy = partial(NodalForces(d.scene, d.tagged, d.space).stored, displacement, place)
-        return cls(element_stress(d, displacement, place), recovery, energy, place, discretisation=d)
+        energy = partial(NodalForces(d.scene, d.tagged, d.space).stored, displacement, step)
+        return cls(element_stress(d, displacement, step), recovery, energy, step, discretisation=d)
 
     def as_dict(self) -> dict[str, Any]:
         """Extremes of the raw stress and those of the recovered one, with the estimated error, JSON-safe; collective.
@@ -254,32 +256,32 @@ class Stresses(RawStresses):
         With each why it has no limit, if it is known to have none, see ``no_limit``, and the name of its body or of the
         region of its material, if there are several.  The stress out of the plane is among them in plane strain.
         """
-        d, found, recovered = self.discretisation, self._extremes(), None
+        d, extremes, recovered = self.discretisation, self._extremes(), None
         finite = not parallel.any_rank(d.comm, not np.isfinite(self.stress.displacement.x.array).all())
         reasons: dict[tuple[float, ...], str | None] = {}
         if finite:
             recovered = self.recovered._extremes()
-            places = dict.fromkeys(one.place for one in (*found.values(), *recovered.values()))
-            reasons = {place: why_no_limit(d, place, self.place) for place in places}
-        parts = [body.name for body in d.scene.body] or [one.region for one in d.scene.material]
+            places = dict.fromkeys(entry.place for entry in (*extremes.values(), *recovered.values()))
+            reasons = {point: why_no_limit(d, point, self.place) for point in places}
+        parts = [body.name for body in d.scene.body] or [entry.region for entry in d.scene.material]
 
-        def row(one: Extreme) -> dict[str, Any]:
-            named = {"region": _part_of(d, one.cell, parts)} if len(parts) > 1 else {}
-            limit = {"no_limit": reasons[one.place]} if finite else {}
-            return {"value": one.value, "place": list(one.place), **named, **limit}
+        def row(extreme: Extreme) -> dict[str, Any]:
+            named = {"region": _part_of(d, extreme.cell, parts)} if len(parts) > 1 else {}
+            limit = {"no_limit": reasons[extreme.place]} if finite else {}
+            return {"value": extreme.value, "place": list(extreme.place), **named, **limit}
 
-        rows = {name: row(one) for name, one in found.items()}
-        others = None if recovered is None else {name: row(one) for name, one in recovered.items()}
-        return {**rows, "recovered": others, "error": self.error if finite else None}
+        rows = {name: row(entry) for name, entry in extremes.items()}
+        recovered_rows = None if recovered is None else {name: row(entry) for name, entry in recovered.items()}
+        return {**rows, "recovered": recovered_rows, "error": self.error if finite else None}
 
 
 def _part_of(d: Discretisation, cell: int, parts: Sequence[str | None]) -> str | None:
     """The one of some regions that a cell is in, by its global number; None: in none of them; collective."""
     cells = d.tagged.mesh.topology.index_map(d.tagged.dimension)
-    own = cell - cells.local_range[0]
-    here = [place for place, name in enumerate(parts) if name is not None and own in d.tagged.cells(name)]
-    found = here[0] if here and 0 <= own < cells.size_local else -1
-    at = int(parallel.global_max(d.comm, found))
+    local_cell = cell - cells.local_range[0]
+    matches = [part for part, name in enumerate(parts) if name is not None and local_cell in d.tagged.cells(name)]
+    local_part = matches[0] if matches and 0 <= local_cell < cells.size_local else -1
+    at = int(parallel.global_max(d.comm, local_part))
     return None if at < 0 else parts[at]
 
 

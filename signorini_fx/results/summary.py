@@ -27,7 +27,7 @@ from signorini_fx.display import (
     tool_in_words,
     touch_each_other,
 )
-from signorini_fx.machine.terminal import Line
+from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.records import CERTIFICATE_TOLERANCE, FEW_NODES, OuterRecord, Record, StepRecord
 from signorini_fx.report.digits import between, estimated_errors, figure, percent
 from signorini_fx.results.afterthoughts import proved
@@ -160,7 +160,9 @@ def _by_axis(name: str, value: Any, boundary: str) -> dict[str, float]:
 def _tools(solution: Solution, contact: ContactState) -> list[dict[str, Any]]:
     """A row for each rigid tool; collective."""
     effects, axisymmetric = solution.scene.contact, solution.scene.axisymmetric
-    return [one.as_dict(contact, effects[one.part], axisymmetric=axisymmetric) for one in solution.last_step.tools]
+    return [
+        motion.as_dict(contact, effects[motion.part], axisymmetric=axisymmetric) for motion in solution.last_step.tools
+    ]
 
 
 def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
@@ -184,7 +186,7 @@ def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
         "pressure_integral": float(np.dot(columns["weight"], columns["pressure"])),
         "max_pressure": float(columns["pressure"].max()),
         "max_shear": float(np.abs(columns["shear"]).max()),
-        "contact_boundaries": [one.as_dict() for one in solution.contact_figures],
+        "contact_boundaries": [figures.as_dict() for figures in solution.contact_figures],
         **({"tools": tools} if (tools := _tools(solution, contact)) else {}),
         **({"zones": zones} if "s" in columns else {}),
         **(_in_space(contact) if contact.boundary.x.shape[1] == 3 else {}),
@@ -239,10 +241,10 @@ def render(summary: dict[str, Any]) -> str:
     return "\n".join(map(str, lines_of(summary)))
 
 
-def lines_of(summary: dict[str, Any]) -> list[Line]:
+def lines_of(summary: dict[str, Any]) -> list[TerminalLine]:
     """The summary for a terminal."""
     good = summary["converged"] and not summary["incomplete"]
-    heading = Line(f"{summary['title'] or 'scene'}: {status_in_words(summary)}", kind="good" if good else "")
+    heading = TerminalLine(f"{summary['title'] or 'scene'}: {status_in_words(summary)}", kind="good" if good else "")
     lines = [heading, *_outcome(summary), *_warnings(summary)]
     if not summary["converged"] and summary["linear_solves"] == 0:  # follows from statics: there are no figures
         return lines
@@ -263,8 +265,8 @@ def lines_of(summary: dict[str, Any]) -> list[Line]:
             *_contact_boundaries(summary),
             *_labelled("foundation", [tool_in_words(tool) for tool in summary.get("tools", ())]),
         ]
-    told = [preload_in_words(row) for row in summary.get("preloads", ())]
-    lines += _labelled("preload", told) + _resultants(summary)
+    preloads = [preload_in_words(row) for row in summary.get("preloads", ())]
+    lines += _labelled("preload", preloads) + _resultants(summary)
     lines.append(_row("strain energy", _digits(summary["strain_energy"], errors.get("strain_energy"))))
     if "stress" in summary:
         lines.append(_row("von Mises stress", _largest(summary)))
@@ -272,7 +274,7 @@ def lines_of(summary: dict[str, Any]) -> list[Line]:
     certificate = summary["certificate"]
     lines.append(_row("certificate", _certificate(certificate), "" if certificate["holds"] else "error"))
     if "contact_force" in summary:
-        lines.append(_row("left by gamma", _left(certificate)))
+        lines.append(_row("left by gamma", _remaining_misfit(certificate)))
     for name in ("error_bound", "uniqueness"):
         if name in summary:
             lines.append(_row(name.replace("_", " "), summary[name]["statement"]))
@@ -280,16 +282,16 @@ def lines_of(summary: dict[str, Any]) -> list[Line]:
         lines.append(_row("duality gap", f"{summary['functionals']['relative_duality_gap']:.1e}"))
     lines.append(_row("seconds", ", ".join(f"{name} {value:.2f}" for name, value in summary["timings"].items())))
     if "price_list" in summary:
-        lines.append(Line(price_list.render([price_list.Price(**row) for row in summary["price_list"]])))
+        lines.append(TerminalLine(price_list.render([price_list.Price(**row) for row in summary["price_list"]])))
     return lines
 
 
-def _row(label: str, text: str, kind: str = "") -> Line:
+def _row(label: str, text: str, kind: str = "") -> TerminalLine:
     """A figure with its label."""
-    return Line(f"  {label:16s} ", text, kind)
+    return TerminalLine(f"  {label:16s} ", text, kind)
 
 
-def _outcome(summary: dict[str, Any]) -> list[Line]:
+def _outcome(summary: dict[str, Any]) -> list[TerminalLine]:
     """How the solve ended, what to do about it, and how it went."""
     lines = []
     if "results_of" in summary:
@@ -307,12 +309,12 @@ def _outcome(summary: dict[str, Any]) -> list[Line]:
     ]
 
 
-def _events(events: list[str]) -> list[Line]:
+def _events(events: list[str]) -> list[TerminalLine]:
     """The events of the history by kind."""
     shown = dict.fromkeys(event for event in events if not event.startswith("level "))
     beginnings = {"increments": "load step ", **{name: f"{name}: " for name in ("accuracy", "elements", "restart")}}
-    others = [event for event in shown if not event.startswith(tuple(beginnings.values()))]
-    kinds = {"fall-backs": others} | {
+    fall_backs = [event for event in shown if not event.startswith(tuple(beginnings.values()))]
+    kinds = {"fall-backs": fall_backs} | {
         name: [event.removeprefix(f"{name}: ") for event in shown if event.startswith(begin)]
         for name, begin in beginnings.items()
     }
@@ -321,7 +323,7 @@ def _events(events: list[str]) -> list[Line]:
     return [_row(name, "; ".join(kind)) for name, kind in kinds.items() if kind]
 
 
-def _beside_contact(summary: dict[str, Any]) -> list[Line]:
+def _beside_contact(summary: dict[str, Any]) -> list[TerminalLine]:
     """Why a body may stick or slip where it does not touch."""
     laws = {effect["friction"]["law"] for effect in summary.get("scene", {}).get("contact", ())}
     if "tresca" not in laws or summary["touching_nodes"] == summary["contact_nodes"]:
@@ -336,7 +338,7 @@ def _force(summary: dict[str, Any], name: str) -> str:
     return "(" + ", ".join(f"{f:.6g}" for f in clean(summary[name], size)) + ")"
 
 
-def _contact_forces(summary: dict[str, Any]) -> list[Line]:
+def _contact_forces(summary: dict[str, Any]) -> list[TerminalLine]:
     """Contact and friction force; between bodies those of each boundary on its body, as their sum acts on none."""
     names = ("contact_force", "friction_force")
     if not touch_each_other(summary):
@@ -353,17 +355,17 @@ def _contact_forces(summary: dict[str, Any]) -> list[Line]:
     ]
 
 
-def _resultants(summary: dict[str, Any]) -> list[Line]:
+def _resultants(summary: dict[str, Any]) -> list[TerminalLine]:
     """What acts through the other boundaries, and where; contact too if it has several."""
     several = len(summary.get("contact_boundaries", ())) > 1
     rows = [row for row in summary["resultants"] if row["acts"] != ["contact"] or several]
-    told = [resultant_in_words(row, summary.get("scene") or {}) for row in rows[:_MOST_ROWS]]
+    lines = [resultant_in_words(row, summary.get("scene") or {}) for row in rows[:_MOST_ROWS]]
     if len(rows) > _MOST_ROWS:
-        told.append(f"and {len(rows) - _MOST_ROWS} more in summary.json")
-    return _labelled("forces", told)
+        lines.append(f"and {len(rows) - _MOST_ROWS} more in summary.json")
+    return _labelled("forces", lines)
 
 
-def _contact_boundaries(summary: dict[str, Any]) -> list[Line]:
+def _contact_boundaries(summary: dict[str, Any]) -> list[TerminalLine]:
     """Area, mean pressure and friction of each contact boundary."""
     rows = summary["contact_boundaries"]
     areas, friction = [], []
@@ -375,7 +377,7 @@ def _contact_boundaries(summary: dict[str, Any]) -> list[Line]:
     return [*_labelled("in contact", areas), *_labelled("friction", friction)]
 
 
-def _labelled(label: str, texts: list[str]) -> list[Line]:
+def _labelled(label: str, texts: list[str]) -> list[TerminalLine]:
     """Lines of the table of which only the first has its label."""
     return [_row(label if k == 0 else "", text) for k, text in enumerate(texts)]
 
@@ -385,12 +387,12 @@ def _largest(summary: dict[str, Any]) -> str:
     stress = summary["stress"]
     raw, recovered, apart = stress["von_mises"], stress["recovered"], between(stress)
     region = f" in {raw['region']}" if raw.get("region") else ""
-    told = f"{_digits(raw['value'], apart)} at most, at {point_in_words(raw['place'])}{region}"
+    text = f"{_digits(raw['value'], apart)} at most, at {point_in_words(raw['place'])}{region}"
     if recovered is not None and apart is not None:
-        told += f"; recovered {_digits(recovered['von_mises']['value'], apart)}"
+        text += f"; recovered {_digits(recovered['von_mises']['value'], apart)}"
     if (why := raw.get("no_limit")) is not None:
-        told += f"; it has no limit as the mesh is refined: {why}"
-    return told if stress["error"] is None else f"{told}; estimated error in the mean {percent(stress['error'])}"
+        text += f"; it has no limit as the mesh is refined: {why}"
+    return text if stress["error"] is None else f"{text}; estimated error in the mean {percent(stress['error'])}"
 
 
 def _digits(value: float, error: float | None) -> str:
@@ -403,7 +405,7 @@ def _touching(nodes: int) -> str:
     return f"{nodes or 'none'} in contact{few}"
 
 
-def _warnings(summary: dict[str, Any]) -> list[Line]:
+def _warnings(summary: dict[str, Any]) -> list[TerminalLine]:
     """The warnings, and the pieces of a body that is not connected."""
     pieces = summary["pieces"]
     lines = [_row("pieces", f"{len(pieces)}: {_listed(pieces)}")] if len(pieces) > 1 else []
@@ -413,14 +415,14 @@ def _warnings(summary: dict[str, Any]) -> list[Line]:
     return lines
 
 
-def _listed(pieces: list[dict[str, Any]], most: int = 4) -> str:
+def _listed(pieces: list[dict[str, Any]], limit: int = 4) -> str:
     """Where the first few pieces are."""
 
     def one(row: dict[str, Any]) -> str:
         name = "" if row["body"] is None else f"{row['body']}, "
         return f"{name}{row['cells']} cells, {extent(row['bounds'])}"
 
-    return "; ".join([one(row) for row in pieces[:most]] + ["..."] * (len(pieces) > most))
+    return "; ".join([one(row) for row in pieces[:limit]] + ["..."] * (len(pieces) > limit))
 
 
 def _certificate(figures: dict[str, Any]) -> str:
@@ -434,7 +436,7 @@ def _certificate(figures: dict[str, Any]) -> str:
     return f"DOES NOT HOLD for {figures['law']}: {', '.join(wrong)}"
 
 
-def _left(figures: dict[str, Any]) -> str:
+def _remaining_misfit(figures: dict[str, Any]) -> str:
     return (
         f"penetration {figures['penetration']:.1e}, elastic slip {figures['stick_slip']:.1e} "
         "times the largest displacement"

@@ -16,11 +16,11 @@ from signorini_fx.scene.expressions import sample
 Nodal = npt.NDArray[np.float64]
 
 # Two directions are one, and a normal is along an axis, within this.
-_SAME = 1e-8
+_SAME_DIRECTION = 1e-8
 
 
 @dataclass(frozen=True)
-class Supports:
+class PrescribedNodes:
     """The prescribed displacements of the owned nodes.
 
     Attributes:
@@ -43,7 +43,7 @@ class Supports:
     askew_by: npt.NDArray[np.int64]
 
     @classmethod
-    def of(cls, forces: NodalForces, step: float, scale: float) -> Supports:
+    def of(cls, forces: NodalForces, step: float, scale: float) -> PrescribedNodes:
         """Those of a load step times ``scale``; collective.
 
         Of two effects the later one applies in full, the earlier one in the directions that are left.
@@ -59,46 +59,46 @@ class Supports:
                 nodes = fem.locate_dofs_topological(space, dim, tagged.facets(effect.boundary))
             else:
                 away = np.linalg.norm(x[:, : len(effect.at)] - np.array(effect.at), axis=1)
-                nodes = np.flatnonzero(away <= _SAME * tagged.size)
+                nodes = np.flatnonzero(away <= _SAME_DIRECTION * tagged.size)
             nodes = nodes[nodes < owned]
-            now, effect = scene.now(effect, step)
-            factor = scale * now
-            prescribed = [(axis, given, 1.0) for axis, given in enumerate(effect.components)]
+            step_factor, effect = scene.now(effect, step)
+            factor = scale * step_factor
+            prescribed = [(axis, imposed, 1.0) for axis, imposed in enumerate(effect.components)]
             if effect.normal is not None:
                 outward = parallel.global_sum(tagged.mesh.comm, forces.moments(effect.boundary).sum(axis=0))
                 axis = int(np.argmax(np.abs(outward)))
-                if np.linalg.norm(np.delete(outward, axis)) > _SAME * abs(outward[axis]):
+                if np.linalg.norm(np.delete(outward, axis)) > _SAME_DIRECTION * abs(outward[axis]):
                     along = factor * sample(effect.normal, x[nodes].T)
                     askew.append((nodes.astype(np.int64), outward / np.linalg.norm(outward), along, position))
                     continue
                 prescribed = [(axis, effect.normal, float(np.sign(outward[axis])))]
-            for component, given, sign in prescribed:
-                if given is not None:
+            for component, imposed, sign in prescribed:
+                if imposed is not None:
                     fixed[nodes, component] = True
                     by[nodes, component] = position
-                    value[nodes, component] = sign * factor * sample(given, x[nodes].T)
+                    value[nodes, component] = sign * factor * sample(imposed, x[nodes].T)
         if scene.axisymmetric:
-            middle = np.abs(x[:owned, 0]) <= _SAME * tagged.size
+            middle = np.abs(x[:owned, 0]) <= _SAME_DIRECTION * tagged.size
             for axis in (0, 2) if scene.torsion else (0,):
                 fixed[middle, axis], value[middle, axis], by[middle, axis] = True, 0.0, len(scene.displacement)
-        none = np.zeros(0, dtype=np.int64)
-        found: list[tuple[Any, ...]] = [(none, np.zeros((0, shape[1])), np.zeros(0), none)]
-        places = np.unique(np.concatenate([none, *(nodes for nodes, *_ in askew)]))
+        no_nodes = np.zeros(0, dtype=np.int64)
+        groups: list[tuple[Any, ...]] = [(no_nodes, np.zeros((0, shape[1])), np.zeros(0), no_nodes)]
+        places = np.unique(np.concatenate([no_nodes, *(nodes for nodes, *_ in askew)]))
         offered = [np.eye(shape[1])], [value[places]], [by[places]]
         for nodes, normal, along, position in askew:
-            _, here, there = np.intersect1d(places, nodes, return_indices=True)
+            _, rows, effect_rows = np.intersect1d(places, nodes, return_indices=True)
             column, owner = np.zeros((places.size, 1)), np.full((places.size, 1), -1)
-            column[here, 0], owner[here] = along[there], position
+            column[rows, 0], owner[rows] = along[effect_rows], position
             for table, new in zip(offered, (normal[None], column, owner), strict=True):
                 table.append(new)
-        directions, given, owners = np.vstack(offered[0]), np.hstack(offered[1]), np.hstack(offered[2])
+        directions, imposed, owners = np.vstack(offered[0]), np.hstack(offered[1]), np.hstack(offered[2])
         kinds, kind = np.unique(owners, axis=0, return_inverse=True)
         for number, whose in enumerate(kinds):
-            here = np.flatnonzero(kind.ravel() == number)
-            for normal, along, position in _in_turn(directions, given[here], whose):
-                found.append((places[here], np.tile(normal, (here.size, 1)), along, np.full(here.size, position)))
+            rows = np.flatnonzero(kind.ravel() == number)
+            for normal, along, position in _in_turn(directions, imposed[rows], whose):
+                groups.append((places[rows], np.tile(normal, (rows.size, 1)), along, np.full(rows.size, position)))
         fixed[places], by[places] = False, -1
-        where, normals, along, askew_by = (np.concatenate(column) for column in zip(*found, strict=True))
+        where, normals, along, askew_by = (np.concatenate(column) for column in zip(*groups, strict=True))
         return cls(fixed, value, where, normals, along, by, askew_by)
 
     def missed(self, y: Nodal) -> Nodal:
@@ -113,59 +113,65 @@ class Supports:
     def left(self, vectors: Nodal, nodes: npt.NDArray[np.int64] | None = None) -> Nodal:
         """Vectors at the owned nodes, or at some of them, without the directions that are prescribed, shape (n, d)."""
         fixed = self.fixed if nodes is None else self.fixed[nodes]
-        found = np.where(fixed, 0.0, vectors)
+        remainder = np.where(fixed, 0.0, vectors)
         where = np.arange(len(vectors)) if nodes is None else nodes
         order = np.argsort(self.askew, kind="stable")
         begin = np.searchsorted(self.askew[order], where, "left")
         end = np.searchsorted(self.askew[order], where, "right")
         for row in np.flatnonzero(end > begin):
             basis = self.normals[order[begin[row] : end[row]]]
-            found[row] = vectors[row] - np.linalg.pinv(basis) @ (basis @ vectors[row])
-        return found
+            remainder[row] = vectors[row] - np.linalg.pinv(basis) @ (basis @ vectors[row])
+        return remainder
 
     def taken(self, forces: Nodal, position: int) -> Nodal:
         """The part of nodal forces that acts along what one entry of ``scene.displacement`` prescribes, shape (owned
         nodes, d); at a node of several entries each direction belongs to the one that prescribes it.
         """
-        found = np.where(self.by == position, forces, 0.0)
+        taken = np.where(self.by == position, forces, 0.0)
         order = np.argsort(self.askew, kind="stable")
         nodes, first = np.unique(self.askew[order], return_index=True)
         for node, rows in zip(nodes, np.split(order, first[1:]), strict=False):
             basis = self.normals[rows]
             shares = (np.linalg.pinv(basis.T) @ forces[node])[:, None] * basis
-            found[node] = shares[self.askew_by[rows] == position].sum(axis=0)
-        return found
+            taken[node] = shares[self.askew_by[rows] == position].sum(axis=0)
+        return taken
 
     def movable(self) -> npt.NDArray[np.bool_]:
         """Components in which a node can move, shape (owned nodes, d)."""
-        found, nodes = ~self.fixed, np.unique(self.askew)
-        ways = [self.left(np.tile(axis, (nodes.size, 1)), nodes) for axis in np.eye(found.shape[1])]
-        found[nodes] = np.max(np.abs(ways), axis=0) > _SAME
-        return found
+        movable, nodes = ~self.fixed, np.unique(self.askew)
+        ways = [self.left(np.tile(axis, (nodes.size, 1)), nodes) for axis in np.eye(movable.shape[1])]
+        movable[nodes] = np.max(np.abs(ways), axis=0) > _SAME_DIRECTION
+        return movable
 
 
-def _in_turn(directions: Nodal, given: Nodal, whose: npt.NDArray[np.int64]) -> list[tuple[Nodal, Nodal, int]]:
+def _in_turn(directions: Nodal, imposed: Nodal, whose: npt.NDArray[np.int64]) -> list[tuple[Nodal, Nodal, int]]:
     """What applies at nodes where several effects prescribe displacements, the later ones first.
 
     An effect that later ones contradict applies across them only, as closely as it can.
 
     Args:
         directions: of the displacements that are prescribed, shape (k, d).
-        given: what is prescribed along them, shape (n, k).
+        imposed: what is prescribed along them, shape (n, k).
         whose: position of the effect that prescribes it, -1 where none does, shape (k,).
 
     Returns:
         Directions, what is prescribed along each of them, shape (n,), and by which effect.
     """
-    y, taken = np.zeros((len(given), directions.shape[1])), directions[:0]
-    found = []
+    y, taken = np.zeros((len(imposed), directions.shape[1])), directions[:0]
+    constraints = []
     for position in map(int, np.unique(whose[whose >= 0])[::-1]):
-        own = directions[whose == position]
-        _, sizes, ways = np.linalg.svd(own - own @ taken.T @ taken)
-        new = ways[: np.count_nonzero(sizes > _SAME)]
+        effect_directions = directions[whose == position]
+        _, sizes, ways = np.linalg.svd(effect_directions - effect_directions @ taken.T @ taken)
+        new = ways[: np.count_nonzero(sizes > _SAME_DIRECTION)]
         if not len(new):
             continue
-        y += (given[:, whose == position] - y @ own.T) @ np.linalg.pinv(own @ new.T).T @ new
+        y += (
+            (imposed[:, whose == position] - y @ effect_directions.T)
+            @ np.linalg.pinv(effect_directions @ new.T).T
+            @ new
+        )
         taken = np.vstack((taken, new))
-        found += [(way, y @ way, position) for way in (own if len(new) == len(own) else new)]
-    return found
+        constraints += [
+            (way, y @ way, position) for way in (effect_directions if len(new) == len(effect_directions) else new)
+        ]
+    return constraints

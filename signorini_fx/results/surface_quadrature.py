@@ -26,7 +26,7 @@ _ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True)
-class Table:
+class ReferencePoints:
     """Points in the reference cell: shape functions of the displacement (q, n) and of the geometry (q, g), their
     derivatives along the d reference directions, (d, q, n) and (d, q, g), and the functions that contact tests with
     (q, n): the shape functions, or the hats of the vertices where contact averages.
@@ -40,7 +40,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Facets:
+class QuadratureFacets:
     """Points on facets with the same place in their reference cell.
 
     Attributes:
@@ -50,7 +50,7 @@ class Facets:
     """
 
     cells: Indices
-    table: Table
+    table: ReferencePoints
     moment: Array
 
 
@@ -128,18 +128,20 @@ class SurfaceQuadrature:
             directed: makes unit vectors, where they may be, of vectors at the owned nodes, by their local numbers.
         """
         owned = np.arange(self.owned, dtype=np.int32)
-        found = directed(owned, self.moments(boundary))
+        normals = directed(owned, self.moments(boundary))
         if self._hats is None:
-            return found
-        layout, vertices, every = self.space.dofmap.dof_layout, self.with_ghosts(found), self._zero()
+            return normals
+        layout, vertices, edge_sums = self.space.dofmap.dof_layout, self.with_ghosts(normals), self._zero()
         entities = facet_entities(self.space.mesh, self.facets(boundary))
         for side in range(len(basix.topology(self._cell)[self.across - 1])):
             cells = entities[entities[:, 1] == side, 0]
             nodes = self._nodes[cells][:, layout.entity_closure_dofs(self.across - 1, side)]
-            every[nodes[:, 3:]] = vertices[nodes[:, :3]].sum(axis=1)[:, None] - vertices[nodes[:, :3]]  # opposite ones
+            edge_sums[nodes[:, 3:]] = (
+                vertices[nodes[:, :3]].sum(axis=1)[:, None] - vertices[nodes[:, :3]]
+            )  # opposite ones
         # Both facets of an edge say the same.
-        between = directed(owned, self.over_ranks(every))
-        return np.where(np.any(found, axis=1, keepdims=True), found, between)
+        between = directed(owned, self.over_ranks(edge_sums))
+        return np.where(np.any(normals, axis=1, keepdims=True), normals, between)
 
     def products(self, boundary: Any, factor: Array | None = None) -> Any:
         """Integrals of test times shape functions over the facets of this rank, scipy sparse, shape (nodes, nodes).
@@ -148,7 +150,7 @@ class SurfaceQuadrature:
         """
         rule = basix.make_quadrature(self._facet, forms.lumped_degree(self._shapes.degree, self._geometry.degree))
         size = len(self._zero())
-        found = sp.csr_array((size, size))
+        integrals = sp.csr_array((size, size))
         for facets in self._facets(boundary, rule[0], rule[1], factor):
             test, shape = _clean(facets.table.test), _clean(facets.table.shape)
             area = np.linalg.norm(facets.moment, axis=2)
@@ -158,10 +160,10 @@ class SurfaceQuadrature:
                 values = values.sum(axis=2)[:, :, None] * (np.linalg.pinv(mass, rcond=1e-10, hermitian=True) @ values)
                 values[np.abs(values) <= _ROUND_OFF * np.abs(values).max(initial=0.0)] = 0.0
             nodes = self._nodes[facets.cells]
-            rows, columns = (np.broadcast_to(own, values.shape) for own in (nodes[:, :, None], nodes[:, None]))
-            there = values != 0
-            found += sp.csr_array((values[there], (rows[there], columns[there])), shape=(size, size))
-        return found
+            rows, columns = (np.broadcast_to(numbers, values.shape) for numbers in (nodes[:, :, None], nodes[:, None]))
+            nonzero = values != 0
+            integrals += sp.csr_array((values[nonzero], (rows[nonzero], columns[nonzero])), shape=(size, size))
+        return integrals
 
     def with_ghosts(self, values: Array) -> Array:
         """Values at the owned nodes, shape (owned nodes, d), with those of the ghosts, shape (nodes, d)."""
@@ -180,20 +182,22 @@ class SurfaceQuadrature:
         index_map = self.space.dofmap.index_map
         return np.zeros((index_map.size_local + index_map.num_ghosts, self.dimension))
 
-    def _table(self, points: Array) -> Table:
+    def _table(self, points: Array) -> ReferencePoints:
         shape, geometry = (element.tabulate(1, points)[..., 0] for element in (self._shapes, self._geometry))
         test = shape[0]
         if self._hats is not None:
             hats = self._hats.tabulate(0, points)[0, ..., 0]  # vertices come first
             test = np.pad(hats, ((0, 0), (0, test.shape[1] - hats.shape[1])))
-        return Table(shape[0], shape[1:], geometry[0], geometry[1:], test)
+        return ReferencePoints(shape[0], shape[1:], geometry[0], geometry[1:], test)
 
-    def _jacobian(self, cells: Indices, table: Table) -> Array:
+    def _jacobian(self, cells: Indices, table: ReferencePoints) -> Array:
         """dx_i / dX_k at the points, shape (across (i), across (k), cells, q)."""
         x = self._x[self._corners[cells]]
         return np.array([[x[:, :, i] @ stretch.T for stretch in table.stretch] for i in range(self.across)])
 
-    def _facets(self, boundary: Any, places: Array, weight: Array, factor: Array | None = None) -> Iterator[Facets]:
+    def _facets(
+        self, boundary: Any, places: Array, weight: Array, factor: Array | None = None
+    ) -> Iterator[QuadratureFacets]:
         """The facets of a boundary with points at ``places`` of the reference facet, shape (q, across - 1)."""
         entities = facet_entities(self.space.mesh, self.facets(boundary))
         vertices = basix.geometry(self._cell)
@@ -211,7 +215,7 @@ class SurfaceQuadrature:
             normal = np.sign(determinant)[:, :, None] * np.einsum("kicq,k->cqi", adjugate, across)
             if factor is not None:
                 normal *= (np.nan_to_num(factor)[self._nodes[cells]] @ table.shape.T)[:, :, None]
-            yield Facets(cells, table, weight[:, None] * normal)
+            yield QuadratureFacets(cells, table, weight[:, None] * normal)
 
 
 def over_ranks(values: Array, space: fem.FunctionSpace) -> Array:

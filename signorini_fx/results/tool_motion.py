@@ -80,16 +80,22 @@ class ToolMotion:
             axisymmetric: whether forces are those of a revolution, of which the radial ones and moments cancel.
         """
         boundary, dim = contact.boundary, self.reference.size
-        here = boundary.part == self.part
-        forces = boundary.nodal_forces(contact.pressure, contact.shear)[here]
-        moments = KINEMATICS[dim].turned(boundary.centre[here] - self.reference, forces)
-        sums = [forces.sum(axis=0), moments.sum(axis=0), *(np.abs(one).sum(axis=0) for one in (forces, moments))]
+        on_tool = boundary.part == self.part
+        forces = boundary.nodal_forces(contact.pressure, contact.shear)[on_tool]
+        moments = KINEMATICS[dim].turned(boundary.centre[on_tool] - self.reference, forces)
+        sums = [
+            forces.sum(axis=0),
+            moments.sum(axis=0),
+            *(np.abs(vectors).sum(axis=0) for vectors in (forces, moments)),
+        ]
         total = parallel.global_sum(boundary.comm, np.concatenate(sums))
         if axisymmetric:
             total[[0, 2]] = 0.0
         size = total[sums[0].size + sums[1].size :]
         moment = clean(total[dim : sums[0].size + sums[1].size].tolist(), float(size[dim:].max()))
-        moved, turned = (clean(one.tolist(), float(np.abs(one).max())) for one in (self.translation, self.rotation))
+        moved, turned = (
+            clean(vectors.tolist(), float(np.abs(vectors).max())) for vectors in (self.translation, self.rotation)
+        )
         return {
             "boundary": self.boundary,
             "reference": self.reference.tolist(),

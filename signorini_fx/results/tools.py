@@ -23,15 +23,15 @@ def given_in(scene: Scene, tools: Sequence[ToolMotion], step: float, scale: floa
         step: the load step, from 0, or a place between two.
         scale: factor of all loads and prescribed displacements.
     """
-    found = []
+    drives = []
     for tool in tools:
         shape = scene.contact[tool.part].tool
         factor, time = scene.driving(shape, step)
-        given, prescribed = shape.drive(tool.reference.size, time)
+        load, prescribed = shape.drive(tool.reference.size, time)
         if scene.axisymmetric:
             prescribed[[0, 2]] = 0.0  # radial motion and rotation
-        found.append((tool, (scale * factor * given, scale * factor * prescribed)))
-    return found
+        drives.append((tool, (scale * factor * load, scale * factor * prescribed)))
+    return drives
 
 
 # A tool, with force and moment on it, and the components that are prescribed, nan where they are free.
@@ -47,20 +47,20 @@ def unbalanced(nodes: ContactNodes, tools: Sequence[Driving], least: float) -> f
         tools: their motions, and what drives them.
         least: a force that is round-off.
     """
-    found = 0.0
-    for tool, (given, prescribed) in tools:
+    worst = 0.0
+    for tool, (load, prescribed) in tools:
         dim = tool.reference.size
         free, motion = np.isnan(prescribed), np.append(tool.translation, tool.rotation)
         taken, size, reach = nodes.resultant(tool.part, tool.reference)
         # Moments as forces and rotations as lengths at this lever, so that neither depends on units.
         lever = np.append(np.ones(dim), np.full(motion.size - dim, reach or 1.0))
-        given, motion, prescribed = given / lever, motion * lever, prescribed * lever
-        rest = given + taken / lever
-        size = max(size, float(np.abs(given).max()), least)
+        load, motion, prescribed = load / lever, motion * lever, prescribed * lever
+        residual = load + taken / lever
+        size = max(size, float(np.abs(load).max()), least)
         missed, far = (
             np.abs(motion - prescribed)[~free],
             max(np.abs(motion).max(), np.abs(prescribed[~free]).max(initial=0)),
         )
-        found = max(found, float(np.abs(rest[free]).max(initial=0.0)) / size if size > 0 else 0.0)
-        found = max(found, float(missed.max(initial=0.0)) / far if far > 0 else float(missed.max(initial=0.0) > 0))
-    return found
+        worst = max(worst, float(np.abs(residual[free]).max(initial=0.0)) / size if size > 0 else 0.0)
+        worst = max(worst, float(missed.max(initial=0.0)) / far if far > 0 else float(missed.max(initial=0.0) > 0))
+    return worst

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.body.assembly import adjugates
-from signorini_fx.results.surface_quadrature import Facets
+from signorini_fx.results.surface_quadrature import QuadratureFacets
 
 Array = npt.NDArray[np.float64]
 
@@ -19,7 +19,7 @@ def twisted_work(
     u: Array,
     degree: int,
     hooke: tuple[Array, Array],
-    initial: Callable[[Facets], Array] | None,
+    initial: Callable[[QuadratureFacets], Array] | None,
 ) -> tuple[Array, float]:
     """That of the stress a (epsilon - e I) + b tr(epsilon - e I) I with unit displacements, and the energy of the
     initial strain e alone, both on this rank alone.
@@ -48,11 +48,11 @@ def twisted_work(
         gradient[0, 2] = -np.einsum("cqn,cn->cq", around, nodal[:, :, 2])
         gradient[2, 2] = np.einsum("cqn,cn->cq", around, nodal[:, :, 0])
         size = size * 2 * np.pi * radius
-        own = np.zeros_like(radius) if initial is None else initial(part)
+        initial_strain = np.zeros_like(radius) if initial is None else initial(part)
         stress = a * (gradient + gradient.swapaxes(0, 1)) / 2
-        mean = b * (np.einsum("iicq->cq", gradient) - 3 * own) - a * own
+        mean = b * (np.einsum("iicq->cq", gradient) - 3 * initial_strain) - a * initial_strain
         stress[range(3), range(3)] += mean
-        energy += float(np.sum(size * (a + 3 * b) * 3 * own**2)) / 2
+        energy += float(np.sum(size * (a + 3 * b) * 3 * initial_strain**2)) / 2
         weighted = size * stress
         work = np.einsum("ijcq,jcqn->cni", weighted[:, :2], slope)
         work[:, :, 0] += np.einsum("cq,cqn->cn", weighted[2, 2], around)

@@ -46,7 +46,7 @@ _PROVED = 1 - 1e-6
 # multiple of the coefficient that is rough, and linear solves from one start.
 _STARTS, _PATH, _ROUGH, _SOLVES = 24, 12, 8.0, 60
 # Conditions hold to this share of loads and displacements; solutions differ by more of them, and by less than that.
-_EXACT, _SAME, _AWAY = 1e-9, 1e-3, 1e6
+_EXACT, _SAME_SOLUTION, _DIVERGED = 1e-9, 1e-3, 1e6
 
 # Which normal components are closed, and +1 or -1 where a tangential one slips, 0 where it sticks.
 _Sets = tuple[npt.NDArray[np.bool_], Nodal]
@@ -143,11 +143,11 @@ def uniqueness(
     ]
     if law is None or not d.scene.has_coulomb:
         return Uniqueness(True, np.inf, assumed="; ".join(filter(None, assumed)))
-    found = contact_stiffness(d, place)
-    if isinstance(found, str):
-        return Uniqueness(False, 0.0, reason=found)
+    stiffness = contact_stiffness(d, place)
+    if isinstance(stiffness, str):
+        return Uniqueness(False, 0.0, reason=stiffness)
     assumed.append("the stiffness is taken as computed")
-    return replace(uniqueness_of(*found, law, contact, search=search), assumed="; ".join(filter(None, assumed)))
+    return replace(uniqueness_of(*stiffness, law, contact, search=search), assumed="; ".join(filter(None, assumed)))
 
 
 def uniqueness_of(
@@ -162,22 +162,24 @@ def uniqueness_of(
         state: the solution; None: no other one is searched for.
         search: for other ones; None: where it is not proved to be the only one.
     """
-    found = components(stiffness, operator, law)
-    if isinstance(found, str):
-        return Uniqueness(False, 0.0, reason=found)
-    multiple, why, _ = critical(found, law.coefficient)
-    acting = law.coefficient[np.unique(found.tangential)]
+    rough = components(stiffness, operator, law)
+    if isinstance(rough, str):
+        return Uniqueness(False, 0.0, reason=rough)
+    multiple, why, _ = critical(rough, law.coefficient)
+    acting = law.coefficient[np.unique(rough.tangential)]
     acting = acting[acting > 0]
-    same = acting.size and np.ptp(acting) <= _FREE * acting[0] and np.isfinite(multiple)
+    uniform = acting.size and np.ptp(acting) <= _FREE * acting[0] and np.isfinite(multiple)
     proved = multiple > 1
-    others: list[Nodal] = []
+    other_solutions: list[Nodal] = []
     starts = 0
     if state is not None and (search or (search is None and not proved)):
         if state.points.dimension > 2:
             why = "; ".join(filter(None, (why, "only solutions in the plane are searched for")))
         else:
-            others, starts = _other_solutions(found, law, state)
-    return Uniqueness(proved, multiple, float(multiple * acting[0]) if same else None, tuple(others), starts, why)
+            other_solutions, starts = _other_solutions(rough, law, state)
+    return Uniqueness(
+        proved, multiple, float(multiple * acting[0]) if uniform else None, tuple(other_solutions), starts, why
+    )
 
 
 def components(stiffness: Nodal, operator: Nodal, law: FrictionLaw) -> _Rough | str:
@@ -194,16 +196,16 @@ def components(stiffness: Nodal, operator: Nodal, law: FrictionLaw) -> _Rough | 
         return "some contact points share a node, or are held in a direction of their own"
     # x = q1 r^-T v + q2 z, of which z has no force.
     change = np.column_stack((np.linalg.solve(r, q[:, : len(rows)].T).T, q[:, len(rows) :]))
-    whole = change.T @ stiffness @ change
+    transformed = change.T @ stiffness @ change
     point, component = np.nonzero(by_point)
     bonded = np.isinf(law.given[point])
     rubs = (component > 0) & ((coefficient[point] > 0) | (law.given[point] > 0))
     order = np.concatenate((np.flatnonzero((component == 0) & ~bonded), np.flatnonzero(rubs & ~bonded)))
-    rest = np.setdiff1d(np.arange(len(whole)), np.concatenate((order, np.flatnonzero(bonded))))
-    schur = whole[np.ix_(order, order)]
-    if rest.size:
-        coupling = whole[np.ix_(rest, order)]
-        values, vectors = np.linalg.eigh(whole[np.ix_(rest, rest)])
+    eliminated = np.setdiff1d(np.arange(len(transformed)), np.concatenate((order, np.flatnonzero(bonded))))
+    schur = transformed[np.ix_(order, order)]
+    if eliminated.size:
+        coupling = transformed[np.ix_(eliminated, order)]
+        values, vectors = np.linalg.eigh(transformed[np.ix_(eliminated, eliminated)])
         hard = values > _FREE * values[-1]
         inside = vectors[:, hard].T @ coupling
         schur = schur - inside.T @ (inside / values[hard, None])
@@ -221,11 +223,11 @@ def critical(rough: _Rough, coefficient: Nodal, evaluations: int = _EVALUATIONS)
     weights d of the tangential components, length per force, shape (m - n,).
     """
     normal, count = rough.normal.size, len(rough.stiffness)
-    none = np.ones(count - normal)
+    unit_weights = np.ones(count - normal)
     if not (coefficient[rough.tangential] > 0).any():
-        return np.inf, "", none
+        return np.inf, "", unit_weights
     if np.abs(rough.free[normal:]).max(initial=0.0) > _FREE**0.5:
-        return 0.0, "nothing but friction holds the body along its foundation", none
+        return 0.0, "nothing but friction holds the body along its foundation", unit_weights
     unit = float(np.abs(rough.stiffness).max())
     # In units of the stiffness, so that nodal compliance is of order one.
     stiffness = rough.stiffness / unit
@@ -239,20 +241,20 @@ def critical(rough: _Rough, coefficient: Nodal, evaluations: int = _EVALUATIONS)
         extra = weights[0] if rough.free.size else weights[: weights.size - sizes.size]
         d = np.exp(weights[-sizes.size :])
         scale = np.concatenate((np.full(normal, 1.0) * np.exp(extra), np.ones(sizes.size)))
-        left = scale[:, None] * stiffness
+        left_side = scale[:, None] * stiffness
         right = rows.T @ ((sizes * d)[:, None] * rows)
         places = np.arange(normal, count)
         right[places, places] += sizes / d
-        return (left + left.T) / 2, right / 2, scale
+        return (left_side + left_side.T) / 2, right / 2, scale
 
     def reduced(matrix: Nodal) -> Nodal:
         return matrix if basis is None else basis.T @ matrix @ basis
 
     def value(weights: Nodal) -> tuple[float, Nodal]:
         """The logarithm of the smoothed largest eigenvalue, and its derivative."""
-        left, right, scale = matrices(weights)
+        left_side, right, scale = matrices(weights)
         try:
-            values, vectors = eigh(reduced(right), reduced(left), driver="gvd")
+            values, vectors = eigh(reduced(right), reduced(left_side), driver="gvd")
         except LinAlgError:  # the left side is not positive definite
             return _INDEFINITE, np.zeros_like(weights)
         values = np.maximum(values, 0.0)
@@ -272,15 +274,17 @@ def critical(rough: _Rough, coefficient: Nodal, evaluations: int = _EVALUATIONS)
     best = np.concatenate((nus, first[1:]))
     spent, reached = 0, value(best)[0]
     while spent < evaluations:  # a search that leaves the weights with a proof ends early, and begins again
-        found = minimize(value, best, jac=True, method="L-BFGS-B", options={"maxfun": evaluations - spent})
-        spent += found.nfev
-        if not found.fun < reached - _GAIN:
+        minimum = minimize(value, best, jac=True, method="L-BFGS-B", options={"maxfun": evaluations - spent})
+        spent += minimum.nfev
+        if not minimum.fun < reached - _GAIN:
             break
-        best, reached = found.x, found.fun
-    left, right, _ = (*map(reduced, matrices(best)[:2]), None)
-    multiple = 1.0 / float(eigh(right, left, eigvals_only=True, subset_by_index=(len(left) - 1, len(left) - 1))[0])
-    if not _definite(left - multiple * _PROVED * right):
-        return 0.0, "round-off hides it", none
+        best, reached = minimum.x, minimum.fun
+    left_side, right, _ = (*map(reduced, matrices(best)[:2]), None)
+    multiple = 1.0 / float(
+        eigh(right, left_side, eigvals_only=True, subset_by_index=(len(left_side) - 1, len(left_side) - 1))[0]
+    )
+    if not _definite(left_side - multiple * _PROVED * right):
+        return 0.0, "round-off hides it", unit_weights
     return multiple * _PROVED, "", np.exp(best[-sizes.size :]) / unit
 
 
@@ -346,32 +350,32 @@ def _other_solutions(rough: _Rough, law: FrictionLaw, state: PointState) -> tupl
     )
     touching = state.in_contact[rough.normal]
     side = np.sign(state.direction[at, 0])
-    same = _newton(rough, data, touching, side)
-    known = [v if same is None else same[0]]
+    nearby = _newton(rough, data, touching, side)
+    solutions = [v if nearby is None else nearby[0]]
     chance = np.random.default_rng(0)
-    none, every = np.zeros(at.size), np.ones(n, dtype=bool)
+    no_slip, all_closed = np.zeros(at.size), np.ones(n, dtype=bool)
     starts: list[_Sets] = [
-        (~every, none),
-        (every, none),
-        (every, none + 1),
-        (every, none - 1),
+        (~all_closed, no_slip),
+        (all_closed, no_slip),
+        (all_closed, no_slip + 1),
+        (all_closed, no_slip - 1),
     ]
-    starts += [(touching, s) for s in (none, none + 1, none - 1)]
+    starts += [(touching, s) for s in (no_slip, no_slip + 1, no_slip - 1)]
     starts += [(chance.random(n) < 0.5, chance.integers(-1, 2, at.size).astype(float)) for _ in range(_STARTS)]
     starts += [
         *_along_path(rough, data, np.linspace(0, 1, _PATH)[:-1]),
         *_along_path(rough, data, np.geomspace(_ROUGH, 1, _PATH)[:-1]),
     ]
     for start in starts:
-        found = _newton(rough, data, *start)
-        if found is not None and all(_apart(found[0], one) for one in known):
-            known.append(found[0])
-    return known[1:], len(starts)
+        solution = _newton(rough, data, *start)
+        if solution is not None and all(_apart(solution[0], accepted) for accepted in solutions):
+            solutions.append(solution[0])
+    return solutions[1:], len(starts)
 
 
 def _apart(a: Nodal, b: Nodal) -> bool:
     """Whether two displacements differ by more than what regularisation and round-off do."""
-    return bool(np.abs(a - b).max() > _SAME * max(np.abs(a).max(), np.abs(b).max()))
+    return bool(np.abs(a - b).max() > _SAME_SOLUTION * max(np.abs(a).max(), np.abs(b).max()))
 
 
 def _along_path(rough: _Rough, data: _Law, factors: npt.NDArray[np.floating[Any]]) -> Iterator[_Sets]:
@@ -379,9 +383,9 @@ def _along_path(rough: _Rough, data: _Law, factors: npt.NDArray[np.floating[Any]
     sets: _Sets = np.ones(rough.normal.size, dtype=bool), np.zeros(rough.tangential.size)
     for factor in factors:
         changed = replace(data, coefficient=factor * data.coefficient)
-        found = _newton(rough, changed, *sets)
-        if found is not None:
-            sets = found[1], found[2]
+        solution = _newton(rough, changed, *sets)
+        if solution is not None:
+            sets = solution[1], solution[2]
     yield sets
 
 
@@ -413,7 +417,7 @@ def _newton(
             return None
         force = data.load - stiffness @ v
         scale, size = np.abs(data.load).max(), data.size
-        if np.abs(v).max() > _AWAY * size:  # of a matrix that is singular but for round-off
+        if np.abs(v).max() > _DIVERGED * size:  # of a matrix that is singular but for round-off
             return None
         away = np.where(contact, force[:n] < -_EXACT * scale, v[:n] <= data.gap + _EXACT * size) & ~data.bilateral
         bound = np.minimum(data.given + data.coefficient * np.abs(force[rough.beside]), data.cap)

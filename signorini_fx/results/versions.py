@@ -18,17 +18,17 @@ def versions() -> dict[str, str]:
     import dolfinx
     from petsc4py import PETSc
 
-    found = {"signorini_fx": signorini_fx.__version__, "python": platform.python_version()}
-    found["dolfinx"] = dolfinx.__version__
-    found["petsc"] = ".".join(map(str, PETSc.Sys.getVersion()))
-    found["mpi"] = MPI.Get_library_version().split(",")[0].split("\n")[0].strip("\x00 ")
+    by_package = {"signorini_fx": signorini_fx.__version__, "python": platform.python_version()}
+    by_package["dolfinx"] = dolfinx.__version__
+    by_package["petsc"] = ".".join(map(str, PETSc.Sys.getVersion()))
+    by_package["mpi"] = MPI.Get_library_version().split(",")[0].split("\n")[0].strip("\x00 ")
     for package in _PACKAGES[1:]:
         try:
-            found[package.removeprefix("fenics-")] = metadata.version(package)
+            by_package[package.removeprefix("fenics-")] = metadata.version(package)
         except metadata.PackageNotFoundError:
             continue
-    found["blas"] = blas_in_use()
-    return found
+    by_package["blas"] = blas_in_use()
+    return by_package
 
 
 def blas_in_use() -> str:
@@ -39,6 +39,6 @@ def blas_in_use() -> str:
         return "unknown"
     files = sorted({Path(line.split()[-1]) for line in maps if "/" in line and ".so" in line})
     libraries = ("libblas", "openblas", "blis", "mkl_rt")
-    found = [file for file in files if any(word in file.name for word in libraries)]
-    names = [f"{file.parent.name}/{file.name}" if file.name.startswith("libblas") else file.name for file in found]
+    blas_files = [file for file in files if any(word in file.name for word in libraries)]
+    names = [f"{file.parent.name}/{file.name}" if file.name.startswith("libblas") else file.name for file in blas_files]
     return ", ".join(dict.fromkeys(names)) or "unknown"

@@ -21,8 +21,8 @@ else:
 class _OwnErrors(_ModelMetaclass):
     """Models that are built in Python raise the errors of this package as well."""
 
-    def __call__(cls, *given: Any, **data: Any) -> Any:
-        if given:
+    def __call__(cls, *positional: Any, **data: Any) -> Any:
+        if positional:
             raise TypeError(f"{cls.__name__} takes keyword arguments: {', '.join(cls.model_fields)}")
         try:
             return super().__call__(**data)
@@ -68,7 +68,7 @@ class Table(BaseModel, metaclass=_OwnErrors):
 def refused(table: str, problems: Iterable[tuple[tuple[str | int, ...], str]]) -> ValidationError:
     """The error of a validator that has found several, each with its place in the table."""
     details = [
-        InitErrorDetails(type=PydanticCustomError("value_error", "{why}", {"why": why}), loc=place, input={})
-        for place, why in problems
+        InitErrorDetails(type=PydanticCustomError("value_error", "{why}", {"why": why}), loc=location, input={})
+        for location, why in problems
     ]
     return ValidationError.from_exception_data(table, details)

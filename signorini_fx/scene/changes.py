@@ -21,14 +21,14 @@ def parsed_change(text: str) -> tuple[str, Any]:
     Raises:
         ValueError: it has another form.
     """
-    path, equals, said = text.partition("=")
+    path, equals, value_text = text.partition("=")
     path = path.strip()
     if not equals or not PATH.fullmatch(path):
         raise ValueError(f"PATH=VALUE is expected, such as contact[0].friction.coefficient=0.3, got {text!r}")
     try:
-        return path, tomllib.loads(f"value = {said}")["value"]
+        return path, tomllib.loads(f"value = {value_text}")["value"]
     except ValueError:
-        return path, said.strip()
+        return path, value_text.strip()
 
 
 def changed(data: dict[str, Any], changes: Changes) -> dict[str, Any]:
@@ -47,18 +47,18 @@ def _with(entry: Any, way: list[str | int], value: Any, at: str) -> Any:
     """The entry at a path, in which another value stands at the end of the way from there."""
     if not way:
         return value
-    key, *rest = way
+    key, *inner_way = way
     if isinstance(key, int):
         if isinstance(entry, Mapping) and key == 0:  # one table is a list of one
-            return _with(entry, rest, value, f"{at}[0]")
+            return _with(entry, inner_way, value, f"{at}[0]")
         if not isinstance(entry, list) or key >= len(entry):
-            found = f"has {len(entry)}, counted from 0" if isinstance(entry, list) else "is no list"
-            raise SceneError([(f"{at}[{key}]", f"is not there: {at} {found}")])
-        return [*entry[:key], _with(entry[key], rest, value, f"{at}[{key}]"), *entry[key + 1 :]]
-    if isinstance(entry, list) and all(isinstance(one, Mapping) for one in entry):
+            reason = f"has {len(entry)}, counted from 0" if isinstance(entry, list) else "is no list"
+            raise SceneError([(f"{at}[{key}]", f"is not there: {at} {reason}")])
+        return [*entry[:key], _with(entry[key], inner_way, value, f"{at}[{key}]"), *entry[key + 1 :]]
+    if isinstance(entry, list) and all(isinstance(element, Mapping) for element in entry):
         if len(entry) != 1:
             raise SceneError([(at, f"is a list of {len(entry)}: say which is meant, from {at}[0] on")])
         return [_with(entry[0], way, value, f"{at}[0]")]
     if not isinstance(entry, Mapping | None):
         raise SceneError([(at, "must be a table")])
-    return {**(entry or {}), key: _with((entry or {}).get(key), rest, value, f"{at}.{key}".lstrip("."))}
+    return {**(entry or {}), key: _with((entry or {}).get(key), inner_way, value, f"{at}.{key}".lstrip("."))}

@@ -19,7 +19,7 @@ _AT_CORNER = 1e-9
 # What a function misses of an affine one, as a share of the function, that is round-off.
 _AFFINE = 1e-9
 # Halvings that find where an edge is cut, and cuts of one simplex by one function.
-_HALVINGS, _MOST = 48, 12
+_HALVINGS, _MOST_CUTS = 48, 12
 
 
 def cut(x: Array, values: Iterable[Any]) -> tuple[Ints, Array]:
@@ -67,7 +67,7 @@ def exactly_cut(x: Array, values: Iterable[Any]) -> tuple[Ints, Array, npt.NDArr
 
 def _cut(owner: Ints, parts: Array, sign: Callable[[Ints, Array], Array]) -> tuple[Ints, Array]:
     """Simplices divided until none has corners on both sides of where one function is zero."""
-    for _ in range(_MOST):
+    for _ in range(_MOST_CUTS):
         value = np.nan_to_num(sign(owner, parts))
         # A corner where a cut has been made is on neither side.
         at = np.where(np.abs(value) <= _AT_CORNER * np.abs(value).max(axis=1, keepdims=True), 0.0, np.sign(value))
@@ -75,19 +75,19 @@ def _cut(owner: Ints, parts: Array, sign: Callable[[Ints, Array], Array]) -> tup
         share: Array = np.zeros(len(owner))
         for a, b in combinations(range(parts.shape[1]), 2):
             rows = np.flatnonzero((first < 0) & (at[:, a] * at[:, b] < 0))
-            place = _root(owner[rows], parts[rows, a], parts[rows, b], at[rows, a], sign)
-            inside = (place > _AT_CORNER) & (place < 1 - _AT_CORNER)
-            rows, place = rows[inside], place[inside]
-            first[rows], second[rows], share[rows] = a, b, place
+            root = _root(owner[rows], parts[rows, a], parts[rows, b], at[rows, a], sign)
+            inside = (root > _AT_CORNER) & (root < 1 - _AT_CORNER)
+            rows, root = rows[inside], root[inside]
+            first[rows], second[rows], share[rows] = a, b, root
         rows = np.flatnonzero(first >= 0)
         if not rows.size:
             return owner, parts
         middle = parts[rows, first[rows]] * (1 - share[rows, None]) + parts[rows, second[rows]] * share[rows, None]
-        other = parts[rows].copy()
+        second_parts = parts[rows].copy()
         parts = parts.copy()
-        other[np.arange(len(rows)), first[rows]] = middle
+        second_parts[np.arange(len(rows)), first[rows]] = middle
         parts[rows, second[rows]] = middle
-        owner, parts = np.concatenate((owner, owner[rows])), np.concatenate((parts, other))
+        owner, parts = np.concatenate((owner, owner[rows])), np.concatenate((parts, second_parts))
     return owner, parts
 
 
@@ -97,9 +97,9 @@ def _root(owner: Ints, a: Array, b: Array, at_a: Array, sign: Callable[[Ints, Ar
     high: Array = np.ones(len(owner))
     for _ in range(_HALVINGS if len(owner) else 0):
         middle = (low + high) / 2
-        there = sign(owner, (a + middle[:, None] * (b - a))[:, None])[:, 0]
-        same = np.sign(there) == at_a
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
+        values = sign(owner, (a + middle[:, None] * (b - a))[:, None])[:, 0]
+        same_sign = np.sign(values) == at_a
+        low, high = np.where(same_sign, middle, low), np.where(same_sign, high, middle)
     return (low + high) / 2
 
 

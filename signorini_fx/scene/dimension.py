@@ -30,9 +30,9 @@ def _everywhere(scene: Scene, dimension: int) -> Iterator[tuple[str, str]]:
     where = _PLANE if dimension == 2 else _SPACE
     for path, effect in scene.listed():
         for key in effect.vectors:
-            given = getattr(effect, key)
-            if given is not None and len(given) != dimension:
-                yield f"{path}.{key}", f"{where}: give {dimension} numbers, not {len(given)}"
+            vector = getattr(effect, key)
+            if vector is not None and len(vector) != dimension:
+                yield f"{path}.{key}", f"{where}: give {dimension} numbers, not {len(vector)}"
     for index, material in enumerate(scene.material):
         if material.orthotropic is not None:
             for key, reason in material.orthotropic.problems(dimension):
@@ -42,9 +42,9 @@ def _everywhere(scene: Scene, dimension: int) -> Iterator[tuple[str, str]]:
             turning = () if scene.axisymmetric else effect.foundation.turning_contradictions(dimension)
             for key, reason in (*effect.foundation.contradictions(dimension), *turning):
                 yield f"contact[{index}].foundation.{key}", reason
-        for other in scene.displacement:
-            components = other.components[: 3 if scene.torsion else dimension]
-            if other.boundary == effect.boundary and None not in components:
+        for support in scene.displacement:
+            components = support.components[: 3 if scene.torsion else dimension]
+            if support.boundary == effect.boundary and None not in components:
                 yield "scene", f"boundary {effect.boundary!r} is in contact, and all of its displacement is prescribed"
 
 

@@ -88,8 +88,8 @@ def text(value: Any) -> str:
     """A value in a table, shortened if it is long."""
     if isinstance(value, float):
         return f"{value:g}"
-    said = str(getattr(value, "text", f"<{type(value).__name__}>"))
-    return said if len(said) <= 30 else said[:27] + "..."
+    words = str(getattr(value, "text", f"<{type(value).__name__}>"))
+    return words if len(words) <= 30 else words[:27] + "..."
 
 
 class Effect(Table):
@@ -134,9 +134,9 @@ class Effect(Table):
         """The same with the values of its expressions at a time; itself if none depends on it."""
         if not self.timed:
             return self
-        every = {key: getattr(self, key) for key in type(self).model_fields}
+        fields = {key: getattr(self, key) for key in type(self).model_fields}
         return self.model_copy(
-            update={key: value.at(time) for key, value in every.items() if getattr(value, "timed", False)}
+            update={key: value.at(time) for key, value in fields.items() if getattr(value, "timed", False)}
         )
 
     @property
@@ -159,12 +159,12 @@ class Effect(Table):
         """What ``check`` says of it beside its values: how grave it is, the key, and the words."""
         yield from ()
 
-    def contradictions(self, scene: Any, place: int) -> Contradictions:
+    def contradictions(self, scene: Any, number: int) -> Contradictions:
         """Why it does not go together with other entries: the place of the error in the scene, and the reason.
 
         Args:
             scene: all entries.
-            place: of this one among those of its kind.
+            number: of this one among those of its kind.
         """
         yield from ()
 
@@ -294,15 +294,15 @@ class SectionJump(Load):
 
     section: str | None
 
-    def shortening_at(self, scene: Any, place: float) -> float:
+    def shortening_at(self, scene: Any, step: float) -> float:
         """By how much, at a place in the lists of factors, length."""
         raise NotImplementedError
 
-    def force_at(self, scene: Any, place: float) -> float | None:
+    def force_at(self, scene: Any, step: float) -> float | None:
         """The force through the section that determines it there; None: it is given."""
         return None
 
-    def tightened(self, place: float, shortening: float) -> Self:
+    def tightened(self, step: float, shortening: float) -> Self:
         """The same with the shortening that its force has led to at a place."""
         raise NotImplementedError
 
@@ -352,13 +352,13 @@ def _reader(key: str, *, many: bool) -> TypeAdapter[Any]:
     return TypeAdapter(_type(key, many=many))
 
 
-def _read_many(given: Any, info: ValidationInfo) -> Any:
-    several = [given] if isinstance(given, Mapping | BaseModel) else given
+def _read_many(entry: Any, info: ValidationInfo) -> Any:
+    several = [entry] if isinstance(entry, Mapping | BaseModel) else entry
     return _reader(str(info.field_name), many=True).validate_python(several)
 
 
-def _read_one(given: Any, info: ValidationInfo) -> Any:
-    return None if given is None else _reader(str(info.field_name), many=False).validate_python(given)
+def _read_one(entry: Any, info: ValidationInfo) -> Any:
+    return None if entry is None else _reader(str(info.field_name), many=False).validate_python(entry)
 
 
 # The entries of a key that a scene has: its file is imported when there is one.
@@ -368,10 +368,10 @@ OneEntry = Annotated[Any, BeforeValidator(_read_one)]
 
 def with_every_effect(model: _Model) -> _Model:
     """A model with a list of entries for each file of ``effects/`` that it has no key for."""
-    more: dict[str, Any] = {key: (Entries, ()) for key in keys() if key not in model.model_fields}
-    made = _extended(model, more)
-    told = "".join(f"\n    {key}: see ``effects/{key}.py``; default: none." for key in more)
-    made.__doc__ = cleandoc(model.__doc__ or "") + told
+    added: dict[str, Any] = {key: (Entries, ()) for key in keys() if key not in model.model_fields}
+    made = _extended(model, added)
+    key_lines = "".join(f"\n    {key}: see ``effects/{key}.py``; default: none." for key in added)
+    made.__doc__ = cleandoc(model.__doc__ or "") + key_lines
     return made
 
 

@@ -227,18 +227,18 @@ class _Evaluator:
                 return self._time
         return backend.number(math.pi)  # the only other name
 
-    def _compare(self, op: ast.cmpop, left: ast.expr, right: ast.expr) -> Any:
+    def _compare(self, op: ast.cmpop, left_operand: ast.expr, right_operand: ast.expr) -> Any:
         """A comparison in which numbers are equal that are so but for round-off.
 
         Where a load jumps at a point of quadrature, its value would otherwise be another one in each program that
         computes the position of that point.
         """
         if isinstance(op, ast.Gt | ast.GtE):
-            left, right = right, left
-        a, b = self.value(left), self.value(right)
+            left_operand, right_operand = right_operand, left_operand
+        a, b = self.value(left_operand), self.value(right_operand)
         absolute = self._backend.functions["abs"]
         size = absolute(a) + absolute(b)
-        if isinstance(left, ast.Subscript) or isinstance(right, ast.Subscript):
+        if isinstance(left_operand, ast.Subscript) or isinstance(right_operand, ast.Subscript):
             size = size + self._backend.reach(self._position)  # the round-off of a coordinate is that of the largest
         room = self._backend.number(_EQUAL) * size
         return a <= b + room if isinstance(op, ast.LtE | ast.GtE) else a + room < b
@@ -246,17 +246,19 @@ class _Evaluator:
 
 def _switches(node: ast.expr) -> list[tuple[ast.expr, ...]]:
     """The numbers, or pairs of them, whose sign or difference decides how an expression goes on, inner ones first."""
-    found = [pair for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr) for pair in _switches(child)]
+    switches = [
+        pair for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr) for pair in _switches(child)
+    ]
     match node:
         case ast.Compare(left=left, comparators=comparators):
-            found += pairwise((left, *comparators))
+            switches += pairwise((left, *comparators))
         case ast.Call(func=ast.Name(id="abs" | "sign" | "sqrt"), args=[argument]):
-            found.append((argument,))
+            switches.append((argument,))
         case ast.Call(func=ast.Name(id="min" | "max"), args=arguments):
-            found += combinations(arguments, 2)
+            switches += combinations(arguments, 2)
         case ast.BinOp(left=left, op=ast.Pow(), right=right) if not isinstance(right, ast.Constant) or right.value % 1:
-            found.append((left,))
-    return found
+            switches.append((left,))
+    return switches
 
 
 @dataclass(frozen=True)
@@ -309,7 +311,7 @@ class Expression:
     def __call__(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Values at points ``x`` of shape (dim or 3, n), shape (n,); inf or nan where it is not defined."""
         with np.errstate(all="ignore"):
-            value = _Evaluator(_NUMPY, x, self._now).value(self._tree())
+            value = _Evaluator(_NUMPY, x, self._present_time).value(self._tree())
         return np.broadcast_to(np.asarray(value, dtype=float), x.shape[1:]).copy()
 
     def switches(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -321,15 +323,15 @@ class Expression:
         Args:
             x: points, shape (dim or 3, n).
         """
-        evaluator, found = _Evaluator(_NUMPY, x, self._now), []
+        evaluator, differences = _Evaluator(_NUMPY, x, self._present_time), []
         with np.errstate(all="ignore"):
             for pair in _switches(self._tree()):
                 first, *second = (np.asarray(evaluator.value(node), dtype=float) for node in pair)
-                found.append(np.broadcast_to(first - second[0] if second else first, x.shape[1:]))
-        return np.array(found).reshape(len(found), x.shape[1])
+                differences.append(np.broadcast_to(first - second[0] if second else first, x.shape[1:]))
+        return np.array(differences).reshape(len(differences), x.shape[1])
 
     @property
-    def _now(self) -> Any:
+    def _present_time(self) -> Any:
         return np.float64(math.nan if self.time is None else self.time)
 
     @property
@@ -347,8 +349,8 @@ class Expression:
         import ufl
 
         backend = _ufl_backend(mesh)
-        now = backend.number(float(self._now)) if time is None else time
-        value = _Evaluator(backend, ufl.SpatialCoordinate(mesh), now).value(self._tree())
+        instant = backend.number(float(self._present_time)) if time is None else time
+        value = _Evaluator(backend, ufl.SpatialCoordinate(mesh), instant).value(self._tree())
         return ufl.conditional(value, 1.0, 0.0) if _check(self._tree()) == "condition" else ufl.as_ufl(value)
 
 

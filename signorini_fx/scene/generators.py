@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-def _length(given: float) -> float:
-    if not SMALLEST < given < LARGEST:
-        raise ValueError(f"a positive length between {SMALLEST:g} and {LARGEST:g} is expected, got {given:g}")
-    return given
+def _length(length: float) -> float:
+    if not SMALLEST < length < LARGEST:
+        raise ValueError(f"a positive length between {SMALLEST:g} and {LARGEST:g} is expected, got {length:g}")
+    return length
 
 
 Length = Annotated[float, AfterValidator(_length)]
@@ -29,7 +29,7 @@ Length = Annotated[float, AfterValidator(_length)]
 _BYTES_PER_CELL = 1000.0
 
 
-OWN = "signorini_fx.meshes"  # the package of this one's
+GENERATORS_PACKAGE = "signorini_fx.meshes"  # the package of this one's
 # Entry points of other packages.
 GROUP = "signorini_fx.generators"
 Generate = TypeVar("Generate", bound=Callable[..., Any])
@@ -40,11 +40,11 @@ def known_generators(name: str | None = None) -> dict[str, EntryPoint]:
 
     To look through all packages takes milliseconds: if ``name`` is in this one, only its own are returned.
     """
-    package = find_spec(OWN)
+    package = find_spec(GENERATORS_PACKAGE)
     assert package is not None
-    own = [module.name for module in pkgutil.iter_modules(package.submodule_search_locations)]
-    generators = {} if name in own else {entry.name: entry for entry in entry_points(group=GROUP)}
-    generators |= {one: EntryPoint(one, f"{OWN}.{one}:generate", GROUP) for one in own}
+    own_names = [module.name for module in pkgutil.iter_modules(package.submodule_search_locations)]
+    generators = {} if name in own_names else {entry.name: entry for entry in entry_points(group=GROUP)}
+    generators |= {key: EntryPoint(key, f"{GENERATORS_PACKAGE}.{key}:generate", GROUP) for key in own_names}
     return dict(sorted(generators.items()))
 
 
@@ -74,13 +74,13 @@ def generator(
 
     def decorate(generate: Generate) -> Generate:
         checked: Any = _validated(generate)
-        defaults = {name: given.default for name, given in inspect.signature(generate).parameters.items()}
+        defaults = {name: parameter.default for name, parameter in inspect.signature(generate).parameters.items()}
 
         def coarser(parameters: Mapping[str, Any], factor: float) -> dict[str, Any]:
             """The parameters for cells that are ``factor`` times as large."""
-            given = {**defaults, **parameters}
-            fewer = {name: max((least or {}).get(name, 1), round(given[name] / factor)) for name in counts}
-            return {**parameters, **fewer, **{name: factor * given[name] for name in sizes}}
+            all_parameters = {**defaults, **parameters}
+            fewer = {name: max((least or {}).get(name, 1), round(all_parameters[name] / factor)) for name in counts}
+            return {**parameters, **fewer, **{name: factor * all_parameters[name] for name in sizes}}
 
         checked.coarser = coarser if counts or sizes else None
         checked.simplices = simplices
@@ -101,9 +101,9 @@ def refuse_too_large(comm: MPI.Comm, cells: float) -> None:
     """
     from signorini_fx import parallel
 
-    wanted, there = _BYTES_PER_CELL * cells, parallel.machine_memory(comm)
-    if wanted > there:
-        message = f"about {cells:.2g} cells would need {wanted / 1e9:.0f} GB or more, there are {there / 1e9:.0f}"
+    wanted, available = _BYTES_PER_CELL * cells, parallel.machine_memory(comm)
+    if wanted > available:
+        message = f"about {cells:.2g} cells would need {wanted / 1e9:.0f} GB or more, there are {available / 1e9:.0f}"
         raise SceneError([("mesh.parameters", f"{message}: use fewer and larger cells")])
 
 

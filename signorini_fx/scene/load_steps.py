@@ -38,8 +38,8 @@ class LoadSteps(Table):
         return self
 
 
-def factor_at(factors: Sequence[float], place: float) -> float:
+def factor_at(factors: Sequence[float], step: float) -> float:
     """The factor of a load at a place: that of the load step, or linear in between; 0 for the body without loads."""
-    if place == int(place) and place >= 0:
-        return factors[int(place)]
-    return float(np.interp(place, np.arange(-1, len(factors)), (0.0, *factors)))
+    if step == int(step) and step >= 0:
+        return factors[int(step)]
+    return float(np.interp(step, np.arange(-1, len(factors)), (0.0, *factors)))

@@ -33,13 +33,13 @@ def nodal_values(file: Path, name: str) -> tuple[Array, Array, float]:
     except ImportError as error:
         raise ValueError(f"needs {error.name}: install signorini-fx[meshes]") from None
     except (Exception, SystemExit) as error:  # whatever meshio meets
-        told = str(error).partition("\n")[0]
-        raise ValueError(f"cannot be read: {getattr(error, 'strerror', None) or told or 'meshio ends'}") from None
-    found = {key: np.ravel(values) for key, values in mesh.point_data.items() if np.size(values) == len(mesh.points)}
-    if name not in found and len(found) != 1:
-        there = ", ".join(sorted(found)) or "none"
-        raise ValueError(f"has the arrays {there} of one number per point: one must be called {name}")
-    values = found.get(name, next(iter(found.values())))
+        reason = str(error).partition("\n")[0]
+        raise ValueError(f"cannot be read: {getattr(error, 'strerror', None) or reason or 'meshio ends'}") from None
+    arrays = {key: np.ravel(values) for key, values in mesh.point_data.items() if np.size(values) == len(mesh.points)}
+    if name not in arrays and len(arrays) != 1:
+        array_names = ", ".join(sorted(arrays)) or "none"
+        raise ValueError(f"has the arrays {array_names} of one number per point: one must be called {name}")
+    values = arrays.get(name, next(iter(arrays.values())))
     solid = [block.data for block in mesh.cells if not block.type.startswith((*_FLAT, "line", "vertex"))]
     cells = solid or [block.data for block in mesh.cells if block.type.startswith(_FLAT)]
     if not cells:

@@ -89,27 +89,27 @@ class TaggedMeshBase:
     """The base class of ``mesh.TaggedMesh``, so that a scene can hold one without importing dolfinx."""
 
 
-def _one_mesh(given: Any) -> Any:
+def _one_mesh(entry: Any) -> Any:
     """Decide by the key, so that errors are reported for the kind of mesh that was meant."""
-    if isinstance(given, Mapping):
-        if ("file" in given) == ("generator" in given):
+    if isinstance(entry, Mapping):
+        if ("file" in entry) == ("generator" in entry):
             raise ValueError("give either file or generator")
-        return (MeshFile if "file" in given else MeshGenerator).model_validate(given)
-    if not isinstance(given, MeshFile | MeshGenerator | TaggedMeshBase):
+        return (MeshFile if "file" in entry else MeshGenerator).model_validate(entry)
+    if not isinstance(entry, MeshFile | MeshGenerator | TaggedMeshBase):
         message = "a table with file or generator is expected"
-        if isinstance(given, str | Path):
-            message += f": for a mesh file write MeshFile(file={str(given)!r}), in TOML [mesh] with file = ..."
-        elif hasattr(given, "topology"):
+        if isinstance(entry, str | Path):
+            message += f": for a mesh file write MeshFile(file={str(entry)!r}), in TOML [mesh] with file = ..."
+        elif hasattr(entry, "topology"):
             message += ", or a mesh with named boundaries: tag_boundaries(mesh, {name: rule, ...}) makes one"
         else:
-            message += f", not {kind_of(given)}"
+            message += f", not {kind_of(entry)}"
         raise ValueError(message)
-    return given
+    return entry
 
 
-def _listed(given: Any) -> Any:
+def _listed(entry: Any) -> Any:
     """A single table stands for a list of one."""
-    return [given] if isinstance(given, Mapping | Table) else given
+    return [entry] if isinstance(entry, Mapping | Table) else entry
 
 
 class Body(Table):
@@ -132,15 +132,15 @@ class Body(Table):
 
     @field_validator("mesh", mode="before")
     @classmethod
-    def _one_mesh(cls, given: Any) -> Any:
-        return _one_mesh(given)
+    def _one_mesh(cls, entry: Any) -> Any:
+        return _one_mesh(entry)
 
     @field_validator("name")
     @classmethod
-    def _plain(cls, given: str) -> str:
-        if not given or "." in given or given != given.strip():
+    def _plain(cls, name: str) -> str:
+        if not name or "." in name or name != name.strip():
             raise ValueError("must be a name without dots")
-        return given
+        return name
 
 
 @with_every_effect
@@ -183,14 +183,14 @@ class Scene(Table):
 
     @field_validator("mesh", mode="before")
     @classmethod
-    def _one_mesh(cls, given: Any) -> Any:
-        return None if given is None else _one_mesh(given)
+    def _one_mesh(cls, entry: Any) -> Any:
+        return None if entry is None else _one_mesh(entry)
 
     @model_validator(mode="before")
     @classmethod
-    def _mesh_of_bodies(cls, given: Any) -> Any:
-        without = isinstance(given, Mapping) and given.get("body") and "mesh" not in given
-        return {**given, "mesh": None} if without else given
+    def _mesh_of_bodies(cls, entry: Any) -> Any:
+        without = isinstance(entry, Mapping) and entry.get("body") and "mesh" not in entry
+        return {**entry, "mesh": None} if without else entry
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -204,17 +204,17 @@ class Scene(Table):
         if not regions or len(set(regions)) < len(regions) or (None in regions and len(regions) > 1):
             yield ("material",), "give one material, or several, each with the name of its own region"
         for entries in self.effects.values():
-            for place, effect in enumerate(entries):
-                yield from effect.contradictions(self, place)
+            for number, effect in enumerate(entries):
+                yield from effect.contradictions(self, number)
         if self.solver.levels > 1 and not self.generated:
             yield ("solver", "levels"), "needs a mesh from a generator, which can make the coarser ones"
         if (self.mesh is None) != bool(self.body):
             missing = "a table with file or generator is expected" if self.mesh is None else "leave it out"
             yield ("mesh",), missing + ("" if self.mesh is None else ": each [[body]] has its own")
         names = [body.name for body in self.body]
-        for place, name in enumerate(names):
-            if name in names[:place]:
-                yield ("body", place, "name"), f"two bodies are called {name!r}"
+        for number, name in enumerate(names):
+            if name in names[:number]:
+                yield ("body", number, "name"), f"two bodies are called {name!r}"
         if self.body and self.accuracy is not None and self.accuracy.refinement == "adaptive":
             reason = (
                 "is not possible for several [[body]], each of which is made anew with smaller cells: use 'uniform'"
@@ -223,8 +223,10 @@ class Scene(Table):
         if self.accuracy is not None and not self.contact:
             yield ("accuracy",), "needs a scene with contact"
         if len({len(load.factors) for load in self.loads if load.factors is not None}) > 1:
-            said = [f"{path} has {len(load.factors)}" for path, load in self.listed() if getattr(load, "factors", None)]
-            yield (), f"the lists of factors differ in length: {', '.join(said)}"
+            counts = [
+                f"{path} has {len(load.factors)}" for path, load in self.listed() if getattr(load, "factors", None)
+            ]
+            yield (), f"the lists of factors differ in length: {', '.join(counts)}"
             return  # how many load steps there are is not known
         for name in ("names", "times"):
             entries = getattr(self.load_steps, name)
@@ -242,8 +244,11 @@ class Scene(Table):
     @property
     def effects(self) -> dict[str, tuple[Any, ...]]:
         """All entries by their keys, in the order of the keys of a scene; a key without entries is there as well."""
-        found = ((key, getattr(self, key)) for key in type(self).model_fields if key in keys())
-        return {key: own if isinstance(own, tuple) else () if own is None else (own,) for key, own in found}
+        fields = ((key, getattr(self, key)) for key in type(self).model_fields if key in keys())
+        return {
+            key: entries if isinstance(entries, tuple) else () if entries is None else (entries,)
+            for key, entries in fields
+        }
 
     def heading(self, key: str) -> str:
         """How a TOML file writes a table of this key: ``[key]`` if there can be one only, else ``[[key]]``."""
@@ -252,9 +257,9 @@ class Scene(Table):
     def listed(self) -> list[tuple[str, Any]]:
         """All entries with their paths in the scene."""
         return [
-            (f"{key}[{place}]" if self.heading(key).startswith("[[") else key, effect)
+            (f"{key}[{number}]" if self.heading(key).startswith("[[") else key, effect)
             for key, entries in self.effects.items()
-            for place, effect in enumerate(entries)
+            for number, effect in enumerate(entries)
         ]
 
     def of(self, kind: type[_Effect]) -> tuple[_Effect, ...]:
@@ -269,7 +274,7 @@ class Scene(Table):
     @property
     def forces_at(self) -> str:
         """The keys of its forces, for messages; ``traction, body_force`` where it lists no others."""
-        listed = [key for key, entries in self.effects.items() if any(isinstance(one, Force) for one in entries)]
+        listed = [key for key, entries in self.effects.items() if any(isinstance(entry, Force) for entry in entries)]
         return ", ".join(listed) if {*listed} - {"traction", "body_force"} else "traction, body_force"
 
     @property
@@ -284,10 +289,10 @@ class Scene(Table):
 
         Loads that depend on the time need no factors: there is one for each of the times.
         """
-        timed = self.load_steps.times is not None and any(one.timed for one in (*self.loads, *self.contact))
-        timed |= self.load_steps.times is not None and any(one.driven_in_time for one in self.tools)
-        own = len(self.load_steps.times or ()) if timed else 1
-        return max((len(load.factors) for load in self.loads if load.factors is not None), default=own)
+        timed = self.load_steps.times is not None and any(entry.timed for entry in (*self.loads, *self.contact))
+        timed |= self.load_steps.times is not None and any(entry.driven_in_time for entry in self.tools)
+        count = len(self.load_steps.times or ()) if timed else 1
+        return max((len(load.factors) for load in self.loads if load.factors is not None), default=count)
 
     @property
     def tools(self) -> tuple[Any, ...]:
@@ -302,20 +307,20 @@ class Scene(Table):
     @property
     def sections(self) -> tuple[str, ...]:
         """The names of facets inside its mesh that it uses."""
-        return tuple(one.section for one in self.of(SectionJump) if one.section is not None)
+        return tuple(jump.section for jump in self.of(SectionJump) if jump.section is not None)
 
     def sections_of(self, body: str) -> tuple[str, ...]:
         """The same, as one of its bodies calls them."""
         return tuple(name.removeprefix(f"{body}.") for name in self.sections)
 
-    def tightens_at(self, place: float) -> bool:
+    def tightens_at(self, step: float) -> bool:
         """Whether a force tightens a section at a place in the lists of factors."""
-        return any(one.force_at(self, place) is not None for one in self.of(SectionJump))
+        return any(jump.force_at(self, step) is not None for jump in self.of(SectionJump))
 
-    def driving(self, tool: Any, place: float) -> tuple[float, float]:
+    def driving(self, tool: Any, step: float) -> tuple[float, float]:
         """The factor of what drives a tool at a place in the lists of factors, see ``now``, and the time there."""
-        factor = 1.0 if tool.driven_in_time else factor_at((1.0,) * self.steps, place)
-        return factor, self.time_at(place)
+        factor = 1.0 if tool.driven_in_time else factor_at((1.0,) * self.steps, step)
+        return factor, self.time_at(step)
 
     @property
     def automatic_steps(self) -> int | None:
@@ -344,34 +349,36 @@ class Scene(Table):
         """The factors of a load; those of an effect that load steps do not change are 1."""
         return getattr(effect, "factors", None) or (1.0,) * self.steps
 
-    def now(self, effect: _Effect, place: float) -> tuple[float, _Effect]:
+    def now(self, effect: _Effect, step: float) -> tuple[float, _Effect]:
         """The factor of an effect at a place in the lists of factors, and the effect at the time of that place.
 
         What depends on the time and has no factors does not grow with the other loads of a ramp.
         """
         if effect.timed and getattr(effect, "factors", None) is None:
-            return 1.0, effect.at_time(self.time_at(place))
-        return factor_at(self.factors_of(effect), place), effect.at_time(self.time_at(place))
+            return 1.0, effect.at_time(self.time_at(step))
+        return factor_at(self.factors_of(effect), step), effect.at_time(self.time_at(step))
 
-    def placed(self, place: float) -> Self:
+    def placed(self, step: float) -> Self:
         """The scene with foundations and friction of a place in the lists of factors; itself if no time is in them."""
         if not any(effect.timed for effect in self.contact):
             return self
-        return self.model_copy(update={"contact": tuple(one.at_time(self.time_at(place)) for one in self.contact)})
+        return self.model_copy(
+            update={"contact": tuple(contact.at_time(self.time_at(step)) for contact in self.contact)}
+        )
 
-    def time_at(self, place: float) -> float:
+    def time_at(self, step: float) -> float:
         """The time of a place in the lists of factors, see ``scene.load_steps``."""
         times = self.load_steps.times or tuple(map(float, range(1, self.steps + 1)))
-        time = factor_at(times, place)
-        if place == int(place):
+        time = factor_at(times, step)
+        if step == int(step):
             return time
         # Places have twelve digits: thirds that add up leave the last two uncertain.
         span = times[-1] - min(times[0], 0.0)
         return round(time, 10 - floor(log10(span)) if span > 0 else 10)
 
-    def name_at(self, place: float) -> str:
+    def name_at(self, step: float) -> str:
         """The name of the load step that a place belongs to or that a ramp leads to; "" without names."""
-        return self.load_steps.names[ceil(place)] if self.load_steps.names else ""
+        return self.load_steps.names[ceil(step)] if self.load_steps.names else ""
 
     @property
     def sides(self) -> tuple[list[str], list[str | None] | None]:
@@ -382,7 +389,7 @@ class Scene(Table):
     @property
     def touching(self) -> list[str]:
         """The boundaries with which bodies touch each other."""
-        return [name for one in self.contact if one.against for name in (one.boundary, one.against)]
+        return [name for contact in self.contact if contact.against for name in (contact.boundary, contact.against)]
 
     @property
     def young(self) -> float:

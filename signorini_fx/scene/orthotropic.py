@@ -53,17 +53,17 @@ class Orthotropic(Table):
         scale = np.sqrt(np.array(self.young))
         determinant = float(np.linalg.det(self.compliance[:3, :3] * np.outer(scale, scale)))
         if not determinant > 0:
-            left = "1 - nu_12 nu_21 - nu_13 nu_31 - nu_23 nu_32 - 2 nu_21 nu_32 nu_13"
-            raise refused("Orthotropic", [(("poisson",), f"{left} = {determinant:.6g} must be positive: {_ENERGY}")])
+            formula = "1 - nu_12 nu_21 - nu_13 nu_31 - nu_23 nu_32 - 2 nu_21 nu_32 nu_13"
+            raise refused("Orthotropic", [(("poisson",), f"{formula} = {determinant:.6g} must be positive: {_ENERGY}")])
         return self
 
     @property
     def compliance(self) -> Array:
         """Strains, of shear twice epsilon_ij, from the stresses 11, 22, 33, 12, 13, 23 along the axes, shape (6, 6)."""
-        found = np.diag([*(1 / one for one in self.young), *(1 / one for one in self.shear)])
+        matrix = np.diag([*(1 / modulus for modulus in self.young), *(1 / modulus for modulus in self.shear)])
         for (i, j), ratio in zip(_PAIRS, self.poisson, strict=True):
-            found[i, j] = found[j, i] = -ratio / self.young[i]
-        return found
+            matrix[i, j] = matrix[j, i] = -ratio / self.young[i]
+        return matrix
 
     @property
     def mean_lame(self) -> tuple[float, float]:
@@ -78,15 +78,15 @@ class Orthotropic(Table):
     @property
     def said(self) -> str:
         """Its constants in words."""
-        given = (("E", self.young), ("nu", self.poisson), ("G", self.shear))
-        return "; ".join(f"{name} = {', '.join(f'{one:g}' for one in values)}" for name, values in given)
+        constants = (("E", self.young), ("nu", self.poisson), ("G", self.shear))
+        return "; ".join(f"{name} = {', '.join(f'{number:g}' for number in values)}" for name, values in constants)
 
     def problems(self, dimension: int) -> Iterator[tuple[str, str]]:
         """What does not fit to a mesh of a dimension: the key, and why."""
-        for key, given in (("direction", self.direction), ("second", self.second)):
-            if given is not None and len(given) != dimension:
-                yield key, f"give {dimension} values, not {len(given)}: the mesh has {dimension} dimensions"
-            if any(isinstance(one, Expression) and one.coordinates > dimension for one in given or ()):
+        for key, axis in (("direction", self.direction), ("second", self.second)):
+            if axis is not None and len(axis) != dimension:
+                yield key, f"give {dimension} values, not {len(axis)}: the mesh has {dimension} dimensions"
+            if any(isinstance(component, Expression) and component.coordinates > dimension for component in axis or ()):
                 yield key, "the mesh is plane: there is no x[2]"
         if dimension == 2 and self.second is not None:
             yield "second", "the mesh is plane: direction determines the axes, leave it out"
@@ -105,14 +105,14 @@ class Orthotropic(Table):
         return np.stack((first, second, np.cross(first, second)), axis=2)
 
 
-def _vectors(given: tuple[object, ...] | None, axis: int, x: Array) -> Array:
-    found = np.zeros((x.shape[1], 3))
-    if given is None:
-        found[:, axis] = 1.0
-        return found
-    for k, value in enumerate(given):
-        found[:, k] = sample(value, x)
-    return found
+def _vectors(components: tuple[object, ...] | None, axis: int, x: Array) -> Array:
+    vectors = np.zeros((x.shape[1], 3))
+    if components is None:
+        vectors[:, axis] = 1.0
+        return vectors
+    for k, value in enumerate(components):
+        vectors[:, k] = sample(value, x)
+    return vectors
 
 
 def _unit(vectors: Array, longest: float | None = None) -> Array:

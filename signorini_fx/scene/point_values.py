@@ -47,15 +47,15 @@ class PointValues:
         changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
         middle, function, far = _table(self.file, self.column, changed)
         at = x[: middle.size].T
-        found = np.asarray(function(at), dtype=np.float64)
+        values = np.asarray(function(at), dtype=np.float64)
         for share in _OUTSIDE:
-            outside = np.isnan(found)
-            found[outside] = function(middle + (1 - share) * (at[outside] - middle))
-        found[far(at)] = np.nan
-        if np.isnan(found).any():
-            place = ", ".join(f"{c:g}" for c in at[np.argmax(np.isnan(found))])
-            raise _wrong(self.file, f"has no points around ({place}) of the body; check its unit of lengths")
-        return found
+            outside = np.isnan(values)
+            values[outside] = function(middle + (1 - share) * (at[outside] - middle))
+        values[far(at)] = np.nan
+        if np.isnan(values).any():
+            point = ", ".join(f"{c:g}" for c in at[np.argmax(np.isnan(values))])
+            raise _wrong(self.file, f"has no points around ({point}) of the body; check its unit of lengths")
+        return values
 
 
 @lru_cache(maxsize=8)

@@ -38,14 +38,14 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | N
     contact = [
         effect.model_copy(update={"foundation": _found_from(folder, effect.foundation)}) for effect in scene.contact
     ]
-    found = {
+    effects = {
         key: tuple(_found_from(folder, effect) for effect in entries)
         for key, entries in scene.effects.items()
         if any(isinstance(getattr(effect, "file", None), Path) for effect in entries)
     }
     mesh = _found_from(folder, scene.mesh)
-    body = tuple(one.model_copy(update={"mesh": _found_from(folder, one.mesh)}) for one in scene.body)
-    return scene.model_copy(update={"mesh": mesh, "body": body, "contact": tuple(contact), **found})
+    body = tuple(entry.model_copy(update={"mesh": _found_from(folder, entry.mesh)}) for entry in scene.body)
+    return scene.model_copy(update={"mesh": mesh, "body": body, "contact": tuple(contact), **effects})
 
 
 def _found_from(folder: Path, table: Any) -> Any:
@@ -92,8 +92,8 @@ def parse_scene_text(text: str, path: Path, changes: Changes = MappingProxyType(
     Raises:
         SceneError: a syntax error with line and column, or all errors of the content at once.
     """
-    if found := _DEEP_KEY.search(text):
-        line = text.count("\n", 0, found.start()) + 1
+    if deep_key := _DEEP_KEY.search(text):
+        line = text.count("\n", 0, deep_key.start()) + 1
         raise SceneError([("syntax", f"a key of more than 50 parts (at line {line})")], str(path))
     try:
         data = tomllib.loads(text)
@@ -106,12 +106,12 @@ def parse_scene_text(text: str, path: Path, changes: Changes = MappingProxyType(
 
 def _unquoted(text: str, message: str) -> str:
     """What to do if the line that is wrong has an expression without quotes; "" if it has none."""
-    place = re.search(r"at line (\d+)", message)
-    line = text.splitlines()[int(place[1]) - 1] if place and int(place[1]) <= text.count("\n") + 1 else ""
-    given = re.fullmatch(r"\s*([\w.]+)\s*=\s*([^\"'\[{#][^\"'#]*?)\s*(#.*)?", line)
-    if given is None or not re.search(r"x\[\d\]|\bif\b|[*/(]", given[2]):
+    location = re.search(r"at line (\d+)", message)
+    line = text.splitlines()[int(location[1]) - 1] if location and int(location[1]) <= text.count("\n") + 1 else ""
+    assignment = re.fullmatch(r"\s*([\w.]+)\s*=\s*([^\"'\[{#][^\"'#]*?)\s*(#.*)?", line)
+    if assignment is None or not re.search(r"x\[\d\]|\bif\b|[*/(]", assignment[2]):
         return ""
-    return f': an expression stands in quotes, as in {given[1]} = "{given[2][:60]}"'
+    return f': an expression stands in quotes, as in {assignment[1]} = "{assignment[2][:60]}"'
 
 
 def read_scene(path: str | Path) -> Scene:
@@ -126,18 +126,18 @@ def read_scene(path: str | Path) -> Scene:
     return parse_scene_text(read_scene_text(path), path)
 
 
-def as_scene(given: object) -> Scene:
+def as_scene(scene: object) -> Scene:
     """A scene from a ``Scene``, the path of its file, or nested mappings.
 
     Raises:
         SceneError: it is wrong.
         TypeError: it is none of these.
     """
-    match given:
+    match scene:
         case Scene():
-            return given
+            return scene
         case str() | Path():
-            return read_scene(given)
+            return read_scene(scene)
         case Mapping():
-            return parse_scene(given)
-    raise TypeError(f"a Scene or the path of a scene file is expected, not {kind_of(given)}")
+            return parse_scene(scene)
+    raise TypeError(f"a Scene or the path of a scene file is expected, not {kind_of(scene)}")

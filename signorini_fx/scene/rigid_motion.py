@@ -21,24 +21,24 @@ Array = npt.NDArray[np.float64]
 COMPONENTS = {2: ("x", "y", "rotation"), 3: ("x", "y", "z", "rotation_x", "rotation_y", "rotation_z")}
 
 
-def _of_time(given: Any) -> Any:
-    if not isinstance(given, float) and not (isinstance(given, Expression) and given.coordinates == 0):
+def _of_time(entry: Any) -> Any:
+    if not isinstance(entry, float) and not (isinstance(entry, Expression) and entry.coordinates == 0):
         raise ValueError(
-            f"a number or an expression of the time t is expected, got {shown(getattr(given, 'text', given))}"
+            f"a number or an expression of the time t is expected, got {shown(getattr(entry, 'text', entry))}"
         )
-    return given
+    return entry
 
 
-def _two_or_three(given: tuple[Any, ...]) -> tuple[Any, ...]:
-    if len(given) not in (2, 3):
+def _two_or_three(numbers: tuple[Any, ...]) -> tuple[Any, ...]:
+    if len(numbers) not in (2, 3):
         raise ValueError("two numbers are expected, in space three")
-    return given
+    return numbers
 
 
-def _three(given: tuple[Any, ...]) -> tuple[Any, ...]:
-    if len(given) != 3:
+def _three(numbers: tuple[Any, ...]) -> tuple[Any, ...]:
+    if len(numbers) != 3:
         raise ValueError("a number is expected, in space three")
-    return given
+    return numbers
 
 
 # A number, or an expression of the time t.
@@ -92,9 +92,9 @@ class RigidMotion(Table):
     @property
     def driven_in_time(self) -> bool:
         """Whether what drives it depends on the time."""
-        given = [getattr(self.prescribed, key, None) for key in Prescribed.model_fields]
-        every = (*(self.force or ()), *_tuple(self.moment), *given)
-        return any(isinstance(value, Expression) for value in every)
+        prescribed = [getattr(self.prescribed, key, None) for key in Prescribed.model_fields]
+        driving = (*(self.force or ()), *_tuple(self.moment), *prescribed)
+        return any(isinstance(value, Expression) for value in driving)
 
     def drive(self, dimension: int, time: float) -> tuple[Array, Array]:
         """Forces and moments at a time, and the prescribed components, nan where they are free, shapes (m,)."""

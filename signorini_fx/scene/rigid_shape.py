@@ -30,15 +30,15 @@ Array = npt.NDArray[np.float64]
 
 def unit(vector: tuple[float, ...]) -> Array:
     """The vector with the length one, shape (d,)."""
-    found = np.array(vector)
-    return np.asarray(found / np.linalg.norm(found))
+    components = np.array(vector)
+    return np.asarray(components / np.linalg.norm(components))
 
 
 def across(axis: Array) -> Array:
     """Any unit vector perpendicular to a unit vector, shape (d,)."""
-    other = np.eye(axis.size)[np.argmin(np.abs(axis))]
-    found = other - (other @ axis) * axis
-    return np.asarray(found / np.linalg.norm(found))
+    coordinate_axis = np.eye(axis.size)[np.argmin(np.abs(axis))]
+    perpendicular = coordinate_axis - (coordinate_axis @ axis) * axis
+    return np.asarray(perpendicular / np.linalg.norm(perpendicular))
 
 
 def normalised(vectors: Array, otherwise: Array) -> tuple[Array, Array]:
@@ -99,7 +99,7 @@ class Shape(RigidMotion):
     @property
     def timed(self) -> bool:
         """Whether it moves with the time."""
-        return any(isinstance(one, Expression) for one in self._placement)
+        return any(isinstance(entry, Expression) for entry in self._placement)
 
     def at_time(self, time: float) -> Self:
         """The same where it is at a time."""
@@ -120,9 +120,9 @@ class Shape(RigidMotion):
     @property
     def said(self) -> str:
         """Its kind, and what is given of it."""
-        given = [(key, getattr(self, key)) for key in type(self).model_fields if key in self.model_fields_set]
+        entries = [(key, getattr(self, key)) for key in type(self).model_fields if key in self.model_fields_set]
         return ", ".join(
-            (self.shape, *(f"{key} = {_text(value)}" for key, value in given if key != "shape" and value is not None))
+            (self.shape, *(f"{key} = {_text(value)}" for key, value in entries if key != "shape" and value is not None))
         )
 
     def reference(self, dimension: int) -> Array:
@@ -138,7 +138,7 @@ class Shape(RigidMotion):
         Returns:
             Shapes (n,) and (n, d).
         """
-        signed, normal = self.initial(self._before(x))
+        signed, normal = self.initial(self._moved_back(x))
         normal = normal @ self._turning(x.shape[1]).T
         return (-signed, -normal) if self.hollow else (signed, normal)
 
@@ -146,7 +146,7 @@ class Shape(RigidMotion):
         """How far its closest points have moved since it was placed like ``earlier``, length, shape (n, d)."""
         signed, normal = self.distance(x)
         closest = x - signed[:, None] * normal
-        return closest - earlier._after(self._before(closest))
+        return closest - earlier._moved(self._moved_back(closest))
 
     def placed(self, **placement: Any) -> Shape:
         """The same shape with another shift, rotation or pivot.
@@ -156,12 +156,12 @@ class Shape(RigidMotion):
         """
         return type(self)(**{key: getattr(self, key) for key in self.model_fields_set} | placement)
 
-    def _before(self, x: Array) -> Array:
+    def _moved_back(self, x: Array) -> Array:
         """Where points of it were before it was turned and moved."""
         moved, pivot = self._translations(x.shape[1])
         return np.asarray((x - moved - pivot) @ self._turning(x.shape[1]) + pivot)
 
-    def _after(self, x: Array) -> Array:
+    def _moved(self, x: Array) -> Array:
         """Where its points are after that."""
         moved, pivot = self._translations(x.shape[1])
         return np.asarray((x - pivot) @ self._turning(x.shape[1]).T + pivot + moved)
@@ -169,13 +169,16 @@ class Shape(RigidMotion):
     def _translations(self, dimension: int) -> tuple[Array, Array]:
         """Its shift and its pivot, shapes (d,)."""
         zero = np.zeros(dimension)
-        shift = zero if self.shift is None else np.array([_now(one) for one in self.shift])
+        shift = zero if self.shift is None else np.array([_at_its_time(component) for component in self.shift])
         return shift, zero if self.pivot is None else np.array(self.pivot)
 
     def _turning(self, dimension: int) -> Array:
         """The matrix of its rotation, shape (d, d)."""
         rotation = self.rotation
-        return turning(tuple(map(_now, rotation)) if isinstance(rotation, tuple) else _now(rotation or 0.0), dimension)
+        return turning(
+            tuple(map(_at_its_time, rotation)) if isinstance(rotation, tuple) else _at_its_time(rotation or 0.0),
+            dimension,
+        )
 
 
 def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
@@ -195,7 +198,7 @@ def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
     return np.array([[cosine, -sine], [sine, cosine]])
 
 
-def _now(value: Any) -> float:
+def _at_its_time(value: Any) -> float:
     """A number, or an expression at its time."""
     return float(value(np.zeros((3, 1)))[0]) if isinstance(value, Expression) else float(value)
 
@@ -209,9 +212,9 @@ def _text(value: Any) -> str:
     if isinstance(value, tuple):
         return f"[{', '.join(map(_text, value))}]"
     if isinstance(value, Prescribed):
-        return _text({key: one for key in type(value).model_fields if (one := getattr(value, key)) is not None})
+        return _text({key: inner for key in type(value).model_fields if (inner := getattr(value, key)) is not None})
     if isinstance(value, dict):
-        return f"{{{', '.join(f'{key} = {_text(one)}' for key, one in value.items())}}}"
+        return f"{{{', '.join(f'{key} = {_text(inner)}' for key, inner in value.items())}}}"
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:g}" if isinstance(value, float) else str(value)
@@ -247,11 +250,11 @@ class Distance:
         return signed, normal
 
 
-def distance_from(given: Any, dimension: int, *, turns: bool = True) -> Distance:
+def distance_from(source: Any, dimension: int, *, turns: bool = True) -> Distance:
     """The distance from a shape, from the table of one, or from any object with a method ``distance``.
 
     Args:
-        given: any of these.
+        source: any of these.
         dimension: of space.
         turns: whether one that forces move may turn: not on the axis of an axisymmetric body.
 
@@ -259,9 +262,9 @@ def distance_from(given: Any, dimension: int, *, turns: bool = True) -> Distance
         SceneError: it is none of these, or does not fit the dimension of space.
     """
     try:
-        shape = given if callable(getattr(given, "distance", None)) else read_shape(given)
+        shape = source if callable(getattr(source, "distance", None)) else read_shape(source)
     except ValidationError as error:
-        raise SceneError(problems_of(error, given, shape_class(given["shape"]))) from None
+        raise SceneError(problems_of(error, source, shape_class(source["shape"]))) from None
     except ValueError as error:
         raise SceneError([("", str(error))]) from None
     if isinstance(shape, Shape):
@@ -285,24 +288,24 @@ def names() -> tuple[str, ...]:
 @cache
 def shape_class(name: str) -> type[Shape]:
     """The class of a shape, whose file is imported."""
-    found: type[Shape] = import_module(f"{PACKAGE}.{name}").Entry
-    return found
+    entry_class: type[Shape] = import_module(f"{PACKAGE}.{name}").Entry
+    return entry_class
 
 
-def read_shape(given: Any) -> Any:
+def read_shape(entry: Any) -> Any:
     """A shape from a table; itself if it is one.
 
     Raises:
         ValueError: it is none, its name is not known, or its keys are wrong.
     """
-    if given is None or isinstance(given, Shape):
-        return given
-    if not isinstance(given, Mapping):
-        raise ValueError(f'a table is expected, such as {{ shape = "plane", point = [...] }}, not {kind_of(given)}')
-    name = given.get("shape")
+    if entry is None or isinstance(entry, Shape):
+        return entry
+    if not isinstance(entry, Mapping):
+        raise ValueError(f'a table is expected, such as {{ shape = "plane", point = [...] }}, not {kind_of(entry)}')
+    name = entry.get("shape")
     if name not in names():
         raise ValueError(f"shape must be one of {', '.join(names())}, got {shown(name)}")
-    return TypeAdapter(shape_class(name)).validate_python(given)
+    return TypeAdapter(shape_class(name)).validate_python(entry)
 
 
 OneShape = Annotated[Any, BeforeValidator(read_shape), WithJsonSchema({"type": "object", "required": ["shape"]})]

@@ -43,10 +43,10 @@ class Box(Table):
 
     @field_validator("x", "y", "z")
     @classmethod
-    def _ordered(cls, given: tuple[float, float]) -> tuple[float, float]:
-        if not given[0] <= given[1]:
-            raise ValueError(f"an interval [low, high] is expected, got {list(given)}")
-        return given
+    def _ordered(cls, interval: tuple[float, float]) -> tuple[float, float]:
+        if not interval[0] <= interval[1]:
+            raise ValueError(f"an interval [low, high] is expected, got {list(interval)}")
+        return interval
 
 
 class SolverSettings(Table):
@@ -113,10 +113,10 @@ class SolverSettings(Table):
 
     @field_validator("initial_contact", mode="before")
     @classmethod
-    def _region(cls, given: Any) -> Any:
-        if given in ("auto", "all") or isinstance(given, Box):
-            return given
-        return Box.model_validate(given) if isinstance(given, Mapping) else value(given)
+    def _region(cls, region: Any) -> Any:
+        if region in ("auto", "all") or isinstance(region, Box):
+            return region
+        return Box.model_validate(region) if isinstance(region, Mapping) else value(region)
 
 
 class Units(Table):

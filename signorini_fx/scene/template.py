@@ -17,8 +17,8 @@ from signorini_fx.scene.validation import tables
 
 def starting_scene() -> str:
     """A scene file that can be solved as it is and explains every key."""
-    own = resources.files("signorini_fx.scene").joinpath("template.toml").read_text(encoding="utf-8")
-    return own + "".join(getattr(import_module(f"{PACKAGE}.{key}"), "EXAMPLE", "") for key in keys())
+    template = resources.files("signorini_fx.scene").joinpath("template.toml").read_text(encoding="utf-8")
+    return template + "".join(getattr(import_module(f"{PACKAGE}.{key}"), "EXAMPLE", "") for key in keys())
 
 
 def scene_schema() -> dict[str, Any]:
@@ -26,9 +26,9 @@ def scene_schema() -> dict[str, Any]:
     model = Scene.described()
     schema: dict[str, Any] = model.model_json_schema()
     _simplify(schema)
-    known = {table.__name__: table for table in tables(model)}
+    by_name = {table.__name__: table for table in tables(model)}
     for name, definition in schema["$defs"].items():
-        _describe(definition, known[name])
+        _describe(definition, by_name[name])
     for name in ("NoFriction", "TrescaFriction", "CoulombFriction"):
         definition = schema["$defs"][name]
         definition["required"] = ["law", *definition.get("required", [])]

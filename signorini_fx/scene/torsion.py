@@ -15,14 +15,14 @@ from signorini_fx.scene.effect import Contradictions, SectionJump
 def contradictions_of_torsion(scene: Any) -> Contradictions:
     """Why torsion does not go together with other entries of a scene, see ``Effect``."""
     yet, solver = "is not possible yet where material.torsion is true", scene.solver
-    for place, material in enumerate(scene.material):
+    for number, material in enumerate(scene.material):
         if material.hypothesis != "axisymmetric":
-            yield ("material", place, "torsion"), 'needs hypothesis = "axisymmetric": other bodies have no axis'
+            yield ("material", number, "torsion"), 'needs hypothesis = "axisymmetric": other bodies have no axis'
         if material.torsion != scene.material[0].torsion:
-            yield ("material", place, "torsion"), "must be the same in all materials"
+            yield ("material", number, "torsion"), "must be the same in all materials"
         if material.orthotropic is not None:
-            yield ("material", place, "orthotropic"), yet
-    for wrong, path, what in (
+            yield ("material", number, "orthotropic"), yet
+    for wrong, path, reason in (
         (scene.element.volumetric == "mixed", ("element", "volumetric"), f"'mixed' {yet}"),
         (solver.linear_algebra == "krylov", ("solver", "linear_algebra"), f"'krylov' {yet}"),
         (solver.levels > 1, ("solver", "levels"), f"a sequence of meshes {yet}"),
@@ -31,17 +31,17 @@ def contradictions_of_torsion(scene: Any) -> Contradictions:
         (bool(scene.of(SectionJump)), ("preload",), yet),
     ):
         if wrong:
-            yield path, what
-    for place, contact in enumerate(scene.contact):
-        here = ("contact", place)
+            yield path, reason
+    for number, contact in enumerate(scene.contact):
+        contact_path = ("contact", number)
         if contact.against is not None:
-            yield (*here, "against"), f"contact of two bodies {yet}"
+            yield (*contact_path, "against"), f"contact of two bodies {yet}"
         if contact.tool is not None or contact.moves:
-            yield (*here, "foundation"), f"a foundation that moves {yet}: move or turn the body"
+            yield (*contact_path, "foundation"), f"a foundation that moves {yet}: move or turn the body"
         if contact.friction.ratio is not None:
-            yield (*here, "friction", "ratio"), yet
-    for place, effect in enumerate(scene.displacement):
+            yield (*contact_path, "friction", "ratio"), yet
+    for number, effect in enumerate(scene.displacement):
         if effect.rotation is None:
             continue
         if effect.axis is None or len(effect.axis) != 2 or effect.axis[0] != 0 or (effect.about or (0.0,))[0] != 0:
-            yield ("displacement", place, "axis"), "must be that of the body: axis = [0.0, 1.0]"
+            yield ("displacement", number, "axis"), "must be that of the body: axis = [0.0, 1.0]"

@@ -32,7 +32,7 @@ def plain_message(detail: Any) -> str:
         case {"type": "union_tag_invalid", "ctx": {"tag": tag, "expected_tags": known}}:
             return f"must be one of {known}, got {tag!r}"
     message = str(detail["msg"]).removeprefix("Value error, ")
-    return re.sub(r"^Input should be( a valid)?", lambda found: "must be a" if found[1] else "must be", message)
+    return re.sub(r"^Input should be( a valid)?", lambda prefix: "must be a" if prefix[1] else "must be", message)
 
 
 # It takes a while to find out what an unknown key was meant to be, and more errors than this are not shown anyway.
@@ -49,11 +49,11 @@ def problems_of(error: ValidationError, data: Mapping[str, Any], model: type[Bas
         data: the data that it validated.
         model: the model that the data should fit.
     """
-    found: dict[str, list[str]] = {}
+    by_path: dict[str, list[str]] = {}
     for number, detail in enumerate(error.errors()):
         path, message = _problem(detail, data, model, guess=number < _MOST_GUESSES)
-        found.setdefault(path, []).append(message)
-    return [(path, "; or: ".join(dict.fromkeys(messages))) for path, messages in found.items()]
+        by_path.setdefault(path, []).append(message)
+    return [(path, "; or: ".join(dict.fromkeys(messages))) for path, messages in by_path.items()]
 
 
 def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel], *, guess: bool) -> tuple[str, str]:
@@ -71,14 +71,14 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel], *, gu
             path += f".{name}" if path else name
             node = node[part] if isinstance(node, Mapping) and part in node else node
     message = plain_message(detail)
-    given = detail.get("input")
+    entry = detail.get("input")
     if detail["type"] == "extra_forbidden" and guess:
-        *place, key = detail["loc"]
-        message += _meant(str(key), model) or _known(str(key), _tables_at(place, {model}))
+        *table_path, key = detail["loc"]
+        message += _meant(str(key), model) or _known_keys(str(key), _tables_at(table_path, {model}))
     if detail["type"].startswith("union_tag"):
         path += ".law" if "law" in detail["ctx"]["discriminator"] else ".kind"
-    if detail["type"] not in _MESSAGES and isinstance(given, str | int | float) and shown(given) not in message:
-        message += f", got {shown(given)}"
+    if detail["type"] not in _MESSAGES and isinstance(entry, str | int | float) and shown(entry) not in message:
+        message += f", got {shown(entry)}"
     return path or "scene", message
 
 
@@ -102,13 +102,15 @@ def _meant(key: str, model: type[BaseModel]) -> str:
     similar = difflib.get_close_matches(key, _keys(BaseModel), n=3, cutoff=0.75)
     if not similar or key in similar:
         return ""
-    alike = max(similar, key=lambda one: (difflib.SequenceMatcher(a=one, b=key).ratio(), one[0] == key[0]))
+    alike = max(
+        similar, key=lambda candidate: (difflib.SequenceMatcher(a=candidate, b=key).ratio(), candidate[0] == key[0])
+    )
     return f": did you mean {alike!r}?"
 
 
-def _tables_at(place: Sequence[int | str], tables: set[type[BaseModel]]) -> set[type[BaseModel]]:
+def _tables_at(path: Sequence[int | str], tables: set[type[BaseModel]]) -> set[type[BaseModel]]:
     """The tables that may stand at this place below others."""
-    for part in place:
+    for part in path:
         inner = [table.model_fields[str(part)].annotation for table in tables if part in table.model_fields]
         if inner:
             tables = set().union(*map(_tables_in, inner))
@@ -127,8 +129,10 @@ def _tables_in(annotation: Any) -> set[type[BaseModel]]:
 
 def tables(annotation: Any) -> set[type[BaseModel]]:
     """The tables that an annotation allows, and those in them."""
-    own = _tables_in(annotation)
-    return own.union(*(tables(field.annotation) for table in own for field in table.model_fields.values()))
+    direct_tables = _tables_in(annotation)
+    return direct_tables.union(
+        *(tables(field.annotation) for table in direct_tables for field in table.model_fields.values())
+    )
 
 
 def _words(table: type[BaseModel]) -> tuple[Any, ...]:
@@ -137,7 +141,7 @@ def _words(table: type[BaseModel]) -> tuple[Any, ...]:
     return tuple(word for field in fields for word in get_args(field))
 
 
-def _known(key: str, tables: set[type[BaseModel]]) -> str:
+def _known_keys(key: str, tables: set[type[BaseModel]]) -> str:
     """The keys of those of these tables that do not have this key, in the same order on every rank."""
     ordered = sorted((table for table in tables if key not in table.model_fields), key=lambda table: table.__name__)
     return f"; there are: {', '.join(dict.fromkeys(key for table in ordered for key in table.model_fields))}"

@@ -15,45 +15,45 @@ from signorini_fx.scene.expressions import Expression
 _LONGEST_SHOWN = 200
 
 
-def shown(given: Any) -> str:
+def shown(entry: Any) -> str:
     """A value in a message, shortened if it is long."""
     try:
-        text = repr(given).lower() if isinstance(given, bool) else repr(given)
+        text = repr(entry).lower() if isinstance(entry, bool) else repr(entry)
     except ValueError:  # Python does not print whole numbers of thousands of digits
         return "a number with thousands of digits"
     return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
 
 
-def kind_of(given: object) -> str:
+def kind_of(entry: object) -> str:
     """A description of the wrong argument for a message."""
-    kind = type(given)
+    kind = type(entry)
     module = kind.__module__.partition(".")[0]
     return kind.__name__ if module in ("builtins", "signorini_fx") else f"{module}'s {kind.__name__}"
 
 
-def plain_number(given: Any) -> Any:
+def plain_number(entry: Any) -> Any:
     """A number; NumPy's numbers are accepted."""
-    if isinstance(given, np.number | np.ndarray) and given.ndim == 0:
-        given = given.item()
-    if not isinstance(given, str | int | float | bool | None):
-        raise ValueError(f"must be a number, not {kind_of(given)}")
-    return given
+    if isinstance(entry, np.number | np.ndarray) and entry.ndim == 0:
+        entry = entry.item()
+    if not isinstance(entry, str | int | float | bool | None):
+        raise ValueError(f"must be a number, not {kind_of(entry)}")
+    return entry
 
 
-def timed(given: Any) -> Any:
+def timed(entry: Any) -> Any:
     """The same as ``value``, for what load steps change: an expression may depend on the time t."""
-    return Expression(given, allows_time=True) if isinstance(given, str) else value(given)
+    return Expression(entry, allows_time=True) if isinstance(entry, str) else value(entry)
 
 
-def sampled(given: Any) -> Any:
+def sampled(entry: Any) -> Any:
     """A value that is evaluated at points; fields and expressions of FEniCSx cannot be."""
-    found = value(given)
-    if hasattr(found, "ufl_domain"):
+    checked = value(entry)
+    if hasattr(checked, "ufl_domain"):
         raise ValueError(
-            f"{kind_of(given)} cannot be evaluated at points: give a number, an expression of the position, or a "
+            f"{kind_of(entry)} cannot be evaluated at points: give a number, an expression of the position, or a "
             "callable f(x) of points of shape (3, n)"
         )
-    return found
+    return checked
 
 
 def bounded(number: float) -> float:
@@ -68,31 +68,31 @@ def bounded(number: float) -> float:
     return number
 
 
-def value(given: Any) -> Any:
+def value(entry: Any) -> Any:
     """A number, an expression, a callable or UFL; everything else is refused."""
-    if isinstance(given, bool):
+    if isinstance(entry, bool):
         raise ValueError("a number or an expression of the position is expected, not true or false")
-    given = plain_number(given) if isinstance(given, np.number | np.ndarray) else given
-    if isinstance(given, int | float):
+    entry = plain_number(entry) if isinstance(entry, np.number | np.ndarray) else entry
+    if isinstance(entry, int | float):
         try:
-            number = float(given)
+            number = float(entry)
         except OverflowError:
             number = math.inf
         if not math.isfinite(number):
             raise ValueError("the number must be finite")
         return bounded(number)
-    if isinstance(given, str):
-        return Expression(given)
-    if isinstance(given, Expression) or callable(given) or hasattr(given, "ufl_domain"):
-        return given
-    raise ValueError(f"a number or an expression of the position is expected, not {kind_of(given)}")
+    if isinstance(entry, str):
+        return Expression(entry)
+    if isinstance(entry, Expression) or callable(entry) or hasattr(entry, "ufl_domain"):
+        return entry
+    raise ValueError(f"a number or an expression of the position is expected, not {kind_of(entry)}")
 
 
-def not_negative(given: Any) -> Any:
+def not_negative(entry: Any) -> Any:
     """A value that is not a negative number."""
-    if isinstance(given, float) and given < 0:
-        raise ValueError(f"must not be negative, got {given:g}")
-    return given
+    if isinstance(entry, float) and entry < 0:
+        raise ValueError(f"must not be negative, got {entry:g}")
+    return entry
 
 
 class _NumberOrText:
@@ -112,26 +112,26 @@ NonNegativeValue = Annotated[Any, BeforeValidator(lambda v: not_negative(sampled
 NonNegativeTimedValue = Annotated[Any, BeforeValidator(lambda v: not_negative(sampled(timed(v)))), _NumberOrText()]
 
 
-def share(given: Any) -> Any:
+def share(entry: Any) -> Any:
     """A number, or a text such as ``5%``."""
-    match = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*%\s*", given) if isinstance(given, str) else None
-    return given if match is None else float(match[1]) / 100
+    match = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*%\s*", entry) if isinstance(entry, str) else None
+    return entry if match is None else float(match[1]) / 100
 
 
-def number_or_auto(given: Any) -> Any:
+def number_or_auto(entry: Any) -> Any:
     """A positive number or the word auto, with one message where it is neither."""
-    given = given.item() if isinstance(given, np.number) else given
-    if given != "auto" and not (type(given) in (int, float) and 0 < given < math.inf):
-        raise ValueError(f"a positive number or 'auto' is expected, got {shown(given)}")
-    return given if given == "auto" else bounded(given)
+    entry = entry.item() if isinstance(entry, np.number) else entry
+    if entry != "auto" and not (type(entry) in (int, float) and 0 < entry < math.inf):
+        raise ValueError(f"a positive number or 'auto' is expected, got {shown(entry)}")
+    return entry if entry == "auto" else bounded(entry)
 
 
-def count_or_auto(given: Any) -> Any:
+def count_or_auto(entry: Any) -> Any:
     """A positive whole number or the word auto, with one message where it is neither."""
-    given = given.item() if isinstance(given, np.number) else given
-    if given != "auto" and not (type(given) is int and 0 < given <= 100_000):
-        raise ValueError(f"a positive whole number or 'auto' is expected, got {shown(given)}")
-    return given
+    entry = entry.item() if isinstance(entry, np.number) else entry
+    if entry != "auto" and not (type(entry) is int and 0 < entry <= 100_000):
+        raise ValueError(f"a positive whole number or 'auto' is expected, got {shown(entry)}")
+    return entry
 
 
 Finite = Annotated[
@@ -150,10 +150,10 @@ NonNegative = Annotated[
 Count = Annotated[int, Field(gt=0, le=100_000, strict=True)]
 
 
-def _not_zero(given: tuple[float, ...]) -> tuple[float, ...]:
-    if not any(given):
+def _not_zero(vector: tuple[float, ...]) -> tuple[float, ...]:
+    if not any(vector):
         raise ValueError("must not be zero")
-    return given
+    return vector
 
 
 NOT_ZERO = AfterValidator(_not_zero)
@@ -164,20 +164,20 @@ Direction = Annotated[Vector, NOT_ZERO]
 Automatic = Annotated[float | Literal["auto"], BeforeValidator(number_or_auto)]
 
 
-def selection(given: Any) -> Any:
+def selection(entry: Any) -> Any:
     """A number in the cell data of a mesh file, a list of them, or a rule; everything else is refused."""
-    if type(given) is int or isinstance(given, Expression) or callable(given):
-        return given
-    if isinstance(given, str):
-        if given.isidentifier() and given not in ("x", "pi"):
-            number = given.rpartition("_")[2]
+    if type(entry) is int or isinstance(entry, Expression) or callable(entry):
+        return entry
+    if isinstance(entry, str):
+        if entry.isidentifier() and entry not in ("x", "pi"):
+            number = entry.rpartition("_")[2]
             write = f": write {number}" if number.isdigit() else ", which needs no other one: use it where it acts"
-            raise ValueError(f"{given!r} is a name{write}")
-        return Expression(given)
-    if isinstance(given, list | tuple) and given and all(type(number) is int for number in given):
-        return tuple(given)
+            raise ValueError(f"{entry!r} is a name{write}")
+        return Expression(entry)
+    if isinstance(entry, list | tuple) and entry and all(type(number) is int for number in entry):
+        return tuple(entry)
     expected = "a whole number, a list of them, or an expression of the position"
-    raise ValueError(f"{expected} is expected, not {kind_of(given)}")
+    raise ValueError(f"{expected} is expected, not {kind_of(entry)}")
 
 
 _SELECTION_SCHEMA = {"type": ["integer", "string", "array"], "items": {"type": "integer"}, "minItems": 1}

@@ -22,7 +22,7 @@ Rows = npt.NDArray[np.int64]
 Points = Annotated[tuple[tuple[Finite, Finite], ...], Field(min_length=2, max_length=100_000)]
 
 
-class Line(Shape):
+class LineShape(Shape):
     """A line through points: the body is on its left, or outside where the last point is the first one.
 
     Attributes:
@@ -56,7 +56,7 @@ class Line(Shape):
         return x[::-1] if self.closed and turning > 0 else x
 
 
-class Polyline(Line):
+class Polyline(LineShape):
     """A line of straight pieces.
 
     Attributes:
@@ -72,10 +72,10 @@ class Polyline(Line):
         pieces = np.column_stack((np.arange(count), np.arange(1, count + 1)))
         if self.closed:
             pieces[-1, 1] = 0
-        return Pieces(walked, pieces)(x)
+        return StraightPieces(walked, pieces)(x)
 
 
-class Nearest:
+class NearestPiece:
     """Which of many straight pieces is the closest one.
 
     Args:
@@ -103,8 +103,8 @@ class Nearest:
         parts = np.maximum(np.ceil(length / self._part), 1).astype(np.int64)
         self._owner = np.repeat(pieces, parts)
         number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-        place = self._first[self._owner] + (number + 0.5) * np.repeat(length / parts, parts)
-        self._tree = cKDTree(self._begin[self._owner] + place[:, None] * self._along[self._owner])
+        parameter = self._first[self._owner] + (number + 0.5) * np.repeat(length / parts, parts)
+        self._tree = cKDTree(self._begin[self._owner] + parameter[:, None] * self._along[self._owner])
 
     def __call__(self, x: Array) -> tuple[Rows, Array]:
         """The closest piece of each point, the first one of several, and the place of the closest point on it.
@@ -121,29 +121,31 @@ class Nearest:
             # The closest point is in a part, half of whose length is the most that it is away from its middle.
             within = (self._tree.query(x)[0] + self._part / 2) * (1 + _ROUND_OFF)
             counts += self._tree.query_ball_point(x, within, return_length=True)
-        for here in np.split(np.arange(len(x)), np.flatnonzero(np.diff(np.cumsum(counts) // _AT_A_TIME)) + 1):
-            rows, pieces = np.repeat(here, self._compared.size), np.tile(self._compared, here.size)
+        for batch in np.split(np.arange(len(x)), np.flatnonzero(np.diff(np.cumsum(counts) // _AT_A_TIME)) + 1):
+            rows, pieces = np.repeat(batch, self._compared.size), np.tile(self._compared, batch.size)
             if self._tree is not None:
-                near = self._tree.query_ball_point(x[here], within[here])
-                rows = np.concatenate((rows, np.repeat(here, [len(one) for one in near])))
+                near = self._tree.query_ball_point(x[batch], within[batch])
+                rows = np.concatenate((rows, np.repeat(batch, [len(neighbours) for neighbours in near])))
                 parts = np.fromiter(chain.from_iterable(near), np.int64)
                 pieces = np.concatenate((pieces, self._owner[parts]))
                 order = np.argsort(rows, kind="stable")
                 rows, pieces = rows[order], pieces[order]
-            away = x[rows] - self._begin[pieces] - self._place(x[rows], pieces)[:, None] * self._along[pieces]
+            away = (
+                x[rows] - self._begin[pieces] - self._share_of_closest(x[rows], pieces)[:, None] * self._along[pieces]
+            )
             distance = np.linalg.norm(away, axis=1)
             starts = np.flatnonzero(np.diff(rows, prepend=-1))
             least = np.repeat(np.minimum.reduceat(distance, starts), np.diff(starts, append=len(rows)))
-            chosen[here] = np.minimum.reduceat(np.where(distance == least, pieces, len(self._begin)), starts)
-        return chosen, self._place(x, chosen)
+            chosen[batch] = np.minimum.reduceat(np.where(distance == least, pieces, len(self._begin)), starts)
+        return chosen, self._share_of_closest(x, chosen)
 
-    def _place(self, x: Array, pieces: Rows) -> Array:
+    def _share_of_closest(self, x: Array, pieces: Rows) -> Array:
         """The place of the closest point on the piece of each point, shape (n,)."""
         foot = np.einsum("nd,nd->n", x - self._begin[pieces], self._along[pieces])
         return np.clip(foot, self._first[pieces], self._last[pieces])
 
 
-class Pieces:
+class StraightPieces:
     """Signed distances from straight pieces, positive on their left, and the normals at the closest points.
 
     Args:
@@ -156,28 +158,28 @@ class Pieces:
         along = corners[pieces[:, 1]] - self._begin
         length = np.linalg.norm(along, axis=1)
         self._along = along / length[:, None]
-        self._left = np.column_stack((-self._along[:, 1], self._along[:, 0]))
+        self._normals = np.column_stack((-self._along[:, 1], self._along[:, 0]))
         self._at_corner = np.zeros_like(corners)
         for column in (0, 1):
-            np.add.at(self._at_corner, pieces[:, column], self._left)
+            np.add.at(self._at_corner, pieces[:, column], self._normals)
         self._first = np.where(np.isin(pieces[:, 0], pieces[:, 1]), 0.0, -np.inf)
         self._last = np.where(np.isin(pieces[:, 1], pieces[:, 0]), length, np.inf)
-        self._nearest = Nearest(self._begin, self._along, self._first, self._last)
+        self._nearest = NearestPiece(self._begin, self._along, self._first, self._last)
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """Shapes (n,) and (n, 2), for points of shape (n, 2)."""
-        chosen, place = self._nearest(x)
-        away = x - self._begin[chosen] - place[:, None] * self._along[chosen]
-        normal = self._left[chosen].copy()
+        chosen, parameter = self._nearest(x)
+        away = x - self._begin[chosen] - parameter[:, None] * self._along[chosen]
+        normal = self._normals[chosen].copy()
         signed = np.einsum("nd,nd->n", away, normal)
         # At a corner the sign is that of the mean of both normals (Baerentzen and Aanaes, IEEE Trans. Vis. Comput.
         # Graph. 11 (2005) 243-253), and the normal that of the distance.
         for end, column in ((self._first[chosen], 0), (self._last[chosen], 1)):
             size = np.linalg.norm(away, axis=1)
-            here = (place == end) & (size > 0)
-            mean = self._at_corner[self._pieces[chosen[here], column]]
-            size = size[here] * np.where(np.einsum("nd,nd->n", away[here], mean) < 0, -1.0, 1.0)
-            signed[here], normal[here] = size, away[here] / size[:, None]
+            at_end = (parameter == end) & (size > 0)
+            mean = self._at_corner[self._pieces[chosen[at_end], column]]
+            size = size[at_end] * np.where(np.einsum("nd,nd->n", away[at_end], mean) < 0, -1.0, 1.0)
+            signed[at_end], normal[at_end] = size, away[at_end] / size[:, None]
         return signed, normal
 
 

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from signorini_fx.scene.rigid_shape import Array
-from signorini_fx.shapes.polyline import Line, Nearest
+from signorini_fx.shapes.polyline import LineShape, NearestPiece
 
 # Pieces between two points to begin with, and pieces to each side of the closest of them that are searched.
 _BETWEEN, _AROUND = 16, 4
@@ -15,7 +15,7 @@ _BETWEEN, _AROUND = 16, 4
 _STEPS, _LAST = 80, 1e-15
 
 
-class Spline(Line):
+class Spline(LineShape):
     """The cubic spline through points by the lengths of their chords, without curvature at its ends.
 
     Attributes:
@@ -38,41 +38,41 @@ class Spline(Line):
         first, last = np.zeros_like(length), length.copy()
         if not self.closed:
             first[0], last[-1] = -np.inf, np.inf
-        chosen, on = Nearest(corners[:-1], chords / length[:, None], first, last)(x)
-        place = fine[chosen] + on / length[chosen] * np.diff(fine)[chosen]
-        inside = np.clip(place, fine[0], fine[-1])
+        chosen, on = NearestPiece(corners[:-1], chords / length[:, None], first, last)(x)
+        parameter = fine[chosen] + on / length[chosen] * np.diff(fine)[chosen]
+        inside = np.clip(parameter, fine[0], fine[-1])
         # Near a centre of curvature the distance is flat, and the line of pieces may be closest some pieces away.
         piece = np.diff(fine).max()
         low, high = inside - _AROUND * piece, inside + _AROUND * piece
         if not self.closed:
-            low[place <= fine[0]], high[place >= fine[-1]] = -np.inf, np.inf
+            low[parameter <= fine[0]], high[parameter >= fine[-1]] = -np.inf, np.inf
         moving = np.arange(len(x))
         for _ in range(_STEPS):
-            position, slope, bend = self._at(curve, place[moving])
+            position, slope, bend = self._at(curve, parameter[moving])
             rise = np.einsum("nd,nd->n", position - x[moving], slope)
-            high[moving] = np.where(rise > 0, place[moving], high[moving])
-            low[moving] = np.where(rise < 0, place[moving], low[moving])
+            high[moving] = np.where(rise > 0, parameter[moving], high[moving])
+            low[moving] = np.where(rise < 0, parameter[moving], low[moving])
             square = np.einsum("nd,nd->n", slope, slope)
             curvature = square + np.einsum("nd,nd->n", position - x[moving], bend)
             # Newton's step; near and beyond a centre of curvature, where it leads away, the bracket is halved.
-            ahead = place[moving] - rise / np.where(curvature > 0, curvature, square)
+            ahead = parameter[moving] - rise / np.where(curvature > 0, curvature, square)
             between = (curvature > 0) & (ahead > low[moving]) & (ahead < high[moving])
             halved = np.where(np.isfinite(high - low)[moving], (low[moving] + high[moving]) / 2, ahead)
             ahead = np.where(between, ahead, halved)
-            moved, place[moving] = np.abs(ahead - place[moving]), ahead
+            moved, parameter[moving] = np.abs(ahead - parameter[moving]), ahead
             moving = moving[(moved > _LAST * piece) & (rise != 0)]
             if not moving.size:
                 break
-        position, slope, _ = self._at(curve, place)
-        left = np.column_stack((-slope[:, 1], slope[:, 0])) / np.linalg.norm(slope, axis=1)[:, None]
-        return np.einsum("nd,nd->n", x - position, left), left
+        position, slope, _ = self._at(curve, parameter)
+        normal = np.column_stack((-slope[:, 1], slope[:, 0])) / np.linalg.norm(slope, axis=1)[:, None]
+        return np.einsum("nd,nd->n", x - position, normal), normal
 
-    def _at(self, curve: Any, place: Array) -> tuple[Array, Array, Array]:
+    def _at(self, curve: Any, parameter: Array) -> tuple[Array, Array, Array]:
         """Position, and first and second derivative; beyond the ends it goes straight on."""
         if self.closed:
-            return curve(place), curve(place, 1), curve(place, 2)
-        inside = np.clip(place, curve.x[0], curve.x[-1])
-        beyond = (place - inside)[:, None]
+            return curve(parameter), curve(parameter, 1), curve(parameter, 2)
+        inside = np.clip(parameter, curve.x[0], curve.x[-1])
+        beyond = (parameter - inside)[:, None]
         return curve(inside) + beyond * curve(inside, 1), curve(inside, 1), np.where(beyond == 0, curve(inside, 2), 0.0)
 
 

@@ -12,13 +12,13 @@ import numpy as np
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.scene.rigid_shape import Array, Shape
 from signorini_fx.scene.values import Positive
-from signorini_fx.shapes.polyline import Pieces, Rows
+from signorini_fx.shapes.polyline import Rows, StraightPieces
 
 # Of its distance from the surface, over the size of this, a point that is on it has less.
 _ON = 1e-12
 
 
-class Surface(Shape):
+class ClosedSurface(Shape):
     """A closed surface of flat triangles; in the plane a closed line of straight pieces.
 
     Attributes:
@@ -36,13 +36,13 @@ class Surface(Shape):
         """See ``Shape``; the file is read."""
         yield from super().contradictions(dimension)
         try:
-            found = self._surface.dimension
+            file_dimension = self._surface.dimension
         except (MeshError, SceneError) as error:
             yield "file", str(error)
             return
-        if found != dimension:
+        if file_dimension != dimension:
             words = {2: "plane", 3: "in space"}
-            yield "file", f"{self.file}: it is {words[found]}, and the mesh of the body {words[dimension]}"
+            yield "file", f"{self.file}: it is {words[file_dimension]}, and the mesh of the body {words[dimension]}"
 
     def initial(self, x: Array) -> tuple[Array, Array]:
         """See ``Shape``."""
@@ -60,16 +60,16 @@ class Surface(Shape):
         return surface_of(self.file, self.size, changed)
 
 
-Entry = Surface
+Entry = ClosedSurface
 
 
 @lru_cache(maxsize=8)
 def surface_of(file: Path, size: float | None, _changed: int) -> Any:
     """The surface in a file, once for each state of the file."""
-    return Kept(_read(file, size))
+    return CachedSurface(_read(file, size))
 
 
-class Kept:
+class CachedSurface:
     """A surface that keeps the last distances: of the same points gap, direction and certificate ask for them."""
 
     def __init__(self, surface: Any) -> None:
@@ -89,7 +89,7 @@ def _read(file: Path, size: float | None) -> Any:
     """The surface in a file.
 
     Raises:
-        MeshError: see ``Surface``.
+        MeshError: see ``ClosedSurface``.
     """
     if not file.is_file():
         raise MeshError(f"{file}: no such file")
@@ -117,11 +117,11 @@ def _stl(file: Path) -> tuple[Array, Rows]:
     from signorini_fx.mesh.files.reading import read_separately
 
     raw = read_separately(file, "meshio", {"kind": "stl"})
-    every = [nodes for kind, nodes in raw.blocks if kind == "triangle" and len(nodes)]
-    if not every or not np.isfinite(raw.points).all():
+    blocks = [nodes for kind, nodes in raw.blocks if kind == "triangle" and len(nodes)]
+    if not blocks or not np.isfinite(raw.points).all():
         raise MeshError(f"{file}: it has no triangles, or points that are not finite")
     points, joined = np.unique(raw.points, axis=0, return_inverse=True)
-    triangles = joined.reshape(-1)[np.concatenate(every)]
+    triangles = joined.reshape(-1)[np.concatenate(blocks)]
     flat = (triangles == np.roll(triangles, 1, axis=1)).any(axis=1)  # two corners are one: no area
     return points, triangles[~flat]
 
@@ -147,7 +147,7 @@ class InThePlane:
     def __init__(self, points: Array, sides: Rows) -> None:
         outer = ~np.isin(sides[:, 0] * len(points) + sides[:, 1], sides[:, 1] * len(points) + sides[:, 0])
         # Clockwise: outside is on the left.
-        self._pieces = Pieces(points, sides[outer][:, ::-1])
+        self._pieces = StraightPieces(points, sides[outer][:, ::-1])
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """Signed distances and normals, shapes (n,) and (n, 2)."""

@@ -60,20 +60,20 @@ def start_from_fewer_nodes(task: Task, boundary: ContactBoundary) -> Start:
     """
     numbers = np.column_stack((boundary.part.astype(np.int64), boundary.global_nodes))
     numbers, segments, x = (
-        parallel.gather_rows(boundary.comm, one) for one in (numbers, boundary.segments, boundary.x)
+        parallel.gather_rows(boundary.comm, point_data) for point_data in (numbers, boundary.segments, boundary.x)
     )
     ranges, order, _ = chains(numbers, with_points(numbers, segments), x)
     lines, state = [order[rows.start : rows.stop] for rows in ranges], None
     stride = 2 ** int(np.log2(len(x) / COARSEST_NODES))
     while stride > 1:
-        coarse, some = _with_every(stride, lines, task, boundary)
-        start = coarse.start if state is None else coarse.start.begin_from(*carry_over(state, some))
+        coarse, coarse_boundary = _with_every(stride, lines, task, boundary)
+        start = coarse.start if state is None else coarse.start.begin_from(*carry_over(state, coarse_boundary))
         outcome = solve_task(coarse, start, task.settings.max_iterations)
-        solves, size = coarse.history.linear_solves, parallel.global_sum(boundary.comm, some.size)
+        solves, size = coarse.history.linear_solves, parallel.global_sum(boundary.comm, coarse_boundary.size)
         task.history.add(f"{size} contact nodes first: {solves} linear solves, {outcome.status.value}")
         if outcome.status is not Status.CONVERGED:
             return task.start
-        state = ContactState.of(coarse.contact(outcome, start), some)
+        state = ContactState.of(coarse.contact(outcome, start), coarse_boundary)
         stride //= 2
     return task.start if state is None else task.start.begin_from(*carry_over(state, boundary))
 
@@ -92,38 +92,40 @@ def _with_every(
     system, motions, start, comm, count = task.system, task.motions, task.start, boundary.comm, boundary.size
     assert isinstance(system, CondensedSystem)
     nodes, x, every_weight = (
-        parallel.gather_rows(comm, one) for one in (boundary.global_nodes, boundary.x, boundary.weight)
+        parallel.gather_rows(comm, point_data) for point_data in (boundary.global_nodes, boundary.x, boundary.weight)
     )
-    before = parallel.rows_before(comm, count)
+    offset = parallel.rows_before(comm, count)
     _, first, node, times = np.unique(nodes, return_index=True, return_inverse=True, return_counts=True)
     between = _linear(stride, lines, x, times[node] > 1)
     points: Indices = np.unique(between.indices).astype(np.int64)
-    rows = points[(before <= points) & (points < before + count)] - before
-    weight, segments = (between.T @ every_weight)[before + rows], boundary.segments[:0]
-    some = replace(_at(rows, count, boundary), weight=weight, segments=segments, averages=None)
+    rows = points[(offset <= points) & (points < offset + count)] - offset
+    weight, segments = (between.T @ every_weight)[offset + rows], boundary.segments[:0]
+    coarse_boundary = replace(_at(rows, count, boundary), weight=weight, segments=segments, averages=None)
     # The two unknowns of each node, in the order of their numbers; what else two bodies have stays as it is.
     of_nodes = between[first] @ sp.csr_array((np.ones(nodes.size), node, np.arange(nodes.size + 1)))
     carrying, free = _of_nodes(system), ~parallel.gather_rows(comm, system.fixed)
     order = np.argsort(np.concatenate((np.flatnonzero(carrying), np.flatnonzero(~carrying))))
-    every = sp.csr_array(sp.block_diag((sp.kron(of_nodes, np.eye(2)), sp.eye_array(np.count_nonzero(~carrying)))))
+    prolongation = sp.csr_array(
+        sp.block_diag((sp.kron(of_nodes, np.eye(2)), sp.eye_array(np.count_nonzero(~carrying))))
+    )
     stays = ~carrying
     stays[carrying] = np.repeat(np.isin(np.arange(first.size), node[points]), 2)
     stays &= free
-    change = sp.csr_array(sp.diags_array(free.astype(np.float64)) @ every[order][:, order])[:, stays]
+    change = sp.csr_array(sp.diags_array(free.astype(np.float64)) @ prolongation[order][:, order])[:, stays]
     u_n, u_t = system.contact.traces(system.start)
     data, origin = start.data, start.data.slip_origin
     data = replace(data, gap=data.gap - u_n, slip_origin=(0.0 if origin is None else origin) - u_t)
-    law, sets = (None if one is None else _at(rows, count, one) for one in (start.law, start.sets))
+    law, sets = (None if point_data is None else _at(rows, count, point_data) for point_data in (start.law, start.sets))
     coarse = replace(
         task,
         settings=replace(task.settings, algorithm="ssn", fallbacks=False),
-        system=_projected(system, change, np.flatnonzero(stays), rows, some.points),
-        motions=motions.some(some.points, rows),
+        system=_projected(system, change, np.flatnonzero(stays), rows, coarse_boundary.points),
+        motions=motions.some(coarse_boundary.points, rows),
         start=replace(start, data=_at(rows, count, data), law=law, sets=sets, factors=None),
         rest=None,
         history=History(),
     )
-    return coarse, some
+    return coarse, coarse_boundary
 
 
 def _of_nodes(system: CondensedSystem) -> npt.NDArray[np.bool_]:
@@ -148,22 +150,28 @@ def _projected(
     """
     half = change.T @ system.entries  # A is symmetric: both products are sparse times dense
     first, last = system.matrix.getOwnershipRange()
-    here = (first <= stays) & (stays < last)
-    matrix = dense_matrix(system.comm, change.T @ half.T, np.count_nonzero(here))
+    owned = (first <= stays) & (stays < last)
+    matrix = dense_matrix(system.comm, change.T @ half.T, np.count_nonzero(owned))
     load, start = matrix.createVecRight(), matrix.createVecRight()
     missing = system.load.duplicate()
     system.matrix.mult(system.start, missing)
     missing.aypx(-1.0, system.load)
-    load.getArray()[:] = (change.T @ parallel.gather_rows(system.comm, missing.getArray(readonly=True)))[here]
+    load.getArray()[:] = (change.T @ parallel.gather_rows(system.comm, missing.getArray(readonly=True)))[owned]
     starts, columns, values = system.contact.operator.getValuesCSR()
     (count, _), (_, width) = system.contact.operator.getSizes()
-    every = sp.csr_array((values, columns, starts), shape=(count, width))
-    some = sp.csr_array(every[(points.dimension * rows[:, None] + np.arange(points.dimension)).ravel()] @ change)
-    csr = (some.indptr.astype(PETSc.IntType), some.indices.astype(PETSc.IntType), some.data)
-    size = ((some.shape[0], None), (np.count_nonzero(here), None))
+    full_operator = sp.csr_array((values, columns, starts), shape=(count, width))
+    coarse_operator = sp.csr_array(
+        full_operator[(points.dimension * rows[:, None] + np.arange(points.dimension)).ravel()] @ change
+    )
+    csr = (
+        coarse_operator.indptr.astype(PETSc.IntType),
+        coarse_operator.indices.astype(PETSc.IntType),
+        coarse_operator.data,
+    )
+    size = ((coarse_operator.shape[0], None), (np.count_nonzero(owned), None))
     operator = PETSc.Mat().createAIJ(size, csr=csr, comm=system.comm)
-    none = np.zeros(np.count_nonzero(here), dtype=bool)
-    contact = ContactMap(operator, points, none, paired=system.contact.paired)
+    fixed = np.zeros(np.count_nonzero(owned), dtype=bool)
+    contact = ContactMap(operator, points, fixed, paired=system.contact.paired)
     return DenseSystem(matrix, load, start, system.resultant, contact)
 
 
@@ -177,19 +185,23 @@ def _linear(
         stay[-1] = True
         places = np.flatnonzero(stay)
         right = np.searchsorted(places, np.arange(line.size))  # the place itself where a point stays
-        left = np.maximum(right - ~stay, 0)
+        left_end = np.maximum(right - ~stay, 0)
         along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(x[line], axis=0), axis=1))))
-        before, after = along[places[left]], along[places[right]]
-        share = np.divide(along - before, after - before, out=np.ones(line.size), where=~stay)
-        entries += [(line, line[places[left]], 1.0 - share), (line, line[places[right]], share)]
+        left_length, right_length = along[places[left_end]], along[places[right]]
+        share = np.divide(along - left_length, right_length - left_length, out=np.ones(line.size), where=~stay)
+        entries += [(line, line[places[left_end]], 1.0 - share), (line, line[places[right]], share)]
     points, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
-    found = sp.csr_array((values, (points, columns)), shape=(len(x), len(x)))
-    found.eliminate_zeros()
-    return found
+    interpolation = sp.csr_array((values, (points, columns)), shape=(len(x), len(x)))
+    interpolation.eliminate_zeros()
+    return interpolation
 
 
 def _at(rows: Indices, count: int, of_points: Any) -> Any:
     """Data of points at some of them: what has as many entries as there are points has those of ``rows``."""
     values = {field.name: getattr(of_points, field.name) for field in fields(of_points)}
-    nodal = {name: one[rows] for name, one in values.items() if isinstance(one, np.ndarray) and len(one) == count}
+    nodal = {
+        name: entries[rows]
+        for name, entries in values.items()
+        if isinstance(entries, np.ndarray) and len(entries) == count
+    }
     return replace(of_points, **nodal)

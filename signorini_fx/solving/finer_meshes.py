@@ -37,7 +37,7 @@ from signorini_fx.tuned import (
 
 
 @dataclass(frozen=True)
-class Solved:
+class SolvedMesh:
     """A scene on one mesh.
 
     Attributes:
@@ -71,24 +71,24 @@ class Meshes:
     def __init__(self, scene: Scene, goal: Accuracy, comm: MPI.Comm) -> None:
         self._comm, self._plan = comm, planned(scene, goal, comm)
         self._of: str = goal.of if goal.of in LOCAL else "force"  # the quantity for which cells are marked
-        self._given: Scene = self._plan.scene
+        self._original_scene: Scene = self._plan.scene
         self.adaptive: bool = self._plan.adaptive
         self.polygonal: bool = self._plan.polygonal
         how = "triangles divided where the error is" if self.adaptive else "all cells smaller"
-        self._regularised = self._given
-        settings = self._given.solver
+        self._regularised = self._original_scene
+        settings = self._original_scene.solver
         automatic = (settings.algorithm, settings.gamma_n, settings.gamma_t) == ("auto", "auto", "auto")
         paired = scene.sides[1] is not None
         if (goal.of == "pressure" or goal.certified) and automatic and not paired:
             # The regularisation smears the pressure at a corner over a length that hardly depends on the mesh.  Between
             # two bodies "exact" is not possible.
             solver = settings.model_copy(update={"algorithm": "exact"})
-            self._given = self._given.model_copy(update={"solver": solver})
-        self.degree: int = self._given.element.degree
+            self._original_scene = self._original_scene.model_copy(update={"solver": solver})
+        self.degree: int = self._original_scene.element.degree
         self.replaced: str = f"degree {self.degree}, {how}" if self._plan.replaced else ""
-        self._generated = self._given.generated
+        self._generated = self._original_scene.generated
         self.any_jump: bool = self._generated and not self.adaptive
-        self._file = self._given.mesh if isinstance(self._given.mesh, MeshFile) else None
+        self._file = self._original_scene.mesh if isinstance(self._original_scene.mesh, MeshFile) else None
         self._coarsest, self._divisions, self._halvings = self._coarsest_factor(), 1, 0
         self.seconds: float = 0.0
         self.scene: Scene = self._scene()
@@ -99,7 +99,9 @@ class Meshes:
         A mesh needs a node where a load jumps, and the scene's own mesh has one.
         """
         factor = float(COARSER_START[self.degree]) if self._generated else 1.0
-        while factor > 1 and scene_on(scene_on(self._given, factor), 1 / factor) != scene_on(self._given, 1.0):
+        while factor > 1 and scene_on(scene_on(self._original_scene, factor), 1 / factor) != scene_on(
+            self._original_scene, 1.0
+        ):
             factor /= 2
         return factor
 
@@ -108,14 +110,15 @@ class Meshes:
         if solved.sides[1] is None:
             return
         contacts = [
-            one if one.against is None else one.model_copy(update={"points": "boundary"}) for one in solved.contact
+            model if model.against is None else model.model_copy(update={"points": "boundary"})
+            for model in solved.contact
         ]
-        kept = {"contact": tuple(contacts)}
-        self.scene, self._given, self._regularised = (
-            one.model_copy(update=kept) for one in (self.scene, self._given, self._regularised)
+        update = {"contact": tuple(contacts)}
+        self.scene, self._original_scene, self._regularised = (
+            model.model_copy(update=update) for model in (self.scene, self._original_scene, self._regularised)
         )
 
-    def first(self, solve_on: Callable[[Scene, ContactState | None, int], Solved]) -> Solved:
+    def first(self, solve_on: Callable[[Scene, ContactState | None, int], SolvedMesh]) -> SolvedMesh:
         """Solve on the coarsest mesh that has all boundaries of the scene's own mesh.
 
         Straight facets of two bodies that fit each other may be so far apart on it that there is no solution.
@@ -123,7 +126,11 @@ class Meshes:
         while True:
             try:
                 solved = solve_on(self.scene, None, 0)
-                apart = solved.level is None and self._given.sides[1] is not None and not solved.solution.history.late
+                apart = (
+                    solved.level is None
+                    and self._original_scene.sides[1] is not None
+                    and not solved.solution.history.late
+                )
                 if not apart or not self._generated or self._coarsest <= 1:
                     return solved
             except (SceneError, MeshError):
@@ -134,12 +141,12 @@ class Meshes:
 
     def solve(
         self,
-        solve_on: Callable[[Scene, ContactState | None, int], Solved],
+        solve_on: Callable[[Scene, ContactState | None, int], SolvedMesh],
         state: ContactState | None,
         number: int,
-    ) -> Solved:
+    ) -> SolvedMesh:
         """Solve on the current mesh; with regularisation if the scene leaves it open and nothing else works."""
-        if self._given.solver == self._regularised.solver:
+        if self._original_scene.solver == self._regularised.solver:
             return self.first(solve_on) if number == 0 else solve_on(self.scene, state, number)
         try:
             solved = self.first(solve_on) if number == 0 else solve_on(self.scene, state, number)
@@ -147,7 +154,7 @@ class Meshes:
                 return solved
         except SceneError:
             solved = None
-        self._given = self._regularised
+        self._original_scene = self._regularised
         self.scene = self.scene.model_copy(update={"solver": self._regularised.solver})
         try:
             return self.first(solve_on) if number == 0 else solve_on(self.scene, state, number)
@@ -165,10 +172,10 @@ class Meshes:
         smallest = SMALLEST_JUMP if compared else 1.0
         return float(np.clip(excess ** (1 / rate), smallest, LARGEST_JUMP[dimension]))
 
-    def refine(self, solved: Solved, excess: float, jump: float) -> None:
+    def refine(self, solved: SolvedMesh, excess: float, jump: float) -> None:
         """Make the next mesh."""
         begin = parallel.clock(self._comm)
-        if self._file is not None or (self._given.body and not self._generated):
+        if self._file is not None or (self._original_scene.body and not self._generated):
             self._halvings += 1
             self._change_meshes()
         elif self.any_jump:
@@ -187,7 +194,7 @@ class Meshes:
             self.scene = self.scene.model_copy(update={"mesh": tagged})
         self.seconds = parallel.clock(self._comm) - begin
 
-    def _divide_corners(self, tagged: TaggedMesh, solved: Solved, excess: float) -> TaggedMesh:
+    def _divide_corners(self, tagged: TaggedMesh, solved: SolvedMesh, excess: float) -> TaggedMesh:
         """Divide the cells at corners in contact several times, if they contain the error of the pressure.
 
         There it decreases so slowly with h, and so few cells are divided, that a solve after each division is wasteful.
@@ -200,7 +207,7 @@ class Meshes:
             tagged = refine(tagged, cells_at(tagged, corners))
         return tagged
 
-    def raise_gamma(self, task: Task, outcome: Outcome, left: float, excess: float) -> None:
+    def raise_gamma(self, task: Task, outcome: Outcome, regularisation_error: float, excess: float) -> None:
         """Make gamma so large that the regularisation error keeps to its share; it decreases like 1 / gamma.
 
         Path-following finds gamma itself: its allowed error is reduced.
@@ -208,7 +215,7 @@ class Meshes:
         Args:
             task: the contact problem on the last mesh.
             outcome: how it ended.
-            left: its regularisation error, relative in the energy norm.
+            regularisation_error: its regularisation error, relative in the energy norm.
             excess: the regularisation error of the requested quantity, relative to the target.
         """
         factor = excess / REGULARISATION_SHARE
@@ -220,7 +227,7 @@ class Meshes:
         if settings.algorithm == "path-following":
             allowed = inf if settings.regularisation_error == "auto" else settings.regularisation_error
             # With Coulomb friction its own figure is that of the start: halving, at least, comes to an end.
-            update = {"regularisation_error": min(allowed, left) / max(factor, 2.0)}
+            update = {"regularisation_error": min(allowed, regularisation_error) / max(factor, 2.0)}
         solver = settings.model_copy(update=update)
         self.scene = self.scene.model_copy(update={"solver": solver})
 
@@ -232,9 +239,13 @@ class Meshes:
     def _scene(self) -> Scene:
         """The scene on the mesh with the current divisions."""
         if self._file is not None:
-            given, halvings, degree = self._given, self._halvings, self._plan.geometry
-            tagged = load_file(self._file, self._comm, halvings, degree, given.sections, given.touching)
-            return self._given.model_copy(update={"mesh": tagged})
+            scene, halvings, degree = self._original_scene, self._halvings, self._plan.geometry
+            tagged = load_file(self._file, self._comm, halvings, degree, scene.sections, scene.touching)
+            return self._original_scene.model_copy(update={"mesh": tagged})
         if self._generated:
-            return scene_on(self._given, self._coarsest / self._divisions)
-        return with_halved_bodies(self._given, self._halvings, self._comm) if self._given.body else self._given
+            return scene_on(self._original_scene, self._coarsest / self._divisions)
+        return (
+            with_halved_bodies(self._original_scene, self._halvings, self._comm)
+            if self._original_scene.body
+            else self._original_scene
+        )

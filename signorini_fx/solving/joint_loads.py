@@ -29,8 +29,8 @@ def solve_with_joint_loads(
     d: Discretisation,
     task: Task,
     start: Start,
-    before: JointPressure | None,
-    most: int,
+    previous: JointPressure | None,
+    max_iterations: int,
     holds: Callable[[Outcome, JointPressure], bool],
 ) -> tuple[Outcome, JointPressure]:
     """Solve a load step; collective.
@@ -39,8 +39,8 @@ def solve_with_joint_loads(
         d: the discretised scene.
         task: its contact problem.
         start: where the load step starts.
-        before: the pressure of the loads at the end of the last one; None: there is none.
-        most: linear solves allowed for each distribution of the pressure.
+        previous: the pressure of the loads at the end of the last one; None: there is none.
+        max_iterations: linear solves allowed for each distribution of the pressure.
         holds: whether the certificate of a solution holds from which the loads go on; collective.
 
     Returns:
@@ -48,7 +48,7 @@ def solve_with_joint_loads(
     """
     assert d.boundary is not None
     loads, newton = JointLoads(d.scene, d.tagged, d.space, d.boundary, start.place), task.iterate.newton
-    reached = loads.beginning(None if before is None else before.reached)
+    reached = loads.beginning(None if previous is None else previous.reached)
     cold, begun = start, newton.checkpoint()
     stage: Stage | None = None
     pressure = solved = loads.pressure(reached)
@@ -56,43 +56,45 @@ def solve_with_joint_loads(
     while True:
         if outcome is None or parallel.any_rank(d.comm, not np.array_equal(pressure, solved)):
             _press(d, task, pressure)
-            outcome, solved = solve_task(task, start, most), pressure
+            outcome, solved = solve_task(task, start, max_iterations), pressure
             if start is not cold and task.gave_up(outcome.status):
                 task.history.add(f"{outcome.status.value}: from where the loads were in contact before: begun again")
                 newton.restore(begun)
-                outcome = solve_task(task, cold, most)
+                outcome = solve_task(task, cold, max_iterations)
         points = loads.at_points(reached)
         if outcome.status is not Status.CONVERGED:
             return outcome, JointPressure(pressure, points, stage)
         multipliers = outcome.newton.multipliers()
         open_: Flags = np.asarray(multipliers[0] <= 0)
         grown = loads.grown(open_, reached)
-        here = JointPressure(pressure, points, stage, settled=not _differ(d, grown, reached))
-        if here.settled or not holds(outcome, here):
-            return outcome, here
+        joint_pressure = JointPressure(pressure, points, stage, settled=not _differ(d, grown, reached))
+        if joint_pressure.settled or not holds(outcome, joint_pressure):
+            return outcome, joint_pressure
         stage, reached = Stage(points, open_), grown
         pressure = loads.pressure(reached)
         counts = np.array([np.count_nonzero(loads.at_points(reached).any(axis=1)), pressure.size])
-        there, every = parallel.global_sum(d.comm, counts)
-        task.history.add(f"loads have entered contact at {there:.0f} of {every:.0f} points: solved again")
+        reached_count, point_count = parallel.global_sum(d.comm, counts)
+        task.history.add(f"loads have entered contact at {reached_count:.0f} of {point_count:.0f} points: solved again")
         start = cold.begin_from(outcome.problem.sets, multipliers)
 
 
-def recalled_joint_loads(d: Discretisation, task: Task, place: float, reached: Array) -> JointPressure:
+def recalled_joint_loads(d: Discretisation, task: Task, step: float, reached: Array) -> JointPressure:
     """The pressure of loads that had reached some contact points, flags of shape (n, m), and set in the contact
     problem; collective.
     """
     assert d.boundary is not None
-    loads = JointLoads(d.scene, d.tagged, d.space, d.boundary, place)
+    loads = JointLoads(d.scene, d.tagged, d.space, d.boundary, step)
     nodes = loads.beginning(reached > 0.5)
     pressure = loads.pressure(nodes)
     _press(d, task, pressure)
     return JointPressure(pressure, loads.at_points(nodes), recalled=True)
 
 
-def _differ(d: Discretisation, some: list[Flags], others: list[Flags]) -> bool:
+def _differ(d: Discretisation, grown: list[Flags], reached: list[Flags]) -> bool:
     """Whether nodes that loads have reached are not the same; collective."""
-    return parallel.any_rank(d.comm, any((one != other).any() for one, other in zip(some, others, strict=True)))
+    return parallel.any_rank(
+        d.comm, any((new_flags != old_flags).any() for new_flags, old_flags in zip(grown, reached, strict=True))
+    )
 
 
 def _press(d: Discretisation, task: Task, pressure: Array) -> None:

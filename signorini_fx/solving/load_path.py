@@ -27,7 +27,7 @@ _PROVED = (Status.SLIDES, Status.TIPS, Status.OPEN)
 # A ramp that is asked for in fewer load steps may take as many linear solves for its end as one in so many.
 _FEW_STEPS = 5
 # Places are rounded to these digits, so that ten tenths are one; those that differ by less are the same.
-_DIGITS, _SAME_PLACE = 12, 1e-9
+_DIGITS, _SAME_POSITION = 12, 1e-9
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class LoadPath:
     def __init__(self, scene: Scene) -> None:
         self._last, self._time = scene.steps - 1, scene.time_at
         self._iterations = scene.solver.max_iterations
-        self._most = step_limit(self._iterations)
+        self._step_limit = step_limit(self._iterations)
         self._divided = scene.automatic_steps
         # The first of several factors is reached in one step, whose law is static.
         self._from_nothing = scene.grows_from_nothing
@@ -113,11 +113,11 @@ class LoadPath:
         Below a limit it is halfway there, and the limit itself only once it is enclosed: it has failed before.
         """
         at = self.at
-        station = floor(at.reached + _SAME_PLACE) + 1.0
-        place = round(at.reached + at.increment, _DIGITS)
-        place = station if place > station - _SAME_PLACE else place
-        if not at.limit or at.failed is None or place < at.failed - _SAME_PLACE:
-            return place
+        station = floor(at.reached + _SAME_POSITION) + 1.0
+        step = round(at.reached + at.increment, _DIGITS)
+        step = station if step > station - _SAME_POSITION else step
+        if not at.limit or at.failed is None or step < at.failed - _SAME_POSITION:
+            return step
         width = at.failed - at.reached
         return at.failed if width <= self._enclosed else round(at.reached + width / 2, _DIGITS)
 
@@ -128,13 +128,13 @@ class LoadPath:
     @property
     def halves(self) -> bool:
         """Whether the next load step is at a place of its own, between two factors."""
-        return self._divisible and abs(self.next - round(self.next)) > _SAME_PLACE
+        return self._divisible and abs(self.next - round(self.next)) > _SAME_POSITION
 
     @property
     def _enclosed(self) -> float:
         """The increment that is not divided any more."""
         reached = self.at.reached
-        begun = reached - floor(reached + _SAME_PLACE) if reached >= 0 else reached + 1.0
+        begun = reached - floor(reached + _SAME_POSITION) if reached >= 0 else reached + 1.0
         return max(ENCLOSED * begun, SMALLEST_INCREMENT * self._nominal)
 
     @property
@@ -142,7 +142,7 @@ class LoadPath:
         """Linear solves that the next load step may take."""
         at = self.at
         if not self._divisible:
-            return self._most
+            return self._step_limit
         if self.without_fall_backs:
             return min(self._step, self._ramp // 2 - at.wasted)
         return self._ramp - at.wasted
@@ -169,11 +169,15 @@ class LoadPath:
         """Linear solves that the attempts without a solution may take together."""
         at, least = self.at, EASY_STEP * max(self._divided or 1, _FEW_STEPS)
         if not at.done:
-            return self._most
+            return self._step_limit
         # What was tried before a ramp has begun again counts as one of them.
-        most = (FAILED_RAMP - 1 if at.augmented else FAILED_RAMP) * max(at.done, least)
+        solve_budget = (FAILED_RAMP - 1 if at.augmented else FAILED_RAMP) * max(at.done, least)
         # Without augmentation it takes the same load steps again, and goes on from there only with what is left.
-        return max(0, most - at.spent) if at.begun > 1 and at.reached >= at.known - _SAME_PLACE else most
+        return (
+            max(0, solve_budget - at.spent)
+            if at.begun > 1 and at.reached >= at.known - _SAME_POSITION
+            else solve_budget
+        )
 
     @property
     def bracket(self) -> str | None:
@@ -206,7 +210,7 @@ class LoadPath:
     @property
     def falls_short(self) -> bool:
         """Whether augmentation has come less far than the ramp had without it, which is then to begin again so."""
-        return self.at.augmented and self.at.reached < self.at.known - _SAME_PLACE
+        return self.at.augmented and self.at.reached < self.at.known - _SAME_POSITION
 
     def begin_again(self, status: Status, linear_solves: int) -> None:
         """Go back to the first load step: first with augmentation, then without.
@@ -221,8 +225,8 @@ class LoadPath:
 
     def advance(self, linear_solves: int) -> None:
         """The next load step has a solution, which took this many linear solves."""
-        at, place = self.at, self.next
-        done = replace(at, reached=place, last=linear_solves, done=at.done + linear_solves)
+        at, step = self.at, self.next
+        done = replace(at, reached=step, last=linear_solves, done=at.done + linear_solves)
         if self._divided is not None and not self._divisible:
             done = replace(done, increment=self._nominal)
         elif self._divided is not None:
@@ -231,7 +235,7 @@ class LoadPath:
             done = replace(done, increment=2 * at.increment if grows else at.increment, easy=0 if grows else easy)
         if self._divisible and at.failed is not None and not self.without_fall_backs:
             done = replace(done, hard=True, increment=self._nominal)
-        if at.failed is not None and place >= at.failed - _SAME_PLACE:
+        if at.failed is not None and step >= at.failed - _SAME_POSITION:
             done = replace(done, failed=None, limit=False)
         self.at = done
 
@@ -252,11 +256,11 @@ class LoadPath:
         """
         if not self._divisible:
             return False
-        at, place, with_all = self.at, self.next, not self.without_fall_backs
-        again = at.failed is not None and place >= at.failed - _SAME_PLACE
-        increment = place - at.reached
+        at, step, with_all = self.at, self.next, not self.without_fall_backs
+        fails_again = at.failed is not None and step >= at.failed - _SAME_POSITION
+        increment = step - at.reached
         self.at = at = replace(
-            at, wasted=at.wasted + linear_solves, failed=place, limit=at.limit or again or status in _PROVED
+            at, wasted=at.wasted + linear_solves, failed=step, limit=at.limit or fails_again or status in _PROVED
         )
         if at.reached < 0 and status in _HOPELESS_AT_FIRST:
             return False

@@ -20,14 +20,14 @@ from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.statics import no_balance
 from signorini_fx.records import Finding, Status, StepRecord, Timings
 from signorini_fx.results.certificate import Certificate, certify
-from signorini_fx.results.promised_law import Before, Law, Tractions
+from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import carried, relative_to
 from signorini_fx.results.tool_motion import ToolMotion, motions_of
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving.load_path import LoadPath
 from signorini_fx.solving.loose_bodies import explained
-from signorini_fx.solving.restart import Kept
+from signorini_fx.solving.restart import MeshCheckpoint
 
 # Share of what has been added since the last factor by which a limit is passed to be proved: well above the round-off
 # of statics.
@@ -50,7 +50,7 @@ class LoadStep:
     result: StepResult
     start: Start
     outcome: Outcome
-    last: Before | None
+    last: PreviousStep | None
     discretisation: Discretisation
     task: Task
 
@@ -62,7 +62,7 @@ def load_step(
     discretisation: Discretisation,
     task: Task,
     start: Start,
-    last: Before | None,
+    last: PreviousStep | None,
     timings: Timings,
     path: LoadPath,
     renew: Callable[[Discretisation], Task],
@@ -76,19 +76,21 @@ def load_step(
     ended: list[LoadStep] = []
 
     def attempt() -> LoadStep:
-        before = history.linear_solves
-        place = path.next
-        d, problem, begin, earlier = _placed(place, discretisation, task, start, last, renew)
-        here = replace(
+        solves_before = history.linear_solves
+        path_step = path.next
+        d, problem, begin, earlier = _placed(path_step, discretisation, task, start, last, renew)
+        step_start = replace(
             begin,
-            place=place,
-            factors=_load_at(d, problem, begin, place, path),
+            place=path_step,
+            factors=_load_at(d, problem, begin, path_step, path),
             without_fall_backs=path.without_fall_backs,
             augmented=path.at.augmented,
         )
         if scene.several_steps:
-            history.add(StepRecord(here.step + 1, scene.name_at(here.place), scene.time_at(here.place)))
-        history.move(step=here.step + 1, steps=scene.steps)
+            history.add(
+                StepRecord(step_start.step + 1, scene.name_at(step_start.place), scene.time_at(step_start.place))
+            )
+        history.move(step=step_start.step + 1, steps=scene.steps)
         reason: Finding | None = None
         with timings.phase("iterate"):
             joint = None
@@ -96,22 +98,22 @@ def load_step(
                 from signorini_fx.solving.joint_loads import solve_with_joint_loads
 
                 def holds(outcome: Outcome, joint: JointPressure) -> bool:
-                    stage = _certified(d, problem, here, outcome, earlier, timings, joint)
+                    stage = _certified(d, problem, step_start, outcome, earlier, timings, joint)
                     return stage.status is Status.CONVERGED
 
                 entered = None if earlier is None else earlier.tractions.joint
-                outcome, joint = solve_with_joint_loads(d, problem, here, entered, path.allowed, holds)
-            elif scene.tightens_at(place):
+                outcome, joint = solve_with_joint_loads(d, problem, step_start, entered, path.allowed, holds)
+            elif scene.tightens_at(path_step):
                 from signorini_fx.solving.preload import solve_tightened
 
-                d, here, outcome, reason = solve_tightened(d, problem, here, path.allowed)
+                d, step_start, outcome, reason = solve_tightened(d, problem, step_start, path.allowed)
             else:
-                outcome = solve_task(problem, here, path.allowed)
-        if reason is None and history.linear_solves > before:  # else it is proved of a body that ``check`` names
-            outcome, reason = explained(d, problem, here, outcome)
-        result = _certified(d, problem, here, outcome, earlier, timings, joint)
-        result = replace(result, linear_solves=history.linear_solves - before, reason=reason)
-        ended.append(LoadStep(result, here, outcome, earlier, d, problem))
+                outcome = solve_task(problem, step_start, path.allowed)
+        if reason is None and history.linear_solves > solves_before:  # else it is proved of a body that ``check`` names
+            outcome, reason = explained(d, problem, step_start, outcome)
+        result = _certified(d, problem, step_start, outcome, earlier, timings, joint)
+        result = replace(result, linear_solves=history.linear_solves - solves_before, reason=reason)
+        ended.append(LoadStep(result, step_start, outcome, earlier, d, problem))
         return ended[-1]
 
     def increments() -> Iterator[tuple[object, Callable[[], LoadStep]]]:
@@ -127,11 +129,11 @@ def load_step(
     )[-1]
 
 
-def _load_at(d: Discretisation, task: Task, start: Start, place: float, path: LoadPath) -> Nodal:
+def _load_at(d: Discretisation, task: Task, start: Start, path_step: float, path: LoadPath) -> Nodal:
     """The factors of the load cases at a place; where statics proves within a ramp that its load is the largest one, a
     little beyond: which loads a ramp tries is arbitrary, and at the limit itself round-off would decide; collective.
     """
-    factors = d.load(task.system, place)
+    factors = d.load(task.system, path_step)
     if not path.halves or task.motions.count == 0:
         return factors
 
@@ -139,37 +141,37 @@ def _load_at(d: Discretisation, task: Task, start: Start, place: float, path: Lo
         task.system.set_load(factors)
         return no_balance(start.law, start.data.bilateral, task.motions, task.system.resultant) is not None
 
-    beyond = d.load(task.system, place + _BEYOND * (place - floor(place)))
+    beyond = d.load(task.system, path_step + _BEYOND * (path_step - floor(path_step)))
     if proved(factors) or not proved(beyond):
-        return d.load(task.system, place)
-    task.history.add(f"statics: the load at time {d.scene.time_at(place):.6g} is the largest that can be held")
+        return d.load(task.system, path_step)
+    task.history.add(f"statics: the load at time {d.scene.time_at(path_step):.6g} is the largest that can be held")
     return beyond
 
 
 def _placed(
-    place: float,
+    path_step: float,
     earlier: Discretisation,
     task: Task,
     start: Start,
-    last: Before | None,
+    last: PreviousStep | None,
     renew: Callable[[Discretisation], Task],
-) -> tuple[Discretisation, Task, Start, Before | None]:
+) -> tuple[Discretisation, Task, Start, PreviousStep | None]:
     """The scene with its foundations and its friction at a place, its contact problem, where the load step starts, and
     the end of the last one; collective.
     """
-    found = earlier.placed(place)
-    if found is earlier:
+    moved = earlier.placed(path_step)
+    if moved is earlier:
         return earlier, task, start, last
-    if found.boundary is earlier.boundary:
-        assert found.law is not None
-        bound = found.law.given if start.multipliers is None else found.law.bound(start.multipliers[0])
-        return found, task, replace(start, law=found.law, data=replace(start.data, bound=bound)), last
-    return found, *on_moved_foundations(earlier, found, renew(found), start, last)
+    if moved.boundary is earlier.boundary:
+        assert moved.law is not None
+        bound = moved.law.given if start.multipliers is None else moved.law.bound(start.multipliers[0])
+        return moved, task, replace(start, law=moved.law, data=replace(start.data, bound=bound)), last
+    return moved, *on_moved_foundations(earlier, moved, renew(moved), start, last)
 
 
 def on_moved_foundations(
-    earlier: Discretisation, moved: Discretisation, task: Task, start: Start, last: Before | None
-) -> tuple[Task, Start, Before]:
+    earlier: Discretisation, moved: Discretisation, task: Task, start: Start, last: PreviousStep | None
+) -> tuple[Task, Start, PreviousStep]:
     """A load step on foundations that have moved: its contact problem, with the last displacement as its iterate, where
     it starts, and the end of the last one as it begins from it; supports hold the body, see ``check.refusals``;
     collective.
@@ -178,11 +180,15 @@ def on_moved_foundations(
     assert moved.boundary is not None
     if last is None:  # slip is counted from the body without loads, at time 0
         drift, tractions = moved.moved_since(moved.scene.placed(-1)), Tractions.none(moved.boundary)
-        last, begun, tangential = Before(fem.Function(moved.space), tractions), task.start, np.zeros_like(drift[:, 1:])
+        last, begun, tangential = (
+            PreviousStep(fem.Function(moved.space), tractions),
+            task.start,
+            np.zeros_like(drift[:, 1:]),
+        )
         if start.sets is not None and start.multipliers is not None:  # of a coarser mesh
-            there, _, _ = carried(start, None, drift[:, 0], earlier.boundary, moved.boundary)
-            assert there.multipliers is not None
-            begun = begun.begin_from(start.sets, there.multipliers)
+            carried_start, _, _ = carried(start, None, drift[:, 0], earlier.boundary, moved.boundary)
+            assert carried_start.multipliers is not None
+            begun = begun.begin_from(start.sets, carried_start.multipliers)
     else:
         drift, x, free = moved.moved_since(earlier.scene), moved.unknowns(last.displacement), ~moved.fixed
         if task.iterate.x.getLocalSize() == free.size:  # else of contact nodes alone
@@ -208,27 +214,27 @@ def recalled_step(
     discretisation: Discretisation,
     task: Task,
     start: Start,
-    last: Before | None,
+    last: PreviousStep | None,
     timings: Timings,
-    kept: Kept,
+    level_checkpoint: MeshCheckpoint,
     path: LoadPath,
     renew: Callable[[Discretisation], Task],
 ) -> LoadStep | None:
     """The next load step as an earlier run has left it; None if it is not there, or is no solution."""
-    place = kept.place(start.step)
-    if place is None:
+    path_step = level_checkpoint.place(start.step)
+    if path_step is None:
         return None
     begun = task.iterate.newton.checkpoint()
     with timings.phase("restart"):
-        d, problem, begin, earlier = _placed(place, discretisation, task, start, last, renew)
-        d = kept.tightened(d, start.step)
-        recalled = kept.recall(d, problem, begin)
+        d, problem, begin, earlier = _placed(path_step, discretisation, task, start, last, renew)
+        d = level_checkpoint.tightened(d, start.step)
+        recalled = level_checkpoint.recall(d, problem, begin)
     if recalled is None:
         return None
     result = _certified(d, problem, recalled.start, recalled.outcome, earlier, timings, recalled.joint)
     if result.status is not Status.CONVERGED:
         task.history.add(f"restart: {result}: {result.status.value}: it is solved again")
-        kept.forget(start.step)
+        level_checkpoint.forget(start.step)
         task.iterate.newton.restore(begun)
         return None
     recalled.accept(task.history, timings, path)
@@ -241,7 +247,7 @@ def _certified(
     task: Task,
     start: Start,
     outcome: Outcome,
-    last: Before | None,
+    last: PreviousStep | None,
     timings: Timings,
     joint: JointPressure | None = None,
 ) -> StepResult:
@@ -277,14 +283,14 @@ def _certified(
         )
         deformation = deformation_of(discretisation, displacement)
         status = judged(outcome.status, certificate, deformation, scene)
-    found = step_result(scene, start.step, start.place, status, displacement, contact, certificate, deformation)
-    return replace(found, tools=tools)
+    result = step_result(scene, start.step, start.place, status, displacement, contact, certificate, deformation)
+    return replace(result, tools=tools)
 
 
 def step_result(
     scene: Scene,
     number: int,
-    place: float,
+    path_step: float,
     status: Status,
     displacement: fem.Function,
     contact: ContactState | None,
@@ -295,9 +301,9 @@ def step_result(
     """The result of a load step; ``number``: of those before it."""
     return StepResult(
         step=number + 1,
-        place=place,
-        time=scene.time_at(place),
-        name=scene.name_at(place),
+        place=path_step,
+        time=scene.time_at(path_step),
+        name=scene.name_at(path_step),
         status=status,
         displacement=displacement,
         contact=contact,

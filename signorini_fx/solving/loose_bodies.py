@@ -33,13 +33,13 @@ _UNEXPLAINED = (
     Status.ROUND_OFF,
 )
 # Share of the largest gap or slip below which there is none.
-_NONE = 1e-6
+_NEGLIGIBLE = 1e-6
 
 
 def explained(d: Discretisation, task: Task, start: Start, outcome: Outcome) -> tuple[Outcome, Finding | None]:
     """The outcome of a load step, *opens* where a body lies loose, and which one does; collective."""
-    known = outcome.status not in _UNEXPLAINED
-    number = None if known else loose_assembly(task, start.data, start.law)
+    understood = outcome.status not in _UNEXPLAINED
+    number = None if understood else loose_assembly(task, start.data, start.law)
     if number is None:
         return outcome, None
     if outcome.status is not Status.OPEN:
@@ -71,33 +71,36 @@ def loose_assembly(task: Task, data: RegularisedData, law: FrictionLaw | None) -
     if free is None:
         return None
     table = parallel.gather_rows(motions.points.comm, np.column_stack((free[0], length(data.mu_hat), free[1])))
-    every = reactions(motions, law, data.bilateral)
+    all_reactions = reactions(motions, law, data.bilateral)
     for number, columns in idle:
-        here = every.of(number, columns)
-        gap, shear, *slip = table[every.assembly == number].T
-        if gap.size and _movable(here, gap, np.array(slip).T, shear):
+        assembly_reactions = all_reactions.of(number, columns)
+        gap, shear, *slip = table[all_reactions.assembly == number].T
+        if gap.size and _movable(assembly_reactions, gap, np.array(slip).T, shear):
             return number
     return None
 
 
-def _movable(here: Reactions, gap: Nodal, slip: Nodal, shear: Nodal) -> bool:
+def _movable(assembly_reactions: Reactions, gap: Nodal, slip: Nodal, shear: Nodal) -> bool:
     """Whether one assembly without tractions can be somewhere, and with given friction at more than one place.
 
     Args:
-        here: its contact nodes, n of them.
+        assembly_reactions: its contact nodes, n of them.
         gap: in the free state, length, shape (n,).
         slip: in the free state, length, shape (n, d - 1).
         shear: its magnitude at the end of the load step before, stress, shape (n,).
     """
-    given = here.given > 0
-    if not given.any():
-        return not squeezed(here, gap)
+    frictional = assembly_reactions.given > 0
+    if not frictional.any():
+        return not squeezed(assembly_reactions, gap)
     # Given friction acts on open nodes, too: there is no shear only where there was none and nothing slips.
-    rows = here.tangential[given].reshape(-1, here.normal.shape[1])
-    ways, missing = null_space(rows), slip[given].ravel()
+    rows = assembly_reactions.tangential[frictional].reshape(-1, assembly_reactions.normal.shape[1])
+    ways, missing = null_space(rows), slip[frictional].ravel()
     back = np.linalg.lstsq(rows, -missing, rcond=None)[0]
-    gap = gap - here.normal @ back
+    gap = gap - assembly_reactions.normal @ back
     size = max(float(np.abs(gap).max()), float(np.abs(missing).max()))
-    if not ways.shape[1] or shear[given].any() or np.abs(missing + rows @ back).max() > _NONE * size:
+    if not ways.shape[1] or shear[frictional].any() or np.abs(missing + rows @ back).max() > _NEGLIGIBLE * size:
         return False
-    return not squeezed(replace(here, normal=here.normal @ ways), gap - np.where(here.bilateral, 0.0, _NONE * size))
+    return not squeezed(
+        replace(assembly_reactions, normal=assembly_reactions.normal @ ways),
+        gap - np.where(assembly_reactions.bilateral, 0.0, _NEGLIGIBLE * size),
+    )

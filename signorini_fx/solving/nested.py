@@ -40,31 +40,31 @@ def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets,
     direction, shear = (np.zeros((fine.size, dim)) for _ in range(2))
     pressure, turning = np.zeros(fine.size), np.zeros(fine.size)
     for part in np.unique(fine.part):
-        here, there = fine.part == part, rows[rows[:, 0] == part]
+        on_part, coarse_rows = fine.part == part, rows[rows[:, 0] == part]
         # Two neighbours: a node in the middle between two sets joins the one that constrains it more, contact and
         # stick; the iteration releases superfluous nodes faster than it finds missing ones.
-        count = min(2, len(there))
-        places = cKDTree(there[:, 1 : 1 + dim])
-        distance, nearest = (a.reshape(-1, count) for a in places.query(fine.x[here], count))
+        count = min(2, len(coarse_rows))
+        places = cKDTree(coarse_rows[:, 1 : 1 + dim])
+        distance, nearest = (a.reshape(-1, count) for a in places.query(fine.x[on_part], count))
         share = distance[:, ::-1] / np.maximum(distance.sum(axis=1, keepdims=True), 1e-300) if count == 2 else 1.0
         near = (distance <= MIDDLE_RATIO * distance[:, :1]) | (np.arange(count) == 0)
         columns = np.cumsum((1, 1, dim, dim, 1, 1))
         touching, load, sliding, sheared, slipped, bound, normal = np.split(
-            there[nearest][:, :, 1 + dim :], columns, axis=2
+            coarse_rows[nearest][:, :, 1 + dim :], columns, axis=2
         )
         # Between two bodies the points may have changed sides, and what one does to the other has the other sign.
-        side = np.where(np.einsum("ijk,ik->ij", normal, fine.normal[here]) < 0, -1.0, 1.0)[:, :, None]
+        side = np.where(np.einsum("ijk,ik->ij", normal, fine.normal[on_part]) < 0, -1.0, 1.0)[:, :, None]
         sliding, sheared = side * sliding, side * sheared
-        contact[here] = (near & (touching[:, :, 0] > 0)).any(axis=1)
+        contact[on_part] = (near & (touching[:, :, 0] > 0)).any(axis=1)
         sliding = np.where(near[:, :, None], sliding, sliding[:, :1])
         together = (np.einsum("ijk,ik->ij", sliding, sliding[:, 0]) > 0).all(axis=1)
-        direction[here] = np.where(together[:, None], sliding.sum(axis=1), 0.0)
-        pressure[here] = (share * load[:, :, 0]).sum(axis=1)
-        shear[here] = (np.atleast_2d(share)[:, :, None] * sheared).sum(axis=1)
+        direction[on_part] = np.where(together[:, None], sliding.sum(axis=1), 0.0)
+        pressure[on_part] = (share * load[:, :, 0]).sum(axis=1)
+        shear[on_part] = (np.atleast_2d(share)[:, :, None] * sheared).sum(axis=1)
         # Perpendicular to its direction the shear depends on the slip by the factor bound / slip.
         bound = np.where(np.isfinite(bound), bound, 0.0)  # where nothing slips
-        far, most = ((share * values[:, :, 0]).sum(axis=1) for values in (slipped, bound))
-        turning[here] = np.divide(most, far, out=np.zeros_like(far), where=far > 0)
+        far, shear_bound = ((share * values[:, :, 0]).sum(axis=1) for values in (slipped, bound))
+        turning[on_part] = np.divide(shear_bound, far, out=np.zeros_like(far), where=far > 0)
     turned = np.einsum("ijk,ij->ik", fine.cotangents, direction)
     slip = length(turned) > 0
     sets = ActiveSets.of(contact, np.where(slip[:, None], unit(turned), 0.0), turning)

@@ -15,7 +15,7 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.algorithms.task import Outcome, Start, Task
-from signorini_fx.attempts import AGAIN, WITHOUT, Attempt
+from signorini_fx.attempts import RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION, Attempt
 from signorini_fx.body.contact_data import first_sets
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.deformation import deformation_of
@@ -32,19 +32,19 @@ from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.functionals import functionals
-from signorini_fx.results.promised_law import Before, Law, Tractions
+from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving import fewer_nodes
 from signorini_fx.solving.load_path import LoadPath
 from signorini_fx.solving.load_steps import LoadStep, judged, load_step, recalled_step, step_result
 from signorini_fx.solving.nested import carry_over
-from signorini_fx.solving.restart import Kept
+from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.untouched import choose_touched
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
 # Called after a load step that has a solution.
-After = Callable[[LoadStep], object]
+AfterStep = Callable[[LoadStep], object]
 
 
 def _nothing_more(step: LoadStep) -> None:
@@ -56,9 +56,9 @@ def solve_mesh(
     comm: MPI.Comm,
     history: History,
     state: ContactState | None,
-    after: After = _nothing_more,
+    on_step: AfterStep = _nothing_more,
     coarser: MeshLevel | None = None,
-    kept: Kept | None = None,
+    kept: MeshCheckpoint | None = None,
 ) -> tuple[Solution, Task | None, Outcome | None]:
     """Solve on one mesh, starting from the contact state of a coarser one if there is one, with it as a level of
     multigrid.
@@ -68,9 +68,11 @@ def solve_mesh(
         tagged = load_mesh(scene, comm)
     discretisation = discretise(scene, tagged, timings)
     refuse_beforehand(discretisation)
-    for before, now in zip(scene.contact, discretisation.scene.contact, strict=True):
-        if now.boundary != before.boundary:
-            history.add(f"the contact points are on {now.boundary!r}, not on {before.boundary!r}: see contact.points")
+    for scene_contact, contact in zip(scene.contact, discretisation.scene.contact, strict=True):
+        if contact.boundary != scene_contact.boundary:
+            history.add(
+                f"the contact points are on {contact.boundary!r}, not on {scene_contact.boundary!r}: see contact.points"
+            )
     history.move(dofs=discretisation.dofs)
     if history.watchers and history.progress.meshes == 1:
         history.move(end=time.perf_counter() + math.sqrt(math.prod(estimated_cost(discretisation).seconds)))
@@ -86,7 +88,7 @@ def solve_mesh(
     elif fewer_nodes.worthwhile(task, discretisation):
         with timings.phase("iterate"):
             start = fewer_nodes.start_from_fewer_nodes(task, discretisation.boundary)
-    return solve_contact(discretisation, task, start, timings, after, kept)
+    return solve_contact(discretisation, task, start, timings, on_step, kept)
 
 
 def begin_at_coarse(task: Task, coarser: MeshLevel, discretisation: Discretisation) -> None:
@@ -107,8 +109,8 @@ def solve_contact(
     task: Task,
     start: Start,
     timings: Timings,
-    after: After = _nothing_more,
-    kept: Kept | None = None,
+    on_step: AfterStep = _nothing_more,
+    level_checkpoint: MeshCheckpoint | None = None,
 ) -> tuple[Solution, Task, Outcome]:
     """All load steps, until one has no solution, the contact problem of the last one, and how the last one with a
     solution ended.
@@ -118,13 +120,13 @@ def solve_contact(
         task: its contact problem.
         start: where the first load step starts.
         timings: of the mesh.
-        after: called after each load step with a solution.
-        kept: the checkpoint, which load steps are taken from and stored in; None: there is none.
+        on_step: called after each load step with a solution.
+        level_checkpoint: the checkpoint, which load steps are taken from and stored in; None: there is none.
     """
     history, path, progress, first = (
         task.history,
         LoadPath(discretisation.scene),
-        _Progress(start),
+        _StepProgress(start),
         (discretisation, task),
     )
 
@@ -135,8 +137,10 @@ def solve_contact(
     begun, beginning = task.iterate.newton.checkpoint(), _marks(history)
     while not path.ended:
         marks, step = progress.unstored or _marks(history), None
-        if kept is not None and kept.checkpoint.found:
-            step = recalled_step(discretisation, task, progress.start, progress.last, timings, kept, path, renew)
+        if level_checkpoint is not None and level_checkpoint.checkpoint.found:
+            step = recalled_step(
+                discretisation, task, progress.start, progress.last, timings, level_checkpoint, path, renew
+            )
         recalled = step is not None
         step = step or load_step(discretisation, task, progress.start, progress.last, timings, path, renew)
         anew = None if recalled or history.exhausted else _to_begin_again(path, step.result)
@@ -144,9 +148,9 @@ def solve_contact(
             history.add(f"{step}: {anew}")
             path.begin_again(step.result.status, history.linear_solves - beginning[0])
             task.iterate.newton.restore(begun)
-            progress, (discretisation, task) = _Progress(start, unstored=beginning), first
-            if kept is not None:
-                kept.forget(0)
+            progress, (discretisation, task) = _StepProgress(start, unstored=beginning), first
+            if level_checkpoint is not None:
+                level_checkpoint.forget(0)
             continue
         progress.take(step)
         discretisation, task = step.discretisation, step.task
@@ -154,12 +158,14 @@ def solve_contact(
             if path.bracket is not None:
                 history.add(f"the ramp ends: {path.bracket}")
             break
-        after(step)
+        on_step(step)
         if not recalled:
             path.advance(step.result.linear_solves)
-            if kept is not None:
+            if level_checkpoint is not None:
                 with timings.phase("checkpoint"):
-                    kept.store(discretisation, task, step.start, step.outcome, step.result, path, timings, marks)
+                    level_checkpoint.store(
+                        discretisation, task, step.start, step.outcome, step.result, path, timings, marks
+                    )
             progress.unstored = None
         if not path.ended:
             progress.go_on(task, step)
@@ -180,7 +186,7 @@ def solve_contact(
 
 
 @dataclass
-class _Progress:
+class _StepProgress:
     """How far the load steps have come.
 
     Attributes:
@@ -192,7 +198,7 @@ class _Progress:
     """
 
     start: Start
-    last: Before | None = None
+    last: PreviousStep | None = None
     results: list[StepResult] = field(default_factory=list)
     ended: tuple[Outcome, RegularisedData] | None = None
     unstored: tuple[int, int, int] | None = None
@@ -207,7 +213,7 @@ class _Progress:
         """Begin the next load step where this one has ended."""
         assert step.result.contact is not None
         law, tractions = Law(*task.promised(step.outcome)), Tractions.of(step.result.contact)
-        self.last = Before.of(step.result.displacement, tractions, law, step.last, step.result.tools)
+        self.last = PreviousStep.of(step.result.displacement, tractions, law, step.last, step.result.tools)
         self.start = step.outcome.next_step(step.start)
 
 
@@ -219,8 +225,8 @@ def _marks(history: History) -> tuple[int, int, int]:
 def _to_begin_again(path: LoadPath, result: StepResult) -> Attempt | None:
     """Why a ramp begins again after a load step; None: it does not."""
     if path.begins_again(result.status, result.linear_solves):
-        return AGAIN
-    return WITHOUT if result.status is not Status.CONVERGED and path.falls_short else None
+        return RAMP_BY_AUGMENTATION
+    return RAMP_WITHOUT_AUGMENTATION if result.status is not Status.CONVERGED and path.falls_short else None
 
 
 def _shown(steps: Sequence[StepResult]) -> StepResult:
@@ -252,14 +258,14 @@ def _solution(
 def _findings(discretisation: Discretisation, steps: Sequence[StepResult]) -> list[Finding]:
     """The findings of ``check`` about the scene, and those about its result; collective."""
     solved = steps[-1].status in (Status.CONVERGED, Status.TOO_LARGE, Status.NOT_CERTIFIED)
-    found = scene_findings(discretisation, estimates=not solved)
+    findings = scene_findings(discretisation, estimates=not solved)
     if not solved:
-        return [*found, *(step.reason for step in steps if step.reason is not None)]
+        return [*findings, *(step.reason for step in steps if step.reason is not None)]
     contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]
     touching = parallel.any_rank(discretisation.comm, bool(np.any(contacts))) if contacts else None
     lost = sorted({piece for step in steps for piece in step.certificate.unjudged})
     names = [discretisation.motions.pieces.called(piece) for piece in lost]
-    return [*found, *result_findings([step.deformation for step in steps], touching=touching, unjudged=names)]
+    return [*findings, *result_findings([step.deformation for step in steps], touching=touching, unjudged=names)]
 
 
 def _solve_linear(discretisation: Discretisation, history: History, timings: Timings) -> Solution:
@@ -277,11 +283,11 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
         x = system.start.copy()
     scene, path = discretisation.scene, LoadPath(discretisation.scene)
     while not path.ended:
-        place = path.next
+        path_step = path.next
         if scene.several_steps:
-            history.add(StepRecord(len(steps) + 1, scene.name_at(place), scene.time_at(place)))
+            history.add(StepRecord(len(steps) + 1, scene.name_at(path_step), scene.time_at(path_step)))
         with timings.phase("iterate"):
-            system.set_load(discretisation.load(system, place))
+            system.set_load(discretisation.load(system, path_step))
             status = Status.NOT_HELD
             if discretisation.motions.free.shape[1] == 0:
                 with options.defaults(system.solver_defaults):
@@ -297,11 +303,11 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
                     status = Status.NOT_FINITE
         with timings.phase("certify"):
             displacement = discretisation.function(x)
-            certificate = certify(scene, discretisation.tagged, displacement, None, step=place)
+            certificate = certify(scene, discretisation.tagged, displacement, None, step=path_step)
             deformation = deformation_of(discretisation, displacement)
             status = judged(status, certificate, deformation, scene)
         solves = int(status is not Status.NOT_HELD)
-        step = step_result(scene, len(steps), place, status, displacement, None, certificate, deformation, solves)
+        step = step_result(scene, len(steps), path_step, status, displacement, None, certificate, deformation, solves)
         steps.append(step)
         if status is Status.CONVERGED:
             path.advance(solves)

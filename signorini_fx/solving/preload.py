@@ -26,24 +26,24 @@ Array = npt.NDArray[np.float64]
 # The share of the forces that they may miss: of round-off; and what friction, whose iteration ends before, may leave.
 _EXACT, _ENOUGH = 1e-11, 1e-6
 # Contact problems for one load step.
-_MOST = 30
+_MOST_PROBLEMS = 30
 # Below this share of its force a section is loose, and is shortened by this factor, or at most by this one if not.
 _NOTHING, _TIGHTER, _FURTHER = 1e-6, 4.0, 30.0
 
 
-def tightened_at(d: Discretisation, place: float) -> list[int]:
+def tightened_at(d: Discretisation, step: float) -> list[int]:
     """The loads that are sections which forces tighten at a place."""
-    found = [(k, load.section) for k, load in enumerate(d.applied)]
-    return [k for k, one in found if one is not None and one.force_at(d.scene, place) is not None]
+    sections = [(k, load.section) for k, load in enumerate(d.applied)]
+    return [k for k, section in sections if section is not None and section.force_at(d.scene, step) is not None]
 
 
-def shortenings(d: Discretisation, place: float) -> list[float]:
+def shortenings(d: Discretisation, step: float) -> list[float]:
     """Those that forces have led to at a place, in the order of ``tightened_at``, length."""
-    return [d.applied[k].factor(place) for k in tightened_at(d, place)]
+    return [d.applied[k].factor(step) for k in tightened_at(d, step)]
 
 
 def solve_tightened(
-    d: Discretisation, task: Task, start: Start, most: int, scale: float = 1.0
+    d: Discretisation, task: Task, start: Start, max_iterations: int, scale: float = 1.0
 ) -> tuple[Discretisation, Start, Outcome, Finding | None]:
     """Solve a load step; collective.
 
@@ -51,42 +51,47 @@ def solve_tightened(
         d: the discretised scene.
         task: its contact problem.
         start: where the load step starts.
-        most: linear solves allowed for each shortening.
+        max_iterations: linear solves allowed for each shortening.
         scale: factor of all loads, these forces included.
 
     Returns:
         The scene with the shortenings that were found, over ``scale``, where the load step starts with them, how it
         ended, and which section has nothing to pull at.
     """
-    loads, place, newton = tightened_at(d, start.place), start.place, task.iterate.newton
+    loads, step, newton = tightened_at(d, start.place), start.place, task.iterate.newton
     of_all = [k for k, load in enumerate(d.applied) if load.section is not None]
-    here = [of_all.index(k) for k in loads]
-    wanted = scale * np.array([_section(d, k).force_at(d.scene, place) for k in loads], dtype=np.float64)
-    before = scale * np.array(shortenings(d, place))
-    s = np.where(before > 0, before, wanted / d.scales.stiffness(d.scales.size))
+    numbers = [of_all.index(k) for k in loads]
+    wanted = scale * np.array([_section(d, k).force_at(d.scene, step) for k in loads], dtype=np.float64)
+    previous = scale * np.array(shortenings(d, step))
+    s = np.where(previous > 0, previous, wanted / d.scales.stiffness(d.scales.size))
     slope, last, best = np.empty((0, 0)), (s, s), np.inf
-    for _ in range(_MOST):
-        d = with_shortenings(d, loads, place, s / scale)
-        start, begun = replace(start, factors=scale * d.factors(place)), newton.checkpoint()
-        outcome, force = solve_task(task, start, most), np.zeros_like(s)
+    for _ in range(_MOST_PROBLEMS):
+        d = with_shortenings(d, loads, step, s / scale)
+        start, begun = replace(start, factors=scale * d.factors(step)), newton.checkpoint()
+        outcome, force = solve_task(task, start, max_iterations), np.zeros_like(s)
         if outcome.status is Status.CONVERGED:
             y = d.from_rest(task.rest, outcome.displacement())
-            force = np.array([one.force for one in section_forces(d.scene, d.tagged, y, place, scale)])[here]
+            force = np.array([entry.force for entry in section_forces(d.scene, d.tagged, y, step, scale)])[numbers]
         elif slope.size or outcome.status is Status.NOT_HELD:  # whatever the shortenings are
             return d, start, outcome, None
         missing = float(np.abs(wanted - force).max() / wanted.max())
-        task.history.add(f"sections shortened by {', '.join(f'{one:.6g}' for one in s)}: forces miss {missing:.1e}")
+        task.history.add(f"sections shortened by {', '.join(f'{entry:.6g}' for entry in s)}: forces miss {missing:.1e}")
         if missing <= _EXACT or best / 2 <= missing <= _ENOUGH:
             return d, start, outcome, None
         if outcome.status is Status.CONVERGED:
             start = start.begin_from(outcome.problem.sets, outcome.newton.multipliers())
         else:
             newton.restore(begun)
-        none = force <= _NOTHING * wanted
-        if not slope.size and none.any():
-            if s[none].max() > d.scales.size:
-                return d, start, replace(outcome, status=Status.OPEN), _loose(d, loads[int(np.argmax(none * s))], start)
-            s = np.where(none, _TIGHTER * s, s)
+        slack = force <= _NOTHING * wanted
+        if not slope.size and slack.any():
+            if s[slack].max() > d.scales.size:
+                return (
+                    d,
+                    start,
+                    replace(outcome, status=Status.OPEN),
+                    _loose(d, loads[int(np.argmax(slack * s))], start),
+                )
+            s = np.where(slack, _TIGHTER * s, s)
             continue
         if not slope.size:  # as if the forces were proportional to the shortenings
             slope = np.diag(np.minimum(s / force, _FURTHER * s / wanted))
@@ -111,26 +116,28 @@ def _loose(d: Discretisation, number: int, start: Start) -> Finding:
 
 def _section(d: Discretisation, number: int) -> SectionJump:
     """Of a load that is one."""
-    found = d.applied[number].section
-    assert found is not None
-    return found
+    section = d.applied[number].section
+    assert section is not None
+    return section
 
 
 def with_shortenings(
-    d: Discretisation, loads: list[int], place: float, found: Sequence[float] | Array
+    d: Discretisation, loads: list[int], step: float, lengths: Sequence[float] | Array
 ) -> Discretisation:
     """The same with shortenings that were found at a place; nothing is assembled again."""
     sections = [_section(d, k) for k in loads]
-    tight = {id(one): one.tightened(place, float(s)) for one, s in zip(sections, found, strict=True)}
+    tight = {id(section): section.tightened(step, float(s)) for section, s in zip(sections, lengths, strict=True)}
     changed = {
-        key: tuple(tight.get(id(one), one) for one in entries)
+        key: tuple(tight.get(id(section), section) for section in entries)
         for key, entries in d.scene.effects.items()
-        if any(id(one) in tight for one in entries)
+        if any(id(section) in tight for section in entries)
     }
     scene, applied = d.scene.model_copy(update=changed), []
     for load in d.applied:
-        one = load.section and tight.get(id(load.section), load.section)
-        applied.append(load if one is None else replace(load, section=one, amount=partial(one.shortening_at, scene)))
-    same = replace(d, scene=scene, applied=tuple(applied))
-    vars(same).update({name: value for name, value in vars(d).items() if name not in vars(same)})
-    return same
+        section = load.section and tight.get(id(load.section), load.section)
+        applied.append(
+            load if section is None else replace(load, section=section, amount=partial(section.shortening_at, scene))
+        )
+    tightened = replace(d, scene=scene, applied=tuple(applied))
+    vars(tightened).update({name: value for name, value in vars(d).items() if name not in vars(tightened)})
+    return tightened

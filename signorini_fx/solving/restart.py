@@ -59,7 +59,7 @@ class Recalled:
 
 
 @dataclass(frozen=True)
-class Kept:
+class MeshCheckpoint:
     """The checkpoint of a run on one of its meshes; all methods are collective.
 
     Attributes:
@@ -86,8 +86,8 @@ class Kept:
             return d
         from signorini_fx.solving.preload import tightened_at, with_shortenings
 
-        place = float(figures["place"])
-        return with_shortenings(d, tightened_at(d, place), place, figures["shortenings"])
+        path_step = float(figures["place"])
+        return with_shortenings(d, tightened_at(d, path_step), path_step, figures["shortenings"])
 
     def forget(self, step: int) -> None:
         """Remove a load step, from 0, that turned out to be no solution, and all later ones."""
@@ -173,35 +173,35 @@ class Kept:
         if figures is None:
             return None
         assert d.boundary is not None
-        found = self.checkpoint.read(self.level, start.step, d.space, d.boundary, d.tagged.size)
-        if found is None:
+        stored = self.checkpoint.read(self.level, start.step, d.space, d.boundary, d.tagged.size)
+        if stored is None:
             self.forget(start.step)
             return None
-        displacement, nodal = found
-        place = float(figures["place"])
+        displacement, nodal = stored
+        path_step = float(figures["place"])
         joint = None
         if d.scene.joint_loads:
             from signorini_fx.solving.joint_loads import recalled_joint_loads
 
-            joint = recalled_joint_loads(d, task, place, nodal["reached"])
-        start = replace(start, place=place, factors=d.load(task.system, place))
+            joint = recalled_joint_loads(d, task, path_step, nodal["reached"])
+        start = replace(start, place=path_step, factors=d.load(task.system, path_step))
         task.iterate.begin_step(start)
         if task.rest is not None:
             displacement.x.array[:] -= d.motions.displacement(task.rest.motion).ravel()
-        every = d.unknowns(displacement)
+        all_unknowns = d.unknowns(displacement)
         if d.tools is not None:
-            d.begin_driven(every, np.array(figures["tools"]), task.rest)
-        x, boundary = task.system.unknowns(every), d.boundary
+            d.begin_driven(all_unknowns, np.array(figures["tools"]), task.rest)
+        x, boundary = task.system.unknowns(all_unknowns), d.boundary
         direction = _along(nodal["direction"], boundary.cotangents)
         slipping = np.linalg.norm(direction, axis=1) > 0.5
         direction = np.where(slipping[:, None], unit(direction), 0.0)
         sets = ActiveSets.of(nodal["contact"].ravel() > 0, direction, nodal["turning"].ravel())
-        given, solved = (
+        posed, solved = (
             _data(task, start, name, nodal, figures["parameters"][name], boundary) for name in ("given", "solved")
         )
         newton = task.iterate.newton
         # The regularised problem is where the next load step begins, also where this one has no regularisation.
-        newton.pose(given if figures["exact"] else solved, sets)
+        newton.pose(posed if figures["exact"] else solved, sets)
         newton.restore((x, sets, newton.problem.data))
         if figures["exact"]:
             newton = task.iterate.exact_newton
@@ -210,7 +210,7 @@ class Kept:
         outcome = Outcome(
             Status.CONVERGED,
             newton,
-            given,
+            posed,
             monolithic=figures["monolithic"],
             augmented=figures["augmented"],
             regularisation_error=figures["regularisation_error"],
@@ -233,8 +233,8 @@ def _data(
     """The data of a problem, as they were stored under a name."""
 
     def values(key: str) -> Nodal | None:
-        found = nodal.get(f"{name}.{key}")
-        return None if found is None else found.ravel()
+        stored = nodal.get(f"{name}.{key}")
+        return None if stored is None else stored.ravel()
 
     gamma_n, gamma_t, sigma = parameters
     origin = nodal.get(f"{name}.slip_origin")

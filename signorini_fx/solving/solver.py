@@ -31,10 +31,10 @@ from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import as_scene
 from signorini_fx.scene.values import kind_of
-from signorini_fx.solving.finer_meshes import Solved
+from signorini_fx.solving.finer_meshes import SolvedMesh
 from signorini_fx.solving.load_steps import LoadStep
 from signorini_fx.solving.one_mesh import solve_mesh
-from signorini_fx.solving.restart import Kept
+from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.to_accuracy import solve_to_accuracy
 from signorini_fx.tuned import HELPING_MESHES
 
@@ -109,7 +109,7 @@ def _solved(
         if allowed is not None:
             history.is_late = lambda: parallel.clock(comm) - begin >= allowed
 
-        def solve_on(scene: Scene, state: ContactState | None, level: int) -> Solved:
+        def solve_on(scene: Scene, state: ContactState | None, level: int) -> SolvedMesh:
             nonlocal coarser
             history.move(mesh=level + 1, meshes=None, dofs=0)
             solved = solve_level(scene, comm, history, state, level, coarser)
@@ -118,7 +118,7 @@ def _solved(
 
         return solve_to_accuracy(scene, scene.accuracy, comm, solve_on, on_level, history.add)
     if not coarse:
-        return _solve_alone(scene, comm, history, None if stored is None else Kept(stored, 0))
+        return _solve_alone(scene, comm, history, None if stored is None else MeshCheckpoint(stored, 0))
     return _solve_nested([*coarse, scene], comm, history, on_level, stored)
 
 
@@ -146,10 +146,12 @@ def _checkpoint(
     stored = Checkpoint(comm, folder, scene, restart=restart)
     if restart:
         several = stored.found != 1
-        found = f"{stored.found} complete " + (
+        description = f"{stored.found} complete " + (
             f"load step{'s' * several}" if scene.several_steps else f"mesh{'es' * several}"
         )
-        history.add(f"restart: {found} in {stored.path}" if stored.found else f"restart: nothing in {stored.path}")
+        history.add(
+            f"restart: {description} in {stored.path}" if stored.found else f"restart: nothing in {stored.path}"
+        )
         if stored.damaged:
             files = ", ".join(map(str, stored.damaged))
             history.add(f"restart: damaged, so that what needs it is solved again: {files}")
@@ -188,8 +190,8 @@ def _solve_nested(
             solved_so_far = [(level.dofs, level.seconds) for level in levels]
             to_come = seconds_to_come(solved_so_far, len(scenes) - number, last.dimension, last.krylov_from)
             history.move(end=time.perf_counter() + to_come)
-        kept = None if stored is None else Kept(stored, number)
-        solved = solve_level(scene, comm, history, state, number, coarser, kept)
+        level_checkpoint = None if stored is None else MeshCheckpoint(stored, number)
+        solved = solve_level(scene, comm, history, state, number, coarser, level_checkpoint)
         solution, state = solved.solution, None
         if levels and solution.scene.sides != sides:
             history.add("the price list begins here: on the coarser meshes the contact points are on other boundaries")
@@ -216,25 +218,25 @@ def solve_level(
     state: ContactState | None,
     number: int,
     coarser: MeshLevel | None = None,
-    kept: Kept | None = None,
-) -> Solved:
+    level_checkpoint: MeshCheckpoint | None = None,
+) -> SolvedMesh:
     """Solve on one of several meshes, and estimate its errors; collective."""
     signals.agree(comm)
     history.add(f"level {number}")
-    before = history.linear_solves
-    found: list[Errors] = []
+    solves_before = history.linear_solves
+    step_errors: list[Errors] = []
 
     def estimate(step: LoadStep) -> None:
         d, outcome, result = step.discretisation, step.outcome, step.result
         assert result.contact is not None
         table = contact_table(result.contact, *d.scene.sides)
         displacement, compliance = d.function(outcome.displacement()), compliance_of(outcome, comm)
-        found.append(estimate_errors(d, displacement, result.strain_energy, table, result.place, compliance))
+        step_errors.append(estimate_errors(d, displacement, result.strain_energy, table, result.place, compliance))
 
-    solution, task, outcome = solve_mesh(scene, comm, history, state, estimate, coarser, kept)
-    if not solution.converged or task is None or outcome is None or not found:
-        return Solved(solution, task)
-    errors = worst_of(found)
+    solution, task, outcome = solve_mesh(scene, comm, history, state, estimate, coarser, level_checkpoint)
+    if not solution.converged or task is None or outcome is None or not step_errors:
+        return SolvedMesh(solution, task)
+    errors = worst_of(step_errors)
     level = level_result(
         number,
         solution.discretisation,
@@ -243,18 +245,18 @@ def solve_level(
         solution.last_step.strain_energy,
         errors,
         solution.table,
-        own=history.iterations[before:],
+        own=history.iterations[solves_before:],
         cost=(sum(solution.timings.total.values()), peak_memory(comm)),
         # Of the load steps that all meshes have in common.
         contacts=[step.contact for step in solution.steps if step.contact and step.place.is_integer()],
     )
-    return Solved(solution, task, outcome, level, errors)
+    return SolvedMesh(solution, task, outcome, level, errors)
 
 
-def _solve_alone(scene: Scene, comm: MPI.Comm, history: History, kept: Kept | None) -> Solution:
+def _solve_alone(scene: Scene, comm: MPI.Comm, history: History, level_checkpoint: MeshCheckpoint | None) -> Solution:
     """Solve on the mesh of the scene; if that fails, the generator may make coarser meshes for a better start."""
     task: Task | None = None
-    others = for_mesh(
+    fall_backs = for_mesh(
         generated=scene.generated,
         ramp=scene.automatic_steps is not None,
         fallbacks=scene.solver.fallbacks,
@@ -262,7 +264,7 @@ def _solve_alone(scene: Scene, comm: MPI.Comm, history: History, kept: Kept | No
 
     def mesh() -> Solution | None:
         nonlocal task
-        solution, task, _ = solve_mesh(scene, comm, history, None, kept=kept)
+        solution, task, _ = solve_mesh(scene, comm, history, None, kept=level_checkpoint)
         return solution
 
     def coarser() -> Solution | None:
@@ -275,14 +277,16 @@ def _solve_alone(scene: Scene, comm: MPI.Comm, history: History, kept: Kept | No
 
     def attempts() -> Iterator[tuple[object, Callable[[], Solution | None]]]:
         yield METHOD, mesh
-        yield from ((name, coarser) for name in others)
+        yield from ((name, coarser) for name in fall_backs)
 
     solutions = tried(
         attempts(),
         history=history,
         # Coarser meshes give a start to the first load step, and to no other.
-        settled=lambda one: one is None or task is None or len(one.steps) > 1 or not task.gave_up(one.status),
-        told=lambda one: "" if one is None else one.status.value,
+        settled=lambda candidate: (
+            candidate is None or task is None or len(candidate.steps) > 1 or not task.gave_up(candidate.status)
+        ),
+        told=lambda candidate: "" if candidate is None else candidate.status.value,
     )
     first, last = solutions[0], solutions[-1]
     assert first is not None

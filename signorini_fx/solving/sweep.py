@@ -19,7 +19,7 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation, discretise
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.check.refusals import refuse_beforehand
-from signorini_fx.contact.resting_place import Rest
+from signorini_fx.contact.resting_place import RestingMotion
 from signorini_fx.effects.contact import CoulombFriction, Friction
 from signorini_fx.errors import SceneError
 from signorini_fx.linalg.choice import krylov_from
@@ -65,19 +65,23 @@ class SweepPoint:
     _problem: Problem
     _x: PETSc.Vec
     _load: float
-    _rest: Rest | None
+    _resting_motion: RestingMotion | None
 
     def __repr__(self) -> str:
         return f"<SweepPoint {self.value:g}: {self.status.value}, {self.linear_solves} linear solves>"
 
     def displacement(self) -> fem.Function:
         """The displacement of the whole body; collective, one back substitution."""
-        return self._discretisation.from_rest(self._rest, self._unknowns())
+        return self._discretisation.from_rest(self._resting_motion, self._unknowns())
 
     def tools(self) -> tuple[ToolMotion, ...]:
         """How rigid tools have moved; collective."""
         d = self._discretisation
-        return () if d.tools is None else motions_of(d.tools, self._scene, d.driven(self._unknowns(), self._rest))
+        return (
+            ()
+            if d.tools is None
+            else motions_of(d.tools, self._scene, d.driven(self._unknowns(), self._resting_motion))
+        )
 
     def preloads(self) -> list[SectionForce]:
         """The forces through sections that are tightened; collective."""
@@ -186,7 +190,7 @@ def sweep(
     begin = _begun(task, discretisation, coarser, state)
     points: list[SweepPoint] = []
     for value in values:
-        before, load = history.linear_solves, value if of_loads else 1.0
+        solves_before, load = history.linear_solves, value if of_loads else 1.0
         start = _start_at(begin, discretisation, value, of_loads=of_loads)
         d = discretisation
         if scene.tightens_at(0):
@@ -197,9 +201,11 @@ def sweep(
             outcome = solve_task(task, start)
         contact, promised = d.state(task, outcome, start), Law(*task.promised(outcome))
         x = outcome.newton.x.copy()
-        solves, problem = history.linear_solves - before, outcome.problem
-        own = d.scene if of_loads else _with_coefficient(d.scene, value)
-        points.append(SweepPoint(value, outcome.status, contact, solves, own, promised, d, problem, x, load, task.rest))
+        solves, problem = history.linear_solves - solves_before, outcome.problem
+        point_scene = d.scene if of_loads else _with_coefficient(d.scene, value)
+        points.append(
+            SweepPoint(value, outcome.status, contact, solves, point_scene, promised, d, problem, x, load, task.rest)
+        )
         if outcome.status is Status.CONVERGED:
             begin = begin.begin_from(problem.sets, outcome.newton.multipliers())
     return points

@@ -36,7 +36,7 @@ from signorini_fx.results.afterthoughts import failure_in_words
 from signorini_fx.results.solution import Solution
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.settings import Accuracy
-from signorini_fx.solving.finer_meshes import Meshes, Solved
+from signorini_fx.solving.finer_meshes import Meshes, SolvedMesh
 from signorini_fx.tuned import (
     FEWEST_MESHES,
     LARGEST_GAMMA,
@@ -62,7 +62,7 @@ def solve_to_accuracy(
     scene: Scene,
     goal: Accuracy,
     comm: MPI.Comm,
-    solve_on: Callable[[Scene, ContactState | None, int], Solved],
+    solve_on: Callable[[Scene, ContactState | None, int], SolvedMesh],
     on_level: Callable[[Solution], object],
     notify: Callable[[str], object],
 ) -> Solution:
@@ -89,7 +89,7 @@ def solve_to_accuracy(
     last: Solution | None = None
     polygon = 0.0
     while True:
-        before = parallel.clock(comm)
+        started = parallel.clock(comm)
         solved = meshes.solve(solve_on, state, len(levels))
         solution, task, outcome, level = solved.solution, solved.task, solved.outcome, solved.level
         late = solution.history.overdue()
@@ -109,7 +109,7 @@ def solve_to_accuracy(
         if meshes.polygonal and (not levels or scene.body):  # with several bodies, some may be made anew on true arcs
             polygon = polygon_error(level.table, max(material.plane_modulus for material in scene.material))
         state = solution.steps[0].contact
-        seconds = parallel.clock(comm) - before + meshes.seconds
+        seconds = parallel.clock(comm) - started + meshes.seconds
         meshes.seconds = 0.0
         same_mesh = bool(levels) and levels[-1].dofs == level.dofs
         levels = [*levels[: len(levels) - same_mesh], replace(with_polygon(level, polygon), seconds=seconds)]
@@ -117,19 +117,19 @@ def solve_to_accuracy(
             price_list(levels, budget.base_memory, rates=rates, uniform=not meshes.adaptive) if len(levels) > 1 else []
         )
         solution = last = replace(solution, levels=tuple(levels), price_list=tuple(rows))
-        left = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
+        regularisation = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
         estimate = getattr(rows[-2], goal.of) if rows else _estimate_on_one(levels[0], goal)
         margin = MARGIN.get((goal.of, meshes.degree), MARGIN_OF_OTHERS)
         error = inf if estimate is None else estimate * margin
         enough = len(levels) >= FEWEST_MESHES[level.dimension].get(goal.of, 3)
-        certified = goal.certified and (len(levels) == 1 or error + left <= goal.target)
+        certified = goal.certified and (len(levels) == 1 or error + regularisation <= goal.target)
         if certified:  # where not even the estimate meets the target the bound does not; the first mesh may be refused
             solved, certain, without = _certified(solved, first=len(levels) == 1)
             if without:
                 notify(f"accuracy: there is no guaranteed bound: {without}")
                 return replace(solution, status=Status.OUT_OF_REACH)
-            error, margin = max(certain - left, 0.0), 1.0  # the bound includes the regularisation
-        if (enough or certified) and error + left <= goal.target:
+            error, margin = max(certain - regularisation, 0.0), 1.0  # the bound includes the regularisation
+        if (enough or certified) and error + regularisation <= goal.target:
             return solution
         hopeless = _out_of_reach(goal, levels, margin, solution.discretisation.tagged.size)
         if hopeless:
@@ -137,10 +137,10 @@ def solve_to_accuracy(
             return replace(solution, status=Status.OUT_OF_REACH)
         if late:
             return replace(solution, status=Status.BUDGET)
-        meshes.raise_gamma(task, outcome, level.regularisation, left / goal.target)
+        meshes.raise_gamma(task, outcome, level.regularisation, regularisation / goal.target)
         allowed = goal.target * (1 - REGULARISATION_SHARE)
         if not enough or error > allowed:
-            excess = error / (goal.target - min(left, goal.target - allowed))
+            excess = error / (goal.target - min(regularisation, goal.target - allowed))
             # That of the pressure is corrected by its change from mesh to mesh, which is extrapolated.
             compared, rate = goal.of not in LOCAL or goal.of == "pressure", rates.get(goal.of) or _seen_rate(levels)
             jump = meshes.jump(excess, rate, compared=compared, dimension=level.dimension)
@@ -156,7 +156,7 @@ def solve_to_accuracy(
             return replace(solution, status=Status.BUDGET)
 
 
-def _certified(solved: Solved, *, first: bool) -> tuple[Solved, float, str]:
+def _certified(solved: SolvedMesh, *, first: bool) -> tuple[SolvedMesh, float, str]:
     """The mesh with the shares of the guaranteed bound in place of the estimated ones, the bound of the relative error,
     and why there is none, else "".
 
@@ -184,8 +184,8 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size
     if goal.of == "peak" and grows_for_ever(levels):
         row = int(np.argmax(table.columns["pressure"]))
         axes = [name for name in "xyz" if name in table.columns]
-        place = [round(float(table.columns[name][row]) / size, 9) * size for name in axes]  # round-off is no position
-        at = ", ".join(f"{value:.6g}" for value in place)
+        point = [round(float(table.columns[name][row]) / size, 9) * size for name in axes]  # round-off is no position
+        at = ", ".join(f"{value:.6g}" for value in point)
         return (
             f"the largest pressure has no finite value: it grows with every refinement at ({at}); ask for the "
             f"pressure, a force or the energy, or round off the {'corner' if table.facets is None else 'edge'}"
@@ -198,7 +198,7 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size
             "no refinement makes smaller: give the .geo, or a mesh of second order"
         )
     spacings = [np.diff(table.arc(path)) for path in table.paths if len(path) > 1]
-    spacing = min((float(own.min()) for own in spacings), default=inf)
+    spacing = min((float(lengths.min()) for lengths in spacings), default=inf)
     if spacing < _ROUND_OFF * size:
         return (
             "the contact pressure is so steep at a corner that round-off comes before the accuracy; it may have no "
@@ -236,12 +236,12 @@ class _Budget:
         if goal.seconds is not None and spent + following.seconds > goal.seconds:
             return f"about {duration(following.seconds)}, and {duration(spent)} of {goal.seconds:g} s are spent"
         # A process that takes more memory than there is would be killed, and its results with it.
-        there = parallel.machine_memory(self.comm) / 1024**3
-        allowed = MEMORY_SHARE * there if goal.memory is None else goal.memory
+        available = parallel.machine_memory(self.comm) / 1024**3
+        allowed = MEMORY_SHARE * available if goal.memory is None else goal.memory
         if following.memory <= 1024 * allowed:
             return ""
-        told = f"this machine has {there:.2g}" if goal.memory is None else f"{goal.memory:g} are allowed"
-        return f"about {following.memory / 1024:.2g} GB of memory, {told}"
+        reason = f"this machine has {available:.2g}" if goal.memory is None else f"{goal.memory:g} are allowed"
+        return f"about {following.memory / 1024:.2g} GB of memory, {reason}"
 
 
 def _estimate_on_one(level: LevelResult, goal: Accuracy) -> float | None:

@@ -68,7 +68,7 @@ class UntouchedUnknowns:
     def __init__(self, matrix: PETSc.Mat, entries: Array) -> None:
         self._matrix, self._entries = matrix, entries
         self.comm: MPI.Comm = matrix.comm.tompi4py()
-        self.here = slice(*matrix.getOwnershipRange())
+        self.owned_range = slice(*matrix.getOwnershipRange())
         self._last: Eliminated | None = None
 
     def eliminated(self, tangent: Array) -> Eliminated | None:
@@ -84,10 +84,12 @@ class UntouchedUnknowns:
             self._last = _without(self._entries, np.flatnonzero(touched), np.flatnonzero(~touched))
         return self._last
 
-    def among(self, tangent: Array, some: Indices) -> Array:
+    def among(self, tangent: Array, unknowns: Indices) -> Array:
         """The rows and columns of some unknowns, ascending, of a tangent whose rows of this rank are given."""
-        own = some[(self.here.start <= some) & (some < self.here.stop)] - self.here.start
-        return parallel.gather_rows(self.comm, tangent[np.ix_(own, some)])
+        rows = (
+            unknowns[(self.owned_range.start <= unknowns) & (unknowns < self.owned_range.stop)] - self.owned_range.start
+        )
+        return parallel.gather_rows(self.comm, tangent[np.ix_(rows, unknowns)])
 
 
 def _without(matrix: Array, stays: Indices, gone: Indices) -> Eliminated | None:
@@ -119,10 +121,10 @@ class TangentFactor:
         """Factorise what is left of the tangent; a zero pivot is a failure of the preconditioner."""
         tangent = pc.getOperators()[1].getDenseArray(readonly=True)
         self._without = without = self._untouched.eliminated(tangent)
-        left = self._untouched.among(tangent, np.arange(tangent.shape[1]) if without is None else without.stays)
+        schur = self._untouched.among(tangent, np.arange(tangent.shape[1]) if without is None else without.stays)
         if without is not None:
-            left -= without.product
-        *self._factor, failed = lapack.dpotrf(left, lower=1) if self._symmetric else lapack.dgetrf(left)
+            schur -= without.product
+        *self._factor, failed = lapack.dpotrf(schur, lower=1) if self._symmetric else lapack.dgetrf(schur)
         reasons = PETSc.PC.FailedReason
         pc.setFailedReason(reasons.FACTOR_NUMERIC_ZEROPIVOT if failed else reasons.NOERROR)
 
@@ -137,21 +139,21 @@ class TangentFactor:
         self._solve(right, x, transposed=True)
 
     def _solve(self, right: PETSc.Vec, x: PETSc.Vec, *, transposed: bool) -> None:
-        every = parallel.gather_rows(self._untouched.comm, right.getArray(readonly=True))
-        x.getArray()[:] = self._solved(every, transposed=transposed)[self._untouched.here]
+        gathered = parallel.gather_rows(self._untouched.comm, right.getArray(readonly=True))
+        x.getArray()[:] = self._solved(gathered, transposed=transposed)[self._untouched.owned_range]
 
     def _solved(self, right: Array, *, transposed: bool) -> Array:
         e = self._without
         if e is None:
-            return self._left(right, transposed)
+            return self._inverse(right, transposed)
         inner = solve_triangular(e.factor, right[e.gone], lower=True, check_finite=False)
-        found = np.empty(right.size)
-        found[e.stays] = self._left(right[e.stays] - inner @ e.between, transposed)
-        inner -= e.between @ found[e.stays]
-        found[e.gone] = solve_triangular(e.factor, inner, lower=True, trans=1, check_finite=False)
-        return found
+        solution = np.empty(right.size)
+        solution[e.stays] = self._inverse(right[e.stays] - inner @ e.between, transposed)
+        inner -= e.between @ solution[e.stays]
+        solution[e.gone] = solve_triangular(e.factor, inner, lower=True, trans=1, check_finite=False)
+        return solution
 
-    def _left(self, right: Array, transposed: bool) -> Array:
+    def _inverse(self, right: Array, transposed: bool) -> Array:
         """S^-1 or S^-T."""
         if self._symmetric:
             return np.asarray(lapack.dpotrs(*self._factor, right, lower=1)[0])
@@ -178,4 +180,4 @@ def choose_touched(elasticity: Elasticity, size: SystemSize, requested: str) -> 
     system, reason = choose_system(elasticity, size, requested)
     if not isinstance(system, CondensedSystem) or len(system.entries) < FEWEST_UNTOUCHED or options.user_sets("pc_"):
         return system, reason
-    return TouchedSystem(**{one.name: getattr(system, one.name) for one in fields(CondensedSystem)}), reason
+    return TouchedSystem(**{field.name: getattr(system, field.name) for field in fields(CondensedSystem)}), reason

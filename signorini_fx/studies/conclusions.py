@@ -8,7 +8,7 @@ from signorini_fx.studies.work_precision import QUANTITIES, Row, Study
 
 TARGETS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
 # Times this close are a tie, and the first in the list wins: it is the simpler one.  The same holds for errors.
-_TIE, _SAME = 1.25, 0.8
+_TIE, _EQUAL_ERRORS = 1.25, 0.8
 # Forces that balance the load on every mesh have no error to show.
 _NOTHING = 1e-5
 _LABELS = {
@@ -45,21 +45,21 @@ def cheapest_front(rows: Sequence[Row], quantity: str, floor: float | None = Non
     Errors below that of the reference, ``floor``, cannot be distinguished.
     """
     errors = [None if e is None else max(e, floor or 0.0) for e in lasting_errors(rows, quantity)]
-    known = [(row, e) for row, e in zip(rows, errors, strict=True) if e is not None and row["seconds"]]
+    measured = [(row, e) for row, e in zip(rows, errors, strict=True) if e is not None and row["seconds"]]
     front: list[tuple[Row, float]] = []
-    for row, error in sorted(known, key=lambda pair: (pair[0]["seconds"], pair[1])):
-        if not front or error < _SAME * front[-1][1]:
-            front.append(next(pair for pair in known if _as_good(pair, (row, error))))
+    for row, error in sorted(measured, key=lambda pair: (pair[0]["seconds"], pair[1])):
+        if not front or error < _EQUAL_ERRORS * front[-1][1]:
+            front.append(next(pair for pair in measured if _as_good(pair, (row, error))))
     return [pair for k, pair in enumerate(front) if not any(_beats(later, pair) for later in front[k + 1 :])]
 
 
-def _beats(one: tuple[Row, float], other: tuple[Row, float]) -> bool:
-    return bool(one[0]["seconds"] <= other[0]["seconds"] and one[1] <= other[1])
+def _beats(first: tuple[Row, float], second: tuple[Row, float]) -> bool:
+    return bool(first[0]["seconds"] <= second[0]["seconds"] and first[1] <= second[1])
 
 
-def _as_good(one: tuple[Row, float], other: tuple[Row, float]) -> bool:
+def _as_good(first: tuple[Row, float], second: tuple[Row, float]) -> bool:
     """Whether the first is as good as the second, ties included."""
-    return bool(one[0]["seconds"] <= _TIE * other[0]["seconds"] and _SAME * one[1] <= other[1])
+    return bool(first[0]["seconds"] <= _TIE * second[0]["seconds"] and _EQUAL_ERRORS * first[1] <= second[1])
 
 
 def choice(rows: Sequence[Row], quantity: str, target: float) -> Row | None:
@@ -82,18 +82,22 @@ def advice(study: Study) -> str:
                 best[-1] = (best[-1][0], target, row)
             elif row is not None:
                 best.append((_percent(target), target, row))
-        said = [
+        choices = [
             f"{row['method']} ({first}{'' if _percent(last) == first else ' down to ' + _percent(last)}, "
             f"there {row['seconds']:.2g} s and {row['dofs']} unknowns)"
             for first, last, row in best
         ]
         label = _LABELS[quantity]
-        parts.append(f"For the {label} take " + ", then ".join(said) + "." if said else _none(study, quantity))
+        parts.append(
+            f"For the {label} take " + ", then ".join(choices) + "."
+            if choices
+            else _not_accurate_enough(study, quantity)
+        )
     parts += [text for text in (_on_gamma(rows), _on_time(rows), _on_failures(rows)) if text]
     return "\n- ".join(parts)
 
 
-def _none(study: Study, quantity: str) -> str:
+def _not_accurate_enough(study: Study, quantity: str) -> str:
     """The text for a quantity that no run has computed accurately enough."""
     best = min((e for e in lasting_errors(study.rows, quantity) if e is not None), default=None)
     floor = study.floor[quantity]
@@ -113,8 +117,8 @@ def quantities_with_errors(study: Study) -> list[str]:
 
 def _finest(rows: Sequence[Row], name: str) -> Row | None:
     """The run of a method on its finest mesh, if it has a solution there."""
-    own = [row for row in rows if row["method"] == name]
-    last = min(own, key=coarseness, default=None)
+    runs = [row for row in rows if row["method"] == name]
+    last = min(runs, key=coarseness, default=None)
     return last if last is not None and last["seconds"] and last["pressure"] is not None else None
 
 
@@ -128,12 +132,12 @@ def _on_gamma(rows: Sequence[Row]) -> str:
     ratios = {row["gamma"]: row["pressure"] / base["pressure"] for row in fixed}
     enough = [gamma for gamma, ratio in ratios.items() if 0.9 <= ratio <= 1.1]
     low = {gamma: ratio for gamma, ratio in ratios.items() if ratio > 1.1}
-    said = ", ".join(f"{gamma:.0e} leaves {ratio:.2g} times that" for gamma, ratio in low.items())
+    ratio_text = ", ".join(f"{gamma:.0e} leaves {ratio:.2g} times that" for gamma, ratio in low.items())
     text = f"On the finest Q1 mesh the pressure is wrong by {base['pressure']:.1e} without regularisation"
     if enough:
         spread = f"{min(enough):.0e}" + (f" to {max(enough):.0e}" if len(enough) > 1 else "")
         text += f", and by as much with a fixed gamma of {spread} E/size"
-    return text + (f"; {said}." if said else ".")
+    return text + (f"; {ratio_text}." if ratio_text else ".")
 
 
 def _on_time(rows: Sequence[Row]) -> str:
@@ -141,14 +145,18 @@ def _on_time(rows: Sequence[Row]) -> str:
     base = _finest(rows, rows[0]["method"])
     if base is None:
         return ""
-    said = []
+    comparisons = []
     for name in dict.fromkeys(row["method"] for row in rows):
         row = _finest(rows, name)
         alike = row is not None and row["gamma"] == "auto" and row["element"] == base["element"]
         if row is not None and alike and name != base["method"]:
-            said.append(f"{name} {row['seconds'] / base['seconds']:.2g} ({row['linear_solves']} solves)")
-    own = f"{base['seconds']:.2g} s, {base['linear_solves']} solves"
-    return f"There, in multiples of the time of {base['method']} ({own}): {', '.join(said)}." if said else ""
+            comparisons.append(f"{name} {row['seconds'] / base['seconds']:.2g} ({row['linear_solves']} solves)")
+    base_text = f"{base['seconds']:.2g} s, {base['linear_solves']} solves"
+    return (
+        f"There, in multiples of the time of {base['method']} ({base_text}): {', '.join(comparisons)}."
+        if comparisons
+        else ""
+    )
 
 
 def _on_failures(rows: Sequence[Row]) -> str:
@@ -156,12 +164,12 @@ def _on_failures(rows: Sequence[Row]) -> str:
     failed = [row for row in rows if row["status"] != "converged"]
     if not failed:
         return f"All {len(rows)} runs have a solution."
-    said: dict[str, list[str]] = {}
+    by_status: dict[str, list[str]] = {}
     for row in failed:
         mesh = f"cells x {row['size_of_cells']:g}" if row["size_of_cells"] else f"asked for {row['asked']:g}"
-        said.setdefault(row["status"], []).append(f"{row['method']} ({mesh})")
+        by_status.setdefault(row["status"], []).append(f"{row['method']} ({mesh})")
     return (
         f"{len(failed)} of {len(rows)} runs have no solution: "
-        + "; ".join(f"{', '.join(names)}: {status}" for status, names in said.items())
+        + "; ".join(f"{', '.join(names)}: {status}" for status, names in by_status.items())
         + "."
     )

@@ -84,19 +84,19 @@ def _front(axes: Axes, study: Study, quantity: str) -> None:
     axes.plot(seconds, errors, "o", color=INK, markersize=4, zorder=4)
     last = [k for k, (row, _) in enumerate(front) if k + 1 == len(front) or front[k + 1][0]["method"] != row["method"]]
     for number, (row, error) in enumerate(front[k] for k in last):
-        place: dict[str, Any] = {"xytext": (-5, -3), "ha": "right", "va": "top"}
+        placement: dict[str, Any] = {"xytext": (-5, -3), "ha": "right", "va": "top"}
         if number % 2:
-            place = {"xytext": (5, 3), "ha": "left", "va": "bottom"}
+            placement = {"xytext": (5, 3), "ha": "left", "va": "bottom"}
         name = f"{row['method']}\n{row['dofs']} unknowns"
-        axes.annotate(name, (row["seconds"], error), **place, textcoords="offset points", fontsize=7, zorder=5)
+        axes.annotate(name, (row["seconds"], error), **placement, textcoords="offset points", fontsize=7, zorder=5)
 
 
 def _family(axes: Axes, points: Sequence[tuple[Row, float]], family: str) -> None:
     """One line per method of the family."""
     names = dict.fromkeys(row["method"] for row, _ in points if family in row["families"].split("; "))
     for name, colour, marker in zip(names, _COLOURS, _MARKERS, strict=False):
-        own = sorted(((r["seconds"], e, coarseness(r)) for r, e in points if r["method"] == name), key=_coarsest)
-        axes.plot(*zip(*((s, e) for s, e, _ in own), strict=True), f"-{marker}", color=colour, lw=1, ms=3, label=name)
+        curve = sorted(((r["seconds"], e, coarseness(r)) for r, e in points if r["method"] == name), key=_coarsest)
+        axes.plot(*zip(*((s, e) for s, e, _ in curve), strict=True), f"-{marker}", color=colour, lw=1, ms=3, label=name)
     style = {"facecolor": "white", "framealpha": 0.85, "edgecolor": "none", "frameon": True}
     axes.legend(loc="lower left", fontsize=7, handlelength=1.3, labelspacing=0.2, handletextpad=0.5, **style)
 

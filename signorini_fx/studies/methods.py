@@ -48,9 +48,9 @@ class Method:
 def methods(scene: Scene, *, quick: bool = False) -> list[Method]:
     """The list, simplest first."""
     exact = {"algorithm": "exact"}
-    found = [Method("Q1, exact", tuple(FAMILIES), settings=exact)]
+    candidates = [Method("Q1, exact", tuple(FAMILIES), settings=exact)]
     elements = ("Q2",) if quick else ("Q2", "P1", "P2")
-    found += [Method(f"{name}, exact", ("element",), name, settings=exact) for name in elements]
+    candidates += [Method(f"{name}, exact", ("element",), name, settings=exact) for name in elements]
     for name, settings in (
         ("gamma automatic", {}),
         ("continuation", {"algorithm": "continuation"}),
@@ -60,27 +60,27 @@ def methods(scene: Scene, *, quick: bool = False) -> list[Method]:
         if scene.has_coulomb:
             name = f"{name}-FP" if name == "ALM" else f"{name}, FP"
         if not quick or "ALM" in name:
-            found.append(Method(name, ("algorithm",), settings=settings))
+            candidates.append(Method(name, ("algorithm",), settings=settings))
     powers = (5,) if quick else (3, 4, 5, 6, 7, 8, 9, 10)
-    found += [Method(f"gamma = 1e{power}", ("gamma",), gamma=10.0**power) for power in powers]
+    candidates += [Method(f"gamma = 1e{power}", ("gamma",), gamma=10.0**power) for power in powers]
     if scene.has_coulomb:
-        found.append(Method("gamma automatic, monolithic", ("algorithm",), settings={"coulomb": "newton"}))
+        candidates.append(Method("gamma automatic, monolithic", ("algorithm",), settings={"coulomb": "newton"}))
     for kind in ("condensed", "full", "krylov")[: 2 if quick else 3]:
-        found.append(Method(f"Q1, exact, {kind}", ("linear algebra",), settings={**exact, "linear_algebra": kind}))
+        candidates.append(Method(f"Q1, exact, {kind}", ("linear algebra",), settings={**exact, "linear_algebra": kind}))
     for element in ("Q1", "Q2"):
         nested = {**exact, "levels": 2 if quick else 3}
-        found.append(Method(f"{element}, exact, nested", ("meshes",), element, settings=nested))
+        candidates.append(Method(f"{element}, exact, nested", ("meshes",), element, settings=nested))
     if not quick:
-        found.append(Method("Q2, ALM, nested", ("meshes",), "Q2", settings={"algorithm": "alm", "levels": 3}))
-        found.append(Method("Q2, exact", ("meshes",), "Q2", settings=exact))
-        found.append(Method("P1, exact, adaptive", ("meshes",), "P1", settings=exact, adaptive=True))
-    found.append(Method("P2, exact, adaptive", ("meshes",), "P2", settings=exact, adaptive=True))
-    return list({method.name: method for method in _merge(found)}.values())
+        candidates.append(Method("Q2, ALM, nested", ("meshes",), "Q2", settings={"algorithm": "alm", "levels": 3}))
+        candidates.append(Method("Q2, exact", ("meshes",), "Q2", settings=exact))
+        candidates.append(Method("P1, exact, adaptive", ("meshes",), "P1", settings=exact, adaptive=True))
+    candidates.append(Method("P2, exact, adaptive", ("meshes",), "P2", settings=exact, adaptive=True))
+    return list({method.name: method for method in _merge(candidates)}.values())
 
 
-def _merge(found: list[Method]) -> list[Method]:
+def _merge(candidates: list[Method]) -> list[Method]:
     """Methods that are in the list twice are merged, with the families of both."""
     families: dict[str, list[str]] = {}
-    for method in found:
+    for method in candidates:
         families.setdefault(method.name, []).extend(method.families)
-    return [replace(method, families=tuple(families[method.name])) for method in found]
+    return [replace(method, families=tuple(families[method.name])) for method in candidates]

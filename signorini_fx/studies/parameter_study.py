@@ -69,12 +69,12 @@ def several(changes: Changes) -> tuple[str, list[Any]]:
     Raises:
         SceneError: none has, or more than one, or a range is wrong.
     """
-    found = {path: values for path, value in changes.items() if len(values := _values(path, value)) > 1}
-    if len(found) != 1:
-        told = f"these have: {', '.join(found)}" if found else "none has"
+    ranges = {path: values for path, value in changes.items() if len(values := _values(path, value)) > 1}
+    if len(ranges) != 1:
+        reason = f"these have: {', '.join(ranges)}" if ranges else "none has"
         example = "such as --set contact[0].friction.coefficient=0.1:0.8:8 or 0.1,0.2,0.4"
-        raise SceneError([("sweep", f"one entry must have several values, {example}; {told}")])
-    return found.popitem()
+        raise SceneError([("sweep", f"one entry must have several values, {example}; {reason}")])
+    return ranges.popitem()
 
 
 def _values(path: str, value: Any) -> list[Any]:
@@ -85,8 +85,8 @@ def _values(path: str, value: Any) -> list[Any]:
             first, last = float(match[1]), float(match[2])
         except ValueError:
             raise SceneError([(path, f"{value!r} is no range: FROM:TO:COUNT is expected, such as 0.1:0.8:8")]) from None
-        return [float(f"{one:.12g}") for one in np.linspace(first, last, int(match[3]))]
-    return [parsed_change(f"value={one}")[1] for one in _COMMA.split(value)]
+        return [float(f"{entry:.12g}") for entry in np.linspace(first, last, int(match[3]))]
+    return [parsed_change(f"value={entry}")[1] for entry in _COMMA.split(value)]
 
 
 def run(
@@ -107,8 +107,8 @@ def run(
         solution = solve(scene, comm, check=False)
         rows.append({"value": value, **figures_of(solution)})
         units = names_of(scene.model_dump(include={"units", "material"}), solution.discretisation.tagged.dimension)
-        told = "  ".join(f"{rows[-1][name]:14.6g}" for name in FIGURES if name in rows[-1])
-        report(f"{value!s:>12s}  {told}  {solution.status.value}")
+        figures = "  ".join(f"{rows[-1][name]:14.6g}" for name in FIGURES if name in rows[-1])
+        report(f"{value!s:>12s}  {figures}  {solution.status.value}")
     return ParameterStudy(entry, scenes[0][1].title, units, tuple(rows))
 
 
@@ -129,8 +129,8 @@ def figures_of(solution: Solution) -> dict[str, Any]:
         figures["stick_area"] = float(columns["weight"][touching & (columns["friction"] == "stick")].sum())
     if not solution.converged:
         figures = dict.fromkeys(figures, float("nan"))
-    told = {"status": solution.status.value, "linear_solves": solution.history.linear_solves}
-    return {**told, "certificate_holds": solution.certificate.holds, **figures}
+    outcome = {"status": solution.status.value, "linear_solves": solution.history.linear_solves}
+    return {**outcome, "certificate_holds": solution.certificate.holds, **figures}
 
 
 def write(study: ParameterStudy, folder: Path) -> None:

@@ -51,20 +51,20 @@ def on_mesh(scene: Scene, factor: float, element: str, settings: dict[str, Any])
     """
     if scene.element.volumetric == "mixed":
         raise SceneError([("element.volumetric", "a study compares elements without a pressure: leave 'mixed' out")])
-    if any(one.orthotropic is not None for one in scene.material):
+    if any(material.orthotropic is not None for material in scene.material):
         raise SceneError([("material", "a study is not possible yet with an orthotropic material")])
     if not isinstance(scene.mesh, MeshGenerator):
         raise SceneError([("mesh", "a study needs a mesh from a generator, which can make coarser and finer ones")])
     mesh = scene_on(scene, factor).mesh
     assert isinstance(mesh, MeshGenerator)
     parameters = {**mesh.parameters, "cell": _CELLS[element[0]]}
-    given = {"max_iterations", "max_outer_iterations", "tolerance"}
+    inherited = {"max_iterations", "max_outer_iterations", "tolerance"}
     return scene.model_copy(
         update={
             "mesh": MeshGenerator(generator=mesh.generator, parameters=parameters),
             "element": scene.element.model_copy(update={"degree": int(element[1])}),
             # Each method is measured by itself, without fall-backs.
-            "solver": SolverSettings(**scene.solver.model_dump(include=given), **settings, fallbacks=False),
+            "solver": SolverSettings(**scene.solver.model_dump(include=inherited), **settings, fallbacks=False),
             "accuracy": None,
         }
     )
@@ -208,10 +208,10 @@ def reference_errors(second: dict[str, float | None], third: dict[str, float | N
     2^r + 1; in the energy norm, where the error is orthogonal to the coarser spaces, this holds for the squares.  The
     rate is the observed one, or the expected one if that is smaller.
     """
-    found: dict[str, float | None] = {}
+    errors: dict[str, float | None] = {}
     for name, near in second.items():
         far, power = third[name], 2 if name == "energy" else 1
         expected, slowest = (2 ** (power * rate) - 1 for rate in (_EXPECTED[name], _SLOWEST))
         seen = expected if not far or not near else (far / near) ** power - 2
-        found[name] = None if near is None else near / min(expected, max(seen, slowest)) ** (1 / power)
-    return found
+        errors[name] = None if near is None else near / min(expected, max(seen, slowest)) ** (1 / power)
+    return errors

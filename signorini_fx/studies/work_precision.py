@@ -96,8 +96,8 @@ def run_study(
             runs += [_Run(method, 1.0, scene, natural, asked=target) for target in targets]
             continue
         # Quadratic elements on twice as large cells have as many unknowns.
-        own = factors[:-1] if method.degree == 2 else factors[1:]
-        runs += [_Run(method, factor, scene, natural) for factor in (own if not quick else factors)]
+        mesh_factors = factors[:-1] if method.degree == 2 else factors[1:]
+        runs += [_Run(method, factor, scene, natural) for factor in (mesh_factors if not quick else factors)]
     for repeat in range(1 if quick else repeats + 1):
         for run in runs:
             run.solve_once(reference if repeat == 0 else None, counted=repeat > 0 or quick)
@@ -127,7 +127,7 @@ class _Run:
         if len(self._times) >= self._enough:
             return
         _forget_peak_memory()
-        before, begin = peak_memory(MPI.COMM_SELF), time.perf_counter()
+        memory_before, begin = peak_memory(MPI.COMM_SELF), time.perf_counter()
         try:
             solution = solve(self._scene, MPI.COMM_SELF, check=False)
         except SignoriniError as error:
@@ -136,11 +136,11 @@ class _Run:
         total = time.perf_counter() - begin
         self._enough = 1 if total > _LONG else 3 if total > _MIDDLE else self._enough
         if counted or self._enough == 1:
-            own = {phase: solution.timings.seconds.get(phase, 0.0) for phase in PHASES}
+            phases = {phase: solution.timings.seconds.get(phase, 0.0) for phase in PHASES}
             coarser = sum(level.seconds for level in solution.levels[:-1])
-            rest = max(0.0, total - sum(own.values()) - coarser)
-            memory = max(0.0, peak_memory(MPI.COMM_SELF) - before)
-            self._times.append({"seconds": total, **own, "coarser": coarser, "rest": rest, "memory": memory})
+            remainder = max(0.0, total - sum(phases.values()) - coarser)
+            memory = max(0.0, peak_memory(MPI.COMM_SELF) - memory_before)
+            self._times.append({"seconds": total, **phases, "coarser": coarser, "rest": remainder, "memory": memory})
         if reference is None:
             return
         weight = solution.table.columns["weight"]

@@ -20,7 +20,7 @@ import numpy as np
 
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh.files.abaqus_assembly import AssemblyError, assembled
-from signorini_fx.mesh.files.abaqus_blocks import Block, real
+from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, real
 from signorini_fx.mesh.files.abaqus_groups import Group, Groups, agreeing, single
 from signorini_fx.mesh.files.abaqus_include import Source
 from signorini_fx.mesh.files.arrays import MeshArrays, plain
@@ -60,15 +60,15 @@ def _kind(element: str) -> tuple[str, int]:
     Raises:
         ValueError: it is not one of a plane or solid body.
     """
-    if found := _SOLID.match(element):
-        if (count := int(found[1])) not in _KIND_IN_SPACE:
+    if match := _SOLID.match(element):
+        if (count := int(match[1])) not in _KIND_IN_SPACE:
             raise ValueError(f"element type {element}: known are C3D4, C3D5, C3D6, C3D8, C3D10, C3D15, C3D20")
         return _KIND_IN_SPACE[count], count
-    if found := _SOLID_IN_PLANE.match(element):
-        return _KIND[int(found[1])], int(found[1])
-    if found := _LINE.match(element):
+    if match := _SOLID_IN_PLANE.match(element):
+        return _KIND[int(match[1])], int(match[1])
+    if match := _LINE.match(element):
         # B21 has two nodes, T2D2 too.
-        count = int(found[1]) + (element[0] == "B")
+        count = int(match[1]) + (element[0] == "B")
         return ("line" if count == 2 else "line3"), count
     raise ValueError(
         f"element type {element} is neither a plane one nor a solid; known are CPE3, CPE4, CPE6, CPS3, CPS4, CPS6, S3, "
@@ -99,13 +99,13 @@ class _Reader:
         self.element_sets: dict[str, list[int]] = {}
         self.node_sets: dict[str, list[int]] = {}
         self.surfaces: dict[str, list[tuple[int, int]]] = {}  # name -> (element, face from 1 on)
-        self._sections: list[Block] = []
+        self._sections: list[DeckBlock] = []
         self.sections: dict[int, str | None] = {}
         self.groups: dict[int, list[Group]] = {}
         self.undefined: dict[str, int] = {}
         self.places: dict[int, int] = {}
 
-    def read(self, block: Block) -> None:
+    def read(self, block: DeckBlock) -> None:
         parameters, rows = block.parameters, block.rows
         match block.keyword:
             case "NODE":
@@ -153,16 +153,16 @@ class _Reader:
             members[block.number] = self.element_sets.get(self._name(block.parameters["ELSET"]), [])
             owner.update(dict.fromkeys(members[block.number], block.number))
         for block in self._sections:
-            every = members[block.number]
-            kept = [element for element in every if owner[element] == block.number]
-            if len(kept) == len(every):
+            elements = members[block.number]
+            owned = [element for element in elements if owner[element] == block.number]
+            if len(owned) == len(elements):
                 continue
             self.sections[block.number] = None
-            if kept:
+            if owned:
                 names = (self._free(f"{block.parameters['ELSET']}_rest{n or ''}") for n in itertools.count())
                 name = next(filter(None, names))
                 self.sections[block.number] = name
-                self.element_sets[name] = kept
+                self.element_sets[name] = owned
 
     def _read_elements(self, parameters: dict[str, str], rows: list[list[str]]) -> None:
         if NO_BODY.match(parameters["TYPE"].upper()):
@@ -212,8 +212,8 @@ class _Reader:
     def _member(self, sets: dict[str, list[int]], word: str) -> list[int]:
         """A set within a set, perhaps with the name of its instance before it."""
         for name in (word, word.rpartition(".")[2]):
-            if (found := sets.get(self._name(name))) is not None:
-                return found
+            if (members := sets.get(self._name(name))) is not None:
+                return members
         if (number := single(word)) is not None:
             return [number]
         raise ValueError(f"set {word!r} does not exist")
@@ -238,25 +238,27 @@ class _Reader:
         self._resolve_sections()
         tables = [nodes for _, nodes in self.blocks]
         self.groups = self._groups.named(tables, self.node_sets, self.surfaces, self._free)
-        place = self.places = {node: index for index, node in enumerate(self.points)}
+        node_rows = self.places = {node: index for index, node in enumerate(self.points)}
         width = max((len(x) for x in self.points.values()), default=2)
         points = np.array([x + [0.0] * (width - len(x)) for x in self.points.values()]).reshape(-1, width)
-        blocks = [(kind, self._table(block, nodes, place)) for block, (kind, nodes) in enumerate(self.blocks)]
+        blocks = [(kind, self._table(block, nodes, node_rows)) for block, (kind, nodes) in enumerate(self.blocks)]
         sets = {name: self._rows(name, members, len(blocks)) for name, members in self.element_sets.items()}
         for name, faces in self.surfaces.items():
             solid = self._defined(name, [face for face in faces if self._is_body(face[0])], len(faces))
             sides = [self._side(blocks, name, element, face) for element, face in solid]
             for kind, corners in (("line", 2), ("triangle", 3), ("quad", 4)):
-                own = [side for side in sides if len(side) == corners]
-                if not own:
+                facets = [side for side in sides if len(side) == corners]
+                if not facets:
                     continue
-                blocks.append((kind, np.array(own, dtype=np.int64)))
-                none = np.empty(0, dtype=np.int64)
-                sets = {label: [*members, none] for label, members in sets.items()}
-                before = sets.get(name, [none] * len(blocks))
-                sets[name] = [*before[:-1], np.arange(len(own))]
+                blocks.append((kind, np.array(facets, dtype=np.int64)))
+                no_rows = np.empty(0, dtype=np.int64)
+                sets = {label: [*members, no_rows] for label, members in sets.items()}
+                earlier = sets.get(name, [no_rows] * len(blocks))
+                sets[name] = [*earlier[:-1], np.arange(len(facets))]
         node_sets = {
-            name: np.array(self._defined(name, [place[n] for n in nodes if n in place], len(nodes)), dtype=np.int64)
+            name: np.array(
+                self._defined(name, [node_rows[n] for n in nodes if n in node_rows], len(nodes)), dtype=np.int64
+            )
             for name, nodes in self.node_sets.items()
         }
         return RawMesh(points, blocks, sets, node_sets)
@@ -265,29 +267,29 @@ class _Reader:
         """Whether an element is defined and no line."""
         return element in self.elements and not self.blocks[self.elements[element][0]][0].startswith("line")
 
-    def _defined(self, name: str, members: list[Any], given: int) -> list[Any]:
+    def _defined(self, name: str, members: list[Any], count: int) -> list[Any]:
         """The members of a set that the file defines; how many it does not is kept."""
-        if len(members) < given:
-            self.undefined[name] = given - len(members)
+        if len(members) < count:
+            self.undefined[name] = count - len(members)
         return members
 
-    def _table(self, block: int, nodes: list[list[int]], place: dict[int, int]) -> Ints:
+    def _table(self, block: int, nodes: list[list[int]], node_rows: dict[int, int]) -> Ints:
         try:
-            return np.array([[place[n] for n in row] for row in nodes], dtype=np.int64)
+            return np.array([[node_rows[n] for n in row] for row in nodes], dtype=np.int64)
         except KeyError:
-            row = next(k for k, row in enumerate(nodes) if not place.keys() >= set(row))
-            element = next(one for one, where in self.elements.items() if where == (block, row))
-            node = next(n for n in nodes[row] if n not in place)
+            row = next(k for k, row in enumerate(nodes) if not node_rows.keys() >= set(row))
+            element = next(number for number, where in self.elements.items() if where == (block, row))
+            node = next(n for n in nodes[row] if n not in node_rows)
             raise ValueError(f"element {element} has the node {node}, which the file does not define") from None
 
     def _rows(self, name: str, members: list[int], count: int) -> list[Ints]:
-        found: list[list[int]] = [[] for _ in range(count)]
-        known = [member for member in members if member in self.elements or member in self.passed_over]
-        for member in self._defined(name, known, len(members)):
+        by_block: list[list[int]] = [[] for _ in range(count)]
+        known_members = [member for member in members if member in self.elements or member in self.passed_over]
+        for member in self._defined(name, known_members, len(members)):
             if member not in self.passed_over:
                 block, row = self.elements[member]
-                found[block].append(row)
-        return [np.array(rows, dtype=np.int64) for rows in found]
+                by_block[block].append(row)
+        return [np.array(rows, dtype=np.int64) for rows in by_block]
 
     def _side(self, blocks: list[tuple[str, Ints]], name: str, element: int, face: int) -> list[int]:
         block, row = self.elements[element]
@@ -314,7 +316,7 @@ class Model:
     """
 
     raw: RawMesh
-    blocks: list[Block]
+    blocks: list[DeckBlock]
     groups: dict[int, list[Group]]
     sections: dict[int, str | None]
     undefined: dict[str, int]
@@ -331,18 +333,18 @@ def read_model(file: Path) -> Model:
     """
     source = Source(file)
     try:
-        every = [replace(block, number=number) for number, block in enumerate(assembled(source.blocks()))]
+        blocks = [replace(block, number=number) for number, block in enumerate(assembled(source.blocks()))]
     except AssemblyError as error:
         raise MeshError(f"{file}: {error.block.place}, *{error.block.name}: {error}") from None
     reader = _Reader(source.size)
-    for block in every:
+    for block in blocks:
         with _named(file, f"{block.place}, *{block.name}"):
             reader.read(block)
     with _named(file, "sets and elements"):
         mesh = reader.result()
         if reader.passed_over | reader.elements.keys() and all(kind.startswith("line") for kind, _ in mesh.blocks):
             raise ValueError("there is no body of solid or plane elements, but beams, springs or the like")
-    return Model(mesh, every, reader.groups, reader.sections, reader.undefined, reader.places, reader.surfaces)
+    return Model(mesh, blocks, reader.groups, reader.sections, reader.undefined, reader.places, reader.surfaces)
 
 
 def read(file: Path) -> RawMesh:
@@ -358,14 +360,14 @@ def read(file: Path) -> RawMesh:
 
 
 @contextmanager
-def _named(file: Path, place: str) -> Iterator[None]:
+def _named(file: Path, location: str) -> Iterator[None]:
     """Add the place in the file to an error."""
     try:
         yield
     except KeyError as error:
-        raise MeshError(f"{file}: {place}: {error} is missing") from None
+        raise MeshError(f"{file}: {location}: {error} is missing") from None
     except (ValueError, IndexError, TypeError, OverflowError) as error:
-        raise MeshError(f"{file}: {place}: {error}") from None
+        raise MeshError(f"{file}: {location}: {error}") from None
 
 
 def write(mesh: MeshArrays, file: Path) -> None:
@@ -389,10 +391,10 @@ def write(mesh: MeshArrays, file: Path) -> None:
     where = rows_of(mesh.facet_corners, sides)
     for name, rows in mesh.boundaries.items():
         lines += [f"*NSET, NSET={_quoted(name)}", *_wrapped(np.unique(mesh.facets[rows]) + 1)]
-        found = [divmod(side, len(faces)) for side in plain(where[rows])]
+        cell_faces = [divmod(side, len(faces)) for side in plain(where[rows])]
         lines += [
             f"*SURFACE, TYPE=ELEMENT, NAME={_quoted(name)}",
-            *(f"{cell + 1}, S{face + 1}" for cell, face in found),
+            *(f"{cell + 1}, S{face + 1}" for cell, face in cell_faces),
         ]
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from signorini_fx.mesh.files.abaqus_blocks import Block, real
+from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, real
 from signorini_fx.mesh.files.arrays import plain
 from signorini_fx.mesh.files.shape import Floats
 
@@ -33,7 +33,7 @@ _MOST_ROWS = 20_000_000
 class AssemblyError(ValueError):
     """What is wrong with an assembly, and the keyword."""
 
-    def __init__(self, block: Block, why: str) -> None:
+    def __init__(self, block: DeckBlock, why: str) -> None:
         self.block = block
         super().__init__(why)
 
@@ -52,14 +52,14 @@ class _Scope:
     """
 
     name: str
-    blocks: list[Block] = field(default_factory=list)
+    blocks: list[DeckBlock] = field(default_factory=list)
     move: Callable[[Floats], Floats] | None = None
     turn: Callable[[Floats], Floats] | None = None
     first: int = 0
     names: set[str] = field(default_factory=set)
 
 
-def assembled(blocks: list[Block]) -> list[Block]:
+def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
     """The keywords without parts and instances; those of a file without instances as they are.
 
     Raises:
@@ -67,11 +67,11 @@ def assembled(blocks: list[Block]) -> list[Block]:
     """
     if not any(block.keyword == "INSTANCE" for block in blocks):
         return blocks
-    whole = _Scope("")
-    parts: dict[str, list[Block]] = {}
+    assembly = _Scope("")
+    parts: dict[str, list[DeckBlock]] = {}
     instances: dict[str, _Scope] = {}
-    order: list[Block | _Scope] = []
-    scope: list[Block] | None = None
+    order: list[DeckBlock | _Scope] = []
+    scope: list[DeckBlock] | None = None
     for block in blocks:
         if block.keyword == "PART":
             scope = parts.setdefault(_required(block, "NAME").upper(), [])
@@ -86,40 +86,40 @@ def assembled(blocks: list[Block]) -> list[Block]:
             scope = None
         elif scope is None:
             order.append(block)
-            whole.blocks.append(block)
+            assembly.blocks.append(block)
         else:
             scope.append(block)
-    if sum(len(block.rows) for one in instances.values() for block in one.blocks) > _MOST_ROWS:
+    if sum(len(block.rows) for part_scope in instances.values() for block in part_scope.blocks) > _MOST_ROWS:
         raise AssemblyError(blocks[0], f"all instances together have more than {_MOST_ROWS:,} rows")
     first = 0
-    for one in (*instances.values(), whole):
-        one.names = {name.upper() for block in one.blocks for name in _defined(block)}
-        one.first, first = first, first + max(map(_largest_number, one.blocks), default=0)
-    if not any(block.keyword in ("NODE", "ELEMENT") for block in whole.blocks):
-        whole.first = 0  # numbers are those of the only instance, in files that say so without its name
-    names = _Names(whole, instances)
-    found: list[Block] = []
+    for part_scope in (*instances.values(), assembly):
+        part_scope.names = {name.upper() for block in part_scope.blocks for name in _defined(block)}
+        part_scope.first, first = first, first + max(map(_largest_number, part_scope.blocks), default=0)
+    if not any(block.keyword in ("NODE", "ELEMENT") for block in assembly.blocks):
+        assembly.first = 0  # numbers are those of the only instance, in files that say so without its name
+    names = _Names(assembly, instances)
+    joined: list[DeckBlock] = []
     for entry in order:
-        found += (
+        joined += (
             [names.written(block, entry) for block in entry.blocks]
             if isinstance(entry, _Scope)
-            else [names.written(entry, whole)]
+            else [names.written(entry, assembly)]
         )
-    return found
+    return joined
 
 
-def _required(block: Block, key: str) -> str:
+def _required(block: DeckBlock, key: str) -> str:
     if key not in block.parameters:
         raise AssemblyError(block, f"{key} is missing")
     return block.parameters[key]
 
 
-def _instance(block: Block, parts: dict[str, list[Block]]) -> _Scope:
+def _instance(block: DeckBlock, parts: dict[str, list[DeckBlock]]) -> _Scope:
     """An instance of a part, which the rows may shift and then turn about an axis."""
     part = _required(block, "PART")
     if part.upper() not in parts:
         raise AssemblyError(block, f"there is no part {part!r} before it")
-    found = _Scope(_required(block, "NAME"), list(parts[part.upper()]))
+    instance = _Scope(_required(block, "NAME"), list(parts[part.upper()]))
     try:
         rows = [np.array([real(word) for word in row]) for row in block.rows]
         lengths = [len(row) for row in rows]
@@ -128,11 +128,11 @@ def _instance(block: Block, parts: dict[str, list[Block]]) -> _Scope:
         if rows:
             turn = _rotation(rows[1][3:6] - rows[1][:3], rows[1][6]) if len(rows) > 1 else np.eye(3)
             pivot = rows[1][:3] if len(rows) > 1 else np.zeros(3)
-            found.move = lambda x: np.asarray((x + rows[0] - pivot) @ turn.T + pivot)
-            found.turn = lambda x: np.asarray(x @ turn.T)
+            instance.move = lambda x: np.asarray((x + rows[0] - pivot) @ turn.T + pivot)
+            instance.turn = lambda x: np.asarray(x @ turn.T)
     except ValueError as error:
         raise AssemblyError(block, str(error)) from None
-    return found
+    return instance
 
 
 def _rotation(axis: Floats, degrees: float) -> Floats:
@@ -145,14 +145,14 @@ def _rotation(axis: Floats, degrees: float) -> Floats:
     return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
 
 
-def _defined(block: Block) -> list[str]:
+def _defined(block: DeckBlock) -> list[str]:
     """The names that a keyword defines."""
     key = {"NODE": "NSET", "NSET": "NSET", "ELEMENT": "ELSET", "ELSET": "ELSET"}.get(block.keyword, "NAME")
     named = block.keyword in ("NODE", "NSET", "ELEMENT", "ELSET", "SURFACE", "ORIENTATION")
     return [block.parameters[key]] if named and key in block.parameters else []
 
 
-def _largest_number(block: Block) -> int:
+def _largest_number(block: DeckBlock) -> int:
     """Of the nodes or elements that a keyword defines; those of its nodes count too."""
     rows = block.rows if block.keyword in ("NODE", "ELEMENT") else []
     words = (word for row in rows for word in (row[:1] if block.keyword == "NODE" else row))
@@ -174,23 +174,23 @@ class _Names:
             scope: where it is.
             numbered: whether a whole number is that of a node or element.
         """
-        before, dot, after = word.partition(".")
-        if dot and (other := self.instances.get(before.strip().upper())) is not None:
-            return self.word(after.strip(), other, numbered=True)
+        prefix, dot, suffix = word.partition(".")
+        if dot and (candidate := self.instances.get(prefix.strip().upper())) is not None:
+            return self.word(suffix.strip(), candidate, numbered=True)
         if word.isdigit():
             return str(int(word) + scope.first) if numbered else word
         if scope is self.whole or word.upper() not in scope.names:
             return word
-        others = (self.whole, *self.instances.values())
-        alone = not any(word.upper() in other.names for other in others if other is not scope)
+        scopes = (self.whole, *self.instances.values())
+        alone = not any(word.upper() in candidate.names for candidate in scopes if candidate is not scope)
         return word if alone else f"{scope.name}.{word}"
 
-    def written(self, block: Block, scope: _Scope) -> Block:
+    def written(self, block: DeckBlock, scope: _Scope) -> DeckBlock:
         """A keyword of a scope as one of the whole."""
         inside = self.instances.get(block.parameters.get("INSTANCE", "").upper(), scope)
-        own = _defined(block)
+        defined_names = _defined(block)
         parameters = {
-            key: self.word(value, scope, numbered=True) if key in _NAMING or [value] == own else value
+            key: self.word(value, scope, numbered=True) if key in _NAMING or [value] == defined_names else value
             for key, value in block.parameters.items()
         }
         rows = block.rows
@@ -210,15 +210,15 @@ class _Names:
         return replace(block, parameters=parameters, rows=rows)
 
 
-def _moved(block: Block, move: Callable[[Floats], Floats], turn: Callable[[Floats], Floats]) -> list[list[str]]:
+def _moved(block: DeckBlock, move: Callable[[Floats], Floats], turn: Callable[[Floats], Floats]) -> list[list[str]]:
     """The rows of a keyword of a part where its instance is."""
     rows = block.rows
     if block.keyword == "NODE" and rows:
-        given = [[real(word) for word in row[1:4]] for row in rows]
-        x = move(np.array([one + [0.0] * (3 - len(one)) for one in given]))
-        flat = max(map(len, given)) < 3 and not x[:, 2].any()
+        coordinates = [[real(word) for word in row[1:4]] for row in rows]
+        x = move(np.array([node + [0.0] * (3 - len(node)) for node in coordinates]))
+        flat = max(map(len, coordinates)) < 3 and not x[:, 2].any()
         places = plain(x[:, : 2 if flat else 3])
-        return [[row[0], *map(repr, place)] for row, place in zip(rows, places, strict=True)]
+        return [[row[0], *map(repr, point)] for row, point in zip(rows, places, strict=True)]
     if block.keyword == "SURFACE" and block.parameters.get("TYPE", "").upper() == "SEGMENTS":
         pairs = [np.array([real(word) for word in row[1:]]).reshape(-1, 2) for row in rows]
         moved = [move(np.pad(pair, ((0, 0), (0, 1))))[:, :2] for pair in pairs]

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 
 @dataclass
-class Block:
+class DeckBlock:
     """A keyword with its parameters, its line in the file, and its data lines split at commas.
 
     Attributes:
@@ -40,30 +40,30 @@ def joined_lines(text: str) -> Iterator[tuple[int, str]]:
     """The lines of a file that are no comments, with their numbers; a keyword that is continued is one line."""
     joined = re.sub(r",[ \t]*\r?\n(?=[ \t]*\*?[A-Za-z]+ *=)", ",\0", text)
     following = 1
-    for whole in joined.split("\n"):
-        number, following = following, following + 1 + whole.count("\0")
-        line = whole.replace("\0", "").strip()
+    for joined_line in joined.split("\n"):
+        number, following = following, following + 1 + joined_line.count("\0")
+        line = joined_line.replace("\0", "").strip()
         if line and not line.startswith("**"):
             yield number, line
 
 
 def heading(line: str) -> tuple[str, dict[str, str]]:
     """A keyword as it is written, in capitals, and its parameters."""
-    first, *others = (word.strip() for word in line[1:].split(","))
-    pairs = (word.partition("=") for word in others)
+    first, *words = (word.strip() for word in line[1:].split(","))
+    pairs = (word.partition("=") for word in words)
     parameters = {"".join(key.split()).upper(): value.strip().strip('"') for key, _, value in pairs}
     return " ".join(first.upper().split()), parameters
 
 
-def blocks(lines: Iterable[tuple[int, str, str]]) -> Iterator[Block]:
+def blocks(lines: Iterable[tuple[int, str, str]]) -> Iterator[DeckBlock]:
     """The keywords one after the other, from lines with their numbers and files."""
-    block: Block | None = None
+    block: DeckBlock | None = None
     for number, file, line in lines:
         if line.startswith("*"):
             if block is not None:
                 yield block
             name, parameters = heading(line)
-            block = Block(name.replace(" ", ""), parameters, number, name=name, file=file)
+            block = DeckBlock(name.replace(" ", ""), parameters, number, name=name, file=file)
         elif block is not None:
             words = [part.strip().strip('"') for part in line.rstrip(", \t").split(",")]
             # In a support an empty word says that there is one component only.

@@ -8,33 +8,33 @@ from __future__ import annotations
 
 import numpy as np
 
-from signorini_fx.mesh.files.abaqus_blocks import Block, components, real
-from signorini_fx.mesh.files.abaqus_content import Deck, Load, dimension
+from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, components, real
+from signorini_fx.mesh.files.abaqus_content import Deck, DeckLoad, dimension
 from signorini_fx.mesh.files.shape import Floats
 
 # The cosine to its surface beyond which a given normal is along that of the surface.
 _ALONG = 1.0 - 1e-6
 
 
-def read_bolt(deck: Deck, block: Block) -> None:
+def read_bolt(deck: Deck, block: DeckBlock) -> None:
     """The section of a reference node."""
     node, name = deck.single(block.parameters["NODE"]), block.parameters.get("SURFACE", "")
     if not name:
         deck.lose(block, "the preload of a beam or truss, which is no part of the body")
         return
-    own = deck.surface(name)
-    if node is None or own is None:
-        what = f"{name!r} is no surface of faces" if own is None else "NODE is not a single node"
-        deck.lose(block, f"the preload: {what}")
+    surface = deck.surface(name)
+    if node is None or surface is None:
+        reason = f"{name!r} is no surface of faces" if surface is None else "NODE is not a single node"
+        deck.lose(block, f"the preload: {reason}")
         return
-    normal = _normal(deck, own)
-    given = [real(word) for row in block.rows[:1] for word in row]
-    if any(given) and normal is not None and abs(normal @ given) < _ALONG * np.linalg.norm(given):
+    normal = _normal(deck, surface)
+    direction = [real(word) for row in block.rows[:1] for word in row]
+    if any(direction) and normal is not None and abs(normal @ direction) < _ALONG * np.linalg.norm(direction):
         deck.lose(block, "the direction of the preload: it is taken across the section")
     if normal is None:
         deck.lose(block, f"the preload: the surface {name!r} is not in one plane: give point and axis of one")
         return
-    deck.bolts[node] = own
+    deck.bolts[node] = surface
 
 
 def _normal(deck: Deck, name: str) -> Floats | None:
@@ -53,7 +53,7 @@ def _normal(deck: Deck, name: str) -> Floats | None:
     return np.pad(axes[dim - 1], (0, 3 - dim))
 
 
-def hold(deck: Deck, block: Block) -> None:
+def hold(deck: Deck, block: DeckBlock) -> None:
     """*BOUNDARY, FIXED: sections keep the length that has been reached."""
     for name, *words in block.rows:
         node = deck.mover(name)
@@ -63,13 +63,13 @@ def hold(deck: Deck, block: Block) -> None:
             deck.lose(block, f"{name!r} keeps the displacement that has been reached")
 
 
-def drive(deck: Deck, block: Block, kind: str, node: int, component: int, value: float) -> None:
+def drive(deck: Deck, block: DeckBlock, kind: str, node: int, component: int, value: float) -> None:
     """What a reference node is given: force, shortening (``prescribed``), or that it is ``fixed``."""
     if component != 1:
         deck.lose(block, f"component {component} of node {node}: that of a preload has the first one only")
         return
     key = ("preload", str(node), kind)
-    deck.loads.setdefault(key, Load("preload", str(node), (kind,), keyword=block.keyword)).values[deck.step] = value
+    deck.loads.setdefault(key, DeckLoad("preload", str(node), (kind,), keyword=block.keyword)).values[deck.step] = value
 
 
 def preload_tables(deck: Deck, steps: int) -> list[list[str]]:
@@ -78,35 +78,35 @@ def preload_tables(deck: Deck, steps: int) -> list[list[str]]:
     for load in deck.loads.values():
         if load.table == "preload":
             courses.setdefault(int(load.target), {})[load.keys[0]] = load.by_step(steps)
-    found = []
-    for node, given in courses.items():
-        none: list[float | None] = [None] * steps
-        force, fixed, moved = (given.get(key, none) for key in ("force", "fixed", "prescribed"))
-        said = f"preload of {deck.bolts[node]!r}"
+    tables = []
+    for node, course in courses.items():
+        no_values: list[float | None] = [None] * steps
+        force, fixed, moved = (course.get(key, no_values) for key in ("force", "fixed", "prescribed"))
+        label = f"preload of {deck.bolts[node]!r}"
         tight = next((k for k in range(steps) if force[k]), None)
         if tight is None:
             values = [value or 0.0 for value in moved]
             if any(values):
-                found.append(_table(deck, node, "shortening", values, []))
+                tables.append(_table(deck, node, "shortening", values, []))
             continue
         until = next((k for k in range(steps) if fixed[k] or moved[k] is not None), steps)
         if until == 0 or not all(force[k] and float(force[k] or 0.0) > 0 for k in range(until)):
-            deck.lose(None, f"{said}: give a positive force in each step until it is fixed, or a shortening")
+            deck.lose(None, f"{label}: give a positive force in each step until it is fixed, or a shortening")
             continue
         if any(value is not None for value in moved):
-            deck.lose(None, f"{said}: prescribed after a force: the length that the force leads to is kept")
+            deck.lose(None, f"{label}: prescribed after a force: the length that the force leads to is kept")
         # What comes after the section is fixed does not matter.
         values = [float(value or 0.0) for value in force[:until]]
         values += values[-1:] * (steps - until)
         share = deck.thickness if deck.mesh.dim == 2 else 1.0
         values = [value / share for value in values]
-        found.append(_table(deck, node, "force", values, [f"locked_after = {until}"] * (until > 1)))
-    return found
+        tables.append(_table(deck, node, "force", values, [f"locked_after = {until}"] * (until > 1)))
+    return tables
 
 
-def _table(deck: Deck, node: int, key: str, values: list[float], more: list[str]) -> list[str]:
+def _table(deck: Deck, node: int, key: str, values: list[float], extra_lines: list[str]) -> list[str]:
     largest = max(values, key=abs)
     factors = [value / largest for value in values]
     name = deck.bolts[node].replace("\\", "\\\\").replace('"', '\\"')
-    lines = [f'section = "{name}"', f"{key} = {largest!r}", *more]
+    lines = [f'section = "{name}"', f"{key} = {largest!r}", *extra_lines]
     return lines + ([f"factors = {factors}"] if set(factors) != {1.0} else [])

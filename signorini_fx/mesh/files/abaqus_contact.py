@@ -18,7 +18,7 @@ _PIECES = 64  # straight ones that an arc of a rigid surface becomes
 
 def contact_tables(deck: Deck, steps: int) -> tuple[list[list[str]], list[str]]:
     """The lines of each [[contact]], and those of [solver] with their stiffness."""
-    found: list[list[str]] = []
+    tables: list[list[str]] = []
     interactions: list[str | None] = []
     taken: dict[str, Ints] = {}
     touched: dict[str, Ints] = {}  # by others, which may be several
@@ -34,47 +34,49 @@ def contact_tables(deck: Deck, steps: int) -> tuple[list[list[str]], list[str]]:
         pivot = deck.model.raw.points[deck.model.places[node]][: deck.mesh.dim].tolist()
         normal = [0.0] * (deck.mesh.dim - 1) + [1.0]  # a bond holds in all directions, whichever this is
         shape = f'shape = "plane", point = {pivot}, normal = {normal}'
-        found.append([f"boundary = {quoted(where)}", 'kind = "bonded"', f"foundation = {{ {shape}, {keys} }}"])
-    every = [(*names, None) for names in deck.ties] + deck.pairs
-    for one, other, interaction in every:
+        tables.append([f"boundary = {quoted(where)}", 'kind = "bonded"', f"foundation = {{ {shape}, {keys} }}"])
+    contacts = [(*names, None) for names in deck.ties] + deck.pairs
+    for slave, master, interaction in contacts:
         tie = interaction is None or interaction in deck.tied
-        said = f"{'tie' if tie else 'contact'} of {one!r} with {other!r}"
-        names = [name for name in (one, other) if plain_name(name) in deck.rigid]
-        sides = {name: deck.boundary(name) for name in (one, other) if name not in names}
+        label = f"{'tie' if tie else 'contact'} of {slave!r} with {master!r}"
+        names = [name for name in (slave, master) if plain_name(name) in deck.rigid]
+        sides = {name: deck.boundary(name) for name in (slave, master) if name not in names}
         missing = [name for name, where in sides.items() if where is None]
-        own = [where for where in sides.values() if where is not None]
-        rows = {where: deck.mesh.boundaries[where] for where in own}
-        others = {where: taken | ({} if where != own[0] else touched) for where in own}
-        shared = [where for where in own if any(np.intersect1d(rows[where], r).size for r in others[where].values())]
-        if len(names) == 2 or one == other or (len(own) == 2 and own[0] == own[1]):
-            deck.lose(None, f"{said}: " + ("both are rigid" if names else "a surface with itself"))
+        boundaries = [where for where in sides.values() if where is not None]
+        rows = {where: deck.mesh.boundaries[where] for where in boundaries}
+        occupied = {where: taken | ({} if where != boundaries[0] else touched) for where in boundaries}
+        shared = [
+            where for where in boundaries if any(np.intersect1d(rows[where], r).size for r in occupied[where].values())
+        ]
+        if len(names) == 2 or slave == master or (len(boundaries) == 2 and boundaries[0] == boundaries[1]):
+            deck.lose(None, f"{label}: " + ("both are rigid" if names else "a surface with itself"))
         elif missing:
-            deck.lose(None, f"{said}: {missing[0]!r} is no boundary of the body")
+            deck.lose(None, f"{label}: {missing[0]!r} is no boundary of the body")
         elif shared:
-            deck.lose(None, f"{said}: facets of {shared[0]!r} are in another contact, and have one only")
+            deck.lose(None, f"{label}: facets of {shared[0]!r} are in another contact, and have one only")
         else:
             mover = deck.movers.get(plain_name(names[0])) if names else None
             keys = "" if mover is None else tool_keys(deck, mover, drives.get(mover, {}))
             if tie and names and not keys:
-                deck.lose(None, f"{said}: {names[0]!r} is rigid; give displacements instead")
+                deck.lose(None, f"{label}: {names[0]!r} is rigid; give displacements instead")
                 continue
             used |= set() if mover is None else {mover}
-            taken[own[0]] = rows[own[0]]
-            touched |= {where: rows[where] for where in own[1:]}
-            lines = [f"boundary = {quoted(own[0])}"]
-            lines += _gap(deck, own[0], names[0], keys) if names else [f"against = {quoted(own[1])}"]
+            taken[boundaries[0]] = rows[boundaries[0]]
+            touched |= {where: rows[where] for where in boundaries[1:]}
+            lines = [f"boundary = {quoted(boundaries[0])}"]
+            lines += _gap(deck, boundaries[0], names[0], keys) if names else [f"against = {quoted(boundaries[1])}"]
             interactions.append(interaction)
             if tie:
-                found.append([*lines, 'kind = "bonded"'])
+                tables.append([*lines, 'kind = "bonded"'])
                 continue
-            lines += [] if names else _adjust(deck, said, (one, other, interaction or ""))
-            if names and (one, other, interaction) in deck.adjusted:
-                deck.lose(None, f"{said}: ADJUST, which scenes know between two bodies")
-            found.append([*lines, *_friction(deck, said, interaction or "")])
+            lines += [] if names else _adjust(deck, label, (slave, master, interaction or ""))
+            if names and (slave, master, interaction) in deck.adjusted:
+                deck.lose(None, f"{label}: ADJUST, which scenes know between two bodies")
+            tables.append([*lines, *_friction(deck, label, interaction or "")])
     for node in sorted(drives.keys() - used):
         if tool_keys(deck, node, drives[node]):
             deck.lose(None, f"what moves the rigid body of node {node}: no contact with it is in the scene")
-    return found, _stiffness(deck, interactions)
+    return tables, _stiffness(deck, interactions)
 
 
 def _stiffness(deck: Deck, interactions: list[str | None]) -> list[str]:
@@ -85,16 +87,16 @@ def _stiffness(deck: Deck, interactions: list[str | None]) -> list[str]:
         interactions: of each contact that the scene has; None: of a tie.
     """
     size = float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0)))
-    moduli = (own.get("orthotropic", own).get("young", 0.0) for own in deck.materials.values())
-    young = max(float(np.max(given)) for given in moduli)
+    moduli = (properties.get("orthotropic", properties).get("young", 0.0) for properties in deck.materials.values())
+    young = max(float(np.max(stiffness)) for stiffness in moduli)
     sliding = [name for name in interactions if name and ("coefficient" in deck.frictions.get(name, {}))]
-    found = []
-    for key, of, given in (("gamma_n", interactions, deck.stiffness), ("gamma_t", sliding, deck.sticking)):
-        slopes = {None if name is None else given.get(name) for name in of}
+    lines = []
+    for key, of, stiffness in (("gamma_n", interactions, deck.stiffness), ("gamma_t", sliding, deck.sticking)):
+        slopes = {None if name is None else stiffness.get(name) for name in of}
         soft = sorted(slope for slope in slopes if slope is not None)
         if not soft:
             continue
-        found.append(f"{key} = {soft[-1]!r}")
+        lines.append(f"{key} = {soft[-1]!r}")
         if not soft[0] > 0:
             raise ValueError(f"a contact has the stiffness {soft[0]:g}, which is not positive")
         if len(soft) > 1:
@@ -104,41 +106,41 @@ def _stiffness(deck: Deck, interactions: list[str | None]) -> list[str]:
             )
         if None in slopes and soft[-1] < _STIFF * young / size:
             deck.lose(None, f"hard contact or a tie beside soft contact: here it is soft, too, by {key}")
-    return found
+    return lines
 
 
-def _adjust(deck: Deck, said: str, pair: tuple[str, str, str]) -> list[str]:
+def _adjust(deck: Deck, label: str, pair: tuple[str, str, str]) -> list[str]:
     """How far points are moved onto the other side: ADJUST of *CONTACT PAIR, a length or a set of nodes."""
-    given = deck.adjusted.get(pair)
-    if given is None:
+    adjustment = deck.adjusted.get(pair)
+    if adjustment is None:
         return []
     try:
-        return [f"adjust = {real(given)!r}"]
+        return [f"adjust = {real(adjustment)!r}"]
     except ValueError:
-        named = deck.nodes(given)
+        named = deck.nodes(adjustment)
     slave = deck.boundary(pair[0])
     if slave is not None and not np.setdiff1d(deck.held(slave), named).size:
         return [f"adjust = {float(np.linalg.norm(np.ptp(deck.mesh.points, axis=0)))!r}"]
-    deck.lose(None, f"{said}: ADJUST={given}, which has only some of the nodes of {pair[0]!r}")
+    deck.lose(None, f"{label}: ADJUST={adjustment}, which has only some of the nodes of {pair[0]!r}")
     return []
 
 
 def _drives(deck: Deck, steps: int) -> dict[int, dict[tuple[str, ...], list[float]]]:
     """What moves rigid bodies in the steps, by the number of their reference nodes; see ``tool_keys``."""
-    found: dict[int, dict[tuple[str, ...], list[float]]] = {}
+    drives: dict[int, dict[tuple[str, ...], list[float]]] = {}
     for load in deck.loads.values():
         if load.table == "tool":
-            found.setdefault(int(load.target), {})[load.keys] = deck.course(load, steps)
-    return found
+            drives.setdefault(int(load.target), {})[load.keys] = deck.course(load, steps)
+    return drives
 
 
-def _friction(deck: Deck, said: str, interaction: str) -> list[str]:
-    own = deck.frictions.get(interaction, {})
+def _friction(deck: Deck, label: str, interaction: str) -> list[str]:
+    friction = deck.frictions.get(interaction, {})
     if interaction in deck.rough:
-        deck.lose(None, f"{said}: rough friction, which never slides: give a coefficient")
-    elif own.get("coefficient"):
-        cap = f", cap = {own['cap']!r}" if "cap" in own else ""
-        return [f'friction = {{ law = "coulomb", coefficient = {own["coefficient"]!r}{cap} }}']
+        deck.lose(None, f"{label}: rough friction, which never slides: give a coefficient")
+    elif friction.get("coefficient"):
+        cap = f", cap = {friction['cap']!r}" if "cap" in friction else ""
+        return [f'friction = {{ law = "coulomb", coefficient = {friction["coefficient"]!r}{cap} }}']
     return []
 
 
@@ -186,8 +188,8 @@ def _gap(deck: Deck, where: str, rigid: str, tool: str) -> list[str]:
 def _outwards(deck: Deck, where: str, normal: Floats) -> Floats:
     """The direction of a plane's normal that leads out of the body at a boundary that lies in it."""
     inside = deck.mesh.points.mean(axis=0)
-    there = deck.mesh.points[np.unique(deck.mesh.facet_corners[deck.mesh.boundaries[where]])].mean(axis=0)
-    return normal if (there - inside) @ normal > 0 else -normal
+    centre = deck.mesh.points[np.unique(deck.mesh.facet_corners[deck.mesh.boundaries[where]])].mean(axis=0)
+    return normal if (centre - inside) @ normal > 0 else -normal
 
 
 def _points_of_surface(deck: Deck, name: str) -> Floats | None:
@@ -197,11 +199,11 @@ def _points_of_surface(deck: Deck, name: str) -> Floats | None:
             return None if deck.mesh.dim == 3 else _walked(rows)
         except (ValueError, IndexError) as error:
             raise ValueError(f"the rigid surface {name!r}: {error}") from None
-    own = {name, *deck.parts.get(name, ())}
+    labels = {name, *deck.parts.get(name, ())}
     nodes = [
         block[rows].ravel()
         for label, members in deck.model.raw.sets.items()
-        if label.upper() in own
+        if label.upper() in labels
         for (_, block), rows in zip(deck.model.raw.blocks, members, strict=True)
     ]
     return np.asarray(deck.model.raw.points, dtype=np.float64)[np.unique(np.concatenate(nodes))] if nodes else None
@@ -209,28 +211,28 @@ def _points_of_surface(deck: Deck, name: str) -> Floats | None:
 
 def _walked(rows: list[list[str]]) -> Floats | None:
     """Points along START, LINE and CIRCL of a rigid surface; None: it has other pieces."""
-    found: list[Floats] = []
+    points: list[Floats] = []
     for kind, *words in rows:
         end = np.array([real(word) for word in words[:2]])
         if kind.upper() == "CIRCL":
             centre = np.array([real(word) for word in words[2:4]])
-            (x, y), radius = found[-1] - centre, float(np.hypot(*(end - centre)))
+            (x, y), radius = points[-1] - centre, float(np.hypot(*(end - centre)))
             first, last = np.arctan2(y, x), np.arctan2(*(end - centre)[::-1])
             turn = (last - first + np.pi) % (2 * np.pi) - np.pi  # an arc is less than half a circle
             angles = first + turn * np.arange(1, _PIECES) / _PIECES
-            found += list(centre + radius * np.column_stack((np.cos(angles), np.sin(angles))))
+            points += list(centre + radius * np.column_stack((np.cos(angles), np.sin(angles))))
         elif kind.upper() not in ("START", "LINE"):
             return None
-        found.append(end)
-    return np.array(found)
+        points.append(end)
+    return np.array(points)
 
 
-def _with_left(points: Floats, place: Floats) -> Floats:
+def _with_left(points: Floats, point: Floats) -> Floats:
     """The points in the order in which a place is on the left of the nearest piece."""
     ahead = np.diff(points, axis=0)
-    share = np.clip(((place - points[:-1]) * ahead).sum(axis=1) / (ahead**2).sum(axis=1), 0.0, 1.0)
-    near = int(np.argmin(np.linalg.norm(points[:-1] + share[:, None] * ahead - place, axis=1)))
-    (along, across), (x, y) = ahead[near], place - points[near]
+    share = np.clip(((point - points[:-1]) * ahead).sum(axis=1) / (ahead**2).sum(axis=1), 0.0, 1.0)
+    near = int(np.argmin(np.linalg.norm(points[:-1] + share[:, None] * ahead - point, axis=1)))
+    (along, across), (x, y) = ahead[near], point - points[near]
     return points if along * y - across * x > 0 else points[::-1]
 
 

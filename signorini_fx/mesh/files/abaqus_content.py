@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.mesh.files.abaqus import Model
-from signorini_fx.mesh.files.abaqus_blocks import Block
+from signorini_fx.mesh.files.abaqus_blocks import DeckBlock
 from signorini_fx.mesh.files.abaqus_groups import Group
 from signorini_fx.mesh.files.arrays import MeshArrays
 from signorini_fx.mesh.files.cells import CELLS, completed
@@ -21,7 +21,7 @@ from signorini_fx.mesh.files.shape import Floats, Ints
 
 
 @dataclass
-class Load:
+class DeckLoad:
     """A boundary condition or a load with its value in the steps that give one; in others it stays as it was.
 
     Attributes:
@@ -44,15 +44,15 @@ class Load:
 
     def by_step(self, steps: int) -> list[float | None]:
         """Its value in each step, None where there is none; what was given before the first one holds in all."""
-        now, found = self.values.get(-1), []
+        current, values = self.values.get(-1), []
         for step in range(steps):
-            now = self.values.get(step, now)
-            found.append(now)
-        return found
+            current = self.values.get(step, current)
+            values.append(current)
+        return values
 
 
 @dataclass(frozen=True)
-class Section:
+class DeckSection:
     """A part of the body and its material.
 
     Attributes:
@@ -83,16 +83,16 @@ class Deck:
     said: dict[tuple[str, str, bool], list[str]] = field(default_factory=dict)
     title: str = ""
     materials: dict[str, dict[str, Any]] = field(default_factory=dict)
-    orientations: dict[str, Block] = field(default_factory=dict)
-    sections: list[Section] = field(default_factory=list)
+    orientations: dict[str, DeckBlock] = field(default_factory=dict)
+    sections: list[DeckSection] = field(default_factory=list)
     hypothesis: str = ""
     thickness: float = 1.0
     steps: list[str] = field(default_factory=list)
     period: float = 1.0
     time: float = 0.0
-    loads: dict[tuple[Any, ...], Load] = field(default_factory=dict)
+    loads: dict[tuple[Any, ...], DeckLoad] = field(default_factory=dict)
     ended: set[tuple[int, str]] = field(default_factory=set)
-    amplitudes: dict[str, Block] = field(default_factory=dict)
+    amplitudes: dict[str, DeckBlock] = field(default_factory=dict)
     temperatures: dict[int, Floats] = field(default_factory=dict)
     turned: dict[int, tuple[tuple[float, ...], ...]] = field(default_factory=dict)
     frictions: dict[str, dict[str, float]] = field(default_factory=dict)
@@ -121,33 +121,33 @@ class Deck:
         """Of the mesh."""
         return "xyz"[: self.mesh.dim]
 
-    def lose(self, block: Block | None, why: str) -> None:
+    def lose(self, block: DeckBlock | None, why: str) -> None:
         """Say that something is not in the scene that changes its solution."""
         self._say(block, why, lost=True)
 
-    def note(self, block: Block | None, why: str) -> None:
+    def note(self, block: DeckBlock | None, why: str) -> None:
         """Say that something is told in another way, or is nothing that a scene is about."""
         self._say(block, why, lost=False)
 
-    def _say(self, block: Block | None, why: str, *, lost: bool) -> None:
+    def _say(self, block: DeckBlock | None, why: str, *, lost: bool) -> None:
         places = self.said.setdefault((block.name if block else "", why, lost), [])
         if block and block.place not in places:
             places.append(block.place)
 
     def remarks(self, *, lost: bool) -> list[str]:
         """What was lost, or only noted; what is so for the same reason several times is one line."""
-        found = []
+        lines = []
         for (name, why, changes), places in self.said.items():
-            more = f" and {len(places) - 1} more" if len(places) > 1 else ""
+            repeats = f" and {len(places) - 1} more" if len(places) > 1 else ""
             if changes is lost:
-                found.append(f"{places[0]}, *{name}{more}: {why}" if places else why)
-        return found
+                lines.append(f"{places[0]}, *{name}{repeats}: {why}" if places else why)
+        return lines
 
-    def course(self, load: Load, steps: int) -> list[float]:
+    def course(self, load: DeckLoad, steps: int) -> list[float]:
         """The values of a load in the steps; supports that are not there in all of them are lost."""
         values = load.by_step(steps)
-        kept = load.table == "displacement" or load.keys[0] == "prescribed"
-        if kept and None in values and any(value is not None for value in values):
+        prescribes = load.table == "displacement" or load.keys[0] == "prescribed"
+        if prescribes and None in values and any(value is not None for value in values):
             free = ", ".join(name for name, value in zip(self.steps, values, strict=False) if value is None)
             where = repr(load.target) if load.target else load.lines[0]
             where = f"rigid body of node {load.target}" if load.table == "tool" else where
@@ -156,15 +156,15 @@ class Deck:
 
     def boundary(self, name: str) -> str | None:
         """The boundary of the mesh that a set or surface of the file is, whatever its case and its instance."""
-        return _known(name, (own for own, facets in self.mesh.boundaries.items() if facets.size))
+        return _defined_name(name, (label for label, facets in self.mesh.boundaries.items() if facets.size))
 
     def surface(self, name: str) -> str | None:
         """The surface of faces of the file with a name, also one inside the body."""
-        return _known(name, (own for own in self.model.surfaces if self.model.surfaces[own]))
+        return _defined_name(name, (label for label in self.model.surfaces if self.model.surfaces[label]))
 
     def region(self, name: str) -> str | None:
         """The same for a part of the body."""
-        return _known(name, self.mesh.regions)
+        return _defined_name(name, self.mesh.regions)
 
     @cached_property
     def numbers(self) -> Ints:
@@ -175,8 +175,8 @@ class Deck:
 
     def position(self, row: int) -> list[float]:
         """Of a row of the file that is a node of the body."""
-        found: list[float] = self.mesh.points[np.searchsorted(self.numbers, row)].tolist()
-        return found
+        point: list[float] = self.mesh.points[np.searchsorted(self.numbers, row)].tolist()
+        return point
 
     def rows(self, nodes: Iterable[int]) -> Ints:
         """Rows of the file of those of some nodes that the body has, in their order."""
@@ -185,23 +185,23 @@ class Deck:
 
     def nodes(self, name: str) -> Ints:
         """Rows of the file of the nodes of a set that the body has."""
-        own = _known(name, self.model.raw.node_sets)
-        return np.empty(0, np.int64) if own is None else np.intersect1d(self.model.raw.node_sets[own], self.numbers)
+        label = _defined_name(name, self.model.raw.node_sets)
+        return np.empty(0, np.int64) if label is None else np.intersect1d(self.model.raw.node_sets[label], self.numbers)
 
     def single(self, name: str) -> int | None:
         """The number of a node, or of the only one of a set, also if the body has it not; None: it is none."""
         plain = name.rpartition(".")[2]
         if plain.isdigit():
             return int(plain)
-        own = _known(name, self.model.raw.node_sets)
-        rows = [] if own is None else list(self.model.raw.node_sets[own])
+        label = _defined_name(name, self.model.raw.node_sets)
+        rows = [] if label is None else list(self.model.raw.node_sets[label])
         return (
             next((node for node, row in self.model.places.items() if row == rows[0]), None) if len(rows) == 1 else None
         )
 
     def mover(self, name: str) -> int | None:
         """The node that moves or turns a rigid body, if a set or a node is one; None: it is none."""
-        return own if self.driven and (own := self.single(name)) in self.driven else None
+        return node if self.driven and (node := self.single(name)) in self.driven else None
 
     @cached_property
     def driven(self) -> set[int]:
@@ -210,8 +210,8 @@ class Deck:
 
     def without_rigid(self, group: Group) -> Group:
         """What a keyword says of single nodes, without those that move rigid bodies."""
-        kept = [k for k, node in enumerate(group.nodes) if node not in self.driven]
-        return replace(group, nodes=tuple(group.nodes[k] for k in kept), values=tuple(group.values[k] for k in kept))
+        rows = [k for k, node in enumerate(group.nodes) if node not in self.driven]
+        return replace(group, nodes=tuple(group.nodes[k] for k in rows), values=tuple(group.values[k] for k in rows))
 
     def held(self, boundary: str) -> Ints:
         """Rows of the file of the nodes of a boundary."""
@@ -233,12 +233,12 @@ def dimension(kind: str) -> int:
     """Of an element."""
     if kind.startswith(("wedge", "pyramid")):
         return 3
-    return (CELLS[kind] if kind in CELLS else whole[0] if (whole := completed(kind)) else CELLS["line"]).dim
+    return (CELLS[kind] if kind in CELLS else full_cell[0] if (full_cell := completed(kind)) else CELLS["line"]).dim
 
 
-def _known(name: str, names: Iterable[str]) -> str | None:
-    known = {own.upper(): own for own in reversed(list(names))}
-    return known.get(name.upper(), known.get(plain_name(name)))
+def _defined_name(name: str, names: Iterable[str]) -> str | None:
+    by_capitals = {label.upper(): label for label in reversed(list(names))}
+    return by_capitals.get(name.upper(), by_capitals.get(plain_name(name)))
 
 
 def plain_name(name: str) -> str:

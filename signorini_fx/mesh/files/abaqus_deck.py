@@ -14,7 +14,7 @@ import numpy as np
 
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh.files.abaqus import NO_BODY, read_model
-from signorini_fx.mesh.files.abaqus_blocks import Block, real
+from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, real
 from signorini_fx.mesh.files.abaqus_bolts import read_bolt
 from signorini_fx.mesh.files.abaqus_content import Deck, plain_name
 from signorini_fx.mesh.files.abaqus_loads import read_body_forces, read_boundary, read_forces, read_surface_loads
@@ -85,7 +85,7 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
                 case "TRANSFORM":
                     deck.turned |= dict.fromkeys(map(int, deck.nodes(block.parameters["NSET"])), _axes_of_nodes(block))
     material = interaction = ""
-    for block in _kept(deck):
+    for block in _used_keywords(deck):
         with _placed(file, block):
             match block.keyword:
                 case "ELASTIC" | "EXPANSION" | "FRICTION" | "SURFACEBEHAVIOR" if deck.steps:
@@ -107,7 +107,7 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
     return deck
 
 
-def _axes_of_nodes(block: Block) -> tuple[tuple[float, ...], ...]:
+def _axes_of_nodes(block: DeckBlock) -> tuple[tuple[float, ...], ...]:
     """The unit vectors of *TRANSFORM; none of one that is not rectangular."""
     if block.parameters.get("TYPE", "R").upper() != "R":
         return ()
@@ -118,7 +118,7 @@ def _axes_of_nodes(block: Block) -> tuple[tuple[float, ...], ...]:
 
 
 @contextmanager
-def _placed(file: Path, block: Block) -> Iterator[None]:
+def _placed(file: Path, block: DeckBlock) -> Iterator[None]:
     """Add the place in the file to an error."""
     try:
         yield
@@ -128,9 +128,9 @@ def _placed(file: Path, block: Block) -> Iterator[None]:
         raise MeshError(f"{file}: {block.place}, *{block.name}: {error} is missing") from None
 
 
-def _kept(deck: Deck) -> Iterator[Block]:
+def _used_keywords(deck: Deck) -> Iterator[DeckBlock]:
     """The keywords without those of steps that a scene has not."""
-    step: list[Block] | None = None
+    step: list[DeckBlock] | None = None
     steps = 0
     for block in deck.model.blocks:
         if block.keyword == "STEP":
@@ -141,7 +141,7 @@ def _kept(deck: Deck) -> Iterator[Block]:
         step.append(block)
         if block.keyword != "ENDSTEP":
             continue
-        procedure = next((one.name for one in step if _PROCEDURES.fullmatch(one.keyword)), None)
+        procedure = next((entry.name for entry in step if _PROCEDURES.fullmatch(entry.keyword)), None)
         if procedure is not None:
             deck.lose(step[0], f"the step, *{procedure}: only static steps are taken")
         elif steps and "PERTURBATION" in step[0].parameters:
@@ -153,7 +153,7 @@ def _kept(deck: Deck) -> Iterator[Block]:
     yield from step or ()
 
 
-def _read(deck: Deck, block: Block) -> None:
+def _read(deck: Deck, block: DeckBlock) -> None:
     parameters, rows = block.parameters, block.rows
     match block.keyword:
         case "HEADING":
@@ -243,15 +243,15 @@ def _find_rigid(deck: Deck) -> None:
     deck.rigid.discard("")
 
 
-def _friction(deck: Deck, block: Block, interaction: str) -> None:
+def _friction(deck: Deck, block: DeckBlock, interaction: str) -> None:
     if "ROUGH" in block.parameters:
         deck.rough.add(interaction)
         return
-    own = deck.frictions.setdefault(interaction, {})
+    friction = deck.frictions.setdefault(interaction, {})
     if block.rows and block.rows[0]:
-        own["coefficient"] = real(block.rows[0][0])
+        friction["coefficient"] = real(block.rows[0][0])
     if "TAUMAX" in block.parameters:
-        own["cap"] = real(block.parameters["TAUMAX"])
+        friction["cap"] = real(block.parameters["TAUMAX"])
     # CalculiX gives the stiffness of sticking after the coefficient.
     if len(block.rows) == 1 and len(block.rows[0]) == 2:
         deck.sticking[interaction] = real(block.rows[0][1])
@@ -259,7 +259,7 @@ def _friction(deck: Deck, block: Block, interaction: str) -> None:
         deck.lose(block, "friction that depends on speed, pressure or temperature: the first coefficient is taken")
 
 
-def _behaviour(deck: Deck, block: Block, interaction: str) -> None:
+def _behaviour(deck: Deck, block: DeckBlock, interaction: str) -> None:
     kind = block.parameters.get("PRESSURE-OVERCLOSURE", "HARD").upper()
     if kind == "TIED":
         deck.tied.add(interaction)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from signorini_fx.mesh.files.abaqus_blocks import ROTATIONS, Block, components, real
+from signorini_fx.mesh.files.abaqus_blocks import ROTATIONS, DeckBlock, components, real
 
 Words = tuple[str, ...]
 Members = dict[Any, float]
@@ -38,7 +38,7 @@ def single(word: str) -> int | None:
 
 
 def agreeing(
-    block: Block, nodes_of: Callable[[str], list[int]], elements_of: Callable[[str], list[int]], *, apart: bool
+    block: DeckBlock, nodes_of: Callable[[str], list[int]], elements_of: Callable[[str], list[int]], *, apart: bool
 ) -> list[tuple[Words, Members]]:
     """What a keyword says of nodes and faces, one by one.
 
@@ -49,25 +49,25 @@ def agreeing(
         apart: whether forces that pull are told from those that push; not so where both belong to one face, because
             its elements have no nodes in the middle of faces.
     """
-    found: dict[Words, Members] = {}
+    groups: dict[Words, Members] = {}
     for target, *words in block.rows:
         number = single(target)
         match block.keyword:
             case "BOUNDARY" if number is not None:
                 for component, value in components(words).items():
                     if component not in ROTATIONS:
-                        found.setdefault((str(component), "", repr(value)), {})[number] = value
+                        groups.setdefault((str(component), "", repr(value)), {})[number] = value
             case "CLOAD":
                 value = real((*words, "0")[1])
-                forces = found.setdefault((words[0], "-" if value < 0 and apart else ""), {})
+                forces = groups.setdefault((words[0], "-" if value < 0 and apart else ""), {})
                 for node in nodes_of(target) if number is None else [number]:
                     forces[node] = forces.get(node, 0.0) + value
             case "DLOAD" if words and re.fullmatch(r"P\d", words[0].upper()):
                 members = elements_of(target) if number is None else [number]
                 value = real((*words, "0")[1])
                 faces = ((element, int(words[0][1:])) for element in members)
-                found.setdefault(("P", repr(value)), {}).update(dict.fromkeys(faces, value))
-    return list(found.items())
+                groups.setdefault(("P", repr(value)), {}).update(dict.fromkeys(faces, value))
+    return list(groups.items())
 
 
 @dataclass(frozen=True)
@@ -83,12 +83,12 @@ class Neighbours:
     @classmethod
     def of(cls, nodes: Iterable[int], tables: Iterable[Sequence[Sequence[int]]]) -> Neighbours:
         """Those of some nodes in tables of the nodes of each element."""
-        found: dict[int, list[int]] = {node: [] for node in nodes}
-        for number, own in enumerate(itertools.chain.from_iterable(tables)):
-            for node in own:
-                if node in found:
-                    found[node].append(number)
-        return cls(found)
+        elements: dict[int, list[int]] = {node: [] for node in nodes}
+        for number, element_nodes in enumerate(itertools.chain.from_iterable(tables)):
+            for node in element_nodes:
+                if node in elements:
+                    elements[node].append(number)
+        return cls(elements)
 
     def pieces(self, members: Members) -> list[Members]:
         """Nodes in groups that are not joined: forces on several bodies, or on several sides of one, are several."""
@@ -108,17 +108,17 @@ class Neighbours:
                 piece[node] = number
                 for element in self.elements[node]:
                     waiting += around.pop(element, ())
-        found: dict[int, Members] = {}
+        pieces: dict[int, Members] = {}
         for node, value in members.items():
-            found.setdefault(piece[node], {})[node] = value
-        return list(found.values())
+            pieces.setdefault(piece[node], {})[node] = value
+        return list(pieces.values())
 
 
 @dataclass
 class Groups:
     """All groups of a file, which get names when everything else has been read."""
 
-    said: list[tuple[Block, Words, Members]]
+    said: list[tuple[DeckBlock, Words, Members]]
 
     def named(
         self,
@@ -139,20 +139,22 @@ class Groups:
         names = {
             label: filter(None, map(free, map(f"{label}_{{}}".format, itertools.count(1)))) for label in labels.values()
         }
-        known: dict[frozenset[Any], str] = {frozenset(nodes): name for name, nodes in node_sets.items()}
-        known |= {frozenset(faces): name for name, faces in surfaces.items()}
+        set_names: dict[frozenset[Any], str] = {frozenset(nodes): name for name, nodes in node_sets.items()}
+        set_names |= {frozenset(faces): name for name, faces in surfaces.items()}
         forces = [members for block, _, members in self.said if block.keyword == "CLOAD" and len(members) > 1]
         joined = Neighbours.of(itertools.chain.from_iterable(forces), elements if forces else ())
-        found: dict[int, list[Group]] = {}
-        for block, told, every in self.said:
-            for members in joined.pieces(every) if block.keyword == "CLOAD" and len(every) > 1 else [every]:
+        groups: dict[int, list[Group]] = {}
+        for block, words, all_members in self.said:
+            for members in (
+                joined.pieces(all_members) if block.keyword == "CLOAD" and len(all_members) > 1 else [all_members]
+            ):
                 key = frozenset(members)
-                if (name := known.get(key)) is None:
-                    name = known[key] = next(names[labels[block.keyword]])
+                if (name := set_names.get(key)) is None:
+                    name = set_names[key] = next(names[labels[block.keyword]])
                     if block.keyword == "DLOAD":
                         surfaces[name] = list(members)
                     elif len(members) > 1:  # one node is no boundary
                         node_sets[name] = list(members)
                 nodes = () if block.keyword == "DLOAD" else tuple(members)
-                found.setdefault(block.number, []).append(Group(name, told, nodes, tuple(members.values())))
-        return found
+                groups.setdefault(block.number, []).append(Group(name, words, nodes, tuple(members.values())))
+        return groups

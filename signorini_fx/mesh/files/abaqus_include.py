@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh.files.abaqus_blocks import Block, blocks, heading, joined_lines
+from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, blocks, heading, joined_lines
 
 # A file may include another one several times, but the whole may not grow without bounds.
 _MOST_FILES = 1000
@@ -30,7 +30,7 @@ class Source:
     files: list[Path] = field(default_factory=list)
     size: int = 0
 
-    def blocks(self) -> list[Block]:
+    def blocks(self) -> list[DeckBlock]:
         """All keywords.
 
         Raises:
@@ -52,12 +52,12 @@ class Source:
                 yield number, label, line
             if keyword == "INCLUDE" or (keyword and "INPUT" in parameters):
                 try:
-                    other = self._beside(parameters["INPUT"], depth)
+                    included = self._beside(parameters["INPUT"], depth)
                 except KeyError:
                     raise self._error(number, label, keyword, "INPUT is missing") from None
                 except (OSError, ValueError) as error:
                     raise self._error(number, label, keyword, str(error)) from None
-                yield from self._lines(other, parameters["INPUT"], depth + 1)
+                yield from self._lines(included, parameters["INPUT"], depth + 1)
 
     def _error(self, number: int, label: str, keyword: str, why: str) -> MeshError:
         return MeshError(f"{self.file}: line {number}{f' of {label}' if label else ''}, *{keyword}: {why}")

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from signorini_fx.mesh.files.abaqus_blocks import ROTATIONS, Block, components, real
+from signorini_fx.mesh.files.abaqus_blocks import ROTATIONS, DeckBlock, components, real
 from signorini_fx.mesh.files.abaqus_bolts import drive, hold
-from signorini_fx.mesh.files.abaqus_content import Deck, Load, plain_name
+from signorini_fx.mesh.files.abaqus_content import Deck, DeckLoad, plain_name
 from signorini_fx.mesh.files.abaqus_groups import Group
 from signorini_fx.mesh.files.cells import completed
 from signorini_fx.mesh.files.raw import rows_of
@@ -24,7 +24,7 @@ _ALIKE = 1e-3
 _POINTS = 12
 
 
-def read_boundary(deck: Deck, block: Block) -> None:
+def read_boundary(deck: Deck, block: DeckBlock) -> None:
     """Prescribed displacements, *BOUNDARY: of sets, and of single nodes that fill whole facets."""
     _forget(deck, block)
     if "FIXED" in block.parameters:
@@ -36,26 +36,26 @@ def read_boundary(deck: Deck, block: Block) -> None:
         return
     factor = share_of(deck, block)
     groups = deck.model.groups.get(block.number, [])
-    every: dict[str, dict[int, float]] = {}
+    prescribed: dict[str, dict[int, float]] = {}
     for name, *words in block.rows:
         if (mover := deck.mover(name)) is not None:
-            given = components(words)
-            for component, value in given.items():
+            displacements = components(words)
+            for component, value in displacements.items():
                 _drive(deck, block, "prescribed", mover, component, value * factor)
-            if any(component not in _AXES and component not in ROTATIONS for component in given):
+            if any(component not in _AXES and component not in ROTATIONS for component in displacements):
                 deck.note(block, f"what {name!r} has besides displacements and rotations")
         elif not plain_name(name).isdigit():
-            every.setdefault(name, {}).update(components(words))
+            prescribed.setdefault(name, {}).update(components(words))
     nodes: dict[str, tuple[int, ...]] = {}
     for group in groups:
-        if own := tuple(node for node in group.nodes if node not in deck.driven):
-            nodes[group.name] = own
-            every.setdefault(group.name, {}).update(components(group.words))
-    for name, given in every.items():
-        if any(component not in _AXES and component not in ROTATIONS for component in given):
+        if body_nodes := tuple(node for node in group.nodes if node not in deck.driven):
+            nodes[group.name] = body_nodes
+            prescribed.setdefault(group.name, {}).update(components(group.words))
+    for name, displacements in prescribed.items():
+        if any(component not in _AXES and component not in ROTATIONS for component in displacements):
             deck.note(block, f"what {name!r} has besides displacements and rotations")
         where = deck.boundary(name)
-        named = {_AXES.get(component, ""): value * factor for component, value in given.items()}
+        named = {_AXES.get(component, ""): value * factor for component, value in displacements.items()}
         along = {axis: named[axis] for axis in deck.axes if axis in named}
         if not along:
             continue
@@ -67,7 +67,7 @@ def read_boundary(deck: Deck, block: Block) -> None:
             if where is not None and not np.setdiff1d(held, deck.held(where)).size:
                 values = {_COMPONENTS[axis]: value for axis, value in along.items()}
                 if (turned := _along_the_normal(deck, where, held, values)) is not None:
-                    _given(deck, Load("displacement", where, ("normal",), (1.0,), block.keyword), turned)
+                    _set_load(deck, DeckLoad("displacement", where, ("normal",), (1.0,), block.keyword), turned)
                     _say_what_differs(deck, block, name, held, where)
                     continue
             deck.lose(block, f"support of {_shown(name, nodes)} in the directions of *TRANSFORM")
@@ -75,8 +75,8 @@ def read_boundary(deck: Deck, block: Block) -> None:
             for axis, value in along.items():
                 lines = _at_points(deck, held if where is None else np.setdiff1d(held, deck.held(where)))
                 for line in [()] * (where is not None) + lines:
-                    load = Load("displacement", "" if line else where or "", (axis,), (1.0,), block.keyword, line)
-                    _given(deck, load, value)
+                    load = DeckLoad("displacement", "" if line else where or "", (axis,), (1.0,), block.keyword, line)
+                    _set_load(deck, load, value)
             _say_what_differs(deck, block, name, held, where)
 
 
@@ -90,10 +90,10 @@ def _along_the_normal(deck: Deck, where: str, held: Ints, values: Mapping[int, f
         values: number of an axis, from 0 -> displacement along it.
     """
     axes = {deck.turned.get(int(row), ()) for row in held}
-    if len(values) != 1 or len(axes) != 1 or not (given := axes.pop()):
+    if len(values) != 1 or len(axes) != 1 or not (frame := axes.pop()):
         return None
     ((component, value),) = values.items()
-    axis, dim = np.array(given[component]), deck.mesh.dim
+    axis, dim = np.array(frame[component]), deck.mesh.dim
     nodes = deck.mesh.facets[deck.mesh.boundaries[where]]
     x = deck.mesh.points[np.unique(nodes)]
     size = float(np.linalg.norm(np.ptp(x, axis=0)))
@@ -107,18 +107,18 @@ def _outward_sides(deck: Deck, where: str, axis: Floats) -> Floats:
     """For each facet of a flat boundary whether an axis along its normal leads out of the body, 1, or into it, -1."""
     facets = np.sort(deck.mesh.facet_corners[deck.mesh.boundaries[where]], axis=1)
     sides = deck.mesh.cell.facets
-    every = np.concatenate([deck.mesh.cells[:, list(own)] for own in sides])
+    cell_facets = np.concatenate([deck.mesh.cells[:, list(corners)] for corners in sides])
     middles = deck.mesh.points[deck.mesh.corners].mean(axis=1)
-    at = rows_of(every, facets)
-    found = np.zeros(len(facets))
+    at = rows_of(cell_facets, facets)
+    heights = np.zeros(len(facets))
     for k in range(len(sides)):
         rows = at[k * len(middles) : (k + 1) * len(middles)]
-        there = np.flatnonzero(rows >= 0)
-        found[rows[there]] = (deck.mesh.points[facets[rows[there], 0]] - middles[there]) @ axis
-    return np.sign(found)
+        matching = np.flatnonzero(rows >= 0)
+        heights[rows[matching]] = (deck.mesh.points[facets[rows[matching], 0]] - middles[matching]) @ axis
+    return np.sign(heights)
 
 
-def _drive(deck: Deck, block: Block, kind: str, node: int, component: int, value: float) -> None:
+def _drive(deck: Deck, block: DeckBlock, kind: str, node: int, component: int, value: float) -> None:
     """What moves a rigid body, at its reference node, or at the node that turns it."""
     if node in deck.bolts:
         drive(deck, block, kind, node, component, value)
@@ -130,7 +130,7 @@ def _drive(deck: Deck, block: Block, kind: str, node: int, component: int, value
         name = f"rotation_{_AXES[component - 3]}" if deck.mesh.dim == 3 else "rotation" if component == 6 else ""
         kind = "moment" if kind == "force" else kind
     if name and (deck.mesh.dim == 3 or name != "z"):
-        _given(deck, Load("tool", str(node), (kind, name), keyword=block.keyword), value)
+        _set_load(deck, DeckLoad("tool", str(node), (kind, name), keyword=block.keyword), value)
 
 
 def _shown(name: str, nodes: Mapping[str, tuple[int, ...]]) -> str:
@@ -145,17 +145,17 @@ def _at_points(deck: Deck, rows: Ints) -> list[tuple[str, ...]]:
     return [(f"at = {deck.position(int(row))}",) for row in rows] if len(rows) <= _POINTS else []
 
 
-def _say_what_differs(deck: Deck, block: Block, name: str, own: Ints, where: str | None) -> None:
+def _say_what_differs(deck: Deck, block: DeckBlock, name: str, set_nodes: Ints, where: str | None) -> None:
     """Nodes that a support has on no whole facet, too many for points, and those that only the scene holds."""
     held = np.empty(0, np.int64) if where is None else deck.held(where)
-    free, more = np.setdiff1d(own, held).size, np.setdiff1d(held, own).size
+    free, extra = np.setdiff1d(set_nodes, held).size, np.setdiff1d(held, set_nodes).size
     if free > _POINTS:
         deck.lose(block, f"support of {free} nodes of {name!r}, which are on none of its whole facets")
-    if more:
-        deck.lose(block, f"support of {name!r} only at its corners: {more} more nodes are held here")
+    if extra:
+        deck.lose(block, f"support of {name!r} only at its corners: {extra} more nodes are held here")
 
 
-def read_surface_loads(deck: Deck, block: Block) -> None:
+def read_surface_loads(deck: Deck, block: DeckBlock) -> None:
     """Tractions and pressures on surfaces, *DSLOAD."""
     _forget(deck, block)
     factor, inside = share_of(deck, block), 0
@@ -164,25 +164,25 @@ def read_surface_loads(deck: Deck, block: Block) -> None:
         if where is None:
             deck.lose(block, f"load on {name!r}, which is no boundary of the body")
         elif kind.upper() == "P":
-            _given(deck, Load("traction", where, ("pressure",), keyword=block.keyword), factor * real(words[0]))
+            _set_load(deck, DeckLoad("traction", where, ("pressure",), keyword=block.keyword), factor * real(words[0]))
             inside += deck.inside(where)
         elif kind.upper() in ("TRVEC", "TRSHR"):
             if kind.upper() == "TRSHR":
                 deck.note(block, f"TRSHR on {name!r}: taken along its vector, which must lie in the surface")
             direction = _unit([real(word) for word in words[1:]])[: deck.mesh.dim]
-            load = Load("traction", where, tuple(deck.axes), direction, block.keyword)
-            _given(deck, load, factor * real(words[0]))
+            load = DeckLoad("traction", where, tuple(deck.axes), direction, block.keyword)
+            _set_load(deck, load, factor * real(words[0]))
         else:
             deck.lose(block, f"load of type {kind}")
     _say_inside(deck, block, inside)
 
 
-def _say_inside(deck: Deck, block: Block, faces: int) -> None:
+def _say_inside(deck: Deck, block: DeckBlock, faces: int) -> None:
     if faces:
         deck.lose(block, f"pressure on faces inside the body: {faces}")
 
 
-def read_body_forces(deck: Deck, block: Block) -> None:
+def read_body_forces(deck: Deck, block: DeckBlock) -> None:
     """Pressures on faces of elements, and forces in the whole body, *DLOAD."""
     _forget(deck, block)
     factor, inside = share_of(deck, block), 0
@@ -190,8 +190,8 @@ def read_body_forces(deck: Deck, block: Block) -> None:
         if (where := deck.boundary(group.name)) is None:
             inside += len(group.values)
         else:
-            load = Load("traction", where, ("pressure",), keyword=block.keyword)
-            _given(deck, load, factor * group.values[0])
+            load = DeckLoad("traction", where, ("pressure",), keyword=block.keyword)
+            _set_load(deck, load, factor * group.values[0])
             inside += deck.inside(where)
     _say_inside(deck, block, inside)
     for row in block.rows:
@@ -200,32 +200,34 @@ def read_body_forces(deck: Deck, block: Block) -> None:
             deck.lose(block, f"load {', '.join(row)}")
             continue
         kind, words = row[at].upper(), [real(word) for word in row[at + 1 :]]
-        whole = at == 0 or ((region := deck.region(row[0])) is not None and _whole(deck, region))
+        everywhere = at == 0 or ((region := deck.region(row[0])) is not None and _covers_mesh(deck, region))
         if kind.startswith("P"):
             continue
-        if not whole:
+        if not everywhere:
             deck.lose(block, f"{kind} on {row[0]!r}, a part of the body")
         elif kind.startswith("B"):
-            _given(deck, Load("body_force", "", (kind[1].lower(),), keyword=block.keyword), factor * words[0])
-        elif not deck.materials or any("density" not in own for own in deck.materials.values()):
+            _set_load(deck, DeckLoad("body_force", "", (kind[1].lower(),), keyword=block.keyword), factor * words[0])
+        elif not deck.materials or any("density" not in properties for properties in deck.materials.values()):
             deck.lose(block, f"{kind}: a material has no *DENSITY")
         elif kind == "GRAV":
             direction = _unit(words[1:])[: deck.mesh.dim]
-            load = Load("gravity", "", tuple(deck.axes), direction, block.keyword)
-            _given(deck, load, factor * words[0])
+            load = DeckLoad("gravity", "", tuple(deck.axes), direction, block.keyword)
+            _set_load(deck, load, factor * words[0])
         else:
             about, axis = words[1:4], words[4:7]
             lines = [f"about = {about[: deck.mesh.dim]}"]
             if deck.mesh.dim == 3 or any(axis[:2]):
                 lines.append(f"axis = {axis[: deck.mesh.dim]}")
-            _given(deck, Load("rotation", "", ("speed",), (1.0,), block.keyword, tuple(lines)), factor * words[0])
+            _set_load(
+                deck, DeckLoad("rotation", "", ("speed",), (1.0,), block.keyword, tuple(lines)), factor * words[0]
+            )
 
 
-def _whole(deck: Deck, region: str) -> bool:
+def _covers_mesh(deck: Deck, region: str) -> bool:
     return len(deck.mesh.regions[region]) == len(deck.mesh.cells)
 
 
-def read_forces(deck: Deck, block: Block) -> None:
+def read_forces(deck: Deck, block: DeckBlock) -> None:
     """Forces at nodes: on whole facets a traction, if they are those of a uniform one, or else their sum."""
     _forget(deck, block)
     factor = share_of(deck, block)
@@ -243,24 +245,26 @@ def read_forces(deck: Deck, block: Block) -> None:
         if axis and axis not in deck.axes:
             continue
         if axis and (uniform := _uniform(deck, group)) is not None:
-            load = Load("traction", uniform[0], (axis,), keyword=block.keyword)
-            _given(deck, load, factor * uniform[1])
+            load = DeckLoad("traction", uniform[0], (axis,), keyword=block.keyword)
+            _set_load(deck, load, factor * uniform[1])
             continue
         if not axis:
             deck.lose(block, "moments at nodes")
             continue
         total = 0.0 if abs(total) < _ALIKE**2 * abs(factor) * sum(map(abs, group.values)) else total
-        where, own = deck.boundary(group.name), deck.rows(group.nodes)
-        said = f"forces at nodes, {total:g} along {axis} in all ({len(group.nodes)} node{'s' * (len(group.nodes) > 1)})"
-        turned = not deck.turned.keys().isdisjoint(map(int, own))
+        where, rows = deck.boundary(group.name), deck.rows(group.nodes)
+        label = (
+            f"forces at nodes, {total:g} along {axis} in all ({len(group.nodes)} node{'s' * (len(group.nodes) > 1)})"
+        )
+        turned = not deck.turned.keys().isdisjoint(map(int, rows))
         if where is None or turned or not total or deck.hypothesis == "axisymmetric":
-            deck.lose(block, f"{said}: give a force on a boundary")
+            deck.lose(block, f"{label}: give a force on a boundary")
             continue
-        _given(deck, Load("force", where, (axis,), keyword=block.keyword), total / deck.thickness)
+        _set_load(deck, DeckLoad("force", where, (axis,), keyword=block.keyword), total / deck.thickness)
         if _same_moment(deck, group, where, _AXES[int(group.words[0])]):
-            deck.note(block, f"{said}: on {where!r} evenly")
+            deck.note(block, f"{label}: on {where!r} evenly")
         else:
-            deck.lose(block, f"{said}: their moment; on {where!r} evenly they have another one")
+            deck.lose(block, f"{label}: their moment; on {where!r} evenly they have another one")
 
 
 def _uniform(deck: Deck, group: Group) -> tuple[str, float] | None:
@@ -283,8 +287,8 @@ def _areas(deck: Deck, where: str) -> Floats:
     """The share of each node of the mesh in the area (in the plane: length) of a boundary."""
     facets = deck.mesh.facets[deck.mesh.boundaries[where]]
     shares = nodal_measures(deck.mesh.points, facets, deck.mesh.facet)
-    if (whole := completed("quad8")) is not None and "of their faces" in deck.mesh.note and deck.mesh.dim == 3:
-        facets, shares = facets[:, :-1], shares @ whole[1]
+    if (full_cell := completed("quad8")) is not None and "of their faces" in deck.mesh.note and deck.mesh.dim == 3:
+        facets, shares = facets[:, :-1], shares @ full_cell[1]
     return np.bincount(facets.ravel(), shares.ravel(), minlength=len(deck.mesh.points)).astype(np.float64)
 
 
@@ -305,20 +309,20 @@ def _unit(vector: list[float]) -> tuple[float, ...]:
     return tuple(value / size for value in vector)
 
 
-def share_of(deck: Deck, block: Block) -> float:
+def share_of(deck: Deck, block: DeckBlock) -> float:
     """The share of the values of a load that acts at the end of the step, by its amplitude."""
     if (name := block.parameters.get("AMPLITUDE")) is None:
         return 1.0
-    own = deck.amplitudes.get(name.upper())
+    amplitude = deck.amplitudes.get(name.upper())
     if (
-        own is None
-        or not own.rows
-        or own.parameters.get("DEFINITION", "TABULAR").upper() not in ("TABULAR", "SMOOTHSTEP")
+        amplitude is None
+        or not amplitude.rows
+        or amplitude.parameters.get("DEFINITION", "TABULAR").upper() not in ("TABULAR", "SMOOTHSTEP")
     ):
         deck.lose(block, f"the amplitude {name!r}: the whole load is taken")
         return 1.0
-    words = [real(word) for row in own.rows for word in row]
-    start = deck.time if "TIME" in own.parameters else 0.0
+    words = [real(word) for row in amplitude.rows for word in row]
+    start = deck.time if "TIME" in amplitude.parameters else 0.0
     times, values = np.array(words[0::2]) + real(block.parameters.get("TIMEDELAY", "0")), np.array(words[1::2])
     within = values[(times > start) & (times < start + deck.period)]
     share = float(np.interp(start + deck.period, times, values))
@@ -328,12 +332,12 @@ def share_of(deck: Deck, block: Block) -> float:
     return share
 
 
-def _given(deck: Deck, load: Load, value: float) -> None:
+def _set_load(deck: Deck, load: DeckLoad, value: float) -> None:
     key = (load.table, load.target, load.keys, load.direction, load.keyword, load.lines)
     deck.loads.setdefault(key, load).values[deck.step] = value
 
 
-def _forget(deck: Deck, block: Block) -> None:
+def _forget(deck: Deck, block: DeckBlock) -> None:
     """With OP=NEW, what steps have given so far by a keyword ends with this one."""
     if block.parameters.get("OP", "MOD").upper() != "NEW" or (deck.step, block.keyword) in deck.ended:
         return

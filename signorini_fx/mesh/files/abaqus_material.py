@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.mesh.files.abaqus_blocks import Block, quoted, real
-from signorini_fx.mesh.files.abaqus_content import Deck, Section
+from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, quoted, real
+from signorini_fx.mesh.files.abaqus_content import Deck, DeckSection
 from signorini_fx.mesh.files.arrays import plain
 from signorini_fx.mesh.files.shape import Floats
 
@@ -19,7 +19,7 @@ _CONSTANTS = 9
 _ROUND_OFF = 1e-12
 
 
-def read_section(deck: Deck, block: Block) -> None:
+def read_section(deck: Deck, block: DeckBlock) -> None:
     """The material of a part, and the thickness of a plane one."""
     word = _SECTIONS.get(block.keyword)
     name = deck.model.sections.get(block.number, block.parameters["ELSET"])
@@ -41,33 +41,33 @@ def read_section(deck: Deck, block: Block) -> None:
         )
     if region is not None:
         material, turned = (block.parameters.get(key, "").upper() for key in ("MATERIAL", "ORIENTATION"))
-        deck.sections.append(Section(region, material, turned))
+        deck.sections.append(DeckSection(region, material, turned))
     if deck.mesh.dim == 2 and deck.hypothesis != "axisymmetric" and block.rows and block.rows[0]:
         deck.thickness = real(block.rows[0][0])
         if deck.thickness != 1:
             deck.note(block, f"the thickness {deck.thickness:g}: forces are per unit of it")
 
 
-def read_constants(deck: Deck, block: Block, material: str) -> None:
+def read_constants(deck: Deck, block: DeckBlock, material: str) -> None:
     """*ELASTIC, *DENSITY or *EXPANSION of a material."""
-    own = deck.materials[material]
+    properties = deck.materials[material]
     if block.keyword == "DENSITY":
-        own["density"] = real(block.rows[0][0])
+        properties["density"] = real(block.rows[0][0])
         return
     kind, rows = block.parameters.get("TYPE", "ISOTROPIC").upper().replace(" ", ""), len(block.rows)
     if block.keyword == "ELASTIC" and kind in ("ORTHO", "ORTHOTROPIC", "ENGINEERINGCONSTANTS"):
         words = [real(word) for row in block.rows[:2] for word in row][:_CONSTANTS]
         if len(words) < _CONSTANTS:
             raise ValueError(f"{_CONSTANTS} constants are expected")
-        own["orthotropic"] = _by_axes(words) if kind == "ENGINEERINGCONSTANTS" else _by_axes(_engineering(words))
+        properties["orthotropic"] = _by_axes(words) if kind == "ENGINEERINGCONSTANTS" else _by_axes(_engineering(words))
         rows -= 1
     elif kind not in ("ISOTROPIC", "ISO"):
         deck.lose(block, f"{block.name.lower()} of the material {material!r}: it is neither isotropic nor orthotropic")
         return
     elif block.keyword == "EXPANSION":  # ZERO, a temperature of reference, matters for a coefficient that varies only
-        own["expansion"] = real(block.rows[0][0])
+        properties["expansion"] = real(block.rows[0][0])
     else:
-        own["young"], own["poisson"] = (real(word) for word in (*block.rows[0], "0")[:2])
+        properties["young"], properties["poisson"] = (real(word) for word in (*block.rows[0], "0")[:2])
     if rows > 1:
         deck.lose(block, "constants that depend on temperature: the first line is taken")
 
@@ -131,19 +131,19 @@ def _turned(axes: Floats, about: int, angle: float) -> Floats:
     """A frame turned about one of its axes."""
     if not 0 <= about < 3:
         raise ValueError("an *ORIENTATION is turned about axis 1, 2 or 3")
-    found, (one, other) = axes.copy(), ((about + 1) % 3, (about + 2) % 3)
-    found[one] = np.cos(angle) * axes[one] + np.sin(angle) * axes[other]
-    found[other] = np.cos(angle) * axes[other] - np.sin(angle) * axes[one]
-    return found
+    turned, (first_axis, second_axis) = axes.copy(), ((about + 1) % 3, (about + 2) % 3)
+    turned[first_axis] = np.cos(angle) * axes[first_axis] + np.sin(angle) * axes[second_axis]
+    turned[second_axis] = np.cos(angle) * axes[second_axis] - np.sin(angle) * axes[first_axis]
+    return turned
 
 
 def _linear(matrix: Floats, constant: Floats, dim: int) -> str:
     """A vector that is linear in the position, as values of a scene."""
     values = []
-    for row, rest in zip(plain(matrix[:dim, :dim]), plain(constant[:dim]), strict=True):
+    for row, offset in zip(plain(matrix[:dim, :dim]), plain(constant[:dim]), strict=True):
         terms = [f"{share!r}*x[{k}]" for k, share in enumerate(row) if abs(share) > _ROUND_OFF]
-        said = " + ".join([*terms, repr(rest)]).replace("+ -", "- ")
-        values.append(quoted(said) if terms else said)
+        text = " + ".join([*terms, repr(offset)]).replace("+ -", "- ")
+        values.append(quoted(text) if terms else text)
     return f"[{', '.join(values)}]"
 
 
@@ -158,21 +158,23 @@ def material_tables(deck: Deck, *, heated: bool) -> list[tuple[str, list[str]]]:
     sections = deck.sections
     if not sections and len(deck.materials) == 1:
         deck.note(None, "no section: the whole body is of the only material")
-        sections = [Section("", next(iter(deck.materials)), "")]
+        sections = [DeckSection("", next(iter(deck.materials)), "")]
     shown: list[tuple[str, list[str]]] = []
     missing = False
     for section in sections:
-        own = deck.materials.get(section.material)
-        if own is None:
+        properties = deck.materials.get(section.material)
+        if properties is None:
             raise ValueError(f"the material {section.material!r} of {section.region!r} is not defined")
-        if (law := _law(deck, own, section.orientation)) is None:
+        if (law := _law(deck, properties, section.orientation)) is None:
             deck.lose(
                 None, f"material {section.material!r} of {section.region!r}: it has no *ELASTIC that is known here"
             )
             missing = True
             continue
-        own = {"expansion": 0.0, **own} if heated else own  # without *EXPANSION a material does not expand
-        shown.append((section.region, [*law, *(f"{key} = {own[key]!r}" for key in keys if key in own)]))
+        properties = (
+            {"expansion": 0.0, **properties} if heated else properties
+        )  # without *EXPANSION a material does not expand
+        shown.append((section.region, [*law, *(f"{key} = {properties[key]!r}" for key in keys if key in properties)]))
     if not shown:
         raise ValueError("no section has a material with *ELASTIC: add both to the file")
     covered = np.zeros(len(deck.mesh.cells), dtype=bool)
@@ -186,12 +188,12 @@ def material_tables(deck: Deck, *, heated: bool) -> list[tuple[str, list[str]]]:
     return [("[[material]]", [f"region = {quoted(region)}", *lines, *hypothesis]) for region, lines in shown]
 
 
-def _law(deck: Deck, own: dict[str, Any], orientation: str) -> list[str] | None:
+def _law(deck: Deck, properties: dict[str, Any], orientation: str) -> list[str] | None:
     """Its constants of elasticity as lines; None: it has none."""
-    if "young" in own:
-        return [f"{key} = {own[key]!r}" for key in ("young", "poisson")]
-    if "orthotropic" not in own:
+    if "young" in properties:
+        return [f"{key} = {properties[key]!r}" for key in ("young", "poisson")]
+    if "orthotropic" not in properties:
         return None
     axes = _axes_of(deck, orientation) if orientation else []
-    constants = [f"{key} = {value}" for key, value in own["orthotropic"].items()]
+    constants = [f"{key} = {value}" for key, value in properties["orthotropic"].items()]
     return [f"orthotropic = {{ {', '.join([*constants, *axes])} }}"]

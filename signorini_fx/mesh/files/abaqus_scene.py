@@ -64,8 +64,8 @@ def draft(file: Path, mesh: MeshArrays, target: Path) -> Draft:
         lines += ["# Remove what you have completed, or do not need: results are incomplete as long as this is here."]
         lines += ["incomplete = [", *(f"    {quoted(remark)}," for remark in lost), "]"]
     lines += ["", "[mesh]", f"file = {quoted(os.path.relpath(file, target.parent))}"]
-    for heading, own in tables:
-        lines += ["", heading, *own]
+    for heading, table_lines in tables:
+        lines += ["", heading, *table_lines]
     return Draft("\n".join(lines) + "\n", lost, noted, files)
 
 
@@ -78,9 +78,9 @@ def _tables(deck: Deck, target: Path, files: dict[Path, str]) -> list[tuple[str,
     tables += [("[[preload]]", lines) for lines in preload_tables(deck, steps)]
     contacts, stiffness = contact_tables(deck, steps)
     tables += [("[[contact]]", lines) for lines in contacts]
-    every = [line for _, lines in tables for line in lines]
-    timed = any(line.startswith("foundation") and " if t < " in line for line in every)
-    if timed or any(line.startswith("factors") for line in every):  # else all steps are the same
+    all_lines = [line for _, lines in tables for line in lines]
+    timed = any(line.startswith("foundation") and " if t < " in line for line in all_lines)
+    if timed or any(line.startswith("factors") for line in all_lines):  # else all steps are the same
         times = [f"times = {[float(step) for step in range(1, steps + 1)]}"] if timed else []
         tables.append(("[load_steps]", [f"names = [{', '.join(map(quoted, deck.steps))}]", *times]))
     return tables + ([("[solver]", stiffness)] if stiffness else [])
@@ -88,17 +88,17 @@ def _tables(deck: Deck, target: Path, files: dict[Path, str]) -> list[tuple[str,
 
 def _heat(deck: Deck, steps: int, target: Path, files: dict[Path, str]) -> list[tuple[str, list[str]]]:
     """Changes of the temperature; one that is not the same everywhere becomes a file beside the scene."""
-    found = []
+    tables = []
     for value, field, factors in temperature_changes(deck, steps):
         lines = [f"change = {value!r}"]
         if value is None:
             beside = target.with_name(f"{target.stem}_temperature_{len(files) + 1}.csv")
             rows = np.column_stack((deck.mesh.points[: len(field)], field))
-            written = (",".join(repr(float(one)) for one in row) for row in rows)
+            written = (",".join(repr(float(number)) for number in row) for row in rows)
             files[beside] = "\n".join([f"{','.join(deck.axes)},change", *written])
             lines = [f"file = {quoted(beside.name)}"]
-        found.append(("[[temperature]]", lines + ([f"factors = {factors}"] if set(factors) != {1.0} else [])))
-    return found
+        tables.append(("[[temperature]]", lines + ([f"factors = {factors}"] if set(factors) != {1.0} else [])))
+    return tables
 
 
 def _loads(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
@@ -112,22 +112,22 @@ def _loads(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
         if largest == 0 and load.table != "displacement":
             continue
         factors = tuple(value / largest for value in values) if largest else ()
-        own = {key: share * largest for key, share in zip(load.keys, load.direction, strict=False) if share}
+        components = {key: share * largest for key, share in zip(load.keys, load.direction, strict=False) if share}
         if load.table == "rotation":  # its factors multiply the force
-            own = {"speed": math.sqrt(largest)}
+            components = {"speed": math.sqrt(largest)}
         where = (load.table, load.target, load.lines, () if set(factors) <= {1.0} else factors)
         # Two loads with the same component are two entries, which add up.
-        entry = next(n for n in count() if not own.keys() & merged.get((*where, n), {}).keys())
-        merged.setdefault((*where, entry), {}).update(own)
-    found, weights = [], 0
-    for (table, target, more, course, _), own in merged.items():
+        entry = next(n for n in count() if not components.keys() & merged.get((*where, n), {}).keys())
+        merged.setdefault((*where, entry), {}).update(components)
+    tables, weights = [], 0
+    for (table, target, extra_lines, course, _), components in merged.items():
         weights += table == "body_force"
         if table == "body_force" and weights > 1:
             deck.lose(None, "several body forces: a scene has one, the first is taken")
             continue
         lines = [f"boundary = {quoted(target)}"] if target else []
-        lines += more
-        lines += [f"{key} = {value!r}" for key, value in own.items()]
+        lines += extra_lines
+        lines += [f"{key} = {value!r}" for key, value in components.items()]
         lines += [f"factors = {list(course)}"] if course else []
-        found.append((f"[{table}]" if table == "body_force" else f"[[{table}]]", lines))
-    return found
+        tables.append((f"[{table}]" if table == "body_force" else f"[[{table}]]", lines))
+    return tables

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from signorini_fx.mesh.files.abaqus_blocks import Block, real
+from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, real
 from signorini_fx.mesh.files.abaqus_content import Deck
 from signorini_fx.mesh.files.abaqus_loads import share_of
 from signorini_fx.mesh.files.shape import Floats
@@ -19,7 +19,7 @@ from signorini_fx.mesh.files.shape import Floats
 _ALIKE = 1e-9
 
 
-def read_temperatures(deck: Deck, block: Block) -> None:
+def read_temperatures(deck: Deck, block: DeckBlock) -> None:
     """Temperatures at nodes: *TEMPERATURE of a step, or *INITIAL CONDITIONS, TYPE=TEMPERATURE."""
     parameters = block.parameters
     if block.keyword == "INITIALCONDITIONS" and parameters.get("TYPE", "").upper() != "TEMPERATURE":
@@ -32,20 +32,20 @@ def read_temperatures(deck: Deck, block: Block) -> None:
         deck.lose(block, "temperatures that are not in the file")
         return
     anew = parameters.get("OP", "MOD").upper() == "NEW" and deck.step not in deck.temperatures
-    now = _at(deck, -1 if anew else deck.step).copy()
+    temperatures = _at(deck, -1 if anew else deck.step).copy()
     share = share_of(deck, block)
     for name, value, *_ in block.rows:
         rows = deck.rows([int(name)]) if name.isdigit() else deck.nodes(name)
         if not rows.size:
             deck.note(block, f"temperature of {name!r}: no part of the body")
-        now[np.searchsorted(deck.numbers, rows)] = share * real(value)
-    deck.temperatures[deck.step] = now
+        temperatures[np.searchsorted(deck.numbers, rows)] = share * real(value)
+    deck.temperatures[deck.step] = temperatures
 
 
 def _at(deck: Deck, step: int) -> Floats:
     """Of the nodes of the file at the end of a step, shape (n,)."""
-    known = [before for before in deck.temperatures if before <= step]
-    return deck.temperatures[max(known)] if known else np.zeros(len(deck.numbers))
+    steps = [earlier for earlier in deck.temperatures if earlier <= step]
+    return deck.temperatures[max(steps)] if steps else np.zeros(len(deck.numbers))
 
 
 def temperature_changes(deck: Deck, steps: int) -> Iterator[tuple[float | None, Floats, list[float]]]:
@@ -71,9 +71,9 @@ def temperature_changes(deck: Deck, steps: int) -> Iterator[tuple[float | None, 
                 factors[step] = factor
                 break
         else:
-            fields.append((change, [float(other == step) for other in range(steps)]))
+            fields.append((change, [float(number == step) for number in range(steps)]))
     for field, factors in fields:
-        most = max(factors, key=abs)
-        whole: Floats = most * field
+        largest_factor = max(factors, key=abs)
+        full_change: Floats = largest_factor * field
         uniform = np.ptp(field) <= _ALIKE * np.abs(field).max()
-        yield float(whole[0]) if uniform else None, whole, [factor / most for factor in factors]
+        yield float(full_change[0]) if uniform else None, full_change, [factor / largest_factor for factor in factors]

@@ -26,9 +26,9 @@ def tool_keys(deck: Deck, node: int, courses: dict[tuple[str, ...], list[float]]
     share = deck.thickness if planar else 1.0
 
     def sums(kind: str, names: Sequence[str]) -> list[str]:
-        given = [courses.get((kind, name)) for name in names]
-        none = [0.0] * max(1, len(deck.steps))
-        return [_of_time([value / share for value in one or none]) for one in given] if any(given) else []
+        selected = [courses.get((kind, name)) for name in names]
+        zeros = [0.0] * max(1, len(deck.steps))
+        return [_of_time([value / share for value in course or zeros]) for course in selected] if any(selected) else []
 
     point = deck.model.raw.points[deck.model.places[node]][: deck.mesh.dim].tolist()
     keys = [f"pivot = {point}"]
@@ -36,16 +36,16 @@ def tool_keys(deck: Deck, node: int, courses: dict[tuple[str, ...], list[float]]
         keys.append(f"force = [{', '.join(force)}]")
     if moment := sums("moment", turns):
         keys.append(f"moment = {moment[0]}" if planar else f"moment = [{', '.join(moment)}]")
-    held = {name: one for name in (*axes, *turns) if (one := courses.get(("prescribed", name))) is not None}
+    held = {name: course for name in (*axes, *turns) if (course := courses.get(("prescribed", name))) is not None}
     if held:
-        keys.append(f"prescribed = {{ {', '.join(f'{name} = {_of_time(one)}' for name, one in held.items())} }}")
+        keys.append(f"prescribed = {{ {', '.join(f'{name} = {_of_time(course)}' for name, course in held.items())} }}")
     return ", ".join(keys)
 
 
 def _of_time(values: Sequence[float]) -> str:
     """A number, or an expression of the time t, which is 1, 2, 3 and so on in the steps."""
-    *others, last = values
-    if all(value == last for value in others):
+    *earlier, last = values
+    if all(value == last for value in earlier):
         return repr(last)
-    parts = [f"{value!r} if t < {step + 0.5} else" for step, value in enumerate(others, 1)]
+    parts = [f"{value!r} if t < {step + 0.5} else" for step, value in enumerate(earlier, 1)]
     return f'"{" ".join(parts)} {last!r}"'

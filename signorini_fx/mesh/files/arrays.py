@@ -115,10 +115,10 @@ def from_raw(
     raw, raised = of_one_order(raw)
     raw, note = cut(raw, name)
     kind, body = _body(raw, name)
-    if (whole := completed(kind)) is not None:
+    if (full_cell := completed(kind)) is not None:
         count = sum(len(raw.blocks[n][1]) for n in body)
-        raw, kind = complete(raw, body, *whole)
-        note = f"{count} {whole[0].word} get nodes in the middle of their faces, and are {kind}"
+        raw, kind = complete(raw, body, *full_cell)
+        note = f"{count} {full_cell[0].word} get nodes in the middle of their faces, and are {kind}"
     note = "; ".join(filter(None, (raised, note)))
     cell = CELLS[kind]
     points, cells, renumber = _points_of(raw, body, cell.dim, name)
@@ -130,14 +130,14 @@ def from_raw(
     if any(label in raw.sets for label in sections):
         facets = np.concatenate((facets, _inside(raw, sections, renumber, sides_of(cells, cell), facets, width)))
     named = [n for n, (k, nodes) in enumerate(raw.blocks) if _corners_of(k) == width and n not in body]
-    given = [renumber[raw.blocks[n][1][:, :width]] for n in named]
-    ends = np.cumsum([len(rows) for rows in given])[:-1]
-    every = np.concatenate([np.empty((0, width), dtype=np.int64), *given])
-    rows = np.split(rows_of(every, facets[:, :width]), ends) if named else []
+    facet_tables = [renumber[raw.blocks[n][1][:, :width]] for n in named]
+    ends = np.cumsum([len(rows) for rows in facet_tables])[:-1]
+    named_facets = np.concatenate([np.empty((0, width), dtype=np.int64), *facet_tables])
+    rows = np.split(rows_of(named_facets, facets[:, :width]), ends) if named else []
     sides = _Entities("boundaries", "exterior facet", dict(zip(named, rows, strict=True)), facets[:, :width])
     first = np.cumsum([0, *(len(raw.blocks[n][1]) for n in body)])
-    own = {n: k + np.arange(len(raw.blocks[n][1])) for n, k in zip(body, first, strict=False)}
-    parts = _Entities("regions", "cell", own, corners)
+    cell_rows = {n: k + np.arange(len(raw.blocks[n][1])) for n, k in zip(body, first, strict=False)}
+    parts = _Entities("regions", "cell", cell_rows, corners)
     # If a name is that of facets and of nodes, as in Abaqus, the facets are meant.
     names = _from_nodes(raw, renumber, len(points), sides.nodes) | _names(raw, sides, data, name)
     names_of_parts = _names(raw, parts, data, name)
@@ -146,21 +146,23 @@ def from_raw(
         for label, selection in (chosen or {}).items():
             if isinstance(selection, int | tuple):
                 numbers = selection if isinstance(selection, tuple) else (selection,)
-                each = [_numbered(raw, entities, number, data, name) for number in numbers]
-                missing = [message for found, message in each if not found.size]
-                found = np.unique(np.concatenate([found if not missing else found[:0] for found, _ in each]))
+                numbered = [_numbered(raw, entities, number, data, name) for number in numbers]
+                missing = [message for selected, message in numbered if not selected.size]
+                selected = np.unique(
+                    np.concatenate([selected if not missing else selected[:0] for selected, _ in numbered])
+                )
                 message = missing[0] if missing else ""
             elif isinstance(selection, Expression) and selection.coordinates > cell.dim:
-                found, message = np.empty(0, dtype=np.int64), f"{name}: the mesh is plane: there is no x[2]"
+                selected, message = np.empty(0, dtype=np.int64), f"{name}: the mesh is plane: there is no x[2]"
             else:
-                found = np.flatnonzero(_holds(selection, points)[entities.nodes].all(axis=1))
+                selected = np.flatnonzero(_holds(selection, points)[entities.nodes].all(axis=1))
                 extents = ", ".join(
                     f"x[{k}] {low:.6g} to {high:.6g}"
                     for k, (low, high) in enumerate(zip(points.min(axis=0), points.max(axis=0), strict=True))
                 )
                 message = f"{name}: selects no {entities.word}; the body is {extents}"
-            result[label] = found
-            if not found.size:
+            result[label] = selected
+            if not selected.size:
                 problems.append((f"mesh.{entities.key}.{label}", message))
     if problems:
         raise SceneError(problems)
@@ -192,9 +194,9 @@ class _Entities:
 
     def take(self, members: Callable[[int], Ints]) -> Ints:
         """The entities that are elements ``members(block)``."""
-        found = [rows[members(block)] for block, rows in self.rows.items()]
-        every = np.concatenate([np.empty(0, dtype=np.int64), *found])
-        return np.unique(every[every >= 0])
+        parts = [rows[members(block)] for block, rows in self.rows.items()]
+        numbers = np.concatenate([np.empty(0, dtype=np.int64), *parts])
+        return np.unique(numbers[numbers >= 0])
 
     def values(self, numbers: list[Ints]) -> list[int]:
         """The numbers that elements have; below 0 is none."""
@@ -226,9 +228,9 @@ def _from_nodes(raw: RawMesh, renumber: Ints, count: int, corners: Ints) -> dict
         marked = np.zeros(count + 1, dtype=bool)  # the last one is for points that no cell uses
         marked[renumber[nodes]] = True
         marked[-1] = False
-        found = np.flatnonzero(marked[corners].all(axis=1))
-        if found.size:
-            named[label] = found
+        facets = np.flatnonzero(marked[corners].all(axis=1))
+        if facets.size:
+            named[label] = facets
     return named
 
 
@@ -236,7 +238,7 @@ def _numbered(raw: RawMesh, entities: _Entities, value: int, data: str | None, n
     """The entities with a number, and the message if there are none."""
     numbers = _numbers(raw, entities, data, name)
     if numbers is None:
-        possible = [repr(label) for label, own in raw.data.items() if entities.values(own)]
+        possible = [repr(label) for label, columns in raw.data.items() if entities.values(columns)]
         cure = (
             f"set mesh.data to the cell data that is meant; there are: {', '.join(possible)}"
             if possible
@@ -244,9 +246,9 @@ def _numbered(raw: RawMesh, entities: _Entities, value: int, data: str | None, n
             "the file (in gmsh: physical groups)"
         )
         return np.empty(0, dtype=np.int64), f"{name}: {cure}"
-    known = ", ".join(map(str, entities.values(numbers))) or "none"
-    found = entities.with_number(numbers, value)
-    return found, f"{name}: number {value} selects no {entities.word}; the numbers there are: {known}"
+    known_numbers = ", ".join(map(str, entities.values(numbers))) or "none"
+    selected = entities.with_number(numbers, value)
+    return selected, f"{name}: number {value} selects no {entities.word}; the numbers there are: {known_numbers}"
 
 
 def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
@@ -272,8 +274,8 @@ def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
         raise MeshError(f"{name}: the mesh mixes cell types or orders ({counts}); use one{hint}")
     (kind,) = sizes
     if kind not in CELLS and completed(kind) is None:
-        known = ", ".join(k for k, cell in CELLS.items() if cell.dim == (3 if solid else 2))
-        raise MeshError(f"{name}: no element for cells of kind {kind}; use one of: {known}")
+        known_kinds = ", ".join(k for k, cell in CELLS.items() if cell.dim == (3 if solid else 2))
+        raise MeshError(f"{name}: no element for cells of kind {kind}; use one of: {known_kinds}")
     return kind, [n for n, (k, _) in enumerate(raw.blocks) if k == kind]
 
 
@@ -356,16 +358,16 @@ def _inside(raw: RawMesh, sections: Collection[str], renumber: Ints, sides: Ints
     ]
     wanted = np.concatenate([np.empty((0, width), dtype=np.int64), *members])
     wanted = wanted[rows_of(wanted, facets[:, :width]) < 0]
-    found = rows_of(wanted, sides[:, :width])
-    return sides[np.unique(found[found >= 0])]
+    side_rows = rows_of(wanted, sides[:, :width])
+    return sides[np.unique(side_rows[side_rows >= 0])]
 
 
 def _numbers(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> list[Ints] | None:
     """The cell data that numbers refer to; None if there is none, or more than one."""
     if data is not None:
         if data not in raw.data:
-            known = ", ".join(map(repr, raw.data)) or "none"
-            raise SceneError([("mesh.data", f"{name}: no cell data {data!r} of whole numbers; there are: {known}")])
+            labels = ", ".join(map(repr, raw.data)) or "none"
+            raise SceneError([("mesh.data", f"{name}: no cell data {data!r} of whole numbers; there are: {labels}")])
         return raw.data[data]
     possible = [numbers for numbers in raw.data.values() if entities.values(numbers)]
     return possible[0] if len(possible) == 1 else None

@@ -57,9 +57,11 @@ class Cell:
     @cached_property
     def facet_nodes(self) -> tuple[Corners, ...]:
         """Nodes of each facet, in the order of the kind of the facets."""
-        place = {frozenset(own): node for node, own in enumerate(self.nodes)}
+        node_of = {frozenset(corners): node for node, corners in enumerate(self.nodes)}
         pattern = CELLS[self.facet].nodes
-        return tuple(tuple(place[frozenset(facet[c] for c in own)] for own in pattern) for facet in self.facets)
+        return tuple(
+            tuple(node_of[frozenset(facet[c] for c in corners)] for corners in pattern) for facet in self.facets
+        )
 
     def shape(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Shape functions at places of the reference cell, shape (places, dim) -> (places, nodes)."""
@@ -68,14 +70,16 @@ class Cell:
             return linear
         if self.simplex:  # corners: v (2 v - 1), edges: 4 v w
             columns = [
-                linear[:, own[0]] * (2 * linear[:, own[0]] - 1) if len(own) == 1 else 4 * linear[:, list(own)].prod(1)
-                for own in self.nodes
+                linear[:, corners[0]] * (2 * linear[:, corners[0]] - 1)
+                if len(corners) == 1
+                else 4 * linear[:, list(corners)].prod(1)
+                for corners in self.nodes
             ]
             return np.stack(columns, axis=1)
         along = np.stack(((2 * x - 1) * (x - 1), 4 * x * (1 - x), x * (2 * x - 1)))  # at 0, 1/2 and 1
-        twice = [2 * np.mean([self.corners[c] for c in own], axis=0).astype(np.float64) for own in self.nodes]
+        twice = [2 * np.mean([self.corners[c] for c in corners], axis=0).astype(np.float64) for corners in self.nodes]
         return np.stack(
-            [np.prod([along[int(at), :, k] for k, at in enumerate(place)], axis=0) for place in twice], axis=1
+            [np.prod([along[int(at), :, k] for k, at in enumerate(position)], axis=0) for position in twice], axis=1
         )
 
     def weights(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -114,7 +118,7 @@ def _made(kind: str, corners: tuple[Corners, ...], between: tuple[Corners, ...],
     return Cell(kind, word, corners, nodes, facets, curved, gmsh, order or tuple(range(len(nodes))))
 
 
-_ALL = (
+_ALL_CELLS = (
     _made("line", ((0,), (1,)), (), 1),
     _made("line3", ((0,), (1,)), ((0, 1),), 8),
     _made("triangle", _TRIANGLE, (), 2),
@@ -134,17 +138,17 @@ _ALL = (
         *(24, 22, 20, 21, 23, 25, 26),
     ),
 )
-CELLS = {cell.kind: cell for cell in _ALL}
+CELLS = {cell.kind: cell for cell in _ALL_CELLS}
 
 
 def of_gmsh(number: int) -> Cell | None:
     """The kind of element with gmsh's number; None for an unknown one."""
-    return next((cell for cell in _ALL if cell.gmsh == number), None)
+    return next((cell for cell in _ALL_CELLS if cell.gmsh == number), None)
 
 
 def straight(cell: Cell) -> Cell:
     """The kind with the same corners and no nodes between them."""
-    return next(one for one in _ALL if one.corners == cell.corners and one.degree == 1)
+    return next(candidate for candidate in _ALL_CELLS if candidate.corners == cell.corners and candidate.degree == 1)
 
 
 # Elements of the serendipity family, which have no nodes in the middle of faces, and their complete kind.
@@ -160,13 +164,13 @@ def completed(kind: str) -> tuple[Cell, npt.NDArray[np.float64]] | None:
     """
     if kind not in _COMPLETE:
         return None
-    whole = CELLS[_COMPLETE[kind]]
-    x = 2 * np.array([np.mean([whole.corners[c] for c in own], axis=0) for own in whole.nodes]) - 1
-    corner = 2.0 * np.array(whole.corners) - 1
-    at_corners = [(1 + x * c).prod(axis=1) * ((x * c).sum(axis=1) - whole.dim + 1) / len(corner) for c in corner]
-    edges = [own for own in whole.nodes if len(own) == 2]
-    at_edges = [_serendipity(x, np.mean(corner[list(own)], axis=0)) for own in edges]
-    return whole, np.stack([*at_corners, *at_edges], axis=1)
+    full_cell = CELLS[_COMPLETE[kind]]
+    x = 2 * np.array([np.mean([full_cell.corners[c] for c in corners], axis=0) for corners in full_cell.nodes]) - 1
+    corner = 2.0 * np.array(full_cell.corners) - 1
+    at_corners = [(1 + x * c).prod(axis=1) * ((x * c).sum(axis=1) - full_cell.dim + 1) / len(corner) for c in corner]
+    edges = [corners for corners in full_cell.nodes if len(corners) == 2]
+    at_edges = [_serendipity(x, np.mean(corner[list(corners)], axis=0)) for corners in edges]
+    return full_cell, np.stack([*at_corners, *at_edges], axis=1)
 
 
 def _serendipity(x: npt.NDArray[np.float64], edge: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

@@ -65,8 +65,8 @@ def cut(raw: RawMesh, name: str) -> tuple[RawMesh, str]:
     body = solid or {kind for kind in kinds if shape_of(kind) in ("triangle", "quad")}
     shapes = {shape_of(kind) for kind in body}
     curved = {kind != shape_of(kind) for kind in body}
-    whole = all(0 <= nodes.min() <= nodes.max() < len(raw.points) for _, nodes in raw.blocks if nodes.size)
-    if not whole or len(curved) > 1 or "triangle7" in body:
+    valid = all(0 <= nodes.min() <= nodes.max() < len(raw.points) for _, nodes in raw.blocks if nodes.size)
+    if not valid or len(curved) > 1 or "triangle7" in body:
         return raw, ""
     wanted = len(shapes) == 2
     if solid:
@@ -81,15 +81,15 @@ def cut(raw: RawMesh, name: str) -> tuple[RawMesh, str]:
     pieces: list[int] = []
     for kind, nodes in raw.blocks:
         shape = shape_of(kind)
-        found = nodes[:, None]
+        simplices = nodes[:, None]
         if len(nodes) and kind in body and shape != simplex:
             counts[shape] += len(nodes)
-            found = _cells(raw.points, nodes[:, : CORNERS[shape]], shape, name) if solid else _halves(nodes[:, :4])
-            kind, found = (simplex, found) if middles is None else middles.given(simplex, found)
+            simplices = _cells(raw.points, nodes[:, : CORNERS[shape]], shape, name) if solid else _halves(nodes[:, :4])
+            kind, simplices = (simplex, simplices) if middles is None else middles.given(simplex, simplices)
         elif shape == "quad":
-            kind, found = "triangle", _halves(nodes[:, :4])
-        blocks.append((kind, found.reshape(-1, found.shape[2])))
-        pieces.append(found.shape[1])
+            kind, simplices = "triangle", _halves(nodes[:, :4])
+        blocks.append((kind, simplices.reshape(-1, simplices.shape[2])))
+        pieces.append(simplices.shape[1])
     sets: dict[str, list[Ints]] = {
         name: [np.asarray(rows[:, None] * k + np.arange(k)).ravel() for rows, k in zip(members, pieces, strict=True)]
         for name, members in raw.sets.items()
@@ -98,10 +98,10 @@ def cut(raw: RawMesh, name: str) -> tuple[RawMesh, str]:
         name: [values.repeat(k, axis=0) for values, k in zip(numbers, pieces, strict=True)]
         for name, numbers in raw.data.items()
     }
-    told = " and ".join(f"{count} {WORDS[kind]}" for kind, count in counts.items() if count)
+    description = " and ".join(f"{count} {WORDS[kind]}" for kind, count in counts.items() if count)
     points = raw.points if middles is None else middles.points
     word = "tetrahedra" if solid else "triangles"
-    return replace(raw, points=points, blocks=blocks, sets=sets, data=data), f"{told} are cut into {word}"
+    return replace(raw, points=points, blocks=blocks, sets=sets, data=data), f"{description} are cut into {word}"
 
 
 def _apart(raw: RawMesh, body: set[str]) -> bool:
@@ -123,35 +123,35 @@ class _Middles:
     def __init__(self, raw: RawMesh, body: set[str]) -> None:
         self.points = np.asarray(raw.points, dtype=np.float64)
         made: list[tuple[Ints, Ints]] = []
-        there: list[tuple[Ints, Ints]] = []
+        existing: list[tuple[Ints, Ints]] = []
         for kind, nodes in raw.blocks:
             if kind in body and len(nodes):
                 shape = shape_of(kind)
-                for k, own in enumerate(BETWEEN[shape][: nodes.shape[1] - CORNERS[shape]]):
-                    there += [(nodes[:, pair], nodes[:, CORNERS[shape] + k]) for pair in _pairs(own)]
+                for k, corners in enumerate(BETWEEN[shape][: nodes.shape[1] - CORNERS[shape]]):
+                    existing += [(nodes[:, pair], nodes[:, CORNERS[shape] + k]) for pair in _pairs(corners)]
                 made += self._lacking(shape, nodes)
         # What the file has comes last, and is taken.
-        self._pairs = np.concatenate([pairs for pairs, _ in made + there])
-        self._nodes = np.concatenate([node for _, node in made + there])
+        self._pairs = np.concatenate([pairs for pairs, _ in made + existing])
+        self._nodes = np.concatenate([node for _, node in made + existing])
 
     def _lacking(self, shape: str, nodes: Ints) -> list[tuple[Ints, Ints]]:
         """Diagonals of faces and cells without a node in the middle, and the new nodes there."""
-        place = {frozenset(own): CORNERS[shape] + k for k, own in enumerate(BETWEEN[shape])}
-        there = nodes.shape[1]
-        found: list[tuple[Ints, Ints]] = []
+        node_of = {frozenset(corners): CORNERS[shape] + k for k, corners in enumerate(BETWEEN[shape])}
+        node_count = nodes.shape[1]
+        added: list[tuple[Ints, Ints]] = []
         faces = [face for face in _FACES.get(shape, (tuple(range(CORNERS[shape])),)) if len(face) == 4]
-        lacking = [own for own in faces if place[frozenset(own)] >= there]
-        for own in [*lacking, tuple(range(8))] if there == 20 else lacking:
-            element = completed("quad8" if len(own) == 4 else "hexahedron20")
+        lacking = [corners for corners in faces if node_of[frozenset(corners)] >= node_count]
+        for corners in [*lacking, tuple(range(8))] if node_count == 20 else lacking:
+            element = completed("quad8" if len(corners) == 4 else "hexahedron20")
             assert element is not None
             cell, weights = element
-            ends = [[own[c] for c in pair] for pair in cell.nodes if len(pair) <= 2]
-            locals_ = [pair[0] if len(pair) == 1 else place[frozenset(pair)] for pair in ends]
-            _, first, number = np.unique(row_keys(nodes[:, own]), return_index=True, return_inverse=True)
+            ends = [[corners[c] for c in pair] for pair in cell.nodes if len(pair) <= 2]
+            locals_ = [pair[0] if len(pair) == 1 else node_of[frozenset(pair)] for pair in ends]
+            _, first, number = np.unique(row_keys(nodes[:, corners]), return_index=True, return_inverse=True)
             x = np.einsum("n,cnd->cd", weights[-1], self.points[nodes[first][:, locals_]])
-            found += [(nodes[:, pair], len(self.points) + number.reshape(-1)) for pair in _pairs(own)]
+            added += [(nodes[:, pair], len(self.points) + number.reshape(-1)) for pair in _pairs(corners)]
             self.points = np.concatenate((self.points, x))
-        return found
+        return added
 
     def given(self, simplex: str, corners: Ints) -> tuple[str, Ints]:
         """The kind of simplices with nodes on their edges, and their nodes, shape (m, k, nodes of each)."""
@@ -163,10 +163,10 @@ class _Middles:
         return f"{simplex}{corners.shape[2] + len(between)}", np.concatenate((corners, nodes), axis=2)
 
 
-def _pairs(own: Corners) -> list[list[int]]:
+def _pairs(corners: Corners) -> list[list[int]]:
     """The pairs of corners whose middle is that of an edge, a face or a hexahedron."""
-    opposite = {2: ((0, 1),), 4: ((0, 2), (1, 3)), 8: ((0, 6), (1, 7), (2, 4), (3, 5))}[len(own)]
-    return [[own[a], own[b]] for a, b in opposite]
+    opposite = {2: ((0, 1),), 4: ((0, 2), (1, 3)), 8: ((0, 6), (1, 7), (2, 4), (3, 5))}[len(corners)]
+    return [[corners[a], corners[b]] for a, b in opposite]
 
 
 def _halves(quads: Ints) -> Ints:
@@ -183,28 +183,28 @@ def _cells(points: Floats, cells: Ints, kind: str, name: str) -> Ints:
     """
     faces = _FACES[kind]
     lowest = np.argmin(cells, axis=1)
-    found: Ints | None = None
+    tetrahedra: Ints | None = None
     for corner in range(cells.shape[1]):
-        here = lowest == corner
+        chosen = lowest == corner
         opposite = [
-            _halves(cells[here][:, face]) if len(face) == 4 else cells[here][:, None, face]
+            _halves(cells[chosen][:, face]) if len(face) == 4 else cells[chosen][:, None, face]
             for face in faces
             if corner not in face
         ]
         sides = np.concatenate(opposite, axis=1)
-        own = np.concatenate(
-            (sides, np.broadcast_to(cells[here, corner][:, None, None], (*sides.shape[:2], 1))), axis=2
+        fan = np.concatenate(
+            (sides, np.broadcast_to(cells[chosen, corner][:, None, None], (*sides.shape[:2], 1))), axis=2
         )
         # From the apex of a pyramid there are two, and from another corner as well.
-        found = np.empty((len(cells), own.shape[1], 4), dtype=np.int64) if found is None else found
-        found[here] = own
-    assert found is not None
-    x = np.asarray(points, dtype=np.float64)[found]
+        tetrahedra = np.empty((len(cells), fan.shape[1], 4), dtype=np.int64) if tetrahedra is None else tetrahedra
+        tetrahedra[chosen] = fan
+    assert tetrahedra is not None
+    x = np.asarray(points, dtype=np.float64)[tetrahedra]
     volume = np.linalg.det(x[:, :, 1:] - x[:, :, :1])
     # Programs number wedges either way round.
     volume *= np.sign(volume.sum(axis=1, keepdims=True))
     folded: npt.NDArray[np.bool_] = (volume < -_FLAT * volume.sum(axis=1, keepdims=True)).any(axis=1)
     if folded.any():
-        place = ", ".join(f"{x:g}" for x in np.asarray(points)[cells[np.argmax(folded)]].mean(axis=0))
-        raise MeshError(f"{name}: {np.count_nonzero(folded)} {WORDS[kind]} are folded, the first at ({place})")
-    return found
+        point = ", ".join(f"{x:g}" for x in np.asarray(points)[cells[np.argmax(folded)]].mean(axis=0))
+        raise MeshError(f"{name}: {np.count_nonzero(folded)} {WORDS[kind]} are folded, the first at ({point})")
+    return tetrahedra

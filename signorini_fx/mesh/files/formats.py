@@ -69,9 +69,9 @@ def read_file(
     if size is not None and not 0 < size < math.inf:
         raise SceneError([("mesh.size", f"a positive length is expected, got {size:g}")])
     if size is not None and file.suffix.lower() not in CAD:
-        known = ", ".join(CAD)
+        suffixes = ", ".join(CAD)
         raise SceneError(
-            [("mesh.size", f"a {file.suffix} file determines the size of its cells; a size is for {known}")]
+            [("mesh.size", f"a {file.suffix} file determines the size of its cells; a size is for {suffixes}")]
         )
     if file.suffix.lower() in gmsh_files.DRAWN:
         raw = gmsh_files.read_gmsh(file, halvings, degree, size)
@@ -194,12 +194,14 @@ def _write_meshio(kind: str) -> Callable[[MeshArrays, Path], None]:
             raise MeshError(f"{file}: xdmf cannot hold cells of kind {mesh.kind} beside their facets: use .vtu or .msh")
         sides, boundaries = combinations(mesh.boundaries, len(mesh.facets))
         families, regions = combinations(mesh.regions, len(mesh.cells))
-        kept = np.flatnonzero(sides)
-        blocks = [(mesh.kind, mesh.cells)] + ([(mesh.facet.kind, mesh.facets[kept])] if kept.size else [])
+        named_facets = np.flatnonzero(sides)
+        blocks = [(mesh.kind, mesh.cells)] + (
+            [(mesh.facet.kind, mesh.facets[named_facets])] if named_facets.size else []
+        )
         out = meshio.Mesh(mesh.points, blocks)
         if kind == "med":  # families count down from -1
             top = int(families.max(initial=0))
-            numbers = [-families, -(sides[kept] + top)]
+            numbers = [-families, -(sides[named_facets] + top)]
             out.cell_data = {"cell_tags": numbers[: len(blocks)]}
             groups: dict[int, list[str]] = {}
             for shift, named in ((0, regions), (top, boundaries)):
@@ -208,12 +210,18 @@ def _write_meshio(kind: str) -> Callable[[MeshArrays, Path], None]:
                         groups.setdefault(-(tag + shift), []).append(name)
             out.cell_tags = groups
         else:
-            every: dict[str, list[Ints]] = {}
+            columns: dict[str, list[Ints]] = {}
             for name, rows in mesh.regions.items():
-                every[f"region:{name}"] = [_marked(len(mesh.cells), rows), np.zeros(len(kept), dtype=np.int64)]
+                columns[f"region:{name}"] = [
+                    _marked(len(mesh.cells), rows),
+                    np.zeros(len(named_facets), dtype=np.int64),
+                ]
             for name, rows in mesh.boundaries.items():
-                every[f"boundary:{name}"] = [np.zeros(len(mesh.cells), dtype=np.int64), _marked(len(sides), rows)[kept]]
-            out.cell_data = {name: values[: len(blocks)] for name, values in every.items()}
+                columns[f"boundary:{name}"] = [
+                    np.zeros(len(mesh.cells), dtype=np.int64),
+                    _marked(len(sides), rows)[named_facets],
+                ]
+            out.cell_data = {name: values[: len(blocks)] for name, values in columns.items()}
             if kind == "vtu":
                 out.points = _in_space(mesh.points)
         try:

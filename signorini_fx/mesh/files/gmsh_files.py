@@ -60,19 +60,19 @@ def read_gmsh(
         settings["skin"] = True
     with tempfile.TemporaryDirectory() as folder:
         # In a folder of its own there is no FILE.opt, which gmsh would run along with FILE.
-        place = Path(folder) / f"mesh{suffix}"
+        local_file = Path(folder) / f"mesh{suffix}"
         script = None
         try:
             if suffix == ".geo":
                 script = translated(file)
-                place.write_text(script.text, encoding="ascii")
+                local_file.write_text(script.text, encoding="ascii")
             else:
                 _check_header(file, CAD.get(suffix, "msh"))
-                place.symlink_to(file.absolute())
+                local_file.symlink_to(file.absolute())
         except OSError as error:
             raise MeshError(f"{file}: cannot be read: {error.strerror or error}") from None
         try:
-            raw = read_separately(file, "gmsh", settings, place=place, **_limits_of_drawings(suffix))
+            raw = read_separately(file, "gmsh", settings, place=local_file, **_limits_of_drawings(suffix))
         except MeshError as error:
             raise (error if script is None else MeshError(script.original(str(error)))) from None
     if script is not None:
@@ -92,17 +92,19 @@ def _limits_of_drawings(suffix: str) -> dict[str, Any]:
 
 def _with_names(sets: dict[str, list[Ints]], names: dict[int, str]) -> dict[str, list[Ints]]:
     """The sets with surfaces called by their names; several may have one."""
-    found: dict[str, list[Ints]] = {}
+    renamed: dict[str, list[Ints]] = {}
     numbered = {f"boundary_{tag}": name for tag, name in names.items()}
     for label, rows in sets.items():
         name = numbered.get(label, label)
-        found[name] = [np.union1d(*both) for both in zip(found[name], rows, strict=True)] if name in found else rows
-    return found
+        renamed[name] = (
+            [np.union1d(*pair) for pair in zip(renamed[name], rows, strict=True)] if name in renamed else rows
+        )
+    return renamed
 
 
 def _check_header(file: Path, form: str) -> None:
     with file.open("rb") as stream:
         start = stream.read(256)
-    what, beginnings = _HEADERS[form]
+    format_name, beginnings = _HEADERS[form]
     if not any(word in start for word in beginnings) if form == "brep" else not start.lstrip().startswith(beginnings):
-        raise MeshError(f"{file}: is {what}: it does not begin with {beginnings[0].decode()}")
+        raise MeshError(f"{file}: is {format_name}: it does not begin with {beginnings[0].decode()}")

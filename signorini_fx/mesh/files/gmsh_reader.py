@@ -83,22 +83,25 @@ def read(file: Path, halvings: int, degree: int, size: float, *, skin: bool = Fa
     physical: list[Any] = []
     members: dict[str, list[int]] = {}
     for dim, entity in gmsh.model.getEntities():
-        own = [int(tag) for tag in gmsh.model.getPhysicalGroupsForEntity(dim, entity)]
-        if dim < top - 1 or ((dim in grouped or dim < top) and not own):
+        numbers = [int(tag) for tag in gmsh.model.getPhysicalGroupsForEntity(dim, entity)]
+        if dim < top - 1 or ((dim in grouped or dim < top) and not numbers):
             continue
         types, _, nodes = gmsh.model.mesh.getElements(dim, entity)
         for kind, flat in zip(types, nodes, strict=True):
             name, _, _, count, local, _ = gmsh.model.mesh.getElementProperties(kind)
-            for tag in own:
+            for tag in numbers:
                 label = gmsh.model.getPhysicalName(dim, tag) or f"{'boundary' if dim < top else 'region'}_{tag}"
                 members.setdefault(label, []).append(len(blocks))
             rows = _places(tags, order, np.asarray(flat, dtype=np.int64)).reshape(-1, count)
             order_here = _order(_TYPES.get(int(kind), name), np.reshape(local, (count, -1)))
             blocks.append((_TYPES.get(int(kind), name), rows[:, order_here]))
-            physical.append(np.tile(np.array(own or [-1], dtype=np.int64), (len(rows), 1)))
-    every: list[Ints] = [np.arange(len(nodes)) for _, nodes in blocks]
-    none: Ints = np.empty(0, dtype=np.int64)
-    sets = {name: [rows if k in own else none for k, rows in enumerate(every)] for name, own in members.items()}
+            physical.append(np.tile(np.array(numbers or [-1], dtype=np.int64), (len(rows), 1)))
+    all_rows: list[Ints] = [np.arange(len(nodes)) for _, nodes in blocks]
+    no_rows: Ints = np.empty(0, dtype=np.int64)
+    sets = {
+        name: [rows if k in numbers else no_rows for k, rows in enumerate(all_rows)]
+        for name, numbers in members.items()
+    }
     return RawMesh(np.asarray(x).reshape(-1, 3), blocks, sets, {}, {"gmsh:physical": physical}, corners)
 
 
@@ -109,7 +112,7 @@ def _order(kind: str, places: Any) -> Any:
     if (shape := shape_of(kind)) not in BETWEEN:
         return np.arange(len(places))
     corners = CORNERS[shape]
-    middles = [places[list(own)].mean(axis=0) for own in BETWEEN[shape][: len(places) - corners]]
+    middles = [places[list(between)].mean(axis=0) for between in BETWEEN[shape][: len(places) - corners]]
     return [*range(corners), *(int(np.argmin(np.linalg.norm(places - x, axis=1))) for x in middles)]
 
 
@@ -134,7 +137,7 @@ def _import(gmsh: Any, file: str, form: str, size: float) -> dict[int, Any]:
     return corners
 
 
-def _drawn(gmsh: Any, file: str, form: str, size: float, less: int) -> tuple[int, float, float]:
+def _drawn(gmsh: Any, file: str, form: str, size: float, codimension: int) -> tuple[int, float, float]:
     """Import a CAD drawing.
 
     Args:
@@ -142,8 +145,8 @@ def _drawn(gmsh: Any, file: str, form: str, size: float, less: int) -> tuple[int
         file: the drawing.
         form: its format.
         size: length of the cells; 0: a fraction of the size of the body.
-        less: 0: the body is to be meshed; 1: its skin, which has one dimension less, and where its solids (or faces in
-            a plane) that touch or overlap are divided into ones that share faces (or curves).
+        codimension: 0: the body is to be meshed; 1: its skin, which has one dimension less, and where its solids (or
+            faces in a plane) that touch or overlap are divided into ones that share faces (or curves).
 
     Returns:
         The dimension of the body, the length of the cells, and about how many there will be.
@@ -151,10 +154,10 @@ def _drawn(gmsh: Any, file: str, form: str, size: float, less: int) -> tuple[int
     Raises:
         ValueError: there is no body, or too many cells for the memory.
     """
-    found = gmsh.model.occ.importShapes(file, highestDimOnly=True, format=form)
+    shapes = gmsh.model.occ.importShapes(file, highestDimOnly=True, format=form)
     gmsh.model.occ.synchronize()
-    top = max((dim for dim, _ in found), default=0)
-    if less and len(found) > 1:
+    top = max((dim for dim, _ in shapes), default=0)
+    if codimension and len(shapes) > 1:
         gmsh.model.occ.removeAllDuplicates()
         gmsh.model.occ.synchronize()
         if not any(_is_inner(gmsh, top - 1, tag) for _, tag in gmsh.model.getEntities(top - 1)):
@@ -166,7 +169,7 @@ def _drawn(gmsh: Any, file: str, form: str, size: float, less: int) -> tuple[int
         raise ValueError("it has neither solids nor faces")
     low, high = (gmsh.model.getBoundingBox(-1, -1)[k : k + 3] for k in (0, 3))
     length = size or sum((b - a) ** 2 for a, b in zip(low, high, strict=True)) ** 0.5 / _CELLS_ALONG
-    sizes = [(gmsh.model.occ.getMass(dim, tag), dim) for dim, tag in gmsh.model.getEntities(top - less)]
+    sizes = [(gmsh.model.occ.getMass(dim, tag), dim) for dim, tag in gmsh.model.getEntities(top - codimension)]
     with np.errstate(over="ignore"):
         cells = sum((np.float64(abs(mass)) ** (1 / dim) / length) ** dim / _SHARE[dim] for mass, dim in sizes)
     if _BYTES_PER_CELL * cells > resource.getrlimit(resource.RLIMIT_AS)[0]:

@@ -70,7 +70,7 @@ class Script:
 
     def original(self, text: str) -> str:
         """A name or a message of gmsh in the words of the script."""
-        return re.sub(r"\b[vs]\d+\b", lambda found: self.words.get(found[0], found[0]), text)
+        return re.sub(r"\b[vs]\d+\b", lambda match: self.words.get(match[0], match[0]), text)
 
 
 @dataclass(frozen=True)
@@ -108,15 +108,15 @@ class _NotUnderstoodError(ValueError):
 
 
 def _tokens(text: str) -> Iterator[_Token]:
-    place, line = 0, 1
-    while place < len(text):
-        token = _TOKEN.match(text, place)
+    position, line = 0, 1
+    while position < len(text):
+        token = _TOKEN.match(text, position)
         if token is None:
-            raise _NotUnderstoodError(text[place:].split("\n", 1)[0], line)
+            raise _NotUnderstoodError(text[position:].split("\n", 1)[0], line)
         if token.lastgroup != "blank":
             yield _Token(str(token.lastgroup), token[0], line)
         line += token[0].count("\n")
-        place = token.end()
+        position = token.end()
 
 
 def _translated(tokens: list[_Token]) -> Script:
@@ -129,19 +129,19 @@ def _translated(tokens: list[_Token]) -> Script:
 
     lines: list[list[str]] = [[]]
     for k, token in enumerate(tokens):
-        before = [tokens[k - n] if k >= n else end for n in (1, 2, 3)]
-        after = [tokens[k + n] if k + n < len(tokens) else end for n in (1, 2)]
+        previous = [tokens[k - n] if k >= n else end for n in (1, 2, 3)]
+        following = [tokens[k + n] if k + n < len(tokens) else end for n in (1, 2)]
         lines += [[] for _ in range(token.line - len(lines))]
         written = token.text
         if token.kind == "text":
-            written = f'"{_text(token, before, number)}"'
-        elif token.kind == "word" and before[0].text == ".":
+            written = f'"{_text(token, previous, number)}"'
+        elif token.kind == "word" and previous[0].text == ".":
             # An option: only its value counts, which is no text.
-            if before[1].text not in (*_OPTIONS, "General", "]") or _ENDS.search(token.text):
-                raise _NotUnderstoodError(f"{before[1].text}.{token.text}", token.line)
+            if previous[1].text not in (*_OPTIONS, "General", "]") or _ENDS.search(token.text):
+                raise _NotUnderstoodError(f"{previous[1].text}.{token.text}", token.line)
         elif token.kind == "word" and token.text == "General":
-            if after[0].text != "." or after[1].text not in _GENERAL:
-                raise _NotUnderstoodError(f"General.{after[1].text}", token.line)
+            if following[0].text != "." or following[1].text not in _GENERAL:
+                raise _NotUnderstoodError(f"General.{following[1].text}", token.line)
         elif token.kind == "word" and token.text in variables:
             written = number("v", token.text)
         elif token.kind == "word" and token.text not in _WORDS:
@@ -151,10 +151,10 @@ def _translated(tokens: list[_Token]) -> Script:
     return Script("\n".join(" ".join(line) for line in lines) + "\n", words)
 
 
-def _text(token: _Token, before: list[_Token], number: Callable[[str, str], str]) -> str:
+def _text(token: _Token, previous: list[_Token], number: Callable[[str, str], str]) -> str:
     """What stands for a text, which may be the name of a physical group, or of one of gmsh's kernels."""
     text = token.text[1:-1]
-    first, second, third = (one.text for one in before)
+    first, second, third = (earlier.text for earlier in previous)
     if (first, second) == ("(", "SetFactory") and text in _KERNELS:
         return text
     named = first == "(" and second in _NAMED and third == "Physical"
@@ -165,13 +165,15 @@ def _text(token: _Token, before: list[_Token], number: Callable[[str, str], str]
 
 def _variables(tokens: list[_Token]) -> set[str]:
     """The names to which something is assigned; ``name[] = ...`` and ``name() = ...`` are lists."""
-    found = set()
+    names = set()
     for k, token in enumerate(tokens):
         if token.kind != "word" or (k and tokens[k - 1].text == ".") or token.text in _WORDS:
             continue
-        rest = [one.text for one in tokens[k + 1 : k + 4]]
-        if rest[:2] in (["[", "]"], ["(", ")"]):
-            rest = rest[2:]
-        if (rest and rest[0] in _ASSIGNMENTS) or (k and tokens[k - 1].text == "For" and rest[:1] == ["In"]):
-            found.add(token.text)
-    return found
+        following = [later.text for later in tokens[k + 1 : k + 4]]
+        if following[:2] in (["[", "]"], ["(", ")"]):
+            following = following[2:]
+        if (following and following[0] in _ASSIGNMENTS) or (
+            k and tokens[k - 1].text == "For" and following[:1] == ["In"]
+        ):
+            names.add(token.text)
+    return names

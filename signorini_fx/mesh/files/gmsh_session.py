@@ -45,7 +45,7 @@ def _of_the_caller(gmsh: Any) -> Iterator[None]:
     current, count = gmsh.model.getCurrent(), len(gmsh.model.list())
     changed = _changed_options(gmsh)
     # gmsh.py keeps alive only the size function that was set last, whichever model has it.
-    kept = getattr(gmsh, "api_callback_", None)
+    callback = getattr(gmsh, "api_callback_", None)
     gmsh.option.restoreDefaults()
     gmsh.option.setNumber("General.AbortOnError", 2)  # otherwise no error of gmsh becomes an exception
     _silence(gmsh)
@@ -57,7 +57,7 @@ def _of_the_caller(gmsh: Any) -> Iterator[None]:
             gmsh.model.setCurrent(name)
             gmsh.model.remove()
         gmsh.model.setCurrent(current)
-        gmsh.api_callback_ = kept
+        gmsh.api_callback_ = callback
         gmsh.option.restoreDefaults()
         for set_option, name, values in changed:
             set_option(name, *values)
@@ -67,7 +67,7 @@ def _changed_options(gmsh: Any) -> list[tuple[Any, str, tuple[Any, ...]]]:
     """The options that differ from their defaults: how to set each, its name and its value."""
     option = gmsh.option
     # The two that writing the others involves.
-    found = [(option.setNumber, name, (option.getNumber(name),)) for name in ("General.Terminal", "Print.Format")]
+    changed = [(option.setNumber, name, (option.getNumber(name),)) for name in ("General.Terminal", "Print.Format")]
     option.setNumber("General.Terminal", 0)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "session.opt"
@@ -76,12 +76,12 @@ def _changed_options(gmsh: Any) -> list[tuple[Any, str, tuple[Any, ...]]]:
     for name, kind in dict(_OPTION.findall(text)).items():
         with contextlib.suppress(Exception):  # some cannot be read or set, such as gmsh's version
             if kind == "{":
-                found.append((option.setColor, name, tuple(option.getColor(name))))
+                changed.append((option.setColor, name, tuple(option.getColor(name))))
             elif kind:
-                found.append((option.setString, name, (option.getString(name),)))
+                changed.append((option.setString, name, (option.getString(name),)))
             elif name not in ("General.Terminal", "Print.Format"):
-                found.append((option.setNumber, name, (option.getNumber(name),)))
-    return found
+                changed.append((option.setNumber, name, (option.getNumber(name),)))
+    return changed
 
 
 def disjoint_groups(gmsh: Any, dim: int, word: str) -> dict[str, tuple[int, ...]]:
@@ -98,18 +98,20 @@ def disjoint_groups(gmsh: Any, dim: int, word: str) -> dict[str, tuple[int, ...]
     for tag in groups:
         for entity in gmsh.model.getEntitiesForPhysicalGroup(dim, tag):
             owners[int(entity)] = (*owners.get(int(entity), ()), tag)
-    if all(len(own) == 1 for own in owners.values()):
+    if all(len(combination) == 1 for combination in owners.values()):
         return {names[tag]: (tag,) for tag in groups}
     gmsh.model.removePhysicalGroups([(dim, tag) for tag in groups])
-    new = {own: own[0] if len(own) == 1 else 0 for own in sorted(set(owners.values()))}
-    for own, tag in new.items():
+    new = {combination: combination[0] if len(combination) == 1 else 0 for combination in sorted(set(owners.values()))}
+    for combination, tag in new.items():
         if not tag:
-            new[own] = max(*groups, *new.values()) + 1
-        gmsh.model.addPhysicalGroup(dim, [entity for entity, of in owners.items() if of == own], new[own])
-    return {names[tag]: tuple(new[own] for own in new if tag in own) for tag in groups}
+            new[combination] = max(*groups, *new.values()) + 1
+        gmsh.model.addPhysicalGroup(
+            dim, [entity for entity, of in owners.items() if of == combination], new[combination]
+        )
+    return {names[tag]: tuple(new[combination] for combination in new if tag in combination) for tag in groups}
 
 
 def kinds_of_cells(gmsh: Any, dim: int) -> set[int]:
     """The kinds of the elements in the physical groups of a dimension, by gmsh's numbers."""
     entities = [gmsh.model.getEntitiesForPhysicalGroup(*group) for group in gmsh.model.getPhysicalGroups(dim)]
-    return {int(kind) for own in entities for tag in own for kind in gmsh.model.mesh.getElementTypes(dim, tag)}
+    return {int(kind) for tags in entities for tag in tags for kind in gmsh.model.mesh.getElementTypes(dim, tag)}

@@ -24,7 +24,7 @@ from signorini_fx.mesh.files.shape import Ints
 _PREFIXES = ("boundary:", "region:")
 # meshio stores sets there as one number per element, under the joined names of the sets.
 _JOINTS = "-#+/"
-_WHOLE = "hexahedron27"
+_HEXAHEDRON_27 = "hexahedron27"
 
 
 def load_libraries(suffix: str) -> None:
@@ -34,7 +34,7 @@ def load_libraries(suffix: str) -> None:
     importlib.import_module("meshio._mesh").topological_dimension.update(wedge15=3, pyramid13=3)
     if suffix.lower() == ".med":  # and it does not know these
         types = importlib.import_module("meshio.med._med").med_to_meshio_type
-        types.update(H27=_WHOLE, QU9="quad9", TR7="triangle7")
+        types.update(H27=_HEXAHEDRON_27, QU9="quad9", TR7="triangle7")
     with contextlib.suppress(ModuleNotFoundError):
         importlib.import_module("h5py")
 
@@ -45,15 +45,15 @@ def files_of(file: Path) -> list[Path]:
     Raises:
         ValueError: it refers to files elsewhere.
     """
-    found = {file: ""}
+    files = {file: ""}
     if file.suffix.lower() == ".xdmf":
         for item in ElementTree.parse(file).getroot().iter():
             form = item.get("Format", item.get("format", "XML")).upper()
             if item.tag.endswith("DataItem") and form != "XML":
-                found[_beside(file, (item.text or "").strip().partition(":")[0])] = form
+                files[_beside(file, (item.text or "").strip().partition(":")[0])] = form
             elif item.tag.endswith("include") and item.get("href"):
                 raise ValueError("it includes another file: put everything into one")
-    return list(found)
+    return list(files)
 
 
 def _beside(file: Path, name: str) -> Path:
@@ -88,7 +88,7 @@ def _read(file: Path, kind: str) -> RawMesh:
         return _read_grids(file, several)
     try:
         source = _with_dimension(file) if kind == "med" else str(file)
-        found = importlib.import_module(f"meshio.{kind}").read(source)
+        mesh = importlib.import_module(f"meshio.{kind}").read(source)
     except KeyError as error:
         names = importlib.import_module("meshio.xdmf.common").xdmf_idx_to_meshio_type if kind == "xdmf" else {}
         if error.args[0] not in names:
@@ -96,11 +96,13 @@ def _read(file: Path, kind: str) -> RawMesh:
         raise ValueError(
             f"cells of kind {names[error.args[0]]} in a topology of type Mixed; write .vtu or .msh, or one kind alone"
         ) from None
-    blocks = [(block.type, np.asarray(block.data, dtype=np.int64)) for block in found.cells]
-    raw = RawMesh(np.asarray(found.points), blocks)
+    blocks = [(block.type, np.asarray(block.data, dtype=np.int64)) for block in mesh.cells]
+    raw = RawMesh(np.asarray(mesh.points), blocks)
     if kind == "med":
-        raw.blocks[:] = [(kind, in_order(raw.points, nodes) if kind == _WHOLE else nodes) for kind, nodes in blocks]
-    for name, arrays in found.cell_data.items():
+        raw.blocks[:] = [
+            (kind, in_order(raw.points, nodes) if kind == _HEXAHEDRON_27 else nodes) for kind, nodes in blocks
+        ]
+    for name, arrays in mesh.cell_data.items():
         if name.startswith(_PREFIXES):
             label = name.partition(":")[2]
             rows = [np.flatnonzero(np.asarray(values)) for values in arrays]
@@ -110,7 +112,7 @@ def _read(file: Path, kind: str) -> RawMesh:
     for name in list(raw.data):
         _split_joined(raw, name)
     if kind == "med":
-        _name_families(found, raw)
+        _name_families(mesh, raw)
     return raw
 
 
@@ -141,15 +143,15 @@ def in_order(points: npt.NDArray[np.float64], cells: Ints) -> Ints:
     Raises:
         ValueError: a node is in the middle of no face.
     """
-    whole = completed("hexahedron20")
-    assert whole is not None
-    middles = np.einsum("nk,ckd->cnd", whole[1][20:], points[cells[:, :20]])
+    full_cell = completed("hexahedron20")
+    assert full_cell is not None
+    middles = np.einsum("nk,ckd->cnd", full_cell[1][20:], points[cells[:, :20]])
     away = np.linalg.norm(points[cells[:, 20:]][:, :, None] - middles[:, None], axis=3)
     nearest = away.argmin(axis=1)  # which of the seven nodes is in the middle of each face, and of the cell
     if not (np.sort(nearest, axis=1) == np.arange(7)).all():
         raise ValueError("hexahedra of 27 nodes, some of which are in the middle of no face")
-    found: Ints = np.column_stack((cells[:, :20], np.take_along_axis(cells[:, 20:], nearest, axis=1)))
-    return found
+    ordered: Ints = np.column_stack((cells[:, :20], np.take_along_axis(cells[:, 20:], nearest, axis=1)))
+    return ordered
 
 
 def _is_hdf5(file: Path) -> bool:
@@ -171,20 +173,20 @@ def _check_hdf5(file: Path) -> None:
         groups, seen = [data["/"]], set()
         while groups:
             group = groups.pop()
-            if (place := h5py.h5o.get_info(group.id).addr) in seen:  # links may be circular
+            if (address := h5py.h5o.get_info(group.id).addr) in seen:  # links may be circular
                 continue
-            seen.add(place)
+            seen.add(address)
             for name in group:
                 if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
                     raise ValueError(f"{file.name}: {name!r} is in another file")
-                found = group.get(name)
-                if isinstance(found, h5py.Group):
-                    groups.append(found)
-                elif isinstance(found, h5py.Dataset):
-                    if found.external or found.is_virtual:
+                member = group.get(name)
+                if isinstance(member, h5py.Group):
+                    groups.append(member)
+                elif isinstance(member, h5py.Dataset):
+                    if member.external or member.is_virtual:
                         raise ValueError(f"{file.name}: {name!r} is in another file")
-                    if found.nbytes > largest:
-                        raise ValueError(f"{file.name}: {name!r} would take {found.nbytes / 1e9:.3g} GB")
+                    if member.nbytes > largest:
+                        raise ValueError(f"{file.name}: {name!r} would take {member.nbytes / 1e9:.3g} GB")
 
 
 def _grids(file: Path) -> list[ElementTree.Element]:
@@ -207,12 +209,12 @@ def _read_grids(file: Path, grids: list[ElementTree.Element]) -> RawMesh:
     def topology(grid: ElementTree.Element) -> Ints:
         return np.asarray(values(grid.find("./Topology/DataItem")), dtype=np.int64)
 
-    mesh, *others = grids
+    mesh, *tag_grids = grids
     cells, cell = topology(mesh), _xdmf_cell(mesh)
     if cell is None or cells.shape[1] != len(cell.nodes):
         raise ValueError(f"cells of {cells.shape[1]} nodes")
     raw = RawMesh(np.asarray(values(mesh.find("./Geometry/DataItem"))), [(cell.kind, cells)])
-    for grid in others:
+    for grid in tag_grids:
         elements = topology(grid)
         numbers: Ints = np.asarray(values(grid.find("./Attribute/DataItem")), dtype=np.int64).ravel()
         name = grid.get("Name", "tags")
@@ -256,15 +258,15 @@ def _split_joined(raw: RawMesh, name: str) -> None:
             return
 
 
-def _name_families(found: Any, raw: RawMesh) -> None:
+def _name_families(mesh: Any, raw: RawMesh) -> None:
     """The groups of a MED file: an element has the number of a family, and a family belongs to groups."""
     numbers = raw.data.pop("cell_tags", None)
-    for family, groups in found.cell_tags.items():
+    for family, groups in mesh.cell_tags.items():
         for name in groups if numbers is not None else ():
             rows = [np.flatnonzero(values == family) for values in numbers or ()]
             raw.sets[name] = _union(raw.sets.get(name), rows)
-    nodes = found.point_data.get("point_tags")
-    for family, groups in found.point_tags.items():
+    nodes = mesh.point_data.get("point_tags")
+    for family, groups in mesh.point_tags.items():
         for name in groups if nodes is not None else ():
-            own = np.flatnonzero(np.asarray(nodes) == family)
-            raw.node_sets[name] = np.union1d(raw.node_sets.get(name, own), own)
+            members = np.flatnonzero(np.asarray(nodes) == family)
+            raw.node_sets[name] = np.union1d(raw.node_sets.get(name, members), members)

@@ -51,27 +51,29 @@ def of_one_order(raw: RawMesh) -> tuple[RawMesh, str]:
     raw = replace(raw, points=points, blocks=blocks)
     kinds = {kind for kind, nodes in blocks if len(nodes)}
     for kind in sorted(kinds):
-        whole = completed(kind)
-        if whole is not None and whole[0].kind in kinds:
+        full_cell = completed(kind)
+        if full_cell is not None and full_cell[0].kind in kinds:
             raw, _ = complete(
-                raw, [n for n, (one, nodes) in enumerate(raw.blocks) if one == kind and len(nodes)], *whole
+                raw,
+                [n for n, (block_kind, nodes) in enumerate(raw.blocks) if block_kind == kind and len(nodes)],
+                *full_cell,
             )
-    told = " and ".join(f"{count} {WORDS[kind]}" for kind, count in counts.items())
-    return raw, f"{told} get nodes in the middle of their edges, as another body has them"
+    description = " and ".join(f"{count} {WORDS[kind]}" for kind, count in counts.items())
+    return raw, f"{description} get nodes in the middle of their edges, as another body has them"
 
 
 def complete(raw: RawMesh, body: list[int], cell: Cell, weights: Floats) -> tuple[RawMesh, str]:
     """The raw mesh with the nodes that its cells lack, those on a face joined where cells meet."""
     incomplete = np.concatenate([raw.blocks[n][1] for n in body])
-    there = incomplete.shape[1]
-    new = cell.nodes[there:]
+    node_count = incomplete.shape[1]
+    new = cell.nodes[node_count:]
     # A face is identified by its corners, a cell by its number.
-    faces = np.concatenate([np.empty((0, 4), np.int64), *(incomplete[:, list(own)] for own in new[:-1])])
+    faces = np.concatenate([np.empty((0, 4), np.int64), *(incomplete[:, list(corners)] for corners in new[:-1])])
     first, number = np.unique(row_keys(faces), return_index=True, return_inverse=True)[1:]
     inside = len(first) + np.arange(len(incomplete))
     count = len(raw.points)
     added = np.column_stack((number.reshape(len(new) - 1, len(incomplete)).T, inside)) + count
-    x = np.einsum("nt,ctd->cnd", weights[there:], np.asarray(raw.points, dtype=np.float64)[incomplete])
+    x = np.einsum("nt,ctd->cnd", weights[node_count:], np.asarray(raw.points, dtype=np.float64)[incomplete])
     points = np.concatenate((raw.points, x[:, :-1].transpose(1, 0, 2).reshape(-1, x.shape[2])[first], x[:, -1]))
     blocks, start = list(raw.blocks), 0
     for n in body:

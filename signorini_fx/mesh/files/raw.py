@@ -44,9 +44,9 @@ class RawMesh:
 
         header = {
             "blocks": [(kind, stored(nodes)) for kind, nodes in self.blocks],
-            "sets": {name: [stored(rows) for rows in own] for name, own in self.sets.items()},
+            "sets": {name: [stored(rows) for rows in tables] for name, tables in self.sets.items()},
             "node_sets": {name: stored(nodes) for name, nodes in self.node_sets.items()},
-            "data": {name: [stored(values) for values in own] for name, own in self.data.items()},
+            "data": {name: [stored(values) for values in tables] for name, tables in self.data.items()},
             "corners": self.corners,
         }
         everything: dict[str, Any] = {"header": json.dumps(header), **arrays}
@@ -55,14 +55,14 @@ class RawMesh:
     @classmethod
     def load(cls, stream: IO[bytes]) -> RawMesh:
         """What ``save`` has written."""
-        with np.load(stream, allow_pickle=False) as found:
-            header = json.loads(str(found["header"]))
+        with np.load(stream, allow_pickle=False) as arrays:
+            header = json.loads(str(arrays["header"]))
             return cls(
-                found["points"],
-                [(kind, found[key]) for kind, key in header["blocks"]],
-                {name: [found[key] for key in keys] for name, keys in header["sets"].items()},
-                {name: found[key] for name, key in header["node_sets"].items()},
-                {name: [found[key] for key in keys] for name, keys in header["data"].items()},
+                arrays["points"],
+                [(kind, arrays[key]) for kind, key in header["blocks"]],
+                {name: [arrays[key] for key in keys] for name, keys in header["sets"].items()},
+                {name: arrays[key] for name, key in header["node_sets"].items()},
+                {name: [arrays[key] for key in keys] for name, keys in header["data"].items()},
                 {int(tag): places for tag, places in header["corners"].items()},
             )
 
@@ -77,9 +77,9 @@ def row_keys(rows: _Ints) -> _Ints:
     return keys
 
 
-def rows_of(wanted: _Ints, there: _Ints) -> _Ints:
+def rows_of(wanted: _Ints, table: _Ints) -> _Ints:
     """Where each row of nodes is in a table of distinct rows, in any order of nodes; -1: nowhere."""
-    keys = row_keys(np.concatenate((there, wanted)))
-    place = np.full(int(keys.max(initial=0)) + 1, -1)
-    place[keys[: len(there)]] = np.arange(len(there))
-    return place[keys[len(there) :]]
+    keys = row_keys(np.concatenate((table, wanted)))
+    row_numbers = np.full(int(keys.max(initial=0)) + 1, -1)
+    row_numbers[keys[: len(table)]] = np.arange(len(table))
+    return row_numbers[keys[len(table) :]]

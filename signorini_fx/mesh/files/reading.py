@@ -68,8 +68,8 @@ def read_separately(
             code = -signal.SIGXCPU
         output.seek(0)
         if code == reading_process.REFUSED:
-            told = output.read(4000).decode(errors="replace")[:1000]
-            raise MeshError(f"{file}: {told.replace(str(place or file.absolute()), file.name)}")
+            message = output.read(4000).decode(errors="replace")[:1000]
+            raise MeshError(f"{file}: {message.replace(str(place or file.absolute()), file.name)}")
         if code == 0:
             try:
                 return RawMesh.load(output)
@@ -104,6 +104,8 @@ def _run(request: str, output: IO[bytes], folder: str, seconds: float) -> int:
 
 def _environment(home: str) -> dict[str, str]:
     """The environment of the process: no rank of MPI, no threads of libraries, no settings in the user's folders."""
-    one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    kept = {name: value for name, value in launcher.environment_of_no_rank().items() if not name.startswith("HDF5_")}
-    return {**kept, **one, "HOME": home, "GMSH_HOME": home, "HDF5_PLUGIN_PRELOAD": "::"}
+    single_threaded = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    inherited = {
+        name: value for name, value in launcher.environment_of_no_rank().items() if not name.startswith("HDF5_")
+    }
+    return {**inherited, **single_threaded, "HOME": home, "GMSH_HOME": home, "HDF5_PLUGIN_PRELOAD": "::"}

@@ -44,12 +44,12 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _limit(which: int, soft: int, hard: int) -> None:
+def _limit(kind: int, soft: int, hard: int) -> None:
     """Set a limit, or keep the current one if it is tighter and may not be raised."""
-    _, there = resource.getrlimit(which)
-    if there != resource.RLIM_INFINITY:
-        soft, hard = min(soft, there), min(hard, there)
-    resource.setrlimit(which, (soft, hard))
+    _, ceiling = resource.getrlimit(kind)
+    if ceiling != resource.RLIM_INFINITY:
+        soft, hard = min(soft, ceiling), min(hard, ceiling)
+    resource.setrlimit(kind, (soft, hard))
 
 
 if __name__ == "__main__":

@@ -86,14 +86,14 @@ def available() -> tuple[str, ...]:
     if not sys.platform.startswith("linux"):
         return ()
     libc = ctypes.CDLL(None, use_errno=True)
-    found = []
+    mechanisms = []
     processor = _ARCHITECTURE.get(platform.machine())
     refuse = ctypes.c_uint32(_REFUSE)
     if processor and sys.byteorder == "little" and libc.syscall(processor[1], 2, 0, ctypes.byref(refuse)) == 0:
-        found.append("seccomp")
+        mechanisms.append("seccomp")
     if libc.syscall(_CREATE_RULESET, None, 0, 1) > 0:
-        found.append("Landlock")
-    return tuple(found)
+        mechanisms.append("Landlock")
+    return tuple(mechanisms)
 
 
 def confine(readable: Iterable[Path]) -> tuple[str, ...]:
@@ -110,16 +110,16 @@ def confine(readable: Iterable[Path]) -> tuple[str, ...]:
     Raises:
         OSError: the system has a mechanism, but refuses to use it.
     """
-    found = available()
-    if not found:
+    mechanisms = available()
+    if not mechanisms:
         return ()
     libc = ctypes.CDLL(None, use_errno=True)
     _call(libc.prctl, _NO_NEW_PRIVILEGES, 1, 0, 0, 0)
-    if "Landlock" in found:
+    if "Landlock" in mechanisms:
         _restrict_files(libc, readable)
-    if "seccomp" in found:
+    if "seccomp" in mechanisms:
         _restrict_calls(libc)
-    return found
+    return mechanisms
 
 
 def _call(function: ctypes._NamedFuncPointer, *arguments: object) -> int:
@@ -139,10 +139,10 @@ def _restrict_files(libc: ctypes.CDLL, readable: Iterable[Path]) -> None:
     allowed = [(Path(folder), _READ_FILE | _READ_DIRECTORY) for folder in sorted(libraries)]
     for path, right in [*allowed, *((file, _READ_FILE) for file in readable)]:
         with contextlib.suppress(FileNotFoundError):
-            place = os.open(path, os.O_PATH | os.O_CLOEXEC)
-            rule = struct.pack("=Qi", right, place)
+            descriptor = os.open(path, os.O_PATH | os.O_CLOEXEC)
+            rule = struct.pack("=Qi", right, descriptor)
             _call(libc.syscall, _ADD_RULE, rules, 1, rule, 0)
-            os.close(place)
+            os.close(descriptor)
     _call(libc.syscall, _RESTRICT_SELF, rules, 0)
     os.close(rules)
 
@@ -151,8 +151,8 @@ def _restrict_calls(libc: ctypes.CDLL) -> None:
     machine = platform.machine()
     program = b"".join(struct.pack("HBBI", *line) for line in _filter(machine))
     text = ctypes.create_string_buffer(program, len(program))
-    whole = struct.pack("HP", len(program) // 8, ctypes.addressof(text))
-    _call(libc.syscall, _ARCHITECTURE[machine][1], 1, 1, whole)  # a filter, for all threads
+    filter_program = struct.pack("HP", len(program) // 8, ctypes.addressof(text))
+    _call(libc.syscall, _ARCHITECTURE[machine][1], 1, 1, filter_program)  # a filter, for all threads
 
 
 def _filter(machine: str) -> Iterator[tuple[int, int, int, int]]:
@@ -174,12 +174,12 @@ def _filter(machine: str) -> Iterator[tuple[int, int, int, int]]:
         (tgkill, 0, _EQUAL, os.getpid(), _ALLOW, refused),
         (prlimit, 0, _EQUAL, 0, _ALLOW, refused),
     )
-    for call, argument, code, value, then, other in examined:
+    for call, argument, code, value, verdict, otherwise in examined:
         if call is not None:
             yield _EQUAL, 0, 4, call
             yield _LOAD, 0, 0, 16 + 8 * argument
             yield code, 0, 1, value
-            yield _RETURN, 0, 0, then
-            yield _RETURN, 0, 0, other
+            yield _RETURN, 0, 0, verdict
+            yield _RETURN, 0, 0, otherwise
     # As on an older system: libraries then do without, or take an older call.
     yield _RETURN, 0, 0, _REFUSE | _ENOSYS

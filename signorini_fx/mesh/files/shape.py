@@ -32,14 +32,14 @@ def measures(points: Floats, nodes: Ints, cell: Cell) -> Floats:
         nodes: of each element in the order of its kind, shape (m, k).
         cell: the kind, of d dimensions or of one less.
     """
-    found = [np.empty(0), *(size @ weights for size, weights, _ in _sizes(points, nodes, cell))]
-    return np.concatenate(found)
+    sizes = [np.empty(0), *(size @ weights for size, weights, _ in _sizes(points, nodes, cell))]
+    return np.concatenate(sizes)
 
 
 def nodal_measures(points: Floats, nodes: Ints, cell: Cell) -> Floats:
     """The integral of each shape function over each element, which is the share of its node, shape (m, k)."""
-    found = [size @ (weights[:, None] * cell.shape(x)) for size, weights, x in _sizes(points, nodes, cell)]
-    return np.concatenate([np.empty((0, len(cell.nodes))), *found])
+    shares = [size @ (weights[:, None] * cell.shape(x)) for size, weights, x in _sizes(points, nodes, cell)]
+    return np.concatenate([np.empty((0, len(cell.nodes))), *shares])
 
 
 def _sizes(points: Floats, nodes: Ints, cell: Cell) -> Iterator[tuple[Floats, Floats, Floats]]:
@@ -61,10 +61,10 @@ def _quadrature(cell: Cell) -> tuple[Floats, Floats]:
     x = np.stack(np.meshgrid(*[at] * cell.dim, indexing="ij"), axis=-1).reshape(-1, cell.dim)
     weights = np.stack(np.meshgrid(*[weight] * cell.dim, indexing="ij"), axis=-1).reshape(-1, cell.dim).prod(axis=1)
     if cell.simplex:
-        left = np.ones(len(x))
+        remaining = np.ones(len(x))
         for k in range(cell.dim):
-            own = x[:, k].copy()
-            weights, x[:, k], left = weights * left, own * left, left * (1 - own)
+            coordinate = x[:, k].copy()
+            weights, x[:, k], remaining = weights * remaining, coordinate * remaining, remaining * (1 - coordinate)
     return x, weights
 
 
@@ -80,8 +80,8 @@ def is_straight(points: Floats, cells: Ints, cell: Cell) -> bool:
     """Whether all nodes between corners are where those of straight cells would be."""
     limit = STRAIGHT * float(np.linalg.norm(np.ptp(points, axis=0)))
     return all(
-        bool((np.abs(points[cells[:, k]] - points[cells[:, list(own)]].mean(axis=1)) <= limit).all())
-        for k, own in enumerate(cell.nodes)
+        bool((np.abs(points[cells[:, k]] - points[cells[:, list(corners)]].mean(axis=1)) <= limit).all())
+        for k, corners in enumerate(cell.nodes)
     )
 
 
@@ -93,15 +93,15 @@ def check_shape(points: Floats, cells: Ints, cell: Cell, name: str) -> None:
     """
     find = _spoilt_in_plane if cell.dim == 2 and cell.degree == 1 else _spoilt
     parts = [find(points, cells[k : k + _CHUNK], cell) for k in range(0, len(cells), _CHUNK)]
-    flat, folded = (np.concatenate(found) for found in zip(*parts, strict=True))
-    for bad, what in (
+    flat, folded = (np.concatenate(flags) for flags in zip(*parts, strict=True))
+    for bad, defect in (
         (flat, "have a corner without an angle (nodes that coincide or are in line)"),
         (folded, "are folded"),
     ):
         if bad.any():
             middle = points[cells[int(np.argmax(bad)), : len(cell.corners)]].mean(axis=0)
-            place = ", ".join(f"{value:g}" for value in middle)
-            raise MeshError(f"{name}: {np.count_nonzero(bad)} cells {what}, the first at ({place})")
+            point = ", ".join(f"{value:g}" for value in middle)
+            raise MeshError(f"{name}: {np.count_nonzero(bad)} cells {defect}, the first at ({point})")
 
 
 def _spoilt_in_plane(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, _Truths]:
@@ -113,7 +113,7 @@ def _spoilt_in_plane(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, 
 
 def _spoilt(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, _Truths]:
     """Which curved or solid cells are flat at a corner, and which are inverted between two of their nodes."""
-    x = np.array([np.mean([cell.corners[c] for c in own], axis=0) for own in cell.nodes])
+    x = np.array([np.mean([cell.corners[c] for c in corners], axis=0) for corners in cell.nodes])
     jacobian = _jacobian(points, cells, cell, x)
     size = np.linalg.det(jacobian)
     spanned = np.linalg.norm(jacobian, axis=2).prod(axis=2)

@@ -38,19 +38,19 @@ def names_of_faces(file: Path, corners: Mapping[int, Sequence[Sequence[float]]])
         for number, (kind, text) in entities.items()
         if kind == "ADVANCED_FACE" and (label := _NAME.match(text))
     ]
-    everything = [x for _, vertices in faces for x in vertices], [x for own in corners.values() for x in own]
+    everything = [x for _, vertices in faces for x in vertices], [x for points in corners.values() for x in points]
     if not all(everything):
         return {}
     theirs, ours = (float(np.abs(np.array(x)).max()) for x in everything)
-    there: dict[frozenset[tuple[int, ...]], list[int]] = {}
+    surfaces_at: dict[frozenset[tuple[int, ...]], list[int]] = {}
     for surface in sorted(corners):
-        there.setdefault(_rounded(corners[surface], ours), []).append(surface)
-    found = {}
+        surfaces_at.setdefault(_rounded(corners[surface], ours), []).append(surface)
+    names = {}
     for name, vertices in faces:
-        same = there.get(_rounded(vertices, theirs), [])
-        if same and (surface := same.pop(0)) and name.strip():
-            found[surface] = name.strip()
-    return found
+        candidates = surfaces_at.get(_rounded(vertices, theirs), [])
+        if candidates and (surface := candidates.pop(0)) and name.strip():
+            names[surface] = name.strip()
+    return names
 
 
 def _rounded(places: Sequence[Sequence[float]], size: float) -> frozenset[tuple[int, ...]]:
@@ -59,7 +59,7 @@ def _rounded(places: Sequence[Sequence[float]], size: float) -> frozenset[tuple[
 
 def _vertices(entities: Mapping[int, tuple[str, str]], face: int) -> list[list[float]]:
     """Positions of the vertices of a face, in the file's unit."""
-    found: list[list[float]] = []
+    vertices: list[list[float]] = []
     todo, seen = [face], {face}
     while todo:
         for reference in map(int, _REFERENCE.findall(entities[todo.pop()][1])):
@@ -71,6 +71,6 @@ def _vertices(entities: Mapping[int, tuple[str, str]], face: int) -> list[list[f
                 todo.append(reference)
             elif kind == "VERTEX_POINT":
                 point = next((int(r) for r in _REFERENCE.findall(text) if int(r) in entities), None)
-                _, _, place = entities[point][1].partition(",") if point is not None else ("", "", "")
-                found.append([float(value) for value in _NUMBER.findall(place)[:3]])
-    return [x for x in found if len(x) == 3]
+                _, _, coordinates = entities[point][1].partition(",") if point is not None else ("", "", "")
+                vertices.append([float(value) for value in _NUMBER.findall(coordinates)[:3]])
+    return [x for x in vertices if len(x) == 3]
