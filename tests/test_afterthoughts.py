@@ -58,7 +58,7 @@ def test_a_failure_is_one_of_all_ranks(rank, solution, tmp_path, monkeypatch):
         monkeypatch.setattr(Solution, name, property(known))
     summary = write_results(solution, folder)
     warned = [found["path"] for found in summary["findings"] if "broke down" in found["message"]]
-    assert warned == ["tables", "safety", "uniqueness", "pictures"]
+    assert warned == ["tables", "safety", "uniqueness", "pictures"], summary["findings"]
     assert all(other == summary["findings"] for other in COMM.allgather(summary["findings"]))
     COMM.Barrier()
     there = {path.name for path in folder.iterdir()}

@@ -41,14 +41,13 @@ def afterthought(comm: MPI.Comm, subject: str, findings: list[dict[str, Any]], s
         result = state()
     except Exception as raised:
         error = raised
-    failed = bytearray(1)
-    everybody = apart.Iallreduce([bytearray([error is not None]), MPI.BYTE], [failed, MPI.BYTE], op=MPI.BOR)
+    everybody = apart.Ibarrier()
     if error is None:
         everybody.Wait()
     elif not _ends(everybody):
         error.add_note(f"The results are written, without this: {subject}.")
         raise error
-    reasons = apart.allgather(None if error is None else failure_in_words(error)) if failed[0] else []
+    reasons = apart.allgather(None if error is None else failure_in_words(error))
     apart.Free()
     reason = next((message_lines for message_lines in reasons if message_lines is not None), None)
     if reason is None:
