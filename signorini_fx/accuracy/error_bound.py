@@ -150,7 +150,7 @@ def error_bound(
         d: the discretised scene.
         y: the displacement.
         contact: the contact nodes.
-        step: of the load step in the lists of factors.
+        step: the place of the load step in the lists of factors.
     """
     try:
         if d.tagged.dimension == 3:

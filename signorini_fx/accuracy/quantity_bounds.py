@@ -53,7 +53,7 @@ def mean_displacement(
         contact: the contact nodes.
         boundary: its name.
         direction: any vector; a unit one gives a length.
-        step: of the load step in the lists of factors.
+        step: the place of the load step in the lists of factors.
     """
     try:
         return _Quantity(d, y, contact, step).mean(boundary, np.asarray(direction, dtype=np.float64))
@@ -79,7 +79,7 @@ def force(
         contact: the contact nodes.
         boundary: of a support or of a contact.
         direction: any vector; a unit one gives a force per thickness.
-        step: of the load step in the lists of factors.
+        step: the place of the load step in the lists of factors.
     """
     try:
         return _Quantity(d, y, contact, step).force(boundary, np.asarray(direction, dtype=np.float64))

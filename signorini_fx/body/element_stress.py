@@ -99,7 +99,7 @@ def element_stress(body: Discretisation, displacement: fem.Function, step: float
     Args:
         body: the scene.
         displacement: y.
-        step: of the initial strains, in the lists of factors.
+        step: the place of the initial strains in the lists of factors.
     """
     if body.mixed is not None:
         return _mixed_stress(body, displacement, step)

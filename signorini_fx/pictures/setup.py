@@ -397,7 +397,7 @@ def _across(box: Any, anchor: Floats, away: tuple[float, float]) -> Floats:
 
     Args:
         box: of the name.
-        anchor: of the boundary that the name is beside, pixels, shape (2,).
+        anchor: the place of the boundary that the name is beside, pixels, shape (2,).
         away: from there to the name.
     """
     back = -2 * (np.array([(box.x0 + box.x1) / 2, (box.y0 + box.y1) / 2]) - anchor)

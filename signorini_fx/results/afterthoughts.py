@@ -27,7 +27,7 @@ def afterthought(comm: MPI.Comm, subject: str, findings: list[dict[str, Any]], s
 
     Args:
         comm: the ranks.
-        subject: it is, a key of the summary.
+        subject: what is computed, a key of the summary.
         findings: rows of the summary.
         state: computes it; collective.
 
@@ -49,7 +49,7 @@ def afterthought(comm: MPI.Comm, subject: str, findings: list[dict[str, Any]], s
         raise error
     reasons = apart.allgather(None if error is None else failure_in_words(error))
     apart.Free()
-    reason = next((message_lines for message_lines in reasons if message_lines is not None), None)
+    reason = next((known_reason for known_reason in reasons if known_reason is not None), None)
     if reason is None:
         return result
     message = f"was not computed, which changes nothing in the other results: {reason}"

@@ -20,7 +20,7 @@ def contact_stiffness(d: Discretisation, step: float | None = None) -> tuple[Nod
 
     Args:
         d: the discretised scene.
-        step: of the load step in the lists of factors; None: the last one.
+        step: the place of the load step in the lists of factors; None: the last one.
     """
     law, load_step = d.law, d.scene.steps - 1 if step is None else step
     by_force = any(jump.acts and jump.force_at(d.scene, load_step) is not None for jump in d.scene.of(SectionJump))

@@ -77,7 +77,7 @@ def fixed_point(d: Discretisation, contact: ContactState, step: float | None = N
     Args:
         d: the discretised scene.
         contact: its contact nodes in the solution.
-        step: of the load step in the lists of factors; None: the last one.
+        step: the place of the load step in the lists of factors; None: the last one.
     """
     law, stiffness = d.law, contact_stiffness(d, step)
     assert law is not None

@@ -90,7 +90,7 @@ def safety_of(d: Discretisation, contact: ContactState, step: float) -> Safety |
     Args:
         d: the discretised scene.
         contact: the contact nodes of this rank in its solution.
-        step: of the load step in the lists of factors.
+        step: the place of the load step in the lists of factors.
 
     Returns:
         None if supports hold the body, if no live load acts on its free motions, or if the tractions of the solution do
