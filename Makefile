@@ -36,7 +36,7 @@ test-wheel: ## run the tests of one rank with wheels of FEniCSx from PyPI, in a 
 test-report:  ## open reports in Chromium at two widths and print them (results/report); installs it where it may
 	for d in $(REPORTS); do out=results/report/$${d##*/}; \
 	  ./env signorini-fx solve $$d.toml --no-fields --quiet --out $$out && ./env signorini-fx report $$out || exit; done
-	python3 tests/in_chromium.py $(patsubst %,results/report/%/report.html,$(notdir $(REPORTS)))
+	python3 tests/support/in_chromium.py $(patsubst %,results/report/%/report.html,$(notdir $(REPORTS)))
 
 lint: $(RUFF)  ## check style (ruff) and types (mypy)
 	$(RUFF) check

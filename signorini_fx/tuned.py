@@ -42,7 +42,7 @@ PATH_ERROR_SHARE = {1: 1.0, 2: 1 / 3}
 # paper for the share; factor: choice.
 FALL_BACK_FIRST_SHARE, FALL_BACK_GROWTH = 1e-4, 10.0
 # Fixed-point iterations for Coulomb friction that do not contract are damped increasingly.  Choice; the scenes of
-# tests/test_coulomb_ways.py need them.
+# tests/algorithms/test_coulomb_ways.py need them.
 DAMPING = (0.5, 0.2)
 # A load step ends without a solution when all its problems and fall-backs together have taken as many linear solves as
 # this many problems that run to their last iteration.  A fixed-point iteration up to its limit takes a tenth of them.
@@ -51,7 +51,7 @@ DAMPING = (0.5, 0.2)
 PROBLEMS_PER_STEP = 40
 # A load step of a ramp takes at most this many times the linear solves of the last one with a solution before a smaller
 # increment is tried, and all load steps without a solution together this many times those with one: where a limit load
-# cannot be proved, the way up to it sets the price of enclosing it.  Choice; see tests/test_ramp.py.
+# cannot be proved, the way up to it sets the price of enclosing it.  Choice; see tests/solving/test_ramp.py.
 FAILED_STEP, FAILED_RAMP = 3, 4
 # As a fall-back the augmented Lagrangian method begins with a gamma this much smaller, though not below START_GAMMA.
 # Choice: the limit is the same for every gamma, and the problems are easiest with a small one.
@@ -69,7 +69,7 @@ HELPING_MESHES = 2
 # --- augmented Lagrangian method -------------------------------------------------------------------------------------
 
 # A multiplier is slow if an update leaves more than this share of its last change; then its gamma is increased.
-# No record of this and the next three; tests/test_augmentation.py checks that the limit is reached with gamma_n and
+# No record of this and the next three; tests/algorithms/test_augmentation.py checks that the limit is reached with gamma_n and
 # gamma_t from 1e-3 to 1e5 times the natural gamma.
 SLOW_SHARE = 0.1
 # Factor by which gamma is increased from one problem to the next: the sets of one are a start for those of the next.
@@ -104,7 +104,7 @@ FEWEST_KRYLOV_UNKNOWNS = {3: 20_000}
 # Source: docs/performance.md, "Three dimensions".
 FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED = {3: 40_000}
 # Multigrid for plain displacements takes three times as many steps for a Poisson's ratio of 0.49 as for one of 0.4, and
-# twenty times as many for 0.4999: above it a factorisation is taken.  Tuned on the block of tests/spaces.py.
+# twenty times as many for 0.4999: above it a factorisation is taken.  Tuned on the block of tests/support/spaces.py.
 LARGEST_MULTIGRID_POISSON = 0.49
 # Up to this number of ranks minimum degree, which is quick to compute, beats the orderings with less fill.
 # Source: docs/performance.md.  Tuned on two ranks, Example 1, 960 x 320: 4.2 s instead of 4.7 s.
@@ -252,7 +252,7 @@ SOLVES_OF_LATER_STEP, SOLVES_OF_FINER_MESH = 2, (2, 5)
 # Entries of a sparse factor by dimension: n times the larger of the first and, in the plane, the second times (log2 n -
 # the third), in space the second times n^third.  Seconds of the factorisation: the first times n and the second times
 # n^1.5, in space n^2.  Nested dissection.
-# Tuned with CHOLMOD and MUMPS on one core; tests/test_cost_model.py compares those of the plane with MUMPS's counts.
+# Tuned with CHOLMOD and MUMPS on one core; tests/check/test_cost_model.py compares those of the plane with MUMPS's counts.
 FACTOR_ENTRIES = {2: (15.0, 7.6, 5.1), 3: (40.0, 9.0, 1 / 3)}
 FACTOR_SECONDS = {2: (1e-6, 3e-9), 3: (1e-6, 4e-10)}
 # Seconds of a back substitution, and of condensing, over those of a factorisation.  No record.
@@ -260,7 +260,7 @@ BACK_SUBSTITUTION, CONDENSING = 0.1, 1.4
 # Dense Cholesky, operations a second, and seconds of the least step.  No record.
 DENSE_SPEED, DENSE_STEP_SECONDS = 2e10, 1e-4
 # Seconds per unknown: to set up multigrid, and of a solve, of which few are exact; with coarser meshes as its levels,
-# and by aggregation.  What multigrid holds over the stiffness matrix.  Tuned on the block of tests/spaces.py, with
+# and by aggregation.  What multigrid holds over the stiffness matrix.  Tuned on the block of tests/support/spaces.py, with
 # 316,899 unknowns, and with 6,075 and 42,483; see docs/performance.md.
 KRYLOV_SECONDS = {"meshes": (3e-6, 1.5e-6), "aggregation": (1.5e-5, 6e-6)}
 MULTIGRID_SHARE = 1.2

@@ -1,4 +1,4 @@
-"""Faults: killed, interrupted, a full disk, a folder that is taken, a PETSc without MUMPS; see tests/test_faults.py."""
+"""Faults: killed, interrupted, a full disk, a folder that is taken, a PETSc without MUMPS; see tests/solving/test_faults.py."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def cases(*, short: bool) -> Iterator[Case]:
 
 
 def _tests(names: Sequence[str], ranks: int = 1) -> Finding:
-    """Run tests of tests/test_faults.py."""
+    """Run tests of tests/solving/test_faults.py."""
     launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
     chosen = " or ".join(names)
     command = [*launcher, sys.executable, "-m", "pytest", "-q", "--color=no", "-p", "no:cacheprovider", "-k", chosen]

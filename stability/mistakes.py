@@ -28,7 +28,7 @@ class Mutant:
         idea: the mistake in words; no two mutants share them.
         within: the function, or Class.method, to look in, where the module holds ``old`` more than once.
         ranks: the number of ranks on which it is tried; above 1 only tests that are marked mpi run.
-        tests: tests that are likely to notice it: ``ranks`` for tests/test_ranks.py, or ``ranks::test_...`` in it.
+        tests: tests that are likely to notice it: ``ranks`` for tests/verification/test_ranks.py, or ``ranks::test_...`` in it.
         equivalent: why it changes no result, so that no test can notice it; "": it must be noticed.
     """
 

@@ -38,7 +38,7 @@ PAGE = ROOT / "docs" / "mutants.md"
 BEGIN, END = "<!-- written by make mutants -->", "<!-- end -->"
 NOTICED, SURVIVES, LIMIT = "noticed", "survives", "limit"
 # These tests fail because the source differs, and not because of the effect of the mistake.
-_NOT_FOR_COPIES = ("tests/test_mutants.py",)
+_NOT_FOR_COPIES = ("tests/repository/test_mutants.py",)
 # The first tests of the suite: quick ones of all parts.
 _FIRST = (
     "complementarity", "algorithms", "forms", "patch", "example1", "outcomes", "oracle", "fall_backs", "invariances",

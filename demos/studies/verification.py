@@ -2,7 +2,7 @@
 
     ./env python3 demos/studies/verification.py
 
-References are formulae, balances of forces, or numbers of an independent program (tests/oracle.py: NumPy alone, no line
+References are formulae, balances of forces, or numbers of an independent program (tests/support/oracle.py: NumPy alone, no line
 shared with the package).  The exit code is 1 if a number is further from its reference than the tolerance says.  One
 rank, some seconds.
 """
@@ -191,7 +191,7 @@ def hertz() -> Iterator[Row]:
 
 
 def example1() -> Iterator[Row]:
-    """Example 1 on 120 x 40, gamma = 1e8, F = 0.3 or g = 1.5; the numbers of tests/oracle.py."""
+    """Example 1 on 120 x 40, gamma = 1e8, F = 0.3 or g = 1.5; the numbers of tests/support/oracle.py."""
     known = {
         "tresca": (20.1121, 0.0231870, -0.00382157, ("friction", [0.95, 2.05])),
         "coulomb": (20.1810, 0.0234108, -0.00384852, ("state", [1.0, 2.0])),

@@ -1,0 +1,395 @@
+"""An accuracy that is asked for is reached, or the budget ends by name."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+import random_scenes
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from signorini_fx import compat, parallel
+from signorini_fx.accuracy.price_list import predict
+from signorini_fx.check.checks import check_scene
+from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.mesh.files.formats import read_file, write_file
+from signorini_fx.mesh.tagged import generate_mesh
+from signorini_fx.records import IterationRecord, Status
+from signorini_fx.results.summary import render, summarise
+from signorini_fx.scene.reading import parse_scene, read_scene
+from signorini_fx.scene.settings import Accuracy
+from signorini_fx.solving import to_accuracy
+from signorini_fx.solving.finer_meshes import Meshes
+from signorini_fx.solving.solver import solve
+from signorini_fx.studies.reference import Reference, divided
+from tests.scenes import example1, on_mesh, rectangle
+
+SCENES = Path(__file__).parents[2] / "demos" / "scenes"
+FRICTION = {"tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3}}
+
+
+def asked(friction, **goal):
+    """Example 1 with gamma left to the program, asked for an accuracy."""
+    scene = example1(**FRICTION[friction], gamma="auto", nx=120, ny=40)
+    return scene.model_copy(update={"accuracy": Accuracy(**goal)})
+
+
+@pytest.fixture(scope="module", params=sorted(FRICTION))
+def reference(request):
+    """A solution without regularisation on a much finer mesh."""
+    return request.param, solve(example1(**FRICTION[request.param], nx=480, ny=160, algorithm="exact")).table.columns
+
+
+@pytest.mark.parametrize("target", [1e-1, 3e-2, 1e-2])
+def test_pressure(reference, target):
+    """The true error of the contact pressure is what was asked for, or less."""
+    friction, fine = reference
+    solution = solve(asked(friction, target=target, of="pressure"))
+    coarse = solution.table.columns
+    difference = np.interp(fine["s"], coarse["s"], coarse["pressure"]) - fine["pressure"]
+    true = np.sqrt(np.dot(fine["weight"], difference**2) / np.dot(fine["weight"], fine["pressure"] ** 2))
+    assert true <= target
+
+
+@pytest.mark.parametrize(("of", "targets"), [("energy", (1e-1, 1e-2, 2e-3)), ("pressure", (1e-1, 1e-2, 3e-3))])
+def test_true_error_on_the_meshes_that_the_program_chooses(with_reference, of, targets):
+    """Displacement and pressure on triangles of degree 2, refined where the error is: met, and with few unknowns."""
+    friction, fine = with_reference
+    for target, most in zip(targets, (3_000, 20_000, 60_000), strict=True):
+        solution = solve(asked(friction, target=target, of=of), MPI.COMM_SELF)
+        assert fine.errors(solution)[of] <= target
+        assert solution.discretisation.dofs < most
+
+
+@pytest.fixture(scope="module", params=sorted(FRICTION))
+def with_reference(request):
+    """A reference of much higher accuracy, of displacement too."""
+    scene = example1(**FRICTION[request.param], nx=120, ny=40)
+    return request.param, Reference(divided(scene, 2.0, 60_000)[-1])
+
+
+@pytest.mark.mpi
+def test_every_number_of_ranks_meets_it():
+    """The same meshes, and with them the same answer, on any number of ranks."""
+    scene = asked("coulomb", target=3e-2, of="pressure")
+    ours, alone = solve(scene), solve(scene, MPI.COMM_SELF)
+    assert [level.dofs for level in ours.levels] == [level.dofs for level in alone.levels]
+    assert ours.price_list[-2].pressure == pytest.approx(alone.price_list[-2].pressure, rel=1e-6)
+
+
+def test_nodes_where_loads_jump_are_kept():
+    """The first mesh is part of the scene's own; one that cannot be halved is where it begins."""
+    for (nx, ny), (coarse_nx, coarse_ny) in (((120, 40), (15, 5)), ((60, 20), (15, 5)), ((45, 15), (45, 15))):
+        scene = example1(bound=1.5, nx=nx, ny=ny)
+        meshes = Meshes(scene, Accuracy(target=0.1), MPI.COMM_SELF)
+        assert meshes.scene.mesh.parameters["nx"] == coarse_nx
+        assert meshes.scene.mesh.parameters["ny"] == coarse_ny
+
+
+def test_supports_begin_where_the_scene_says():
+    """A first mesh on which a named side would begin elsewhere is none: cells that are divided would keep it there."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "notched_sides", "parameters": {"nx": 60, "ny": 20, "lower": 0.25}},
+            "material": {"young": 1e4, "poisson": 0.3},
+            "displacement": [{"boundary": side, "x": 0.0, "y": -0.004} for side in ("left", "right")],
+            "contact": {"boundary": "bottom", "gap": 0.0015},
+            "accuracy": {"target": 0.2},
+        }
+    )
+    solution = solve(scene, MPI.COMM_SELF)
+    tagged = solution.discretisation.tagged
+    for side in ("left", "right"):
+        points = tagged.mesh.geometry.x[dmesh.entities_to_geometry(tagged.mesh, 1, tagged.facets(side))]
+        assert points[:, :, 1].min() == pytest.approx(0.25)
+
+
+def test_uniform_meshes_jump_to_what_is_needed():
+    """The scene's own elements, in whole multiples of the coarsest, with few meshes in between."""
+    solution = solve(asked("tresca", target=2e-2, of="energy", refinement="uniform"), MPI.COMM_SELF)
+    assert solution.scene.element.degree == 1
+    counts = [(level.table.columns["s"].size - 1) / 30 for level in solution.levels]
+    assert counts == [round(count) for count in counts]
+    assert counts[-1] > 8 > len(counts)
+
+
+@pytest.mark.parametrize("of", ["energy", "pressure"])
+def test_own_triangles(with_reference, of):
+    """A mesh that no generator makes gets degree 2 as well: the accuracy is met with few unknowns."""
+    friction, fine = with_reference
+    scene = asked(friction, target=1e-2, of=of)
+    generator = {**scene.mesh.parameters, "nx": 30, "ny": 10, "cell": "triangle"}
+    own = generate_mesh(scene.mesh.generator, generator, MPI.COMM_SELF)
+    solution = solve(scene.model_copy(update={"mesh": own}), MPI.COMM_SELF)
+    assert solution.scene.element.degree == 2
+    assert fine.errors(solution)[of] <= 1e-2
+    assert solution.discretisation.dofs < 20_000
+
+
+@pytest.mark.parametrize("target", [1e-2, 1e-3])
+def test_peak(reference, target):
+    """The same for the largest pressure."""
+    friction, fine = reference
+    solution = solve(asked(friction, target=target, of="peak"))
+    assert abs(solution.table.columns["pressure"].max() / fine["pressure"].max() - 1) <= target
+
+
+def test_gamma_is_raised_where_it_is_in_the_way():
+    """A large given regularisation error is brought below the target, by gamma and not by meshes alone."""
+    scene = example1(bound=1.5, gamma=1e5, nx=60, ny=20)
+    solution = solve(scene.model_copy(update={"accuracy": Accuracy(target=3e-2, of="pressure")}))
+    assert solution.parameters["gamma_n"] > 1e6
+    assert solution.levels[-1].pressure_regularisation < 0.5 * 3e-2
+
+
+def test_path_following_leaves_less_where_it_is_in_the_way():
+    """What the scene lets it leave is more than the target: it is lowered, and no mesh is solved for ever."""
+    meshes = []
+
+    def watch(record):
+        if isinstance(record, str) and record.startswith("level "):
+            meshes.append(record)
+            assert len(meshes) < 15
+
+    path = {"algorithm": "path-following", "regularisation_error": 0.1}
+    scene = example1(bound=1.5, gamma="auto", nx=24, ny=8, **path)
+    goal = Accuracy(target=3e-2, of="pressure")
+    solution = solve(scene.model_copy(update={"accuracy": goal}), MPI.COMM_SELF, observers=[watch])
+    assert solution.levels[-1].pressure_regularisation < 0.5 * 3e-2
+
+
+def test_arcs_are_not_divided():
+    """Cells on an arc would converge to a polygon: refused, and not solved for it."""
+    scene = read_scene(SCENES / "hertz.toml")
+    asked = scene.model_copy(update={"accuracy": Accuracy(target=0.05, refinement="adaptive")})
+    with pytest.raises(SceneError, match=r"accuracy\.refinement: the arcs of half_disk"):
+        solve(asked, MPI.COMM_SELF)
+
+
+def test_a_mesh_that_cannot_be_divided_is_refused_first():
+    """Quadrilaterals that are no generator's: said before anything is solved."""
+    scene = on_mesh(asked("tresca", target=0.1), rectangle(nx=6, ny=2))
+    history = []
+    with pytest.raises(MeshError, match="only triangles"):
+        check_scene(scene, MPI.COMM_SELF)
+    with pytest.raises(MeshError, match="only triangles"):
+        solve(scene, MPI.COMM_SELF, observers=[history.append])
+    assert not history
+
+
+def test_budget_ends_by_name():
+    """A refinement that the budget does not allow is not begun; the answer is the last mesh's, certified."""
+    assert solve(asked("tresca", target=1e-6, memory=1e-3), check=False).status is Status.BUDGET
+
+
+@pytest.mark.mpi
+def test_time_ends_after_the_linear_solve_in_which_it_has_passed(monkeypatch):
+    """On a clock that counts linear solves: none comes after the last that is allowed, on whichever mesh that is."""
+    solves = []
+    monkeypatch.setattr(parallel, "clock", lambda comm: float(sum(isinstance(one, IterationRecord) for one in solves)))
+    whole = solve(asked("coulomb", target=0.05), observers=[solves.append])
+    by_mesh = np.cumsum([level.linear_solves for level in whole.levels])
+    assert len(by_mesh) > 2
+    for allowed in (1, by_mesh[0] + 1, by_mesh[1] - 1):
+        solves.clear()
+        scene = asked("coulomb", target=0.05, seconds=float(allowed))
+        solution = solve(scene, observers=[solves.append], check=False)
+        complete = int(np.count_nonzero(by_mesh <= allowed))
+        assert solution.history.linear_solves == allowed
+        assert len(solution.levels) == complete
+        assert f"accuracy: {allowed} s have ended before mesh {complete + 1} was solved" in solution.history.events
+        if complete:
+            assert solution.status is Status.BUDGET
+            assert solution.certificate.holds
+            np.testing.assert_array_equal(
+                solution.table.columns["pressure"], solution.levels[-1].table.columns["pressure"]
+            )
+        else:
+            assert solution.status is Status.MAX_ITERATIONS
+            assert "raise accuracy.seconds" in solution.advice
+
+
+def test_the_memory_of_the_machine_is_a_budget(monkeypatch):
+    """Without a budget a mesh that the machine has no memory for is not begun: the system would kill the process."""
+    monkeypatch.setattr(parallel, "machine_memory", lambda comm: 1e6)
+    solution = solve(asked("tresca", target=1e-6), check=False)
+    assert solution.status is Status.BUDGET
+    assert solution.certificate.holds
+    assert "of memory, this machine has 0.00093" in solution.history.events[-1]
+    told = render(summarise(solution, solution.table)).splitlines()
+    assert any(line.startswith("  accuracy         the next mesh would take about") for line in told)
+    assert not any(line.startswith("  fall-backs") for line in told)
+
+
+def test_no_more_than_asked_for():
+    """A rough answer costs two small meshes."""
+    assert len(solve(asked("tresca", target=0.5, of="pressure")).levels) == 2
+
+
+def test_arcs_get_degree_2():
+    """Half a disk is refined uniformly with elements and cells of degree 2, and comes to Hertz's peak pressure.
+
+    No mesh is so little finer than the one before that the change of the pressure between both says nothing.
+    """
+    scene = read_scene(SCENES / "hertz.toml")
+    scene = scene.model_copy(update={"accuracy": Accuracy(target=0.02, of="pressure")})
+    solution = solve(scene, MPI.COMM_SELF)
+    assert solution.scene.element.degree == 2
+    assert compat.geometry_degree(solution.discretisation.tagged.mesh) == 2
+    assert solution.discretisation.dofs < 10_000
+    assert all(fine.h < coarse.h / 1.3 for coarse, fine in pairwise(solution.levels))
+    assert any(event.startswith("elements: degree 2, all cells smaller") for event in solution.history.events)
+    assert solution.table.columns["pressure"].max() == pytest.approx(5.494, rel=3e-3)
+
+
+TABLE = {
+    "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 40, "ny": 20}},
+    "material": {"young": 1000.0, "poisson": 0.3},
+    "displacement": [{"boundary": "left", "x": 0.0}],
+    "traction": [{"boundary": "top", "y": -5.0}],
+    "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.6}},
+}
+
+
+@pytest.fixture(scope="module")
+def block_on_table():
+    """A solution that resolves the corner of the block: 25 halvings there, and degree 2."""
+    body = random_scenes.Body(2.0, 1.0, 0.0, None, None, (8, 4))
+    plain = parse_scene({**TABLE, "traction": [{"boundary": "top", "x": 0.0, "y": -5.0}]})
+    one = random_scenes.RandomScene("block", plain, body, tuple(body.corners()), ())
+    return random_scenes.reference(one, 25, 20_000)
+
+
+@pytest.mark.parametrize("target", [0.1, 0.05, 0.02])
+def test_contact_up_to_a_corner(block_on_table, target):
+    """The pressure at the corner is singular: what is asked for is met there too, and the estimate is no fluke."""
+    fine, own = block_on_table
+    assert own["pressure"] < 0.2 * target
+    scene = parse_scene({**TABLE, "accuracy": {"target": target, "of": "pressure"}})
+    solution = solve(scene, MPI.COMM_SELF)
+    true = fine.errors(solution)["pressure"]
+    assert true <= target
+    assert 2 * solution.price_list[-2].pressure >= 0.7 * true
+    assert solution.discretisation.dofs < 4_000
+
+
+def test_the_largest_pressure_at_a_corner_has_no_value():
+    """It grows with every refinement: that is said, and no number is called right."""
+    scene = parse_scene({**TABLE, "accuracy": {"target": 0.05, "of": "peak"}})
+    solution = solve(scene, MPI.COMM_SELF, check=False)
+    assert solution.status is Status.OUT_OF_REACH
+    assert solution.price_list[-2].peak is None
+    assert any("no finite value" in event and "at (2, " in event for event in solution.history.events)
+
+
+def test_a_pressure_without_a_finite_norm():
+    """Much friction against a slipping corner: the pressure grows like r^-0.54, and has no finite norm."""
+    mesh = {"generator": "rectangle", "parameters": {"length": 3.0, "nx": 30, "ny": 10}}
+    held = [{"boundary": "left", "x": 0.0, "y": 0.0}]
+    middle = [{"boundary": "top", "y": "where(x[0] > 1.1 and x[0] < 1.9, -20, 0)"}]
+    goal = {"target": 0.05, "of": "pressure"}
+    scene = parse_scene({**TABLE, "mesh": mesh, "displacement": held, "traction": middle, "accuracy": goal})
+    solution = solve(scene, MPI.COMM_SELF, check=False)
+    assert solution.status is Status.OUT_OF_REACH
+    assert any("no finite norm" in event or "double precision" in event for event in solution.history.events)
+
+
+@pytest.mark.parametrize("of", ["energy", "pressure", "force"])
+def test_loads_that_jump_between_nodes(of):
+    """The resultant that the mesh misses is part of the error: no load is off by more than is asked for."""
+    jump = {"boundary": "top", "y": "where(x[0] > 1.13 and x[0] < 1.87, -20, 0)"}
+    mesh = {"generator": "rectangle", "parameters": {"length": 3.0, "nx": 30, "ny": 10}}
+    held = [{"boundary": "left", "x": 0.0, "y": 0.0}]
+    contact = {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}}
+    goal = {"target": 0.05, "of": of}
+    scene = {**TABLE, "mesh": mesh, "displacement": held, "traction": [jump], "contact": contact, "accuracy": goal}
+    scene = parse_scene(scene)
+    solution = solve(scene, MPI.COMM_SELF)
+    resultant = sum(float(load.forces.sum()) for load in solution.discretisation.applied)
+    assert abs(resultant / (-20 * 0.74) - 1) <= 0.02
+    assert solution.levels[0].data > solution.levels[-1].data
+
+
+SEAL = """SetFactory("OpenCASCADE");
+Point(1) = {-1, 1, 0}; Point(2) = {1, 1, 0}; Point(3) = {1, 0.5, 0}; Point(4) = {-1, 0.5, 0};
+Point(5) = {0, 0.5, 0}; Point(6) = {0, -0.5, 0};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Circle(3) = {3, 5, 6}; Circle(4) = {6, 5, 4}; Line(5) = {4, 1};
+Curve Loop(1) = {1, 2, 3, 4, 5}; Plane Surface(1) = {1};
+Physical Curve("top") = {1}; Physical Curve("lip") = {3, 4}; Physical Surface("body") = {1};
+Mesh.MeshSizeMax = 0.25;
+"""
+
+
+def seal(file, **goal):
+    """A round lip pressed onto a plane."""
+    return parse_scene(
+        {
+            "mesh": {"file": str(file)},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [{"boundary": "top", "x": 0.0, "y": -0.05}],
+            "contact": {"boundary": "lip", "gap": "x[1] + 0.5", "direction": [0.0, -1.0]},
+            "accuracy": goal,
+        }
+    )
+
+
+def test_a_drawing_is_meshed_again(tmp_path):
+    """A .geo gets finer cells on its true curves; its straight mesh is refused by name, its curved one divided."""
+    drawing = tmp_path / "seal.geo"
+    drawing.write_text(SEAL)
+    fine = solve(seal(drawing, target=0.03, of="pressure"), MPI.COMM_SELF)
+    assert fine.scene.element.degree == 2
+    assert compat.geometry_degree(fine.discretisation.tagged.mesh) == 2
+    largest = fine.table.columns["pressure"].max()
+    solution = solve(seal(drawing, target=0.1, of="pressure"), MPI.COMM_SELF)
+    assert solution.table.columns["pressure"].max() == pytest.approx(largest, rel=0.03)
+    for degree, name in ((1, "straight.msh"), (2, "curved.msh")):
+        write_file(read_file(drawing, degree=degree), tmp_path / name)
+    curved = solve(seal(tmp_path / "curved.msh", target=0.1, of="pressure"), MPI.COMM_SELF)
+    assert curved.table.columns["pressure"].max() == pytest.approx(largest, rel=0.03)
+    polygon = solve(seal(tmp_path / "straight.msh", target=0.05, of="pressure"), MPI.COMM_SELF, check=False)
+    assert polygon.status is Status.OUT_OF_REACH
+    assert any("straight facets" in event for event in polygon.history.events)
+    with pytest.raises(SceneError, match="dolfinx bisects straight ones only"):
+        solve(seal(tmp_path / "curved.msh", target=0.05, refinement="adaptive"), MPI.COMM_SELF)
+
+
+def test_the_cells_of_a_file_are_halved_or_not(tmp_path, monkeypatch):
+    """A budget for less than twice as fine a mesh does not begin one that is twice as fine."""
+    (tmp_path / "seal.geo").write_text(SEAL)
+    jumps = []
+
+    def noted(*given, finer, **named):
+        jumps.append(finer)
+        return predict(*given, finer=finer, **named)
+
+    monkeypatch.setattr(to_accuracy, "predict", noted)
+    scene = seal(tmp_path / "seal.geo", target=1e-6, refinement="uniform", memory=1e-3)
+    assert solve(scene, MPI.COMM_SELF, check=False).status is Status.BUDGET
+    assert jumps == [2.0]
+
+
+@pytest.mark.parametrize("of", ["energy", "force"])
+def test_load_steps(of):
+    """Every load step counts: the worst of them has what is asked for."""
+    scene = read_scene(SCENES / "press_and_slide.toml")
+    rough, fine = (
+        solve(scene.model_copy(update={"accuracy": Accuracy(target=target, of=of)}), MPI.COMM_SELF)
+        for target in (0.05, 0.01)
+    )
+    assert len(rough.steps) == scene.steps > 1
+    if of == "force":
+        forces = [np.concatenate([np.concatenate(step.contact.forces) for step in s.steps]) for s in (rough, fine)]
+        assert np.linalg.norm(forces[0] - forces[1]) <= 0.05 * np.linalg.norm(forces[1])
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_random_scenes_meet_what_is_asked_for(number):
+    """A scene of the study, asked for 5 % of the displacement, the pressure and the force."""
+    one = random_scenes.scenes(1, 4)[number]
+    fine, _ = random_scenes.reference(one, 25, 15_000)
+    for of in random_scenes.QUANTITIES:
+        goal = Accuracy(target=0.05, of=of)
+        solution = solve(one.scene.model_copy(update={"accuracy": goal}), MPI.COMM_SELF)
+        assert fine.errors(solution)[of] <= 0.05

@@ -1,0 +1,916 @@
+"""The commands check, new and schema: what is said of a scene before it is solved, and whether it comes true."""
+
+import json
+import re
+import resource
+import subprocess
+import sys
+import tomllib
+from importlib import import_module
+from pathlib import Path
+
+import dolfinx
+import numpy as np
+import pytest
+from mpi4py import MPI
+from petsc4py import PETSc
+from pydantic import BaseModel
+from scenes import alone, example1
+
+from signorini_fx import cli, parallel
+from signorini_fx.body.motion_names import names_of_piece as rigid_motion_names
+from signorini_fx.check.checks import check_scene
+from signorini_fx.effects import contact as contact_of
+from signorini_fx.effects import displacement, material
+from signorini_fx.effects.material import LinearElastic
+from signorini_fx.errors import SceneError
+from signorini_fx.records import Status
+from signorini_fx.results.files import write_results
+from signorini_fx.results.summary import render, summarise
+from signorini_fx.scene import model as scene
+from signorini_fx.scene import settings, template
+from signorini_fx.scene.effect import PACKAGE, keys
+from signorini_fx.scene.load_steps import LoadSteps
+from signorini_fx.scene.reading import parse_scene, parse_scene_text, read_scene
+
+DEMOS = sorted((Path(__file__).parents[2] / "demos" / "scenes").glob("*.toml"))
+BLOCK = {
+    "mesh": {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4}},
+    "material": {"young": 5000.0, "poisson": 0.3},
+    "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+    "traction": {"boundary": "top", "y": -20.0},
+    "contact": {"boundary": "bottom"},
+}
+FREE = {"displacement": []}
+
+
+def block(**changes):
+    """A block that is pressed on its foundation, with other tables in the place of its own."""
+    return parse_scene({**BLOCK, **changes})
+
+
+def contact(**options):
+    """The table of its contact."""
+    return {"contact": {"boundary": "bottom", **options}}
+
+
+def coulomb(coefficient, **options):
+    """The same with Coulomb friction."""
+    return contact(friction={"law": "coulomb", "coefficient": coefficient, **options})
+
+
+def tresca(bound):
+    """The same with given friction."""
+    return contact(friction={"law": "tresca", "bound": bound})
+
+
+def check(data):
+    """What is said of a scene on this rank."""
+    return check_scene(data, MPI.COMM_SELF)
+
+
+def said(data, level="warning"):
+    """{path: message} of the warnings."""
+    return {finding.path: finding.message for finding in check(data).findings if finding.level == level}
+
+
+# --- effects ---------------------------------------------------------------------------------------------------------
+
+
+# Effects whose rows and tables are all alike.
+LISTED = sorted(set(keys()) - {"material", "displacement", "contact"})
+
+
+def test_effects_of_example_1():
+    """On or off, why, and what each adds."""
+    report = check(example1(coefficient=0.3, nx=12, ny=4))
+    table = {effect.name: (effect.on, effect.forms, effect.unknowns) for effect in report.effects}
+    assert table == {
+        "elasticity": (True, ("elasticity",), 130),
+        "several materials": (False, (), 0),
+        "reduced integration": (False, (), 0),
+        "displacement left": (True, (), -5),
+        "displacement right": (True, (), -5),
+        **{key.replace("_", " "): (False, (), 0) for key in LISTED if key != "traction"},
+        "traction top": (True, ("traction top",), 0),
+        "contact bottom": (True, ("contact bottom",), 0),
+        "friction bottom": (True, (), 0),
+        "load steps": (False, (), 0),
+        "error estimate": (False, (), 0),
+        "nested iteration": (False, (), 0),
+    }
+    assert report.forms == ("elasticity", "traction top", "contact bottom")
+    assert report.cost.unknowns == 120
+    assert report.cost.contact_nodes == 13
+    reasons = {effect.name: effect.why for effect in report.effects}
+    assert reasons["friction bottom"] == "coulomb, coefficient = 0.3"
+    assert reasons["body force"] == "no [body_force]"
+    assert reasons["displacement left"] == "x = 0"
+
+
+ALL = {
+    "element": {"degree": 2, "volumetric": "auto"},
+    "material": {"young": 5000.0, "poisson": 0.49},
+    "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}, {"boundary": "left", "x": 0.0}],
+    "traction": [{"boundary": "top", "y": -20.0, "factors": [0.5, 1.0]}, {"boundary": "right", "pressure": 0.0}],
+    "body_force": {"y": "-x[0]"},
+    "springs": [{"boundary": "right", "tangential": "1 + x[1]"}, {"boundary": "top", "x": 0.0}],
+    "contact": [{"boundary": "bottom", "friction": {"law": "tresca", "bound": 0.0}}, {"boundary": "right", "gap": 1.0}],
+}
+VARIANTS = {
+    "plain": block(),
+    "no load": block(traction=[], displacement={"boundary": "left", "x": 1e-3, "y": 0.0}),
+    "no contact": block(contact=[]),
+    "everything": block(**ALL),
+    "linear": block(**{**ALL, "contact": []}),
+    "path-following": block(solver={"algorithm": "path-following"}),
+    "path-following to a given error": block(solver={"algorithm": "path-following", "regularisation_error": 1e-4}),
+    "path-following without contact": block(contact=[], solver={"algorithm": "path-following"}),
+}
+
+
+@pytest.mark.parametrize("variant", [*VARIANTS, *(demo.stem for demo in DEMOS)])
+def test_the_forms_are_those_of_the_solve(variant):
+    """What is announced is what is compiled, and the unknowns of the effects add up to those that are solved for."""
+    data = VARIANTS[variant] if variant in VARIANTS else read_scene(next(d for d in DEMOS if d.stem == variant))
+    report, solution = check(data), alone(data, check=False)
+    assert report.forms == tuple(solution.discretisation.inventory.forms)
+    assert set().union(*(effect.forms for effect in report.effects)) == set(report.forms)
+    fixed = np.count_nonzero(solution.discretisation.fixed)
+    tools = [one.foundation for one in solution.scene.contact if one.foundation is not None and one.foundation.driven]
+    free = sum(3 - len(tool.prescribed.model_fields_set) for tool in tools)  # in the plane, besides those of the body
+    assert report.cost.unknowns == solution.discretisation.dofs - fixed + free
+    assert sum(effect.unknowns for effect in report.effects) == report.cost.unknowns
+    for end in (0, 1):
+        assert sum(effect.solves[end] for effect in report.effects) == report.cost.linear_solves[end]
+    assert all(effect.on or not (effect.forms or effect.unknowns or any(effect.solves)) for effect in report.effects)
+
+
+def test_every_effect_of_a_scene_with_all_of_them():
+    """Those that are zero are off, with the reason."""
+    effects = {effect.name: effect for effect in check(block(**ALL)).effects}
+    off = {name: effect.why for name, effect in effects.items() if not (effect.on or effect.why.startswith("no [["))}
+    assert off == {
+        "several materials": "one [[material]]",
+        "traction right": "it is 0",
+        "springs top": "it is 0",
+        "friction bottom": "tresca, bound = 0: frictionless",
+        "friction right": "no friction",
+        "error estimate": "algorithm = 'auto', levels = 1",
+        "nested iteration": "levels = 1",
+    }
+    assert effects["traction top"].forms == ("traction top",)
+    assert effects["body force"].forms == ("body force",)
+    assert effects["reduced integration"].forms == ("reduced volumetric elasticity",)
+    assert effects["load steps"].why == "factors: 2 each"
+
+
+@pytest.mark.parametrize("demo", DEMOS, ids=lambda demo: demo.stem)
+def test_the_demos_are_fine(demo):
+    """Nothing hurts there, but what the paper itself chose."""
+    of_the_paper = {"example2_tresca": ["material[0].poisson"]}  # nu = 0.45 with linear elements
+    assert [warning.path for warning in check(read_scene(demo)).warnings] == of_the_paper.get(demo.stem, [])
+
+
+def test_nothing_is_solved(monkeypatch):
+    """No matrix, no linear solver, and the elastic form is not even compiled."""
+    compiled = []
+    compile_form = dolfinx.jit.ffcx_jit
+    monkeypatch.setattr(dolfinx.jit, "ffcx_jit", lambda *a, **k: compiled.append(a) or compile_form(*a, **k))
+
+    def refuse(*arguments, **options):
+        raise AssertionError("check must not assemble or solve")
+
+    monkeypatch.setattr(dolfinx.fem, "assemble_matrix", refuse)
+    monkeypatch.setattr(dolfinx.fem.petsc, "assemble_matrix", refuse)
+    monkeypatch.setattr(PETSc, "SNES", refuse)
+    monkeypatch.setattr(PETSc, "KSP", refuse)
+    report = check(example1(coefficient=0.3, nx=12, ny=4))
+    assert len(compiled) == len(report.forms) - 1
+
+
+ESTIMATED = {
+    "elastic": block(contact=[]),
+    "contact": block(),
+    "tresca": example1(bound=1.5, generator="rectangle"),
+    "coulomb": example1(coefficient=0.3, generator="rectangle"),
+    "newton": example1(coefficient=0.3, generator="rectangle", coulomb="newton"),
+    "nested": example1(coefficient=0.3, generator="rectangle", levels=3),
+    "exact": example1(bound=1.5, generator="rectangle", algorithm="exact"),
+    "steps": block(**tresca(1.0), traction={"boundary": "top", "y": -20.0, "factors": [0.5, 1.0, 1.5]}),
+}
+
+
+@pytest.mark.parametrize("kind", ESTIMATED)
+def test_linear_solves_are_as_many_as_estimated(kind):
+    """The true number is in the range, or off by no more than a factor of 1.5."""
+    low, high = check(ESTIMATED[kind]).cost.linear_solves
+    solution = alone(ESTIMATED[kind])
+    solves = solution.history.linear_solves or len(solution.steps)
+    assert low / 1.5 <= solves <= 1.5 * high
+
+
+def test_cost_grows_with_the_mesh():
+    """Finer meshes cost more than their unknowns; what is condensed costs less."""
+    small, large = (check(example1(bound=1.5, nx=nx, ny=nx // 3, linear_algebra="full")).cost for nx in (60, 120))
+    condensed = check(example1(bound=1.5, linear_algebra="condensed")).cost
+    for name in ("unknowns", "factorisation_seconds", "factorisation_bytes", "memory_bytes"):
+        assert getattr(large, name) > getattr(small, name) > 0
+    assert large.factorisation_bytes / small.factorisation_bytes > large.unknowns / small.unknowns
+    assert condensed.seconds[1] < large.seconds[1]
+    assert large.linear_algebra.startswith("full")
+
+
+def test_too_little_memory(monkeypatch):
+    """A machine of 10 MB."""
+    monkeypatch.setattr(parallel, "machine_memory", lambda comm: 1e7)
+    assert "use a coarser mesh" in said(block())["mesh"]
+
+
+# --- what may go wrong ------------------------------------------------------------------------------------------------
+
+QUIET = {
+    "plain": block(),
+    "friction": block(**coulomb(0.3)),
+    "reduced": block(material={"young": 5000.0, "poisson": 0.499}, element={"volumetric": "auto"}),
+    "degree 2": block(material={"young": 5000.0, "poisson": 0.499}, element={"degree": 2}),
+    "plane stress": block(material={"young": 5000.0, "poisson": 0.499, "hypothesis": "plane stress"}),
+    "body force": block(traction=[], body_force={"y": -1.0}, **FREE, **coulomb(0.3)),
+    "penalty of alm": block(solver={"algorithm": "alm", "gamma_n": 1e4, "gamma_t": 1e4}),
+    "path-following": block(solver={"algorithm": "path-following", "gamma_n": 1.0}),
+    "gap that closes": block(**contact(gap=1e-3)),
+    "pushed, but held by friction": block(traction={"boundary": "top", "x": 2.0, "y": -20.0}, **FREE, **coulomb(0.3)),
+    "held by bilateral contact": block(traction={"boundary": "top", "y": 20.0}, **contact(kind="bilateral")),
+}
+
+
+@pytest.mark.parametrize("name", QUIET)
+def test_no_warning(name):
+    """Scenes that are as they should be, and that solve."""
+    assert said(QUIET[name]) == {}
+    assert alone(QUIET[name], check=False).status is Status.CONVERGED
+
+
+NARROW = {"mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 3.0, "nx": 4, "ny": 12}}}
+# A scene, the path and words of its warning, and how it ends.
+LOOSE = {
+    "nothing": (block(contact=[], **FREE), "displacement", "translations and rotations", Status.NOT_HELD),
+    "half a support": (
+        block(contact=[], displacement={"boundary": "left", "x": 0.0}),
+        "displacement",
+        "the translation along (0, 1)",
+        Status.NOT_HELD,
+    ),
+    "sideways": (block(**FREE), "displacement", "the translation along (1, 0)", Status.NOT_HELD),
+    "frictionless by its coefficient": (block(**FREE, **coulomb(0.0)), "displacement", "add friction", Status.NOT_HELD),
+    "pulled off": (
+        block(traction={"boundary": "top", "y": 20.0}, displacement={"boundary": "left", "x": 0.0}),
+        "traction, body_force",
+        "the loads drive the translation along (0, 1), which neither",
+        Status.OPEN,
+    ),
+    "too steep": (
+        block(traction={"boundary": "top", "x": 10.0, "y": -20.0}, **FREE, **coulomb(0.3)),
+        "traction, body_force",
+        "no static equilibrium",
+        Status.SLIDES,
+    ),
+    "a force": (
+        block(traction=[], force={"boundary": "top", "x": 30.0, "y": -60.0}, **FREE, **coulomb(0.3)),
+        "force",
+        "no static equilibrium",
+        Status.SLIDES,
+    ),
+    "beyond given friction": (
+        block(traction={"boundary": "top", "x": 2.0, "y": -20.0}, **FREE, **tresca(1.9)),
+        "traction, body_force",
+        "the translation along (1, 0)",
+        Status.SLIDES,
+    ),
+    "second step": (
+        block(traction={"boundary": "top", "y": -20.0, "factors": [1.0, -1.0]}, **FREE, **coulomb(0.3)),
+        "traction, body_force",
+        "load step 2: there is no static equilibrium",
+        Status.OPEN,
+    ),
+    "no load": (
+        block(traction=[], displacement={"boundary": "left", "x": 0.0}),
+        "traction, body_force",
+        "its position is not determined",
+        Status.OPEN,
+    ),
+}
+
+
+@pytest.mark.parametrize("case", LOOSE)
+def test_bodies_that_nothing_holds(case):
+    """What is foreseen of the equilibrium comes true."""
+    data, path, words, status = LOOSE[case]
+    assert words in said(data)[path]
+    assert alone(data, check=False).status is status
+
+
+def test_units_that_do_not_agree():
+    """A modulus in GPa for a load in kPa: the body would move by more than its size, and the summary says so too."""
+    data = block(material={"young": 5.0, "poisson": 0.3}, traction={"boundary": "top", "y": -2000.0})
+    assert "check the units of E and of the loads" in said(data)["material, traction, body_force, displacement"]
+    solution = alone(data, check=False)
+    assert solution.status is Status.TOO_LARGE
+    assert solution.certificate.displacement > 1
+    assert "check the units of E" in render(summarise(solution, solution.table))
+    path, load = "material, traction, body_force, displacement", {"boundary": "top", "y": -2.0}
+    for young, odd in ((2.1e11, True), (2.1e5, False)):
+        steel = block(material={"young": young, "poisson": 0.3}, traction=load)
+        assert ("same units, such as MPa?" in said(steel, "note").get(path, "")) is odd
+
+
+@pytest.mark.parametrize("law", ["tresca", "coulomb"])
+@pytest.mark.parametrize("push", [-5.9, 5.9, -6.1, 6.1])
+def test_friction_holds_either_way(law, push):
+    """A block that nothing but friction holds sideways: up to its bound, and no farther, in both directions."""
+    friction = tresca(2.0) if law == "tresca" else coulomb(0.1)
+    loads = [{"boundary": "top", "y": -20.0}, {"boundary": "bottom", "x": push / 3}]
+    told = [f.message for f in check(block(displacement=[], traction=loads, **friction)).findings]
+    assert any("no static equilibrium" in message for message in told) == (abs(push) > 6)
+
+
+def test_bilateral_contact_pulls():
+    """It holds a body that is drawn away from its foundation; unilateral contact does not."""
+    side, up = {"boundary": "left", "x": 0.0}, {"boundary": "top", "y": 20.0}
+    for kind, held in (("bilateral", True), ("unilateral", False)):
+        found = check(block(displacement=side, traction=up, **contact(kind=kind))).findings
+        assert any("no static equilibrium" in f.message for f in found) != held
+
+
+@pytest.mark.parametrize(("gap", "said"), [(0.05, False), (0.2, True)])
+def test_a_gap_out_of_reach(gap, said):
+    """It is called out from ten times what is prescribed."""
+    supports = [{"boundary": side, "x": 0.0, "y": -0.01} for side in ("left", "right")]
+    found = check(block(displacement=supports, traction=[], **contact(gap=gap))).findings
+    assert any("unlikely to close" in f.message for f in found) == said
+
+
+def test_tipping():
+    """A narrow block, pushed at its side, turns about its corner; twice as heavy, it stands."""
+    pushed = {**NARROW, **FREE, **coulomb(0.9)}
+    for weight, tips in ((-2.0, True), (-8.0, False)):
+        data = block(**pushed, traction={"boundary": "left", "pressure": 1.0}, body_force={"y": weight})
+        message = said(data).get("traction, body_force", "")
+        assert ("rotation" in message) == tips
+        assert (alone(data, check=False).status is not Status.CONVERGED) == tips
+
+
+def test_notes_on_what_holds():
+    """Who has to hold the body, where its supports do not."""
+    notes = said(block(displacement={"boundary": "left", "x": 0.0}), "note")["displacement"]
+    assert "the translation along (0, 1): the contact alone must, and the loads press" in notes
+    assert "friction must" in said(block(**FREE, **coulomb(0.3)), "note")["displacement"]
+    assert said(block(), "note") == {}
+
+
+def test_a_rotation_about_a_point_far_away():
+    """It moves the body like a translation, and is called one."""
+    far = rigid_motion_names(np.array([[0.6], [0.8], [0.01]]), np.zeros(2), 2.0)
+    assert far == "the translation along (0.6, 0.8) with a slight rotation"
+    near = rigid_motion_names(np.array([[0.6], [0.8], [0.1]]), np.zeros(2), 2.0)
+    assert near == "the rotation about (-16, 12)"
+    tiny = rigid_motion_names(np.array([[0.6], [0.8], [0.1]]), np.zeros(2), 2e-9)
+    assert tiny == "the rotation about (-1.6e-08, 1.2e-08)"
+
+
+UP = "the rotation about the axis through (1, 1, 1) along (0, 0, 1)"
+# Free motions as columns (translations, then rotations, of a piece of size 2 with its middle at (1, 1) or (1, 1, 1)),
+# and their name; a rotation about a point of the plane is one about another with a translation.
+ROTATIONS = [
+    (np.eye(3), "translations and rotations"),
+    ([[0, 0.5], [1, 0.7], [0, 1.0]], "the translation along (0, 1) and the rotation about (1, 2)"),
+    (np.eye(6)[:, [0, 1, 5]], f"the translations across (0, 0, 1) and {UP}"),
+    (np.eye(6)[:, [2, 5]], f"the translation along (0, 0, 1) and {UP}"),
+    (np.eye(6)[:, [0, 1, 2, 4]], "translations and rotations about axes along (0, 1, 0)"),
+    (np.eye(6)[:, [2, 3, 4]], "the translation along (0, 0, 1) and rotations"),
+    (np.eye(6)[:, 3:], "rotations"),
+]
+
+
+@pytest.mark.parametrize(("free", "name"), ROTATIONS)
+def test_names_of_several_motions(free, name):
+    """One rotation is called so, with its place; a combination of the same motions has the same name."""
+    free = np.array(free, dtype=float)
+    centre = np.ones(2 if len(free) == 3 else 3)
+    assert rigid_motion_names(free, centre, 2.0) == name
+    mixed = free @ np.linalg.qr(np.random.default_rng(8).normal(size=(free.shape[1],) * 2))[0]
+    assert rigid_motion_names(mixed, centre, 2.0) == name
+
+
+def test_factors_that_differ_in_number():
+    """Each list with its length."""
+    loads = {"traction": [{"boundary": "top", "y": -1.0}, {"boundary": "top", "x": 1.0, "factors": [0.0, 1.0]}]}
+    with pytest.raises(SceneError) as caught:
+        block(**loads, displacement={"boundary": "left", "x": 0.0, "factors": [0.0, 1.0, 2.0]})
+    assert "the lists of factors differ in length: displacement[0] has 3, traction[1] has 2" in str(caught.value)
+
+
+LOCKING = {"young": 5000.0, "poisson": 0.49}
+
+
+def test_locking():
+    """The cure depends on the cells."""
+    assert "element.volumetric = 'auto'" in said(block(material=LOCKING))["material[0].poisson"]
+    triangles = {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4, "cell": "triangle"}}
+    assert "element.degree = 2" in said(block(material=LOCKING, mesh=triangles))["material[0].poisson"]
+
+
+HURTING = [
+    (coulomb(1.5), "contact[0].friction.coefficient", "F = 1.5 is above 0.958"),
+    (coulomb("0.5 + x[0]"), "contact[0].friction.coefficient", "F = 3.5 is above 0.958"),
+    (contact(gap=1e3), "contact.gap", "contact is unlikely to close"),
+    (contact(gap=-1.0), "contact.gap", "penetrates its foundation"),
+    ({"traction": [], **contact(gap=0.1)}, "traction, body_force, displacement", "the solution is 0"),
+    (
+        {"traction": [], "displacement": {"boundary": "left", "x": 1e-3, "y": 0.0}, **contact(gap=0.1)},
+        "contact.gap",
+        "0.001",
+    ),
+    (
+        {
+            "traction": [
+                {"boundary": "top", "y": -1.0},
+                {"boundary": "top", "x": "3 if x[1] > 1.5 else 0", "y": "0*x[0]"},
+            ]
+        },
+        "traction[1]",
+        "it is 0 on the whole boundary 'top'",
+    ),
+    ({"solver": {"gamma_n": 1e14}}, "solver.gamma_n", "round-off"),
+    ({"solver": {"gamma_t": 1e14}, **tresca(1.0)}, "solver.gamma_t", "round-off"),
+    ({"solver": {"gamma_n": 1e4}}, "solver.gamma_n", "penetration of about 16%"),
+    ({"solver": {"gamma_t": 1e4}, **tresca(1.0)}, "solver.gamma_t", "an elastic slip of about 16%"),
+    ({"solver": {"gamma_t": 1e7, "sigma": 1e-7}, **tresca(1.0)}, "solver.sigma", "cycle"),
+]
+
+
+@pytest.mark.parametrize(("changes", "path", "words"), HURTING)
+def test_warnings(changes, path, words):
+    """One mistake, one warning, at its key."""
+    found = said(block(**changes))
+    assert list(found) == [path]
+    assert words in found[path]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [coulomb(0.3, cap=1.0), contact(kind="bilateral", friction={"law": "coulomb", "coefficient": 0.3}), coulomb(0.3)],
+)
+def test_where_newton_is_not_used(changes):
+    """A cap and bilateral contact leave only the fixed point."""
+    notes = said(block(solver={"coulomb": "newton"}, **changes), "note")
+    assert ("solver.coulomb" in notes) == (changes != coulomb(0.3))
+
+
+@pytest.mark.parametrize("poisson", [-0.5, 0.0, 0.25, 0.4, 0.49])
+def test_friction_indication(poisson):
+    """1 / sqrt(S_NN C_TT) of the half-plane, from its surface compliance C for a wave of tractions (Johnson, 2.1)."""
+    coupling = 1j * (1 - 2 * poisson) / 2
+    compliance = np.array([[1 - poisson, coupling], [-coupling, 1 - poisson]])
+    stiffness = np.linalg.inv(compliance)
+    expected = 1 / np.sqrt((stiffness[0, 0] * compliance[1, 1]).real)
+    assert LinearElastic(young=1.0, poisson=poisson).friction_indication == pytest.approx(expected)
+
+
+def test_friction_indication_in_plane_stress():
+    """Plane stress is plane strain with nu / (1 + nu)."""
+    stress = LinearElastic(young=1.0, poisson=0.4, hypothesis="plane stress")
+    strain = LinearElastic(young=1.0, poisson=0.4 / 1.4)
+    assert stress.friction_indication == pytest.approx(strain.friction_indication)
+
+
+# --- the commands ----------------------------------------------------------------------------------------------------
+
+EXAMPLE = DEMOS[[demo.stem for demo in DEMOS].index("example1_coulomb")]
+
+
+def run(capsys, *arguments):
+    """Exit code, standard output and standard error of a command."""
+    code = cli.main([str(argument) for argument in arguments])
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def written(folder, data):
+    """A scene file with other text."""
+    file = folder / "scene.toml"
+    file.write_text(data, encoding="utf-8")
+    return file
+
+
+@pytest.mark.mpi
+def test_check_prints_once(capsys):
+    """The table, the estimate and the notes, on one rank."""
+    code, out, err = run(capsys, "check", EXAMPLE)
+    assert (code, err) == (0, "")
+    if MPI.COMM_WORLD.rank > 0:
+        assert out == ""
+        return
+    lines = out.splitlines()
+    assert lines[0] == "Example 1, Coulomb friction: fine"
+    assert re.search(r"^  friction bottom +on +coulomb, coefficient = 0.3 +\+\d+ to \+\d+$", out, re.MULTILINE)
+    assert re.search(r"^  body force +- +no \[body_force\]$", out, re.MULTILINE)
+    assert "9840 unknowns, 121 contact nodes" in out
+    assert "  estimate, good to a factor of about three: " in out
+    assert "note: displacement: the supports do not hold" in out
+
+
+@pytest.mark.mpi
+def test_check_is_the_same_on_every_rank():
+    """And on any number of them, but for the linear algebra."""
+    data = block(**FREE, **coulomb(2.0), traction={"boundary": "top", "x": 10.0, "y": 1.0})
+    shared, own = check_scene(data, MPI.COMM_WORLD), check(data)
+    assert [(e.name, e.unknowns, e.forms) for e in shared.effects] == [
+        (e.name, e.unknowns, e.forms) for e in own.effects
+    ]
+    assert shared.findings == own.findings
+    assert len(set(MPI.COMM_WORLD.allgather(str(shared)))) == 1
+
+
+def test_check_json(capsys):
+    """The same as data."""
+    code, out, err = run(capsys, "check", EXAMPLE, "--json")
+    report = json.loads(out)
+    assert (code, err) == (0, "")
+    assert report == json.loads(json.dumps(check(read_scene(EXAMPLE)).as_dict()))
+    assert report["forms"] == ["elasticity", "traction top", "contact bottom"]
+    assert report["findings"][0]["level"] == "note"
+
+
+def test_check_warns_and_ends_well(capsys, tmp_path):
+    """Warnings are no errors."""
+    file = written(tmp_path, EXAMPLE.read_text().replace("0.4", "0.49").replace("coefficient = 0.3", "coefficient = 3"))
+    code, out, err = run(capsys, "check", file)
+    assert (code, err) == (0, "")
+    assert "2 warnings" in out.splitlines()[0]
+    assert "warning: material[0].poisson: linear elements lock" in out
+    assert max(map(len, out.splitlines())) <= 120
+
+
+BAD = [
+    (("young = 5000.0", "young = -1.0"), "material.young"),
+    (('boundary = "bottom"', 'boundary = "below"'), "contact[0].boundary"),
+    (('gap = "0.003*(x[0] - 1.5)**2 + 0.001"', 'gap = "1 / 0"'), "contact[0].gap"),
+    (('generator = "block"', 'generator = "blok"'), "mesh.generator"),
+    (("gamma_t = 1e8", 'initial_contact = "x[0] < -1"'), "solver.initial_contact"),
+    (("title =", "titel ="), "titel"),
+    (("[mesh]", "[mesh"), "syntax"),
+]
+
+
+@pytest.mark.parametrize(("change", "path"), BAD)
+def test_bad_scenes(capsys, tmp_path, change, path):
+    """Exit code 2, and a line that begins with the file and the path of the mistake; with --json also as data."""
+    file = written(tmp_path, EXAMPLE.read_text().replace(*change))
+    code, out, err = run(capsys, "check", file)
+    assert (code, out) == (2, "")
+    assert f"{file}: {path}: " in err
+    code, out, _ = run(capsys, "check", file, "--json")
+    assert code == 2
+    assert path in [problem["path"] for problem in json.loads(out)["problems"]]
+
+
+@pytest.mark.parametrize(
+    ("line", "cure"),
+    [
+        (
+            "gap = -1 if x[0] > 40 else 0  # far",
+            ': an expression stands in quotes, as in gap = "-1 if x[0] > 40 else 0"',
+        ),
+        ("gap = 3*5", ': an expression stands in quotes, as in gap = "3*5"'),
+        ("gap = 3.5.1", ""),
+        ("gap 3", ""),
+        ('gap = "x[0]" 3', ""),
+    ],
+)
+def test_an_expression_without_quotes(line, cure):
+    """The syntax error says how it is written, and nothing where that is not what is wrong."""
+    with pytest.raises(SceneError) as caught:
+        parse_scene_text(f"title = 'a'\n{line}\n", Path("scene.toml"))
+    ((_, message),) = caught.value.problems
+    assert "at line 2" in message
+    assert message.endswith(cure or ")")
+
+
+def test_a_file_that_is_not_there(capsys, tmp_path):
+    """Named, and no traceback."""
+    code, _, err = run(capsys, "check", tmp_path / "none.toml")
+    assert code == 2
+    assert "none.toml: file: cannot be read" in err
+
+
+def test_what_exact_refuses():
+    """Said by check and by the solver in the same words."""
+    data = example1(bound=1.5, nx=12, ny=4, algorithm="exact")
+    turned = data.contact[0].model_copy(update={"direction": (0.3, -1.0)})
+    sides = (data.displacement[0].model_copy(update={"boundary": "bottom"}),)
+    data = data.model_copy(update={"contact": (turned,), "displacement": (*data.displacement, *sides)})
+    with pytest.raises(SceneError, match="exact cannot be used here") as caught:
+        check(data.model_copy(update={"displacement": data.displacement[:2]}))
+    assert caught.value.problems[0][0] == "solver.algorithm"
+
+
+# --- new -------------------------------------------------------------------------------------------------------------
+
+TEMPLATE = template.starting_scene()
+
+
+def test_new(capsys, tmp_path):
+    """The file parses, is fine, solves, and is not overwritten."""
+    file = tmp_path / "mine.toml"
+    code, out, err = run(capsys, "new", file)
+    assert (code, err) == (0, "")
+    assert str(file) in out
+    data = read_scene(file)
+    assert check(data).warnings == ()
+    solution = alone(data)
+    assert solution.status is Status.CONVERGED
+    assert solution.algorithm == "fp"
+    file.write_text("mine")
+    code, out, err = run(capsys, "new", file)
+    assert (code, out) == (2, "")
+    assert f"{file}: already exists" in err
+    assert file.read_text() == "mine"
+
+
+def test_new_where_it_cannot_be(capsys, tmp_path):
+    """No traceback."""
+    code, _, err = run(capsys, "new", tmp_path / "nowhere" / "scene.toml")
+    assert code == 2
+    assert "cannot be written: No such file or directory" in err
+
+
+def test_new_has_a_default_name(capsys, tmp_path, monkeypatch):
+    """scene.toml."""
+    monkeypatch.chdir(tmp_path)
+    assert run(capsys, "new")[0] == 0
+    assert (tmp_path / "scene.toml").read_text() == TEMPLATE
+
+
+def keys_by_table():
+    """{table: keys that the template names in it, switched on or off}, inline tables under their own keys."""
+    found, table = {"": set()}, ""
+    for line in TEMPLATE.splitlines():
+        if header := re.match(r"\[+([a-z_]+)\]+", line):
+            table = header[1]
+            found[table] = set()
+        elif key := re.match(r"#?([a-z_]+) = ", line):
+            found[table].add(key[1])
+            found.setdefault(f"{table}.{key[1]}", set()).update(re.findall(r"[{,] ([a-z_]+) = ", line))
+    return found
+
+
+MODELS = {
+    ".accuracy": [settings.Accuracy],
+    "element": [scene.Discretised],
+    "material": [material.LinearElastic],
+    "displacement": [displacement.PrescribedDisplacement],
+    **{key: [import_module(f"{PACKAGE}.{key}").Entry] for key in LISTED},
+    "contact": [contact_of.UnilateralContact],
+    "contact.friction": [contact_of.TrescaFriction, contact_of.CoulombFriction],
+    "load_steps": [LoadSteps],
+    "solver": [settings.SolverSettings],
+    "mesh": [scene.MeshGenerator, scene.MeshFile],
+}
+
+
+def test_the_template_names_every_key():
+    """Nothing is missing, nothing is made up."""
+    named = keys_by_table()
+    for table, models in MODELS.items():
+        assert named[table] == {name for model in models for name in model.model_fields}, table
+    assert named[""] | {t for t in named if t and "." not in t} == set(scene.Scene.model_fields)
+
+
+@pytest.mark.parametrize(("table", "model"), [("element", scene.Discretised), ("solver", settings.SolverSettings)])
+def test_the_template_shows_the_defaults(table, model):
+    """Where all keys have one."""
+    assert model.model_validate(tomllib.loads(TEMPLATE)[table]) == model()
+
+
+@pytest.mark.parametrize("line", [line for line in TEMPLATE.splitlines() if re.match(r"#[a-z]", line)])
+def test_what_is_switched_off_can_be_switched_on(line):
+    """Each on its own, in the place of its alternative."""
+    key = re.match(r"#([a-z_]+) =", line)[1]
+    text = TEMPLATE.replace(line, line[1:], 1)
+    before = TEMPLATE[: TEMPLATE.index(line)]
+    if key in ("boundaries", "regions", "data", "size"):  # they go with a file
+        text, key = text.replace("#file =", "file =", 1), "file"
+    if key == "body":
+        text = re.sub(r"\n\[mesh\].*?(?=\n\[element\])", "", text, flags=re.DOTALL)
+    axes = {axis: ["normal"] for axis in "xyz"}
+    instead = {
+        "file": ["generator", "parameters", "change"],
+        "normal": ["x"],
+        "friction": ["friction"],
+        "at": ["boundary"],
+        "orthotropic": ["young", "poisson"],
+        "section": ["point", "axis"],
+        "force": ["shortening"],
+        "locked_after": ["shortening"],
+        **axes,
+    }
+    instead = instead.get(key, [])
+    if key in ("about", "axis"):  # they go with a rotation
+        text = text.replace("#rotation =", "rotation =", 1)
+    if key == "adjust":  # it goes with another body
+        text = text.replace("#against =", "against =", 1)
+    if key == "locked_after":  # that of a force
+        text = text.replace("#force =", "force =", 1)
+    table = before.rfind("\n[") + 1
+    kept = [row for row in text[table:].splitlines() if row == line[1:] or row.split(" = ")[0] not in instead]
+    end = next((n for n, row in enumerate(kept) if n > 0 and row.startswith("[")), len(kept))
+    alone_in_its_table = "\n".join(kept[:end])
+    parse_scene_text(text[:table] + alone_in_its_table + text[table:][text[table:].find("\n[") :], Path("scene.toml"))
+
+
+# --- schema ----------------------------------------------------------------------------------------------------------
+
+
+def fits(schema, value, root):
+    """Whether a value fits a JSON schema: the part of draft 7 that ours uses, and nothing else."""
+    known = {"$ref", "$schema", "$defs", "title", "description", "default", "format", "type", "properties", "required"}
+    known |= {"additionalProperties", "items", "minItems", "maxItems", "enum", "const", "anyOf", "oneOf"}
+    known |= {"minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"}
+    assert set(schema) <= known, set(schema) - known
+    if "$ref" in schema:
+        assert set(schema) == {"$ref"}
+        return fits(root["$defs"][schema["$ref"].removeprefix("#/$defs/")], value, root)
+    kinds = {
+        "object": dict,
+        "array": list,
+        "string": str,
+        "boolean": bool,
+        "integer": int,
+        "number": (int, float),
+    }
+    wanted = schema.get("type", list(kinds))
+    wanted = [wanted] if isinstance(wanted, str) else wanted
+    if not any(isinstance(value, kinds[kind]) and (kind == "boolean") == isinstance(value, bool) for kind in wanted):
+        return "type" not in schema
+    if ("enum" in schema and value not in schema["enum"]) or ("const" in schema and value != schema["const"]):
+        return False
+    if "anyOf" in schema and not any(fits(choice, value, root) for choice in schema["anyOf"]):
+        return False
+    if "oneOf" in schema and sum(fits(choice, value, root) for choice in schema["oneOf"]) != 1:
+        return False
+    if isinstance(value, dict):
+        properties, others = schema.get("properties", {}), schema.get("additionalProperties", True)
+        if not set(schema.get("required", [])) <= set(value) or (others is False and not set(value) <= set(properties)):
+            return False
+        others = others if isinstance(others, dict) else {}
+        return all(fits(properties.get(key, others), item, root) for key, item in value.items())
+    if isinstance(value, list):
+        length = schema.get("minItems", 0) <= len(value) <= schema.get("maxItems", len(value))
+        return length and all(fits(schema.get("items", {}), item, root) for item in value)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return (
+            schema.get("minimum", value) <= value <= schema.get("maximum", value)
+            and not value <= schema.get("exclusiveMinimum", value - 1)
+            and not value >= schema.get("exclusiveMaximum", value + 1)
+        )
+    return True
+
+
+def test_schema(capsys):
+    """Printed as JSON of a draft that editors know, with a description for every key."""
+    code, out, err = run(capsys, "schema")
+    assert (code, err) == (0, "")
+    schema = json.loads(out, parse_constant=lambda text: pytest.fail(text))
+    assert schema == template.scene_schema()
+    assert schema["$schema"] == "http://json-schema.org/draft-07/schema#"
+    assert "null" not in out
+    assert "prefixItems" not in out
+    for name, definition in schema["$defs"].items():
+        assert definition["description"], name
+    solver = schema["$defs"]["SolverSettings"]["properties"]
+    assert all(entry["description"] for entry in solver.values())
+    assert solver["gamma_n"]["description"].startswith("regularisation of the contact condition")
+
+
+@pytest.mark.parametrize(
+    "demo", [*DEMOS, Path(template.__file__).with_name("template.toml")], ids=lambda demo: demo.stem
+)
+def test_the_schema_accepts(demo):
+    """Every scene that we ship."""
+    schema = template.scene_schema()
+    assert fits(schema, tomllib.loads(demo.read_text(encoding="utf-8")), schema)
+
+
+MISTAKES = [
+    {"surprise": 1},
+    {"material": {"young": "stiff", "poisson": 0.3}},
+    {"material": {"young": 1.0, "poisson": 0.6}},
+    {"material": {"young": 1.0}},
+    {"contact": {"boundary": "bottom", "friction": {"coefficient": 0.3}}},
+    {"contact": {"boundary": "bottom", "friction": {"law": "tresca", "coefficient": 0.3}}},
+    {"contact": [{"boundary": "bottom", "kind": "sticky"}]},
+    {"contact": {"boundary": "bottom", "direction": [0.0, 1.0, 0.0, 0.0]}},
+    {"solver": {"algorithm": "magic"}},
+    {"solver": {"max_iterations": 0}},
+    {"element": {"degree": 3}},
+]
+
+
+@pytest.mark.parametrize("mistake", MISTAKES, ids=str)
+def test_the_schema_refuses(mistake):
+    """What the scene refuses."""
+    schema = template.scene_schema()
+    good = tomllib.loads(TEMPLATE)
+    assert fits(schema, good, schema)
+    assert not fits(schema, {**good, **mistake}, schema)
+    with pytest.raises(SceneError):
+        parse_scene({**good, **mistake})
+
+
+def test_the_schema_knows_the_generators():
+    """Which a scene learns only when it is meshed."""
+    schema = template.scene_schema()
+    good = tomllib.loads(TEMPLATE)
+    for name in ("rectangle", "block", "nothing"):
+        mesh = {"mesh": {"generator": name}}
+        assert fits(schema, {**good, **mesh}, schema) == (name != "nothing")
+
+
+def test_the_schema_knows_every_class():
+    """Each table of a scene is defined in it."""
+    files = [scene, settings, *(import_module(f"signorini_fx.effects.{key}") for key in keys())]
+    classes = [thing for file in files for thing in vars(file).values()]
+    models = {m.__name__ for m in classes if isinstance(m, type) and issubclass(m, BaseModel)}
+    internal = {
+        "BaseModel",
+        "Scene",
+        "Table",
+        "Effect",
+        "Load",
+        "Force",
+        "JointLoad",
+        "VectorForce",
+        "InitialStrain",
+        "Resistance",
+        "SectionJump",
+        "Contact",
+        "Friction",
+    }
+    assert models - internal == set(template.scene_schema()["$defs"])
+
+
+# --- how light the light commands are --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["check", "--help"], ["schema"], ["new", "scene.toml"]])
+def test_light_commands(tmp_path, arguments):
+    """Without dolfinx, PETSc or MPI, and --help in less than 0.3 s of processor time."""
+    code = (
+        "import sys\n"
+        "from signorini_fx.cli import main\n"
+        f"try: main({arguments!r})\n"
+        "except SystemExit: pass\n"
+        "print([m for m in ('dolfinx', 'petsc4py', 'mpi4py', 'ufl', 'matplotlib', 'scipy') if m in sys.modules],"
+        " file=sys.stderr)"
+    )
+    spent = []
+    for _ in range(3):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        ended = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+        assert ended.stderr.splitlines()[-1] == "[]"
+    if "--help" in arguments:
+        assert min(spent) < 0.3
+
+
+@pytest.mark.parametrize(("length", "stress"), [(1.0, 1.0), (1e-3, 1e6)])
+def test_small_deformation_of_a_plate_in_space(length, stress):
+    """A plate on a table, in mm and MPa and in m and Pa: E is 7,000 times the pressure, which warrants no warning."""
+    plate = {
+        "mesh": {
+            "generator": "box",
+            "parameters": {
+                **{"length": 60 * length, "width": 40 * length, "height": 10 * length},
+                **{"nx": 6, "ny": 4, "nz": 1},
+            },
+        },
+        "material": {"young": 70000.0 * stress, "poisson": 0.33},
+        "traction": {"boundary": "top", "pressure": 10.0 * stress},
+        "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.2}},
+    }
+    assert check_scene(parse_scene(plate)).warnings == ()
+    soft = {**plate, "material": {"young": 7.0 * stress, "poisson": 0.33}}
+    assert [found.path for found in check_scene(parse_scene(soft)).warnings] == [
+        "material, traction, body_force, displacement"
+    ]
+
+
+def test_note_on_tresca_friction(tmp_path):
+    """The summary says why a body sticks or slips where it does not touch; with Coulomb friction it does not."""
+    note = "Tresca friction also acts where there is no contact"
+    for given, expected in (({"bound": 1.5}, True), ({"coefficient": 0.3}, False)):
+        solution = alone(example1(nx=12, ny=4, **given))
+        summary = write_results(solution, tmp_path / str(expected), fields=False, pictures=False)
+        assert (note in render(summary)) is expected

@@ -1,0 +1,416 @@
+"""Derivatives of results by the data of a problem, against central differences of solves."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from forms import box as plain_box
+from forms import hooke, side
+from mpi4py import MPI
+from spaces import box
+
+from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError, cli, sensitivity
+from signorini_fx.derivatives import adjoint
+from signorini_fx.derivatives.adjoint import AdjointError, TransposedTangent
+from signorini_fx.derivatives.entries import varied
+from signorini_fx.scene.reading import parse_scene, read_scene
+
+COMM = MPI.COMM_WORLD
+COULOMB = {"law": "coulomb", "coefficient": 0.3}
+TRESCA = {"law": "tresca", "bound": 1.5}
+PLANE = ["force bottom x", "moment bottom", "pressure bottom 6", "area bottom", "mean top y", "displacement 1.7,0.6 x"]
+SPACE = ["force bottom y", "moment bottom x", "pressure bottom", "area bottom 1.5", "displacement 1.7,0.6,0.4 x"]
+
+
+def plane(friction, **solver):
+    """A block between two walls, pressed and pushed on a shallow bowl."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4}},
+            "material": {"young": 5000.0, "poisson": 0.33},
+            "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": 0.001}],
+            "traction": [{"boundary": "top", "x": 3.0, "y": -20.0}],
+            "contact": {"boundary": "bottom", "gap": "0.003*(x[0]-1.5)**2", "friction": friction},
+            "solver": {"gamma_n": 1e7, "gamma_t": 1e7, **solver},
+        }
+    )
+
+
+def space(friction, cells="hexahedra", degree=1, **solver):
+    """The same in space, on a sphere."""
+    return parse_scene(
+        {
+            "mesh": box(cells, (6, 2, 2), comm=COMM),
+            "element": {"degree": degree},
+            "material": {"young": 5000.0, "poisson": 0.33},
+            "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}, {"boundary": "right", "x": 0.001, "y": 0.0}],
+            "traction": [{"boundary": "top", "x": 3.0, "y": 2.0, "z": -20.0}],
+            "contact": {
+                "boundary": "bottom",
+                "foundation": {"shape": "sphere", "centre": [1.4, 0.55, -100.0], "radius": 100.0},
+                "friction": friction,
+            },
+            "solver": {"gamma_n": 1e7, "gamma_t": 1e7, **solver},
+        }
+    )
+
+
+def agrees(scene, of, by, tolerance=1e-5):
+    """The derivatives are the central differences; those that are round-off beside the others of a result are not
+    compared.
+    """
+    found = sensitivity(scene, of, by, COMM)
+    assert all(one.between == 0 for one in found)
+    slopes = np.array([one.derivatives for one in found])
+    data = np.array([1.0 if datum == 0 or not np.isfinite(datum) else abs(datum) for datum in found[0].data])
+    for k, path in enumerate(by):
+        step = 1e-5 * data[k] if "gap" not in path and "foundation" not in path else 1e-5
+        high, low = (
+            np.array([one.value for one in sensitivity(varied(scene, path, sign * step, 3), of, [], COMM)])
+            for sign in (1, -1)
+        )
+        wanted = (high - low) / (2 * step)
+        values = np.abs([one.value for one in found])
+        least = 1e-7 * values / data[k] + 1e-11 * values.max() / step  # round-off of the solves
+        away = np.abs(slopes[:, k] - wanted)
+        assert (away <= tolerance * np.abs(wanted) + least).all(), (path, slopes[:, k], wanted)
+    return found
+
+
+DATA = ["contact.gap", "material.poisson", "traction[0]", "displacement[1].x"]
+WAYS = {
+    "none": ({"law": "none"}, [], {}),
+    "tresca": (TRESCA, ["contact.friction.bound"], {}),
+    "monolithic": (COULOMB, ["contact.friction.coefficient"], {"coulomb": "newton"}),
+    "fixed point": (COULOMB, ["contact.friction.coefficient"], {"coulomb": "fp"}),
+    "alm": (COULOMB, ["contact.friction.coefficient"], {"algorithm": "alm"}),
+    "exact": (TRESCA, ["contact.friction.bound"], {"algorithm": "exact"}),
+    "condensed": (COULOMB, ["contact.friction.coefficient"], {"linear_algebra": "condensed"}),
+}
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("way", WAYS)
+def test_in_the_plane(way):
+    """Each law, each way to treat regularisation and Coulomb's law, full and condensed."""
+    friction, more, solver = WAYS[way]
+    if COMM.size > 1 and way == "condensed":
+        pytest.skip("condensation is for one rank")
+    agrees(plane(friction, **solver), PLANE, [*more, *DATA])
+
+
+SHAPE = [
+    "contact[0].foundation.radius",
+    "contact.foundation.shift[0]",
+    "contact.foundation.centre[1]",
+    "material.young",
+]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    ("friction", "cells", "degree", "solver"),
+    [
+        ({"law": "coulomb", "coefficient": 0.2, "cap": 2.5}, "hexahedra", 1, {"linear_algebra": "full"}),
+        (TRESCA, "hexahedra", 1, {"algorithm": "alm"}),
+        ({"law": "coulomb", "coefficient": 0.2}, "tetrahedra", 2, {"linear_algebra": "krylov"}),
+    ],
+    ids=["capped", "tresca alm", "quadratic krylov"],
+)
+def test_in_space(friction, cells, degree, solver):
+    """Gap and normals follow the shape."""
+    key = "bound" if friction["law"] == "tresca" else "coefficient"
+    agrees(space(friction, cells, degree, **solver), SPACE, [f"contact.friction.{key}", *SHAPE], 5e-5)
+
+
+def test_the_force_on_a_block_that_slides():
+    """Full slip: the friction force is F times the pressing force, so that its derivative by F is that force, and by
+    the load as a whole the friction force itself.
+    """
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "nx": 8, "ny": 4}},
+            "material": {"young": 1000.0, "poisson": 0.0},
+            "displacement": [{"boundary": "top", "x": 0.3}],
+            "traction": [{"boundary": "top", "y": -4.0}],
+            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.25}},
+        }
+    )
+    found = sensitivity(scene, "force bottom x", ["contact.friction.coefficient", "traction[0]", "displacement.x"])
+    assert found.value == pytest.approx(-2.0, rel=1e-9)
+    assert found.derivatives == pytest.approx((-8.0, -2.0, 0.0), rel=1e-9, abs=1e-7)
+
+
+def test_the_area_of_hertz():
+    """Half of the contact under p0 sqrt(1 - x^2 / a^2) with a = 0.4 counts as 3 pi^2 / 32 a for the power 2; a is
+    proportional to the square root of load over modulus.
+    """
+    file = Path(__file__).parents[2] / "demos" / "scenes" / "hertz.toml"
+    found = sensitivity(read_scene(file), "area arc", ["traction[0]", "material[0].young"])
+    assert found.value == pytest.approx(3 * np.pi**2 / 32 * 0.4, rel=1e-2)
+    assert found.derivatives == pytest.approx((found.value / 2, -found.value / 2 / 200.0), rel=4e-2)  # 20 nodes
+
+
+def test_points_between_two_sets_are_counted():
+    """A block that its foundation just touches: the load is zero, and so is every pressure."""
+    scene = plane({"law": "none"})
+    flat = scene.model_copy(update={"traction": (), "contact": (scene.contact[0].model_copy(update={"gap": 0.0}),)})
+    held = tuple(one.model_copy(update={"y": 0.0}) for one in flat.displacement)
+    found = sensitivity(flat.model_copy(update={"displacement": held}), "mean top y", ["material.young"])
+    assert found.between > 0
+    assert "one-sided" in str(found)
+
+
+def test_one_factor_serves(monkeypatch):
+    """Given bounds, and the monolithic method in the plane: the factor of Newton's method is used again."""
+    seen, original = [], TransposedTangent._set_up
+    monkeypatch.setattr(TransposedTangent, "_set_up", lambda self: seen.append(len(seen)) or original(self))
+    counts = []
+    for friction, solver in ((TRESCA, {}), (COULOMB, {"coulomb": "newton"}), (COULOMB, {"coulomb": "fp"})):
+        sensitivity(plane(friction, linear_algebra="condensed", **solver), PLANE, ["traction[0]"])
+        counts.append(len(seen))
+    assert counts == [0, 0, 1]
+
+
+@pytest.mark.parametrize(
+    ("of", "by", "said"),
+    [
+        ("area bottom 1", [], "power must be above 1"),
+        ("force top y", [], "is no contact boundary; there are: bottom"),
+        ("force bottom z", [], "is no result; there are"),
+        ("displacement 9,9 x", [], "outside of the body"),
+        ("pressure bottom 1", [], "power must be above 1"),
+        ("mean nowhere x", [], "nowhere"),
+        ("mean top y", ["mesh.parameters.nx"], "is no datum of the problem"),
+        ("mean top y", ["contact[3].gap"], "there is no such entry"),
+        ("mean top y", ["contact[0].boundary"], "is no number"),
+        ("mean top y", ["contact..gap"], "is no path"),
+        ("mean top y", ["contact.friction.coefficient"], "is zero, so that nothing acts"),
+    ],
+)
+def test_what_has_no_derivative(of, by, said):
+    """One error each, before or after the solve."""
+    friction = {"law": "coulomb", "coefficient": 0.0} if "nothing" in said else TRESCA
+    with pytest.raises(SceneError, match=said) as caught:
+        sensitivity(plane(friction), of, by)
+    assert len(caught.value.problems) == 1
+
+
+def test_no_derivative_of_half_an_iteration(monkeypatch):
+    """Without regularisation, where the tractions of the adjoint problem are not found in as many solves as allowed."""
+    monkeypatch.setattr(adjoint, "_MOST_SOLVES", 1)
+    with pytest.raises(AdjointError, match="after 1 solves: there is no derivative"):
+        sensitivity(plane(TRESCA, algorithm="exact"), PLANE, ["traction[0]"])
+
+
+def test_scenes_without_derivatives():
+    """Several meshes, and without contact."""
+    scene = plane(TRESCA)
+    for update in ({"solver": scene.solver.model_copy(update={"levels": 2})}, {"contact": ()}):
+        with pytest.raises(SceneError):
+            sensitivity(scene.model_copy(update=update), "mean top y")
+
+
+def test_the_command(tmp_path, capsys):
+    """A table with a row for each datum."""
+    from signorini_fx.scene.template import starting_scene
+
+    (tmp_path / "scene.toml").write_text(starting_scene(), encoding="utf-8")
+    command = ["sensitivity", str(tmp_path / "scene.toml"), "--of", "force bottom y"]
+    assert cli.main([*command, "--by", "contact[0].friction.coefficient"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("force bottom y = ")
+    assert "contact[0].friction.coefficient" in out
+    assert cli.main([*command, "--by", "solver.gamma_n"]) == 2
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("settings", [{}, {"algorithm": "alm"}], ids=["ssn", "alm"])
+def test_constants_of_forms(settings):
+    """Young's modulus in the form, a friction coefficient, a gap, a load, and a prescribed displacement."""
+    mesh = plain_box((3.0, 1.0), (18, 6), dmesh.CellType.quadrilateral)
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    young, friction, load, gap, moved = (fem.Constant(mesh, value) for value in (5000.0, 0.3, -20.0, 0.001, 0.002))
+    y, z, x = ufl.TrialFunction(space), ufl.TestFunction(space), ufl.SpatialCoordinate(mesh)
+    top = np.sort(side(mesh, 1, 1.0))
+    ds = ufl.Measure("ds", mesh, subdomain_data=dmesh.meshtags(mesh, 1, top, np.ones(top.size, dtype=np.int32)))
+    held = space.sub(0)
+    bcs = [
+        fem.dirichletbc(value, fem.locate_dofs_topological(held, 1, side(mesh, 0, at)), held)
+        for value, at in ((fem.Constant(mesh, 0.0), 0.0), (moved, 3.0))
+    ]
+    foundation = Foundation(side(mesh, 1, 0.0), gap=0.003 * (x[0] - 1.5) ** 2 + gap, friction=Coulomb(friction))
+    settings = {"gamma_n": 1e7, "gamma_t": 1e7, "coulomb": "newton"} | settings
+    problem = ContactProblem(hooke(y, z, young), load * z[1] * ds(1), bcs, contact=[foundation], **settings)
+    problem.solve()
+    by = [young, friction, load, gap, moved]
+    for of in (problem.u[1] * problem.u[1] * ds(1) + load * problem.u[0] * ds(1), "force 0 x", "area 0"):
+        found = problem.gradient(of, by)
+        for constant, slope in zip(by, found.derivatives, strict=True):
+            kept, step, values = float(constant.value), 1e-5 * abs(float(constant.value)), []
+            for sign in (1, -1):
+                constant.value = kept + sign * step
+                problem.solve()
+                values.append(problem.gradient(of, []).value)
+            constant.value = kept
+            wanted = (values[0] - values[1]) / (2 * step)
+            assert slope == pytest.approx(wanted, rel=1e-5, abs=1e-6 * abs(found.value / kept))
+        problem.solve()
+
+
+def test_bad_arguments_of_gradient():
+    """One error each."""
+    mesh = plain_box((1.0, 1.0), (2, 2), dmesh.CellType.quadrilateral)
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
+    load = fem.Constant(mesh, -1.0)
+    problem = ContactProblem(
+        hooke(y, z), load * z[1] * ufl.dx, contact=[Foundation(side(mesh, 1, 0.0), friction=Coulomb(0.3))]
+    )
+    with pytest.raises(RuntimeError, match="no solution"):
+        problem.gradient("force 0 y", [load])
+    problem.solve()
+    for of, by, said in (
+        ("force 1 y", [load], "is no result"),
+        ("area 0 1", [load], "is no result"),
+        (z[0] * ufl.dx, [load], "without arguments|has arguments"),
+        ("force 0 y", [1.0], "a Constant with one value"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            problem.gradient(of, by)
+    assert problem.gradient("force 0 y", load).derivatives == pytest.approx([-1.0])
+
+
+@pytest.mark.mpi
+def test_after_advance():
+    """A block that slides on and on has forgotten where it was: its friction is F times the pressing force, and a mean
+    displacement follows central differences over both steps.  Where points stick the step before matters.
+    """
+    mesh = plain_box((2.0, 1.0), (8, 4), dmesh.CellType.quadrilateral)
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    friction, load, push = (fem.Constant(mesh, value) for value in (0.25, -4.0, 0.0))
+    y, z, top = ufl.TrialFunction(space), ufl.TestFunction(space), np.sort(side(mesh, 1, 1.0))
+    ds = ufl.Measure("ds", mesh, subdomain_data=dmesh.meshtags(mesh, 1, top, np.ones(top.size, dtype=np.int32)))
+    bcs = [fem.dirichletbc(push, fem.locate_dofs_topological(space.sub(0), 1, top), space.sub(0))]
+
+    def history(*places):
+        foundation = Foundation(side(mesh, 1, 0.0), friction=Coulomb(friction))
+        problem = ContactProblem(hooke(y, z, 1000.0), load * z[1] * ds(1), bcs, contact=[foundation])
+        for number, place in enumerate(places):
+            if number:
+                problem.advance()
+            push.value = place
+            problem.solve()
+        return problem
+
+    def mean(problem, by):
+        return problem.gradient(problem.u[0] * ufl.dx, by)
+
+    problem, by = history(0.3, 0.6), [friction, load]
+    force = problem.gradient("force 0 x", by)
+    assert force.value == pytest.approx(-2.0, rel=1e-9)
+    assert force.derivatives == pytest.approx([-8.0, 0.5], rel=1e-6)
+    wanted = []
+    for constant in by:
+        kept, values = float(constant.value), []
+        for sign in (1, -1):
+            constant.value = kept * (1 + sign * 1e-4)
+            values.append(mean(history(0.3, 0.6), []).value)
+        constant.value = kept
+        wanted.append((values[0] - values[1]) / (2e-4 * kept))
+    assert mean(problem, by).derivatives == pytest.approx(wanted, rel=1e-5)
+    with pytest.raises(RuntimeError, match="depends on the slip"):
+        mean(history(0.3, 0.29999), by)
+
+
+@pytest.mark.mpi
+def test_after_advance_in_space():
+    """The same block in space: where it slides straight on, the force is that of statics, and the mean displacement
+    follows central differences over both steps.  What depends on the directions of slip owes them to the step before:
+    at an angle a force along one axis, with a Poisson's ratio the mean displacement, but not the force of the load.
+    """
+    mesh = plain_box((2.0, 1.0, 1.0), (3, 2, 2), dmesh.CellType.hexahedron)
+    space = fem.functionspace(mesh, ("Lagrange", 1, (3,)))
+    friction, load, push, cross, nu = (fem.Constant(mesh, value) for value in (0.25, -4.0, 0.0, 0.0, 0.0))
+    y, z, top = ufl.TrialFunction(space), ufl.TestFunction(space), np.sort(side(mesh, 2, 1.0))
+    ds = ufl.Measure("ds", mesh, subdomain_data=dmesh.meshtags(mesh, 2, top, np.ones(top.size, dtype=np.int32)))
+    bcs = [
+        fem.dirichletbc(value, fem.locate_dofs_topological(space.sub(k), 2, top), space.sub(k))
+        for k, value in enumerate((push, cross))
+    ]
+
+    def history(*ways):
+        foundation = Foundation(side(mesh, 2, 0.0), friction=Coulomb(friction))
+        form = hooke(y, z, 1000.0, nu)
+        problem = ContactProblem(form, load * z[2] * ds(1), bcs, contact=[foundation], coulomb="newton")
+        for number, (push.value, cross.value) in enumerate(ways):
+            if number:
+                problem.advance()
+            problem.solve()
+        return problem
+
+    def mean(problem, by):
+        return problem.gradient(problem.u[0] * ufl.dx, by)
+
+    by, straight = [friction, load], [(0.3, 0.0), (0.6, 0.0)]
+    problem = history(*straight)
+    force = problem.gradient("force 0 x", by)
+    assert force.value == pytest.approx(-2.0, rel=1e-9)
+    assert force.derivatives == pytest.approx([-8.0, 0.5], rel=1e-6)
+    found, wanted = mean(problem, by).derivatives, []
+    for constant in by:
+        kept, values = float(constant.value), []
+        for sign in (1, -1):
+            constant.value = kept * (1 + sign * 1e-4)
+            values.append(mean(history(*straight), []).value)
+        constant.value = kept
+        wanted.append((values[0] - values[1]) / (2e-4 * kept))
+    assert found == pytest.approx(wanted, rel=1e-5)
+    at_an_angle, sticking = history((0.3, 0.1), (0.6, 0.2)), history((0.3, 0.0), (0.29999, 0.0))
+    for problem in (at_an_angle, sticking):
+        with pytest.raises(RuntimeError, match="depends on the slip"):
+            problem.gradient("force 0 x", by)
+    nu.value = 0.3
+    problem = history(*straight)
+    across = problem.gradient("force 0 z", by)
+    assert across.value == pytest.approx(8.0, rel=1e-9)
+    assert across.derivatives == pytest.approx([0.0, -2.0], abs=1e-9)
+    with pytest.raises(RuntimeError, match="depends on the slip"):
+        mean(problem, by)
+
+
+@pytest.mark.parametrize("stale", ["factor", "matrix"])
+def test_a_factor_of_other_sets_is_none_of_the_solution(stale):
+    """The last factor of the solver may be that of an earlier iterate, and its matrix that of a later one."""
+    mesh = plain_box((2.0, 1.0), (4, 2))
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    y, z, young = ufl.TrialFunction(space), ufl.TestFunction(space), fem.Constant(mesh, 1000.0)
+    down = np.array([0.002, -0.01])
+    held = fem.dirichletbc(down, fem.locate_dofs_topological(space, 1, side(mesh, 1, 1.0)), space)
+    foundation = Foundation(side(mesh, 1, 0.0), gap=lambda x: 0.01 * x[0], friction=Coulomb(0.3))
+    problem = ContactProblem(
+        young * hooke(y, z, 1.0),
+        fem.Constant(mesh, 0.0) * z[0] * ufl.dx,
+        [held],
+        foundation,
+        linear_algebra="full",
+        coulomb="newton",
+        gamma_n=1e5,
+        gamma_t=1e5,
+    )
+    problem.solve()
+    wanted = problem.gradient("moment 0", [young]).derivatives
+    newton = problem._task.iterate.unsymmetric_newton
+    jacobian, ksp, tangent = newton.snes.getJacobian()[0], newton.snes.getKSP(), newton.problem.tangent
+    right = tangent.inserted[jacobian.handle]
+    if stale == "factor":
+        tangent.insert(jacobian, 0.0 * right)
+    ksp.getPC().setReusePreconditioner(False)
+    ksp.setOperators(jacobian)
+    ksp.setUp()
+    newton.problem.factorised(jacobian)
+    tangent.insert(jacobian, right if stale == "factor" else 0.0 * right)
+    assert problem.gradient("moment 0", [young]).derivatives == pytest.approx(wanted, rel=1e-9)

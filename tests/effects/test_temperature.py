@@ -1,0 +1,521 @@
+"""Thermal strain: free and prevented expansion, exact states, a bimetal, a ring that is heated until it is loose."""
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import basix.ufl
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scenes import alone
+from scipy.spatial import Delaunay
+from test_axisymmetric import section
+from test_springs import ELEMENTS, PLANE, body
+
+from signorini_fx import SceneError
+from signorini_fx.accuracy.stress_recovery import StressRecovery
+from signorini_fx.check.checks import check_scene
+from signorini_fx.derivatives.of_scene import sensitivity
+from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.scene.reading import parse_scene, read_scene
+from signorini_fx.solving.solver import solve
+
+COMM = MPI.COMM_WORLD
+SCENES = Path(__file__).parents[2] / "demos" / "scenes"
+YOUNG, POISSON, ALPHA = 5000.0, 0.3, 1e-3
+STEEL = {"young": YOUNG, "poisson": POISSON, "expansion": ALPHA}
+
+
+def scene(tagged, degree=1, material=None, element=None, **more):
+    """A heated body."""
+    element = {"degree": degree, **(element or {})}
+    return parse_scene({"mesh": tagged, "element": element, "material": {**STEEL, **(material or {})}, **more})
+
+
+def sides(cells, *, held=False):
+    """Symmetry on the sides through the origin; with ``held`` on the opposite ones too."""
+    axes = {"left": "x", "bottom": "y"} if cells in PLANE else {"left": "x", "front": "y", "bottom": "z"}
+    opposite = {"left": "right", "bottom": "top", "front": "back"}
+    names = list(axes.items())
+    names += [(opposite[side], axis) for side, axis in axes.items() if held]
+    return [{"boundary": side, axis: 0.0} for side, axis in names]
+
+
+def nodes(solution):
+    """Positions and displacements of the nodes of this rank."""
+    x = solution.displacement.function_space.tabulate_dof_coordinates()
+    return x, solution.displacement.x.array.reshape(len(x), -1)
+
+
+def extreme(function):
+    """The largest magnitude of a field on this rank."""
+    return np.abs(function.x.array).max(initial=0.0)
+
+
+# --- exact states ----------------------------------------------------------------------------------------------------
+
+FREE = [(*one, "plane strain" if one[0] in PLANE else None, "full") for one in ELEMENTS]
+FREE += [("triangle", 2, "plane stress", "full"), ("quadrilateral", 1, "plane stress", "full")]
+FREE += [("quadrilateral", 1, "plane strain", "reduced"), ("hexahedra", 1, None, "reduced")]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("cells", "degree", "hypothesis", "volumetric"), FREE)
+def test_free_expansion(cells, degree, hypothesis, volumetric):
+    """y = k alpha T x without stress; in plane strain k = 1 + nu, and E alpha T is pressed out of the plane."""
+    heat = 50.0
+    material = {} if hypothesis is None else {"hypothesis": hypothesis}
+    given = scene(
+        body(cells),
+        degree,
+        material,
+        {"volumetric": volumetric},
+        displacement=sides(cells),
+        temperature=[{"change": 0.4 * heat}, {"change": "0.6 * 50 + 0 * x[0]"}],
+    )
+    solution = solve(given, COMM, check=False)
+    x, y = nodes(solution)
+    out = YOUNG * ALPHA * heat if hypothesis == "plane strain" else 0.0
+    grown = ALPHA * heat * (1 + POISSON if out else 1)
+    assert np.abs(y - grown * x[:, : y.shape[1]]).max(initial=0.0) <= 1e-12
+    assert solution.certificate.holds
+    assert solution.certificate.equilibrium < 1e-11
+    for stress in (solution.stress, solution.stress.recovered):
+        round_off = 1e-9 if stress is solution.stress else 1e-5
+        for name in ("xx", "yy", "xy"):
+            assert extreme(stress.component(name)) <= round_off * YOUNG * ALPHA * heat
+        assert np.abs(stress.component("zz").x.array + out).max(initial=0.0) <= round_off * YOUNG * ALPHA * heat
+    # Of the energy only that of the stress out of the plane is left, sigma_zz^2 / (2 E) times the area 2.
+    energy = solution.certificate.strain_energy
+    assert energy == (pytest.approx(out**2 / YOUNG, rel=1e-9) if out else 0.0)
+    assert (solution.stress.error is None) is not bool(out)
+    assert (
+        StressRecovery.of(solution.discretisation).error(solution.displacement.x.array) < 1e-5 * np.sqrt(YOUNG) * grown
+    )
+
+
+@pytest.mark.parametrize(
+    ("cells", "hypothesis", "expected"),
+    [
+        ("quadrilateral", "plane strain", 1 / (1 - 2 * POISSON)),
+        ("triangle", "plane stress", 1 / (1 - POISSON)),
+        ("tetrahedra", None, 1 / (1 - 2 * POISSON)),
+    ],
+)
+def test_prevented_expansion(cells, hypothesis, expected):
+    """A block held on all sides: sigma = -E alpha T / (1 - 2 nu), in plane stress / (1 - nu); in two steps."""
+    given = scene(
+        body(cells, MPI.COMM_SELF),
+        2 if cells == "tetrahedra" else 1,
+        {} if hypothesis is None else {"hypothesis": hypothesis},
+        displacement=sides(cells, held=True),
+        temperature={"change": 40.0, "factors": [0.5, 1.0]},
+    )
+    solution = alone(given, check=False)
+    assert extreme(solution.displacement) <= 1e-13
+    assert solution.stress.component("xx").x.array == pytest.approx(-YOUNG * ALPHA * 40 * expected, rel=1e-10)
+    assert solution.stress.recovered.component("yy").x.array == pytest.approx(-YOUNG * ALPHA * 40 * expected, rel=1e-5)
+    # The supports carry it: a force of the stress times the area 1, at rest in balance.
+    assert solution.resultants.of("right").force[0] == pytest.approx(-YOUNG * ALPHA * 40 * expected, rel=1e-9)
+    first, last = (step.certificate for step in solution.steps)
+    assert first.holds
+    assert last.strain_energy == pytest.approx(4 * first.strain_energy, rel=1e-12)
+    directions = 2 if hypothesis == "plane stress" else 3
+    stress = YOUNG * ALPHA * 40 * expected
+    assert last.strain_energy == pytest.approx(stress * directions * ALPHA * 40 / 2 * 2, rel=1e-10)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
+@pytest.mark.parametrize("cells", ["quadrilateral", "hexahedra", "axisymmetric"])
+def test_thermal_gap(cells, linear_algebra):
+    """A bar between a wall and a stop at the distance d: heated, it presses with E (alpha T - d / l)."""
+    if linear_algebra == "condensed" and COMM.size > 1:
+        pytest.skip("condensation is for one rank")
+    heat, gap = 50.0, 0.03
+    up, bottom, top = {"quadrilateral": ("x", "left", "right"), "hexahedra": ("x", "left", "right")}.get(
+        cells, ("y", "bottom", "top")
+    )
+    tagged = section() if cells == "axisymmetric" else body(cells)
+    length = 1.0 if cells == "axisymmetric" else 2.0
+    material = {} if cells == "hexahedra" else {"hypothesis": "axisymmetric" if up == "y" else "plane stress"}
+    held = [{"boundary": bottom, up: 0.0}]
+    if cells != "axisymmetric":
+        held += [one for one in sides(cells) if one["boundary"] != "left"]
+    given = scene(
+        tagged,
+        1,
+        material,
+        displacement=held,
+        temperature={"change": f"{heat}*t"},
+        contact={"boundary": top, "gap": gap * length},
+        load_steps={"times": [0.25, 1.0]},
+        solver={"linear_algebra": linear_algebra, "algorithm": "alm", "tolerance": 1e-12},
+    )
+    solution = solve(given, COMM, check=False)
+    assert solution.converged
+    assert solution.certificate.holds
+    assert solution.linear_algebra.startswith(linear_algebra)
+    cold, hot = solution.steps
+    assert not cold.contact.pressure.any()  # alpha T / 4 is below d / l
+    pressure = YOUNG * (ALPHA * heat - gap)
+    assert hot.contact.pressure == pytest.approx(pressure, rel=1e-8)
+    axial = solution.stress.component(up * 2).x.array
+    assert axial == pytest.approx(-pressure, rel=1e-7)
+    assert solution.stress.recovered.component(up * 2).x.array == pytest.approx(-pressure, rel=1e-5)
+    assert hot.certificate.strain_energy == pytest.approx(
+        pressure**2 / (2 * YOUNG) * (np.pi * 4 if cells == "axisymmetric" else 2.0), rel=1e-8
+    )
+
+
+@pytest.mark.parametrize("cells", ["quadrilateral", "triangle"])
+def test_linear_temperature(cells):
+    """A linear temperature without a heat source causes no stress in plane stress, only a parabolic displacement.
+
+    With T = b y and alpha: u_x = alpha b x y, u_y = alpha b (y^2 - x^2) / 2 (Boley and Weiner, Theory of thermal
+    stresses, section 3.9).
+    """
+    given = scene(
+        body(cells, MPI.COMM_SELF),
+        2,
+        {"hypothesis": "plane stress"},
+        displacement=[{"at": [0.0, 0.0], "x": 0.0, "y": 0.0}, {"at": [2.0, 0.0], "y": -ALPHA * 30 * 2}],
+        temperature={"change": lambda x: 30 * x[1]},
+    )
+    solution = alone(given, check=False)
+    x, y = nodes(solution)
+    expected = ALPHA * 30 * np.column_stack((x[:, 0] * x[:, 1], (x[:, 1] ** 2 - x[:, 0] ** 2) / 2))
+    assert np.abs(y - expected).max() <= 1e-12
+    assert solution.certificate.holds
+    assert extreme(solution.stress.tensor) <= 1e-9 * YOUNG * ALPHA * 30
+
+
+def test_derivatives():
+    """The force of a heated bar on its stop, E (alpha T - d) for the length and the area 1, by its data."""
+    heat, gap = 50.0, 0.03
+    given = scene(
+        section(comm=MPI.COMM_SELF),
+        1,
+        {"hypothesis": "axisymmetric", "poisson": 0.0},
+        displacement={"boundary": "bottom", "y": 0.0},
+        temperature={"change": heat},
+        contact={"boundary": "top", "gap": gap},
+    )
+    by = ["material.young", "material.expansion", "temperature.change", "temperature[0]", "contact.gap"]
+    found = sensitivity(given, "force top y", by, MPI.COMM_SELF)
+    strain, area = ALPHA * heat - gap, 4 * np.pi
+    exact = [-strain, -YOUNG * heat, -YOUNG * ALPHA, -YOUNG * ALPHA * heat, YOUNG]
+    assert found.derivatives == pytest.approx(area * np.array(exact), rel=1e-4)
+    with pytest.raises(SceneError, match="take young"):
+        sensitivity(given, "force top y", ["material.grading"], MPI.COMM_SELF)
+
+
+def logarithmic(r, inside, outside, heat, alpha=ALPHA):
+    """Stresses of a long thick cylinder with T = heat ln(b / r) / ln(b / a), ends held, see Timoshenko and Goodier,
+    Theory of Elasticity, section 150; sigma_zz = nu (sigma_r + sigma_t) - E alpha T.
+    """
+    k = YOUNG * alpha * heat / (2 * (1 - POISSON) * np.log(outside / inside))
+    share = inside**2 / (outside**2 - inside**2) * np.log(outside / inside)
+    change = heat * np.log(outside / r) / np.log(outside / inside)
+    radial = k * (-np.log(outside / r) - share * (1 - outside**2 / r**2))
+    hoop = k * (1 - np.log(outside / r) - share * (1 + outside**2 / r**2))
+    return radial, hoop, POISSON * (radial + hoop) - YOUNG * alpha * change
+
+
+@pytest.mark.parametrize("plane", [False, True], ids=["axisymmetric", "plane"])
+def test_thick_cylinder(plane):
+    """The stresses of a logarithmic temperature, in half of a section and in a quarter of the cross-section."""
+    inside, outside, heat = 1.0, 2.0, 60.0
+    radius = "sqrt(x[0]**2 + x[1]**2)" if plane else "x[0]"
+    change = f"{heat} * log({outside} / {radius}) / log({outside / inside})"
+    if plane:
+        tagged = quarter_ring(inside, outside, 16)
+        held = [{"boundary": "right", "y": 0.0}, {"boundary": "left", "x": 0.0}]
+    else:
+        tagged = section(inside, outside, 0.25, counts=(16, 2), comm=MPI.COMM_SELF)
+        held = [{"boundary": "bottom", "y": 0.0}, {"boundary": "top", "y": 0.0}]
+    given = scene(
+        tagged,
+        2,
+        {} if plane else {"hypothesis": "axisymmetric"},
+        displacement=held,
+        temperature={"change": change},
+    )
+    solution = alone(given, check=False)
+    assert solution.certificate.holds
+    space = solution.stress.tensor.function_space
+    x = space.tabulate_dof_coordinates()[:, :2]
+    r = np.linalg.norm(x, axis=1) if plane else x[:, 0]
+    radial, hoop, along = logarithmic(r, inside, outside, heat)
+    sigma = solution.stress.tensor.x.array.reshape(-1, 3, 3)
+    if plane:
+        e = np.column_stack((x / r[:, None], np.zeros(len(x))))
+        around = np.column_stack((-e[:, 1], e[:, 0], np.zeros(len(x))))
+        found = [np.einsum("ni,nij,nj->n", one, sigma, one) for one in (e, around)] + [sigma[:, 2, 2]]
+    else:
+        found = [sigma[:, 0, 0], sigma[:, 2, 2], sigma[:, 1, 1]]
+    size = np.abs(along).max()
+    for ours, exact in zip(found, (radial, hoop, along), strict=True):
+        assert np.abs(ours - exact).max() <= 4e-3 * size  # of the second order in 1/16
+    recovered = solution.stress.recovered
+    axial = recovered.component("zz" if plane else "yy")
+    x = axial.function_space.tabulate_dof_coordinates()[:, :2]
+    r = np.linalg.norm(x, axis=1) if plane else x[:, 0]
+    assert np.abs(axial.x.array - logarithmic(r, inside, outside, heat)[2]).max() <= 1e-2 * size
+    assert 1e-5 < solution.stress.error < 1e-2
+
+
+def quarter_ring(inside, outside, n):
+    """A quarter of a ring around the origin of curved quadrilaterals."""
+    flat = dmesh.create_rectangle(MPI.COMM_SELF, [(inside, 0.0), (outside, 1.0)], (n, n), PLANE["quadrilateral"])
+    space = fem.functionspace(flat, ("Lagrange", 2))
+    x = space.tabulate_dof_coordinates()
+    angle = np.pi / 2 * x[:, 1]
+    points = np.column_stack((x[:, 0] * np.cos(angle), x[:, 0] * np.sin(angle)))
+    element = basix.ufl.element("Lagrange", "quadrilateral", 2, shape=(2,))
+    mesh = dmesh.create_mesh(MPI.COMM_SELF, space.dofmap.list.astype(np.int64), x=points, e=ufl.Mesh(element))
+    return tag_boundaries(mesh, {"right": lambda x: np.abs(x[1]) < 1e-9, "left": lambda x: np.abs(x[0]) < 1e-9})
+
+
+def layers(length, height, counts):
+    """A strip of two layers, whose left end is a plane of symmetry, on this rank."""
+    mesh = dmesh.create_rectangle(MPI.COMM_SELF, [(0.0, 0.0), (length, height)], counts, PLANE["quadrilateral"])
+    cells = np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32)
+    upper = dmesh.compute_midpoints(mesh, 2, cells)[:, 1] > height / 2
+    tags = dmesh.meshtags(mesh, 2, cells, np.where(upper, 2, 1).astype(np.int32))
+    named = tag_boundaries(mesh, {"left": lambda x: np.abs(x[0]) < 1e-9, "bottom": lambda x: np.abs(x[1]) < 1e-9})
+    return replace(named, cell_tags=tags, regions={"lower": 1, "upper": 2})
+
+
+def test_bimetal():
+    """The curvature of a strip of two layers: S. Timoshenko, J. Opt. Soc. Am. 11 (1925) 233-255, equation (4)."""
+    length, height, heat, ratio = 12.0, 1.0, 30.0, 3.0
+    kinds = {"lower": (ratio * YOUNG, 2 * ALPHA), "upper": (YOUNG, ALPHA)}
+    material = [
+        {"young": young, "poisson": POISSON, "expansion": alpha, "region": name, "hypothesis": "plane stress"}
+        for name, (young, alpha) in kinds.items()
+    ]
+    given = {
+        "mesh": layers(length, height, (48, 4)),
+        "element": {"degree": 2},
+        "material": material,
+        "displacement": [{"boundary": "left", "x": 0.0}, {"at": [0.0, 0.0], "y": 0.0}],
+        "temperature": [{"change": heat, "region": name} for name in kinds],
+    }
+    solution = alone(parse_scene(given), check=False)
+    assert solution.certificate.holds
+    curvature = 24 * ALPHA * heat / (height * (12 + (1 + ratio) * (1 + 1 / ratio)))
+    x, y = nodes(solution)
+    below = (x[:, 1] == 0) & (x[:, 0] <= length / 2)  # the free end is far away
+    assert y[below, 1] == pytest.approx(curvature * x[below, 0] ** 2 / 2, abs=1e-5 * curvature * length**2)
+    # Heated in one layer alone it bends as if this one had the difference of the strains, and in an expression too.
+    other = {"change": "15 if x[1] < 0.5 else 0"}
+    for temperature in ({"change": heat / 2, "region": "lower"}, other):
+        again = alone(parse_scene({**given, "temperature": temperature}), check=False)
+        assert nodes(again)[1][below, 1] == pytest.approx(y[below, 1], abs=1e-5 * curvature * length**2)
+
+
+def test_ring_that_comes_loose():
+    """A ring that is pressed on a rigid shaft loses its pressure in proportion to the heat, and then touches nowhere.
+
+    The pressure follows from Lame's equations for free ends: E (d / a - alpha T) / ((b^2 + a^2) / (b^2 - a^2) + nu).
+    """
+    inside, outside, tight = 1.0, 2.0, 0.02
+    loose = tight / (inside * ALPHA)
+    given = scene(
+        section(inside, outside, 0.5, counts=(12, 4), comm=MPI.COMM_SELF),
+        2,
+        {"hypothesis": "axisymmetric"},
+        displacement={"boundary": "bottom", "y": 0.0},
+        temperature={"change": loose, "factors": [0.0, 0.5, 0.99, 1.01]},
+        contact={"boundary": "inside", "gap": -tight},
+    )
+    solution = alone(given, check=False)
+    stiff = YOUNG / ((outside**2 + inside**2) / (outside**2 - inside**2) + POISSON)
+    for step, share in zip(solution.steps, (1.0, 0.5, 0.01, 0.0), strict=True):
+        assert step.certificate.holds
+        assert step.contact.pressure == pytest.approx(share * stiff * tight / inside, rel=5e-4, abs=1e-8 * stiff)
+    assert not solution.contact.pressure.any()
+    assert extreme(solution.stress.tensor) <= 1e-9 * YOUNG * tight
+
+
+def test_a_body_that_nothing_holds():
+    """A heated block between floor and nothing keeps its weight as its load: the heat neither lifts nor turns it."""
+    given = scene(
+        body("quadrilateral", MPI.COMM_SELF),
+        1,
+        {"density": 1e-2},
+        displacement={"boundary": "left", "x": 0.0},
+        gravity={"y": -1.0},
+        temperature={"change": "100 * x[0] * x[1]"},
+        contact={"boundary": "bottom"},
+    )
+    assert not [finding for finding in check_scene(given, MPI.COMM_SELF).findings if finding.level == "error"]
+    solution = alone(given, check=False)
+    assert solution.converged
+    assert solution.certificate.holds
+    weight = 2e-2
+    assert solution.contact.forces[0][1] == pytest.approx(weight, rel=1e-6)
+
+
+# --- values and what is said ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+def test_values_from_a_file(tmp_path_factory):
+    """A table of points is interpolated linearly; a path is relative to the scene."""
+    folder = COMM.bcast(tmp_path_factory.mktemp("table") if COMM.rank == 0 else None)
+    if COMM.rank == 0:
+        corners = [(x, y) for x in (0.0, 0.7, 2.0) for y in (0.0, 1.0)]
+        rows = [f"{y},{x},{10 + 3 * x - 2 * y}" for x, y in corners]
+        (folder / "table.csv").write_text("y, x, change\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    COMM.barrier()
+    given = {"mesh": body(), "material": STEEL, "displacement": sides("quadrilateral")}
+    read = parse_scene({**given, "temperature": {"file": "table.csv"}}, folder=folder)
+    first = solve(read, COMM, check=False)
+    second = solve(parse_scene({**given, "temperature": {"change": "10 + 3*x[0] - 2*x[1]"}}), COMM, check=False)
+    assert first.certificate.holds
+    assert first.displacement.x.array == pytest.approx(second.displacement.x.array, abs=1e-12)
+
+
+@pytest.mark.parametrize(("suffix", "dim"), [("vtu", 2), ("vtu", 3), ("xdmf", 3)])
+def test_values_of_a_mesh(suffix, dim, tmp_path):
+    """Nodal values of another mesh that are linear are those of the formula; of the same mesh any are as they are."""
+    meshio = pytest.importorskip("meshio")
+    if suffix == "xdmf":
+        pytest.importorskip("h5py")
+    tagged = body("quadrilateral" if dim == 2 else "hexahedra", MPI.COMM_SELF)
+    x = np.array(np.meshgrid(*[np.linspace(0, end, 4) for end in (2.0, 1.0, 1.0)[:dim]])).reshape(dim, -1).T
+    cells = Delaunay(x).simplices
+    kind = "triangle" if dim == 2 else "tetra"
+    linear = 10 + 3 * x[:, 0] - 2 * x[:, -1]
+
+    def written(name, x, cells, kind, values):
+        points = np.column_stack((x, np.zeros((len(x), 3 - x.shape[1]))))
+        meshio.write(tmp_path / name, meshio.Mesh(points, [(kind, cells)], point_data=values))
+        given = {"mesh": tagged, "material": STEEL, "displacement": sides("quadrilateral" if dim == 2 else "hexahedra")}
+        return alone(parse_scene({**given, "temperature": {"file": name}}, folder=tmp_path), check=False)
+
+    def exact(change):
+        given = {"mesh": tagged, "material": STEEL, "displacement": sides("quadrilateral" if dim == 2 else "hexahedra")}
+        return alone(parse_scene({**given, "temperature": {"change": change}}), check=False)
+
+    other = written(f"other.{suffix}", x, cells, kind, {"T": linear})
+    assert other.certificate.holds
+    y = exact(f"10 + 3*x[0] - 2*x[{dim - 1}]").displacement.x.array
+    assert other.displacement.x.array == pytest.approx(y, abs=1e-12)
+    nodes = tagged.mesh.geometry.x[:, :dim]
+    values = np.sin(5 * nodes[:, 0]) * np.cos(4 * nodes[:, 1])
+    same = written(f"same.{suffix}", nodes, Delaunay(nodes).simplices, kind, {"change": values, "T": 0 * values})
+    y = exact(lambda x: np.sin(5 * x[0]) * np.cos(4 * x[1])).displacement.x.array
+    assert same.displacement.x.array == pytest.approx(y, abs=1e-9 * np.abs(y).max())
+    half = x[:, 0] < 1.5
+    with pytest.raises(SceneError, match="has no points around") as raised:
+        written(f"half.{suffix}", x[half], Delaunay(x[half]).simplices, kind, {"T": linear[half]})
+    assert len(raised.value.problems) == 1
+
+
+def test_a_mesh_around_the_body_does_not_cover_it(tmp_path):
+    """Cells along three sides of the body: their hull covers it, they do not."""
+    meshio = pytest.importorskip("meshio")
+    x = np.array([(a, b, 0.0) for a in np.linspace(0, 2, 21) for b in np.linspace(0, 1, 11)])
+    rim = [row for row in Delaunay(x[:, :2]).simplices if np.abs(x[row].mean(axis=0)[:2] - (1.0, 0.5))[0] > 0.8]
+    kept, numbers = np.unique(np.array(rim), return_inverse=True)
+    mesh = meshio.Mesh(x[kept], [("triangle", numbers.reshape(-1, 3))], point_data={"T": x[kept, 0], "p": x[kept, 0]})
+    meshio.write(tmp_path / "rim.vtu", mesh)
+    given = {"mesh": body("quadrilateral", MPI.COMM_SELF), "material": STEEL, "displacement": sides("quadrilateral")}
+    with pytest.raises(SceneError, match="one must be called change"):
+        alone(parse_scene({**given, "temperature": {"file": "rim.vtu"}}, folder=tmp_path), check=False)
+    meshio.write(tmp_path / "rim.vtu", meshio.Mesh(mesh.points, mesh.cells, point_data={"T": x[kept, 0]}))
+    with pytest.raises(SceneError, match="has no points around"):
+        alone(parse_scene({**given, "temperature": {"file": "rim.vtu"}}, folder=tmp_path), check=False)
+
+
+@pytest.mark.parametrize(
+    ("temperature", "material", "place", "words"),
+    [
+        ({}, {}, "temperature", "give either change or file"),
+        ({"change": "x[3]"}, {}, "temperature.change", "not a coordinate"),
+        ({"change": "log(x[0] - 1)"}, {}, "temperature[0].change", "at all nodes of the mesh"),
+        ({"change": "log(1.5 - t)", "factors": [1.0, 1.0]}, {}, "temperature[0].change", "at all nodes of the mesh"),
+        ({"change": 1.0, "region": "rubber"}, {}, "temperature[0].region", "no region 'rubber'"),
+        ({"change": 1.0, "boundary": "left"}, {}, "temperature.boundary", "unknown key"),
+        ({"change": 1.0}, {"expansion": None}, "material", "has no expansion"),
+        ({"change": 1.0}, {"expansion": "x[0]"}, "material.expansion", "number"),
+        ({"change": 1.0}, {"alpha": 1.0}, "material.alpha", "is written expansion"),
+        ({"file": "nowhere.csv"}, {}, "temperature.file", "cannot be read"),
+        ({"file": "columns.csv"}, {}, "temperature.file", "it needs x, y"),
+        ({"file": "words.csv"}, {}, "temperature.file", "not one number"),
+        ({"file": "line.csv"}, {}, "temperature.file", "span no area"),
+        ({"file": "small.csv"}, {}, "temperature.file", "has no points around"),
+        ({"file": "nowhere.vtu"}, {}, "temperature.file", "cannot be read"),
+        ({"file": "words.xdmf"}, {}, "temperature.file", "cannot be read"),
+    ],
+)
+def test_what_is_wrong(temperature, material, place, words, tmp_path):
+    """One error each."""
+    for name, text in {
+        "columns": "a,b\n1,2",
+        "words": "x,y,change\n1,2,hot",
+        "line": "x,y,change\n0,0,1\n1,1,1\n2,2,1",
+        "small": "x,y,change\n0,0,1\n1,0,1\n0,1,1\n1,1,1",
+    }.items():
+        (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
+    (tmp_path / "words.xdmf").write_text("hot", encoding="utf-8")
+    own = {key: value for key, value in {**STEEL, **material}.items() if value is not None}
+    given = {"mesh": body("quadrilateral", MPI.COMM_SELF), "material": own, "displacement": sides("quadrilateral")}
+    with pytest.raises(SceneError) as caught:
+        alone(parse_scene({**given, "temperature": temperature}, folder=tmp_path))
+    ((path, message),) = caught.value.problems
+    assert path == place
+    assert words in message
+
+
+def test_what_is_said():
+    """The report of check, and what has no guaranteed bound."""
+    given = scene(
+        body("quadrilateral", MPI.COMM_SELF), displacement=sides("quadrilateral"), temperature={"change": 5.0}
+    )
+    told = str(check_scene(given, MPI.COMM_SELF))
+    assert "temperature" in told
+    assert "change = 5" in told
+    assert "temperature has no guaranteed bound" in str(alone(given, check=False).error_bound)
+
+
+def test_thermostat():
+    """The demo closes its contact where Timoshenko's curvature says, and presses as a beam does whose tip is held.
+
+    Beside the beam: the clamp also prevents the expansion across it, and the place of the contact moves a little.
+    """
+    solution = solve(read_scene(SCENES / "thermostat.toml"), MPI.COMM_SELF)
+    brass, invar, half, arm, gap, heat = 105000.0, 141000.0, 0.5, 38.0, 0.8, 60.0
+    ratio = invar / brass
+    curvature = 24 * (19.0e-6 - 1.2e-6) / (2 * half * (12 + (1 + ratio) * (1 + 1 / ratio)))
+    closes = gap / (curvature * arm**2 / 2)
+    assert closes == pytest.approx(41.7, abs=0.1)  # which the scene says
+    touching = [bool(step.contact.pressure.any()) for step in solution.steps]
+    assert touching == [bool(reached > closes) for reached in (15.0, 30.0, 45.0, 60.0)]
+    neutral = (brass - invar) * half / (2 * (brass + invar))
+    bending = half**3 / 12 * (brass + invar)
+    bending += half * (brass * (half / 2 - neutral) ** 2 + invar * (half / 2 + neutral) ** 2)
+    force = 3 * bending * (curvature * heat * arm**2 / 2 - gap) / arm**3
+    assert solution.contact.forces[0][1] == pytest.approx(force, rel=0.03)
+
+
+def test_a_hub_that_is_heated():
+    """Two bodies: half of the interference of the shrink fit is left where the hub alone grows by the other half."""
+    path = SCENES / "shrink_fit.toml"
+    given = tomllib.loads(path.read_text(encoding="utf-8"))
+    del given["traction"], given["load_steps"]
+    given["material"][0]["expansion"] = 1.2e-5
+    heat = 0.02 / 20 / (1.3 * 1.2e-5)  # (1 + nu) alpha T R is the interference
+    given["temperature"] = {"change": heat / 2, "region": "hub"}
+    solution = alone(parse_scene(given, folder=path.parent), check=False)
+    assert solution.certificate.holds
+    weight = solution.contact.boundary.weight
+    # Lame's pressure of the whole fit is 92.87, see the scene.
+    assert solution.contact.pressure @ weight / weight.sum() == pytest.approx(92.87 / 2, rel=1e-4)

@@ -1,0 +1,544 @@
+"""Every generator: names, area, shape of the cells, the same mesh every time; parameters that do not go together."""
+
+import inspect
+import re
+import sys
+import tomllib
+from math import cos, hypot, pi, radians, sin, tan
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import alone, table_of
+from test_meshes_in_space import SMALL as IN_SPACE
+
+from signorini_fx.check.checks import check_scene
+from signorini_fx.compat import geometry_cells, geometry_degree
+from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.mesh.files.shape import quality
+from signorini_fx.mesh.refinement import refine
+from signorini_fx.mesh.tagged import coarser_parameters, generate_mesh, simplex_parameters
+from signorini_fx.scene.generators import known_generators
+from signorini_fx.scene.model import Discretised
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scene.template import scene_schema
+from signorini_fx.solving.solver import solve
+
+
+def segment(radius, angle):
+    """What a chord cuts off a disk, the angle from the middle in degrees."""
+    turn = radians(angle)
+    return radius**2 * (turn - sin(turn) * cos(turn))
+
+
+SIDES = {"top": 3, "left": 1, "right": 1}
+# Parameters of a small mesh: names of its boundaries, its area and how long they are.
+SMALL = {
+    "block": (
+        {"nx": 12, "ny": 4, "layout": "graded", "grading": 5.0},
+        3.0,
+        {"bottom": 3, "top": 3, "left": 1, "right": 1},
+    ),
+    "rectangle": ({"nx": 12, "ny": 4}, 3.0, {"bottom": 3, "top": 3, "left": 1, "right": 1}),
+    "notched_sides": ({"nx": 30, "ny": 10}, 3.0, {"bottom": 3, "top": 3, "left": 0.8, "right": 0.8}),
+    "half_disk": ({"contact_size": 0.2}, 32 * pi, {"arc": 8 * pi, "top": 16}),
+    "ring_segment": (
+        {"contact_size": 0.2},
+        (64 - 36) * pi / 3,
+        {"outer": 16 * pi / 3, "inner": 4 * pi, "left": 2, "right": 2},
+    ),
+    "block_on_cylinder": (
+        {"contact_size": 0.2},
+        10 * (5 + 2) - segment(4, 60),
+        {"seat": 8 * pi / 3, "bottom": 10 - 8 * sin(pi / 3), "left": 7, "right": 7, "top": 10},
+    ),
+    "punch": ({}, 12 - 0.5 + pi / 8, {"foot": 3 + pi / 2, "left": 2.5, "right": 2.5, "top": 4}),
+    "wedge": (
+        {"nx": 6, "ny": 10},
+        2 * (1 + 2 * tan(pi / 12)),
+        {"tip": 1, "top": 1 + 4 * tan(pi / 12), "left": 2 / cos(pi / 12), "right": 2 / cos(pi / 12)},
+    ),
+    "plate_with_hole": ({}, 32 - pi, {"hole": 2 * pi, "bottom": 8, "right": 4, "top": 8, "left": 4}),
+    "dovetail": ({}, None, {"bottom": 26, "left": None, "right": None, "top": 14}),
+    "sawtooth": ({"depth": 0.1, "facets": 4, "ny": 4}, 3 - 0.15, {"bottom": 6 * hypot(0.5, 0.1), **SIDES}),
+}
+HALVES = {
+    "half_disk": (16 * pi, {"arc": 4 * pi, "top": 8, "symmetry": 8}),
+    "ring_segment": (14 * pi / 3, {"outer": 8 * pi / 3, "inner": 2 * pi, "right": 2, "symmetry": 2}),
+    "punch": (6 - 0.25 + pi / 16, {"foot": 1.5 + pi / 4, "right": 2.5, "top": 2, "symmetry": 3}),
+    "plate_with_hole": (16 - pi / 2, {"hole": pi, "right": 2, "top": 8, "left": 2, "symmetry": 6}),
+}
+CURVED = ["half_disk", "ring_segment", "block_on_cylinder", "punch", "plate_with_hole", "dovetail"]
+each = pytest.mark.parametrize("name", SMALL)
+each_curved = pytest.mark.parametrize("name", CURVED)
+each_cell = pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+
+
+def make(name, comm=MPI.COMM_SELF, **changes):
+    """The small mesh of a generator."""
+    return generate_mesh(name, SMALL[name][0] | changes, comm)
+
+
+def corners(tagged):
+    """Points, and the corners of each cell along its perimeter."""
+    mesh = tagged.mesh
+    order = [0, 1, 2] if mesh.topology.cell_name() == "triangle" else [0, 1, 3, 2]
+    return mesh.geometry.x[:, :2], geometry_cells(mesh)[:, order]
+
+
+def area(tagged):
+    """Of the cells with straight sides."""
+    points, cells = corners(tagged)
+    x, after = points[cells], np.roll(points[cells], -1, axis=1)
+    return 0.5 * np.abs((x[..., 0] * after[..., 1] - x[..., 1] * after[..., 0]).sum(axis=1)).sum()
+
+
+def ends(tagged, name):
+    """End points of the facets of a boundary, shape (facets, 2, 2)."""
+    topology = tagged.mesh.topology
+    topology.create_connectivity(1, 0)
+    topology.create_connectivity(0, 2)
+    topology.create_connectivity(2, 0)
+    to_vertices, cell_of, of_cell = (
+        topology.connectivity(1, 0),
+        topology.connectivity(0, 2),
+        topology.connectivity(2, 0),
+    )
+    where, cells = {}, geometry_cells(tagged.mesh)
+    for facet in tagged.facets(name):
+        for vertex in to_vertices.links(facet):
+            cell = cell_of.links(vertex)[0]
+            local = list(of_cell.links(cell)).index(vertex)
+            where[vertex] = tagged.mesh.geometry.x[cells[cell, local], :2]
+    return np.array([[where[v] for v in to_vertices.links(facet)] for facet in tagged.facets(name)])
+
+
+def length(tagged, name):
+    """Of a boundary with straight facets."""
+    x = ends(tagged, name)
+    return np.hypot(*(x[:, 1] - x[:, 0]).T).sum()
+
+
+def test_all_are_here():
+    """No generator is without these tests, or those in space."""
+    assert sorted([*SMALL, *IN_SPACE]) == list(known_generators())
+
+
+def check(tagged, whole, lengths, rel):
+    """Names, lengths, area and shape of the cells."""
+    assert set(tagged.boundaries) == set(lengths)
+    for boundary, expected in lengths.items():
+        if expected is not None:
+            assert length(tagged, boundary) == pytest.approx(expected, rel=rel), boundary
+    if whole is not None:
+        assert area(tagged) == pytest.approx(whole, rel=rel)
+
+
+@each_cell
+@each
+def test_names_area_and_quality(name, cell):
+    """What the sketch promises."""
+    _, whole, lengths = SMALL[name]
+    tagged = make(name, cell=cell)
+    check(tagged, whole, lengths, 4e-3)
+    assert tagged.mesh.topology.cell_name() == cell
+    shape = quality(*corners(tagged))
+    # Graded and structured meshes have cells that are long on purpose, the others have none.
+    low, mean = (0.15, 0.4) if name in ("block", "wedge", "sawtooth") else (0.35, 0.8)
+    assert shape.min() > low
+    assert shape.mean() > mean
+
+
+@each_cell
+@pytest.mark.parametrize("name", HALVES)
+def test_symmetric_halves(name, cell):
+    """The right, or upper, half with the name symmetry where it was cut."""
+    tagged = make(name, cell=cell, symmetric=True)
+    check(tagged, *HALVES[name], 4e-3)
+    assert quality(*corners(tagged)).min() > 0.3
+
+
+@each
+def test_the_same_mesh_every_time(name):
+    """Points and cells, bit by bit."""
+    first, second = make(name), make(name)
+    np.testing.assert_array_equal(first.mesh.geometry.x, second.mesh.geometry.x)
+    np.testing.assert_array_equal(geometry_cells(first.mesh), geometry_cells(second.mesh))
+
+
+LENGTHS = {"length", "height", "radius", "thickness", "width", "neck", "edge", "stem", "fillet", "tip", "rounding"}
+LENGTHS |= {"size", "contact_size", "contact_zone", "depth", "lower"}
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e6])
+@pytest.mark.parametrize("name", sorted(set(SMALL) - {"block", "rectangle", "notched_sides"}))
+def test_the_same_mesh_in_all_units(name, unit):
+    """A body of nanometres or of kilometres has the same cells."""
+    generate = known_generators()[name].load()
+    defaults = {key: p.default for key, p in inspect.signature(generate).parameters.items() if key in LENGTHS}
+    lengths = {key: unit * value for key, value in (defaults | SMALL[name][0]).items() if key in LENGTHS}
+    first, second = make(name), make(name, **lengths)
+    np.testing.assert_array_equal(geometry_cells(first.mesh), geometry_cells(second.mesh))
+    size = np.abs(first.mesh.geometry.x).max()
+    np.testing.assert_allclose(second.mesh.geometry.x / unit, first.mesh.geometry.x, rtol=0, atol=1e-8 * size)
+
+
+@pytest.mark.mpi
+@each
+def test_on_ranks(name):
+    """The cells and facets are the same on any number of ranks."""
+    comm = MPI.COMM_WORLD
+    shared, own = make(name, comm), make(name)
+    cells = shared.mesh.topology.index_map(2)
+    assert cells.size_global == own.mesh.topology.index_map(2).size_global
+    for boundary in own.boundaries:
+        assert comm.allreduce(shared.facets(boundary).size) == own.facets(boundary).size, boundary
+
+
+@each
+def test_coarser(name):
+    """Facets twice as long: about a quarter of the cells, the same names."""
+    parameters = SMALL[name][0]
+    coarse = generate_mesh(name, coarser_parameters(name, parameters, 2.0), MPI.COMM_SELF)
+    fine = make(name)
+    assert set(coarse.boundaries) == set(fine.boundaries)
+    ratio = fine.mesh.topology.index_map(2).size_global / coarse.mesh.topology.index_map(2).size_global
+    assert 2.5 < ratio < 6
+
+
+@each
+def test_triangles_to_divide(name):
+    """Bodies with straight sides give triangles for adaptive refinement; those with arcs would lose them."""
+    parameters = simplex_parameters(name, SMALL[name][0])
+    assert (parameters is None) == (name in CURVED)
+    if parameters is not None:
+        coarse = generate_mesh(name, parameters, MPI.COMM_SELF)
+        fine = refine(coarse)
+        assert area(fine) == pytest.approx(area(coarse), rel=1e-12)
+        assert all(fine.facets(boundary).size == 2 * coarse.facets(boundary).size for boundary in coarse.boundaries)
+
+
+@each_cell
+@each_curved
+def test_geometry_of_degree_two(name, cell):
+    """The nodes within the facets are on the arcs: the area is right to the fourth order, not the second."""
+    straight, curved = (make(name, cell=cell, order=order) for order in (1, 2))
+    assert (geometry_degree(straight.mesh), geometry_degree(curved.mesh)) == (1, 2)
+    exact = SMALL[name][1]
+    if exact is None:
+        exact = integral(make(name, cell=cell, order=2, contact_size=0.1, size=0.5))
+    errors = [abs(integral(tagged) / exact - 1) for tagged in (straight, curved)]
+    assert errors[1] < 2e-6
+    assert errors[1] < 0.05 * errors[0]
+
+
+def integral(tagged):
+    """The area with curved sides."""
+    import ufl
+    from dolfinx import default_scalar_type, fem
+
+    one = fem.Constant(tagged.mesh, default_scalar_type(1.0))
+    return fem.assemble_scalar(fem.form(one * ufl.dx(metadata={"quadrature_degree": 4})))
+
+
+def test_curved_cells_are_not_refined():
+    """Bisection would straighten them without a word."""
+    with pytest.raises(MeshError, match="straight sides"):
+        refine(make("half_disk", order=2))
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "path"),
+    [
+        ("ring_segment", {"thickness": 9.0}, "thickness"),
+        ("ring_segment", {"angle": 180.0}, "angle"),
+        ("notched_sides", {"ny": 10, "lower": 0.25}, "lower"),
+        ("notched_sides", {"lower": 1.0}, "lower"),
+        ("block_on_cylinder", {"length": 6.0}, "length"),
+        ("block_on_cylinder", {"angle": 100.0}, "angle"),
+        ("punch", {"rounding": 2.0}, "rounding"),
+        ("wedge", {"angle": 90.0}, "angle"),
+        ("wedge", {"nx": 0}, "nx"),
+        ("plate_with_hole", {"radius": 2.0}, "radius"),
+        ("dovetail", {"neck": 30.0}, "neck"),
+        ("dovetail", {"fillet": 6.0}, "fillet"),
+        ("dovetail", {"stem": 0.1}, "fillet"),
+        ("sawtooth", {"depth": 1.0}, "depth"),
+        ("sawtooth", {"teeth": 0}, "teeth"),
+        *((name, {"order": 3}, "order") for name in CURVED),
+        *((name, {"cell": "hexagon"}, "cell") for name in SMALL),
+        *((name, {"colour": "red"}, "colour") for name in SMALL),
+    ],
+)
+def test_parameters_that_are_refused(name, changes, path):
+    """With the path of the parameter, at once."""
+    with pytest.raises(SceneError) as caught:
+        make(name, **changes)
+    assert [problem[0] for problem in caught.value.problems] == [f"mesh.parameters.{path}"]
+
+
+@pytest.mark.parametrize("changes", [{"contact_size": 1e-9}, {"size": 1e-6, "contact_zone": 1e-9}], ids=str)
+@each_curved
+def test_more_cells_than_there_could_be(name, changes):
+    """A size that no machine could mesh is refused before it is tried, also along a whole curve."""
+    with pytest.raises(SceneError, match=r"mesh\.parameters"):
+        make(name, **changes)
+    if name in ("plate_with_hole", "dovetail", "block_on_cylinder"):
+        with pytest.raises(SceneError, match=r"mesh\.parameters"):
+            make(name, contact_size=1e-6, contact_zone=1e-9)
+
+
+@each
+def test_documented(name):
+    """A sketch in the docstring, all parameters under Args, and names under Returns."""
+    generate = known_generators()[name].load()
+    assert "::\n" in inspect.getmodule(inspect.unwrap(generate)).__doc__
+    doc = inspect.getdoc(generate)
+    for boundary in SMALL[name][2]:
+        assert boundary in doc.partition("Returns:")[2]
+    for parameter in SMALL[name][0]:
+        assert f"\n    {parameter}: " in doc
+
+
+# --- generators of other packages ------------------------------------------------------------------------------------
+
+GUIDE = Path(__file__).parents[2] / "docs" / "generators.md"
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """Installs a package with these generators, and with the module of the guide."""
+
+    def install(*generators):
+        guide = GUIDE.read_text(encoding="utf-8")
+        code, settings = (re.search(rf"```{kind}\n(.*?)```", guide, re.DOTALL)[1] for kind in ("python", "toml"))
+        (tmp_path / "wavy.py").write_text(code, encoding="utf-8")
+        project = tomllib.loads(settings)["project"]
+        ((group, names),) = project["entry-points"].items()
+        data = tmp_path / f"{project['name']}-{project['version']}.dist-info"
+        data.mkdir()
+        (data / "METADATA").write_text(f"Name: {project['name']}\nVersion: {project['version']}\n", encoding="utf-8")
+        lines = [*(f"{name} = {value}" for name, value in names.items()), *generators]
+        (data / "entry_points.txt").write_text("\n".join([f"[{group}]", *lines]), encoding="utf-8")
+        monkeypatch.syspath_prepend(tmp_path)
+        monkeypatch.delitem(sys.modules, "wavy", raising=False)
+
+    return install
+
+
+def wavy(parameters, **settings):
+    """A scene on the mesh of the guide."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "wavy", "parameters": parameters},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "top", "x": 0.0, "y": -0.01},
+            "contact": {"boundary": "bottom", "gap": "x[1]", "direction": [0, -1]},
+            **settings,
+        }
+    )
+
+
+def test_generator_of_another_package(installed):
+    """That of the guide is named in a scene as ours are, on several meshes too, and its parameters are checked."""
+    installed()
+    assert "wavy" in scene_schema()["$defs"]["MeshGenerator"]["properties"]["generator"]["enum"]
+    solution = alone(wavy({"nx": 24}, solver={"levels": 2}))
+    assert solution.converged
+    assert [row.dofs for row in solution.price_list[:2]] == [2 * 13 * 5, 2 * 25 * 9]
+    columns = table_of(solution).columns
+    assert columns["y"].max() == pytest.approx(0.1)
+    assert (columns["state"] != "open").any()
+    assert simplex_parameters("wavy", {}) is None
+    for parameters, told in (({"depth": 2}, "less than 1"), ({"length": -1.0}, "positive"), ({"n": 1}, "nx, ny")):
+        with pytest.raises(SceneError, match=told):
+            alone(wavy(parameters))
+
+
+def test_generators_of_other_packages_that_cannot_be_used(installed):
+    """The message says where it comes from; ours stay ours."""
+    installed("absent = nowhere:generate", "broken = wavy:nothing", "box = wavy:generate")
+    for name, told in (
+        ("absent", "No module named 'nowhere'"),
+        ("broken", "nothing"),
+        ("other", "no generator 'other'"),
+    ):
+        with pytest.raises(SceneError, match=rf"mesh\.generator: .*{told}"):
+            generate_mesh(name, {}, MPI.COMM_SELF)
+    assert generate_mesh("box", {"nx": 2, "ny": 1, "nz": 1}, MPI.COMM_SELF).dimension == 3
+
+
+def test_without_the_decorator(installed, monkeypatch):
+    """A plain function makes its mesh, no coarser ones; what is no mesh is refused."""
+    installed("plain = wavy:plain", "none = wavy:none")
+    import wavy as module
+
+    def plain(comm, /, *, nx=4):
+        return module.generate(comm, nx=nx, ny=1)
+
+    monkeypatch.setattr(module, "plain", plain, raising=False)
+    monkeypatch.setattr(module, "none", lambda comm: 7, raising=False)
+    assert generate_mesh("plain", {"nx": 2}, MPI.COMM_SELF).mesh.topology.index_map(2).size_global == 4
+    with pytest.raises(SceneError, match=r"solver\.levels"):
+        coarser_parameters("plain", {}, 2.0)
+    with pytest.raises(SceneError, match="a TaggedMesh is expected"):
+        generate_mesh("none", {}, MPI.COMM_SELF)
+
+
+# --- bodies in contact -----------------------------------------------------------------------------------------------
+
+STEEL = {"young": 210000.0, "poisson": 0.3}
+
+
+def solved(name, parameters, contact, **effects):
+    """A solution, its contact force checked against the loads by the certificate."""
+    data = {"mesh": {"generator": name, "parameters": parameters}, "contact": contact, "material": STEEL, **effects}
+    solution = alone(parse_scene(data))
+    assert solution.converged
+    return solution
+
+
+def test_punch_with_rounded_edges():
+    """The load is borne; near its edge the punch looks the same at any rounding, so the peak is the same too."""
+    peaks, places = [], []
+    for rounding in (0.5, 0.2):
+        solution = solved(
+            "punch",
+            {"rounding": rounding, "symmetric": True, "contact_zone": 0.4},
+            {"boundary": "foot", "gap": "x[1]", "direction": [0, -1]},
+            material={"young": 2000.0, "poisson": 0.3},
+            displacement={"boundary": "symmetry", "normal": 0.0},
+            traction={"boundary": "top", "pressure": 100.0},
+        )
+        columns = table_of(solution).columns
+        assert np.dot(columns["weight"], columns["pressure"]) == pytest.approx(200.0, rel=1e-6)
+        peaks.append(columns["pressure"].max())
+        places.append((columns["x"][np.argmax(columns["pressure"])] - (2 - rounding)) / rounding)
+    assert peaks == pytest.approx([253.4, 253.4], rel=3e-3)
+    assert places == pytest.approx([0.09, 0.09], abs=0.03)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.1, 0.2])
+def test_wedge_in_its_groove(friction):
+    """The normal force on each flank balances the load: P / (2 (sin a + F cos a)) while it slides down."""
+    angle, load = radians(15.0), 100.0
+    solution = solved(
+        "wedge",
+        {"nx": 8, "ny": 16},
+        [{"boundary": side, "friction": {"law": "coulomb", "coefficient": friction}} for side in ("left", "right")],
+        traction={"boundary": "top", "pressure": load},
+    )
+    columns = table_of(solution).columns
+    total = load * (1 + 4 * tan(angle))
+    normal = np.dot(columns["weight"], columns["pressure"])
+    assert normal == pytest.approx(total / (sin(angle) + friction * cos(angle)), rel=1e-5)
+
+
+def test_pin_in_a_hole():
+    """A plate hangs on a rigid pin that is a little thinner: the pin bears the whole weight, on its upper half."""
+    solution = solved(
+        "plate_with_hole",
+        {"contact_size": 0.05},
+        # The pin touches the hole at its top; the gap is along the normal of the plate, which points to the centre.
+        {"boundary": "hole", "gap": "0.001 * (1 - x[1])"},
+        displacement={"boundary": "top", "x": 0.0},
+        body_force={"y": -1.0},
+    )
+    columns = table_of(solution).columns
+    force = -np.dot(columns["weight"] * columns["pressure"], columns["n_y"])
+    assert force == pytest.approx(32 - pi, rel=3e-3)
+    assert columns["y"][columns["pressure"] > 0].min() > 0.0
+
+
+def test_saddle_on_a_pipe():
+    """A seat that fits its cylinder bears all along; the same seat on a thinner cylinder at its crown only."""
+    widths = []
+    for thinner in (0.0, 0.2):
+        r = 4.0 - thinner
+        solution = solved(
+            "block_on_cylinder",
+            {"order": 2, "contact_size": 0.2},
+            {"boundary": "seat", "gap": f"sqrt(x[0]**2 + (x[1] + {r})**2) - {r}"},
+            element={"degree": 2},
+            displacement={"boundary": "top", "x": 0.0},
+            traction={"boundary": "top", "pressure": 50.0},
+        )
+        columns = table_of(solution).columns
+        force = -np.dot(columns["weight"] * columns["pressure"], columns["n_y"])
+        assert force == pytest.approx(500.0, rel=5e-3)
+        widths.append(np.abs(columns["x"][columns["pressure"] > 0]).max())
+    assert widths[1] < 0.5 * widths[0]
+
+
+def test_shoe_on_a_plane():
+    """A ring segment pressed down by its ends: the force on the plane is what they are pushed with."""
+    solution = solved(
+        "ring_segment",
+        {"contact_size": 0.1, "symmetric": True, "order": 2},
+        {"boundary": "outer", "gap": "x[1]", "direction": [0, -1]},
+        element={"degree": 2},
+        displacement=[{"boundary": "symmetry", "normal": 0.0}],
+        traction={"boundary": "right", "y": -20.0},
+    )
+    columns = table_of(solution).columns
+    assert np.dot(columns["weight"], columns["pressure"]) == pytest.approx(40.0, rel=1e-6)
+
+
+@pytest.mark.mpi
+@each_cell
+def test_linear_elements_on_curved_cells(cell):
+    """They cannot turn without strain, so they are refused."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "punch", "parameters": {"order": 2, "cell": cell, "contact_size": 0.2}},
+            "material": STEEL,
+            "displacement": {"boundary": "top", "x": 0.0, "y": -0.001},
+            "contact": {"boundary": "foot", "gap": "x[1]", "direction": [0, -1]},
+        }
+    )
+    for ask in (solve, check_scene):
+        with pytest.raises(SceneError, match=r"element\.degree: the mesh has curved cells: set degree = 2"):
+            ask(scene, MPI.COMM_WORLD)
+    quadratic = scene.model_copy(update={"element": Discretised(degree=2)})
+    assert solve(quadratic, MPI.COMM_WORLD).converged
+
+
+@pytest.mark.parametrize("depth", [0.0, 0.1])
+def test_sawtooth(depth):
+    """A flat body touches the tips only; one with teeth that fit touches everywhere."""
+    teeth = "0.2 * min(abs(x[0] - 0.5), abs(x[0] - 1.5), abs(x[0] - 2.5))"
+    solution = solved(
+        "sawtooth",
+        {"depth": depth, "facets": 8, "ny": 16},
+        {"boundary": "bottom", "gap": teeth if depth == 0.0 else 0.0, "direction": [0, -1]},
+        displacement=[{"boundary": side, "x": 0.0} for side in ("left", "right")],
+        traction={"boundary": "top", "pressure": 50.0},
+    )
+    table = table_of(solution)
+    columns = table.columns
+    assert np.dot(columns["weight"], columns["pressure"]) == pytest.approx(150.0, rel=2e-2)
+    touching = columns["pressure"] > 0
+    if depth == 0.0:
+        assert len(table.zones(touching)) == 3
+        assert np.abs(columns["x"][touching] % 1 - 0.5).max() < 0.1
+    else:
+        assert touching.mean() > 0.9
+
+
+@pytest.mark.parametrize("name", ["punch", "dovetail"])
+def test_nested(name):
+    """Coarser meshes of the same body as a start lead to the same solution."""
+    feet = {"punch": ["foot"], "dovetail": ["left", "right"]}[name]
+    effects = {
+        "displacement": {"boundary": "top", "x": 0.0},
+        "traction": {"boundary": "top", "pressure": 100.0 if name == "punch" else -100.0},
+    }
+    contact = [{"boundary": foot, "friction": {"law": "coulomb", "coefficient": 0.3}} for foot in feet]
+    if name == "punch":
+        contact[0] |= {"gap": "x[1]", "direction": [0, -1]}
+    parameters = {"contact_size": 0.1 if name == "punch" else 0.5}
+    plain, nested = (solved(name, parameters, contact, solver={"levels": levels}, **effects) for levels in (1, 3))
+    assert len(nested.price_list) == 4
+    pressures = [table_of(solution).columns["pressure"] for solution in (plain, nested)]
+    np.testing.assert_allclose(pressures[1], pressures[0], rtol=0, atol=1e-6 * pressures[0].max())

@@ -1,0 +1,125 @@
+"""The core alone: a contact problem given by matrices has the solution that it has as a scene."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import algebra_alone
+import numpy as np
+import pytest
+from scenes import alone, example1
+
+PROGRAM = Path(__file__).parents[1] / "support" / "algebra_alone.py"
+# The friction law of a scene, and of the core.
+LAWS = {"tresca": ({"bound": 1.5}, ("given", 1.5)), "coulomb": ({"coefficient": 0.3}, ("coefficient", 0.3))}
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(
+    ("kind", "algorithm"), [("full", "auto"), ("condensed", "auto"), ("condensed", "exact"), ("full", "alm")]
+)
+def test_matrices_or_a_scene(law, kind, algorithm, tmp_path):
+    """The same pressure, shear and displacement after as many linear solves, without dolfinx and UFL."""
+    scene, friction = LAWS[law]
+    settings = {"linear_algebra": kind, "algorithm": algorithm, "tolerance": 1e-11}
+    gamma = algebra_alone.GAMMA
+    theirs = alone(example1(nx=algebra_alone.NX, ny=algebra_alone.NY, gamma=gamma, patch="all", **scene, **settings))
+    ended = subprocess.run(
+        [sys.executable, PROGRAM, kind, algorithm, *map(str, friction), tmp_path / "found.npz"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ended.returncode == 0, ended.stderr
+    ours = np.load(tmp_path / "found.npz")
+    assert str(ours["status"]) == theirs.status.value
+    assert int(ours["solves"]) == theirs.history.linear_solves
+    contact = theirs.contact
+    order = np.argsort(contact.boundary.x[:, 0])
+    for name, scale in (("pressure", "pressure"), ("shear", "pressure"), ("u_n", "u_n"), ("u_t", "u_n")):
+        size = np.abs(getattr(contact, scale)).max()
+        np.testing.assert_allclose(ours[name], getattr(contact, name)[order], rtol=0, atol=1e-10 * size, err_msg=name)
+    x = theirs.discretisation.space.tabulate_dof_coordinates()[:, :2]
+    corner = np.isclose(x, (algebra_alone.LENGTH, algebra_alone.HEIGHT)).all(axis=1)
+    top = theirs.displacement.x.array[1::2][corner][0]
+    assert float(ours["top"]) == pytest.approx(top, rel=1e-9)
+
+
+def test_nothing_else_holds_the_body():
+    """A load that no pressure balances: the core says so without a linear solve."""
+    from signorini_fx.algorithms.strategy import solve_task
+    from signorini_fx.algorithms.task import Task
+    from signorini_fx.linalg.from_scipy import from_scipy
+    from signorini_fx.linalg.full import FullSystem
+    from signorini_fx.records import Status
+
+    stiffness, load, operator, weight, gap, prescribed, modes = algebra_alone.matrices()
+    elasticity, motions = from_scipy(stiffness, -load, operator, weight, prescribed=prescribed, modes=modes)
+    task = Task.of(FullSystem.of(elasticity), motions, gap)
+    assert solve_task(task, task.start).status is Status.OPEN
+    assert task.history.linear_solves == 0
+
+
+@pytest.mark.parametrize("kind", ["full", "condensed"])
+def test_another_load_on_the_same_factor(kind):
+    """A load case that is replaced has the solution of a body that is set up with it."""
+    from dataclasses import replace
+
+    from signorini_fx.algorithms.strategy import solve_task
+    from signorini_fx.algorithms.task import Task
+    from signorini_fx.linalg.condensed import CondensedSystem
+    from signorini_fx.linalg.from_scipy import from_scipy
+    from signorini_fx.linalg.full import FullSystem
+    from signorini_fx.method import Settings
+
+    stiffness, load, operator, weight, gap, prescribed, modes = algebra_alone.matrices()
+    make = {"full": FullSystem, "condensed": CondensedSystem}[kind]
+    bodies = [from_scipy(stiffness, f, operator, weight, prescribed=prescribed, modes=modes) for f in (load, 2 * load)]
+    system, other = (make.of(elasticity) for elasticity, _ in bodies)
+    motions = bodies[0][1]
+    system.set_case(0, bodies[1][0].cases[0])
+    system.set_load(np.ones(1))
+    settings = Settings(gamma_n=algebra_alone.GAMMA, gamma_t=algebra_alone.GAMMA)
+    tasks = [Task.of(one, motions, gap, settings=settings) for one in (system, other)]
+    outcomes = [solve_task(task, replace(task.start, factors=np.ones(1))) for task in tasks]
+    ours, theirs = (outcome.displacement().getArray(readonly=True) for outcome in outcomes)
+    assert np.abs(theirs).max() > 0
+    np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12 * np.abs(theirs).max())
+
+
+def test_the_limit_needs_unknowns_along_the_contact():
+    """Of matrices whose contact points are askew to the unknowns there is no exact method, and no wrong answer."""
+    import scipy.sparse as sp
+
+    from signorini_fx.algorithms.strategy import solve_task
+    from signorini_fx.algorithms.task import Task
+    from signorini_fx.linalg.from_scipy import from_scipy
+    from signorini_fx.linalg.full import FullSystem
+    from signorini_fx.method import Settings
+
+    stiffness, load, operator, weight, gap, prescribed, modes = algebra_alone.matrices()
+    turn = sp.kron(sp.eye_array(weight.size), np.array([[0.8, 0.6], [-0.6, 0.8]]))
+    elasticity, motions = from_scipy(stiffness, load, turn @ operator, weight, prescribed=prescribed, modes=modes)
+    task = Task.of(FullSystem.of(elasticity), motions, gap, settings=Settings(algorithm="exact"))
+    with pytest.raises(ValueError, match="is no unknown"):
+        solve_task(task, task.start)
+
+
+@pytest.mark.parametrize("friction", [None, 0.0, 1.0])
+def test_sets_that_hold_no_body_are_not_kept(friction):
+    """The body may stay, but neither the next sets nor those before hold it, as where the friction bound was another
+    one: then all points that can do.
+    """
+    from signorini_fx.contact.holding_sets import hold
+    from signorini_fx.contact.laws import ActiveSets, RegularisedData
+    from signorini_fx.linalg.from_scipy import from_scipy
+
+    stiffness, load, operator, weight, gap, prescribed, modes = algebra_alone.matrices()
+    _, motions = from_scipy(stiffness, load, operator, weight, prescribed=prescribed, modes=modes)
+    none = np.zeros(gap.size)
+    open_sets = ActiveSets.of(none > 0, np.ones((gap.size, 1)))
+    bound = None if friction is None else none + friction
+    data = RegularisedData(gap, 1e6, 1e6, np.inf, none, none[:, None], bound)
+    found, status, repaired = hold(open_sets, open_sets, none, none[:, None], data, motions, lambda: None)
+    assert (status, repaired) == (None, True)
+    assert motions.held_by(found.contact, ~found.slip & (bound is not None))

@@ -1,0 +1,108 @@
+"""The oracle of random scenes of several bodies: it notices what is wrong, and finds nothing wrong in a few scenes."""
+
+import copy
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT))
+
+from stability.oracle.bodies import mortar  # noqa: E402
+from stability.oracle.bodies.judge import body_of, contacts_of, judge  # noqa: E402
+from stability.oracle.bodies.scenes import trial  # noqa: E402
+from stability.oracle.judge import FAILURES, RIGHT, WRONG  # noqa: E402
+from stability.oracle.package import answer_of, solution_of  # noqa: E402
+from stability.oracle.worker import row_of  # noqa: E402
+
+SHORT = {"first": range(2), "others": range(2, 5)}
+# With Coulomb friction, in the plane and in space.
+SPOILT = (40, 9)
+
+
+@pytest.mark.parametrize("seeds", SHORT.values(), ids=SHORT)
+def test_a_converged_answer_is_right(seeds):
+    """No answer of a short run is wrong."""
+    rows = [row_of(seed, "bodies") for seed in seeds]
+    wrong = {row.seed: (row.kind, row.figure, row.value, row.note) for row in rows if row.kind in FAILURES}
+    assert not wrong
+    assert sum(row.kind == RIGHT for row in rows) > len(rows) / 3
+
+
+@pytest.fixture(scope="module")
+def answers(tmp_path_factory):
+    """What the package says of two scenes."""
+    drawn = {seed: trial(seed, 2 + seed % 2) for seed in SPOILT}
+    return {
+        seed: answer_of(solution_of(one.write(tmp_path_factory.mktemp("s"))), one.units) for seed, one in drawn.items()
+    }
+
+
+def one_pressure(given):
+    table = given.steps[-1].table
+    table["pressure"][np.argmax(table["pressure"])] *= 1.0001
+    return given
+
+
+def one_body_moves(given):
+    """By a ten thousandth of the largest displacement."""
+    step = given.steps[-1]
+    moved = step.displacement.copy()
+    moved[given.behind[:, -1] > np.median(given.behind[:, -1])] *= 1.0001
+    return replace(given, steps=[*given.steps[:-1], replace(step, displacement=moved)])
+
+
+def shear_reversed(given):
+    table = given.steps[-1].table
+    for name in table:
+        if name.startswith("shear_") or (name == "shear" and "shear_x" not in table):
+            table[name] = -table[name]
+    return given
+
+
+def weight_of_another_overlap(given):
+    table = given.steps[-1].table
+    table["weight"] = table["weight"] * np.where(np.arange(len(table["weight"])) == 0, 1.0001, 1.0)
+    return given
+
+
+@pytest.mark.parametrize("spoil", [None, one_pressure, one_body_moves, shear_reversed, weight_of_another_overlap])
+@pytest.mark.parametrize("seed", SPOILT)
+def test_what_is_wrong_is_noticed(seed, spoil, answers):
+    """One mistake at a time, and nothing where there is none."""
+    drawn = trial(seed, 2 + seed % 2)
+    given = copy.deepcopy(answers[seed])
+    found = judge(drawn.scene, drawn.mesh, given if spoil is None else spoil(given))
+    assert found.kind == (RIGHT if spoil is None else WRONG), found.worst
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_planes_of_symmetry(known, monkeypatch):
+    """Where supports hold both bodies across a plane, the normal on it is that of both halves; elsewhere it is not."""
+    if not known:
+        monkeypatch.setattr(mortar.Side, "mirrored", lambda side, *_: side)
+    assert row_of(95032, "bodies").kind == (RIGHT if known else WRONG)
+    if known:
+        assert row_of(95794, "bodies").kind == RIGHT
+
+
+@pytest.mark.parametrize("seed", [0, 1, 3, 7])
+def test_joint_rigid_motions_do_not_move_the_points(seed):
+    """The oracle's own map: zero on them, and one body alone moves all points by as much."""
+    drawn = trial(seed, 2 + seed % 2)
+    body = body_of(drawn.scene, drawn.mesh)
+    contact = contacts_of(body)
+    pair = contact.part == 0
+    middle = body.x - body.x.mean(axis=0)
+    skew = np.zeros((body.x.shape[1],) * 2)
+    skew[0, 1], skew[1, 0] = 1.0, -1.0
+    for motion in (np.ones_like(body.x), middle @ skew):
+        assert np.abs(contact.of(motion)[pair]).max() < 1e-11
+    slave = mortar.Side(body, drawn.scene["contact"][0]["boundary"])
+    count, labels = body.pieces
+    assert count > 1
+    alone = np.where(labels == labels[slave.nodes[0, 0]], 1.0, 0.0)[:, None] * np.ones_like(body.x)
+    np.testing.assert_allclose(contact.of(alone)[pair], 1.0, atol=1e-11)

@@ -1,0 +1,403 @@
+"""The oracle of random scenes in space: it notices what is wrong, and finds nothing wrong in a few scenes."""
+
+import copy
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT))
+
+from stability.oracle import __main__ as command  # noqa: E402
+from stability.oracle import convex  # noqa: E402
+from stability.oracle.body import Mesh  # noqa: E402
+from stability.oracle.judge import (  # noqa: E402
+    DENIED,
+    FAILURES,
+    NO_BALANCE,
+    NOT_CERTIFIED,
+    OPEN,
+    RIGHT,
+    UNCERTIFIED,
+    WRONG,
+    Answer,
+)
+from stability.oracle.package import answer_of, solution_of  # noqa: E402
+from stability.oracle.scenes import Trial  # noqa: E402
+from stability.oracle.space import cones, statics  # noqa: E402
+from stability.oracle.space.body import Body  # noqa: E402
+from stability.oracle.space.conditions import contact_of  # noqa: E402
+from stability.oracle.space.judge import judge  # noqa: E402
+from stability.oracle.space.scenes import grid, trial  # noqa: E402
+from stability.oracle.units import Units, same  # noqa: E402
+from stability.oracle.worker import row_of  # noqa: E402
+
+SHORT = {"first": range(5), "second": range(5, 10)}
+needs_cvxopt = pytest.mark.skipif(convex.cvxopt is None, reason="CVXOPT (python3-cvxopt) is missing")
+
+
+@pytest.fixture(scope="module", params=SHORT.values(), ids=SHORT)
+def rows(request):
+    """Half of a short run."""
+    return [row_of(seed, "space") for seed in request.param]
+
+
+def test_a_converged_answer_is_right(rows):
+    """No answer of the short run is wrong."""
+    wrong = {row.seed: (row.kind, row.figure, row.value, row.note) for row in rows if row.kind in FAILURES}
+    assert not wrong
+    assert sum(row.kind == RIGHT for row in rows) > len(rows) / 2
+
+
+@needs_cvxopt
+def test_given_friction_is_a_cone_programme(rows):
+    """Right answers have been computed a second time by CVXOPT."""
+    right = [row for row in rows if row.kind == RIGHT]
+    assert sum(row.compared for row in right) >= 0.9 * sum(row.steps for row in right)
+
+
+# ---- the oracle's own elements
+
+
+def block(cell="hexahedron", inner=0.0, shape=(3, 2, 2)):
+    """A distorted block of 1.5 x 1 x 1, turned in space, and its turn."""
+    points, cells, boundaries = grid(*shape, cell)
+    inside = (points > 1e-9).all(axis=1) & (points < 1 - 1e-9).all(axis=1)
+    points[inside] += inner * np.sin(9 * points[inside][:, ::-1] + 1)
+    axis = np.array([1.0, 2.0, 2.0]) / 3
+    cross = np.cross(np.eye(3), axis)
+    turn = np.eye(3) + np.sin(0.7) * cross + (1 - np.cos(0.7)) * cross @ cross
+    high = points[cells].mean(axis=1)[:, 2] > 0.5
+    regions = {"below": np.flatnonzero(~high), "above": np.flatnonzero(high)}
+    return Mesh(points * [1.5, 1.0, 1.0] @ turn.T, cells, boundaries, regions), turn
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
+def test_a_constant_stress_is_in_balance(cell, degree):
+    """The patch test: distorted, turned cells under the tractions of a constant stress, and under contact pressure."""
+    mesh, _ = block(cell, inner=0.04)
+    mesh = replace(mesh, regions={})
+    young, poisson = 10.0, 0.3
+    strain = 1e-3 * np.array([[1.0, 0.4, -0.3], [0.4, -2.0, 0.5], [-0.3, 0.5, 0.7]])
+    first, second = young * poisson / (1 + poisson) / (1 - 2 * poisson), young / 2 / (1 + poisson)
+    stress = first * np.trace(strain) * np.eye(3) + 2 * second * strain
+    probe = Body({"material": {"young": 1.0, "poisson": 0.0}}, mesh)
+    loads = []
+    for name in mesh.boundaries:
+        _, normal = probe.frames(probe.facets(name), np.array([[0.3, 0.3]]))
+        unit = normal[0, 0] / np.linalg.norm(normal[0, 0])
+        loads.append(dict(zip("xyz", map(float, stress @ unit), strict=True)) | {"boundary": name})
+    given = {
+        "element": {"degree": degree},
+        "material": {"young": young, "poisson": poisson},
+        "traction": loads,
+        "contact": [{"boundary": "bottom"}],
+    }
+    patch = Body(given, mesh)
+    forces = patch.stiffness @ (patch.x @ strain).ravel()
+    np.testing.assert_allclose(forces, patch.load(0), atol=1e-15)
+    # A contact pressure of 1 is a pressure of 1.
+    contact = contact_of(patch)
+    pressed = Body(given | {"traction": [{"boundary": "bottom", "pressure": 1.0}]}, mesh)
+    ones = np.ones(len(contact.weight))
+    np.testing.assert_allclose(-contact.forces(ones, 0 * contact.normal), pressed.load(0), atol=1e-15)
+    assert contact.weight.sum() == pytest.approx(1.5)
+
+
+# ---- what is wrong is noticed
+
+
+def scene(friction, degree=1, solver=None, **others):
+    """Two materials, pressed and pulled obliquely, over a gap that is not constant; in the frame of ``block``."""
+    _, turn = block()
+    down, along = turn @ [0.0, 0.0, -1.0], turn[:, 0]
+    pulled = [float(v) for v in 4.0 * down + turn @ [0.9, 0.35, 0.0]]
+    place = " + ".join(f"{float(c)!r}*x[{k}]" for k, c in enumerate(along))
+    return {
+        "mesh": {"file": "body.inp"},
+        "element": {"degree": degree},
+        "material": [
+            {"region": "below", "young": 1000.0, "poisson": 0.3},
+            {"region": "above", "young": 700.0, "poisson": 0.2},
+        ],
+        "displacement": [{"boundary": "left", "normal": 0.0}],
+        "traction": [{"boundary": "top", **dict(zip("xyz", pulled, strict=True))}],
+        "contact": [{"boundary": "bottom", "gap": f"0.01*(({place}) - 0.4)**2", "friction": friction}],
+        "solver": solver or {},
+        **others,
+    }
+
+
+TRESCA, COULOMB = {"law": "tresca", "bound": 0.5}, {"law": "coulomb", "coefficient": 0.2}
+TRIALS = {
+    "tresca": Trial(0, scene(TRESCA), block(inner=0.03)[0], same(3)),
+    "coulomb": Trial(0, scene(COULOMB, 2), block("tetrahedron", shape=(2, 1, 1))[0], Units(1e-6, 1e5, 3)),
+    "exact": Trial(0, scene(COULOMB, solver={"algorithm": "alm"}), block("tetrahedron")[0], same(3)),
+}
+ANSWERS: dict[str, Answer] = {}
+
+
+def answer(name, folder):
+    """What the package says of one of these scenes, in units of the body."""
+    if name not in ANSWERS:
+        ANSWERS[name] = answer_of(solution_of(TRIALS[name].write(folder)), TRIALS[name].units)
+    return copy.deepcopy(ANSWERS[name])
+
+
+def verdict(name, given, **changes):
+    return judge(TRIALS[name].scene | changes, TRIALS[name].mesh, given)
+
+
+def vectors(table, name):
+    return np.stack([table[f"{name}_{axis}"] for axis in "xyz"], axis=1)
+
+
+def put(table, name, values):
+    table[name] = np.linalg.norm(values, axis=1)
+    for k, axis in enumerate("xyz"):
+        table[f"{name}_{axis}"] = values[:, k]
+
+
+def moved(given, change):
+    """Another displacement; where contact points are nodes, the contact table says the same."""
+    step = given.steps[-1]
+    return replace(given, steps=[*given.steps[:-1], replace(step, displacement=step.displacement + change)])
+
+
+def one_percent_more(given):
+    return moved(given, 0.01 * given.steps[-1].displacement)
+
+
+def turned_displacement(given):
+    return moved(given, 1e-4 * np.cross([0.3, -0.5, 0.8], given.place - given.place.mean(axis=0)))
+
+
+def shifted(given):
+    return moved(given, np.array([2e-5, -1e-5, 1e-5]))
+
+
+def one_pressure(given):
+    table = given.steps[-1].table
+    table["pressure"][np.argmax(table["pressure"])] *= 1.0001
+    return given
+
+
+def shear_turned(given):
+    """By two thousandths of a radian about the normal, at every point."""
+    table = given.steps[-1].table
+    normal, shear = vectors(table, "n"), vectors(table, "shear")
+    put(table, "shear", shear + 2e-3 * np.cross(normal, shear))
+    return given
+
+
+def shear_reversed(given):
+    table = given.steps[-1].table
+    put(table, "shear", -vectors(table, "shear"))
+    return given
+
+
+def bound_one_percent_off(given):
+    """Shear and bound, where it slips."""
+    table = given.steps[-1].table
+    grown = np.where(table["state"] == "slip", 1.01, 1.0)
+    assert grown.max() > 1
+    put(table, "shear", grown[:, None] * vectors(table, "shear"))
+    table["bound"] = 1.01 * table["bound"]
+    return given
+
+
+def open_for_closed(given):
+    table = given.steps[-1].table
+    table["state"][np.argmax(table["pressure"])] = "open"
+    return given
+
+
+def stick_for_slip(given):
+    table = given.steps[-1].table
+    table["state"][table["state"] == "slip"] = "stick"
+    return given
+
+
+SPOILT = [
+    one_percent_more,
+    turned_displacement,
+    shifted,
+    one_pressure,
+    shear_turned,
+    shear_reversed,
+    bound_one_percent_off,
+    open_for_closed,
+    stick_for_slip,
+]
+
+
+@pytest.mark.parametrize("name", TRIALS)
+def test_answers_of_the_package_are_right(name, tmp_path):
+    """Before something is spoilt."""
+    found = verdict(name, answer(name, tmp_path))
+    assert found.kind == RIGHT, found.worst
+    assert {"open", "slip"} <= set(answer(name, tmp_path).steps[-1].table["state"])
+
+
+@pytest.mark.parametrize("spoil", SPOILT)
+@pytest.mark.parametrize("name", TRIALS)
+def test_what_is_wrong_is_noticed(name, spoil, tmp_path):
+    """One mistake at a time, of a tenth of a thousandth to one per cent."""
+    assert verdict(name, spoil(answer(name, tmp_path))).kind == WRONG
+
+
+@pytest.mark.parametrize("name", TRIALS)
+def test_another_scene_is_noticed(name, tmp_path):
+    """The answer of a scene with other data: loads by 1 %, the bound by 1 %, a Poisson's ratio, a support, a gap."""
+    given, mine = answer(name, tmp_path), TRIALS[name].scene
+    load, material, contact = mine["traction"][0], mine["material"], mine["contact"][0]
+    friction = {key: value if key == "law" else 1.01 * value for key, value in contact["friction"].items()}
+    others = [
+        {"traction": [load | {axis: 1.01 * load[axis] for axis in "xyz"}]},
+        {"contact": [contact | {"friction": friction}]},
+        {"material": [material[0] | {"poisson": 0.3001}, material[1]]},
+        {"displacement": [{"boundary": "left", "normal": 1e-6}]},
+        {"contact": [contact | {"gap": f"1e-6 + {contact['gap']}"}]},
+        {"contact": [contact | {"direction": [0.1, 0.2, -1.0]}]},
+    ]
+    for changes in others:
+        assert verdict(name, given, **changes).kind == WRONG, changes
+
+
+def stepped(gamma):
+    """Two load steps of a slender body that its support presses into the foundation at one end."""
+    points, cells, boundaries = grid(16, 1, 1, "hexahedron")
+    given = {
+        "mesh": {"file": "body.inp"},
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "displacement": [{"boundary": "left", "x": 0.0, "z": 0.0}],
+        "traction": [{"boundary": "top", "x": 0.0, "y": 0.0, "z": -0.02, "factors": [1.0, 0.5]}],
+        "contact": [{"boundary": "bottom", "gap": "1e-5*(x[0] - 8)", "friction": {"law": "tresca", "bound": 0.005}}],
+        "solver": {"gamma_n": gamma},
+    }
+    return Trial(0, given, Mesh(points * [16.0, 1.0, 1.0], cells, boundaries, {}), same(3))
+
+
+def test_an_earlier_load_step_is_judged_by_its_own_displacement(tmp_path):
+    """A large gamma leaves the pressure fewer digits than the displacement has, and a slender body bends under what is
+    lost: its displacement does not follow from the tractions.  One that is off is noticed.
+    """
+    drawn = stepped(2e10)
+    given = answer_of(solution_of(drawn.write(tmp_path)), drawn.units)
+    found = judge(drawn.scene, drawn.mesh, given)
+    assert found.kind == RIGHT, found.worst
+    given.steps[0].displacement[:] *= 1 + 1e-5
+    assert judge(drawn.scene, drawn.mesh, given).kind == WRONG
+
+
+@needs_cvxopt
+@pytest.mark.parametrize("name", TRIALS)
+def test_the_cone_programme_notices_too(name, tmp_path):
+    """The programme alone: a friction bound that is off by 1 % gives another displacement."""
+    given = answer(name, tmp_path)
+    body_ = Body(TRIALS[name].scene, TRIALS[name].mesh)
+    figures = verdict(name, given).figures
+    assert figures["convex: displacement"] <= 1
+    assert figures["convex: force"] <= 1
+    contact = contact_of(body_)
+    order = np.argmin(np.linalg.norm(body_.x[:, None] - given.place, axis=2), axis=1)
+    table = given.steps[-1].table
+    rows = np.argmin(np.linalg.norm(contact.x[:, None] - vectors_of_place(table), axis=2), axis=1)
+    bound = contact.bound(table["pressure"][rows])
+    law = (0.0, 0.0) if name == "exact" else (1 / given.gamma[0], 1 / given.gamma[1])
+    nothing = cones.Origin.nothing(contact)
+    right, wrong = (
+        cones.compare(body_, contact, 0, given.steps[-1].displacement[order], factor * bound, nothing, law)
+        for factor in (1.0, 1.01)
+    )
+    assert wrong.displacement > 20 * right.displacement
+
+
+def vectors_of_place(table):
+    return np.stack([table[axis] for axis in "xyz"], axis=1)
+
+
+# ---- outcomes without equilibrium
+
+
+@needs_cvxopt
+def test_the_room_that_statics_leaves():
+    """A block on a plane, pressed by 1, holds a push of F in any direction, and none if it is lifted."""
+    points, cells, boundaries = grid(2, 2, 2, "hexahedron")
+    mesh = Mesh(points, cells, boundaries)
+
+    def given(push, friction, down=-1.0):
+        load = {"boundary": "bottom", "x": push[0], "y": push[1], "z": down}
+        return {
+            "material": {"young": 1.0, "poisson": 0.3},
+            "traction": [load],
+            "contact": [{"boundary": "bottom", "friction": friction}],
+        }
+
+    def room(push, friction, down=-1.0):
+        block_ = Body(given(push, friction, down), mesh)
+        contact = contact_of(block_)
+        assert statics.held(block_, contact)
+        return statics.slack(block_, contact, 0)[0]
+
+    half = {"law": "coulomb", "coefficient": 0.5}
+    for angle in (0.0, 0.3, 2.0):
+        direction = np.array([np.cos(angle), np.sin(angle)])
+        assert room(0.499 * direction, half) > 0
+        assert room(0.501 * direction, half) < 0
+        assert room(0.499 * direction, {"law": "tresca", "bound": 0.5}) > 0
+        assert room(0.501 * direction, {"law": "tresca", "bound": 0.5}) < 0
+    assert room((0.0, 0.0), half, down=0.1) < 0
+
+    def kind(data, outcome):
+        return judge(data, mesh, Answer(outcome, points, [], gamma=(np.inf, np.inf))).kind
+
+    assert kind(given((0.3, 0.3), {"law": "tresca", "bound": 0.5}), OPEN) == DENIED
+    assert kind(given((0.3, 0.3), half), OPEN) == DENIED
+    assert kind(given((0.4, 0.4), half), OPEN) == NO_BALANCE
+    assert kind(given((0.3, 0.3), half), NOT_CERTIFIED) == UNCERTIFIED
+
+
+# ---- units and the command
+
+
+def test_units_are_taken_back():
+    """A scene in other units, read back, is the scene."""
+    units = Units(3e-7, 2e8, 3)
+    drawn = scene(COULOMB | {"cap": 2.0}, solver={"gamma_n": 3.0, "sigma": 0.1})
+    drawn["contact"][0]["gap"] = "0.5*x[0]"
+    there = units.scene(drawn)
+    assert there["material"][0]["young"] == pytest.approx(1000 * 2e8 / 9e-14)
+    assert there["traction"][0]["x"] == pytest.approx(drawn["traction"][0]["x"] * 2e8 / 9e-14)
+    assert there["solver"] == pytest.approx({"gamma_n": 3 * 2e8 / 27e-21, "sigma": 0.1 * 27e-21 / 2e8})
+    assert there["contact"][0]["friction"]["coefficient"] == COULOMB["coefficient"]
+    assert there["contact"][0]["friction"]["cap"] == pytest.approx(2 * 2e8 / 9e-14)
+    gap = eval(there["contact"][0]["gap"], {"x": [4 * 3e-7, 0.0, 0.0]})
+    assert gap == pytest.approx(2 * 3e-7)
+    table = {"x": np.array([3e-7]), "shear_x": np.array([2e8]), "n_x": np.array([1.0]), "weight": np.array([9e-14])}
+    back = units.table(table)
+    assert back["x"] == pytest.approx([1.0])
+    assert back["shear_x"] == pytest.approx([9e-14])
+    assert back["n_x"] == pytest.approx([1.0])
+    assert back["weight"] == pytest.approx([1.0])
+
+
+def test_scenes_can_be_drawn_again():
+    """A seed is a scene."""
+    for seed in (0, 7, 400):
+        one, two = trial(seed), trial(seed)
+        assert one.scene == two.scene
+        assert one.units == two.units
+        assert one.mesh is None or np.array_equal(one.mesh.points, two.mesh.points)
+
+
+def test_the_command(tmp_path):
+    """Scenes in plane and space in one run."""
+    assert command.main(["--first", "3", "--plane", "1", "--space", "1", "--out", str(tmp_path)]) == 0
+    text = (tmp_path / "oracle.txt").read_text(encoding="utf-8")
+    assert "in the plane" in text
+    assert "in space" in text

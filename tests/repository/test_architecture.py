@@ -1,0 +1,260 @@
+"""The structure of the package, read from its imports."""
+
+import ast
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "signorini_fx"
+MODULES = sorted((*PACKAGE.rglob("*.py"), *(PACKAGE / "meshes").glob("*.py")))  # globs follow no links
+# Pronouns and particles, which point at something without saying what it is.
+POINTING = {
+    "found", "one", "own", "place", "here", "given", "every", "there", "known", "other", "others", "same",
+    "both", "some", "any", "each", "such", "this", "that", "these", "those", "it", "them", "they", "told",
+    "said", "now", "then", "before", "after", "again", "more", "most", "less", "rest", "left", "kept", "had",
+    "has", "is", "so", "whole", "all", "none", "what", "which",
+}  # fmt: skip
+sys.path.insert(0, str(ROOT / "docs"))
+
+import architecture  # noqa: E402
+
+
+def imports(path, *, everywhere):
+    """Names of the modules that a file imports: everywhere, or when it is imported itself."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    names = set()
+    todo = [tree]
+    while todo:
+        node = todo.pop()
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+        lazily = isinstance(node, ast.FunctionDef) or (
+            isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
+        )
+        if everywhere or not lazily:
+            todo += ast.iter_child_nodes(node)
+    return names
+
+
+def uses(path, *packages, everywhere=True):
+    """The imports of a file that belong to one of the packages."""
+    found = imports(path, everywhere=everywhere)
+    return {name for name in found if any(f"{name}.".startswith(f"{package}.") for package in packages)}
+
+
+def test_the_reader_of_imports_reads():
+    """The checks below would notice: forms.py imports ufl, expressions.py imports dolfinx lazily."""
+    assert uses(PACKAGE / "body" / "forms.py", "ufl") == {"ufl"}
+    assert uses(PACKAGE / "scene" / "expressions.py", "dolfinx", everywhere=True)
+    assert not uses(PACKAGE / "scene" / "expressions.py", "dolfinx", everywhere=False)
+    assert uses(PACKAGE / "body" / "averages.py", "signorini_fx.body.forms")
+    assert len(MODULES) > 20
+
+
+@pytest.mark.parametrize("name", ["petsc_vec", "assemble_vector", "create_vector", "set_bc", "create_petsc_vector"])
+def test_vectors_of_dolfinx_are_not_made_petscs(name):
+    """See ``body.assembly._summed``: ranks would wait for each other, depending on their garbage collectors."""
+    calls = [
+        file.name
+        for file in MODULES
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Attribute) and node.attr == name
+        if not (isinstance(node.value, ast.Name) and node.value.id == "fem")  # those give dolfinx's own vectors
+    ]
+    assert calls == []
+
+
+@pytest.mark.parametrize("folder", architecture.CORE)
+def test_the_core_stands_alone(folder):
+    """It knows neither forms nor meshes nor scenes, and imports none of the packages above it, anywhere in a file."""
+    above = architecture.LAYERS[: architecture.LAYERS.index("algorithms")]
+    strangers = ("dolfinx", "ufl", "basix", "pydantic", *(f"signorini_fx.{layer}" for layer in above))
+    files = sorted((PACKAGE / folder).glob("*.py"))
+    assert len(files) >= 2
+    assert {file.name: uses(file, *strangers) for file in files} == {file.name: set() for file in files}
+
+
+def test_algorithms_and_linear_algebra_are_strangers():
+    """Algorithms know the protocol of linalg/__init__.py at most, linear algebra knows no algorithm."""
+    for file in (PACKAGE / "algorithms").glob("*.py"):
+        known = ("callbacks", "options", "petsc_c")  # what calls back, PETSc's options, and what petsc4py lacks
+        kinds = {
+            f"signorini_fx.linalg.{kind.stem}"
+            for kind in (PACKAGE / "linalg").glob("[!_]*.py")
+            if kind.stem not in known
+        }
+        assert not uses(file, *kinds), file.name
+    for file in (PACKAGE / "linalg").glob("*.py"):
+        assert not uses(file, "signorini_fx.algorithms"), file.name
+
+
+def test_every_module_has_a_layer():
+    """Its package; a module of the top level is named in TOP_LEVEL of docs/architecture.py."""
+    assert {architecture.layer_of(module) for module in architecture.files()} == set(architecture.LAYERS)
+
+
+def test_every_package_says_what_it_knows():
+    """And what it must not know."""
+    for layer in architecture.packages():
+        text = ast.get_docstring(ast.parse((PACKAGE / layer / "__init__.py").read_text(encoding="utf-8")))
+        assert len(text.split("\n\n")) > 1, layer
+
+
+def test_imports_point_down():
+    """To lower layers, or within one."""
+    graph = architecture.graph()
+    assert graph["body.forms"] == set()
+    assert graph["effects.traction"] == {"scene.effect", "scene.values"}
+    assert {"scene.model", "mesh.tagged", "linalg.choice"} <= graph["solving.one_mesh"]
+    place = {layer: number for number, layer in enumerate(architecture.LAYERS)}
+    upward = [
+        f"{module} imports {other}"
+        for module, used in graph.items()
+        for other in used
+        if place[architecture.layer_of(module)] > place[architecture.layer_of(other)]
+    ]
+    assert not upward
+
+
+def assigned_names(tree):
+    """What a module gives a name to: variables, arguments, attributes, functions, classes."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name | ast.Attribute) and isinstance(node.ctx, ast.Store):
+            yield node.id if isinstance(node, ast.Name) else node.attr
+        elif isinstance(node, ast.arg):
+            yield node.arg
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield node.name
+
+
+def test_names_say_what():
+    """At most one name in a hundred only points at something."""
+    names = [name for path in MODULES for name in assigned_names(ast.parse(path.read_text(encoding="utf-8")))]
+    pointing = [name for name in names if POINTING.issuperset(name.lower().strip("_").split("_"))]
+    assert len(names) > 10_000
+    assert len(pointing) <= 0.01 * len(names), Counter(pointing).most_common(9)
+
+
+def test_a_class_name_stands_once():
+    """In the whole package."""
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in sorted(PACKAGE.rglob("*.py"))]
+    names = Counter(node.name for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef))
+    assert [name for name, count in names.items() if count > 1] == []
+
+
+def test_imports_run_in_no_circle():
+    """Modules can be read in an order in which nothing is used before it is explained."""
+    rest = architecture.graph()
+    while rest:
+        free = {module for module, used in rest.items() if not used & rest.keys()}
+        assert free, f"these import each other: {sorted(rest)}"
+        rest = {module: used for module, used in rest.items() if module not in free}
+
+
+def test_the_picture_is_of_today():
+    """Run ./env python3 docs/architecture.py where it is not."""
+    assert architecture.PICTURE.read_text(encoding="utf-8") == architecture.drawn()
+
+
+EFFECTS = sorted(f"effects/{file.stem}" for file in (PACKAGE / "effects").glob("*.py"))
+SCENE = ("scene/effect", "scene/model", "scene/expressions")
+
+
+@pytest.mark.parametrize("module", [*EFFECTS, *SCENE, "errors", "records", "report/page"])
+def test_scenes_need_no_solver(module):
+    """A scene can be read and checked without dolfinx, PETSc, MPI or UFL."""
+    heavy = (
+        "dolfinx",
+        "petsc4py",
+        "mpi4py",
+        "ufl",
+        "basix",
+        "gmsh",
+        "signorini_fx.mesh.tagged",
+        "signorini_fx.parallel",
+    )
+    assert not uses(PACKAGE / f"{module}.py", *heavy, everywhere=False)
+
+
+def test_mpi_is_imported_first():
+    """Each module can be imported alone where PETSc and dolfinx find MPI only once mpi4py has loaded it."""
+    for file in MODULES:
+        names = []
+        for path in [*(folder / "__init__.py" for folder in reversed(file.parents) if PACKAGE in folder.parents), file]:
+            for node in ast.parse(path.read_text(encoding="utf-8")).body:
+                if isinstance(node, ast.Import | ast.ImportFrom):
+                    names += [node.module] if isinstance(node, ast.ImportFrom) else [one.name for one in node.names]
+        first = next((name for name in names if name.startswith(("mpi4py", "petsc4py", "dolfinx"))), "mpi4py")
+        assert first.startswith("mpi4py"), file
+
+
+def compares_versions(path):
+    """Whether a file compares something called version."""
+    comparisons = (
+        node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Compare)
+    )
+    return any("version" in ast.unparse(node).lower() for node in comparisons)
+
+
+def test_versions_are_compared_in_one_place():
+    """Only compat.py does something else for another version of dolfinx."""
+    assert [file.name for file in MODULES if compares_versions(file)] == ["compat.py"]
+
+
+def python(code):
+    """Run code in a fresh interpreter, warnings as errors."""
+    return subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False)
+
+
+def test_import_is_light():
+    """``import signorini_fx`` and reading a scene import neither dolfinx nor PETSc."""
+    code = "import sys, signorini_fx; signorini_fx.read_scene, signorini_fx.SceneError; "
+    heavy = "('dolfinx', 'petsc4py', 'mpi4py', 'ufl', 'gmsh', 'matplotlib')"
+    ended = python(code + f"print([name for name in {heavy} if name in sys.modules])")
+    assert (ended.stdout.strip(), ended.stderr) == ("[]", "")
+
+
+def test_only_named_effects_are_imported():
+    """A scene imports the files of its effects alone, and without UFL."""
+    read = "import sys; from signorini_fx.scene.reading import parse_scene; "
+    scene = "{'mesh': {'generator': 'rectangle'}, 'material': {'young': 1, 'poisson': 0.3}, 'body_force': {'x': 1}}"
+    told = "print(sorted(m.rpartition('.')[2] for m in sys.modules if m.startswith('signorini_fx.effects.')))"
+    ended = python(f"{read}parse_scene({scene}); {told}; print('ufl' in sys.modules)")
+    assert (ended.stdout.split("\n")[:2], ended.stderr) == (["['body_force', 'material']", "False"], "")
+
+
+def test_public_names():
+    """Every public name can be imported, again and again, and none is a module in disguise."""
+    import signorini_fx
+
+    for _ in range(2):
+        for name in signorini_fx.__all__:
+            assert not isinstance(getattr(signorini_fx, name), type(sys)), name
+    from signorini_fx import solve
+
+    assert callable(solve)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        signorini_fx.nothing  # noqa: B018
+
+
+def test_every_tuned_constant_is_used_and_explained():
+    """By a module that imports it by name; the comment above it says more than a word."""
+    path = PACKAGE / "tuned.py"
+    lines = path.read_text(encoding="utf-8").splitlines()
+    defined = {
+        node.lineno: {name.id for target in node.targets for name in ast.walk(target) if isinstance(name, ast.Name)}
+        for node in ast.parse("\n".join(lines)).body
+        if isinstance(node, ast.Assign)
+    }
+    names = set().union(*defined.values())
+    imported = set().union(*(uses(module, "signorini_fx.tuned") for module in MODULES))
+    assert imported - {"signorini_fx.tuned"} == {f"signorini_fx.tuned.{name}" for name in names}
+    ends = ("# ", *names)
+    assert not {line: lines[line - 1] for line in defined if not lines[line - 2].startswith(ends)}

@@ -1,0 +1,193 @@
+"""summary.json against its schema: every key of every kind of scene is described, and nothing else is in the schema."""
+
+import json
+from copy import deepcopy
+from importlib import resources
+from pathlib import Path
+
+import jsonschema
+import pytest
+from scenes import alone, example1
+from spaces import block
+
+from signorini_fx import cli
+from signorini_fx.results import summary as summaries
+from signorini_fx.results.files import write_results
+from signorini_fx.scene.reading import parse_scene
+
+SCHEMA = json.loads((resources.files("signorini_fx") / "results" / "summary.schema.json").read_text(encoding="utf-8"))
+VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
+PAGES = [Path(__file__).parents[2] / "docs" / name for name in ("results.md", "in-space.md")]
+
+
+def standing(push, law, press=1.0):
+    """A block on its foundation, pushed sideways and pressed down."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "body_force": {"x": push, "y": -press},
+            "contact": {"boundary": "bottom", "friction": law},
+        }
+    )
+
+
+def stepped():
+    """Two load steps."""
+    scene = example1(coefficient=0.3, nx=12, ny=4)
+    loads = [load.model_copy(update={"factors": (0.5, 1.0)}) for load in scene.traction]
+    return scene.model_copy(update={"traction": tuple(loads)})
+
+
+def stepped_in_space():
+    """Two load steps in space."""
+    scene = block(6, coefficient=0.3, gamma="auto")
+    loads = [load.model_copy(update={"factors": (0.5, 1.0)}) for load in scene.traction]
+    return scene.model_copy(update={"traction": tuple(loads)})
+
+
+def linear():
+    """No contact."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 3}},
+            "material": {"young": 1000.0, "poisson": 0.3, "hypothesis": "plane stress"},
+            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+            "traction": {"boundary": "right", "y": -1.0},
+        }
+    )
+
+
+def live(scene):
+    """The same scene with a body force that may grow."""
+    return scene.model_copy(update={"body_force": scene.body_force.model_copy(update={"live": True})})
+
+
+def tool(dimension=2):
+    """A block under a plate that a force presses."""
+    down = [0.0] * (dimension - 1) + [-1.0]
+    shape = {"shape": "plane", "point": [0.0] * (dimension - 1) + [1.0], "normal": down, "pivot": [0.4] * dimension}
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle" if dimension == 2 else "box", "parameters": {"nx": 3, "ny": 2}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "bottom", **dict.fromkeys("xyz"[:dimension], 0.0)},
+            "contact": {"boundary": "top", "foundation": {**shape, "force": down}, "friction": COULOMB},
+        }
+    )
+
+
+def preloaded():
+    """A block without contact, shortened across its middle."""
+    preload = {"point": [0.5, 0.0], "axis": [1.0, 0.0], "shortening": 0.01}
+    scene = linear()
+    return parse_scene(scene.model_dump(include={"mesh", "material", "displacement"}) | {"preload": preload})
+
+
+def twisted():
+    """A ring that is pressed and turned in two load steps."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 3, "ny": 2}},
+            "material": {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric", "torsion": True},
+            "displacement": {"boundary": "top", "y": -0.01, "z": "-0.01 * x[0]", "factors": [0.5, 1.0]},
+            "contact": {"boundary": "bottom", "friction": COULOMB},
+        }
+    )
+
+
+COULOMB = {"law": "coulomb", "coefficient": 0.3}
+SCENES = {
+    "plane": lambda: example1(bound=1.5, nx=12, ny=4),
+    "space": lambda: block(6, coefficient=0.3, gamma="auto"),
+    "steps": stepped,
+    "steps in space": stepped_in_space,
+    "levels": lambda: example1(bound=1.5, nx=12, ny=4, levels=2, error_bound=True),
+    "path-following": lambda: example1(bound=1.5, nx=12, ny=4, algorithm="path-following", uniqueness=True),
+    "exact": lambda: example1(coefficient=0.3, nx=12, ny=4, gamma="auto", algorithm="exact"),
+    "free to tip": lambda: live(standing(0.1, COULOMB)),
+    "linear": linear,
+    "torsion": twisted,
+    "tool": tool,
+    "tool in space": lambda: tool(3),
+    "preload": preloaded,
+    "slides": lambda: standing(0.5, COULOMB),
+    "opens": lambda: standing(0.0, COULOMB, press=-1.0),
+    "stopped": lambda: example1(coefficient=0.3, nx=12, ny=4, max_iterations=1, fallbacks=False),
+}
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """The summaries of all scenes, as they are in the files."""
+    found = {}
+    for name, scene in SCENES.items():
+        folder = tmp_path_factory.mktemp("summary")
+        write_results(alone(scene(), check=False), folder, pictures=False)
+        found[name] = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    return found
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_summaries(written, name):
+    """They are valid, solved or not."""
+    VALIDATOR.validate(written[name])
+    solved = name not in ("slides", "opens", "stopped")
+    assert written[name]["converged"] == solved
+
+
+def test_every_key_is_used(written):
+    """There is no key in the schema that no scene has, so that a key that goes is noticed."""
+    assert set(SCHEMA["properties"]) == set().union(*written.values())
+    inner = {
+        "contact_boundaries": written["plane"]["contact_boundaries"][0],
+        "resultants": written["plane"]["resultants"][0],
+        "tools": written["tool"]["tools"][0],
+        "preloads": written["preload"]["preloads"][0],
+        "pieces": written["plane"]["pieces"][0],
+        "price_list": written["levels"]["price_list"][0],
+        "findings": written["slides"]["findings"][0],
+    }
+    for name, row in inner.items():
+        assert set(SCHEMA["properties"][name]["items"]["properties"]) == set(row), name
+    for name, kind in (("certificate", "plane"), ("stress", "plane"), ("safety", "free to tip")):
+        assert set(SCHEMA["properties"][name]["properties"]) == set(written[kind][name]), name
+
+
+@pytest.mark.parametrize(
+    "place",
+    [(), ("certificate",), ("resultants", 0), ("contact_boundaries", 0), ("stress", "von_mises"), ("parameters",)],
+    ids=str,
+)
+def test_what_is_not_described(written, place):
+    """A key that the schema does not have is refused, at every level; so is one that is missing."""
+    changed = deepcopy(written["plane"])
+    table = changed
+    for key in place:
+        table = table[key]
+    table["unheard_of"] = 1.0
+    with pytest.raises(jsonschema.ValidationError, match="unheard_of"):
+        VALIDATOR.validate(changed)
+    del table["unheard_of"]
+    VALIDATOR.validate(changed)
+    del changed["status"]
+    with pytest.raises(jsonschema.ValidationError, match="status"):
+        VALIDATOR.validate(changed)
+
+
+def test_the_schema():
+    """It is a schema; all its keys are in the reference, and its version is that of the summary."""
+    jsonschema.Draft202012Validator.check_schema(SCHEMA)
+    text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    assert {key for key in SCHEMA["properties"] if f"`{key}`" not in text} == set()
+    for key in ("resultants", "contact_boundaries"):
+        assert {k for k in SCHEMA["properties"][key]["items"]["properties"] if f"`{k}`" not in text} == set()
+    for key in ("stress", "safety", "deformation"):
+        assert {k for k in SCHEMA["properties"][key]["properties"] if f"`{k}`" not in text} == set()
+    assert SCHEMA["properties"]["schema_version"]["const"] == summaries.SCHEMA_VERSION
+
+
+def test_command(capsys):
+    """It can be printed."""
+    assert cli.main(["schema", "--summary"]) == 0
+    assert json.loads(capsys.readouterr().out) == SCHEMA

@@ -1,0 +1,774 @@
+"""Foundations that are things: distances and normals by brute force, contact against the same by formula, Hertz."""
+
+import subprocess
+import sys
+from pathlib import Path
+from runpy import run_path
+
+import forms
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx.mesh import CellType
+from mpi4py import MPI
+
+from signorini_fx import ContactProblem, Coulomb, FormError, Foundation, SceneError, solve
+from signorini_fx.check.checks import check_scene
+from signorini_fx.check.text import render
+from signorini_fx.scene.reading import parse_scene, read_scene
+from signorini_fx.scene.rigid_shape import distance_from, names, read_shape, shape_class
+
+COMM = MPI.COMM_WORLD
+HILL = ((-1.5, 0.0), (-1.0, 0.5), (0.0, 0.2), (1.0, 0.6), (1.5, 0.0))
+LOOP = ((-1.0, 0.0), (0.0, -1.0), (1.0, 0.0), (0.2, 0.8), (-1.0, 0.0))
+# Rotations and shifts among them.
+PLANE = [
+    {"shape": "plane", "point": (0.1, -0.3), "normal": (0.2, 3.0), "rotation": 20.0},
+    {"shape": "circle", "centre": (0.1, -0.3), "radius": 0.7, "shift": (0.2, 0.1)},
+    {"shape": "circle", "centre": (0.1, -0.3), "radius": 0.7, "hollow": True},
+    {"shape": "edge", "point": (0.0, 0.1), "normals": ((0.0, 1.0), (1.0, -0.5))},
+    {"shape": "edge", "point": (0.0, 0.1), "normals": ((0.0, 1.0), (1.0, 0.5)), "radius": 0.3, "rotation": -40.0},
+    {"shape": "cone", "tip": (0.0, 0.1), "axis": (0.3, -1.0), "angle": 50.0, "radius": 0.2},
+    {"shape": "polyline", "points": HILL},
+    {"shape": "polyline", "points": LOOP, "rotation": 30.0, "pivot": (0.5, 0.5)},
+    {"shape": "spline", "points": HILL},
+    {"shape": "spline", "points": LOOP, "hollow": True},
+]
+TURN = {"rotation": (10.0, -20.0, 30.0), "pivot": (0.1, 0.2, 0.3), "shift": (0.05, 0.0, -0.1)}
+SPACE = [
+    {"shape": "plane", "point": (0.1, -0.3, 0.0), "normal": (0.2, 3.0, 1.0), **TURN},
+    {"shape": "sphere", "centre": (0.1, -0.3, 0.0), "radius": 0.7, **TURN},
+    {"shape": "cylinder", "centre": (0.1, -0.3, 0.0), "axis": (1.0, 2.0, 0.0), "radius": 0.7, "hollow": True},
+    {"shape": "edge", "point": (0.0, 0.1, 0.0), "normals": ((0.0, 1.0, 0.0), (1.0, 0.5, 1.0)), "radius": 0.2, **TURN},
+    {"shape": "cone", "tip": (0.0, 0.1, 0.0), "axis": (0.3, -1.0, 0.2), "angle": 50.0, **TURN},
+    {"shape": "cone", "tip": (0.0, 0.1, 0.0), "axis": (0.3, -1.0, 0.2), "angle": 70.0, "radius": 0.3},
+]
+
+
+def gmsh_files(folder):
+    """A cube and a ball of radius 1 as STEP, and as STL the cube in binary and the ball in text; a disc with a hole."""
+    code = f"""
+import math
+import gmsh
+gmsh.initialize()
+for name in ("cube", "ball"):
+    gmsh.clear()
+    gmsh.model.occ.addBox(-1, -1, -1, 2, 2, 2) if name == "cube" else gmsh.model.occ.addSphere(0, 0, 0, 1)
+    gmsh.model.occ.synchronize()
+    gmsh.write({str(folder)!r} + f"/{{name}}.step")
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.1)
+    gmsh.option.setNumber("Mesh.Binary", int(name == "cube"))
+    gmsh.model.mesh.generate(2)
+    gmsh.write({str(folder)!r} + f"/{{name}}.stl")
+for name, angle in (("disc", math.pi), ("tilted", 0.1)):  # the first is seen from below
+    gmsh.clear()
+    disc, hole = gmsh.model.occ.addDisk(0, 0, 0, 1, 1), gmsh.model.occ.addDisk(0.2, 0, 0, 0.3, 0.3)
+    gmsh.model.occ.rotate(gmsh.model.occ.cut([(2, disc)], [(2, hole)])[0], 0, 0, 0, 1, 0, 0, angle)
+    gmsh.model.occ.synchronize()
+    gmsh.write({str(folder)!r} + f"/{{name}}.step")
+for name, low in (("touching", 1.0), ("overlapping", 0.5), ("flat", 1.0)):
+    gmsh.clear()
+    for x, y, size in ((-1, -1, 2), (low, -0.5, 1)):
+        flat = (x, y, 0, 3 - low if x > 0 else 2, size)
+        gmsh.model.occ.addRectangle(*flat) if name == "flat" else gmsh.model.occ.addBox(x, y, y, *flat[3:], size)
+    gmsh.model.occ.synchronize()
+    gmsh.write({str(folder)!r} + f"/{{name}}.step")
+gmsh.clear()
+gmsh.model.occ.addBox(-1, -1, -1, 2, 2, 2), gmsh.model.occ.addBox(1, 1, -1, 2, 2, 2)
+gmsh.model.occ.synchronize()
+gmsh.write({str(folder)!r} + "/beside.step")
+"""
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """The folder of the files, written by the first rank."""
+    folder = COMM.bcast(tmp_path_factory.mktemp("solids") if COMM.rank == 0 else None)
+    if COMM.rank == 0:
+        gmsh_files(folder)
+    COMM.barrier()
+    return folder
+
+
+def cube(x):
+    """The signed distance from the cube."""
+    beyond = np.abs(x) - 1.0
+    return np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0)
+
+
+def on_the_surface(shape, dim, count=5_000):
+    """Points where the signed distance is zero, found by steps along its gradient from anywhere."""
+    x = np.random.default_rng(8).uniform(-3, 3, (count, dim))
+    for _ in range(40):
+        signed, normal = shape.distance(x)
+        x = x - signed[:, None] * normal
+    return x[np.abs(shape.distance(x)[0]) < 1e-12]
+
+
+# --- distances -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("table", [*PLANE, *SPACE], ids=lambda table: table["shape"])
+def test_distance_and_normal(table):
+    """The gradient has the length one and is the normal; no point of the surface is closer, and one is as close."""
+    shape = read_shape(table)
+    dim = 2 if table in PLANE else 3
+    x = np.random.default_rng(8).uniform(-1.5, 1.5, (300, dim))
+    signed, normal = shape.distance(x)
+    assert np.linalg.norm(normal, axis=1) == pytest.approx(1.0, abs=1e-13)
+    step = 1e-6
+    around = [[shape.distance(x + way * step * e) for way in (1, -1)] for e in np.eye(dim)]
+    slope = np.stack([(ahead[0] - behind[0]) / (2 * step) for ahead, behind in around], axis=1)
+    # Between two closest points the gradient jumps.
+    alone = np.all([np.linalg.norm(one[1] - normal, axis=1) < 1e-3 for pair in around for one in pair], axis=0)
+    assert np.mean(alone) > 0.98
+    assert slope[alone] == pytest.approx(normal[alone], abs=1e-7)
+    foot = x - signed[:, None] * normal
+    assert shape.distance(foot)[0] == pytest.approx(0.0, abs=1e-12)
+    from scipy.spatial import cKDTree
+
+    nearest, _ = cKDTree(on_the_surface(shape, dim)).query(x)
+    assert (nearest > np.abs(signed) - 1e-9).all()
+    assert (signed > 0).any()
+    assert (signed < 0).any()
+
+
+def test_spline_near_its_centres_of_curvature():
+    """Where the distance is as good as flat along the line, its gradient is still the normal."""
+    points = [[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.2, 0.8], [-1.0, 0.0]]
+    shape = read_shape({"shape": "spline", "points": points, "hollow": True})
+    # The lower centres of curvature lie near (0, -0.24), those of the sides near (-0.44, -0.05) and (0.35, -0.03).
+    x = np.random.default_rng(8).normal(size=(3, 3000, 2)) * 0.03 + [[[0.01, -0.24]], [[-0.44, -0.05]], [[0.35, -0.03]]]
+    x = x.reshape(-1, 2)
+    normal = shape.distance(x)[1]
+    step = 1e-6
+    around = [[shape.distance(x + way * step * e) for way in (1, -1)] for e in np.eye(2)]
+    slope = np.stack([(ahead[0] - behind[0]) / (2 * step) for ahead, behind in around], axis=1)
+    # Elsewhere the gradient jumps, or changes so fast that differences over this step do not tell it.
+    smooth = np.all([np.linalg.norm(one[1] - normal, axis=1) < 1e-4 for pair in around for one in pair], axis=0)
+    assert np.mean(smooth) > 0.9
+    assert slope[smooth] == pytest.approx(normal[smooth], abs=1e-7)
+
+
+@pytest.mark.parametrize("name", ["cube.stl", "cube.step"])
+def test_surfaces_of_files(files, name):
+    """The distance from a cube, on its faces, edges and corners, placed and turned."""
+    x = np.random.default_rng(8).uniform(-2, 2, (500, 3))
+    shape = read_shape({"shape": "surface", "file": files / name, "scale": 0.5})
+    signed, normal = shape.distance(x)
+    assert signed == pytest.approx(cube(2 * x) / 2, abs=1e-14)
+    moved = read_shape({"shape": "surface", "file": files / name, "scale": 0.5, **TURN})
+    q = moved._turning(3)
+    there = (x - np.array(TURN["pivot"])) @ q.T + np.array(TURN["pivot"]) + np.array(TURN["shift"])
+    assert moved.distance(there)[0] == pytest.approx(signed, abs=1e-13)
+    assert moved.distance(there)[1] == pytest.approx(normal @ q.T, abs=1e-12)
+    face = np.array([[0.5, 0.1, 0.2], [-0.1, -0.5, 0.3]])
+    signed, normal = shape.distance(face)
+    assert (signed, normal) == (pytest.approx(0.0, abs=1e-15), pytest.approx(np.array([[1.0, 0, 0], [0, -1, 0]])))
+
+
+def test_a_plane_mesh_is_a_shape(tmp_path):
+    """Its rim, whichever way its cells are turned; a hole is outside."""
+    import meshio
+
+    x = np.array([(i, j) for j in range(4) for i in range(4)], dtype=float)
+    cells = [[k, k + 1, k + 5, k + 4] for k in (0, 1, 2, 4, 6, 8, 9, 10)]  # around [1, 2]^2
+    cells[0], cells[3] = cells[0][::-1], cells[3][::-1]
+    meshio.write(tmp_path / "frame.vtu", meshio.Mesh(np.column_stack((x, 0 * x[:, 0])), {"quad": np.array(cells)}))
+    shape = read_shape({"shape": "surface", "file": tmp_path / "frame.vtu"})
+    at = np.random.default_rng(8).uniform(-1, 4, (400, 2))
+
+    def square(x, half):
+        beyond = np.abs(x - 1.5) - half
+        return np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0)
+
+    outside, hole = square(at, 1.5), square(at, 0.5)
+    assert shape.distance(at)[0] == pytest.approx(np.where(hole < 0, -hole, np.maximum(outside, -hole)), abs=1e-13)
+
+
+@pytest.mark.parametrize("size", [0.05, 5e-4])
+def test_a_plane_drawing_is_a_shape(files, size):
+    """A disc with a hole, with few and with many lines around it: distances are exact but for their sag."""
+    at = np.random.default_rng(8).uniform(-1.5, 1.5, (300, 2))
+    signed, normal = read_shape({"shape": "surface", "file": files / "disc.step", "size": size}).distance(at)
+    from_hole = at - [0.2, 0.0]
+    outside, inside = np.linalg.norm(at, axis=1) - 1.0, 0.3 - np.linalg.norm(from_hole, axis=1)
+    assert signed == pytest.approx(np.maximum(outside, inside), abs=size**2)
+    exact = np.where((outside > inside)[:, None], at, -from_hole)
+    clear = (np.abs(outside - inside) > 0.1) & (np.abs(signed) > 0.1)
+    assert normal[clear] == pytest.approx(exact[clear] / np.linalg.norm(exact[clear], axis=1)[:, None], abs=2 * size)
+    with pytest.raises(SceneError, match="no solids, and its faces are in no plane"):
+        distance_from({"shape": "surface", "file": files / "tilted.step"}, 2)
+
+
+@pytest.mark.parametrize("name", ["touching", "overlapping", "flat", "beside"])
+def test_a_drawing_of_two_solids(files, name):
+    """What they have in common is no surface: within them it is the rim of both that is close; an edge keeps both."""
+    dim = 2 if name == "flat" else 3
+    middle, half = ((2.0, 2.0, 0.0), 1.0) if name == "beside" else ((2.0, 0.0, 0.0), (1.0, 0.5, 0.5))
+    at = np.random.default_rng(8).uniform(-2, 4, (400, 3))
+    # Deep within; and next to what is between the two, from whose rim they are sqrt(0.1^2 + 0.5^2) and 0.5 away.
+    at[:3] = [(0.0, 0.0, 0.0), (0.9, 0.0, 0.0), (1.2, 0.0, 0.0)]
+    at[:, dim:] = 0.0
+    signed, _ = read_shape({"shape": "surface", "file": files / f"{name}.step", "size": 1.0}).distance(at[:, :dim])
+    beyond = [(np.abs(at) - 1.0)[:, :dim], (np.abs(at - middle) - half)[:, :dim]]
+    inside = np.any([(part < 0).all(axis=1) for part in beyond], axis=0)
+    away = np.min([np.linalg.norm(np.maximum(part, 0.0), axis=1) for part in beyond], axis=0)
+    assert inside.sum() > 20
+    assert signed[~inside] == pytest.approx(away[~inside], abs=1e-12)
+    assert (signed[inside] < 0).all()
+    assert signed[:3] == pytest.approx([-1.0, -0.1, 0.2] if name == "beside" else [-1.0, -np.sqrt(0.26), -0.5])
+
+
+def test_a_drawing_of_many_triangles(files):
+    """They are made of fewer ones, with sides up to half as long again as asked, and their corners are on the ball."""
+    size = 0.025
+    at = np.random.default_rng(8).uniform(-1.5, 1.5, (200, 3))
+    signed, normal = read_shape({"shape": "surface", "file": files / "ball.step", "size": size}).distance(at)
+    exact = np.linalg.norm(at, axis=1)
+    assert np.abs(signed - (exact - 1.0)).max() < (1.5 * size) ** 2 / 6  # height of the ball over an equal-sided one
+    far = exact > 0.3
+    assert normal[far] == pytest.approx((at / exact[:, None])[far], abs=2 * size)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_many_pieces_of_unlike_lengths(closed):
+    """Those that are looked at have the closest one among them; at the ends the line goes on."""
+    random = np.random.default_rng(8)
+    angle = np.sort(random.uniform(0, 2 * np.pi, 900) ** 3) / (2 * np.pi) ** 2
+    points = np.column_stack((np.cos(angle), np.sin(angle))) * random.uniform(0.9, 1.1, (900, 1))
+    points = np.vstack((points, points[:1])) if closed else points
+    shape = read_shape({"shape": "polyline", "points": tuple(map(tuple, points.tolist()))})
+    at = random.uniform(-2, 2, (500, 2))
+    begin, way = points[:-1], np.diff(points, axis=0)
+    first, last = np.zeros(len(way)), np.ones(len(way))
+    if not closed:
+        first[0], last[-1] = -np.inf, np.inf
+    share = np.clip(np.einsum("nmd,md->nm", at[:, None] - begin, way) / np.sum(way**2, axis=1), first, last)
+    away = np.linalg.norm(at[:, None] - begin - share[..., None] * way, axis=2).min(axis=1)
+    assert np.abs(shape.distance(at)[0]) == pytest.approx(away, abs=1e-14)
+
+
+# --- the same by formula ---------------------------------------------------------------------------------------------
+
+
+def block(dim=3, comm=COMM, kind=None, scale=1.0):
+    """The mesh of a block; two of them may be distributed differently."""
+    counts = (8, 4) if dim == 2 else (6, 4, 3)
+    return forms.box(tuple(scale * c for c in (2.0, 1.0, 1.0)[:dim]), list(counts), kind, comm)
+
+
+def pressed(shape=None, mesh=None, degree=1, scale=1.0, **data):
+    """A block whose top is pressed on a foundation below it."""
+    mesh = mesh or block(comm=MPI.COMM_SELF)
+    dim = mesh.geometry.dim
+    space = fem.functionspace(mesh, ("Lagrange", degree, (dim,)))
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    a = 1000.0 / scale ** (dim - 2) * ufl.inner(ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))) * ufl.dx
+    down = np.zeros(dim)
+    down[0], down[-1] = 0.01 * scale, -0.06 * scale
+    top = fem.locate_dofs_topological(space, dim - 1, forms.side(mesh, dim - 1, scale))
+    bottom = forms.side(mesh, dim - 1, 0.0)
+    zero = ufl.inner(fem.Constant(mesh, np.zeros(dim)), v) * ufl.dx
+    found = Foundation(bottom, shape=shape, friction=Coulomb(0.3), **data)
+    problem = ContactProblem(a, zero, [fem.dirichletbc(down, top, space)], contact=[found])
+    return problem, problem.solve()
+
+
+def of_a_ball(centre, radius):
+    """Gap and direction to a ball by formula."""
+
+    def away(x):
+        return x[: len(centre)] - np.array(centre)[:, None]
+
+    return {
+        "gap": lambda x: np.hypot.reduce(away(x)) - radius,
+        "direction": lambda x: -away(x),
+    }
+
+
+def of_a_rod(height, radius, offset):
+    """Gap and direction to a cylinder along x[1] by formula."""
+    in_section = of_a_ball((offset, height), radius)
+    return {
+        "gap": lambda x: in_section["gap"](x[[0, 2]]),
+        "direction": lambda x: np.insert(in_section["direction"](x[[0, 2]]), 1, 0.0, axis=0),
+    }
+
+
+def of_a_slope(normal, height):
+    """Gap and direction to a plane through (0, ..., -height) by formula."""
+    n = np.array(normal) / np.linalg.norm(normal)
+    return {"gap": lambda x: n @ x[: n.size] + height * n[-1], "direction": -n}
+
+
+SAME = {
+    "circle": (2, {"shape": "circle", "centre": (0.9, -1.51), "radius": 1.5}, of_a_ball((0.9, -1.51), 1.5)),
+    "sphere": (3, {"shape": "sphere", "centre": (0.9, 0.5, -1.51), "radius": 1.5}, of_a_ball((0.9, 0.5, -1.51), 1.5)),
+    "cylinder": (
+        3,
+        {"shape": "cylinder", "centre": (0.9, 7.0, -1.51), "axis": (0, -2, 0), "radius": 1.5},
+        of_a_rod(-1.51, 1.5, 0.9),
+    ),
+    "plane": (3, {"shape": "plane", "point": (0, 0, -0.03), "normal": (0.02, 0, 2.0)}, of_a_slope((0.01, 0, 1), 0.03)),
+    "polyline": (2, {"shape": "polyline", "points": ((0.0, -0.03), (1.0, -0.02))}, of_a_slope((-0.01, 1), 0.03)),
+    "spline": (2, {"shape": "spline", "points": ((0.0, -0.03), (1.0, -0.02))}, of_a_slope((-0.01, 1), 0.03)),
+    "edge": (
+        2,
+        {"shape": "edge", "point": (5.0, 0.02), "normals": ((-0.01, 1.0), (1.0, 0.0)), "radius": 0.5},
+        of_a_slope((-0.01, 1), 0.03),
+    ),
+    "cone": (3, {"shape": "cone", "tip": (0.9, 0.5, -0.51), "axis": (0, 0, -1), "angle": 5.0, "radius": 0.5}, None),
+    "surface": (3, None, of_a_slope((0.0, 0, 1), 0.02)),
+}
+SAME["cone"] = (*SAME["cone"][:2], of_a_ball((0.9, 0.5, -0.51 - 0.5 / np.sin(np.radians(5.0))), 0.5))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", SAME)
+def test_the_same_by_formula(name, files):
+    """Displacement, pressure and shear are those of gap and direction by formula, on any number of ranks."""
+    dim, table, formula = SAME[name]
+    if name == "surface":  # the upper face of the cube, which is larger than the body
+        table = {"shape": "surface", "file": files / "cube.step", "scale": 50.0, "shift": (0.0, 0.0, -50.02)}
+    if name == "cone":  # its tip is a ball
+        sine = np.sin(np.radians(5.0))
+        table = table | {"tip": (0.9, 0.5, -0.01 - 0.5 + 0.5 / sine)}
+        formula = of_a_ball((0.9, 0.5, -0.51), 0.5)
+    mesh = block(dim)
+    first, u = pressed(table, mesh)
+    second, v = pressed(None, mesh, **formula)
+    size = np.abs(v.x.array).max()
+    assert u.x.array == pytest.approx(v.x.array, abs=1e-10 * size)
+    largest = COMM.allreduce(np.abs(second.state.pressure).max(initial=0.0), MPI.MAX)
+    assert largest > 0
+    for field in ("pressure", "shear"):
+        assert getattr(first.state, field) == pytest.approx(getattr(second.state, field), abs=1e-8 * largest)
+
+
+@pytest.mark.parametrize(("dim", "kind", "degree"), [(2, None, 2), (3, CellType.tetrahedron, 2)])
+def test_other_elements(dim, kind, degree):
+    """On quadratic tetrahedra the distance is averaged like any gap."""
+    table, formula = SAME["sphere" if dim == 3 else "circle"][1:]
+    u, v = (
+        pressed(one, block(dim, MPI.COMM_SELF, kind), degree, **more)[1] for one, more in ((table, {}), (None, formula))
+    )
+    assert u.x.array == pytest.approx(v.x.array, abs=1e-10 * np.abs(v.x.array).max())
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1e6])
+def test_units(scale):
+    """Lengths in another unit."""
+    table = {"shape": "sphere", "centre": (0.9, 0.5, -1.51), "radius": 1.5}
+    other = {"shape": "sphere", "centre": tuple(scale * c for c in table["centre"]), "radius": 1.5 * scale}
+    (_, u), (_, v) = pressed(table), pressed(other, block(3, MPI.COMM_SELF, scale=scale), scale=scale)
+    assert v.x.array / scale == pytest.approx(u.x.array, abs=1e-9 * np.abs(u.x.array).max())
+
+
+def test_gap_is_added():
+    """To the distance; and any object with a distance is a shape."""
+
+    class Ground:
+        def distance(self, x):
+            return x[:, -1] + 0.01, np.broadcast_to([0.0, 1.0], x.shape)
+
+    (_, u), (_, v) = (pressed(one, block(2, MPI.COMM_SELF), gap=gap) for one, gap in ((Ground(), 0.02), (None, 0.03)))
+    assert u.x.array == pytest.approx(v.x.array, abs=1e-14)
+
+
+# --- scenes ----------------------------------------------------------------------------------------------------------
+
+
+def scene(shape, **more):
+    """The block on a cylinder of the demonstration, on a coarse mesh."""
+    given = {
+        "mesh": {"generator": "rectangle", "parameters": {"length": 10.0, "height": 5.0, "nx": 20, "ny": 10}},
+        "material": {"young": 200.0, "poisson": 0.3},
+        "displacement": {"boundary": "top", "x": 0.0, "y": -0.06},
+        "contact": {"boundary": "bottom", "foundation": shape},
+    }
+    return parse_scene(given | more)
+
+
+GROUND = {"shape": "plane", "point": (0, -0.01), "normal": (0, 1)}
+
+
+@pytest.mark.mpi
+def test_a_scene():
+    """A plane is the gap; the certificate evaluates the shape anew, and ``check`` says where it is."""
+    coulomb = {"law": "coulomb", "coefficient": 0.3}
+    first = solve(scene(None, contact={"boundary": "bottom", "foundation": GROUND, "friction": coulomb}))
+    second = solve(scene(None, contact={"boundary": "bottom", "gap": 0.01, "friction": coulomb}))
+    assert first.certificate.holds
+    size = [COMM.allreduce(np.abs(one.displacement.x.array).max(), MPI.MAX) for one in (first, second)]
+    energy = [one.steps[-1].strain_energy for one in (first, second)]
+    assert size[0] == pytest.approx(size[1], rel=1e-12)
+    assert energy[0] == pytest.approx(energy[1], rel=1e-12)
+    told = render(check_scene(scene(GROUND)))
+    assert "plane, point = [0, -0.01], normal = [0, 1]; at a distance from 0.01 to 0.01" in told
+
+
+@pytest.mark.parametrize(
+    ("shape", "message"),
+    [
+        ({"shape": "circle", "centre": (5, -8), "radius": 0}, "foundation.radius: must be greater than 0"),
+        ({"shape": "circle", "centre": (5, -8, 0), "radius": 8}, "foundation.centre: the mesh is plane: give 2"),
+        ({"shape": "circle", "center": (5, -8), "radius": 8}, "unknown key: did you mean 'centre'"),
+        ({"shape": "circle", "centre": (5, 0), "radius": 80}, "the whole body is inside of the foundation"),
+        ({"shape": "sphere", "centre": (5, -8), "radius": 8}, "the mesh is plane: there is no sphere"),
+        ({"shape": "ball"}, "shape must be one of circle, cone, cylinder"),
+        (8.0, "foundation: a table is expected"),
+        (GROUND | {"normal": (0, 0)}, "foundation.normal: must not be zero"),
+        (GROUND | {"rotation": (0, 0, 1)}, "foundation.rotation: the mesh is plane: give an angle"),
+        ({"shape": "polyline", "points": ((0, 0), (0, 0))}, "points: numbers 1 and 2 are the same"),
+        ({"shape": "polyline", "points": ((0, 0), (1, 0), (0, 0))}, "points: a closed line needs three"),
+        ({"shape": "edge", "point": (0, 0), "normals": ((0, 1), (0, 2))}, "normals: they are parallel"),
+        ({"shape": "cone", "tip": (0, 0), "axis": (0, 1), "angle": 90}, "foundation.angle: must be less than 90"),
+        ({"shape": "surface", "file": "no.stl"}, "foundation.file: no.stl: no such file"),
+    ],
+)
+def test_bad_values(shape, message):
+    """One clear error each."""
+    with pytest.raises(SceneError) as error:
+        check_scene(scene(shape))
+    assert message in str(error.value)
+    assert len(error.value.problems) == 1 + ("center" in str(shape))
+
+
+def test_bad_combinations():
+    """A direction or another body beside a foundation; in Python too."""
+    for key, value in (("direction", (0, -1)), ("against", "top")):
+        with pytest.raises(SceneError, match=f"{key}: foundation already says"):
+            scene(None, contact={"boundary": "bottom", "foundation": GROUND, key: value})
+    with pytest.raises(FormError, match="direction: is that of the closest point"):
+        pressed(GROUND, block(2, MPI.COMM_SELF), direction=(0, -1))
+    with pytest.raises(FormError, match=r"contact\[0\].shape.normal: must not be zero"):
+        pressed(GROUND | {"normal": (0, 0)}, block(2, MPI.COMM_SELF))
+    with pytest.raises(FormError, match="shape: a table is expected"):
+        pressed(3, block(2, MPI.COMM_SELF))
+
+
+def test_bad_surfaces(tmp_path):
+    """Surfaces that are open, have no inside, or are no surfaces."""
+
+    def error_of(triangles):
+        lines = ["solid it"]
+        for corners in triangles:
+            vertices = "".join(f"vertex {x} {y} {z}\n" for x, y, z in corners)
+            lines.append(f"facet normal 0 0 0\nouter loop\n{vertices}endloop\nendfacet")
+        (tmp_path / "it.stl").write_text("\n".join([*lines, "endsolid it\n"]), encoding="utf-8")
+        return [why for _, why in read_shape({"shape": "surface", "file": tmp_path / "it.stl"}).contradictions(3)]
+
+    corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
+    faces = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)]
+    assert error_of(corners[list(face)] for face in faces) == []
+    (wrong,) = error_of(corners[list(face)] for face in faces[:3])
+    assert "not closed: 3 sides of its 3 triangles belong to one alone" in wrong
+    # The projective plane: closed, and without an inside.
+    six = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (0, 1, 1)])
+    ten = ["123", "124", "135", "146", "156", "236", "245", "256", "345", "346"]
+    (wrong,) = error_of(six[[int(c) - 1 for c in face]] for face in ten)
+    assert "no inside and outside" in wrong
+    (tmp_path / "it.stl").write_bytes(b"")
+    (wrong,) = [why for _, why in read_shape({"shape": "surface", "file": tmp_path / "it.stl"}).contradictions(3)]
+    assert "it.stl" in wrong
+
+
+def test_files_are_found_from_the_scene(files):
+    """Like the mesh, from the folder of the scene."""
+    text = """
+[mesh]
+generator = "box"
+parameters = { nx = 3, ny = 2, nz = 2 }
+[material]
+young = 1.0
+poisson = 0.3
+[[displacement]]
+boundary = "top"
+x = 0.0
+y = 0.0
+z = 0.0
+[[contact]]
+boundary = "bottom"
+foundation = { shape = "surface", file = "cube.stl", shift = [0.0, 0.0, -1.1] }
+"""
+    (files / "it.toml").write_text(text, encoding="utf-8")
+    assert "at a distance from 0.1 to" in render(check_scene(read_scene(files / "it.toml")))
+
+
+def test_only_named_shapes_are_imported():
+    """And VTK only where one needs it."""
+    code = (
+        "import sys; from signorini_fx.scene.reading import parse_scene\n"
+        "scene = {'mesh': {'generator': 'rectangle'}, 'material': {'young': 1, 'poisson': 0.3}, 'contact': "
+        "{'boundary': 'bottom', 'foundation': {'shape': 'circle', 'centre': [0, -1], 'radius': 1}}}\n"
+        "parse_scene(scene)\n"
+        "print([m for m in sys.modules if m.startswith(('signorini_fx.shapes.', 'vtk', 'scipy'))])"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert told.strip() == "['signorini_fx.shapes.circle']"
+
+
+def test_every_shape_is_tested():
+    """The word in a scene is the name of the file."""
+    assert sorted({*(table["shape"] for table in (*PLANE, *SPACE)), "surface"}) == list(names())
+    assert [shape_class(name).model_fields["shape"].default for name in names()] == list(names())
+
+
+# --- foundations that move -------------------------------------------------------------------------------------------
+
+
+class Loop:
+    """A block on a foundation below it, in steps: its top moves, or the foundation, or both."""
+
+    def __init__(self, mesh, **data):
+        dim = mesh.geometry.dim
+        space = fem.functionspace(mesh, ("Lagrange", 1, (dim,)))
+        u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+        self.way = fem.Constant(mesh, np.zeros(dim))
+        top = fem.locate_dofs_topological(space, dim - 1, forms.side(mesh, dim - 1, 1.0))
+        zero = ufl.inner(fem.Constant(mesh, np.zeros(dim)), v) * ufl.dx
+        found = Foundation(forms.side(mesh, dim - 1, 0.0), **data)
+        self.problem = ContactProblem(
+            forms.hooke(u, v), zero, [fem.dirichletbc(self.way, top, space)], contact=[found], algorithm="alm"
+        )
+
+    def step(self, way=None, **placement):
+        """The state after the next step."""
+        if placement:
+            self.problem.place(0, **placement)
+        if way is not None:
+            self.way.value[:] = way
+        self.problem.solve()
+        assert self.problem.certificate.holds
+        self.problem.advance()
+        return self.problem.state
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("dim", [2, 3])
+def test_moving_the_foundation_is_moving_the_support(dim):
+    """To and fro with friction: the same pressures and shears in each step, displacements that differ by the way."""
+    ways = np.zeros((5, dim))
+    ways[:, -1], ways[:, 0] = (-0.02, -0.02, -0.03, -0.03, -0.03), (0.0, 0.01, 0.02, -0.01, 0.0)
+    if dim == 3:
+        ways[:, 1] = (0.0, 0.0, 0.01, 0.01, -0.01)
+    ground = {"shape": "plane", "point": (0.0,) * dim, "normal": (0.0,) * (dim - 1) + (1.0,)}
+    mesh, friction = block(dim), Coulomb(0.3)
+    first, second = (Loop(mesh, shape=ground, friction=friction) for _ in range(2))
+    # In the first step the law is static: both start from the pressed state.
+    for number, way in enumerate(ways):
+        one = first.step(way)
+        other = second.step(ways[0], shift=tuple(ways[0] - way)) if number else second.step(way)
+        size = COMM.allreduce(np.abs(one.pressure).max(initial=0.0), MPI.MAX)
+        assert size > 0
+        for field in ("pressure", "shear"):
+            assert getattr(other, field) == pytest.approx(getattr(one, field), abs=1e-8 * size)
+        apart = (first.problem.u.x.array - second.problem.u.x.array).reshape(-1, dim)
+        assert apart == pytest.approx(np.tile(way - ways[0], (len(apart), 1)), abs=1e-9)
+
+
+def test_turning_the_foundation_is_turning_the_formula():
+    """Gap and direction after each turn are those of the shape in its new place, with friction along it."""
+    centre, radius = (1.0, -1.5), 1.5
+    moves = [((0.0, 0.02), 0.0), ((0.05, 0.03), 20.0), ((0.1, 0.03), -10.0)]
+    wheel = {"shape": "circle", "centre": centre, "radius": radius, "pivot": centre}
+    slope = {"shape": "plane", "point": centre, "normal": (0.0, 1.0), "pivot": (1.0, 0.0)}
+    loop = Loop(block(2, MPI.COMM_SELF), shape=wheel)  # without friction the turn has no effect
+    for shift, rotation in moves:
+        state = loop.step(shift=shift, rotation=rotation)
+        fresh = Loop(block(2, MPI.COMM_SELF), **of_a_ball(np.add(centre, shift), radius)).step()
+        assert state.pressure == pytest.approx(fresh.pressure, abs=1e-8 * fresh.pressure.max())
+    loop = Loop(block(2, MPI.COMM_SELF), shape=slope | {"point": (1.0, 0.0)}, friction=Coulomb(0.4))
+    loop.step((0.0, -0.03))
+    state = loop.step(rotation=1.0)
+    angle = np.radians(1.0)
+    assert state.boundary.normal == pytest.approx(np.tile([np.sin(angle), -np.cos(angle)], (9, 1)), abs=1e-14)
+
+
+def test_a_wheel_rolls():
+    """Locked it meets the whole friction at each step, rolling a part of it; every step is certified."""
+    found = run_path(str(Path(__file__).parents[2] / "demos" / "forms" / "rolling_wheel.py"))
+    rolling, locked = (np.array([ratio for ratio, _ in found[name]]) for name in ("rolling", "locked"))
+    assert all(holds for name in ("rolling", "locked") for _, holds in found[name])
+    assert len(rolling) == 21
+    assert locked[1:] == pytest.approx(0.3, abs=0.01)
+    assert np.abs(rolling).max() < 0.15
+
+
+def moving(*, tool, shift, rotation=0.0, **more):
+    """A block in four load steps on a plane that moves, or whose top moves instead."""
+    axes = ("x", "y")
+    given = {"mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4}}}
+    given |= {"material": {"young": 1000.0, "poisson": 0.3}, "load_steps": {"times": [0.0, 1.0, 2.0, 3.0]}}
+    foundation = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+    top = dict.fromkeys(axes, 0.0) if tool else dict(zip(axes, (f"-({way})" for way in shift), strict=True))
+    if tool:
+        foundation |= {"shift": shift, "rotation": rotation}
+    contact = {"boundary": "bottom", "foundation": foundation, "friction": {"law": "coulomb", "coefficient": 0.3}}
+    return parse_scene(given | {"displacement": {"boundary": "top", **top}, "contact": contact} | more)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "more",
+    [
+        {},
+        {"solver": {"algorithm": "alm"}},
+        {"load_steps": {"times": [1, 2], "steps": 2}},
+        {"solver": {"levels": 2}},
+        {"accuracy": {"target": 0.09}},
+    ],
+)
+def test_a_foundation_moves_in_a_scene(more):
+    """With t, step by step, as its opposite moves the supports."""
+    shift = ["0.01*t if t < 2 else 0.04 - 0.01*t", "0.02 + 0.002*t"]
+    first, second = (solve(moving(tool=tool, shift=shift, **more)) for tool in (True, False))
+    assert len(first.steps) == len(second.steps) > 2
+    for one, other in zip(first.steps, second.steps, strict=True):
+        assert one.certificate.holds
+        assert one.strain_energy == pytest.approx(other.strain_energy, rel=1e-7)
+        for name in ("pressure", "shear"):
+            sums = [COMM.allreduce(float((getattr(s.contact, name) ** 2).sum())) for s in (one, other)]
+            assert sums[0] == pytest.approx(sums[1], rel=1e-6)
+    assert any("moves with the time" in finding.message for finding in first.findings)
+    assert not any("penetrates" in finding.message for finding in first.findings)
+    assert len(first.levels) == len(second.levels)
+    assert bool(len(first.levels) > 1) == ("accuracy" in more or "levels" in more.get("solver", {}))
+    for one, other in zip(first.levels, second.levels, strict=True):
+        assert one.dofs == other.dofs
+        assert one.energy == pytest.approx(other.energy, rel=1e-5)
+        assert one.regularisation == pytest.approx(other.regularisation, rel=0.01)
+
+
+def test_a_foundation_turns_in_a_scene():
+    """Its load steps have the normals of their places, and the last one without friction is that of its place alone."""
+    smooth = {"boundary": "bottom", "foundation": GROUND | {"point": [0, 0], "shift": [0, 0.03], "rotation": "0.2*t"}}
+    found = solve(moving(tool=False, shift=["0", "0"], contact=smooth))
+    for step in found.steps:
+        angle = np.radians(0.2 * step.time)
+        normal = step.contact.boundary.normal
+        assert normal == pytest.approx(np.tile([np.sin(angle), -np.cos(angle)], (len(normal), 1)), abs=1e-13)
+        assert step.certificate.holds
+    tilted = {"shape": "plane", "point": [0.0, 0.03], "normal": [-np.sin(angle), np.cos(angle)]}
+    more = {"contact": {"boundary": "bottom", "foundation": tilted}, "load_steps": {"times": [1]}}
+    there = solve(moving(tool=False, shift=["0", "0"], **more))
+    last = found.steps[-1].contact.pressure
+    assert last == pytest.approx(there.steps[-1].contact.pressure, abs=1e-7 * last.max())
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"shift": ["x[0]", 0.0]}, "a number or an expression of the time t is expected"),
+        ({"shift": ["t", 0.0, 0.0]}, "foundation.shift: the mesh is plane: give 2 numbers, not 3"),
+        ({"displacement": {"boundary": "top", "x": 0.0}, "traction": {"boundary": "top", "pressure": 1.0}}, "supports"),
+    ],
+)
+def test_bad_motions(more, message):
+    """One clear error each."""
+    with pytest.raises(SceneError) as error:
+        solve(moving(tool=True, **({"shift": ["0.01*t", 0.0]} | more)))
+    assert message in str(error.value)
+    assert len(error.value.problems) == 1
+
+
+def test_bad_placements():
+    """What has no shape cannot be placed, nor what cannot turn so."""
+    loop = Loop(block(2, MPI.COMM_SELF), shape=GROUND)
+    for placement, message in (
+        ({"shift": (0.0, 0.0, 1.0)}, r"contact\[0\].shape.shift: the mesh is plane: give 2 numbers"),
+        ({"radius": 3.0}, r"contact\[0\].shape.radius: unknown key"),
+        ({"rotation": "x"}, r"contact\[0\].shape.rotation: must be"),
+    ):
+        with pytest.raises(FormError, match=message):
+            loop.problem.place(0, **placement)
+    with pytest.raises(FormError, match="no shape that can be placed"):
+        Loop(block(2, MPI.COMM_SELF), gap=0.1).problem.place(0, shift=(0.0, 0.0))
+
+
+# --- known answers ---------------------------------------------------------------------------------------------------
+
+
+def test_hertz_by_a_circle():
+    """The block on a cylinder of the demonstration, without a formula and without friction."""
+    from test_hertz import MODULUS, RADIUS, profile
+
+    mesh = {"length": 10.0, "height": 5.0, "nx": 120, "ny": 60, "layout": "graded", "grading": 60.0}
+    circle = {"shape": "circle", "centre": (5.0, -RADIUS), "radius": RADIUS}
+    solution = solve(scene(circle, mesh={"generator": "block", "parameters": mesh}))
+    x, pressure, weight, _ = profile(solution, 5.0)
+    force = pressure @ weight
+    half_width = np.sqrt(4 * force * RADIUS / (np.pi * MODULUS))
+    hertz = 2 * force / (np.pi * half_width) * np.sqrt(np.maximum(0, 1 - (x / half_width) ** 2))
+    inside = np.abs(x) < 0.8 * half_width
+    assert inside.sum() > 10
+    assert pressure[inside] == pytest.approx(hertz[inside], rel=0.02)
+    assert (pressure[np.abs(x) > 1.1 * half_width] == 0).all()
+
+
+@pytest.mark.parametrize(("boundary", "hollow"), [("inner", False), ("outer", True)])
+def test_fits(boundary, hollow):
+    """A pin in the hole of a ring, and a ring in a bore: Lame's pressure for the displacement of one side."""
+    young, poisson, by, (inner, outer) = 1000.0, 0.3, 1e-3, (1.0, 2.0)
+    side = {"inner": inner + by, "outer": outer - by}[boundary]
+    shape = {"shape": "cylinder", "centre": (0, 0, 0), "axis": (0, 0, 1), "radius": side, "hollow": hollow}
+    ring = {"generator": "ring", "parameters": {"nr": 8, "nt": 12, "nz": 1, "order": 2}}
+    given = {"mesh": ring, "element": {"degree": 2}, "material": {"young": young, "poisson": poisson}}
+    given["displacement"] = [{"boundary": "bottom", "z": 0.0}, {"boundary": "top", "z": 0.0}]
+    # Friction only keeps the ring from turning.
+    friction = {"law": "coulomb", "coefficient": 0.3}
+    solution = solve(
+        parse_scene(given | {"contact": {"boundary": boundary, "foundation": shape, "friction": friction}})
+    )
+    # u = A r + B / r, plane strain, no pressure on the other side.
+    ratio = (outer / inner) ** 2
+    if boundary == "inner":
+        compliance = (1 + poisson) / young * inner / (ratio - 1) * (1 - 2 * poisson + ratio)
+    else:
+        compliance = (1 + poisson) / young * outer / (ratio - 1) * ((1 - 2 * poisson) * ratio + 1)
+    assert solution.certificate.holds
+    assert solution.contact.pressure == pytest.approx(by / compliance, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["ball.step", "ball.stl"])
+def test_an_indenter_from_a_drawing(files, name):
+    """Presses almost as the sphere that it is the drawing of: its facets are as fine as those of the body."""
+    sphere = {"shape": "sphere", "centre": (0.0, 0.0, 0.0), "radius": 1.5}
+    drawn = {"shape": "surface", "file": files / name, "scale": 1.5}
+    there = {"shift": (0.9, 0.5, -1.49)}
+
+    def force(shape):
+        state = pressed(shape | there)[0].state
+        return state.forces[0][2]
+
+    exact = force(sphere)
+    assert exact > 0
+    assert force(drawn | ({"size": 0.1} if name.endswith("step") else {})) == pytest.approx(exact, rel=0.05)
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.2])
+@pytest.mark.parametrize("kind", ["edge", "cone"])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_distances_are_distances(kind, dim, radius):
+    """They differ by no more than the points are apart, also between faces, and the closest point is on the surface."""
+    chance = np.random.default_rng(dim)
+    for angle in (20.0, 50.0, 80.0):
+        if kind == "cone":
+            table = {"tip": [0.0] * dim, "axis": [0.3, -1.0, 0.5][:dim], "angle": angle}
+        else:
+            turn = np.radians(2 * angle)
+            normals = [[0.0, 1.0, 0.0][:dim], [np.sin(turn), np.cos(turn), 0.0][:dim]]
+            table = {"point": [0.0] * dim, "normals": normals}
+        shape = shape_class(kind).model_validate({"shape": kind, **table, "radius": radius})
+        x = chance.normal(size=(4000, dim))
+        near = x + 1e-3 * chance.normal(size=x.shape)
+        outside = shape.initial(x)[0] > 0
+        both = outside & (shape.initial(near)[0] > 0)
+        off = np.abs(shape.initial(x)[0] - shape.initial(near)[0])[both]
+        assert (off <= (1 + 1e-9) * np.linalg.norm(x - near, axis=1)[both]).all()
+        distance, normal = shape.initial(x)
+        foot, _ = shape.initial(x - distance[:, None] * normal)
+        assert np.abs(foot[outside]).max() < 1e-9

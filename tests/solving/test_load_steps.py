@@ -1,0 +1,242 @@
+"""The limit of friction, and load steps: press, push and pull back."""
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import alone
+
+from signorini_fx.algorithms import strategy
+from signorini_fx.body.contact_table import contact_table
+from signorini_fx.effects.contact import TrescaFriction
+from signorini_fx.records import Status
+from signorini_fx.scene.reading import parse_scene, read_scene
+
+FRICTION, PRESSURE, LENGTH = 0.3, 20.0, 3.0
+LIMIT = FRICTION * PRESSURE * LENGTH  # the largest force that friction can balance
+SCENES = Path(__file__).parents[2] / "demos" / "scenes"
+METHODS = [
+    {},
+    {"coulomb": "newton"},
+    {"algorithm": "exact"},
+    {"algorithm": "alm"},
+    {"algorithm": "continuation"},
+    {"algorithm": "path-following"},
+]
+each_method = pytest.mark.parametrize("method", METHODS, ids=lambda m: "-".join(m.values()) or "fp")
+
+
+def block(nx, loads, **solver):
+    """A block 3 x 1 that only its foundation holds, with Coulomb friction."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": LENGTH, "nx": nx, "ny": nx // 3}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": FRICTION}},
+            "solver": solver,
+            **loads,
+        }
+    )
+
+
+def by_force(push, factors=None, *, where="left", nx=30, **solver):
+    """Pressed with 20 on its top, pushed with the share ``push`` of the limit of friction."""
+    traction = push * LIMIT / (LENGTH if where == "top" else 1.0)
+    pushed = {"boundary": where, "x": traction} | ({} if factors is None else {"factors": factors})
+    return block(nx, {"traction": [{"boundary": "top", "y": -PRESSURE}, pushed]}, **solver)
+
+
+def by_displacement(push, factors=None, *, nx=30, **solver):
+    """Its top moved down by 0.003 and sideways by ``push``."""
+    pushed = {"boundary": "top", "x": push} | ({} if factors is None else {"factors": factors})
+    return block(nx, {"displacement": [{"boundary": "top", "y": -0.003}, pushed]}, **solver)
+
+
+def friction_force(contact):
+    """What the foundation holds against, along x."""
+    return -contact.forces[1][0]
+
+
+def states(contact):
+    return set(contact_table(contact, ["bottom"]).columns["friction"])
+
+
+@each_method
+@pytest.mark.parametrize("where", ["left", "top"])
+def test_below_the_limit(method, where):
+    """At 0.99 of F times the normal force the block stays, slips in part, and friction balances the push."""
+    solution = alone(by_force(0.99, where=where, nx=60, **method))
+    assert {"stick", "slip+"} <= states(solution.contact)
+    assert friction_force(solution.contact) == pytest.approx(0.99 * LIMIT, rel=1e-8)
+    contact, _ = solution.contact.forces
+    assert contact[1] == pytest.approx(PRESSURE * LENGTH, rel=1e-8)
+
+
+@each_method
+@pytest.mark.parametrize("where", ["left", "top"])
+@pytest.mark.parametrize("push", [1.01, -1.01, 1.5])
+def test_above_the_limit(method, where, push):
+    """At 1.01 of it nothing holds the block, and the outcome says so."""
+    solution = alone(by_force(push, where=where, nx=60, **method), check=False)
+    assert solution.status is Status.SLIDES
+
+
+@pytest.mark.parametrize("friction", [None, {"law": "tresca", "bound": 1.0}, {"law": "coulomb", "coefficient": 0.3}])
+def test_path_following_begins_with_the_first_load(friction):
+    """A load step without a load has no path: the next one finds gamma as if it were the first."""
+
+    def pressed(factors):
+        contact = {"boundary": "bottom"} | ({} if friction is None else {"friction": friction})
+        moved = {"boundary": "top", "x": 0.001, "y": -0.003, "factors": factors}
+        loads = {"contact": contact, "displacement": [moved]}
+        return alone(block(30, loads, algorithm="path-following", gamma_n=3.0, gamma_t=300.0))
+
+    one, two = pressed([1.0]), pressed([0.0, 1.0])
+    assert one.parameters["regularisation_error"] < 0.05
+    assert two.parameters == pytest.approx(one.parameters, rel=1e-6)
+    np.testing.assert_allclose(two.contact.pressure, one.contact.pressure, rtol=0, atol=1e-5 * PRESSURE)
+
+
+def test_at_the_limit():
+    """The last thousandth that friction has left."""
+    solution = alone(by_force(0.999, where="top", nx=60))
+    assert friction_force(solution.contact) == pytest.approx(0.999 * LIMIT, rel=1e-8)
+
+
+UP = [0.0, 0.3, 0.6, 0.9]
+BACK, AGAIN = [0.6, 0.3, 0.0, -0.3, -0.6, -0.9], [-0.6, -0.3, 0.0, 0.3, 0.6, 0.9]
+CYCLE = len(BACK + AGAIN)
+LOOPS = UP + 3 * (BACK + AGAIN)
+
+
+@each_method
+@pytest.mark.parametrize("loading", [by_force, by_displacement])
+def test_hysteresis_loop(loading, method):
+    """Pushed to and fro, the block runs through one loop from the first full cycle on; friction never gives work."""
+    steps = alone(loading(1.0 if loading is by_force else 0.004, LOOPS, **method)).steps
+    assert len(steps) == len(LOOPS)
+    assert all(step.status is Status.CONVERGED and step.certificate.holds for step in steps)
+    work = np.array([step.contact.friction_work for step in steps])
+    assert work.min() >= -1e-12 * work.max()
+    shear, slip = (np.array([getattr(step.contact, name) for step in steps]) for name in ("shear", "u_t"))
+    close = {"rtol": 0, "atol": 1e-5 if method.get("algorithm") == "path-following" else 1e-6}
+    second, third = slice(len(UP) + CYCLE - 1, len(UP) + 2 * CYCLE), slice(len(UP) + 2 * CYCLE - 1, None)
+    np.testing.assert_allclose(shear[third] / PRESSURE, shear[second] / PRESSURE, **close)
+    np.testing.assert_allclose(slip[third] / np.abs(slip).max(), slip[second] / np.abs(slip).max(), **close)
+    assert work[third][1:].sum() == pytest.approx(work[second][1:].sum(), rel=1e-4)
+    assert work[third][1:].sum() > 0
+    # At the push 0 on the way back the block is further to the right than on the way there.
+    back, there = (steps[k].contact.mean_tangential_displacement for k in (len(UP) + 2 * CYCLE + 2, -4))
+    assert back > there
+    # The first branch is not part of the loop.
+    assert np.abs(shear[0] - shear[-4]).max() > 0.01 * PRESSURE
+
+
+@each_method
+@pytest.mark.parametrize("loading", [by_force, by_displacement])
+def test_one_step_is_the_static_law(loading, method):
+    """A single load step with factors is the scene without them."""
+    push = 0.9 if loading is by_force else 0.0036
+    one, static = alone(loading(push / 0.9, [0.9], **method)), alone(loading(push, **method))
+    scales = {"u_n": 0.003, "u_t": 0.003, "pressure": PRESSURE, "shear": PRESSURE}
+    for name, scale in scales.items():
+        ours, theirs = getattr(one.contact, name), getattr(static.contact, name)
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-9 * scale)
+    assert one.history.linear_solves == static.history.linear_solves
+
+
+@pytest.mark.parametrize(("loading", "push", "coarse"), [(by_force, 0.9, 1e-6), (by_displacement, 0.0036, 4e-3)])
+def test_halving_the_increments(loading, push, coarse):
+    """Pressed, then pushed in one direction, in 1, 2, 4, ... increments: the final state hardly changes."""
+    final = []
+    for count in (1, 2, 4, 8, 16):
+        factors = [k / count for k in range(count + 1)]
+        final.append(alone(loading(push, factors, algorithm="exact")).contact)
+    for name in ("shear", "u_t", "pressure"):
+        values = [getattr(contact, name) for contact in final]
+        change = [np.linalg.norm(a - b) / np.linalg.norm(b) for a, b in pairwise(values)]
+        assert max(change) < coarse, name
+        assert change[-1] < 1e-3 * coarse + 1e-6, name
+
+
+def test_order_of_loading_matters():
+    """Pressed and pushed at once (the static law) is another state than pressed first, whose slip stays."""
+    first = alone(by_displacement(0.0036, [0.0, 1.0], algorithm="exact")).contact
+    at_once = alone(by_displacement(0.0036, algorithm="exact")).contact
+    assert 0.01 < np.linalg.norm(first.shear - at_once.shear) / np.linalg.norm(first.shear) < 0.2
+
+
+@pytest.mark.parametrize("method", [{}, {"coulomb": "newton"}, {"algorithm": "exact"}])
+def test_work_of_sliding(method):
+    """Once everything slides, each increment costs F times the normal force times its length."""
+    steps = alone(by_displacement(0.02, [0.0, 1.0, 2.0, 3.0, 2.0, 1.0, 0.0], **method)).steps
+    for number in (2, 3, 5, 6):
+        contact = steps[number].contact
+        assert states(contact) == {"slip+" if number < 4 else "slip-"}
+        normal = contact.forces[0][1]
+        assert contact.friction_work == pytest.approx(FRICTION * normal * 0.02, rel=1e-6)
+        assert friction_force(contact) == pytest.approx((1 if number < 4 else -1) * FRICTION * normal, rel=1e-8)
+
+
+def test_a_step_that_slides_ends_the_history():
+    """What was reached before stays in the solution."""
+    solution = alone(by_force(1.0, [0.0, 0.5, 1.2, 0.3]), check=False)
+    assert solution.status is Status.SLIDES
+    assert [step.status for step in solution.steps] == [Status.CONVERGED, Status.CONVERGED, Status.SLIDES]
+    assert solution.shown_steps == solution.steps[:2]
+    for step in solution.shown_steps:
+        one = solution.at(step)
+        assert (one.contact, one.displacement, one.last_step) == (step.contact, step.displacement, step)
+
+
+def test_tresca_steps():
+    """Given friction forgets nothing either: full slip there and back, the shear ends at the other bound."""
+    scene = by_displacement(0.02, [0.0, 1.0, 0.0], algorithm="exact")
+    contact = scene.contact[0].model_copy(update={"friction": TrescaFriction(bound=2.0)})
+    steps = alone(scene.model_copy(update={"contact": (contact,)})).steps
+    np.testing.assert_allclose(steps[1].contact.shear, 2.0, rtol=1e-9)
+    np.testing.assert_allclose(steps[2].contact.shear, -2.0, rtol=1e-9)
+
+
+def test_scene_file():
+    """The scene that is shown closes its loop."""
+    steps = alone(read_scene(SCENES / "press_and_slide.toml")).steps
+    forces = [friction_force(step.contact) for step in steps]
+    assert forces[-16:] == pytest.approx(forces[-32:-16], rel=1e-6, abs=1e-6)
+    assert max(forces) > 16.0
+    assert min(step.contact.friction_work for step in steps) >= 0
+
+
+@pytest.mark.parametrize("steps", [2, 3])
+def test_elastic_slip_of_earlier_steps_is_no_slip(monkeypatch, steps):
+    """Where augmentation takes a load step over, a body that has stuck all the time goes back to where it was.
+
+    The regularised steps before have crept, by mu / gamma_t: what friction counts from is without that.
+    """
+    last, plain = steps - 1, strategy._given_friction
+    creeping = strategy.Status.CYCLING
+
+    def fails_at_last(task, start, data):
+        outcome = plain(task, start, data)
+        return replace(outcome, status=creeping) if start.step == last else outcome
+
+    monkeypatch.setattr(strategy, "_given_friction", fails_at_last)
+    factors = [*np.linspace(0.5, 1.0, last), 0.0]
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": LENGTH, "nx": 12, "ny": 4}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+            "traction": {"boundary": "top", "y": -20.0, "x": 3.0, "factors": factors},
+            "contact": {"boundary": "bottom", "friction": {"law": "tresca", "bound": 1e3}},
+            "solver": {"gamma_n": 1e4, "gamma_t": 1e4},
+        }
+    )
+    solution = alone(scene)
+    crept = [np.abs(step.contact.u_t).max() for step in solution.steps]
+    assert solution.converged
+    assert solution.steps[last].certificate.law.regularised is False
+    assert crept[last - 1] > 1e-5
+    assert crept[last] < 1e-9 * crept[last - 1]
