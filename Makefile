@@ -5,7 +5,7 @@
 DEMOS := example1_tresca example1_coulomb
 REPORTS := $(addprefix demos/scenes/,example1_coulomb press_and_slide bracket) tests/data/three_feet
 SIDE_BY_SIDE := ./env python3 -m pytest -q -n auto --maxprocesses 8 --dist worksteal
-ON_RANKS := ./env mpirun -n $$n python3 -m pytest -q --color=no $$(grep -l mark.mpi tests/test_*.py)
+ON_RANKS := ./env mpirun -n $$n python3 -m pytest -q --color=no $$(grep -l mark.mpi tests/*/test_*.py)
 RUFF := build/ruff-0.17.5
 SPHINX := build/sphinx-9.0.4
 BUILD := build/build-1.6.1

@@ -4,7 +4,8 @@ In space a force is a stress times an area, in the plane, per thickness, a stres
 length in a scale depends on the dimension d, and a formula that is right for d = 2 is easily wrong for d = 3.
 
 The solver and the certificate share these formulas, and nothing else: each of them evaluates them with its own data.
-``tests/scene/test_units.py`` checks the formulas themselves, since no result may depend on the units of length and force.
+``tests/scene/test_units.py`` checks the formulas themselves, since no result may depend on the units of length and
+force.
 """
 
 from __future__ import annotations

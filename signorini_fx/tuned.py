@@ -69,8 +69,8 @@ HELPING_MESHES = 2
 # --- augmented Lagrangian method -------------------------------------------------------------------------------------
 
 # A multiplier is slow if an update leaves more than this share of its last change; then its gamma is increased.
-# No record of this and the next three; tests/algorithms/test_augmentation.py checks that the limit is reached with gamma_n and
-# gamma_t from 1e-3 to 1e5 times the natural gamma.
+# No record of this and the next three; test_augmentation.py checks that the limit is reached with gamma_n and gamma_t
+# from 1e-3 to 1e5 times the natural gamma.
 SLOW_SHARE = 0.1
 # Factor by which gamma is increased from one problem to the next: the sets of one are a start for those of the next.
 GAMMA_GROWTH = 10.0
@@ -252,7 +252,7 @@ SOLVES_OF_LATER_STEP, SOLVES_OF_FINER_MESH = 2, (2, 5)
 # Entries of a sparse factor by dimension: n times the larger of the first and, in the plane, the second times (log2 n -
 # the third), in space the second times n^third.  Seconds of the factorisation: the first times n and the second times
 # n^1.5, in space n^2.  Nested dissection.
-# Tuned with CHOLMOD and MUMPS on one core; tests/check/test_cost_model.py compares those of the plane with MUMPS's counts.
+# Tuned with CHOLMOD and MUMPS on one core; test_cost_model.py compares those of the plane with MUMPS's counts.
 FACTOR_ENTRIES = {2: (15.0, 7.6, 5.1), 3: (40.0, 9.0, 1 / 3)}
 FACTOR_SECONDS = {2: (1e-6, 3e-9), 3: (1e-6, 4e-10)}
 # Seconds of a back substitution, and of condensing, over those of a factorisation.  No record.
@@ -260,7 +260,8 @@ BACK_SUBSTITUTION, CONDENSING = 0.1, 1.4
 # Dense Cholesky, operations a second, and seconds of the least step.  No record.
 DENSE_SPEED, DENSE_STEP_SECONDS = 2e10, 1e-4
 # Seconds per unknown: to set up multigrid, and of a solve, of which few are exact; with coarser meshes as its levels,
-# and by aggregation.  What multigrid holds over the stiffness matrix.  Tuned on the block of tests/support/spaces.py, with
+# and by aggregation.  What multigrid holds over the stiffness matrix.  Tuned on the block of tests/support/spaces.py,
+# with
 # 316,899 unknowns, and with 6,075 and 42,483; see docs/performance.md.
 KRYLOV_SECONDS = {"meshes": (3e-6, 1.5e-6), "aggregation": (1.5e-5, 6e-6)}
 MULTIGRID_SHARE = 1.2

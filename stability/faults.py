@@ -1,4 +1,4 @@
-"""Faults: killed, interrupted, a full disk, a folder that is taken, a PETSc without MUMPS; see tests/solving/test_faults.py."""
+"""Faults: killed, interrupted, a full disk, a folder that is taken, a PETSc without MUMPS; see test_faults.py."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _tests(names: Sequence[str], ranks: int = 1) -> Finding:
     launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
     chosen = " or ".join(names)
     command = [*launcher, sys.executable, "-m", "pytest", "-q", "--color=no", "-p", "no:cacheprovider", "-k", chosen]
-    file = str(ROOT / "tests" / "test_faults.py")
+    file = str(ROOT / "tests" / "solving" / "test_faults.py")
     done = subprocess.run(
         [*command, *(["-m", "mpi"] if ranks > 1 else []), file],
         cwd=ROOT,

@@ -17,6 +17,12 @@ from stability import syntax
 ROOT = Path(__file__).parent.parent
 
 
+def in_its_room(test: str) -> str:
+    """``test_ranks.py::test_...`` with the folder below tests/ in which its file lies, as pytest names it."""
+    file = next((ROOT / "tests").rglob(test.partition("::")[0]), None)
+    return test if file is None else str(file.parent.relative_to(ROOT) / test)
+
+
 @dataclass(frozen=True)
 class Mutant:
     """A mistake.
@@ -28,7 +34,7 @@ class Mutant:
         idea: the mistake in words; no two mutants share them.
         within: the function, or Class.method, to look in, where the module holds ``old`` more than once.
         ranks: the number of ranks on which it is tried; above 1 only tests that are marked mpi run.
-        tests: tests that are likely to notice it: ``ranks`` for tests/verification/test_ranks.py, or ``ranks::test_...`` in it.
+        tests: tests that are likely to notice it: ``ranks`` for test_ranks.py, or ``ranks::test_...`` in it.
         equivalent: why it changes no result, so that no test can notice it; "": it must be noticed.
     """
 
@@ -45,7 +51,7 @@ class Mutant:
     def named(self) -> list[str]:
         """``tests`` as pytest wants them."""
         parts = [name.partition("::") for name in self.tests]
-        return [f"tests/test_{file}.py{colons}{test}" for file, colons, test in parts]
+        return [f"{in_its_room(f'test_{file}.py')}{colons}{test}" for file, colons, test in parts]
 
     def path(self, package: Path) -> Path:
         """The file.

@@ -32,7 +32,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from stability.mistakes import MUTANTS, QUICK, ROOT, Mutant
+from stability.mistakes import MUTANTS, QUICK, ROOT, Mutant, in_its_room
 
 PAGE = ROOT / "docs" / "mutants.md"
 BEGIN, END = "<!-- written by make mutants -->", "<!-- end -->"
@@ -200,7 +200,7 @@ class Trials:
             raise SystemExit(f"the tests cannot be collected:\n{text}")
         self._tests = {line.strip() for line in text.splitlines() if "::" in line}
         files = {test.partition("::")[0] for test in self._tests} - set(_NOT_FOR_COPIES)
-        self._quick = [f"tests/test_{name}.py" for name in _FIRST if f"tests/test_{name}.py" in files]
+        self._quick = [path for name in _FIRST if (path := in_its_room(f"test_{name}.py")) in files]
         self._files = [*self._quick, *sorted(files - set(self._quick))]
         self._recorded = {idea: last for idea, last in recorded.items() if last[1] in self._tests}
 
@@ -333,7 +333,7 @@ def recorded_tests() -> dict[str, tuple[int, str]]:
     with contextlib.suppress(OSError):
         table = PAGE.read_text(encoding="utf-8").partition(BEGIN)[2].partition(END)[0]
         rows = re.findall(r"^\| (.*?) \| `.*?` \| (\d) \| `(test_.*?)` \|$", table.replace(r"\|", "\0"), re.MULTILINE)
-        return {idea.replace("\0", "|"): (int(n), f"tests/{test}".replace("\0", "|")) for idea, n, test in rows}
+        return {idea.replace("\0", "|"): (int(n), in_its_room(test.replace("\0", "|"))) for idea, n, test in rows}
     return {}
 
 
@@ -349,7 +349,7 @@ def table(fates: dict[str, Fate]) -> str:
     ]
     for mutant in MUTANTS:
         fate = fates[mutant.idea]
-        said = f"`{fate.by.removeprefix('tests/')}`" if "::" in fate.by else fate.by
+        said = f"`{re.sub('^tests/([a-z_]+/)?', '', fate.by)}`" if "::" in fate.by else fate.by
         if fate.fate == LIMIT:
             said = "a limit of time or memory"
         if fate.fate == SURVIVES:

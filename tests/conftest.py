@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 import time
+from pathlib import Path
 
 # Read where MPI starts: ranks that wait let others have the core.
 os.environ.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
@@ -23,9 +24,12 @@ from dolfinx import jit
 from hypothesis import given, settings
 from hypothesis.strategies import none
 from loaded_reader import LoadedReader
-from tiers import costly, slow_on
+from tiers import costly, node_of, slow_on
 
 from signorini_fx.mesh.files import reading
+
+# Tests take bodies and scenes from the files of other rooms.
+sys.path += sorted(str(room) for room in Path(__file__).parent.iterdir() if room.is_dir())
 
 # A shell ignores Ctrl-C in what it starts in the background; programs hand that on to those that the tests interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -56,7 +60,7 @@ def pytest_configure(config):
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
     """Mark the tests of ``slow_tests.txt``; what it lists of these files and is not there is kept for a test."""
-    there = {item.nodeid.removeprefix("tests/"): item for item in items}
+    there = {node_of(item): item for item in items}
     slow = slow_on([name for name, item in there.items() if item.get_closest_marker("mpi")], COMM.size)
     for name in slow & there.keys():
         there[name].add_marker("slow")

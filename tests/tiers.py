@@ -16,6 +16,7 @@ each function of the files that are about ranks.
 from __future__ import annotations
 
 import pickle
+import re
 import resource
 import subprocess
 import sys
@@ -49,7 +50,7 @@ class Test:
     """A test as it was measured.
 
     Attributes:
-        name: its node, without the folder ``tests``.
+        name: its node, without folders.
         seconds: CPU time, its fixtures included.
         lines: of the package, as numbers.
         on_ranks: whether it is marked mpi.
@@ -98,6 +99,11 @@ def _lines() -> list[str]:
     return [line for line in LIST.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
 
 
+def node_of(item: pytest.Item) -> str:
+    """A test by its file and name: files have different names, whichever folder they lie in."""
+    return f"{item.path.name}::{item.nodeid.partition('::')[2]}"
+
+
 def noticing() -> set[tuple[int, str]]:
     """Ranks and tests, or functions or files of them, that notice the mistakes of docs/mutants.md."""
     sys.path.insert(0, str(ROOT))
@@ -106,7 +112,7 @@ def noticing() -> set[tuple[int, str]]:
 
     recorded = recorded_tests()
     every = [[recorded[m.idea]] if m.idea in recorded else [(m.ranks, name) for name in m.named] for m in MUTANTS]
-    return {(ranks, name.removeprefix("tests/")) for tests in every for ranks, name in tests}
+    return {(ranks, re.sub("^tests/([a-z_]+/)?", "", name)) for tests in every for ranks, name in tests}
 
 
 def chosen(tests: list[Test], noticing: set[tuple[int, str]]) -> list[str]:
@@ -175,7 +181,7 @@ class Recorder:
         try:
             return (yield)
         finally:
-            name, on_ranks = item.nodeid.removeprefix("tests/"), item.get_closest_marker("mpi") is not None
+            name, on_ranks = node_of(item), item.get_closest_marker("mpi") is not None
             with self._file.open("ab") as stream:
                 pickle.dump((name, _seconds() - begin, on_ranks, self._new, sorted(self._run)), stream)
             self._new = []
@@ -194,7 +200,7 @@ def main(command: str, *files: str) -> int:
         return pytest.main(["-q", "-m", "not long", *files], [Recorder(MEASURED / f"{name}.pickle")])
     if command == "measure":
         MEASURED.mkdir(parents=True, exist_ok=True)
-        for file in files or sorted(map(str, (ROOT / "tests").glob("test_*.py"))):
+        for file in files or sorted(map(str, (ROOT / "tests").rglob("test_*.py"))):
             subprocess.run([sys.executable, __file__, command, file], cwd=ROOT, check=True)
         return 0
     tests = measured()

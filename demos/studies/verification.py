@@ -2,9 +2,9 @@
 
     ./env python3 demos/studies/verification.py
 
-References are formulae, balances of forces, or numbers of an independent program (tests/support/oracle.py: NumPy alone, no line
-shared with the package).  The exit code is 1 if a number is further from its reference than the tolerance says.  One
-rank, some seconds.
+References are formulae, balances of forces, or numbers of an independent program (tests/support/oracle.py: NumPy alone,
+no line shared with the package).  The exit code is 1 if a number is further from its reference than the tolerance says.
+One rank, some seconds.
 """
 
 from __future__ import annotations

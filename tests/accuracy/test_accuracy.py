@@ -8,6 +8,7 @@ import pytest
 import random_scenes
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scenes import example1, on_mesh, rectangle
 
 from signorini_fx import compat, parallel
 from signorini_fx.accuracy.price_list import predict
@@ -23,7 +24,6 @@ from signorini_fx.solving import to_accuracy
 from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.solver import solve
 from signorini_fx.studies.reference import Reference, divided
-from tests.scenes import example1, on_mesh, rectangle
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 FRICTION = {"tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3}}

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from effectivity import of_made_up
+from scenes import alone, example1
 
 from signorini_fx.accuracy import price_list as prices
 from signorini_fx.accuracy.force_error import force_error
@@ -14,7 +15,6 @@ from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.errors import SceneError
 from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving.solver import solve
-from tests.scenes import alone, example1
 
 
 def table(s, pressure):

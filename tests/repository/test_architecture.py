@@ -49,6 +49,15 @@ def uses(path, *packages, everywhere=True):
     return {name for name in found if any(f"{name}.".startswith(f"{package}.") for package in packages)}
 
 
+def test_tests_follow_the_rooms():
+    """Each file of tests lies in a folder that is named as a room of the package, or says what else is tested."""
+    rooms = {path.name for path in PACKAGE.iterdir() if path.is_dir()} | {"random_scenes", "repository", "verification"}
+    files = [path.relative_to(ROOT / "tests") for path in (ROOT / "tests").rglob("test_*.py")]
+    assert {file.parts[0] for file in files if len(file.parts) == 2} <= rooms
+    assert [file for file in files if len(file.parts) != 2] == []
+    assert len({file.name for file in files}) == len(files)
+
+
 def test_the_reader_of_imports_reads():
     """The checks below would notice: forms.py imports ufl, expressions.py imports dolfinx lazily."""
     assert uses(PACKAGE / "body" / "forms.py", "ufl") == {"ufl"}

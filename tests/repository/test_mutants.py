@@ -101,7 +101,9 @@ def test_table_is_read_as_it_is_written(tmp_path, monkeypatch):
     monkeypatch.setattr(mutants, "PAGE", page)
     some = MUTANTS[::20]
     monkeypatch.setattr(mutants, "MUTANTS", some)
-    fates = {mutant.idea: Fate(NOTICED, "tests/verification/test_ranks.py::test_a[x | y - z]", 2, 1.0) for mutant in some}
+    fates = {
+        mutant.idea: Fate(NOTICED, "tests/verification/test_ranks.py::test_a[x | y - z]", 2, 1.0) for mutant in some
+    }
     fates[some[1].idea] = Fate(SURVIVES, "", 1, 1.0)
     fates[some[2].idea] = Fate(LIMIT, "Killed", 1, 1.0)
     mutants.write_table(fates)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scenes import example1
 
 from signorini_fx import cli
 from signorini_fx.errors import SceneError
@@ -19,7 +20,6 @@ from signorini_fx.studies import conclusions, methods, work_precision
 from signorini_fx.studies.files import write_study
 from signorini_fx.studies.reference import Reference, on_mesh, reference_errors
 from signorini_fx.studies.work_precision import Study
-from tests.scenes import example1
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 SCENE = """
