@@ -5038,6 +5038,48 @@ MUTANTS = (
         "accuracy: the regularisation is subtracted from the bound twice",
         tests=("terms_of_proofs::test_the_regularisation_counts_once",),
     ),
+    Mutant(
+        "accuracy/integrated_loads",
+        "missed + missed_change",
+        "missed",
+        "bound: what linear functions miss of a load is known by one rule",
+        tests=("jumping_loads::test_what_linear_functions_miss_of_a_jump_that_nobody_knows",),
+    ),
+    Mutant(
+        "accuracy/integrated_loads",
+        "t.outward[edges[owners]]",
+        "t.outward[owners]",
+        "bound: pressures have normals of other edges",
+        tests=("jumping_loads::test_pressures_on_all_edges_of_a_triangle",),
+    ),
+    Mutant(
+        "results/equilibrium",
+        "slight = np.maximum(slight, ROUND_OFF * pieces.norms(pressed))",
+        "pass",
+        "certificate: contact forces that supports take have no round-off",
+        tests=("certificate::test_pressure_that_supports_take_has_round_off",),
+    ),
+    Mutant(
+        "results/equilibrium",
+        "force = np.maximum(force, joint)",
+        "pass",
+        "certificate: a body knows nothing of the round-off of the joint system",
+        tests=("certificate_of_pieces::test_round_off_of_the_other_body_is_no_fault",),
+    ),
+    Mutant(
+        "results/equilibrium",
+        "acting = [supports.left(loads), supports.left(balance.resisted)]",
+        "acting = [supports.left(loads)]",
+        "certificate: springs are no forces on a body",
+        tests=("certificate_of_pieces::test_a_body_between_a_support_and_springs",),
+    ),
+    Mutant(
+        "solving/preload",
+        "np.abs(wanted - force).max()",
+        "np.abs(wanted - force).min()",
+        "preload: one section that has its force is enough",
+        tests=("preload::test_all_sections_have_their_forces",),
+    ),
 )
 
 # Some from every module.

@@ -60,7 +60,7 @@ def on_edges(t: Triangles, edges: Ints, density: Density, values: list[Any]) -> 
         for _ in range(often):
             owners, fine = np.tile(owners, 2), halved(fine)
         begin, length = fine[:, 0, 1], fine[:, 1, 1] - fine[:, 0, 1]
-        s, w = begin[:, None] + length[:, None] * GAUSS[0], np.abs(length)[:, None] * GAUSS[1]
+        s, w = begin[:, None] + length[:, None] * GAUSS[0], length[:, None] * GAUSS[1]
         a, b = x[owners, 0][:, None], x[owners, 1][:, None]
         at = a + s[:, :, None] * (b - a)
         force = density(owners, BoundPoints(at, np.broadcast_to(t.outward[edges[owners]][:, None], at.shape)))

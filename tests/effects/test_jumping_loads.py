@@ -6,6 +6,8 @@ from mpi4py import MPI
 from scenes import alone, example1
 from test_safety import COULOMB, block, hub
 
+from signorini_fx.accuracy.integrated_loads import on_edges
+from signorini_fx.accuracy.triangles import Triangles
 from signorini_fx.check.checks import check_scene
 from signorini_fx.scene.cut_simplices import cut, halved
 from signorini_fx.scene.expressions import Expression
@@ -61,6 +63,34 @@ def test_what_is_no_expression_widens_the_bounds(place):
     assert 1e-4 < high - low < 0.05
     assert "quadrature of the loads" in solution.error_bound.assumed
     assert "quadrature of the loads" in str(solution.force_bounds("bottom", (0.0, 1.0)))
+
+
+@pytest.mark.parametrize("place", [0.22, 0.5, 0.78])
+def test_what_linear_functions_miss_of_a_jump_that_nobody_knows(place):
+    """Each of the rules has less than a step of height one leaves by itself; with what they differ by it is enough."""
+    side = Triangles(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.array([[0, 1, 2]]), np.ones((1, 2)))
+    (edge,) = np.flatnonzero((side.edges == [0, 1]).all(axis=1))
+
+    def step(_, points):
+        return (points.x < place) * [1.0, 0.0]
+
+    found = on_edges(side, np.array([edge]), step, [lambda x: x])
+    exact = place - place**2 - 3 * (place - place**2) ** 2  # without its mean and its slope
+    assert exact < found.missed[0] < 1.2 * exact
+
+
+def test_pressures_on_all_edges_of_a_triangle():
+    """Each has the normal of its own edge: that of a fluid below its level is its weight, by Gauss's theorem."""
+    x = np.array([[0.1, 0.0], [1.3, 0.4], [0.5, 0.9]])
+    t = Triangles(x, np.array([[0, 1, 2]]), np.ones((1, 2)))
+    depth = Expression("max(2 - x[1], 0)")
+
+    def pressure(_, points):
+        return -(2 - points.x[..., 1:]) * points.normal
+
+    edges = t.outer[::-1]
+    total = t.length[edges] @ on_edges(t, edges, pressure, [depth]).means
+    np.testing.assert_allclose(total, [0.0, t.area[0]], atol=1e-14)
 
 
 def test_a_body_force_that_jumps_inside_cells():

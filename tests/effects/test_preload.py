@@ -315,6 +315,29 @@ def seated(nx, **more):
     )
 
 
+def test_all_sections_have_their_forces():
+    """Of two bars that do not touch, the one that bends a gap closed needs more shortenings than the linear one."""
+    size = {"length": 3.0, "height": 1.0, "nx": 6, "ny": 4}
+    mesh = {"generator": "rectangle", "parameters": size}
+    plane = {"direction": [-1.0, 0.0]}
+    forces = {"plain": 5.0, "bent": 7.0}
+    scene = {
+        "body": [{"name": "plain", "mesh": mesh}, {"name": "bent", "mesh": mesh, "shift": [0.0, 2.0]}],
+        "material": {"young": YOUNG, "poisson": 0.3},
+        "displacement": [{"boundary": f"{name}.left", "x": 0.0, "y": 0.0} for name in forces],
+        "contact": [
+            {"boundary": "plain.right", "kind": "bilateral", **plane},
+            {"boundary": "bent.right", "gap": "0.02 * (x[1] - 2)", **plane},
+        ],
+        "preload": [
+            {"region": name, "point": [1.37, 0.0], "axis": [1.0, 0.0], "force": force} for name, force in forces.items()
+        ],
+    }
+    solution = solve(parse_scene(scene))
+    assert solution.converged
+    assert [section.force for section in solution.preloads] == pytest.approx(list(forces.values()), rel=1e-9)
+
+
 def frame_of(solution):
     """The mesh of a solution."""
     return solution.discretisation.tagged

@@ -82,6 +82,33 @@ def test_figures_do_not_depend_on_the_other_body():
         assert small.entered == pytest.approx(equal.entered, rel=1e-3, abs=1e-6)
 
 
+def test_round_off_of_the_other_body_is_no_fault():
+    """The unknowns of both are solved for at once: what is less than the last digit of the larger one is nothing."""
+    solution, rng = solved(1e-11, 2), np.random.default_rng(0)
+    last_digit = np.finfo(float).eps * np.abs(solution.displacement.x.array).max()
+    found = judged(solution, lambda y: y + 0.05 * last_digit * rng.standard_normal(y.shape))
+    assert 0 < found.equilibrium < CERTIFICATE_TOLERANCE
+    assert not found.unjudged
+
+
+def test_a_body_between_a_support_and_springs():
+    """Without loads and contact the springs alone say how large forces are, when they are wrong by a share."""
+    block = {"length": 2.0, "height": 1.0, "nx": 6, "ny": 3}
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": block},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "top", "x": 0.0, "y": -0.001},
+            "springs": {"boundary": "bottom", "x": 100.0, "y": 100.0},
+        }
+    )
+    solution = alone(scene)
+    stiffer = scene.springs[0].model_copy(update={"x": 100.0 * (1 + 1e-3), "y": 100.0 * (1 + 1e-3)})
+    other = scene.model_copy(update={"springs": (stiffer,)})
+    found = certify(other, solution.discretisation.tagged, solution.displacement, None, law=solution.certificate.law)
+    assert found.equilibrium == pytest.approx(1e-3, rel=0.01)
+
+
 def test_a_slender_body():
     """The clamp of a cantilever takes 100 times the load: a load that is wrong by 1e-5 is refused all the same."""
     scene = parse_scene(
