@@ -3822,7 +3822,7 @@ MUTANTS = (
         "round(at.reached + width / 2, _DIGITS)",
         "round(at.reached + at.increment, _DIGITS)",
         "ramp: the limit itself is tried again",
-        within="LoadPath.next",
+        within="Increments.next",
         tests=("ramp::test_the_limit_is_enclosed",),
     ),
     Mutant(

@@ -12,7 +12,6 @@ Any consistent units may be used: forces, lengths and stresses of one system.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from math import ceil, floor, log10
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar, get_origin
 
@@ -31,7 +30,7 @@ from signorini_fx.scene.effect import (
     keys,
     with_every_effect,
 )
-from signorini_fx.scene.load_steps import LoadSteps, factor_at
+from signorini_fx.scene.load_steps import LoadPath, LoadSteps, factor_at, time_at
 from signorini_fx.scene.settings import Accuracy, SolverSettings, Units
 from signorini_fx.scene.values import Finite, Positive, Selection, kind_of
 
@@ -368,17 +367,17 @@ class Scene(Table):
 
     def time_at(self, step: float) -> float:
         """The time of a place in the lists of factors, see ``scene.load_steps``."""
-        times = self.load_steps.times or tuple(map(float, range(1, self.steps + 1)))
-        time = factor_at(times, step)
-        if step == int(step):
-            return time
-        # Places have twelve digits: thirds that add up leave the last two uncertain.
-        span = times[-1] - min(times[0], 0.0)
-        return round(time, 10 - floor(log10(span)) if span > 0 else 10)
+        return time_at(self._times, step)
 
-    def name_at(self, step: float) -> str:
-        """The name of the load step that a place belongs to or that a ramp leads to; "" without names."""
-        return self.load_steps.names[ceil(step)] if self.load_steps.names else ""
+    @property
+    def _times(self) -> tuple[float, ...]:
+        return self.load_steps.times or tuple(map(float, range(1, self.steps + 1)))
+
+    @property
+    def path(self) -> LoadPath:
+        """The load steps, without the loads."""
+        names = self.load_steps.names or ()
+        return LoadPath(self._times, names, self.automatic_steps, from_nothing=self.grows_from_nothing)
 
     @property
     def sides(self) -> tuple[list[str], list[str | None] | None]:

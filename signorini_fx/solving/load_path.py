@@ -8,7 +8,8 @@ from math import floor
 
 from signorini_fx.attempts import step_limit
 from signorini_fx.records import Status
-from signorini_fx.scene.model import Scene
+from signorini_fx.scene.load_steps import LoadPath
+from signorini_fx.scene.settings import SolverSettings
 from signorini_fx.tuned import (
     EASY_STEP,
     ENCLOSED,
@@ -69,30 +70,31 @@ class Position:
         return self.begun == 1
 
 
-class LoadPath:
-    """Where a scene is on its way through its load steps; places are those of ``scene.load_steps``.
+class Increments:
+    """Where a problem is on its path through load steps; places are those of ``scene.load_steps``.
 
-    Without a ramp every factor is a load step, and one without a solution ends the way.  In a ramp its increment is
+    Without a ramp every time is a load step, and one without a solution ends the way.  In a ramp its increment is
     halved, until the load is enclosed between one with and one without a solution, or the attempts without one have
     taken as many linear solves as they may: the price of the end of a ramp is set by the way up to there.
 
     Args:
-        scene: the scene.
+        path: the load steps.
+        settings: of the solver.
+        has_coulomb: whether any friction bound depends on the contact pressure.
 
     Attributes:
         at: where it is.
     """
 
-    def __init__(self, scene: Scene) -> None:
-        self._last, self._time = scene.steps - 1, scene.time_at
-        self._iterations = scene.solver.max_iterations
+    def __init__(self, path: LoadPath, settings: SolverSettings, *, has_coulomb: bool) -> None:
+        self._last, self._time = len(path.times) - 1, path.time_at
+        self._iterations = settings.max_iterations
         self._step_limit = step_limit(self._iterations)
-        self._divided = scene.automatic_steps
+        self._divided = path.steps
         # The first of several factors is reached in one step, whose law is static.
-        self._from_nothing = scene.grows_from_nothing
+        self._from_nothing = path.from_nothing
         self._nominal = 1.0 if self._divided is None else 1.0 / self._divided
-        settings = scene.solver
-        self._may_augment = scene.has_coulomb and settings.fallbacks and settings.algorithm != "alm"
+        self._may_augment = has_coulomb and settings.fallbacks and settings.algorithm != "alm"
         self._begin = Position(increment=self._nominal if self._from_nothing else 1.0)
         self.at = self._begin
 

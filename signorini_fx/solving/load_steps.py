@@ -25,7 +25,7 @@ from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import carried, relative_to
 from signorini_fx.results.tool_motion import ToolMotion, motions_of
 from signorini_fx.scene.model import Scene
-from signorini_fx.solving.load_path import LoadPath
+from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.loose_bodies import explained
 from signorini_fx.solving.restart import MeshCheckpoint
 
@@ -64,7 +64,7 @@ def load_step(
     start: Start,
     last: PreviousStep | None,
     timings: Timings,
-    path: LoadPath,
+    path: Increments,
     renew: Callable[[Discretisation], Task],
 ) -> LoadStep:
     """Solve the next load step, in a ramp for smaller and smaller increments until one of them has a solution.
@@ -88,7 +88,7 @@ def load_step(
         )
         if scene.several_steps:
             history.add(
-                StepRecord(step_start.step + 1, scene.name_at(step_start.place), scene.time_at(step_start.place))
+                StepRecord(step_start.step + 1, scene.path.name_at(step_start.place), scene.time_at(step_start.place))
             )
         history.move(step=step_start.step + 1, steps=scene.steps)
         reason: Finding | None = None
@@ -129,7 +129,7 @@ def load_step(
     )[-1]
 
 
-def _load_at(d: Discretisation, task: Task, start: Start, path_step: float, path: LoadPath) -> Nodal:
+def _load_at(d: Discretisation, task: Task, start: Start, path_step: float, path: Increments) -> Nodal:
     """The factors of the load cases at a place; where statics proves within a ramp that its load is the largest one, a
     little beyond: which loads a ramp tries is arbitrary, and at the limit itself round-off would decide; collective.
     """
@@ -204,7 +204,7 @@ def on_moved_foundations(
     return task, replace(begun, data=data), relative_to(last, moved.boundary, drift)
 
 
-def _goes_on(path: LoadPath, failed: StepResult) -> bool:
+def _goes_on(path: Increments, failed: StepResult) -> bool:
     """Whether a smaller increment is to be tried after a load step without a solution."""
     status, solves = failed.status, failed.linear_solves
     return not path.begins_again(status, solves) and path.shorten(status, solves)
@@ -217,7 +217,7 @@ def recalled_step(
     last: PreviousStep | None,
     timings: Timings,
     level_checkpoint: MeshCheckpoint,
-    path: LoadPath,
+    path: Increments,
     renew: Callable[[Discretisation], Task],
 ) -> LoadStep | None:
     """The next load step as an earlier run has left it; None if it is not there, or is no solution."""
@@ -303,7 +303,7 @@ def step_result(
         step=number + 1,
         place=path_step,
         time=scene.time_at(path_step),
-        name=scene.name_at(path_step),
+        name=scene.path.name_at(path_step),
         status=status,
         displacement=displacement,
         contact=contact,

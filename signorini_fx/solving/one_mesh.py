@@ -36,7 +36,7 @@ from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving import fewer_nodes
-from signorini_fx.solving.load_path import LoadPath
+from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.load_steps import LoadStep, judged, load_step, recalled_step, step_result
 from signorini_fx.solving.nested import carry_over
 from signorini_fx.solving.restart import MeshCheckpoint
@@ -125,7 +125,7 @@ def solve_contact(
     """
     history, path, progress, first = (
         task.history,
-        LoadPath(discretisation.scene),
+        _increments(discretisation.scene),
         _StepProgress(start),
         (discretisation, task),
     )
@@ -217,12 +217,16 @@ class _StepProgress:
         self.start = step.outcome.next_step(step.start)
 
 
+def _increments(scene: Scene) -> Increments:
+    return Increments(scene.path, scene.solver, has_coulomb=scene.has_coulomb)
+
+
 def _marks(history: History) -> tuple[int, int, int]:
     """Numbers of linear solves, regularised problems and events so far."""
     return history.linear_solves, len(history.outer), len(history.events)
 
 
-def _to_begin_again(path: LoadPath, result: StepResult) -> Attempt | None:
+def _to_begin_again(path: Increments, result: StepResult) -> Attempt | None:
     """Why a ramp begins again after a load step; None: it does not."""
     if path.begins_again(result.status, result.linear_solves):
         return RAMP_BY_AUGMENTATION
@@ -281,11 +285,11 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
         system.configure(ksp, symmetric=True)
         ksp.setFromOptions()
         x = system.start.copy()
-    scene, path = discretisation.scene, LoadPath(discretisation.scene)
+    scene, path = discretisation.scene, _increments(discretisation.scene)
     while not path.ended:
         path_step = path.next
         if scene.several_steps:
-            history.add(StepRecord(len(steps) + 1, scene.name_at(path_step), scene.time_at(path_step)))
+            history.add(StepRecord(len(steps) + 1, scene.path.name_at(path_step), scene.time_at(path_step)))
         with timings.phase("iterate"):
             system.set_load(discretisation.load(system, path_step))
             status = Status.NOT_HELD

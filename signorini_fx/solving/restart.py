@@ -22,7 +22,7 @@ from signorini_fx.problem.exact import ExactProblem
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings, as_rows
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import StepResult
-from signorini_fx.solving.load_path import LoadPath
+from signorini_fx.solving.load_path import Increments
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Recalled:
     seconds: dict[str, float]
     joint: JointPressure | None = None
 
-    def accept(self, history: History, timings: Timings, path: LoadPath) -> None:
+    def accept(self, history: History, timings: Timings, path: Increments) -> None:
         """Take it for a load step of this run."""
         history.recall(self.iterations, self.outer, self.events)
         # The seconds of the earlier run are counted once, with the last step that was recalled from it.
@@ -100,7 +100,7 @@ class MeshCheckpoint:
         start: Start,
         outcome: Outcome,
         result: StepResult,
-        path: LoadPath,
+        path: Increments,
         timings: Timings,
         marks: tuple[int, int, int],
     ) -> None:

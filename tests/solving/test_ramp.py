@@ -10,7 +10,7 @@ from scenes import alone
 from test_load_steps import LENGTH, LIMIT, PRESSURE, block, friction_force
 
 from signorini_fx.cli import main
-from signorini_fx.errors import SceneError
+from signorini_fx.errors import FormError, SceneError
 from signorini_fx.pictures.load_steps import load_steps
 from signorini_fx.pictures.moving_body import MOST_FRAMES, shown
 from signorini_fx.records import Status, StepRecord
@@ -18,10 +18,10 @@ from signorini_fx.report.page import write_report
 from signorini_fx.results.files import write_results
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.summary import render, table_row
-from signorini_fx.scene.load_steps import factor_at
+from signorini_fx.scene.load_steps import LoadPath, factor_at
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.scene.settings import SolverSettings
-from signorini_fx.solving.load_path import LoadPath
+from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.solver import solve
 from signorini_fx.tuned import EASY_STEP, ENCLOSED, FAILED_RAMP, FAILED_STEP
 
@@ -34,6 +34,10 @@ def ramp(push, steps=10, *, factors=(0.0, 1.0), nx=30, friction=None, load_steps
         "load_steps": {"steps": steps, "times": list(map(float, range(len(factors))))} | (load_steps or {}),
     }
     return block(nx, scene, **solver)
+
+
+def increments(scene):
+    return Increments(scene.path, scene.solver, has_coulomb=scene.has_coulomb)
 
 
 def test_factors_between_load_steps():
@@ -51,6 +55,32 @@ def test_times_have_no_digits_of_round_off(times, third):
     scene = ramp(0.5, 3, load_steps={"times": list(times)})
     assert repr(scene.time_at(0.333333333334)) == third
     assert [scene.time_at(place) for place in (0.0, 1.0)] == list(times)
+
+
+def test_a_path_without_a_scene():
+    """Times and names of places between load steps, as a scene has them."""
+    path, scene = LoadPath((0.5, 2.0), ("press", "push"), steps=2, from_nothing=True), ramp(0.5)
+    assert [path.time_at(place) for place in (-0.5, 0.0, 0.5)] == [0.25, 0.5, 1.25]
+    assert [path.name_at(place) for place in (-0.5, 0.0, 0.5)] == ["press", "press", "push"]
+    assert scene.path == LoadPath((0.0, 1.0), steps=10)
+    assert walk(Increments(path, SolverSettings(), has_coulomb=False), 9.0) == [-0.5, 0.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"times": ()}, "times"),
+        ({"times": (1.0, 1.0)}, "increase"),
+        ({"times": (0.0, np.inf)}, "finite"),
+        ({"times": (1.0, 2.0), "names": ("push",)}, "1 entries"),
+        ({"times": (1.0,), "steps": 0}, "whole number"),
+        ({"times": (1.0,), "from_nothing": True}, "give steps"),
+        ({"times": (0.0, 1.0), "steps": 2, "from_nothing": True}, "positive"),
+    ],
+)
+def test_bad_paths(arguments, message):
+    with pytest.raises(FormError, match=message):
+        LoadPath(**arguments)
 
 
 # --- a limit load ----------------------------------------------------------------------------------------------------
@@ -152,7 +182,7 @@ def walk(path, limit, solves=2, most=200):
 @pytest.mark.parametrize("limit", [1e-3, 0.0101, 0.3, 0.55555, 0.999, 2 / 3])
 def test_the_limit_is_enclosed(limit):
     """The last place with a solution is within 1 % below the limit, the last one without within 1 % above."""
-    path = LoadPath(ramp(1.0))
+    path = increments(ramp(1.0))
     tried = walk(path, limit)
     assert 0.99 * limit <= path.reached <= limit < tried[-1] <= 1.01 * limit
     assert len(tried) < 60
@@ -160,27 +190,27 @@ def test_the_limit_is_enclosed(limit):
 
 def test_easy_steps_become_larger():
     """After two easy ones the increment is doubled, and never more than that."""
-    assert walk(LoadPath(ramp(1.0)), 2.0) == pytest.approx([0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0])
-    assert walk(LoadPath(ramp(1.0)), 2.0, solves=1000) == pytest.approx([0.0, *np.linspace(0.1, 1.0, 10)])
+    assert walk(increments(ramp(1.0)), 2.0) == pytest.approx([0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0])
+    assert walk(increments(ramp(1.0)), 2.0, solves=1000) == pytest.approx([0.0, *np.linspace(0.1, 1.0, 10)])
 
 
 def test_what_no_increment_changes():
     """A body that nothing holds, or no linear solver solves, ends the ramp at once, as does the first of several
     factors; near a limit load the linear solver fails because of the load.
     """
-    path = LoadPath(ramp(1.0))
+    path = increments(ramp(1.0))
     assert not path.shorten(Status.SLIDES)
     path.advance(2)
     assert path.shorten(Status.LINEAR_SOLVER)
     assert path.shorten(Status.CYCLING)
-    from_nothing = LoadPath(block(6, {"traction": {"boundary": "top", "y": -1.0}, "load_steps": {"steps": 2}}))
+    from_nothing = increments(block(6, {"traction": {"boundary": "top", "y": -1.0}, "load_steps": {"steps": 2}}))
     assert not from_nothing.shorten(Status.NOT_HELD)
     assert not from_nothing.shorten(Status.LINEAR_SOLVER)
     assert from_nothing.shorten(Status.SLIDES)
 
 
 def test_without_a_ramp_every_factor_is_a_step():
-    path = LoadPath(ramp(1.0, None, factors=(0.0, 0.2, 1.0, 0.5)))
+    path = increments(ramp(1.0, None, factors=(0.0, 0.2, 1.0, 0.5)))
     assert walk(path, 9.0) == [0.0, 1.0, 2.0, 3.0]
     assert not path.shorten(Status.SLIDES)
 
@@ -206,7 +236,7 @@ def test_the_end_of_a_ramp_has_a_price(limit, wasted):
     """Where nothing proves that a load is too large, the attempts beyond the limit take no more than four times what
     the load steps up to it have taken, and the bracket says whether it was enough.
     """
-    path = LoadPath(ramp(1.0))
+    path = increments(ramp(1.0))
     below, beyond = end_of(path, limit, 15, wasted)
     assert beyond <= FAILED_RAMP * max(below, 10 * EASY_STEP)
     enclosed = path.at.failed - path.reached <= ENCLOSED * path.reached
@@ -217,14 +247,14 @@ def test_the_end_of_a_ramp_has_a_price(limit, wasted):
 
 def test_what_is_proved_has_no_price():
     """Nor does it need the fall-backs."""
-    path = LoadPath(ramp(1.0))
+    path = increments(ramp(1.0))
     assert end_of(path, 0.3, 15, 10**6, proved=True)[1] == 0
     assert path.reached >= 0.99 * 0.3
 
 
 def test_the_last_attempt_of_a_ramp_has_all_fall_backs():
     """Before it smaller increments are cheaper; if it finds a solution the others are not trusted any more."""
-    path = LoadPath(ramp(1.0))
+    path = increments(ramp(1.0))
     assert not path.without_fall_backs  # the first factor is reached in one step
     path.advance(15)
     tried = []
@@ -233,7 +263,7 @@ def test_the_last_attempt_of_a_ramp_has_all_fall_backs():
         if not path.shorten(Status.CYCLING, 1):
             break
     assert tried == [True] * (len(tried) - 1) + [False]
-    again = LoadPath(ramp(1.0))
+    again = increments(ramp(1.0))
     again.advance(15)
     while again.without_fall_backs:
         assert again.shorten(Status.CYCLING, 1)
@@ -244,7 +274,7 @@ def test_the_last_attempt_of_a_ramp_has_all_fall_backs():
 
 def test_a_place_that_has_failed_twice_is_a_limit():
     """From two starts; a place that has failed once is tried again from half the way."""
-    path = LoadPath(ramp(1.0))
+    path = increments(ramp(1.0))
     path.advance(15)
     assert path.shorten(Status.CYCLING, 1)
     path.advance(15)
@@ -257,7 +287,7 @@ def test_a_place_that_has_failed_twice_is_a_limit():
 
 def test_below_a_limit_no_place_is_tried_twice():
     """Once a place is known to have no solution, one below it that has failed is approached by halves."""
-    path = LoadPath(ramp(1.0))
+    path = increments(ramp(1.0))
     path.advance(15)
     assert path.shorten(Status.TIPS, 0)
     assert path.shorten(Status.CYCLING, 1)
@@ -270,7 +300,7 @@ def test_the_price_of_a_ramp():
     """What its load steps have taken together sets what attempts without a solution may take: half of it before the
     last one, and each a multiple of the load step before.
     """
-    path = LoadPath(ramp(1.0))
+    path = increments(ramp(1.0))
     for _ in range(3):
         path.advance(1000)
     whole = FAILED_RAMP * 3000
@@ -280,14 +310,14 @@ def test_the_price_of_a_ramp():
     assert path.shorten(Status.CYCLING, 2 * EASY_STEP)
     assert not path.without_fall_backs
     assert path.allowed == whole - whole // 2
-    from_nothing = LoadPath(block(6, {"traction": {"boundary": "top", "y": -1.0}, "load_steps": {"steps": 2}}))
+    from_nothing = increments(block(6, {"traction": {"boundary": "top", "y": -1.0}, "load_steps": {"steps": 2}}))
     assert from_nothing.allowed == FAILED_STEP * SolverSettings.model_fields["max_iterations"].default
 
 
 @pytest.mark.parametrize("hard", [False, True])
 def test_a_ramp_that_begins_again(hard):
     """First with augmentation; if that comes less far, without, as far as before, and on with what is left."""
-    path, solves = LoadPath(ramp(1.0)), 100
+    path, solves = increments(ramp(1.0)), 100
     for _ in range(4):
         path.advance(EASY_STEP)
     known = path.next if hard else path.reached
@@ -312,7 +342,7 @@ def test_a_ramp_that_begins_again(hard):
 
 def test_augmentation_that_comes_as_far_is_kept():
     """A ramp begins again without it only if it would lose a load step."""
-    path = LoadPath(ramp(1.0))
+    path = increments(ramp(1.0))
     path.advance(EASY_STEP)
     path.advance(EASY_STEP)
     path.begin_again(Status.CYCLING, 100)
@@ -324,7 +354,7 @@ def test_augmentation_that_comes_as_far_is_kept():
 
 def test_a_place_that_was_passed_is_no_limit():
     """It has a solution after all."""
-    path = LoadPath(ramp(1.0))
+    path = increments(ramp(1.0))
     path.advance(15)
     assert path.shorten(Status.CYCLING, 1)
     assert path.bracket is not None
@@ -337,9 +367,9 @@ def test_a_place_that_was_passed_is_no_limit():
 @pytest.mark.parametrize("seed", range(6))
 def test_a_path_goes_on_as_it_was(seed):
     """From what is stored at any moment, it chooses what it would have chosen without a restart."""
-    rng, path = np.random.default_rng(seed), LoadPath(ramp(1.0))
+    rng, path = np.random.default_rng(seed), increments(ramp(1.0))
     for _ in range(60):
-        again = LoadPath(ramp(1.0))
+        again = increments(ramp(1.0))
         again.resume(json.loads(json.dumps(path.stored())))
         solved, solves, status = rng.random() < 0.6, int(rng.integers(1, 40)), rng.choice([Status.CYCLING, Status.TIPS])
         for one in (path, again):

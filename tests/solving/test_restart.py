@@ -30,7 +30,7 @@ from signorini_fx.results.files import write_results
 from signorini_fx.results.folder import CHECKPOINT
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving import load_steps, one_mesh
-from signorini_fx.solving.load_path import LoadPath
+from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.solver import solve
@@ -438,7 +438,8 @@ def test_all_that_belongs_to_a_load_step(tmp_path, text, exact):
     result = SimpleNamespace(displacement=d.from_rest(task.rest, outcome.displacement()))
     start = replace(task.start, place=0.5)
     stored = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=False)
-    MeshCheckpoint(stored, 0).store(d, task, start, outcome, result, LoadPath(given), Timings(), (0, 0, 0))
+    path = Increments(given.path, given.solver, has_coulomb=given.has_coulomb)
+    MeshCheckpoint(stored, 0).store(d, task, start, outcome, result, path, Timings(), (0, 0, 0))
     again = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=True)
     found = MeshCheckpoint(again, 0).recall(d, tasks[1], tasks[1].start)
     assert found.start.place == 0.5
