@@ -50,7 +50,18 @@ CORE = ("algorithms", "problem", "linalg", "contact")
 TOP_LEVEL = {
     "cli": ("__main__",),
     "ground": (
-        *("attempts", "compat", "csv_text", "display", "manifest", "method", "parallel", "petsc_start", "records"),
+        *(
+            "attempts",
+            "compat",
+            "csv_text",
+            "display",
+            "extensions",
+            "manifest",
+            "method",
+            "parallel",
+            "petsc_start",
+            "records",
+        ),
         *("scales", "tuned", "units"),
     ),
     "errors": ("errors",),

@@ -121,6 +121,8 @@ LAGGED_SHARE = 1e-13
 KRYLOV_TOLERANCE, INEXACT_TOLERANCE = 1e-11, 0.03
 # Steps of a Krylov method at most.  Choice: ten times as many as it was seen to take.
 KRYLOV_STEPS = 1000
+# Share of the right-hand side that FGMRES may leave where it breaks down; exact solves leave 1e-12 to 1e-9.
+BROKEN_DOWN = 1e-7
 # A mesh is a level of multigrid for another one whose cells are between these many times smaller: more levels of
 # nearly the same size cost more than they help, and smoothing cannot bridge more.  Choice.
 FINER_LEVELS = (1.5, 3.0)

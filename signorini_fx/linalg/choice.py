@@ -15,6 +15,7 @@ from signorini_fx.linalg.elasticity import Elasticity
 from signorini_fx.linalg.factorisation import can_factorise, enough_memory, factor_memory, has_package
 from signorini_fx.linalg.full import FullSystem
 from signorini_fx.linalg.krylov import KrylovSystem
+from signorini_fx.linalg.user_solver import UserSystem
 from signorini_fx.tuned import (
     FEWEST_CONDENSED_UNKNOWNS,
     FEWEST_KRYLOV_UNKNOWNS,
@@ -62,10 +63,12 @@ def choose_system(elasticity: Elasticity, size: SystemSize, requested: str) -> t
     Args:
         elasticity: what it is made of.
         size: its figures.
-        requested: ``full``, ``krylov``, ``condensed`` or ``auto``.
+        requested: ``full``, ``krylov``, ``condensed``, ``auto``, or the name of a solver of another package.
     """
     kind, reason = choose_kind(size, requested)
     try:
+        if kind not in _KINDS:
+            return UserSystem.named(kind, elasticity), f"{kind}: {reason}"
         return _KINDS[kind](elasticity), f"{kind}: {reason}"
     except PETSc.Error:
         if kind != "condensed":
@@ -74,14 +77,14 @@ def choose_system(elasticity: Elasticity, size: SystemSize, requested: str) -> t
 
 
 def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:
-    """``full``, ``krylov`` or ``condensed``, and the reason; collective.
+    """``full``, ``krylov``, ``condensed`` or the name of another one, and the reason; collective.
 
     Args:
         size: of the system; without contact there is nothing to condense onto.
         requested: as for ``choose_system``.
     """
-    if requested == "krylov":
-        return "krylov", "as asked for"
+    if requested not in ("auto", "full", "condensed"):
+        return requested, "as asked for"
     if size.retained and not size.held:
         return "full", "the contact does not reach every piece of the body that supports do not hold"
     if size.enclosed:

@@ -14,6 +14,7 @@ from pydantic import (
     model_validator,
 )
 
+from signorini_fx.extensions import LINEAR_SOLVERS, names_of
 from signorini_fx.method import Settings
 from signorini_fx.scene.base import Table
 from signorini_fx.scene.values import (
@@ -26,6 +27,12 @@ from signorini_fx.scene.values import (
     share,
     value,
 )
+
+
+def known_linear_algebra() -> tuple[str, ...]:
+    """What a scene can name as ``solver.linear_algebra``; the kinds of this package are first, and keep their names."""
+    kinds = ("auto", "full", "krylov", "condensed")
+    return (*kinds, *(name for name in names_of(LINEAR_SOLVERS) if name not in kinds))
 
 
 class Box(Table):
@@ -47,6 +54,13 @@ class Box(Table):
         if not interval[0] <= interval[1]:
             raise ValueError(f"an interval [low, high] is expected, got {list(interval)}")
         return interval
+
+
+def _linear_algebra(kind: str) -> str:
+    names = known_linear_algebra()
+    if kind not in names:
+        raise ValueError(f"{', '.join(map(repr, names))} are known, not {kind!r}")
+    return kind
 
 
 class SolverSettings(Table):
@@ -74,7 +88,8 @@ class SolverSettings(Table):
             the discretisation error.
         linear_algebra: ``full`` (all unknowns, sparse factorisation), ``krylov`` (all unknowns, CG or FGMRES with
             algebraic multigrid), ``condensed`` (the contact nodes only, dense; on several ranks in the plane), ``auto``
-            (krylov for large bodies in space, condensed where it is cheaper than full).
+            (krylov for large bodies in space, condensed where it is cheaper than full), or the name of a linear solver
+            of another package, see ``linalg.user_solver``.
         levels: meshes of a nested iteration, each with elements half as large as the previous one; the last is the mesh
             of the scene, which must come from a generator.
         max_iterations: linear solves allowed for one regularised problem.
@@ -101,7 +116,7 @@ class SolverSettings(Table):
     gamma_factor: Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True), AfterValidator(bounded)] = 1.0
     inner_iterations: Annotated[int | Literal["auto"], BeforeValidator(count_or_auto)] = "auto"
     regularisation_error: Automatic = "auto"
-    linear_algebra: Literal["auto", "full", "krylov", "condensed"] = "auto"
+    linear_algebra: Annotated[str, AfterValidator(_linear_algebra)] = "auto"
     levels: Annotated[int, Field(ge=1, le=12, strict=True)] = 1
     max_iterations: Count = Settings.max_iterations
     max_outer_iterations: Count = Settings.max_outer_iterations

@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from signorini_fx.scene.effect import PACKAGE, keys
 from signorini_fx.scene.generators import known_generators
 from signorini_fx.scene.model import Scene
+from signorini_fx.scene.settings import known_linear_algebra
 from signorini_fx.scene.validation import tables
 
 
@@ -35,6 +36,7 @@ def scene_schema() -> dict[str, Any]:
     material = schema["$defs"]["LinearElastic"]
     material["anyOf"] = [{"required": ["young", "poisson"]}, {"required": ["orthotropic"]}]
     schema["$defs"]["MeshGenerator"]["properties"]["generator"]["enum"] = list(known_generators())
+    schema["$defs"]["SolverSettings"]["properties"]["linear_algebra"]["enum"] = list(known_linear_algebra())
     schema["required"].remove("mesh")  # where there are bodies
     for name, field in model.model_fields.items():
         one_or_many = schema["properties"][name]

@@ -1,0 +1,53 @@
+"""What other packages add to this one: objects that they name as entry points, or that a program registers.
+
+A group of entry points holds objects of one kind, and its page of the documentation says what they must have.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.metadata import entry_points
+from typing import Any
+
+from signorini_fx.errors import InstallationError
+
+LINEAR_SOLVERS = "signorini_fx.linear_solvers"
+_registered: dict[str, dict[str, Any]] = {}
+
+
+def register(group: str, name: str, extension: Any) -> None:
+    """Make an object of this program known under a name, as an entry point of an installed package would be.
+
+    Args:
+        group: such as ``"signorini_fx.linear_solvers"``.
+        name: by which scenes and settings name it; an older one of the same name is replaced.
+        extension: the object.
+    """
+    _registered.setdefault(group, {})[name] = extension
+
+
+def names_of(group: str) -> tuple[str, ...]:
+    """The names in a group, ascending."""
+    return tuple(sorted({*_installed(group), *_registered.get(group, {})}))
+
+
+def load(group: str, name: str) -> Any:
+    """The object of a name in ``names_of``.
+
+    Raises:
+        InstallationError: it cannot be imported.
+    """
+    if name in _registered.get(group, {}):
+        return _registered[group][name]
+    entry = _installed(group)[name]
+    try:
+        return entry.load()
+    except Exception as error:
+        package = "" if entry.dist is None else f" of {entry.dist.name}"
+        raise InstallationError(f"{name!r}, {entry.value}{package}, cannot be imported: {error}") from error
+
+
+@cache
+def _installed(group: str) -> dict[str, Any]:
+    """To look through all packages takes milliseconds, once."""
+    return {entry.name: entry for entry in entry_points(group=group)}
