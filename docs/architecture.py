@@ -30,6 +30,7 @@ LAYERS = (
     "report",
     "pictures",
     "accuracy",
+    "bounds",
     "body",
     "pairs",
     "meshes",

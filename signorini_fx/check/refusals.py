@@ -6,9 +6,9 @@ otherwise be noticed only on the way to the first solution.
 
 from __future__ import annotations
 
-from signorini_fx.accuracy.bounded_scene import Refused, refuse_unknown
 from signorini_fx.body import contact_data
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.bounds.bounded_scene import Refused, refuse_unknown
 from signorini_fx.errors import SceneError
 
 

@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.accuracy.bounded_error import ErrorBound
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.bounds.bounded_error import ErrorBound
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.results.contact_stiffness import contact_stiffness
 from signorini_fx.results.uniqueness import components, critical

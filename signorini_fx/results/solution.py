@@ -31,7 +31,7 @@ from signorini_fx.scene.effect import SectionJump
 from signorini_fx.scene.model import Scene
 
 if TYPE_CHECKING:
-    from signorini_fx.accuracy.bounded_error import ErrorBound, Interval
+    from signorini_fx.bounds.bounded_error import ErrorBound, Interval
     from signorini_fx.results.fixed_point import FixedPoint
     from signorini_fx.results.sections import SectionForce
     from signorini_fx.results.uniqueness import Uniqueness
@@ -254,7 +254,7 @@ class Solution:
     @cached_property
     def error_bound(self) -> ErrorBound | str | None:
         """A guaranteed bound of the error, or why there is none; None if this is no solution; collective."""
-        from signorini_fx.accuracy.error_bound import error_bound
+        from signorini_fx.bounds.error_bound import error_bound
 
         if not self.converged:
             return None
@@ -279,7 +279,7 @@ class Solution:
             boundary: its name.
             direction: any vector; a unit one gives a length.
         """
-        from signorini_fx.accuracy.quantity_bounds import mean_displacement
+        from signorini_fx.bounds.quantity_bounds import mean_displacement
 
         if not self.converged:
             return "there is no solution"
@@ -296,7 +296,7 @@ class Solution:
             boundary: its name.
             direction: any vector; a unit one gives the force along it.
         """
-        from signorini_fx.accuracy.quantity_bounds import force
+        from signorini_fx.bounds.quantity_bounds import force
 
         if not self.converged:
             return "there is no solution"

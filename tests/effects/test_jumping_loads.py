@@ -6,8 +6,8 @@ from mpi4py import MPI
 from scenes import alone, example1
 from test_safety import COULOMB, block, hub
 
-from signorini_fx.accuracy.integrated_loads import on_edges
-from signorini_fx.accuracy.triangles import Triangles
+from signorini_fx.bounds.integrated_loads import on_edges
+from signorini_fx.bounds.triangles import Triangles
 from signorini_fx.check.checks import check_scene
 from signorini_fx.scene.cut_simplices import cut, halved
 from signorini_fx.scene.expressions import Expression

@@ -8,7 +8,7 @@ from matplotlib.tri import Triangulation
 from mpi4py import MPI
 from scenes import alone
 
-from signorini_fx.accuracy.error_bound import Bounded, error_bound
+from signorini_fx.bounds.error_bound import Bounded, error_bound
 from signorini_fx.errors import SignoriniError
 from signorini_fx.mesh.refinement import refine
 from signorini_fx.mesh.tagged import load_mesh

@@ -7,8 +7,8 @@ from dolfinx import mesh as dmesh
 from scenes import alone
 from spaces import box
 
-from signorini_fx.accuracy.error_bound_in_space import BoundedInSpace
-from signorini_fx.accuracy.tetrahedra import TWICE
+from signorini_fx.bounds.error_bound_in_space import BoundedInSpace
+from signorini_fx.bounds.tetrahedra import TWICE
 from signorini_fx.errors import SignoriniError
 from signorini_fx.mesh.refinement import refine
 from signorini_fx.scene.reading import parse_scene

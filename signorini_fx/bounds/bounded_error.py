@@ -7,8 +7,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from signorini_fx.accuracy.arrays import Array, Ints
-from signorini_fx.accuracy.bounded_scene import Refused
+from signorini_fx.bounds.arrays import Array, Ints
+from signorini_fx.bounds.bounded_scene import Refused
 
 _EPS = float(np.finfo(float).eps)
 # Share of displacements and forces below which they are round-off.

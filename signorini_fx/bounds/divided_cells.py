@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from signorini_fx.accuracy.arrays import Array, Ints
-from signorini_fx.accuracy.local_stress import LocalStress
-from signorini_fx.accuracy.triangles import Triangles
+from signorini_fx.bounds.arrays import Array, Ints
+from signorini_fx.bounds.local_stress import LocalStress
+from signorini_fx.bounds.triangles import Triangles
 
 
 class DividedCells:

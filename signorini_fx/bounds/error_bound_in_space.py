@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from signorini_fx.accuracy.arrays import Array, Ints
-from signorini_fx.accuracy.bounded_error import (
+from signorini_fx.bounds.arrays import Array, Ints
+from signorini_fx.bounds.bounded_error import (
     ROUND_OFF,
     SAME_LENGTH,
     UNBALANCED,
@@ -20,12 +20,12 @@ from signorini_fx.accuracy.bounded_error import (
     small_rests,
     work_of_loads,
 )
-from signorini_fx.accuracy.bounded_scene import Refused
-from signorini_fx.accuracy.cell_pieces import free_motions, of_each_piece
-from signorini_fx.accuracy.linear_displacement import PrescribedComponents, smallest_energy
-from signorini_fx.accuracy.stress_in_space import SpatialEquilibratedStress, SpatialLoads, equilibrated
-from signorini_fx.accuracy.tetrahedra import FACES, TWICE, Tetrahedra
-from signorini_fx.accuracy.tetrahedral import (
+from signorini_fx.bounds.bounded_scene import Refused
+from signorini_fx.bounds.cell_pieces import free_motions, of_each_piece
+from signorini_fx.bounds.linear_displacement import PrescribedComponents, smallest_energy
+from signorini_fx.bounds.stress_in_space import SpatialEquilibratedStress, SpatialLoads, equilibrated
+from signorini_fx.bounds.tetrahedra import FACES, TWICE, Tetrahedra
+from signorini_fx.bounds.tetrahedral import (
     GAUSS,
     WEIGHTS,
     FacesInContact,

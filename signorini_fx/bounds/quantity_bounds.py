@@ -22,16 +22,16 @@ from __future__ import annotations
 import numpy as np
 from dolfinx import fem
 
-from signorini_fx.accuracy.arrays import Array, Ints
-from signorini_fx.accuracy.bounded_error import ROUND_OFF, SAME_LENGTH, Interval
-from signorini_fx.accuracy.bounded_scene import Refused
-from signorini_fx.accuracy.cell_pieces import free_motions, of_each_piece
-from signorini_fx.accuracy.equilibrated_stress import PlaneLoads
-from signorini_fx.accuracy.error_bound import Bounded
-from signorini_fx.accuracy.linear_displacement import PrescribedComponents, smallest_energy
-from signorini_fx.accuracy.stress_products import from_strain, product, square
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.bounds.arrays import Array, Ints
+from signorini_fx.bounds.bounded_error import ROUND_OFF, SAME_LENGTH, Interval
+from signorini_fx.bounds.bounded_scene import Refused
+from signorini_fx.bounds.cell_pieces import free_motions, of_each_piece
+from signorini_fx.bounds.equilibrated_stress import PlaneLoads
+from signorini_fx.bounds.error_bound import Bounded
+from signorini_fx.bounds.linear_displacement import PrescribedComponents, smallest_energy
+from signorini_fx.bounds.stress_products import from_strain, product, square
 from signorini_fx.scene.effect import Force
 
 

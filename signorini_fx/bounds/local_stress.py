@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from signorini_fx.accuracy.arrays import Array
-from signorini_fx.accuracy.triangles import Triangles
+from signorini_fx.bounds.arrays import Array
+from signorini_fx.bounds.triangles import Triangles
 
 # The corners at both ends of the edge opposite a corner.
 _ENDS = np.array([[1, 2], [2, 0], [0, 1]])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from signorini_fx.accuracy.arrays import Array
-from signorini_fx.accuracy.triangles import Triangles
+from signorini_fx.bounds.arrays import Array
+from signorini_fx.bounds.triangles import Triangles
 
 
 def from_strain(t: Triangles, strain: Array) -> Array:

@@ -11,15 +11,15 @@ from dolfinx import fem
 from scipy.spatial import cKDTree
 
 from signorini_fx import compat
-from signorini_fx.accuracy.arrays import Array, Ints
-from signorini_fx.accuracy.bounded_error import SAME_LENGTH
-from signorini_fx.accuracy.bounded_scene import BoundPoints, Refused, assumptions, lame_of, refuse_unknown
-from signorini_fx.accuracy.integrated_loads import in_triangles, on_edges
-from signorini_fx.accuracy.local_stress import constant_forces
-from signorini_fx.accuracy.triangles import GAUSS, Triangles, divide
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.bounds.arrays import Array, Ints
+from signorini_fx.bounds.bounded_error import SAME_LENGTH
+from signorini_fx.bounds.bounded_scene import BoundPoints, Refused, assumptions, lame_of, refuse_unknown
+from signorini_fx.bounds.integrated_loads import in_triangles, on_edges
+from signorini_fx.bounds.local_stress import constant_forces
+from signorini_fx.bounds.triangles import GAUSS, Triangles, divide
 from signorini_fx.effects.contact import CoulombFriction, TrescaFriction, UnilateralContact
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.scene.effect import Force

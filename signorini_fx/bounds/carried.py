@@ -6,8 +6,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order
 
-from signorini_fx.accuracy.arrays import Array, Ints
-from signorini_fx.accuracy.cell_pieces import pieces_of_cells
+from signorini_fx.bounds.arrays import Array, Ints
+from signorini_fx.bounds.cell_pieces import pieces_of_cells
 
 
 def carried(centre: Array, sides: Ints, held: Ints, missed: Array) -> tuple[Array, Array]:

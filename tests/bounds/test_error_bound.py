@@ -7,13 +7,13 @@ import pytest
 from error_bounds import drawn, effectivity, energy_of_difference, of_several_materials, on_finer_mesh, pressed, problem
 from scenes import alone, example1
 
-from signorini_fx.accuracy.cell_pieces import free_motions
-from signorini_fx.accuracy.equilibrated_stress import Equilibration, PlaneLoads
-from signorini_fx.accuracy.error_bound import Bounded, error_bound
-from signorini_fx.accuracy.local_stress import constant_forces
-from signorini_fx.accuracy.quantity_bounds import mean_displacement
-from signorini_fx.accuracy.triangles import Triangles, divide
-from signorini_fx.accuracy.triangulated import quadratic
+from signorini_fx.bounds.cell_pieces import free_motions
+from signorini_fx.bounds.equilibrated_stress import Equilibration, PlaneLoads
+from signorini_fx.bounds.error_bound import Bounded, error_bound
+from signorini_fx.bounds.local_stress import constant_forces
+from signorini_fx.bounds.quantity_bounds import mean_displacement
+from signorini_fx.bounds.triangles import Triangles, divide
+from signorini_fx.bounds.triangulated import quadratic
 from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.errors import SceneError
 from signorini_fx.results.summary import lines_of, summarise

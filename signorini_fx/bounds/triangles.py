@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from signorini_fx.accuracy.arrays import Array, Ints
-from signorini_fx.accuracy.cell_pieces import pieces_of_cells, pieces_of_vertices
+from signorini_fx.bounds.arrays import Array, Ints
+from signorini_fx.bounds.cell_pieces import pieces_of_cells, pieces_of_vertices
 
 # Points and weights on (0, 1).
 GAUSS = (np.polynomial.legendre.leggauss(8)[0] + 1) / 2, np.polynomial.legendre.leggauss(8)[1] / 2

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from signorini_fx.accuracy.arrays import Array, Ints
+from signorini_fx.bounds.arrays import Array, Ints
 
 # Pivots of motions that are free, relative.
 _FREE = 1e-10

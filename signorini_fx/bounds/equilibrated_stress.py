@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from signorini_fx.accuracy.arrays import Array
-from signorini_fx.accuracy.carried import carried
-from signorini_fx.accuracy.cell_pieces import free_motions
-from signorini_fx.accuracy.definite_factor import Factor
-from signorini_fx.accuracy.divided_cells import DividedCells
-from signorini_fx.accuracy.local_stress import LocalStress, reference
-from signorini_fx.accuracy.triangles import Triangles
+from signorini_fx.bounds.arrays import Array
+from signorini_fx.bounds.carried import carried
+from signorini_fx.bounds.cell_pieces import free_motions
+from signorini_fx.bounds.definite_factor import Factor
+from signorini_fx.bounds.divided_cells import DividedCells
+from signorini_fx.bounds.local_stress import LocalStress, reference
+from signorini_fx.bounds.triangles import Triangles
 
 # Pivots of motions that are free, relative.
 _FREE = 1e-10

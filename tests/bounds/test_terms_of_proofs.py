@@ -14,12 +14,12 @@ from test_coulomb_ways import one_triangle
 from test_fixed_point import energy_norm_of_difference
 from test_uniqueness import random_points
 
-from signorini_fx.accuracy.error_bound import _energy, error_bound
-from signorini_fx.accuracy.error_bound_in_space import BoundedInSpace
-from signorini_fx.accuracy.local_stress import constant_forces
-from signorini_fx.accuracy.tetrahedral import bernstein, coefficients
-from signorini_fx.accuracy.triangles import GAUSS, Triangles
-from signorini_fx.accuracy.triangulated import on_line, quadratic
+from signorini_fx.bounds.error_bound import _energy, error_bound
+from signorini_fx.bounds.error_bound_in_space import BoundedInSpace
+from signorini_fx.bounds.local_stress import constant_forces
+from signorini_fx.bounds.tetrahedral import bernstein, coefficients
+from signorini_fx.bounds.triangles import GAUSS, Triangles
+from signorini_fx.bounds.triangulated import on_line, quadratic
 from signorini_fx.contact.laws import FrictionLaw
 from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.effects.contact import NoFriction, TrescaFriction

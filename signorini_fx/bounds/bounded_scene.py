@@ -10,8 +10,8 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx import compat
-from signorini_fx.accuracy.arrays import Array
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.bounds.arrays import Array
 from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.effects.contact import UnilateralContact
 from signorini_fx.effects.displacement import PrescribedDisplacement

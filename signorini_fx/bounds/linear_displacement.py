@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
-from signorini_fx.accuracy.arrays import Array, Ints
-from signorini_fx.accuracy.cell_pieces import rigid_motions
-from signorini_fx.accuracy.definite_factor import Factor
-from signorini_fx.accuracy.tetrahedra import COLUMNS, ROWS, TWICE, Tetrahedra
-from signorini_fx.accuracy.triangles import Triangles
+from signorini_fx.bounds.arrays import Array, Ints
+from signorini_fx.bounds.cell_pieces import rigid_motions
+from signorini_fx.bounds.definite_factor import Factor
+from signorini_fx.bounds.tetrahedra import COLUMNS, ROWS, TWICE, Tetrahedra
+from signorini_fx.bounds.triangles import Triangles
 
 # Components along directions that are closer are one and the same; given ones may differ by as much.
 _SAME_DIRECTION = 1e-9

@@ -24,8 +24,10 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.accuracy.arrays import Array
-from signorini_fx.accuracy.bounded_error import (
+from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.bounds.arrays import Array
+from signorini_fx.bounds.bounded_error import (
     ROUND_OFF,
     SAME_LENGTH,
     UNBALANCED,
@@ -34,15 +36,13 @@ from signorini_fx.accuracy.bounded_error import (
     small_rests,
     work_of_loads,
 )
-from signorini_fx.accuracy.bounded_scene import Refused
-from signorini_fx.accuracy.cell_pieces import free_motions, of_each_piece
-from signorini_fx.accuracy.equilibrated_stress import Equilibration, PlaneEquilibratedStress, PlaneLoads
-from signorini_fx.accuracy.linear_displacement import PrescribedComponents, smallest_energy
-from signorini_fx.accuracy.stress_products import from_strain, square
-from signorini_fx.accuracy.triangles import GAUSS, Triangles
-from signorini_fx.accuracy.triangulated import FacetsInContact, TriangulatedProblem, on_bernstein, on_line, quadratic
-from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.bounds.bounded_scene import Refused
+from signorini_fx.bounds.cell_pieces import free_motions, of_each_piece
+from signorini_fx.bounds.equilibrated_stress import Equilibration, PlaneEquilibratedStress, PlaneLoads
+from signorini_fx.bounds.linear_displacement import PrescribedComponents, smallest_energy
+from signorini_fx.bounds.stress_products import from_strain, square
+from signorini_fx.bounds.triangles import GAUSS, Triangles
+from signorini_fx.bounds.triangulated import FacetsInContact, TriangulatedProblem, on_bernstein, on_line, quadratic
 
 # Share of the square of the bound below which what is moved does not count.
 _LITTLE = 0.1
@@ -154,7 +154,7 @@ def error_bound(
     """
     try:
         if d.tagged.dimension == 3:
-            from signorini_fx.accuracy.error_bound_in_space import BoundedInSpace
+            from signorini_fx.bounds.error_bound_in_space import BoundedInSpace
 
             return BoundedInSpace(d, y, contact, step).bound()
         return Bounded(d, y, contact, step).bound()

@@ -15,13 +15,13 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
-from signorini_fx.accuracy.arrays import Array
-from signorini_fx.accuracy.carried import carried
-from signorini_fx.accuracy.cell_pieces import free_motions
-from signorini_fx.accuracy.definite_factor import Factor
-from signorini_fx.accuracy.linear_displacement import assembled, free_basis
-from signorini_fx.accuracy.macro_tetrahedra import MacroStress
-from signorini_fx.accuracy.tetrahedra import FACES, Tetrahedra
+from signorini_fx.bounds.arrays import Array
+from signorini_fx.bounds.carried import carried
+from signorini_fx.bounds.cell_pieces import free_motions
+from signorini_fx.bounds.definite_factor import Factor
+from signorini_fx.bounds.linear_displacement import assembled, free_basis
+from signorini_fx.bounds.macro_tetrahedra import MacroStress
+from signorini_fx.bounds.tetrahedra import FACES, Tetrahedra
 
 # Pivots of motions that are free, relative.
 _FREE = 1e-10

@@ -7,13 +7,13 @@ from scenes import alone
 from spaces import block, box
 
 from signorini_fx import compat
-from signorini_fx.accuracy import stress_in_space
-from signorini_fx.accuracy.cell_pieces import free_motions
-from signorini_fx.accuracy.error_bound import error_bound
-from signorini_fx.accuracy.error_bound_in_space import BoundedInSpace
-from signorini_fx.accuracy.stress_in_space import SpatialLoads, equilibrated
-from signorini_fx.accuracy.tetrahedra import EDGES, FACES, Tetrahedra
-from signorini_fx.accuracy.tetrahedral import bernstein, coefficients
+from signorini_fx.bounds import stress_in_space
+from signorini_fx.bounds.cell_pieces import free_motions
+from signorini_fx.bounds.error_bound import error_bound
+from signorini_fx.bounds.error_bound_in_space import BoundedInSpace
+from signorini_fx.bounds.stress_in_space import SpatialLoads, equilibrated
+from signorini_fx.bounds.tetrahedra import EDGES, FACES, Tetrahedra
+from signorini_fx.bounds.tetrahedral import bernstein, coefficients
 from signorini_fx.results.summary import summarise
 from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.reading import parse_scene

@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from signorini_fx.accuracy.arrays import Array, Ints
-from signorini_fx.accuracy.cell_pieces import pieces_of_cells, pieces_of_vertices
+from signorini_fx.bounds.arrays import Array, Ints
+from signorini_fx.bounds.cell_pieces import pieces_of_cells, pieces_of_vertices
 
 # Corners of the face opposite each corner, and of each edge.
 FACES: Ints = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])

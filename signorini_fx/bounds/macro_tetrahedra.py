@@ -12,8 +12,8 @@ from functools import cache
 
 import numpy as np
 
-from signorini_fx.accuracy.arrays import Array, Ints
-from signorini_fx.accuracy.tetrahedra import COLUMNS, FACES, ROWS, TWICE, Tetrahedra
+from signorini_fx.bounds.arrays import Array, Ints
+from signorini_fx.bounds.tetrahedra import COLUMNS, FACES, ROWS, TWICE, Tetrahedra
 
 # Tetrahedra whose matrices are made at the same time.
 _CHUNK = 1000

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.accuracy.arrays import Array, Ints
-from signorini_fx.accuracy.bounded_scene import BoundPoints
-from signorini_fx.accuracy.triangles import GAUSS, Triangles
+from signorini_fx.bounds.arrays import Array, Ints
+from signorini_fx.bounds.bounded_scene import BoundPoints
+from signorini_fx.bounds.triangles import GAUSS, Triangles
 from signorini_fx.scene.cut_simplices import cut, halved
 
 # Of the coarser rule inside triangles.
