@@ -5080,6 +5080,20 @@ MUTANTS = (
         "preload: one section that has its force is enough",
         tests=("preload::test_all_sections_have_their_forces",),
     ),
+    Mutant(
+        "check/refusals",
+        "refuse_unbounded(d)",
+        "pass",
+        "check: loads and supports without a guaranteed bound are refused after the first solve",
+        tests=("refusals::test_check_refuses_what_solve_refuses",),
+    ),
+    Mutant(
+        "bounds/error_bound",
+        "factor * load.prescribed.x.array",
+        "load.prescribed.x.array * 0",
+        "check: supports that elements hold are refused",
+        tests=("refusals::test_check_enters_every_function_that_may_refuse",),
+    ),
 )
 
 # Some from every module.

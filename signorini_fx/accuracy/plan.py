@@ -50,6 +50,8 @@ class Plan:
 # Quantities that are estimated well on meshes that are fine in one place and coarse in another; the other estimates
 # compare meshes point by point, which is unreliable on such meshes.
 LOCAL = ("energy", "pressure", "force")
+# What can be divided in place of cells that cannot.
+_SIMPLEX = {"quadrilateral": "triangle", "hexahedron": "tetrahedron"}
 
 
 def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
@@ -131,8 +133,11 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
     name, original = scene.mesh.generator, scene.mesh.parameters
     triangles = simplex_parameters(name, original)
     cell = generated_cell(name, original)
-    if cell == "hexahedron" and goal.refinement == "adaptive":
-        message = "hexahedra cannot be divided one by one and stay conforming: use cell = 'tetrahedron', or 'uniform'"
+    if cell in _SIMPLEX and goal.refinement == "adaptive":
+        several = {"quadrilateral": "quadrilaterals", "hexahedron": "hexahedra"}[cell]
+        message = (
+            f"{several} cannot be divided one by one and stay conforming: use cell = '{_SIMPLEX[cell]}', or 'uniform'"
+        )
         raise SceneError([("accuracy.refinement", message)])
     if goal.refinement == "adaptive" and triangles is None:
         message = f"the arcs of {name} would stay the polygon that they are on the first mesh: use 'uniform'"

@@ -120,6 +120,14 @@ def refuse_unknown(d: Discretisation) -> None:
             any(entry.friction.ratio is not None for entry in d.scene.contact),
             "friction that depends on the direction has no guaranteed bound",
         ),
+        (
+            any(hasattr(entry.gap, "ufl_shape") for entry in d.scene.contact),
+            "a gap given as a form is not known between the nodes",
+        ),
+        (
+            any(hasattr(getattr(entry.friction, "bound", None), "ufl_shape") for entry in d.scene.contact),
+            "a friction bound given as a form is not known between the nodes",
+        ),
         *(
             (type(entry) not in _KNOWN_EFFECTS, f"{entry.label} has no guaranteed bound")
             for _, entry in d.scene.listed()

@@ -36,7 +36,7 @@ from signorini_fx.bounds.bounded_error import (
     small_rests,
     work_of_loads,
 )
-from signorini_fx.bounds.bounded_scene import Refused
+from signorini_fx.bounds.bounded_scene import Refused, refuse_unknown
 from signorini_fx.bounds.cell_pieces import free_motions, of_each_piece
 from signorini_fx.bounds.equilibrated_stress import Equilibration, PlaneEquilibratedStress, PlaneLoads
 from signorini_fx.bounds.linear_displacement import PrescribedComponents, smallest_energy
@@ -160,6 +160,26 @@ def error_bound(
         return Bounded(d, y, contact, step).bound()
     except Refused as refused:
         return str(refused)
+
+
+def refuse_unbounded(d: Discretisation) -> None:
+    """Raise where there is no bound, whatever the solution is.
+
+    Args:
+        d: the discretised scene, whose stiffness need not be assembled.
+
+    Raises:
+        Refused: with the reason.
+    """
+    refuse_unknown(d)
+    prescribed = fem.Function(d.space)
+    prescribed.x.array[:] = sum(factor * load.prescribed.x.array for factor, load in d.applied_at(0.0))
+    if d.tagged.dimension == 3:
+        from signorini_fx.bounds.tetrahedral import ProblemInSpace
+
+        ProblemInSpace(d, prescribed, None, 0.0)
+    else:
+        TriangulatedProblem(d, prescribed, None, 0.0)
 
 
 class Bounded(TriangulatedProblem):

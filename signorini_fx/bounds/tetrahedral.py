@@ -227,8 +227,6 @@ class ProblemInSpace:
         normal = t.normal[faces]
         if effect.direction is not None:
             normal = np.tile(np.array(effect.direction) / np.linalg.norm(effect.direction), (len(faces), 1))
-        if hasattr(effect.gap, "ufl_shape"):
-            raise Refused("a gap given as a form is not known between the nodes")
         fine = self.on(faces, _SEEN).value(effect.gap)
         below = coefficients(fine[:, _NODES])
         below -= (below @ bernstein(_SEEN).T - fine).max(axis=1, initial=0.0)[:, None]
@@ -245,8 +243,6 @@ class ProblemInSpace:
         points = self.on(faces, GAUSS)
         match effect.friction if effect.friction.acts else None:
             case TrescaFriction(bound=bound):
-                if hasattr(bound, "ufl_shape"):
-                    raise Refused("a friction bound given as a form is not known between the nodes")
                 bounds, seen = points.value(bound), self.on(faces, _SEEN).value(bound)
                 least = seen[:, _NODES[:3]]
                 least = (least - (least @ _SEEN.T - seen).max(axis=1, initial=0.0)[:, None]).clip(min=0.0)

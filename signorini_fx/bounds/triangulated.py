@@ -268,8 +268,6 @@ class TriangulatedProblem:
         normal = t.outward[edges]
         if effect.direction is not None:
             normal = np.tile(np.array(effect.direction[:2]) / np.linalg.norm(effect.direction[:2]), (len(edges), 1))
-        if hasattr(effect.gap, "ufl_shape"):
-            raise Refused("a gap given as a form is not known between the nodes")
         fine = self.along(edges, _ALONG).value(effect.gap)
         below = fine[:, [0, len(_ALONG) // 2, -1]]
         above = (on_parabola(below, _ALONG) - fine).max(axis=1).clip(min=0.0)
@@ -301,8 +299,6 @@ class TriangulatedProblem:
         gauss = self.along(edges, GAUSS[0])
         match effect.friction if effect.friction.acts else None:
             case TrescaFriction(bound=bound):
-                if hasattr(bound, "ufl_shape"):
-                    raise Refused("a friction bound given as a form is not known between the nodes")
                 bounds = gauss.value(bound)
                 seen = self.along(edges, _ALONG).value(bound)
                 over = (on_line(seen[:, [0, -1]], _ALONG) - seen).max(axis=1).clip(min=0.0)

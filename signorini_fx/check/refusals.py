@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from signorini_fx.body import contact_data
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.bounds.bounded_scene import Refused, refuse_unknown
+from signorini_fx.bounds.bounded_scene import Refused
 from signorini_fx.errors import SceneError
 
 
@@ -30,8 +30,10 @@ def refuse_beforehand(d: Discretisation) -> None:
             d.boundary.aligned()
         _refuse_moving(d)
     if d.scene.accuracy is not None and d.scene.accuracy.certified:
+        from signorini_fx.bounds.error_bound import refuse_unbounded
+
         try:
-            refuse_unknown(d)
+            refuse_unbounded(d)
         except Refused as refused:
             raise SceneError([("accuracy.certified", str(refused))]) from None
 

@@ -9,8 +9,9 @@ import pytest
 from mpi4py import MPI
 
 import signorini_fx
-from signorini_fx import SceneError, solve
+from signorini_fx import solve
 from signorini_fx.check.checks import check_scene
+from signorini_fx.errors import SignoriniError
 from signorini_fx.records import IterationRecord
 from signorini_fx.scene.reading import parse_scene
 
@@ -60,6 +61,47 @@ ORTHOTROPIC = {"young": [1000.0, 900.0, 800.0], "poisson": [0.3] * 3, "shear": [
 SIDE = {"displacement": {"boundary": "left", "x": 0.0}}
 CERTIFIED = {"accuracy": {"target": 0.1, "certified": True}}
 SSN = {"solver": {"algorithm": "ssn"}}
+DISK = {"generator": "half_disk", "parameters": {"radius": 1.0, "size": 0.5}}
+TETRAHEDRA = {"generator": "box", "parameters": {"nx": 2, "ny": 2, "nz": 2, "cell": "tetrahedron"}}
+
+
+def contact(scene=BLOCK | HELD, **more):
+    """A scene with this contact of its bottom."""
+    return scene | {"contact": [{"boundary": "bottom"} | more]}
+
+
+def of_disk(**more):
+    """A half disk that is pressed on its arc."""
+    press = {"boundary": "top", "x": 0.0, "y": -0.1}
+    return {"mesh": DISK, "material": BLOCK["material"], "displacement": press, "contact": [{"boundary": "arc"}]} | more
+
+
+def certified(**more):
+    """A block of triangles whose error is to have a bound."""
+    return contact(mesh_of(TRIANGLES)) | CERTIFIED | more
+
+
+def certified_in_space(**more):
+    """A block of tetrahedra whose error is to have a bound."""
+    return contact(SPACE | {"mesh": TETRAHEDRA}) | CERTIFIED | more
+
+
+def mesh_of(mesh, **more):
+    """The pressed block with this mesh."""
+    return BLOCK | HELD | {"mesh": mesh} | more
+
+
+def ellipse(**more):
+    """Friction in space that depends on the direction."""
+    return contact(SPACE, friction=COULOMB | {"ratio": 2.0, "along": [1.0, 0.0, 0.0]} | more)
+
+
+BONDED_PAD = {
+    "mesh": {"file": str(PACKAGE.parent / "demos" / "scenes" / "bonded_pad.geo")},
+    "material": BLOCK["material"],
+    "displacement": [{"boundary": "bottom", "x": 0.0, "y": 0.0}, {"boundary": "top", "x": 0.0, "y": -0.2}],
+    "contact": [{"boundary": "pad", "against": "plate"}],
+}
 # What refuses arguments of functions, which are no part of a scene file.
 OF_ARGUMENTS = ("solving/solver.py", "results/checkpoint.py", "scene/base.py")
 REFUSED = {
@@ -85,6 +127,86 @@ REFUSED = {
             {"boundary": side, "x": 0.0, "y": 0.0} for side in ("left", "right", "top", "bottom")
         ],
     },
+    # Certified: what has no bound whatever the solution is.
+    "support that elements do not hold": certified(
+        displacement={"boundary": "top", "x": 0.0, "y": "-0.001*cos(x[0])"}
+    ),
+    "support in space that elements do not hold": certified_in_space(
+        displacement={"boundary": "top", "x": 0.0, "y": 0.0, "z": "-0.001*cos(x[0])"}
+    ),
+    "traction in space that is not linear": certified_in_space(traction={"boundary": "left", "x": "x[2]**3"}),
+    "body force in space that is not constant": certified_in_space(body_force={"z": "-x[2]"}),
+    "quadrilaterals that are no parallelograms": BLOCK
+    | {
+        "mesh": {"generator": "wedge", "parameters": {"nx": 2, "ny": 2}},
+        "contact": [{"boundary": "tip"}],
+        "displacement": {"boundary": "top", "x": 0.0, "y": -0.001},
+        "accuracy": {**CERTIFIED["accuracy"], "refinement": "uniform"},
+    },
+    # Requested accuracy.
+    "quadrilaterals one by one": BLOCK | HELD | {"accuracy": {"target": 0.3, "refinement": "adaptive"}},
+    "hexahedra one by one": contact(SPACE) | {"accuracy": {"target": 0.3, "refinement": "adaptive"}},
+    "arcs one by one": of_disk(accuracy={"target": 0.3, "refinement": "adaptive"}),
+    "peak on meshes that are divided": BLOCK
+    | HELD
+    | {"accuracy": {"target": 0.3, "refinement": "adaptive", "of": "peak"}},
+    # Boundaries and values.
+    "no such boundary": contact(boundary="nowhere"),
+    "support on contact": BLOCK | {"displacement": {"boundary": "bottom", "y": 0.0}},
+    "gap that is no number": contact(gap="log(x[0] - 0.5)"),
+    "negative bound": contact(friction={"law": "tresca", "bound": "x[0] - 0.5"}),
+    "negative coefficient": contact(friction={"law": "coulomb", "coefficient": "x[0] - 0.5"}),
+    "negative coefficient later": contact(friction={"law": "coulomb", "coefficient": "0.3*(1 - 2*t)"})
+    | {"load_steps": {"times": [0.0, 1.0]}},
+    "ellipse in the plane": contact(friction=COULOMB | {"ratio": 2.0}),
+    "ellipse without size": ellipse(ratio="1e9*(1 + x[0])"),
+    "ellipse along the normal": ellipse(along=[0.0, 0.0, 1.0]),
+    "ellipse and support": ellipse(along=[1.0, 1.0, 0.0])
+    | {"displacement": [SPACE["displacement"], {"boundary": "left", "x": 0.0}]},
+    "plane in space": contact(foundation={"shape": "plane", "point": [0.0] * 3, "normal": [0.0, 1.0, 0.0]}),
+    "surface without a file": contact(SPACE, foundation={"shape": "surface", "file": "/nowhere.stl"}),
+    "force whose spread is nothing": BLOCK
+    | HELD
+    | {"force": [{"boundary": "left", "x": 1.0, "spread": "x[1] - 0.5"}]},
+    "springs that push": BLOCK | HELD | {"springs": [{"boundary": "left", "x": "x[1] - 0.5"}]},
+    "traction that is no number": BLOCK | HELD | {"traction": {"boundary": "left", "x": "log(x[1] - 0.5)"}},
+    "displacement that is no number": BLOCK | {"displacement": {"boundary": "top", "x": "log(x[0] - 0.5)"}},
+    "temperature that is no number": BLOCK
+    | HELD
+    | {"temperature": {"change": "log(x[0] - 0.5)"}, "material": BLOCK["material"] | {"expansion": 1e-5}},
+    "point without a node": BLOCK | {"displacement": {"at": [0.01, 0.0], "x": 0.0}},
+    "normal of an arc": of_disk(displacement={"boundary": "arc", "normal": 0.0}, contact=[{"boundary": "top"}]),
+    "fluid that meets no contact": BLOCK
+    | PRESSED
+    | SIDE
+    | {"fluid": [{"boundary": "top", "level": 0.5, "weight": 9.81, "enters": ["bottom"]}]},
+    # Materials and elements.
+    "grading below zero": BLOCK | HELD | {"material": BLOCK["material"] | {"grading": "1 - 2*x[1]"}},
+    "no such region": BLOCK | HELD | {"material": BLOCK["material"] | {"region": "nowhere"}},
+    "body without a material": bodies(material=BLOCK["material"] | {"region": "lower"}),
+    "fibres without a direction": BLOCK
+    | HELD
+    | {"material": {"orthotropic": ORTHOTROPIC | {"direction": ["x[0] - x[0]", "0"]}}},
+    "reduced triangles": mesh_of(TRIANGLES, element={"volumetric": "reduced"}),
+    "linear elements on arcs": of_disk(mesh={"generator": "half_disk", "parameters": {"size": 0.5, "order": 2}}),
+    "radius below zero": {**mesh_of({"generator": "block_on_cylinder", "parameters": {}}), **AXISYMMETRIC},
+    # Preloads.
+    "section beside the body": bodies(preload=[{"point": [0.5, 7.0], "axis": [0.0, 1.0], "force": 1.0}]),
+    "section of no facets": bodies(preload=[{"section": "nowhere", "force": 1.0}]),
+    "section on the boundary": bodies(preload=[{"section": "upper.left", "force": 1.0}]),
+    # Meshes.
+    "no such generator": mesh_of({"generator": "nothing"}),
+    "no such parameter": mesh_of({"generator": "rectangle", "parameters": {"wrong": 1}}),
+    "no such file": mesh_of({"file": "/nowhere.msh"}),
+    "no format of meshes": mesh_of({"file": "/nowhere.docx"}),
+    "two kinds of cells": bodies(body=[STACK[0], STACK[1] | {"mesh": TETRAHEDRA}]),
+    "body without a generator": bodies(body=[STACK[0], STACK[1] | {"mesh": {"generator": "nothing"}}]),
+    "sides that do not face each other": bodies(contact=[{"boundary": "upper.bottom", "against": "lower.bottom"}]),
+    "points of two contacts on one side": bodies(
+        contact=[
+            {"boundary": name, "against": "lower.top", "points": "against"} for name in ("upper.bottom", "upper.left")
+        ]
+    ),
 }  # fmt: skip
 ACCEPTED = {
     "block": BLOCK | PRESSED,
@@ -134,13 +256,15 @@ ACCEPTED = {
     "accuracy of two bodies": bodies(accuracy={"target": 0.3}),
     "accuracy of the pressure": BLOCK | HELD | {"accuracy": {"target": 0.3, "of": "pressure"}} | SSN,
     "augmented Lagrangian": BLOCK | HELD | {"solver": {"algorithm": "alm"}},
+    "drawing": BONDED_PAD,
+    "accuracy of a drawing": BONDED_PAD | {"accuracy": {"target": 0.3}},
     "multigrid": SPACE | {"contact": [{"boundary": "bottom"}], "solver": {"linear_algebra": "krylov"}},
 }  # fmt: skip
 
 
 def message(function, scene):
     """Of the error that a function raises for a scene."""
-    with pytest.raises(SceneError) as caught:
+    with pytest.raises(SignoriniError) as caught:
         function(parse_scene(scene), COMM)
     return str(caught.value)
 
