@@ -103,7 +103,7 @@ BONDED_PAD = {
     "contact": [{"boundary": "pad", "against": "plate"}],
 }
 # What refuses arguments of functions, which are no part of a scene file.
-OF_ARGUMENTS = ("solving/solver.py", "results/checkpoint.py", "scene/base.py")
+OF_ARGUMENTS = ("solving/solver.py", "results/checkpoint.py", "scene/base.py", "scene/load_steps.py")
 REFUSED = {
     "foundation that moves, body held by contact": BLOCK
     | PRESSED
