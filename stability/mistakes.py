@@ -5094,6 +5094,41 @@ MUTANTS = (
         "check: supports that elements hold are refused",
         tests=("refusals::test_check_enters_every_function_that_may_refuse",),
     ),
+    Mutant(
+        "bounds/bounded_scene",
+        "kind in _CUT and value.jumps and not value.cuts_exactly",
+        "False",
+        "bounds: a load that jumps at places that are not known is guaranteed",
+        tests=("jumping_loads::test_no_bound_of_what_loads_miss_is_below_it",),
+    ),
+    Mutant(
+        "bounds/bounded_scene",
+        "not isinstance(value, float | None)",
+        "False",
+        "bounds: a function of Python is guaranteed",
+        tests=("jumping_loads::test_what_is_guaranteed",),
+    ),
+    Mutant(
+        "scene/expressions",
+        "_degree(node) <= 1 and not _jumps(node)",
+        "_degree(node) <= 1",
+        "bounds: a comparison of functions that jump says where",
+        tests=("jumping_loads::test_what_is_guaranteed",),
+    ),
+    Mutant(
+        "bounds/integrated_loads",
+        "(force - linear) ** 2",
+        "(force - linear.mean()) ** 2",
+        "bounds: what loads miss is that of another function",
+        tests=("jumping_loads::test_no_bound_of_what_loads_miss_is_below_it",),
+    ),
+    Mutant(
+        "check/jumping_loads",
+        "np.setdiff1d(every, rule.entities)",
+        "every",
+        "check: what is cut is missed all the same",
+        tests=("jumping_loads::test_check_names_loads_that_jump_inside_a_facet",),
+    ),
 )
 
 # Some from every module.

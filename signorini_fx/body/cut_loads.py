@@ -25,9 +25,9 @@ from signorini_fx.scene.expressions import in_space, sample
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
 
-_SIMPLICES = {1: basix.CellType.interval, 2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}
+SIMPLICES = {1: basix.CellType.interval, 2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}
 # Simplices with the vertices of a facet or cell, in the order of basix, that fill it.
-_PARTS = {
+PARTS = {
     basix.CellType.interval: ((0, 1),),
     basix.CellType.triangle: ((0, 1, 2),),
     basix.CellType.tetrahedron: ((0, 1, 2, 3),),
@@ -114,7 +114,7 @@ def _rule(load: Force, on: Any) -> CutRule:
         every = on.tagged.facets(boundary)
         entities, kind = facet_entities(mesh, every), basix.cell.subentity_types(cell)[across - 1][0]
         sides = basix.topology(cell)[across - 1]
-    fillings = np.array(_PARTS[kind])
+    fillings = np.array(PARTS[kind])
     # The corners of the simplices that fill each facet or cell, in the reference cell and in the body.
     corners = basix.geometry(cell)[np.array(sides)[:, fillings]][entities[:, 1]]
     number = np.repeat(np.arange(len(entities)), len(fillings))
@@ -132,7 +132,7 @@ def _rule(load: Force, on: Any) -> CutRule:
     k = corners.shape[1]
     # None of its points is on the boundary of a part, where the load jumps.
     scheme, degree = basix.QuadratureType.gauss_jacobi, load.degree(on.scene.element.degree)
-    points, weights = basix.make_quadrature(_SIMPLICES[k - 1], degree, rule=scheme)
+    points, weights = basix.make_quadrature(SIMPLICES[k - 1], degree, rule=scheme)
     local = np.column_stack((1 - points.sum(axis=1), points)) @ parts
     edges = x[owner, 1:] - x[owner, :1]
     volume = np.sqrt(np.abs(np.linalg.det(edges @ edges.swapaxes(1, 2)))) * np.abs(np.linalg.det(parts))

@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from signorini_fx.bounds.arrays import Array, Ints
-from signorini_fx.bounds.bounded_scene import Refused
+from signorini_fx.bounds.bounded_scene import Grounds, Refused
 
 _EPS = float(np.finfo(float).eps)
 # Share of displacements and forces below which they are round-off.
@@ -23,20 +23,20 @@ class Interval(tuple[float, float]):
     """Two bounds of a quantity, which print what they rest on.
 
     Attributes:
-        assumed: see ``ErrorBound``.
+        grounds: what it rests on.
     """
 
-    assumed: str
+    grounds: Grounds
 
-    def __new__(cls, low: float, high: float, assumed: str = "") -> Self:
+    def __new__(cls, low: float, high: float, grounds: Grounds) -> Self:
         """Between two numbers."""
         found = super().__new__(cls, (low, high))
-        found.assumed = assumed
+        found.grounds = grounds
         return found
 
     def __str__(self) -> str:
         """One sentence."""
-        return f"between {self[0]:.6g} and {self[1]:.6g}{f'; {self.assumed}' if self.assumed else ''}"
+        return self.grounds.of(f"between {self[0]:.6g} and {self[1]:.6g}")
 
 
 @dataclass(frozen=True, repr=False)
@@ -51,7 +51,7 @@ class ErrorBound:
         moved: that of the displacement without penetration instead of the computed one.
         round_off: that of sums and linear systems.
         squares: contributions of the cells to the square of ``error``, shape (cells,).
-        assumed: what the statement rests on beside the data at points of quadrature; "": nothing.
+        grounds: what the statement rests on, and whether it is a bound at all.
         work: bounds of the work of the loads, energies per thickness; None with friction.
     """
 
@@ -62,7 +62,7 @@ class ErrorBound:
     moved: float
     round_off: float
     squares: Array
-    assumed: str = ""
+    grounds: Grounds
     work: tuple[float, float] | None = None
 
     @property
@@ -78,14 +78,14 @@ class ErrorBound:
     def __str__(self) -> str:
         """One sentence."""
         if not np.isfinite(self.relative):
-            return "the bound of the error is larger than the solution"
+            return self.grounds.of("the bound of the error is larger than the solution")
         low, high = self.strain_energy
         sentence = (
             f"at most {100 * self.relative:.3g} % in the energy norm; strain energy between {low:.6g} and {high:.6g}"
         )
         if self.work is not None:
             sentence += f"; work of the loads between {self.work[0]:.6g} and {self.work[1]:.6g}"
-        return f"{sentence}; {self.assumed}" if self.assumed else sentence
+        return self.grounds.of(sentence)
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-safe; null for a relative error without a bound."""
@@ -94,6 +94,7 @@ class ErrorBound:
             "strain_energy": list(self.strain_energy),
             "work": None if self.work is None else list(self.work),
             **{name: getattr(self, name) for name in ("error", "duality", "data", "moved", "round_off")},
+            "guaranteed": not self.grounds.estimated,
             "statement": str(self),
         }
 

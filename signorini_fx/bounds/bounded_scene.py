@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,12 +19,14 @@ from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.material import LinearElastic
 from signorini_fx.effects.traction import SurfaceTraction
 from signorini_fx.scene.effect import Effect
-from signorini_fx.scene.expressions import in_space, sample
+from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.stated import STRAIGHT_CELLS, may_have_arcs
 
 # Entries of a scene that are looked at; any other one could act on the body unseen.
 _KNOWN_EFFECTS = (LinearElastic, BodyForce, SurfaceTraction, PrescribedDisplacement, UnilateralContact)
 
+# Of these what expressions compare cuts facets and cells.
+_CUT = ("traction", "body force")
 # Share of the loads below which quadrature knows them.
 _UNKNOWN = 1e-10
 
@@ -137,8 +140,54 @@ def refuse_unknown(d: Discretisation) -> None:
             raise Refused(reason)
 
 
-def assumptions(d: Discretisation, *, coulomb: bool, unknown: float) -> str:
-    """What a bound rests on, in words; "": the data alone.
+@dataclass(frozen=True)
+class Grounds:
+    """What a statement rests on, in words.
+
+    Attributes:
+        estimated: why it is an estimate and no guaranteed bound; "": it is one.
+        assumed: what else is assumed; "": nothing but the data.
+    """
+
+    estimated: str = ""
+    assumed: str = ""
+
+    def of(self, statement: str) -> str:
+        """The statement with its grounds."""
+        estimate = f"an estimate and no guaranteed bound, as {self.estimated}: " if self.estimated else ""
+        return estimate + "; ".join(filter(None, (statement, self.assumed)))
+
+
+def _data(d: Discretisation) -> Iterator[tuple[str, str, Any, float]]:
+    """What a bound looks at between nodes: a kind, a name, a value, and the degree up to which its points tell all of a
+    polynomial.
+    """
+    plane = d.tagged.dimension == 2
+    for contact in d.scene.contact:
+        yield "gap", f"gap of {contact.boundary!r}", contact.gap_in(d.tagged.dimension), 2
+        bound = getattr(contact.friction, "bound", 0.0)
+        yield "friction bound", f"friction bound of {contact.boundary!r}", bound, 1
+    for _, entry in d.scene.listed():
+        if isinstance(entry, BodyForce | SurfaceTraction | PrescribedDisplacement):
+            name = entry.label if entry.where is None else f"{entry.label} of {entry.where!r}"
+            for value in entry.given.values():
+                yield entry.label, name, value, 1 if entry.where is None and not plane else 5
+
+
+def why_estimated(d: Discretisation) -> str:
+    """Why what is computed as a bound is an estimate, as data are known at points alone; "": it is a bound."""
+    reasons = []
+    for kind, name, value, _ in _data(d):
+        if isinstance(value, Expression):
+            if kind in _CUT and value.jumps and not value.cuts_exactly:
+                reasons.append(f"the {name} compares functions that are not affine")
+        elif not isinstance(value, float | None):
+            reasons.append(f"the {name} is a function of Python")
+    return " and ".join(dict.fromkeys(reasons))
+
+
+def grounds(d: Discretisation, *, coulomb: bool, unknown: float) -> Grounds:
+    """What a bound rests on.
 
     Args:
         d: the discretised scene.
@@ -146,15 +195,13 @@ def assumptions(d: Discretisation, *, coulomb: bool, unknown: float) -> str:
         unknown: share of the loads that quadrature does not know, which is counted.
     """
     seen = [
-        name
-        for name, value in (
-            *(("gap", contact.gap_in(d.tagged.dimension)) for contact in d.scene.contact),
-            *(("friction bound", getattr(contact.friction, "bound", 0.0)) for contact in d.scene.contact),
-        )
-        if not isinstance(value, float)
+        kind
+        for kind, _, value, degree in _data(d)
+        if isinstance(value, Expression)
+        and (value.degree > degree or not (value.cuts_exactly if kind in _CUT else value.is_smooth))
     ]
     statements = [
-        f"the {' and the '.join(dict.fromkeys(seen))} assumed to be as they are seen at points of each facet"
+        f"the {' and the '.join(dict.fromkeys(seen))} assumed to be as seen at points of each facet or cell"
         if seen
         else "",
         f"quadrature of the loads, two rules of which differ by {unknown:.1e} of them, is counted"
@@ -166,4 +213,4 @@ def assumptions(d: Discretisation, *, coulomb: bool, unknown: float) -> str:
         if coulomb
         else "",
     ]
-    return "; ".join(filter(None, statements))
+    return Grounds(why_estimated(d), "; ".join(filter(None, statements)))

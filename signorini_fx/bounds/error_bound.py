@@ -228,7 +228,7 @@ class Bounded(TriangulatedProblem):
             unknown = self.unknown_work(v.y, v.middle)
             work = least - unknown, greatest + unknown
         round_off = enclosure.round_off
-        return ErrorBound(float(total), enclosure.size, duality, missed, moved, round_off, squares, self.assumed, work)
+        return ErrorBound(float(total), enclosure.size, duality, missed, moved, round_off, squares, self.grounds, work)
 
     def _data(self) -> Array:
         """Squares of the bounds of the work of what the stress does not hold of the loads, by triangle."""

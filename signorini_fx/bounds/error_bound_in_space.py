@@ -70,7 +70,7 @@ class BoundedInSpace(ProblemInSpace):
             lowest = energy(t, strain).sum() / 2 - self.work(y, middle)
             work = work_of_loads(lowest, (np.sqrt(gap) + 2 * round_off) ** 2 / 2, size, total, len(t.corners))
         duality, displaced = (float(np.sqrt(part.sum())) for part in (contact + between, moved))
-        return ErrorBound(total, size, duality, 0.0, displaced, round_off, squares, self.assumed, work)
+        return ErrorBound(total, size, duality, 0.0, displaced, round_off, squares, self.grounds, work)
 
     def _stress(self) -> SpatialEquilibratedStress:
         """In equilibrium with the loads and the tractions of the contacts."""

@@ -108,7 +108,7 @@ class _Quantity(Bounded):
         mean = float(share @ ((y[t.edges[edges]].sum(axis=1) + 4 * middle[edges]) / 6 @ direction))
         residual, size, unknown = self._residual(w)
         low, high = self._within(stress.stress - from_strain(t, self._strain(w)), stress.missing, size, pieces)
-        return Interval(mean + residual + low - unknown, mean + residual + high + unknown, self.assumed)
+        return Interval(mean + residual + low - unknown, mean + residual + high + unknown, self.grounds)
 
     def force(self, boundary: str, direction: Array) -> Interval:
         """See ``force``."""
@@ -140,7 +140,7 @@ class _Quantity(Bounded):
             difference, missing = difference - stress.stress, stress.missing
         residual, size, unknown = self._residual(z)
         low, high = self._within(difference, missing, size, pieces)
-        return Interval(low - residual - unknown, high - residual + unknown, self.assumed)
+        return Interval(low - residual - unknown, high - residual + unknown, self.grounds)
 
     def _closed(self, value: Array, pieces: Ints) -> PrescribedComponents:
         """Components where forces of supports and contacts act; without friction there is none along a contact.

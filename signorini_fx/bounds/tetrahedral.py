@@ -15,7 +15,14 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.bounds.arrays import Array, Ints
 from signorini_fx.bounds.bounded_error import SAME_LENGTH
-from signorini_fx.bounds.bounded_scene import BoundPoints, Refused, assumptions, lame_of, refuse_unknown
+from signorini_fx.bounds.bounded_scene import (
+    BoundPoints,
+    Grounds,
+    Refused,
+    grounds,
+    lame_of,
+    refuse_unknown,
+)
 from signorini_fx.bounds.tetrahedra import Tetrahedra
 from signorini_fx.effects.contact import CoulombFriction, TrescaFriction, UnilateralContact
 from signorini_fx.effects.displacement import PrescribedDisplacement
@@ -108,9 +115,9 @@ class ProblemInSpace:
         )
 
     @property
-    def assumed(self) -> str:
+    def grounds(self) -> Grounds:
         """What all that is proved rests on."""
-        return assumptions(self._d, coulomb=self._d.scene.has_coulomb, unknown=0.0)
+        return grounds(self._d, coulomb=self._d.scene.has_coulomb, unknown=0.0)
 
     def _arrays(self, y: fem.Function) -> None:
         """Tetrahedra, and the displacement at vertices and middles of edges."""

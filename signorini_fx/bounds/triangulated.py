@@ -16,7 +16,14 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.bounds.arrays import Array, Ints
 from signorini_fx.bounds.bounded_error import SAME_LENGTH
-from signorini_fx.bounds.bounded_scene import BoundPoints, Refused, assumptions, lame_of, refuse_unknown
+from signorini_fx.bounds.bounded_scene import (
+    BoundPoints,
+    Grounds,
+    Refused,
+    grounds,
+    lame_of,
+    refuse_unknown,
+)
 from signorini_fx.bounds.integrated_loads import in_triangles, on_edges
 from signorini_fx.bounds.local_stress import constant_forces
 from signorini_fx.bounds.triangles import GAUSS, Triangles, divide
@@ -97,11 +104,11 @@ class TriangulatedProblem:
         )
 
     @property
-    def assumed(self) -> str:
+    def grounds(self) -> Grounds:
         """What all that is proved rests on."""
         size = float((self.t.length[:, None, None] * np.abs(self._on_edges)).sum() + np.abs(self.body).sum())
         unknown = float(self.unknown.sum()) / size if size > 0 else 0.0
-        return assumptions(self._d, coulomb=self._d.scene.has_coulomb, unknown=unknown)
+        return grounds(self._d, coulomb=self._d.scene.has_coulomb, unknown=unknown)
 
     def _triangulate(self, y: fem.Function) -> None:
         """Triangles of the cells, with degree 2 four of each, and the displacement at vertices and middles of edges."""

@@ -1,86 +1,163 @@
-"""Loads that jump inside a facet that is not cut there: quadrature takes a part of their force wrong."""
+"""Loads that jump inside a facet or cell that is not cut there: quadrature takes a part of their force wrong."""
 
 from __future__ import annotations
 
-from typing import Any
+from itertools import combinations
+from typing import Any, NamedTuple
 
 import basix
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx import parallel
-from signorini_fx.body.assembly import facet_vertices
+from signorini_fx import compat, parallel
+from signorini_fx.body.assembly import facet_entities
+from signorini_fx.body.cut_loads import PARTS, SIMPLICES, cut_rule
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.body.quadrature import has_affine_parts
 from signorini_fx.records import Finding
-from signorini_fx.scene.cut_simplices import exactly_cut
 from signorini_fx.scene.effect import Force
 from signorini_fx.scene.expressions import Expression, in_space, sample
 
 Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int32]
 
-# Share of a load that quadrature may miss without a word.
-_LITTLE = 1e-3
+# Shares that may be missed without a word: of a load, and of the largest force on a facet or cell, which of a function
+# of Python is also what a smooth one between nodes has.
+_LITTLE, _INTERPOLATED = 1e-3, 0.05
+# How often the simplices that fill a facet or a cell are halved for the rule to compare with, and its degree.
+_HALVED_FACETS, _HALVED_CELLS, _DEGREE = 8, 4, 5
+# Vertices of reference facets and cells at the ends of their axes.
+_AXES = {kind: [1, 2, 4 if len(basix.geometry(kind)) == 8 else 3][: basix.geometry(kind).shape[1]] for kind in PARTS}
+# Facets or cells that are looked at together.
+_TOGETHER = 2000
+
+
+class _Rule(NamedTuple):
+    """Points in the reference cell, shape (q, t), their weights, shape (q,), and axes of the facet or cell there."""
+
+    points: Array
+    weights: Array
+    axes: Array
 
 
 def jumping_loads(d: Discretisation) -> list[Finding]:
-    """A warning for each load on a boundary of which the rule on its facets misses a part; collective."""
+    """A warning for each load of which the rule on facets or cells misses a part; collective."""
     findings = []
-    for path, load in d.scene.listed():
-        if not isinstance(load, Force) or load.where is None:
+    for path, entry in d.scene.listed():
+        if not isinstance(entry, Force):
             continue
-        x = _simplices(facet_vertices(d.tagged.mesh, d.tagged.facets(load.where)), d.tagged.mesh.topology.cell_name())
-        for key, value in d.scene.now(load, 0)[1].given.items():
-            if not isinstance(value, Expression):
+        load = d.scene.now(entry, 0)[1]
+        given = load.given | ({} if load.weighting is None else {"spread": load.weighting})
+        values = {key: value for key, value in given.items() if _may_jump(value)}
+        if not values:
+            continue
+        rule, topology = cut_rule(load, d.coefficients), d.tagged.mesh.topology
+        kind, where = ("cell", "") if load.where is None else ("facet", f" of {load.where!r}")
+        every = (
+            np.arange(topology.index_map(topology.dim).size_local, dtype=np.int32)
+            if load.where is None
+            else d.tagged.facets(load.where)
+        )
+        uncut = every if rule is None else np.setdiff1d(every, rule.entities)
+        for key, value in values.items():
+            missed, sizes = _missed(d, uncut, value, load).T
+            little = _LITTLE if isinstance(value, Expression) else _INTERPOLATED
+            wrong = missed > little * parallel.global_max(d.comm, float(sizes.max(initial=0.0)))
+            on_parts = 0.0 if rule is None else float((np.abs(rule.value(value)) * rule.size).sum())
+            sums = np.array([wrong.sum(), missed[wrong].sum(), sizes.sum() + on_parts])
+            count, part, size = (float(total) for total in parallel.global_sum(d.comm, sums))
+            if part <= _LITTLE * size:
                 continue
-            cut_there = value.jumps and bool(load.jumps) and has_affine_parts(d.tagged.mesh, in_body=False)
-            missed_here = _missed(x, value, load.degree(d.scene.element.degree), cut_there=cut_there)
-            sums = parallel.global_sum(d.comm, missed_here)
-            facets, missed, size = (float(total) for total in sums)
-            if missed > _LITTLE * size > 0:
-                findings.append(
-                    Finding(
-                        "warning",
-                        f"{path}.{key}",
-                        f"jumps inside {facets:.0f} facet{'s' * (facets != 1)} of {load.where!r}, where the points of "
-                        f"quadrature take {100 * missed / size:.2g} % of it wrong: give the mesh nodes where it jumps, "
-                        "or smaller cells there",
-                    )
+            inside, share = f"inside {count:.0f} {kind}{'s' * (count != 1)}{where}", f"{100 * part / size:.2g} %"
+            message = f"jumps {inside}, where the points of quadrature take {share} of it wrong: "
+            if not isinstance(value, Expression):
+                message = (
+                    f"is a function of Python, which elements interpolate between nodes: {inside} this takes {share} "
+                    "of it wrong: write it as an expression, "
                 )
+            message += "give the mesh nodes where it jumps, or smaller cells there"
+            findings.append(Finding("warning", f"{path}.{key}", message))
     return findings
 
 
-def _simplices(x: Array, cell: str) -> Array:
-    """Chords or triangles between the vertices of facets, which come before the other nodes, shape (n, k, 3)."""
-    if cell == "hexahedron" and x.size:
-        return np.concatenate((x[:, :3], x[:, 1:4]))
-    return x[:, : 3 if cell == "tetrahedron" else 2]
+def _may_jump(value: Any) -> bool:
+    """Whether a value may jump where the mesh has no nodes."""
+    return value.jumps if isinstance(value, Expression) else callable(value) and not hasattr(value, "ufl_shape")
 
 
-def _missed(x: Array, value: Any, degree: int, *, cut_there: bool) -> Array:
-    """How many simplices are cut, the force that a rule misses on these, and that on all of them, sizes.
+def _missed(d: Discretisation, every: Indices, value: Any, load: Force) -> Array:
+    """The force that the rule misses on facets or cells, and that on them, sizes, shape (n, 2).
 
     Args:
-        x: corners, length, shape (n, k, 3).
-        value: of the load.
-        degree: of the rule.
-        cut_there: whether the rule is one on the parts, where these are known exactly.
+        d: the scene on its mesh.
+        every: the facets or cells, local numbers.
+        value: a component of the load.
+        load: the load.
     """
-    kind = basix.CellType.interval if x.shape[1] == 2 else basix.CellType.triangle
-    places, weights = basix.make_quadrature(kind, degree)
-    local = np.column_stack((1 - places.sum(axis=1), places))
-    weights = weights / weights.sum()
-    edges = x[:, 1:] - x[:, :1]
-    size = np.linalg.norm(edges[:, 0] if x.shape[1] == 2 else np.cross(edges[:, 0], edges[:, 1]) / 2, axis=1)
+    mesh, rows = d.tagged.mesh, [np.zeros((0, 2))]
+    cell, across = getattr(basix.CellType, mesh.topology.cell_name()), mesh.topology.dim
+    entities, sides, kind, often = np.column_stack((every, 0 * every)), [basix.geometry(cell)], cell, _HALVED_CELLS
+    if load.where is not None:
+        entities, often = facet_entities(mesh, every), _HALVED_FACETS
+        sides = [basix.geometry(cell)[corners] for corners in basix.topology(cell)[across - 1]]
+        kind = basix.cell.subentity_types(cell)[across - 1][0]
+    rules = basix.make_quadrature(kind, load.degree(d.scene.element.degree)), _halved(kind, often)
+    for side, corners in enumerate(sides):
+        # A facet in the reference cell is an affine image of its own reference, whose axes are at these corners.
+        axes = corners[_AXES[kind]] - corners[0]
+        coarse, fine = (_Rule(corners[0] + points @ axes, weights, axes) for points, weights in rules)
+        on_side = entities[entities[:, 1] == side, 0]
+        for cells in np.array_split(on_side, -(-len(on_side) // _TOGETHER) or 1):
+            nodes = mesh.geometry.x[compat.geometry_cells(mesh)[cells]]
+            known = _forces(d, value, coarse, nodes, interpolated=not isinstance(value, Expression))
+            finer = _forces(d, value, fine, nodes)
+            rows.append(np.abs(np.column_stack((finer.sum(axis=1) - known.sum(axis=1), np.abs(finer).sum(axis=1)))))
+    return np.concatenate(rows)
 
-    def values(points: Array) -> Array:
-        return sample(value, in_space(points.reshape(-1, 3))).reshape(points.shape[:2])
 
-    seen = values(local @ x)
-    owner, parts, known = exactly_cut(x, [value])
-    share = np.abs(np.linalg.det(parts))
-    exact = np.bincount(owner, share * (values(local @ parts @ x[owner]) @ weights), len(x))
-    is_cut = (np.bincount(owner, minlength=len(x)) > 1) & ~(known & cut_there)
-    missed = np.abs(exact - seen @ weights) * size
-    total = float((np.abs(seen) @ weights * size).sum()) + float((np.abs(exact) * size)[is_cut].sum())
-    return np.array([np.count_nonzero(is_cut & (missed > _LITTLE * np.abs(exact) * size)), missed[is_cut].sum(), total])
+def _halved(kind: basix.CellType, often: int) -> tuple[Array, Array]:
+    """A rule on a reference facet or cell, on the parts of its longest edges' halves."""
+    simplices = basix.geometry(kind)[np.array(PARTS[kind])]
+    pairs = np.array(list(combinations(range(simplices.shape[1]), 2)))
+    for _ in range(often):
+        lengths = np.linalg.norm(simplices[:, pairs[:, 0]] - simplices[:, pairs[:, 1]], axis=2)
+        first, second = pairs[lengths.argmax(axis=1)].T
+        numbers = np.arange(len(simplices))
+        middle = (simplices[numbers, first] + simplices[numbers, second]) / 2
+        halves = simplices.copy(), simplices.copy()
+        halves[0][numbers, first], halves[1][numbers, second] = middle, middle
+        simplices = np.concatenate(halves)
+    points, weights = basix.make_quadrature(
+        SIMPLICES[simplices.shape[2]], _DEGREE, rule=basix.QuadratureType.gauss_jacobi
+    )
+    edges = simplices[:, 1:] - simplices[:, :1]
+    places = simplices[:, :1] + points @ edges
+    return places.reshape(-1, simplices.shape[2]), (np.abs(np.linalg.det(edges))[:, None] * weights).ravel()
+
+
+def _forces(d: Discretisation, value: Any, rule: _Rule, nodes: Array, *, interpolated: bool = False) -> Array:
+    """A value times the length, area or volume that points of a rule stand for, shape (n, q).
+
+    Args:
+        d: the scene on its mesh.
+        value: a component of a load.
+        rule: in the reference cell.
+        nodes: of the geometry of the cells, length, shape (n, g, 3).
+        interpolated: whether elements interpolate it.
+    """
+    geometry = compat.geometry_element(d.tagged.mesh)
+
+    def at(points: Array) -> tuple[Array, Array]:
+        table = geometry.tabulate(1, points)[..., 0]
+        x = np.einsum("qg,ngd->nqd", table[0], nodes)
+        return x, np.einsum("kqg,tk,ngd->nqtd", table[1:], rule.axes, nodes)
+
+    def values(x: Array) -> Array:
+        return sample(value, in_space(x.reshape(-1, 3))).reshape(x.shape[:2])
+
+    x, slopes = at(rule.points)
+    size = np.sqrt(np.abs(np.linalg.det(slopes @ slopes.swapaxes(2, 3)))) * rule.weights
+    size *= 2 * np.pi * x[..., 0] if d.scene.axisymmetric else 1.0
+    if not interpolated:
+        return values(x) * size
+    element = d.space.element.basix_element
+    return values(at(element.points)[0]) @ element.tabulate(0, rule.points)[0, ..., 0].T * size

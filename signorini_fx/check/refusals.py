@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from signorini_fx.body import contact_data
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.bounds.bounded_scene import Refused
+from signorini_fx.bounds.bounded_scene import Refused, why_estimated
 from signorini_fx.errors import SceneError
 
 
@@ -36,6 +36,8 @@ def refuse_beforehand(d: Discretisation) -> None:
             refuse_unbounded(d)
         except Refused as refused:
             raise SceneError([("accuracy.certified", str(refused))]) from None
+        if why := why_estimated(d):
+            raise SceneError([("accuracy.certified", f"there is no guaranteed bound, as {why}")])
 
 
 def _refuse_moving(d: Discretisation) -> None:

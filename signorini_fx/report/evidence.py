@@ -71,7 +71,8 @@ def certificate(summary: dict[str, Any]) -> Markup:
     if "functionals" in summary:
         gap = summary["functionals"]["relative_duality_gap"]
         parts.append(tag("p", in_text(f"The relative difference of primal and dual functional is {gap:.1e}.")))
-    for name, title in (("error_bound", "Guaranteed error"), ("uniqueness", "Uniqueness")):
+    bound = "Guaranteed error" if summary.get("error_bound", {}).get("guaranteed") else "Bound of the error"
+    for name, title in (("error_bound", bound), ("uniqueness", "Uniqueness")):
         if name in summary:
             parts.append(tag("p", in_text(f"{title}: {summary[name]['statement']}.")))
     return joined(parts)

@@ -261,6 +261,43 @@ def _switches(node: ast.expr) -> list[tuple[ast.expr, ...]]:
     return switches
 
 
+def _jumps(node: ast.expr) -> bool:
+    """Whether a number may jump: it compares others, or takes their sign."""
+    return any(
+        isinstance(part, ast.Compare) or (isinstance(part, ast.Name) and part.id == "sign") for part in ast.walk(node)
+    )
+
+
+def _degree(node: ast.expr) -> float:
+    """Degree of the polynomials between the switches; infinite where there are none."""
+    match node:
+        case ast.Subscript():
+            return 1.0
+        case (
+            ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=operand) | ast.Call(func=ast.Name(id="abs"), args=[operand])
+        ):
+            return _degree(operand)
+        case ast.BinOp(left=left, op=ast.Add() | ast.Sub(), right=right):
+            return max(_degree(left), _degree(right))
+        case ast.BinOp(left=left, op=ast.Mult(), right=right):
+            return _degree(left) + _degree(right)
+        case ast.BinOp(left=left, op=ast.Div(), right=right):
+            return _degree(left) if _degree(right) == 0 else math.inf
+        case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=int() | float() as power)) if (
+            power >= 0 and power % 1 == 0
+        ):
+            return _degree(left) * power if power else 0.0
+        case ast.IfExp(body=body, orelse=orelse) | ast.Call(func=ast.Name(id="where"), args=[_, body, orelse]):
+            return max(_degree(body), _degree(orelse))
+        case ast.Call(func=ast.Name(id="min" | "max"), args=arguments):
+            return max(map(_degree, arguments))
+        case ast.BinOp(left=left, op=ast.Pow()):
+            return 0.0 if _degree(left) == 0 else math.inf
+        case ast.Call(func=ast.Name(id=name), args=[argument]) if name != "sign":
+            return 0.0 if _degree(argument) == 0 else math.inf
+    return 0.0  # a number, a condition, or a sign
+
+
 @dataclass(frozen=True)
 class Expression:
     """A scalar function of the position, written as text.
@@ -337,10 +374,24 @@ class Expression:
     @property
     def jumps(self) -> bool:
         """Whether it may jump: it compares numbers, or takes their sign."""
-        return any(
-            isinstance(node, ast.Compare) or (isinstance(node, ast.Name) and node.id == "sign")
-            for node in ast.walk(self._tree())
-        )
+        return _jumps(self._tree())
+
+    @property
+    def degree(self) -> float:
+        """Of the polynomials that it consists of between its ``switches``; infinite: it does not consist of such."""
+        return _degree(self._tree())
+
+    @property
+    def is_smooth(self) -> bool:
+        """Whether it has no ``switches``."""
+        return not _switches(self._tree())
+
+    @property
+    def cuts_exactly(self) -> bool:
+        """Whether all of its ``switches`` are affine and do not jump themselves, so that the places are known where it
+        jumps or has a kink.
+        """
+        return all(_degree(node) <= 1 and not _jumps(node) for pair in _switches(self._tree()) for node in pair)
 
     def ufl(self, mesh: Any, time: Any = None) -> Any:
         """The same function as a UFL expression of ``SpatialCoordinate(mesh)``, with a ``Constant`` for t if it is

@@ -1,16 +1,25 @@
 """Loads that jump inside a facet or a cell: what is proved of them, and what ``check`` says."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from error_bounds import problem
 from mpi4py import MPI
 from scenes import alone, example1
+from spaces import box
 from test_safety import COULOMB, block, hub
 
+from signorini_fx.bounds.bounded_scene import grounds
 from signorini_fx.bounds.integrated_loads import on_edges
 from signorini_fx.bounds.triangles import Triangles
 from signorini_fx.check.checks import check_scene
+from signorini_fx.effects.body_force import BodyForce
+from signorini_fx.effects.contact import TrescaFriction
+from signorini_fx.errors import SceneError
 from signorini_fx.scene.cut_simplices import cut, halved
-from signorini_fx.scene.expressions import Expression
+from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 
@@ -61,8 +70,12 @@ def test_what_is_no_expression_widens_the_bounds(place):
     low, high = solution.force_bounds("bottom", (0.0, 1.0))
     assert low <= place <= high
     assert 1e-4 < high - low < 0.05
-    assert "quadrature of the loads" in solution.error_bound.assumed
-    assert "quadrature of the loads" in str(solution.force_bounds("bottom", (0.0, 1.0)))
+    bound = solution.error_bound
+    assert "quadrature of the loads" in bound.grounds.assumed
+    assert not bound.as_dict()["guaranteed"]
+    for said in (bound, solution.force_bounds("bottom", (0.0, 1.0))):
+        assert "an estimate and no guaranteed bound, as the traction of 'top' is a function of Python: " in str(said)
+        assert "quadrature of the loads" in str(said)
 
 
 @pytest.mark.parametrize("place", [0.22, 0.5, 0.78])
@@ -227,3 +240,123 @@ def test_check_names_loads_that_jump_inside_a_facet(cell, nodes):
         "-abs(x[0] - 0.47)",
     ):
         assert not told(smooth)
+
+
+def judged(scene, **more):
+    """Why what is computed as a bound is an estimate, and what it assumes, with another load on the same mesh."""
+    solution = alone(scene, check=False)
+    return lambda update: grounds(
+        replace(solution.discretisation, scene=solution.scene.model_copy(update=update)), coulomb=False, unknown=0.0
+    )
+
+
+def test_what_is_guaranteed():
+    """Polynomials between affine comparisons are; others are assumed to be as they are seen, or make an estimate."""
+    plain = square(-1.0)
+    of = judged(plain)
+    push, first, block = plain.traction[0], plain.contact[0], BodyForce(y=-1.0)
+    top = "the traction of 'top'"
+    for text, reason, assumed in (
+        ("where(x[0] < 0.47, -x[0]**2/3, min(x[0], 0.2) * x[1])", "", ""),
+        ("-1 if abs(x[0] - 0.4) < 0.01 and not x[1] < pi/9 else sqrt(2)", "", ""),
+        ("x[0]**6", "", "traction"),
+        ("exp(x[0])", "", "traction"),
+        ("abs(x[0]**2 - 0.2)", "", "traction"),
+        ("x[0]**2 < 0.2", f"{top} compares functions that are not affine", ""),
+        ("sin(9*x[0]) < 0.2", f"{top} compares functions that are not affine", ""),
+        ("where(x[0] < 0.5, x[0], 1) < 0.7", f"{top} compares functions that are not affine", ""),
+        ("sign(sign(x[0] - 0.2) * x[0])", f"{top} compares functions that are not affine", ""),
+    ):
+        found = of({"traction": (push.model_copy(update={"y": Expression(text)}),)})
+        assert found.estimated == reason
+        assert assumed in found.assumed
+        assert bool(assumed or reason) == bool(found.assumed or found.estimated)
+    for update, name in (
+        ({"body_force": (block.model_copy(update={"x": lambda x: x[0]}),)}, "body force"),
+        ({"contact": (first.model_copy(update={"gap": lambda x: x[0]}),)}, "gap of 'bottom'"),
+        (
+            {"contact": (first.model_copy(update={"friction": TrescaFriction(bound=lambda x: x[0])}),)},
+            "friction bound of 'bottom'",
+        ),
+        ({"displacement": (plain.displacement[0].model_copy(update={"x": lambda x: x[0]}),)}, "displacement of 'left'"),
+    ):
+        assert of(update).estimated == f"the {name} is a function of Python"
+    for gap, assumed in (("x[0]**2 - x[1]", False), ("x[0]**3", True), ("max(x[0], 0.2)", True)):
+        assert ("gap" in of({"contact": (first.model_copy(update={"gap": Expression(gap)}),)}).assumed) == assumed
+
+
+def drawn_load(chance):
+    """A load along the top of the square that may jump: as a function of Python, or as an expression."""
+    a, b = np.sort(chance.uniform(0.05, 0.95, 2))
+    b = a + (b - a) * 10 ** chance.uniform(-2, 0)
+    low, high = chance.uniform(-1, 1, 2)
+    match chance.integers(4):
+        case 0:
+            return lambda x: np.where((x[0] > a) & (x[0] < b), low, high * x[0])
+        case 1:
+            return Expression(f"{low} if {a} < x[0] < {b} else {high}*x[0]")
+        case 2:
+            return Expression(f"{low} if (x[0] - {a})*(x[0] - {b}) < 0 else {high}*x[0]")
+    return Expression(f"{high}*x[0]**2 + {low}*max(x[0] - {a}, 0) - abs(x[0] - {b})")
+
+
+def test_no_bound_of_what_loads_miss_is_below_it():
+    """Of random loads, the mean square that linear functions miss on each edge, against many points on it."""
+    chance, plain, below = np.random.default_rng(41), square(-1.0, n=6), 0
+    of, t = judged(plain), problem(alone(plain, check=False)).t
+    edges = np.flatnonzero((t.x[t.edges][:, :, 1] == 1.0).all(axis=1))
+    s = (np.arange(20000) + 0.5) / 20000
+    a, b = t.x[t.edges[edges]].swapaxes(0, 1)
+    x = a[:, None] + s[:, None] * (b - a)[:, None]
+    for _ in range(150):
+        load = drawn_load(chance)
+        found = on_edges(t, edges, lambda _, at, load=load: at.value(load)[..., None] * [0.0, 1.0], [load])
+        values = sample(load, in_space(x.reshape(-1, 2))).reshape(x.shape[:2])
+        ends = values @ np.column_stack((4 - 6 * s, 6 * s - 2)) / len(s)
+        true = ((values - ends @ np.stack((1 - s, s))) ** 2).mean(axis=1)
+        if (found.missed < true - 1e-4).any():
+            below += 1
+            assert of({"traction": (plain.traction[0].model_copy(update={"y": load}),)}).estimated
+    assert below > 5
+
+
+def test_a_certified_accuracy_needs_a_guarantee():
+    """A function of Python is refused before anything is solved, by check too."""
+    scene = square(lambda x: -x[0], accuracy={"target": "5%", "certified": True})
+    refused = "accuracy.certified: there is no guaranteed bound, as the traction of 'top' is a function of Python"
+    for run in (check_scene, alone):
+        with pytest.raises(SceneError, match=refused):
+            run(scene)
+
+
+ROUND = "(x[0] - 0.4)**2 + (x[1] - 0.2)**2 < 0.001"
+
+
+@pytest.mark.parametrize(
+    ("cell", "key", "load", "area", "entities"),
+    [
+        ("tetrahedron", "traction", f"-1 if {ROUND} else 0", np.pi * 0.001, "inside 1 facet of 'top'"),
+        ("hexahedron", "traction", f"-1 if {ROUND} else 0", np.pi * 0.001, "inside 1 facet of 'top'"),
+        ("hexahedron", "body_force", "-1 if x[0]**2 < 0.075 else 0", 0.15 * 0.075**0.5, "inside 6 cells"),
+        ("hexahedron", "body_force", lambda x: np.where(x[0] < 0.3, -1.0, 0.0), 0.15 * 0.3, "inside 6 cells"),
+        ("distorted", "body_force", "-1 if x[0] < 0.3 else 0", 0.15 * 0.3, "inside 6 cells"),
+        ("distorted", "traction", "-1 if x[0] < 0.3 else 0", 0.15, "inside 3 facets of 'top'"),
+        ("tetrahedron", "body_force", "-1 if x[0] < 0.3 else 0", 0.15 * 0.3, ""),
+    ],
+)
+def test_check_names_what_is_not_cut(cell, key, load, area, entities):
+    """Circles within a face, cells that jumps cross, functions of Python, distorted cells: with the wrong share."""
+    cells = "tetrahedra" if cell == "tetrahedron" else "hexahedra"
+    tagged = box(cells, (4, 3, 2), size=(1.0, 0.5, 0.3))
+    if cell == "distorted":
+        x = tagged.mesh.geometry.x
+        x[:, 1] += 0.1 * x[:, 0] * x[:, 1] * (0.5 - x[:, 1])
+    effect = {"z": load} | ({"boundary": "top"} if key == "traction" else {})
+    scene = {"mesh": tagged, "material": {"young": 1e3, "poisson": 0.3}, "displacement": {"boundary": "left", "x": 0.0}}
+    scene = parse_scene(scene | {"contact": {"boundary": "bottom"}, key: effect})
+    found = [finding for finding in check_scene(scene).findings if re.fullmatch(rf"{key}(\[0\])?\.z", finding.path)]
+    assert [entities in finding.message for finding in found] == [True] * bool(entities)
+    if entities and cell != "distorted":
+        given = alone(scene, check=False).discretisation.applied[0].forces.sum()
+        share = float(re.search(r"([\d.]+) % of it wrong", found[0].message)[1]) / 100
+        assert share == pytest.approx(abs(-given / area - 1), rel=0.2, abs=0.02)
