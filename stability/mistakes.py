@@ -192,11 +192,11 @@ MUTANTS = (
         tests=("cohesion::test_open_contact_has_none",),
     ),
     Mutant(
-        "solving/load_steps",
+        "solving/scene_steps",
         "moved.law.bound(start.multipliers[0])",
         "start.data.bound",
         "friction in time: the bound of the last step",
-        within="_placed",
+        within="SceneSteps.at",
         tests=("friction_in_time::test_place_and_time",),
     ),
     Mutant(
@@ -1319,7 +1319,7 @@ MUTANTS = (
     ),
     Mutant(
         "solving/load_steps",
-        "newton.restore(begun)",
+        "newton.restore(checkpoint)",
         "None",
         "ramp: begun again from an iterate without a solution",
         tests=("ramp::test_failed_steps_leave_no_trace",),
@@ -1333,7 +1333,7 @@ MUTANTS = (
     ),
     Mutant(
         "solving/restart",
-        "displacement.x.array[:] -= d.motions.displacement(task.rest.motion).ravel()",
+        "displacement.x.array[:] -= body.motions.displacement(task.rest.motion).ravel()",
         "pass",
         "restart: displacement from the resting place not converted",
         tests=("restart::test_from_the_resting_place",),
@@ -1384,28 +1384,28 @@ MUTANTS = (
         ),
     ),
     Mutant(
-        "solving/load_steps",
+        "solving/scene_steps",
         "Status.NOT_CERTIFIED if status is Status.CONVERGED and not certificate.holds else status",
         "status",
         "the certificate has no say",
         tests=("certificate::test_faults_of_the_solver_are_refused",),
     ),
     Mutant(
-        "solving/load_steps",
-        "before=last",
+        "solving/scene_steps",
+        "before=begun.last",
         "before=None",
         "certificate: the step before is not handed over",
         tests=("load_steps",),
     ),
     Mutant(
-        "solving/load_steps",
+        "solving/scene_steps",
         "deformation.largest > scene.solver.largest_deformation",
         "deformation.gradient > scene.solver.largest_deformation",
         "a body may travel",
         tests=("traps",),
     ),
     Mutant(
-        "solving/load_steps",
+        "solving/scene_steps",
         "deformation.largest > scene.solver.largest_deformation",
         "deformation.displacement > scene.solver.largest_deformation",
         "a body may be strained at will",
@@ -3434,7 +3434,7 @@ MUTANTS = (
         tests=("abaqus_decks::test_a_bolt_that_a_force_tightens",),
     ),
     Mutant(
-        "solving/restart",
+        "solving/scene_steps",
         'with_shortenings(d, tightened_at(d, path_step), path_step, figures["shortenings"])',
         "d",
         "restart: a bolt that was tightened is loose again",
@@ -3449,8 +3449,8 @@ MUTANTS = (
     ),
     Mutant(
         "solving/restart",
-        'd.begin_driven(all_unknowns, np.array(figures["tools"]), task.rest)',
-        'd.begin_driven(all_unknowns, np.array(figures["tools"]), None)',
+        'body.begin_driven(all_unknowns, np.array(figures["tools"]), task.rest)',
+        'body.begin_driven(all_unknowns, np.array(figures["tools"]), None)',
         "restart: the motion of tools is from the initial position",
         tests=("restart::test_foundations_that_move",),
     ),
@@ -4743,7 +4743,7 @@ MUTANTS = (
     ),
     # --- data for which a term matters ------------------------------------------------------------------------------
     Mutant(
-        "solving/load_steps",
+        "solving/scene_steps",
         "replace(begun, law=moved.law, data=replace(begun.data, bound=bound))",
         "begun",
         "moved foundations: friction is that of the step before",
@@ -4751,7 +4751,7 @@ MUTANTS = (
         tests=("friction_in_time::test_a_foundation_that_moves_while_its_friction_changes",),
     ),
     Mutant(
-        "solving/load_steps",
+        "solving/scene_steps",
         "moved.law.bound(start.multipliers[0])",
         "start.data.bound",
         "moved foundations: a given bound is that of the step before",

@@ -40,8 +40,9 @@ from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scene.effect import Force, InitialStrain, Resistance, SectionJump
 from signorini_fx.scene.model import Scene
-from signorini_fx.solving.load_steps import LoadStep
 from signorini_fx.solving.one_mesh import solve_mesh
+from signorini_fx.solving.scene_steps import SceneSteps
+from signorini_fx.solving.stepped_problem import LoadStep
 
 Array = npt.NDArray[np.float64]
 # Assembling a matrix takes as long as applying its form to the displacements of so many load steps.
@@ -122,7 +123,7 @@ def sensitivity(
     _check(scene)
     solved: list[_Step] = []
 
-    def keep(step: LoadStep) -> None:
+    def keep(step: LoadStep[SceneSteps]) -> None:
         if step.result.step == 1:  # a ramp may begin again
             solved.clear()
         solved.append(_Step.of(step))
@@ -159,9 +160,9 @@ class _Step:
         return ChangedStep(forms=(), boundary=d.boundary, gap=d.data.gap, law=d.law, **_loads(d, self.place))
 
     @classmethod
-    def of(cls, step: LoadStep) -> _Step:
+    def of(cls, step: LoadStep[SceneSteps]) -> _Step:
         """One that has just been solved; collective."""
-        d, state = step.discretisation, step.result.contact
+        d, state = step.problem.body, step.result.contact
         assert state is not None
         of = d, step.task, step.outcome, step.start, state, step.result.displacement, step.start.law
         return cls(d, step.result.place, SolvedStep.of(*of))

@@ -14,7 +14,7 @@ import numpy as np
 from signorini_fx import parallel
 from signorini_fx.algorithms.coulomb_statics import free_state
 from signorini_fx.algorithms.task import Outcome, Start, Task
-from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.motion_names import names_of
 from signorini_fx.contact.laws import FrictionLaw, Nodal, RegularisedData, length
 from signorini_fx.contact.reactions import Reactions, reactions
@@ -36,23 +36,33 @@ _UNEXPLAINED = (
 _NEGLIGIBLE = 1e-6
 
 
-def explained(d: Discretisation, task: Task, start: Start, outcome: Outcome) -> tuple[Outcome, Finding | None]:
-    """The outcome of a load step, *opens* where a body lies loose, and which one does; collective."""
+def explained(
+    body: ElasticBody, task: Task, start: Start, outcome: Outcome, loads: str, when: str
+) -> tuple[Outcome, Finding | None]:
+    """The outcome of a load step, *opens* where a body lies loose, and which one does; collective.
+
+    Args:
+        body: the elastic body.
+        task: its contact problem.
+        start: where the load step started.
+        outcome: how it ended.
+        loads: the name of the forces that could press a body on.
+        when: the name of the load step, with a colon; "": there is one.
+    """
     understood = outcome.status not in _UNEXPLAINED
     number = None if understood else loose_assembly(task, start.data, start.law)
     if number is None:
         return outcome, None
     if outcome.status is not Status.OPEN:
         task.history.add(f"{outcome.status.value}: nothing presses on a body, which can move without touching anything")
-    scene, motions = d.scene, d.motions
+    motions = body.motions
     members = np.flatnonzero(motions.pieces.assembly == number)
     names = names_of(motions.of_all[:, motions.assembly == number], motions, members)
     message = (
         f"nothing presses on {names if members.size > 1 else f'the body in {names}'}, which the supports do not hold: "
         "it lies loose, and many positions are in equilibrium; press it on, or prescribe a displacement"
     )
-    when = f"load step {start.step + 1}: " if scene.several_steps else ""
-    return replace(outcome, status=Status.OPEN), Finding("warning", scene.forces_at, f"{when}{message}")
+    return replace(outcome, status=Status.OPEN), Finding("warning", loads, f"{when}{message}")
 
 
 def loose_assembly(task: Task, data: RegularisedData, law: FrictionLaw | None) -> int | None:

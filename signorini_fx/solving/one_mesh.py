@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from dolfinx import fem
@@ -15,7 +15,6 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.algorithms.task import Outcome, Start, Task
-from signorini_fx.attempts import RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION, Attempt
 from signorini_fx.body.contact_data import first_sets
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.deformation import deformation_of
@@ -32,22 +31,23 @@ from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.functionals import functionals
-from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving import fewer_nodes
 from signorini_fx.solving.load_path import Increments
-from signorini_fx.solving.load_steps import LoadStep, judged, load_step, recalled_step, step_result
+from signorini_fx.solving.load_steps import all_load_steps, step_result
 from signorini_fx.solving.nested import carry_over
 from signorini_fx.solving.restart import MeshCheckpoint
+from signorini_fx.solving.scene_steps import SceneSteps, judged
+from signorini_fx.solving.stepped_problem import LoadStep
 from signorini_fx.solving.untouched import choose_touched
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
 # Called after a load step that has a solution.
-AfterStep = Callable[[LoadStep], object]
+AfterStep = Callable[[LoadStep[SceneSteps]], object]
 
 
-def _nothing_more(step: LoadStep) -> None:
+def _nothing_more(step: LoadStep[SceneSteps]) -> None:
     """Does nothing after a load step."""
 
 
@@ -123,52 +123,15 @@ def solve_contact(
         on_step: called after each load step with a solution.
         level_checkpoint: the checkpoint, which load steps are taken from and stored in; None: there is none.
     """
-    history, path, progress, first = (
-        task.history,
-        _increments(discretisation.scene),
-        _StepProgress(start),
-        (discretisation, task),
-    )
+    history, scene = task.history, discretisation.scene
 
     def renew(d: Discretisation) -> Task:
         with timings.phase("condense"):
             return contact_task(d, history)
 
-    begun, beginning = task.iterate.newton.checkpoint(), _marks(history)
-    while not path.ended:
-        marks, step = progress.unstored or _marks(history), None
-        if level_checkpoint is not None and level_checkpoint.checkpoint.found:
-            step = recalled_step(
-                discretisation, task, progress.start, progress.last, timings, level_checkpoint, path, renew
-            )
-        recalled = step is not None
-        step = step or load_step(discretisation, task, progress.start, progress.last, timings, path, renew)
-        anew = None if recalled or history.exhausted else _to_begin_again(path, step.result)
-        if anew is not None:
-            history.add(f"{step}: {anew}")
-            path.begin_again(step.result.status, history.linear_solves - beginning[0])
-            task.iterate.newton.restore(begun)
-            progress, (discretisation, task) = _StepProgress(start, unstored=beginning), first
-            if level_checkpoint is not None:
-                level_checkpoint.forget(0)
-            continue
-        progress.take(step)
-        discretisation, task = step.discretisation, step.task
-        if step.result.status is not Status.CONVERGED:
-            if path.bracket is not None:
-                history.add(f"the ramp ends: {path.bracket}")
-            break
-        on_step(step)
-        if not recalled:
-            path.advance(step.result.linear_solves)
-            if level_checkpoint is not None:
-                with timings.phase("checkpoint"):
-                    level_checkpoint.store(
-                        discretisation, task, step.start, step.outcome, step.result, path, timings, marks
-                    )
-            progress.unstored = None
-        if not path.ended:
-            progress.go_on(task, step)
+    steps = SceneSteps(discretisation, timings, renew)
+    progress = all_load_steps(steps, task, start, _increments(scene), on_step, level_checkpoint)
+    discretisation, task = progress.problem.body, progress.task
     assert progress.ended is not None
     ended, data = progress.ended
     shown, values = _shown(progress.results), None
@@ -185,52 +148,8 @@ def solve_contact(
     return solution, task, ended
 
 
-@dataclass
-class _StepProgress:
-    """How far the load steps have come.
-
-    Attributes:
-        start: where the next one starts.
-        last: the end of the last one; None: there is none.
-        results: of all of them.
-        ended: how the last one with a solution ended, or the first one, and its data; None: there is none.
-        unstored: where the records begin that no stored load step has; None: at the next one.
-    """
-
-    start: Start
-    last: PreviousStep | None = None
-    results: list[StepResult] = field(default_factory=list)
-    ended: tuple[Outcome, RegularisedData] | None = None
-    unstored: tuple[int, int, int] | None = None
-
-    def take(self, step: LoadStep) -> None:
-        """Add the result of a load step."""
-        self.results.append(step.result)
-        if step.result.status is Status.CONVERGED or self.ended is None:
-            self.ended = step.outcome, step.outcome.problem.data
-
-    def go_on(self, task: Task, step: LoadStep) -> None:
-        """Begin the next load step where this one has ended."""
-        assert step.result.contact is not None
-        law, tractions = Law(*task.promised(step.outcome)), Tractions.of(step.result.contact)
-        self.last = PreviousStep.of(step.result.displacement, tractions, law, step.last, step.result.tools)
-        self.start = step.outcome.next_step(step.start)
-
-
 def _increments(scene: Scene) -> Increments:
     return Increments(scene.path, scene.solver, has_coulomb=scene.has_coulomb)
-
-
-def _marks(history: History) -> tuple[int, int, int]:
-    """Numbers of linear solves, regularised problems and events so far."""
-    return history.linear_solves, len(history.outer), len(history.events)
-
-
-def _to_begin_again(path: Increments, result: StepResult) -> Attempt | None:
-    """Why a ramp begins again after a load step; None: it does not."""
-    if path.begins_again(result.status, result.linear_solves):
-        return RAMP_BY_AUGMENTATION
-    return RAMP_WITHOUT_AUGMENTATION if result.status is not Status.CONVERGED and path.falls_short else None
 
 
 def _shown(steps: Sequence[StepResult]) -> StepResult:
@@ -311,7 +230,9 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
             deformation = deformation_of(discretisation, displacement)
             status = judged(status, certificate, deformation, scene)
         solves = int(status is not Status.NOT_HELD)
-        step = step_result(scene, len(steps), path_step, status, displacement, None, certificate, deformation, solves)
+        step = step_result(
+            scene.path, len(steps), path_step, status, displacement, None, certificate, deformation, solves
+        )
         steps.append(step)
         if status is Status.CONVERGED:
             path.advance(solves)

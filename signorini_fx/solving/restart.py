@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Generic
 
 import numpy as np
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.joint_pressure import JointPressure
 from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, unit
 from signorini_fx.problem.exact import ExactProblem
@@ -23,13 +22,15 @@ from signorini_fx.records import History, IterationRecord, OuterRecord, Status, 
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import StepResult
 from signorini_fx.solving.load_path import Increments
+from signorini_fx.solving.stepped_problem import P
 
 
 @dataclass(frozen=True)
-class Recalled:
+class Recalled(Generic[P]):
     """A load step of an earlier run.
 
     Attributes:
+        problem: as it was at the load step.
         outcome: how it ended, with the iterate in place.
         start: where it started, at its place.
         path: the way through the load steps after it.
@@ -40,6 +41,7 @@ class Recalled:
         joint: the pressure of loads within the contact; None: none enters.
     """
 
+    problem: P
     outcome: Outcome
     start: Start
     path: dict[str, float]
@@ -79,44 +81,32 @@ class MeshCheckpoint:
         figures = self.checkpoint.figures(self.level, step)
         return None if figures is None else float(figures["place"])
 
-    def tightened(self, d: Discretisation, step: int) -> Discretisation:
-        """The discretised scene with the shortenings that forces have led to in a load step, from 0, which is there."""
-        figures = self.checkpoint.figures(self.level, step)
-        if figures is None or "shortenings" not in figures:
-            return d
-        from signorini_fx.solving.preload import tightened_at, with_shortenings
-
-        path_step = float(figures["place"])
-        return with_shortenings(d, tightened_at(d, path_step), path_step, figures["shortenings"])
-
     def forget(self, step: int) -> None:
         """Remove a load step, from 0, that turned out to be no solution, and all later ones."""
         self.checkpoint.forget(self.level, step)
 
     def store(
         self,
-        d: Discretisation,
+        steps: P,
         task: Task,
         start: Start,
         outcome: Outcome,
         result: StepResult,
         path: Increments,
-        timings: Timings,
         marks: tuple[int, int, int],
     ) -> None:
         """Store a load step that has a solution.
 
         Args:
-            d: the discretisation.
+            steps: the problem, as it is at the load step.
             task: the contact problem.
             start: where the load step started.
             outcome: how it ended.
             result: its result.
             path: the way through the load steps, after it.
-            timings: of the mesh.
             marks: numbers of linear solves, regularised problems and events before it.
         """
-        problem, history, boundary = outcome.problem, task.history, d.boundary
+        problem, history, body, boundary = outcome.problem, task.history, steps.body, steps.body.boundary
         assert boundary is not None
         tangents, cotangents, sets = boundary.tangents, boundary.cotangents, problem.sets
         nodal: dict[str, Nodal] = {
@@ -124,10 +114,8 @@ class MeshCheckpoint:
             "direction": _in_space(sets.direction, tangents),
             "turning": sets.turning,
         }
-        if d.scene.joint_loads:
-            assert result.contact is not None
-            assert result.contact.joint is not None
-            nodal["reached"] = result.contact.joint.reached.astype(np.float64)
+        more_nodal, more_figures = steps.stored(start.place, result)
+        nodal |= more_nodal
         rest_t = 0.0 if task.rest is None else task.rest.u_t
         parameters = {}
         for name, data in (("given", outcome.data), ("solved", problem.data)):
@@ -151,47 +139,41 @@ class MeshCheckpoint:
             "iterations": as_rows(history.iterations[solves:]),
             "outer": as_rows(history.outer[problems:]),
             "events": history.events[events:],
-            "seconds": parallel.largest_timings(d.comm, timings.total),
+            "seconds": parallel.largest_timings(body.comm, steps.timings.total),
+            **more_figures,
         }
-        if d.tools is not None:
-            figures["tools"] = d.driven(outcome.displacement(), task.rest).tolist()
-        if d.scene.tightens_at(start.place):
-            from signorini_fx.solving.preload import shortenings
-
-            figures["shortenings"] = shortenings(d, start.place)
+        if boundary.moving is not None:
+            figures["tools"] = body.driven(outcome.displacement(), task.rest).tolist()
         self.checkpoint.write(self.level, start.step, result.displacement, boundary, nodal, figures)
 
-    def recall(self, d: Discretisation, task: Task, start: Start) -> Recalled | None:
+    def recall(self, steps: P, task: Task, start: Start) -> Recalled[P] | None:
         """Rebuild a load step; None if it is not there, or does not fit.
 
         Args:
-            d: the discretisation.
+            steps: the problem, as it is at the load step.
             task: the contact problem; its iterate becomes that of the load step.
             start: where the load step starts; its place is that of the earlier run.
         """
         figures = self.checkpoint.figures(self.level, start.step)
         if figures is None:
             return None
-        assert d.boundary is not None
-        stored = self.checkpoint.read(self.level, start.step, d.space, d.boundary, d.tagged.size)
+        body, boundary = steps.body, steps.body.boundary
+        assert boundary is not None
+        stored = self.checkpoint.read(self.level, start.step, body.space, boundary, steps.size)
         if stored is None:
             self.forget(start.step)
             return None
         displacement, nodal = stored
         path_step = float(figures["place"])
-        joint = None
-        if d.scene.joint_loads:
-            from signorini_fx.solving.joint_loads import recalled_joint_loads
-
-            joint = recalled_joint_loads(d, task, path_step, nodal["reached"])
-        start = replace(start, place=path_step, factors=d.load(task.system, path_step))
+        steps, joint = steps.recalled(task, path_step, nodal, figures)
+        start = replace(start, place=path_step, factors=steps.load(task.system, path_step))
         task.iterate.begin_step(start)
         if task.rest is not None:
-            displacement.x.array[:] -= d.motions.displacement(task.rest.motion).ravel()
-        all_unknowns = d.unknowns(displacement)
-        if d.tools is not None:
-            d.begin_driven(all_unknowns, np.array(figures["tools"]), task.rest)
-        x, boundary = task.system.unknowns(all_unknowns), d.boundary
+            displacement.x.array[:] -= body.motions.displacement(task.rest.motion).ravel()
+        all_unknowns = body.unknowns(displacement)
+        if boundary.moving is not None:
+            body.begin_driven(all_unknowns, np.array(figures["tools"]), task.rest)
+        x = task.system.unknowns(all_unknowns)
         direction = _along(nodal["direction"], boundary.cotangents)
         slipping = np.linalg.norm(direction, axis=1) > 0.5
         direction = np.where(slipping[:, None], unit(direction), 0.0)
@@ -216,6 +198,7 @@ class MeshCheckpoint:
             regularisation_error=figures["regularisation_error"],
         )
         return Recalled(
+            steps,
             outcome,
             start,
             figures["path"],

@@ -32,9 +32,10 @@ from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import as_scene
 from signorini_fx.scene.values import kind_of
 from signorini_fx.solving.finer_meshes import SolvedMesh
-from signorini_fx.solving.load_steps import LoadStep
 from signorini_fx.solving.one_mesh import solve_mesh
 from signorini_fx.solving.restart import MeshCheckpoint
+from signorini_fx.solving.scene_steps import SceneSteps
+from signorini_fx.solving.stepped_problem import LoadStep
 from signorini_fx.solving.to_accuracy import solve_to_accuracy
 from signorini_fx.tuned import HELPING_MESHES
 
@@ -226,8 +227,8 @@ def solve_level(
     solves_before = history.linear_solves
     step_errors: list[Errors] = []
 
-    def estimate(step: LoadStep) -> None:
-        d, outcome, result = step.discretisation, step.outcome, step.result
+    def estimate(step: LoadStep[SceneSteps]) -> None:
+        d, outcome, result = step.problem.body, step.outcome, step.result
         assert result.contact is not None
         table = contact_table(result.contact, *d.scene.sides)
         displacement, compliance = d.function(outcome.displacement()), compliance_of(outcome, comm)

@@ -29,10 +29,11 @@ from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.files import write_results
 from signorini_fx.results.folder import CHECKPOINT
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving import load_steps, one_mesh
+from signorini_fx.solving import one_mesh, scene_steps
 from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.restart import MeshCheckpoint
+from signorini_fx.solving.scene_steps import SceneSteps
 from signorini_fx.solving.solver import solve
 
 PUSHED = """
@@ -379,7 +380,7 @@ def test_increments_without_a_solution_stay_in_the_history(tmp_path, where, monk
         seen.append(start.step)
         return replace(outcome, status=Status.CYCLING)
 
-    monkeypatch.setattr(load_steps, "solve_task", fails_now_and_then)
+    monkeypatch.setattr(scene_steps, "solve_task", fails_now_and_then)
     given = a_ramp(0.9)
     reference = solve(given, MPI.COMM_SELF)
     assert any("half the increment" in event for event in reference.history.events)
@@ -439,9 +440,10 @@ def test_all_that_belongs_to_a_load_step(tmp_path, text, exact):
     start = replace(task.start, place=0.5)
     stored = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=False)
     path = Increments(given.path, given.solver, has_coulomb=given.has_coulomb)
-    MeshCheckpoint(stored, 0).store(d, task, start, outcome, result, path, Timings(), (0, 0, 0))
+    steps = SceneSteps(d, Timings(), lambda d: tasks[1])
+    MeshCheckpoint(stored, 0).store(steps, task, start, outcome, result, path, (0, 0, 0))
     again = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=True)
-    found = MeshCheckpoint(again, 0).recall(d, tasks[1], tasks[1].start)
+    found = MeshCheckpoint(again, 0).recall(steps, tasks[1], tasks[1].start)
     assert found.start.place == 0.5
     for name in ("status", "monolithic", "augmented", "regularisation_error"):
         assert getattr(found.outcome, name) == getattr(outcome, name), name

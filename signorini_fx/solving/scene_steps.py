@@ -1,0 +1,203 @@
+"""The load steps of a scene: foundations that move with the time, loads of several kinds, and their certificate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+
+from signorini_fx.algorithms.strategy import solve_task
+from signorini_fx.algorithms.task import Outcome, Start, Task
+from signorini_fx.body.deformation import Deformation, deformation_of
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.joint_pressure import JointPressure
+from signorini_fx.contact.laws import Nodal
+from signorini_fx.linalg import ElasticSystem
+from signorini_fx.records import Status, Timings
+from signorini_fx.results.certificate import Certificate, certify
+from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.solution import StepResult
+from signorini_fx.results.step_frames import carried, relative_to
+from signorini_fx.results.tool_motion import ToolMotion, motions_of
+from signorini_fx.scene.load_steps import LoadPath
+from signorini_fx.scene.model import Scene
+from signorini_fx.solving.load_steps import step_result
+from signorini_fx.solving.stepped_problem import BegunStep, LoadStep, UncertifiedStep
+
+
+@dataclass(frozen=True)
+class SceneSteps:
+    """A scene on its mesh at the load steps of its path, see ``SteppedProblem``.
+
+    Attributes:
+        body: the discretised scene, with foundations, friction and shortenings of the present load step.
+        timings: of the mesh.
+        renew: makes the contact problem of a scene whose foundations have moved.
+    """
+
+    body: Discretisation
+    timings: Timings
+    renew: Callable[[Discretisation], Task]
+
+    @property
+    def path(self) -> LoadPath:
+        """Of the scene."""
+        return self.body.scene.path
+
+    @property
+    def size(self) -> float:
+        """Of the mesh, length."""
+        return self.body.tagged.size
+
+    @property
+    def loads(self) -> str:
+        """Its forces, for messages."""
+        return self.body.scene.forces_at
+
+    def at(self, path_step: float, task: Task, start: Start, last: PreviousStep | None) -> BegunStep[SceneSteps]:
+        """With foundations and friction of a place; collective."""
+        earlier = self.body
+        moved = earlier.placed(path_step)
+        if moved is earlier:
+            return BegunStep(self, task, start, last)
+        steps = replace(self, body=moved)
+        if moved.boundary is earlier.boundary:
+            assert moved.law is not None
+            bound = moved.law.given if start.multipliers is None else moved.law.bound(start.multipliers[0])
+            return BegunStep(steps, task, replace(start, law=moved.law, data=replace(start.data, bound=bound)), last)
+        return BegunStep(steps, *on_moved_foundations(earlier, moved, self.renew(moved), start, last))
+
+    def load(self, system: ElasticSystem, path_step: float) -> Nodal:
+        """See ``Discretisation.load``."""
+        return self.body.load(system, path_step)
+
+    def solved(self, begun: BegunStep[SceneSteps], allowed: int) -> UncertifiedStep[SceneSteps]:
+        """The load step with loads that enter contact, or with sections that forces tighten, or without; collective."""
+        d, scene, task, start = self.body, self.body.scene, begun.task, begun.start
+        if scene.joint_loads:
+            from signorini_fx.solving.joint_loads import solve_with_joint_loads
+
+            def holds(outcome: Outcome, joint: JointPressure) -> bool:
+                return self.certified(begun, outcome, joint).status is Status.CONVERGED
+
+            entered = None if begun.last is None else begun.last.tractions.joint
+            outcome, joint = solve_with_joint_loads(d, task, start, entered, allowed, holds)
+            return UncertifiedStep(begun, outcome, joint)
+        if scene.tightens_at(start.place):
+            from signorini_fx.solving.preload import solve_tightened
+
+            d, start, outcome, reason = solve_tightened(d, task, start, allowed)
+            return UncertifiedStep(replace(begun, problem=replace(self, body=d), start=start), outcome, reason=reason)
+        return UncertifiedStep(begun, solve_task(task, start, allowed))
+
+    def certified(
+        self, begun: BegunStep[SceneSteps], outcome: Outcome, joint: JointPressure | None = None
+    ) -> StepResult:
+        """See ``SteppedProblem``."""
+        discretisation, scene, task, start = self.body, self.body.scene, begun.task, begun.start
+        with self.timings.phase("certify"):
+            displacement = discretisation.from_rest(task.rest, outcome.displacement())
+            contact = replace(discretisation.state(task, outcome, start), joint=joint)
+            tools: tuple[ToolMotion, ...] = ()
+            if discretisation.tools is not None:
+                unknowns = discretisation.driven(outcome.displacement(), task.rest)
+                tools = motions_of(discretisation.tools, scene, unknowns)
+            certificate = certify(
+                scene,
+                discretisation.tagged,
+                displacement,
+                Tractions.of(contact),
+                law=Law(*task.promised(outcome)),
+                step=start.place,
+                before=begun.last,
+                pairs=discretisation.pairs,
+                tools=tools,
+            )
+            deformation = deformation_of(discretisation, displacement)
+            status = judged(outcome.status, certificate, deformation, scene)
+        result = step_result(
+            self.path, start.step, start.place, status, displacement, contact, certificate, deformation
+        )
+        return replace(result, tools=tools)
+
+    def ended(self, step: LoadStep[SceneSteps]) -> SceneSteps:
+        """The next load step begins as this one has ended."""
+        return self
+
+    def stored(self, path_step: float, result: StepResult) -> tuple[dict[str, Nodal], dict[str, Any]]:
+        """The points that loads have entered, and the shortenings that forces have led to."""
+        nodal, figures = dict[str, Nodal](), dict[str, Any]()
+        if self.body.scene.joint_loads:
+            assert result.contact is not None
+            assert result.contact.joint is not None
+            nodal["reached"] = result.contact.joint.reached.astype(np.float64)
+        if self.body.scene.tightens_at(path_step):
+            from signorini_fx.solving.preload import shortenings
+
+            figures["shortenings"] = shortenings(self.body, path_step)
+        return nodal, figures
+
+    def recalled(
+        self, task: Task, path_step: float, nodal: dict[str, Nodal], figures: dict[str, Any]
+    ) -> tuple[SceneSteps, JointPressure | None]:
+        """Take back what ``stored`` has returned."""
+        d, joint = self.body, None
+        if "shortenings" in figures:
+            from signorini_fx.solving.preload import tightened_at, with_shortenings
+
+            d = with_shortenings(d, tightened_at(d, path_step), path_step, figures["shortenings"])
+        if d.scene.joint_loads:
+            from signorini_fx.solving.joint_loads import recalled_joint_loads
+
+            joint = recalled_joint_loads(d, task, path_step, nodal["reached"])
+        return replace(self, body=d), joint
+
+
+def on_moved_foundations(
+    earlier: Discretisation, moved: Discretisation, task: Task, start: Start, last: PreviousStep | None
+) -> tuple[Task, Start, PreviousStep]:
+    """A load step on foundations that have moved: its contact problem, with the last displacement as its iterate, where
+    it starts, and the end of the last one as it begins from it; supports hold the body, see ``check.refusals``;
+    collective.
+    """
+    assert earlier.boundary is not None
+    assert moved.boundary is not None
+    if last is None:  # slip is counted from the body without loads, at time 0
+        drift, tractions = moved.moved_since(moved.scene.placed(-1)), Tractions.none(moved.boundary)
+        last, begun, tangential = (
+            PreviousStep(fem.Function(moved.space), tractions),
+            task.start,
+            np.zeros_like(drift[:, 1:]),
+        )
+        if start.sets is not None and start.multipliers is not None:  # of a coarser mesh
+            carried_start, _, _ = carried(start, None, drift[:, 0], earlier.boundary, moved.boundary)
+            assert carried_start.multipliers is not None
+            begun = begun.begin_from(start.sets, carried_start.multipliers)
+    else:
+        drift, x, free = moved.moved_since(earlier.scene), moved.unknowns(last.displacement), ~moved.fixed
+        if task.iterate.x.getLocalSize() == free.size:  # else of contact nodes alone
+            task.iterate.x.getArray()[free] = x.getArray(readonly=True)[free]
+        normal, tangential = moved.contact.traces(x)
+        begun, _, _ = carried(start, None, normal, earlier.boundary, moved.boundary)
+        if moved.law is not None:  # its friction may depend on the time, too
+            assert start.multipliers is not None
+            bound = moved.law.bound(start.multipliers[0])
+            begun = replace(begun, law=moved.law, data=replace(begun.data, bound=bound))
+    origin = tangential + np.einsum("nij,ni->nj", moved.boundary.tangents, drift)
+    data = replace(begun.data, gap=task.start.data.gap, slip_origin=origin)
+    return task, replace(begun, data=data), relative_to(last, moved.boundary, drift)
+
+
+def judged(status: Status, certificate: Certificate, deformation: Deformation, scene: Scene) -> Status:
+    """The status of an iteration after its result has been checked.
+
+    If the residual stagnates, the usual reason is a body that has moved far away: therefore this is checked first.
+    """
+    if status not in (Status.CONVERGED, Status.ROUND_OFF):
+        return status
+    if deformation.largest > scene.solver.largest_deformation:
+        return Status.TOO_LARGE
+    return Status.NOT_CERTIFIED if status is Status.CONVERGED and not certificate.holds else status
