@@ -1347,8 +1347,8 @@ MUTANTS = (
     ),
     Mutant(
         "results/checkpoint",
-        'description["digest"] != _digest_of(stored_scene)',
-        "not _digest_of(stored_scene)",
+        "digest != _digest_of(description)",
+        "not _digest_of(description)",
         "restart: a scene that was changed on disk is compared all the same",
         tests=("restart::test_truncated[scene]",),
     ),
@@ -5128,6 +5128,20 @@ MUTANTS = (
         "every",
         "check: what is cut is missed all the same",
         tests=("jumping_loads::test_check_names_loads_that_jump_inside_a_facet",),
+    ),
+    Mutant(
+        "results/checkpoint",
+        "json.dumps(data) != text",
+        "not data",
+        "checkpoint: digits of a number that make no difference may be others",
+        tests=("restart::test_a_byte_of_any_file",),
+    ),
+    Mutant(
+        "results/checkpoint",
+        "told.pop(_FIGURES) != _digest_of([figures, told])",
+        "not told.pop(_FIGURES)",
+        "checkpoint: the digests of the other files have none",
+        tests=("restart::test_a_byte_of_any_file",),
     ),
 )
 

@@ -36,7 +36,7 @@ from signorini_fx.scene.model import Scene
 Nodal = npt.NDArray[np.float64]
 Figures = dict[str, Any]
 
-_FORMAT = 5
+_FORMAT = 6
 _SCENE, _FIGURES, _NODES, _FIELD = "scene.json", "figures.json", "nodes.npz", "displacement.bin"
 # Nodes are the same if their positions agree to this share of the size of the body.
 _SAME_POSITION = 1e-9
@@ -160,7 +160,7 @@ class Checkpoint:
                 named: dict[str, Any] = dict(zip(columns, pieces, strict=True))
                 with (part / _NODES).open("wb") as file:
                     np.savez(file, **named)
-                all_figures = {**figures, "files": dict(_digests(part, figures))}
+                all_figures = {**figures, "files": _digests(part, figures)}
                 (part / _FIGURES).write_text(json.dumps(all_figures), encoding="utf-8")
                 target = self._folder(level, step)
                 shutil.rmtree(target, ignore_errors=True)
@@ -193,8 +193,8 @@ class Checkpoint:
                     self.path.parent.mkdir(parents=True, exist_ok=True)
                     manifest.begin_inner(self.path.parent, self.path.name)
                     manifest.add(self.path, [_SCENE], alone=True, inner=True)
-                    described = _described(self._scene)
-                    description = {"format": _FORMAT, "scene": described, "digest": _digest_of(described)}
+                    description = {"format": _FORMAT, "scene": _described(self._scene)}
+                    description["digest"] = _digest_of(description)
                     (self.path / _SCENE).write_text(json.dumps(description), encoding="utf-8")
                 shutil.rmtree(self.path / manifest.PART, ignore_errors=True)
                 (self.path / manifest.PART).mkdir()
@@ -224,12 +224,13 @@ class Checkpoint:
         """The complete load steps on disk, and the damaged files; on one rank."""
         file = self.path / _SCENE
         try:
-            description = json.loads(file.read_text(encoding="utf-8"))
+            description = _read_json(file)
+            digest = description.pop("digest")
+            if digest != _digest_of(description):
+                return {}, [file]
             if description["format"] != _FORMAT:
                 return {}, []
             stored_scene = description["scene"]
-            if description["digest"] != _digest_of(stored_scene):
-                return {}, [file]
         except FileNotFoundError:
             return {}, []
         except (OSError, ValueError, KeyError, TypeError):
@@ -257,20 +258,42 @@ class Checkpoint:
 def _checked(folder: Path) -> tuple[Figures, list[Path]]:
     """The figures of a load step, and its files that are missing or changed."""
     try:
-        figures: Figures = json.loads((folder / _FIGURES).read_text(encoding="utf-8"))
-        told, there = dict(figures.pop("files")), dict(_digests(folder, figures))
+        figures: Figures = _read_json(folder / _FIGURES)
+        told, there = dict(figures.pop("files")), _of_files(folder)
+        if told.pop(_FIGURES) != _digest_of([figures, told]):
+            return {}, [folder / _FIGURES]
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return {}, [folder / _FIGURES]
     return figures, [folder / name for name in sorted({*told, *there}) if told.get(name) != there.get(name)]
 
 
-def _digests(folder: Path, figures: Figures) -> Iterator[tuple[str, str]]:
-    """Name and SHA-256 of every file in a folder; of the figures that of their JSON without the digests."""
-    yield _FIGURES, _digest_of(figures)
+def _digests(folder: Path, figures: Figures) -> dict[str, str]:
+    """SHA-256 of every file in a folder by its name; of the figures that of their JSON with those of the others."""
+    others = _of_files(folder)
+    return {**others, _FIGURES: _digest_of([figures, others])}
+
+
+def _of_files(folder: Path) -> dict[str, str]:
+    """SHA-256 of every file in a folder but the figures, by its name."""
+    digests = {}
     for path in sorted(folder.rglob("*")):
         if path.is_file() and path.name != _FIGURES:
             with path.open("rb") as file:
-                yield str(path.relative_to(folder)), hashlib.file_digest(file, "sha256").hexdigest()
+                digests[str(path.relative_to(folder))] = hashlib.file_digest(file, "sha256").hexdigest()
+    return digests
+
+
+def _read_json(file: Path) -> dict[str, Any]:
+    """What ``json.dumps`` has written there.
+
+    Raises:
+        ValueError: it has not written it so: a byte may differ although its meaning is the same.
+    """
+    text = file.read_text(encoding="utf-8")
+    data: dict[str, Any] = json.loads(text)
+    if json.dumps(data) != text:
+        raise ValueError(f"{file}: has been changed")
+    return data
 
 
 def _digest_of(data: Any) -> str:

@@ -594,6 +594,28 @@ def test_truncated(tmp_path, what):
     assert_same(solution, solve(given, MPI.COMM_SELF))
 
 
+@pytest.mark.parametrize("text", [PUSHED, BODIES, IN_SPACE, TWISTED], ids=["plane", "bodies", "space", "torsion"])
+def test_a_byte_of_any_file(tmp_path, text):
+    """Wherever one differs from what was written, its file is named, and nothing that is in it is believed."""
+    given, rng = scene(text), np.random.default_rng(0)
+    interrupted(given, MPI.COMM_SELF, tmp_path, 3)
+    files = [path for path in sorted((tmp_path / CHECKPOINT).rglob("*")) if path.is_file() and path.name != MANIFEST]
+    assert len(files) == 1 + 2 * 3
+    for file in files:
+        whole = file.read_bytes()
+        places = {0, len(whole) - 1, *rng.integers(0, len(whole), 6).tolist()}
+        changed = [whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :] for at in places]
+        if file.suffix == ".json":
+            changed.append(whole.replace(b", ", b",\t", 1))  # with the same meaning
+        for data in changed:
+            file.write_bytes(data)
+            found = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=True)
+            assert found.damaged == [file]
+            assert found.found == (0 if file.parent.name == CHECKPOINT else 1)
+        file.write_bytes(whole)
+    assert not Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=True).damaged
+
+
 def test_a_hole_ends_what_is_there(tmp_path):
     """What comes after a load step that is missing belongs to another history."""
     given = scene(PUSHED)
