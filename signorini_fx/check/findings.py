@@ -23,7 +23,7 @@ from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.motion_names import MOST_LISTED, rounded
 from signorini_fx.check.equilibrium import equilibrium
 from signorini_fx.check.jumping_loads import jumping_loads
-from signorini_fx.check.one_step import one_step
+from signorini_fx.check.one_step import one_step, tilted_frames
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.contact.reactions import ZERO
 from signorini_fx.records import SMALL_DEFORMATION, Finding
@@ -50,6 +50,7 @@ def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Find
     findings += [Finding("note", "mesh", note)] if note else []
     findings += [*_pieces(body), *_locking(body), *_idle(body), *equilibrium(body), *jumping_loads(body)]
     # Without an estimate it only matters whether anything acts at all; it is that of a beam in the plane or in space.
+    unsolved = estimates
     estimates = estimates and not scene.of(Resistance) and not scene.axisymmetric
     moduli = [material.young for material in scene.material]
     moved = _displacement_scale(body, min(moduli)) if estimates else float(_acts(body))
@@ -63,6 +64,7 @@ def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Find
             *_heights(body),
             *_moving(scene),
             *one_step(body),
+            *(tilted_frames(body, moved if estimates else math.inf) if unsolved else ()),
             *_uniqueness(scene, body.boundary, body.law),
             *_regularisation(scene, data, body.scales.gamma),
             *_monolithic(scene),

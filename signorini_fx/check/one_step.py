@@ -1,34 +1,92 @@
-"""A finding about curved things that are pressed together in one step with friction."""
+"""Findings about curved things that are pressed together with friction: in one step, and by frames that are tilted."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 
 from signorini_fx import parallel
+from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.records import Finding
 
 # Gaps of one contact that differ by less than this share of its extent are the same.
 _ALIKE = 1e-6
+# Shear of tilted frames over F P, as a multiple of the tilt at the end of contact over F: .46 to .73 (docs/theory.md).
+# It is said where it is more than a share, and where bodies first touch along one direction, up to the cosine of 26
+# degrees.
+_MADE, _SAID, _ALONG = 0.55, 0.05, 0.9
 
 
 def one_step(body: Discretisation) -> list[Finding]:
     """That the way before the touch counts as slip where bodies close a gap that varies; collective."""
-    scene, boundary, data = body.scene, body.boundary, body.data
-    if scene.steps > 1 or scene.load_steps.steps is not None or boundary is None or data is None:
+    if body.scene.steps > 1 or body.scene.load_steps.steps is not None:
         return []
-    findings = []
-    for index, effect in enumerate(scene.contact):
+    message = (
+        "one step counts the way of a point before it touches as slip, so that less sticks than if the load grew: with "
+        "F = nu = .3 a circle sticks within .31 of the half width of contact and a sphere within .61 of its radius, in "
+        "40 load steps within .71 and .91"
+    )
+    return [Finding("note", f"contact[{index}].friction", message) for index, _ in _curved(body)]
+
+
+def tilted_frames(body: Discretisation, moved: float, contact: ContactState | None = None) -> list[Finding]:
+    """How much shear pressing alone makes because frames are tilted against the way on which bodies approach, where it
+    is much; collective.
+
+    Args:
+        body: the scene and its mesh, with its foundations where they are in the result.
+        moved: how far bodies move before there is a result, an estimate, length.
+        contact: the result; None: there is none yet.
+    """
+    findings, law = [], body.law
+    for index, extent in _curved(body):
+        boundary, data, effect = body.boundary, body.data, body.scene.contact[index]
+        assert boundary is not None
+        assert data is not None
+        on_part = boundary.part == index
+        x, normal, gap, weight = (of[on_part] for of in (boundary.x, boundary.normal, data.gap, boundary.weight))
+        coefficient = np.zeros(len(x)) if law is None else law.coefficient[on_part]
+        farther = gap + parallel.largest(body.comm, -gap, -np.inf)
+        first = farther <= _ALIKE * extent
+        dim = x.shape[1]
+        sums = parallel.global_sum(body.comm, weight[first] @ np.column_stack((normal, x, np.ones(len(x))))[first])
+        approach, touch = sums[:dim] / sums[-1], sums[dim:-1] / sums[-1]
+        if np.linalg.norm(approach) < _ALONG:
+            continue
+        reach = np.inf if effect.moves or getattr(effect.surface, "driven", False) else moved
+        near = (farther <= reach if contact is None else contact.pressure[on_part] > 0) & (coefficient > 0)
+        tilt = np.arccos(np.clip(normal @ approach / np.linalg.norm(approach), -1.0, 1.0))
+        share = np.where(near & ~first, _MADE * tilt / np.where(near, coefficient, 1.0), 0.0)
+        much = share > _SAID
+        largest = parallel.largest(body.comm, share)
+        if largest > _SAID:
+            away = -parallel.largest(body.comm, -np.linalg.norm(x[much] - touch, axis=1), -np.inf)
+            most = f", and up to about {largest:.0%}," if largest < 1.0 else ""
+            where = ("if", "reaches", "touch") if contact is None else ("as", "reached", "touched")
+            message = (
+                f"tilted frames alone make shear of more than {_SAID:.0%}{most} of the friction that is possible, "
+                f"{where[0]} contact {where[1]} farther than {away:.2g} from where bodies first {where[2]}: the way on "
+                "which they approach has a part along the surface there; if this matters give the gap along one "
+                "direction as a formula"
+            )
+            findings.append(Finding("note", f"contact[{index}].friction", message))
+    return findings
+
+
+def _curved(body: Discretisation) -> Iterator[tuple[int, float]]:
+    """The contacts of things with friction whose gap varies, and the extent of each, length; collective."""
+    boundary, data = body.boundary, body.data
+    if boundary is None or data is None:
+        return
+    for index, effect in enumerate(body.scene.contact):
         thing = effect.surface is not None or (effect.against is not None and effect.distance == "geometry")
         if effect.kind == "bonded" or not thing or not effect.friction.acts:
             continue
         on_part = boundary.part == index
         highest, lowest = (parallel.largest(body.comm, sign * data.gap[on_part], -np.inf) for sign in (1.0, -1.0))
         low, high = parallel.global_bounds(body.comm, boundary.x[on_part])
-        if highest + lowest > _ALIKE * float(np.linalg.norm(high - low)):
-            message = (
-                "one step counts the way of a point before it touches as slip, so that less sticks than if the load "
-                "grew: a sphere sticks within .37 of the radius of contact, in many load steps within .75"
-            )
-            findings.append(Finding("note", f"contact[{index}].friction", message))
-    return findings
+        extent = float(np.linalg.norm(high - low))
+        if highest + lowest > _ALIKE * extent:
+            yield index, extent

@@ -22,6 +22,7 @@ from signorini_fx.body.discretisation import Discretisation, discretise
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.check.cost import estimated_cost
 from signorini_fx.check.findings import result_findings, scene_findings
+from signorini_fx.check.one_step import tilted_frames
 from signorini_fx.check.refusals import refuse_beforehand
 from signorini_fx.contact.laws import RegularisedData
 from signorini_fx.linalg import finite, options
@@ -186,6 +187,8 @@ def _findings(discretisation: Discretisation, steps: Sequence[StepResult]) -> li
         return [*findings, *(step.reason for step in steps if step.reason is not None)]
     contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]
     touching = parallel.any_rank(discretisation.comm, bool(np.any(contacts))) if contacts else None
+    if (last := steps[-1]).contact is not None:
+        findings += tilted_frames(discretisation.placed(last.place), 0.0, last.contact)
     lost = sorted({piece for step in steps for piece in step.certificate.unjudged})
     names = [discretisation.motions.pieces.called(piece) for piece in lost]
     return [*findings, *result_findings([step.deformation for step in steps], touching=touching, unjudged=names)]
