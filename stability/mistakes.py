@@ -2165,6 +2165,27 @@ MUTANTS = (
         tests=("two_bodies_scenes::test_check_compares_facets_with_the_fit",),
     ),
     Mutant(
+        "check/one_step",
+        "contact.pressure[on_part] > 0",
+        "farther <= np.inf",
+        "tilted frames: points that are open in the result count",
+        tests=("one_step::test_shear_of_tilted_frames",),
+    ),
+    Mutant(
+        "check/one_step",
+        "farther <= reach",
+        "farther <= np.inf",
+        "tilted frames: points that bodies cannot close count",
+        tests=("one_step::test_shear_of_tilted_frames",),
+    ),
+    Mutant(
+        "check/one_step",
+        "_MADE * tilt",
+        "_MADE * tilt / 3",
+        "tilted frames: a third of their shear",
+        tests=("one_step::test_shear_of_tilted_frames",),
+    ),
+    Mutant(
         "pairs/functions",
         "shares = sp.csr_array(shares + shares @ known_beside @ mean)",
         "pass",

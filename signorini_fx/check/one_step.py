@@ -46,12 +46,12 @@ def tilted_frames(body: Discretisation, moved: float, contact: ContactState | No
         assert boundary is not None
         assert data is not None
         on_part = boundary.part == index
-        x, normal, gap, weight = (of[on_part] for of in (boundary.x, boundary.normal, data.gap, boundary.weight))
+        x, normal, gap = boundary.x[on_part], boundary.normal[on_part], data.gap[on_part]
         coefficient = np.zeros(len(x)) if law is None else law.coefficient[on_part]
         farther = gap + parallel.largest(body.comm, -gap, -np.inf)
         first = farther <= _ALIKE * extent
         dim = x.shape[1]
-        sums = parallel.global_sum(body.comm, weight[first] @ np.column_stack((normal, x, np.ones(len(x))))[first])
+        sums = parallel.global_sum(body.comm, np.column_stack((normal, x, np.ones(len(x))))[first].sum(axis=0))
         approach, touch = sums[:dim] / sums[-1], sums[dim:-1] / sums[-1]
         if np.linalg.norm(approach) < _ALONG:
             continue

@@ -74,7 +74,7 @@ def test_shear_of_tilted_frames(coefficient):
     along = [state.boundary.weight * state.shear[:, 0] * state.boundary.tangents[:, 0, 0] for state in states]
     share = np.abs(along[0] - along[1]).sum() / (coefficient * states[1].boundary.weight @ states[1].pressure)
     assert said(tilted.findings) == pytest.approx(share, rel=0.35)
-    assert 0.6 > said(check_scene(pressed(ROUND, coefficient)).findings) >= said(tilted.findings)
+    assert 1 <= said(check_scene(pressed(ROUND, coefficient)).findings) / said(tilted.findings) < 2
     assert said(upright.findings) == 0.0
 
 

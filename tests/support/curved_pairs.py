@@ -10,7 +10,8 @@ mirrored: equal bodies at a/R of .036, .075 and .144, points on either side, and
 spheres whose meshes do not match, refined, and flat sides with the same gap as a formula.  orders: what frames alone
 make of pressing, against flat sides or vertical normals, with its orders in a/R and 1/F.  slid: where contact is after
 the upper body has moved along the plane.  circle: Cattaneo's and Mindlin's problem, a block on a rigid circle, by the
-frame of the body, of the circle, and half-way.  steps: what sticks after pressing in 1, 5 and 40 steps.
+frame of the body, of the circle, half-way, and of a pair whose round side is held.  steps: what sticks after pressing
+in 1, 5 and 40 steps.
 """
 
 import sys
@@ -188,16 +189,29 @@ def pressed_block(frame, friction, *, radius=8.0, cells=(40, 18), size=24.0, poi
     def place(x):
         return size * np.column_stack((np.sign(x[:, 0]) * np.abs(x[:, 0]) ** 2.6, x[:, 1] ** 2.4))
 
-    mesh = assembled(kind, grid(kind, (2 * along, through), (-1.0, 0.0), (1.0, 1.0), place))
+    def round_strip(x):
+        angle, away = np.pi / 8 * np.sign(x[:, 0]) * np.abs(x[:, 0]) ** 1.6, radius - 0.5 + 0.5 * x[:, 1]
+        return np.column_stack((away * np.sin(angle), away * np.cos(angle) - radius))
+
+    pieces = [grid(kind, (2 * along, through), (-1.0, 0.0), (1.0, 1.0), place)]
+    if frame == "held pair":
+        pieces.append(grid(kind, (4 * along, 2), (-1.0, 0.0), (1.0, 1.0), round_strip))
+    mesh = assembled(kind, *pieces)
     space, a, v = forms(mesh, 2, 200.0, poisson)
     moved = fem.Function(space)
     top = fem.locate_dofs_topological(space, 1, facets(mesh, lambda x: np.isclose(x[1], size)))
-    side = facets(mesh, lambda x: np.isclose(x[1], 0.0))
-    against = Foundation(side, friction=Coulomb(friction), **foundation_of(frame, radius))
+    side = facets_of_piece(mesh, lambda x: np.isclose(x[1], 0.0), lambda x: x[1] > 0)
+    bcs = [fem.dirichletbc(moved, top)]
+    if frame == "held pair":
+        arc = facets_of_piece(mesh, lambda x: np.isclose(np.hypot(x[0], x[1] + radius), radius), lambda x: x[1] < 0)
+        mesh.topology.create_connectivity(2, 2)
+        strip = fem.locate_dofs_topological(space, 2, dmesh.locate_entities(mesh, 2, lambda x: x[1] < 1e-9))
+        bcs.append(fem.dirichletbc(np.zeros(2), strip, space))
+        against = Pair(side, arc, friction=Coulomb(friction))
+    else:
+        against = Foundation(side, friction=Coulomb(friction), **foundation_of(frame, radius))
     nothing = ufl.inner(fem.Constant(mesh, (0.0, 0.0)), v) * ufl.dx
-    problem = ContactProblem(
-        a, nothing, [fem.dirichletbc(moved, top)], contact=against, algorithm="alm", tolerance=1e-8
-    )
+    problem = ContactProblem(a, nothing, bcs, contact=against, algorithm="alm", tolerance=1e-8)
 
     def solved(sideways, down):
         moved.interpolate(lambda x: np.vstack((0 * x[0] + sideways, 0 * x[0] - down)))
@@ -237,7 +251,7 @@ def circle():
     """Print the table of ``pushed``."""
     print(f"{'a/R':>6} {'F':>4} {'steps':>5} {'frame':>9} {'Q/FP':>6} {'pressing':>9} {'off in L2':>9}")
     for depth, friction, steps in ((0.03, 0.3, 1), (0.1, 0.3, 1), (0.1, 0.3, 5), (0.1, 0.6, 1), (0.3, 0.3, 1)):
-        for frame in ("body", "circle", "half-way"):
+        for frame in ("body", "circle", "half-way", "held pair"):
             found = pushed(frame, depth, friction=friction, steps=steps)
             print(
                 f"{found.ratio:6.3f} {friction:4.1f} {steps:5} {frame:>9} {found.push:6.3f} {100 * found.share:8.2f}% "
@@ -303,7 +317,7 @@ def mirrored_table():
             _row(f"{cells} {slave}", mirrored("quadrilateral", cells, 8.0, depth, slave=slave))
     for count in (4, 6, 8, 10):
         cells = ((count, count),) * 2
-        _row(f"{cells}", mirrored("hexahedron", cells, 8.0, 0.4))
+        _row(f"{cells}", mirrored("hexahedron", cells, 8.0, 0.6))
 
 
 def unmatched():
