@@ -149,7 +149,7 @@ def test_one_body_does_not_pay():
     import sys
 
     program = (
-        "import sys; sys.path.insert(0, 'tests')\n"
+        "import sys; sys.path.insert(0, 'tests/support')\n"
         "from scenes import alone, example1\n"
         "from signorini_fx.linalg.assembled import AssembledSystem\n"
         "of = AssembledSystem.of.__func__\n"
