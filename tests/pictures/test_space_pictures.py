@@ -649,7 +649,11 @@ write_report(sys.argv[1])
 print([name for name in sys.modules if name.startswith("signorini_fx.")])
 """
     run = subprocess.run(
-        [sys.executable, "-c", code, str(tmp_path / "out")], check=True, capture_output=True, text=True, cwd="tests"
+        [sys.executable, "-c", code, str(tmp_path / "out")],
+        check=True,
+        capture_output=True,
+        text=True,
+        cwd="tests/support",
     )
     assert "signorini_fx.pictures.boundary_profiles" in run.stdout
     for name in (
