@@ -43,6 +43,7 @@ LAYERS = (
     "linalg",
     "contact",
     "ground",
+    "kinematics",
     "machine",
     "errors",
 )

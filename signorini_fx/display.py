@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
 
+from signorini_fx.kinematics import of_data
 from signorini_fx.machine.terminal import printable
 from signorini_fx.records import Status
-from signorini_fx.units import is_axisymmetric, is_twisted
 
 
 def html_table(columns: Sequence[str], rows: Iterable[Sequence[Any]], caption: str = "") -> str:
@@ -154,11 +154,12 @@ def point_in_words(point: Sequence[float]) -> str:
 
 
 def resultant_in_words(row: dict[str, Any], scene: dict[str, Any]) -> str:
-    """What acts through a boundary and where, from a row of a summary with its scene; with torsion the torque."""
+    """What acts through a boundary and where, from a row of a summary with its scene, and the torque of a section."""
+    kinematics = of_data(scene)
     moment = row["moment"] if isinstance(row["moment"], list) else [row["moment"]]
     couple = f"({', '.join(f'{m:.6g}' for m in moment)})" if len(moment) > 1 else f"{moment[0]:.6g}"
-    nowhere = "" if is_axisymmetric(scene) else f", a couple of {couple}" if any(moment) else ", no couple"
+    nowhere = "" if not kinematics.uniform else f", a couple of {couple}" if any(moment) else ", no couple"
     where = nowhere if row["acts_at"] is None else f", acts at {point_in_words(row['acts_at'])}"
-    torque = f", torque {row['moment'][1]:.6g}," if is_twisted(scene) else ""
+    torque = f", torque {row['moment'][1]:.6g}," if kinematics.out_of_section else ""
     name = "" if row["boundary"] is None else f"{row['boundary']}: "
     return f"{name}({', '.join(f'{f:.6g}' for f in row['force'])}){torque} by {' and '.join(row['acts'])}{where}"

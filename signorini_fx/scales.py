@@ -27,18 +27,13 @@ class Scales:
         modulus: of the stiffest material, stress.
         size: diameter of the body, length.
         depth: of a body in the plane, what its areas and lengths of the boundary are multiplied by: 1 per thickness, of
-            an axisymmetric body a typical length of the circumference.
+            a body of revolution a typical length of the circumference, see ``Kinematics.depth``.
     """
 
     dimension: int
     modulus: float
     size: float
     depth: float = 1.0
-
-    @classmethod
-    def of(cls, dimension: int, modulus: float, size: float, *, axisymmetric: bool) -> Scales:
-        """Those of a body, whose depth is that of half a revolution of its size if it is axisymmetric."""
-        return cls(dimension, modulus, size, np.pi * size if axisymmetric else 1.0)
 
     @property
     def surface(self) -> float:

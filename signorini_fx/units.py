@@ -8,6 +8,8 @@ from contextvars import ContextVar
 from types import MappingProxyType
 from typing import Any
 
+from signorini_fx.kinematics import of_data
+
 # The unit of a force that is a stress times the square of a length, where it has a name.
 _FORCES = {
     ("m", "Pa"): "N",
@@ -35,25 +37,14 @@ def names_of(scene: Mapping[str, Any], dimension: int) -> dict[str, str]:
     """
     names = {name: unit for name, unit in (scene.get("units") or {}).items() if unit}
     length, stress = names.get("length"), names.get("stress")
-    if is_axisymmetric(scene):
-        dimension = 3  # forces are those of a revolution
+    whole = of_data(scene, dimension).whole
     force = names.get("force") or _FORCES.get((length or "", stress or ""))
     if length:
-        names["area"] = length if dimension == 2 else f"{length}\N{SUPERSCRIPT TWO}"
+        names["area"] = f"{length}\N{SUPERSCRIPT TWO}" if whole else length
     if force:
-        names["force"] = force if dimension == 3 else f"{force}/{length}" if length else ""
-        names["moment"] = names["energy"] = (f"{force} {length}" if length else "") if dimension == 3 else force
+        names["force"] = force if whole else f"{force}/{length}" if length else ""
+        names["moment"] = names["energy"] = (f"{force} {length}" if length else "") if whole else force
     return {name: unit for name, unit in names.items() if unit}
-
-
-def is_twisted(scene: Mapping[str, Any]) -> bool:
-    """Whether a scene of a summary is that of an axisymmetric body with torsion."""
-    return any(material.get("torsion") for material in scene.get("material") or ())
-
-
-def is_axisymmetric(scene: Mapping[str, Any]) -> bool:
-    """Whether a scene, as plain data, is that of a body of revolution, which has areas where others have lengths."""
-    return any(material.get("hypothesis") == "axisymmetric" for material in scene.get("material") or ())
 
 
 @contextmanager

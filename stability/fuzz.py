@@ -118,7 +118,6 @@ def texts(seed: int, count: int) -> Finding:
         *pkgutil.iter_modules(shapes.__path__, f"{shapes.__name__}."),
     ):
         importlib.import_module(module.name)
-    importlib.import_module("signorini_fx.scene.torsion")
     scene(random.Random(seed))
     expression(random.Random(seed))
     importlib.import_module("unicodedata")

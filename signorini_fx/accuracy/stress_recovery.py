@@ -85,7 +85,7 @@ class StressRecovery:
         stress, scene = element_stress(d, empty), d.scene
         # Without the radius, and expressions in the stress, all is a product of two polynomials like the strain.
         strained = any(isinstance(effect, InitialStrain | SectionJump) for _, effect in scene.listed())
-        plain = not (scene.axisymmetric or strained) and d.mixed is None
+        plain = d.kinematics.uniform and not strained and d.mixed is None
         degree = strain_degree(d.space) if plain and parallelepipeds(d.tagged.mesh) else None
         inventory = d.inventory if inventory is None else inventory
         return cls(stress, partial(boundary_residual, d, stress), inventory, degree)

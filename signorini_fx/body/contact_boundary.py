@@ -30,6 +30,9 @@ from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.points import ContactPoints, SharedNodes, onto_range
 from signorini_fx.errors import SceneError
+from signorini_fx.kinematics import of_components
+from signorini_fx.kinematics.cartesian import Kinematics
+from signorini_fx.kinematics.space import SPACE
 
 # A direction has a component along an axis if it is larger than this.
 _ALONG = 1e-8
@@ -78,7 +81,7 @@ class ContactBoundary:
             axes of space.
         moving: foundations whose motion is an unknown; None: there are none.
         ellipse: the friction ellipses; None: friction has no direction.
-        twisted: whether it is a line whose displacements have three components, of a section in space.
+        kinematics: of displacements with these components on these cells, whatever the scene is.
     """
 
     comm: MPI.Comm
@@ -94,7 +97,7 @@ class ContactBoundary:
     axes: Nodal | None = None
     moving: MovingFoundation | None = None
     ellipse: Ellipse | None = None
-    twisted: bool = False
+    kinematics: Kinematics = SPACE
 
     @property
     def size(self) -> int:
@@ -279,7 +282,7 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
         averages=Averages.joined([average for average in averages if average is not None]) if any(averages) else None,
         axes=np.concatenate(axes) if axes else None,
         ellipse=_joined_ellipses(parts),
-        twisted=parts[0].twisted,
+        kinematics=parts[0].kinematics,
     )
 
 
@@ -344,7 +347,7 @@ def contact_part(
         global_nodes=space.dofmap.index_map.local_to_global(nodes),
         averages=averages,
         axes=None if turned is None else turned.frames_at(nodes),
-        twisted=dim > space.mesh.topology.dim,
+        kinematics=of_components(space.mesh.topology.dim, dim),
     )
 
 

@@ -56,8 +56,8 @@ class ContactState(PointState):
 
     @cached_property
     def moments(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """Moments of ``forces`` about the origin, in space only, shape (3,); of a section that is twisted those about
-        the axis x[1] alone, as others cancel over a revolution; collective.
+        """Moments of ``forces`` about the origin, in space only, shape (3,); of a section those about the
+        axis x[1] alone, as others cancel over a revolution; collective.
         """
         boundary = self.boundary
         none_n, none_t = np.zeros_like(self.pressure), np.zeros_like(self.shear)
@@ -65,8 +65,8 @@ class ContactState(PointState):
             parallel.global_sum(boundary.comm, -np.cross(boundary.centre, forces).sum(axis=0))
             for forces in (boundary.nodal_forces(self.pressure, none_t), boundary.nodal_forces(none_n, self.shear))
         ]
-        about_axis = np.array([0.0, 1.0, 0.0]) if boundary.twisted else 1.0
-        return about_axis * moments[0], about_axis * moments[1]
+        remaining = boundary.kinematics.unbalanced[3:]
+        return remaining * moments[0], remaining * moments[1]
 
     @cached_property
     def mean_tangential_displacement(self) -> float | Nodal:

@@ -27,7 +27,7 @@ class ContactTable:
         columns: name -> one entry per node.  ``state`` is open, stick, slip+ or slip-, in space open, stick or slip;
             ``friction`` is the same without open, or none where the bound is 0, whether or not the node is in contact
             (Tresca friction acts on open nodes too).  ``u_t``, ``shear`` and ``slip`` are along the tangent; in space,
-            and of a section that is twisted, they are lengths of vectors, whose components follow as ``u_t_x`` and so
+            and of a section in space, they are lengths of vectors, whose components follow as ``u_t_x`` and so
             on.  Where two bodies are in contact, ``against`` names the other boundary.
         chains: the connected pieces of the boundary, as ranges of rows; in space none.  The column ``to_next`` has the
             distance to the next node along a piece; at the last node it is positive where the piece is closed.
@@ -119,7 +119,7 @@ def contact_table(
         against: that of the other body of each; None: there is none at all, nor a column for it.
     """
     boundary = contact.boundary
-    dim = 2 if boundary.twisted else boundary.x.shape[1]
+    dim = boundary.x.shape[1] - boundary.kinematics.out_of_section
     numbers = parallel.gather_rows(boundary.comm, np.column_stack((boundary.part, boundary.global_nodes)))
     scalars = {
         "gap": contact.gap,

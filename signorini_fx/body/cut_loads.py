@@ -138,7 +138,7 @@ def _rule(load: Force, on: Any) -> CutRule:
     volume = np.sqrt(np.abs(np.linalg.det(edges @ edges.swapaxes(1, 2)))) * np.abs(np.linalg.det(parts))
     position = local @ x[owner]
     cells = entities[number[owner], 0]
-    size = volume[:, None] * weights * (2 * np.pi * position[..., 0] if on.scene.axisymmetric else 1.0)
+    size = volume[:, None] * weights * on.kinematics.measure(np.moveaxis(position, -1, 0))
     normal = np.zeros((len(owner), 1, across))
     if boundary is not None and owner.size:
         outward = edges[:, 0, ::-1] * [1.0, -1.0] if across == 2 else np.cross(edges[:, 0], edges[:, 1])

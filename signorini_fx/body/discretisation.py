@@ -58,7 +58,7 @@ class Discretisation(ElasticBody):
 
     Attributes:
         scene: the scene.
-        tagged: the mesh; with torsion a section in space.
+        tagged: the mesh; where displacements have a component out of it a section in space.
         lame: Lame parameters as coefficients of the forms.
         moduli: stiffness of each cell where a material is orthotropic, see ``body.orthotropic``; None: none is.
         reduced: quadrature degree of the volumetric term where it is reduced, else None.
@@ -90,7 +90,7 @@ class Discretisation(ElasticBody):
     def scales(self) -> Scales:
         """What its lengths and stresses are compared with."""
         scene, tagged = self.scene, self.tagged
-        return Scales.of(tagged.dimension, scene.young, tagged.size, axisymmetric=scene.axisymmetric)
+        return Scales(tagged.dimension, scene.young, tagged.size, self.kinematics.depth(tagged.size))
 
     def factors(self, step: float) -> npt.NDArray[np.float64]:
         """The factors of the applied loads at a place in the lists of factors, see ``scene.load_steps``."""
@@ -196,7 +196,7 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisatio
             contact and prescribed displacement in conflict, expressions that are not finite.
         MeshError: the cells of the mesh are not connected.
     """
-    if scene.torsion and tagged.dimension == tagged.mesh.geometry.dim == 2:
+    if scene.kinematics.out_of_section and tagged.dimension == tagged.mesh.geometry.dim == 2:
         from signorini_fx.mesh.section import section_in_space
 
         tagged = replace(tagged, mesh=section_in_space(tagged.mesh))
@@ -227,7 +227,8 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
     names = MIXED_FORMS if scene.element.volumetric == "mixed" else ELASTIC_FORMS[: 1 if reduced is None else 2]
     inventory = Inventory(list(names))
     z = ufl.TestFunction(space)
-    terms = partial(elastic_terms, space, lame=lame, stiffness=stiffness, reduced=reduced, around=scene.axisymmetric)
+    kinematics = scene.kinematics_in(tagged.dimension)
+    terms = partial(elastic_terms, space, lame=lame, stiffness=stiffness, reduced=reduced, kinematics=kinematics)
     with timings.phase("compile"):
         supports = Supports.of(scene, space, facets, tagged)
         fixed, turned = supports.fixed, supports.turned
@@ -242,7 +243,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         shapes = foundations.shapes()
         rests = at_rest(space, supports.conditions, turned, fixed) if scene.sides[1] is not None else None
         boundary = foundations.boundary(shapes, fixed, turned, rests) if on else None
-        tools = RigidTools.of(scene.contact, tagged.dimension, tagged.size, axisymmetric=scene.axisymmetric)
+        tools = RigidTools.of(scene.contact, kinematics, tagged.size)
         if boundary is not None and tools is not None:
             boundary = tools.on(boundary)
             applied += [tool_load(tools, number, scene, space) for number in range(tools.parts.size)]
@@ -294,7 +295,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         boundary=boundary,
         settings=scene.solver,
         inventory=inventory,
-        axisymmetric=scene.axisymmetric,
+        kinematics=kinematics,
         compressible=max(material.poisson for material in scene.material) <= LARGEST_MULTIGRID_POISSON,
         mixed=mixed,
         scene=scene,

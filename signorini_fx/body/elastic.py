@@ -26,7 +26,7 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.body.mixed import MixedPressure
 from signorini_fx.body.pieces import BodyPieces
-from signorini_fx.body.rigid import RigidMotions, along_axis, nearest_motion, rigid_motions, without_energy
+from signorini_fx.body.rigid import RigidMotions, nearest_motion, rigid_motions, without_energy, without_strain
 from signorini_fx.body.rigid_tools import Driven, with_more_unknowns, without_more
 from signorini_fx.body.turned_supports import TurnedNodes, block_rotation
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
@@ -34,6 +34,7 @@ from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.contact.resting_place import RestingMotion
 from signorini_fx.errors import SceneError
+from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.choice import SystemSize, choose_system
 from signorini_fx.linalg.elasticity import Elasticity, LoadCase
@@ -63,7 +64,7 @@ class ElasticBody:
         boundary: the contact points; None: there are none.
         settings: how it is to be solved.
         inventory: what was compiled and assembled.
-        axisymmetric: whether only motions along x[1] are without strain.
+        kinematics: of the displacement; which motions have no strain in forms of a user's own, these say themselves.
         compressible: whether the material is far enough from incompressible for multigrid.
         mixed: the pressure of a mixed element, of whose displacement ``terms`` then are; None: there is none.
     """
@@ -78,7 +79,7 @@ class ElasticBody:
     boundary: ContactBoundary | None
     settings: SolverSettings
     inventory: Inventory
-    axisymmetric: bool = False
+    kinematics: Kinematics
     compressible: bool = True
     mixed: MixedPressure | None = None
 
@@ -113,8 +114,8 @@ class ElasticBody:
     @cached_property
     def _free(self) -> RigidMotions:
         motions = rigid_motions(self.space, self.fixed.reshape(-1, self.dimension), self.pieces, self.turned)
-        if self.axisymmetric:
-            motions = along_axis(motions)
+        if self.kinematics.motions_without_strain is not None:
+            motions = without_strain(motions, self.kinematics)
         if motions.free.shape[1] == 0 or (self.resists is not None and not self.resists):
             return motions
         if self.resists is None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import ufl
 from dolfinx import fem
 
 from signorini_fx.body.quadrature import strain_degree
 from signorini_fx.effects.material import elastic_forms
+from signorini_fx.kinematics.cartesian import Kinematics
 
 # Their names.
 ELASTIC_FORMS = ("elasticity", "reduced volumetric elasticity")
@@ -22,7 +22,7 @@ def elastic_terms(
     lame: tuple[Any, Any],
     stiffness: fem.Function | None,
     reduced: int | None,
-    around: bool,
+    kinematics: Kinematics,
 ) -> tuple[Any, ...]:
     """a(y, z), as terms to be compiled one by one; collective.
 
@@ -33,12 +33,11 @@ def elastic_terms(
         lame: Lame parameters as coefficients.
         stiffness: of orthotropic materials, see ``body.orthotropic``; None: there are none.
         reduced: quadrature degree of the volumetric term where it is reduced, else None.
-        around: whether the body is axisymmetric.
+        kinematics: of the body.
     """
-    degree = strain_degree(space, axisymmetric=around)
-    radius = ufl.SpatialCoordinate(space.mesh)[0] if around else None
+    degree = strain_degree(space, kinematics)
     if stiffness is not None:
         from signorini_fx.body.orthotropic import orthotropic_form
 
-        return (orthotropic_form(y, z, stiffness, degree, radius),)
-    return elastic_forms(y, z, *lame, degree, reduced, radius=radius)
+        return (orthotropic_form(y, z, stiffness, degree, kinematics),)
+    return elastic_forms(y, z, *lame, degree, reduced, kinematics=kinematics)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,10 +16,9 @@ from dolfinx import default_scalar_type, fem
 from signorini_fx import compat, parallel
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.initial_strains import initial_strain
-from signorini_fx.body.kinematics import AXISYMMETRIC, KINEMATICS, Kinematics
 from signorini_fx.body.mixed import hydrostatic_of
 from signorini_fx.body.moduli import isotropic, poisson_of
-from signorini_fx.effects.material import hoop_strain, strain, twisted_strain
+from signorini_fx.kinematics.cartesian import Kinematics, position
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.scene.effect import SectionJump
 
@@ -42,7 +40,7 @@ class ElementStress:
         shear_modulus: mu, the mean one of an orthotropic material; None: the body is not known to be isotropic.
         hydrostatic: the pressure of a mixed element, which is a part of sigma; None: there is none.
         parts: the cells of each part within which the stress has no jumps, local numbers, ghosts included.
-        radius: of an axisymmetric body, by which everything is weighted; None: it is not.
+        kinematics: of the displacement.
         refresh: takes from the displacement anew what ``sigma`` does not see of it, on all cells of this rank, and
             moves initial strains to a place in the lists of factors.
     """
@@ -55,25 +53,19 @@ class ElementStress:
     modulus: Any
     shear_modulus: Any
     parts: Sequence[npt.NDArray[np.int32]]
-    radius: Any = None
+    kinematics: Kinematics
     refresh: Callable[[float], None] = lambda place: None
     hydrostatic: fem.Function | None = None
 
     @property
-    def kinematics(self) -> Kinematics:
-        """Of the body; with torsion all components of space."""
-        dim = self.displacement.function_space.mesh.geometry.dim
-        return AXISYMMETRIC if self.radius is not None and dim == 2 else KINEMATICS[dim]
-
-    @property
     def around(self) -> Any:
-        """Length of the circumference, by which areas of an axisymmetric section are multiplied; 1 of other bodies."""
-        return 1 if self.radius is None else 2 * math.pi * self.radius
+        """By what areas and lengths of the mesh are multiplied, see ``Kinematics.measure``."""
+        return self.kinematics.measure(position(self.displacement))
 
     @property
     def components(self) -> Any:
         """The components of sigma, see ``Kinematics.pairs``."""
-        return self.kinematics.components(self.sigma if self.radius is None else self.in_space)
+        return self.kinematics.components(self.in_space)
 
     @property
     def in_space(self) -> Any:
@@ -105,21 +97,14 @@ def element_stress(body: Discretisation, displacement: fem.Function, step: float
         return _mixed_stress(body, displacement, step)
     if body.moduli is not None:
         return _orthotropic_stress(body, displacement, body.moduli, step)
-    (lame, mu), materials, mesh = body.lame, body.scene.material, body.tagged.mesh
+    (lame, mu), materials, mesh, kinematics = body.lame, body.scene.material, body.tagged.mesh, body.kinematics
     initial, move_to = initial_strain(body.scene, body.tagged, body.space, step)
     moved, jump_to = _moved(body, displacement, step)
-    elastic, theta, radius = strain(moved), ufl.tr(strain(moved)), None
-    across = 0  # the elastic strain out of the plane
-    if body.scene.axisymmetric:
-        radius = ufl.SpatialCoordinate(mesh)[0]
-        across = hoop_strain(moved, radius)
-        theta += across
-    if body.scene.torsion:
-        elastic = twisted_strain(moved, radius, inside=False)
+    elastic = kinematics.strain(moved, on_axis=True)
+    theta = ufl.tr(elastic)
     if initial is not None:
-        elastic -= initial * ufl.Identity(len(displacement))
+        elastic -= initial * ufl.Identity(elastic.ufl_shape[0])
         theta -= materials[0].directions * initial
-        across -= initial
     interpolated = []  # functions and what they take their values from
     if body.reduced is not None:
         interpolated.append(
@@ -128,10 +113,13 @@ def element_stress(body: Discretisation, displacement: fem.Function, step: float
         theta = interpolated[-1][0]
         theta.name = "volumetric strain"
     mean = lame * theta
-    plane_strain = radius is None and body.dimension < 3 and materials[0].hypothesis == "plane strain"
-    outward = mean + 2 * mu * across if plane_strain or radius is not None else None
+    full_stress = 2 * mu * elastic + mean * ufl.Identity(elastic.ufl_shape[0])
+    outward = full_stress[2, 2] if elastic.ufl_shape[0] > body.tagged.dimension else None
     prevented = None
-    if plane_strain and initial is not None:  # E times the initial strain
+    if kinematics.prevented:
+        outward = mean
+    if kinematics.prevented and initial is not None:  # E times the initial strain
+        outward -= 2 * mu * initial
         young = mu * (3 * lame + 2 * mu) / (lame + mu)
         interpolated.append(_interpolation(young * initial, fem.functionspace(mesh, ("DG", 1))))
         prevented = interpolated[-1][0]
@@ -144,8 +132,8 @@ def element_stress(body: Discretisation, displacement: fem.Function, step: float
             function.interpolate(expression)
 
     def outward_of(part: int, tau: _Floats) -> _Floats:
-        if radius is not None:
-            return tau[..., 2 if body.scene.torsion else 3]
+        if not kinematics.prevented:
+            return tau[..., kinematics.pairs.index((2, 2))]
         out_of_plane = _poisson(body, part, parts[part]) * (tau[..., 0] + tau[..., 1])
         if prevented is not None:
             out_of_plane -= prevented.x.array[prevented.function_space.dofmap.list[parts[part]]]
@@ -154,34 +142,35 @@ def element_stress(body: Discretisation, displacement: fem.Function, step: float
     refresh(step)
     return ElementStress(
         displacement,
-        2 * mu * elastic + mean * ufl.Identity(len(displacement)),
+        _in_mesh(full_stress, len(displacement)),
         outward,
         outward_of,
-        lambda tau: compliance(tau, lame, mu),
+        lambda tau: compliance(tau, kinematics, lame, mu),
         lame + 2 * mu,
         mu,
         parts,
-        radius,
+        kinematics,
         refresh,
     )
 
 
 def _mixed_stress(body: Discretisation, displacement: fem.Function, step: float) -> ElementStress:
     """Sigma = 2 mu epsilon - p I of a mixed element; in plane strain -p is the stress out of the plane as well."""
-    (_, mu), parts, radius = body.lame, _materials(body), None
+    (_, mu), parts, kinematics = body.lame, _materials(body), body.kinematics
     young, poisson, modulus = isotropic(
         body.scene, body.tagged, lambda elastic_modulus, nu: (elastic_modulus, nu, elastic_modulus / (1 - nu**2))
     )
-    pressure, flat = hydrostatic_of(displacement), body.dimension < 3
+    pressure = hydrostatic_of(displacement)
     moved, jump_to = _moved(body, displacement, step)
-    outward = -pressure if flat else None
-    if body.scene.axisymmetric:
-        radius = ufl.SpatialCoordinate(body.tagged.mesh)[0]
-        outward += 2 * mu * hoop_strain(moved, radius)
+    elastic = kinematics.strain(moved, on_axis=True)
+    full_stress = 2 * mu * elastic - pressure * ufl.Identity(elastic.ufl_shape[0])
+    outward = full_stress[2, 2] if elastic.ufl_shape[0] > body.tagged.dimension else None
+    if kinematics.prevented:
+        outward = -pressure
 
     initial, move_to = initial_strain(body.scene, body.tagged, body.space, step)
     prevented = None
-    if initial is not None and flat and radius is None:
+    if initial is not None and kinematics.prevented:
         prevented = _interpolation(young * initial, fem.functionspace(body.tagged.mesh, ("DG", 1)))
 
     def refresh(step: float) -> None:
@@ -191,8 +180,8 @@ def _mixed_stress(body: Discretisation, displacement: fem.Function, step: float)
             prevented[0].interpolate(prevented[1])
 
     def outward_of(part: int, tau: _Floats) -> _Floats:
-        if radius is not None:
-            return tau[..., 3]
+        if not kinematics.prevented:
+            return tau[..., kinematics.pairs.index((2, 2))]
         out_of_plane = _poisson(body, part, parts[part]) * (tau[..., 0] + tau[..., 1])
         if prevented is not None:
             out_of_plane -= prevented[0].x.array[prevented[0].function_space.dofmap.list[parts[part]]]
@@ -201,17 +190,23 @@ def _mixed_stress(body: Discretisation, displacement: fem.Function, step: float)
     refresh(step)
     return ElementStress(
         displacement,
-        2 * mu * strain(moved) - pressure * ufl.Identity(len(displacement)),
+        _in_mesh(full_stress, len(displacement)),
         outward,
         outward_of,
-        lambda tau: compliance(tau, None, mu, poisson),
+        lambda tau: compliance(tau, kinematics, None, mu, poisson),
         modulus,
         mu,
         parts,
-        radius,
+        kinematics,
         refresh,
         hydrostatic=pressure,
     )
+
+
+def _in_mesh(stress: Any, dimension: int) -> Any:
+    """The components of a stress that act on facets of the mesh, shape (d, d)."""
+    axes = range(dimension)
+    return stress if stress.ufl_shape[0] == dimension else ufl.as_matrix([[stress[i, j] for j in axes] for i in axes])
 
 
 def _interpolation(value: Any, space: fem.FunctionSpace) -> tuple[fem.Function, fem.Expression]:
@@ -235,20 +230,19 @@ def _orthotropic_stress(body: Discretisation, y: fem.Function, moduli: fem.Funct
     """By the stiffness of each cell, see ``body.orthotropic``."""
     from signorini_fx.body.orthotropic import strain_components
 
-    radius = ufl.SpatialCoordinate(body.tagged.mesh)[0] if body.scene.axisymmetric else None
+    kinematics, dim = body.kinematics, len(y)
     moved, jump_to = _moved(body, y, step)
-    components = moduli * strain_components(moved, None if radius is None else hoop_strain(moved, radius))
-    dim = len(y)
-    pairs = KINEMATICS[dim].pairs
+    components = moduli * strain_components(moved, kinematics, on_axis=True)
+    pairs = [*kinematics.pairs, *([(2, 2)] if kinematics.prevented else [])]
     at = {pair: k for k, (i, j) in enumerate(pairs) for pair in ((i, j), (j, i))}
     stress = anisotropic_stress(
         y,
         ufl.as_matrix([[components[at[i, j]] for j in range(dim)] for i in range(dim)]),
-        components[len(pairs)] if len(components) > len(pairs) else None,
+        components[at[2, 2]] if dim == 2 and (2, 2) in at else None,
         (moduli.x.array.reshape(-1, *moduli.ufl_shape), moduli.function_space.dofmap.list[:, 0]),
         _materials(body),
+        kinematics,
         shear_modulus=body.lame[1],
-        radius=radius,
     )
     return replace(stress, refresh=jump_to)
 
@@ -259,9 +253,9 @@ def anisotropic_stress(
     outward: Any,
     moduli: tuple[_Floats, npt.NDArray[np.int32]],
     parts: Sequence[npt.NDArray[np.int32]],
+    kinematics: Kinematics,
     *,
     shear_modulus: Any = None,
-    radius: Any = None,
 ) -> ElementStress:
     """That of moduli which are constant in each cell; collective.
 
@@ -273,8 +267,8 @@ def anisotropic_stress(
             over those of the strain, of shear twice epsilon_ij, of each cell, shape (cells, rows, m), and the number
             of each cell among them.
         parts: see ``ElementStress``.
+        kinematics: see ``ElementStress``.
         shear_modulus: see ``ElementStress``.
-        radius: see ``ElementStress``.
 
     Raises:
         numpy.linalg.LinAlgError: some strain has no stress, on all ranks.
@@ -295,8 +289,8 @@ def anisotropic_stress(
     ratios = at_cells[:, m:] @ inverse
 
     def outward_of(part: int, tau: _Floats) -> _Floats:
-        if radius is not None:
-            return tau[..., 3]
+        if not m < at_cells.shape[1]:
+            return tau[..., kinematics.pairs.index((2, 2))]
         return np.asarray(np.einsum("cm,cvm->cv", ratios[numbers[parts[part]], 0], tau))
 
     return ElementStress(
@@ -308,20 +302,20 @@ def anisotropic_stress(
         largest,
         shear_modulus,
         parts,
-        radius,
+        kinematics,
     )
 
 
-def compliance(tau: Any, lame: Any, mu: Any, poisson: Any = 0.5) -> Any:
+def compliance(tau: Any, kinematics: Kinematics, lame: Any, mu: Any, poisson: Any = 0.5) -> Any:
     """C^-1 tau : tau of an isotropic body for a stress tau, given by its components, see ``Kinematics.pairs``.
 
     Args:
         tau: the components.
+        kinematics: of the body.
         lame: first Lame parameter; None: it may be infinite, and follows from Poisson's ratio.
         mu: second Lame parameter.
-        poisson: nu, in space, in plane strain or of an axisymmetric body, which counts without ``lame``.
+        poisson: nu, which counts without ``lame``; not in plane stress.
     """
-    kinematics = next(entry for entry in (*KINEMATICS.values(), AXISYMMETRIC) if len(entry.pairs) == len(tau))
     normal = [tau[k] for k, (i, j) in enumerate(kinematics.pairs) if i == j]
     mixed = [tau[k] for k, (i, j) in enumerate(kinematics.pairs) if i != j]
     trace = sum(normal[1:], normal[0])

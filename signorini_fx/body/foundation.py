@@ -55,8 +55,8 @@ class Foundation:
             Function; None: the outward normal.
         friction: ``Coulomb``, ``Tresca``, or None.
         bilateral: whether the contact cannot open; the pressure then has any sign.
-        measure: factor of the surface measure in the user's forms, a UFL expression, such as 2 pi r of axisymmetric
-            ones; points at which it is zero carry no contact.  None: 1.
+        measure: factor of the surface measure in the user's forms, a UFL expression, such as 2 pi r of bodies of
+            revolution; points at which it is zero carry no contact.  None: 1.
         shape: the foundation as a thing, such as ``signorini_fx.shapes.sphere.Sphere(...)``: any object with
             ``distance(x)``, see ``scene.rigid_shape.Shape``, or a table as a scene has it.  It determines the
             direction, and ``gap`` is added to its distance.  With a force, a moment or prescribed components it is a
@@ -82,7 +82,7 @@ class Pair:
     The contact points are on the first side, the slave: take the softer body, of equal ones that with the finer mesh.
     The relative displacement of both sides keeps to the gap; the pressure pushes them apart, friction acts between
     them, with opposite forces and moments on both.  There is no ``measure``: where the user's forms are multiplied by
-    one, such as 2 pi r of axisymmetric ones, pressures and bounds of friction are per length or area without it, a
+    one, such as 2 pi r, pressures and bounds of friction are per length or area without it, a
     nodal mean of 2 pi r times the stress.
 
     Attributes:

@@ -136,7 +136,7 @@ def surface_of(d: Discretisation, pressing: npt.NDArray[np.bool_] | None = None)
     bilateral = False if d.data.bilateral is None else bool(d.data.bilateral.any())
     capped = law is not None and law.cap is not None
     for wrong, reason in (
-        (d.scene.axisymmetric, "the body is axisymmetric"),
+        ("proof by statics" in d.kinematics.refuses, d.kinematics.refuses.get("proof by statics", "")),
         (any(getattr(contact, "against", None) for contact in d.scene.contact), "two bodies touch each other"),
         (len(motions.of_all) > len(motions.free), "forces move a foundation"),
         (parallel.any_rank(comm, bilateral), "the foundation can pull"),

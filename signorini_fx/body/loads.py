@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -25,6 +24,7 @@ from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.material import initial_strain_forms, mixed_strain_form
 from signorini_fx.errors import SceneError
+from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.scales import Scales
@@ -167,8 +167,13 @@ class FormCoefficients:
 
     @property
     def around(self) -> Any:
-        """Length of the circumference of an axisymmetric body, which multiplies its section; 1 of other bodies."""
-        return 2 * math.pi * self.position[0] if self.scene.axisymmetric else 1
+        """By what areas and lengths of the mesh are multiplied, see ``Kinematics.measure``."""
+        return self.kinematics.measure(self.position)
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """Of the body."""
+        return self.scene.kinematics_in(self.tagged.dimension)
 
     def whole(self, effect: Effect) -> float:
         """``total`` as a number."""
@@ -193,8 +198,8 @@ class FormCoefficients:
             integral = float(parallel.global_sum(mesh.comm, np.array(fem.assemble_scalar(form) + cut)))
             corners = facet_vertices(mesh, self.tagged.facets(boundary))
             largest = parallel.largest(mesh.comm, np.abs(sample(spread, corners.reshape(-1, 3).T)))
-            tagged, axisymmetric = self.tagged, self.scene.axisymmetric
-            scales = Scales.of(tagged.dimension, self.scene.young, tagged.size, axisymmetric=axisymmetric)
+            size = self.tagged.size
+            scales = Scales(self.tagged.dimension, self.scene.young, size, self.kinematics.depth(size))
             if not abs(integral) > _ROUND_OFF * largest * scales.surface:
                 path = next(path for path, candidate in self.scene.listed() if candidate is effect)
                 raise SceneError(
@@ -348,12 +353,12 @@ def _compiled_strains(
 ) -> tuple[tuple[str, ...], tuple[fem.Form, ...]]:
     mesh, element = on.space.mesh, on.space.element.basix_element.degree
     name, total_strain = " + ".join(strain.name for strain in strains), sum(strain.strain(on) for strain in strains)
-    degree, radius = strains[0].degree(element), on.position[0] if on.scene.axisymmetric else None
+    degree = strains[0].degree(element)
     if on.scene.element.volumetric == "mixed":
         pressures = PressureSpace.of(on.scene, on.tagged)
         q = pressures.scalar(ufl.TestFunction(pressures.own))
         (swelling,) = isotropic(on.scene, on.tagged, lambda _, poisson: ((1 + poisson) / poisson,))
-        form = mixed_strain_form(q, total_strain, swelling, degree, radius=radius)
+        form = mixed_strain_form(q, total_strain, swelling, degree, kinematics=on.kinematics)
         return (name,), (on.inventory.compile(name, partial(fem.form, form)),)
     terms = initial_strain_forms(
         z,
@@ -362,7 +367,7 @@ def _compiled_strains(
         degree,
         reduced_degree(on.scene, mesh),
         directions=on.scene.material[0].directions,
-        radius=radius,
+        kinematics=on.kinematics,
     )
     names = (name, f"reduced volumetric {name}")[: len(terms)]
     return names, tuple(

@@ -35,6 +35,7 @@ from signorini_fx.body.pieces import BodyPieces
 from signorini_fx.body.quadrature import strain_degree
 from signorini_fx.effects.material import mixed_forms
 from signorini_fx.errors import InstallationError
+from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.linalg.factorisation import has_package
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
@@ -147,7 +148,7 @@ class MixedPressure:
         moduli: mu and 1 / lambda as coefficients.
         incompressible: the parts of the body with nu = 1/2, of one material and joined: which cells of this rank,
             ghosts included, are in each of them, shape (parts, cells).
-        axisymmetric: whether the body is.
+        kinematics: of the body.
         unit: of the unknowns of the pressure, stress.
         inventory: what was compiled and assembled.
     """
@@ -156,7 +157,7 @@ class MixedPressure:
     pressures: PressureSpace
     moduli: tuple[Any, Any]
     incompressible: npt.NDArray[np.bool_]
-    axisymmetric: bool
+    kinematics: Kinematics
     unit: float
     inventory: Inventory
 
@@ -186,7 +187,15 @@ class MixedPressure:
             space.mesh.comm, np.array([parts.sum(axis=1), (parts * (cell_yields > 0)).sum(axis=1)])
         )
         incompressible = (sums[0] > 0) & (sums[1] == 0)  # and nu = 1/2 in all of its cells
-        return cls(space, pressures, (mu, yields), parts[incompressible], scene.axisymmetric, unit, inventory)
+        return cls(
+            space,
+            pressures,
+            (mu, yields),
+            parts[incompressible],
+            scene.kinematics_in(tagged.dimension),
+            unit,
+            inventory,
+        )
 
     @property
     def own(self) -> fem.FunctionSpace:
@@ -216,8 +225,8 @@ class MixedPressure:
             mu,
             fem.Constant(mesh, default_scalar_type(self.unit)),
             compressibility,
-            strain_degree(space, axisymmetric=self.axisymmetric),
-            radius=ufl.SpatialCoordinate(mesh)[0] if self.axisymmetric else None,
+            strain_degree(space, self.kinematics),
+            kinematics=self.kinematics,
         )
 
     def _matrix(self, number: int) -> PETSc.Mat:

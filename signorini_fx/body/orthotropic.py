@@ -5,7 +5,6 @@ Stress and strain are vectors of the components ``Kinematics.pairs``, of shear s
 
 from __future__ import annotations
 
-import math
 from itertools import combinations
 from typing import Any
 
@@ -15,10 +14,10 @@ import ufl
 from dolfinx import fem
 
 from signorini_fx import parallel
-from signorini_fx.body.kinematics import AXISYMMETRIC, KINEMATICS, Kinematics
 from signorini_fx.body.moduli import graded, middles
-from signorini_fx.effects.material import LinearElastic, strain
+from signorini_fx.effects.material import LinearElastic
 from signorini_fx.errors import SceneError
+from signorini_fx.kinematics.cartesian import Kinematics, position
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.scene.model import Scene
 
@@ -35,8 +34,8 @@ def cellwise_stiffness(scene: Scene, tagged: TaggedMesh) -> fem.Function:
     Raises:
         SceneError: the axes have no direction in some cell.
     """
-    kinematics = AXISYMMETRIC if scene.axisymmetric else KINEMATICS[tagged.dimension]
-    rows, columns = _components(scene, kinematics)
+    kinematics = scene.kinematics_in(tagged.dimension)
+    rows, columns = _components(kinematics)
     moduli = fem.Function(fem.functionspace(tagged.mesh, ("DG", 0, (len(rows), len(columns)))))
     at_cells, problems = moduli.x.array.reshape(-1, len(rows), len(columns)), []
     for number, material in enumerate(scene.material):
@@ -66,11 +65,10 @@ def cellwise_stiffness(scene: Scene, tagged: TaggedMesh) -> fem.Function:
     return moduli
 
 
-def _components(scene: Scene, kinematics: Kinematics) -> tuple[list[int], list[int]]:
+def _components(kinematics: Kinematics) -> tuple[list[int], list[int]]:
     """Those of stress and strain among the components in space."""
     columns = [_PAIRS.index(pair) for pair in kinematics.pairs]
-    flat = kinematics.dimension < 3 and scene.material[0].hypothesis == "plane strain"
-    return [*columns, *([_PAIRS.index((2, 2))] if flat else [])], columns
+    return [*columns, *([_PAIRS.index((2, 2))] if kinematics.prevented else [])], columns
 
 
 def _compliance(material: LinearElastic) -> Array:
@@ -94,21 +92,15 @@ def _turned(axes: Array) -> Array:
     return bond_matrices
 
 
-def strain_components(y: Any, hoop: Any = None) -> Any:
-    """The components of the strain as a vector, UFL; ``hoop``: that along the circumference."""
-    epsilon, kinematics = strain(y), KINEMATICS[len(y)]
-    components = [epsilon[i, j] * (1 if i == j else 2) for i, j in kinematics.pairs]
-    return ufl.as_vector(components if hoop is None else [*components, hoop])
+def strain_components(y: Any, kinematics: Kinematics, *, on_axis: bool = False) -> Any:
+    """The components of the strain as a vector, UFL; ``on_axis``: see ``Kinematics.strain``."""
+    epsilon = kinematics.strain(y, on_axis=on_axis)
+    return ufl.as_vector([epsilon[i, j] * (1 if i == j else 2) for i, j in kinematics.pairs])
 
 
-def orthotropic_form(y: Any, z: Any, stiffness: fem.Function, degree: int, radius: Any = None) -> Any:
+def orthotropic_form(y: Any, z: Any, stiffness: fem.Function, degree: int, kinematics: Kinematics) -> Any:
     """a(y, z) with the stiffness of each cell; the arguments are those of ``effects.material.elastic_forms``."""
-    first, second, around = strain_components(y), strain_components(z), 1
-    if radius is not None:
-        first, second, around = (
-            strain_components(y, y[0] / radius),
-            strain_components(z, z[0] / radius),
-            2 * math.pi * radius,
-        )
+    first, second = strain_components(y, kinematics), strain_components(z, kinematics)
     stress = ufl.as_vector([ufl.dot(stiffness[k, :], first) for k in range(len(first))])
+    around = kinematics.measure(position(z))
     return ufl.inner(stress, second) * around * ufl.dx(metadata={"quadrature_degree": degree})

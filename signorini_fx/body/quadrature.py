@@ -8,19 +8,22 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx import compat, parallel
 from signorini_fx.effects.material import elastic_degree
+from signorini_fx.kinematics.cartesian import Kinematics
+from signorini_fx.kinematics.space import SPACE
 
 # Difference of opposite edges, as a share of the shortest edge, below which the map of a cell counts as affine.  What
 # the rule with fewer points neglects is of the order of its square.
 _PARALLEL = 1e-8
 
 
-def strain_degree(space: fem.FunctionSpace, *, axisymmetric: bool = False) -> int:
+def strain_degree(space: fem.FunctionSpace, kinematics: Kinematics = SPACE) -> int:
     """Quadrature degree of a(., .) for displacements in ``space``, see ``elastic_degree``; collective."""
     mesh, element = space.mesh, space.element.basix_element.degree
     geometry = compat.geometry_degree(mesh)
-    if not axisymmetric and parallelepipeds(mesh):
+    further = kinematics.further_degrees
+    if not further and parallelepipeds(mesh):
         geometry = 0
-    return elastic_degree(mesh.topology.cell_name(), element, geometry, axisymmetric=axisymmetric)
+    return elastic_degree(mesh.topology.cell_name(), element, geometry) + further
 
 
 def has_affine_parts(mesh: dmesh.Mesh, *, in_body: bool) -> bool:

@@ -7,7 +7,7 @@ where both must move together.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,12 +22,13 @@ from scipy.sparse.csgraph import connected_components
 from signorini_fx import parallel
 from signorini_fx.body.averages import from_owners
 from signorini_fx.body.contact_boundary import ContactBoundary, MovingFoundation
-from signorini_fx.body.kinematics import KINEMATICS
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.body.pieces import BodyPieces
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.contact.groups import PointGroups
 from signorini_fx.contact.motions import FreeMotions, RigidLoad
+from signorini_fx.kinematics import CARTESIAN
+from signorini_fx.kinematics.cartesian import Kinematics
 
 # Resistance to a motion, relative to that to the best held one, below which it counts as not held at all.
 _HELD = 1e-8
@@ -75,7 +76,7 @@ class RigidMotions:
     @property
     def each(self) -> int:
         """M, the number of motions of a piece: 3 in the plane, 6 in space."""
-        return KINEMATICS[self.x.shape[1]].motions
+        return CARTESIAN[self.x.shape[1]].motions
 
     def at(self, boundary: ContactBoundary) -> FreeMotions:
         """The free motions at the contact points of this rank: B times them; collective.
@@ -201,7 +202,7 @@ def rigid_modes(x: _Floats, centre: _Floats, length: _Floats) -> _Floats:
         length: the length at which a rotation moves by one, shape (n,) or ().
     """
     dim = x.shape[1]
-    turns = KINEMATICS[dim].rotations
+    turns = CARTESIAN[dim].rotations
     modes = np.zeros((x.shape[0], dim, dim + len(turns)))
     modes[:, np.arange(dim), np.arange(dim)] = 1.0
     arm = (x - centre) / np.asarray(length)[..., None]
@@ -244,25 +245,27 @@ def rigid_motions(
     return replace(motions, free=free, assembly=assembly)
 
 
-def _around_the_axis(motions: RigidMotions) -> list[_Floats]:
-    """Each motion without strain of an axisymmetric body as combinations of those of its pieces, shape (p, m)."""
-    up = np.tile(np.eye(motions.each)[1], (motions.pieces.count, 1))
-    if motions.each == 3:  # in the plane
-        return [up]
-    turn = np.zeros_like(up)  # rotations of pieces are about axes through their middles
-    turn[:, 4], turn[:, 2] = 1.0, -motions.centre[:, 0] / motions.length
-    return [up, turn / np.linalg.norm(turn, axis=1, keepdims=True)]
+def _admitted(motions: RigidMotions, kinematics: Kinematics) -> Iterator[_Floats]:
+    """Each motion that kinematics admit as combinations of those of the pieces, shape (p, m)."""
+    dim = kinematics.dimension
+    # Rotations of pieces are about axes through their middles.
+    at_centres = rigid_modes(motions.centre, np.zeros(dim), motions.length)
+    for number in np.flatnonzero(kinematics.unbalanced):
+        way = np.tile(np.eye(motions.each)[number], (motions.pieces.count, 1))
+        if number >= dim:
+            way[:, :dim] = at_centres[:, :, number]
+        yield way / np.linalg.norm(way, axis=1, keepdims=True)
 
 
-def along_axis(motions: RigidMotions) -> RigidMotions:
-    """Those of these that have no strain in an axisymmetric body: translations along x[1], and with torsion rotations
-    about it, which are apart from them in all supports.
+def without_strain(motions: RigidMotions, kinematics: Kinematics) -> RigidMotions:
+    """Those of these that have no strain, where they are fewer than the rigid ones; translations and rotations, which
+    are apart from each other in all supports.
     """
     columns, numbers = [], []
     for number in np.unique(motions.assembly):
         of = motions.assembly == number
         free_modes = motions.free[:, of]
-        for allowed in _around_the_axis(motions):
+        for allowed in _admitted(motions, kinematics):
             rows = free_modes.reshape(motions.pieces.count, motions.each, -1)
             along = np.einsum("pm,pmk->pk", allowed, rows)
             strained = (rows - allowed[:, :, None] * along[:, None]).reshape(-1, free_modes.shape[1])

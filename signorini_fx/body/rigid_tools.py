@@ -27,12 +27,10 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.body.contact_boundary import ContactBoundary, MovingFoundation
-from signorini_fx.body.kinematics import KINEMATICS
 from signorini_fx.body.rigid import rigid_modes
+from signorini_fx.kinematics.cartesian import Kinematics
 
 _Floats = npt.NDArray[np.float64]
-# The components of the motion of a tool that is axisymmetric with the body which are zero.
-AXISYMMETRIC_STILL = np.array([True, False, True])
 
 
 @dataclass(frozen=True)
@@ -68,26 +66,24 @@ class RigidTools:
         shapes: what drives them, see ``scene.rigid_motion``.
         centre: their reference points, length, shape (t, d).
         length: L.
-        axisymmetric: whether they move along x[1] alone, which is the axis of revolution.
+        kinematics: of the body, with which they may move.
     """
 
     parts: npt.NDArray[np.int64]
     shapes: Sequence[Any]
     centre: _Floats
     length: float
-    axisymmetric: bool = False
+    kinematics: Kinematics
 
     @classmethod
-    def of(
-        cls, contacts: Sequence[Any], dimension: int, length: float, *, axisymmetric: bool = False
-    ) -> RigidTools | None:
+    def of(cls, contacts: Sequence[Any], kinematics: Kinematics, length: float) -> RigidTools | None:
         """Those among the contacts of a scene; None: there are none."""
         parts = [number for number, contact in enumerate(contacts) if contact.tool is not None]
         if not parts:
             return None
         shapes = [contacts[number].tool for number in parts]
-        centre = np.array([shape.reference(dimension) for shape in shapes])
-        return cls(np.array(parts), shapes, centre, length, axisymmetric)
+        centre = np.array([shape.reference(kinematics.dimension) for shape in shapes])
+        return cls(np.array(parts), shapes, centre, length, kinematics)
 
     @property
     def dimension(self) -> int:
@@ -97,12 +93,12 @@ class RigidTools:
     @property
     def _units(self) -> _Floats:
         """Unknowns per component: one of a translation, L of a rotation, shape (m,)."""
-        rotations = len(KINEMATICS[self.dimension].rotations)
+        rotations = len(self.kinematics.rotations)
         return np.array([1.0] * self.dimension + [self.length] * rotations)
 
     def on(self, boundary: ContactBoundary) -> ContactBoundary:
         """The contact points on tools that move."""
-        motion_count, count = KINEMATICS[self.dimension].motions, self.parts.size
+        motion_count, count = self.kinematics.motions, self.parts.size
         modes = np.zeros((boundary.size, self.dimension, count, motion_count))
         for tool, part in enumerate(self.parts):
             on_part = boundary.part == part
@@ -116,7 +112,7 @@ class RigidTools:
     def fixed(self) -> npt.NDArray[np.bool_]:
         """Which unknowns are prescribed, shape (k,)."""
         prescribed = [~np.isnan(shape.drive(self.dimension, 0.0)[1]) for shape in self.shapes]
-        return np.concatenate([flags | AXISYMMETRIC_STILL if self.axisymmetric else flags for flags in prescribed])
+        return np.concatenate([flags | ~self.kinematics.unbalanced for flags in prescribed])
 
     def driven(self, number: int, time: float) -> Driven:
         """What drives one of them at a time."""

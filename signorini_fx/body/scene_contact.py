@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from signorini_fx.body.foundation import Coulomb, Foundation, Pair, Tresca
 from signorini_fx.effects.contact import BilateralContact, BondedContact, CoulombFriction, TrescaFriction
+from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.model import Scene
 
@@ -41,16 +42,17 @@ def foundations_of(
             )
             continue
         gap, shape, bonded = _evaluable(effect.gap), effect.surface, isinstance(effect, BondedContact)
-        around, direction = _circumference if scene.axisymmetric else None, effect.direction
-        if scene.torsion:
-            direction = None if direction is None else (*direction, 0.0)
-            shape = None if shape is None else _OfRevolution(shape)
+        kinematics, direction = scene.kinematics, effect.direction
+        out, around = kinematics.out_of_section, None if kinematics.uniform else partial(_measure, kinematics)
+        if out:
+            direction = None if direction is None else (*direction, *[0.0] * out)
+            shape = None if shape is None else _ShapeOfSection(shape)
         foundations.append(Foundation(on, gap, direction, friction, bilateral, around, shape, bonded))
     return foundations
 
 
 @dataclass(frozen=True)
-class _OfRevolution:
+class _ShapeOfSection:
     """A shape of the plane for points of a section in space, whose displacements have three components."""
 
     shape: Any
@@ -61,9 +63,9 @@ class _OfRevolution:
         return away, np.pad(normal, ((0, 0), (0, 1)))
 
 
-def _circumference(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """2 pi r at points of shape (3, n); on the axis r may be below zero by round-off."""
-    return np.asarray(2 * np.pi * np.maximum(x[0], 0.0))
+def _measure(kinematics: Kinematics, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """At points of shape (3, n); where it is zero it may be below by round-off."""
+    return np.maximum(kinematics.measure(x), 0.0)
 
 
 def _evaluable(value: Any) -> Any:

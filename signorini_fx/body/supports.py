@@ -18,6 +18,7 @@ from signorini_fx.body.node_positions import node_positions
 from signorini_fx.body.turned_supports import SkewSupport, TurnedNodes
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import SceneError
+from signorini_fx.kinematics import KINDS
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.model import Scene
@@ -96,21 +97,26 @@ def dirichlet_conditions(
                 function.interpolate(lambda x, value=value: sample(value, x))
                 support = fem.dirichletbc(function, pair, subspace)
             supports.append((effect, support))
-    if scene.axisymmetric:
-        nodes = np.flatnonzero(on_axis(node_positions(space), tagged))
-        for component in (0, 2) if scene.torsion else (0,):
-            dofs = (space.mesh.geometry.dim * nodes + component).astype(np.int32)
-            support = fem.dirichletbc(default_scalar_type(0.0), dofs, space.sub(component))
-            supports.append((_AXES[scene.torsion], support))
+    components_on_axis = scene.kinematics_in(tagged.dimension).zero_on_axis
+    nodes = np.flatnonzero(on_axis(node_positions(space), tagged)) if components_on_axis else np.zeros(0, np.int64)
+    for component in components_on_axis:
+        dofs = (space.mesh.geometry.dim * nodes + component).astype(np.int32)
+        support = fem.dirichletbc(default_scalar_type(0.0), dofs, space.sub(component))
+        supports.append((_ON_AXIS[components_on_axis], support))
     return supports
 
 
-# What holds the nodes on the axis of an axisymmetric body, without torsion and with it.
-_AXES = tuple(PrescribedDisplacement(boundary="on the axis", x=0.0, z=z) for z in (None, 0.0))
+# What holds the nodes on the axis of revolution, by the components of their displacements that are zero.
+_ON_AXIS = {
+    kind.zero_on_axis: PrescribedDisplacement(
+        boundary="on the axis", **{"xyz"[component]: 0.0 for component in kind.zero_on_axis or (0,)}
+    )
+    for kind in KINDS
+}
 
 
 def on_axis(x: npt.NDArray[np.float64], tagged: TaggedMesh) -> npt.NDArray[np.bool_]:
-    """Which of some points of shape (n, 3) or (n, 2) are on the axis of an axisymmetric body, shape (n,)."""
+    """Which of some points of shape (n, 3) or (n, 2) are on the axis of revolution, shape (n,)."""
     return np.asarray(np.abs(x[:, 0]) <= _SAME_POINT * tagged.size)
 
 
@@ -249,7 +255,8 @@ def turned_nodes(
         return None
     dim = space.mesh.geometry.dim
     axes = np.full((len(node_positions(space)), dim), -1)
-    position = {id(effect): index for index, effect in enumerate((*scene.displacement, _AXES[scene.torsion]))}
+    on_the_axis = _ON_AXIS[scene.kinematics.zero_on_axis]
+    position = {id(effect): index for index, effect in enumerate((*scene.displacement, on_the_axis))}
     for effect, support in supports:
         axes.reshape(-1)[support.dof_indices()[0]] = position[id(effect)]
     turned = TurnedNodes.of(skew, axes)

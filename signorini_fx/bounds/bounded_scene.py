@@ -96,7 +96,7 @@ def refuse_unknown(d: Discretisation) -> None:
     kind = mesh.topology.cell_name()
     for wrong, reason in (
         (d.comm.size > 1, "a guaranteed bound is computed on one rank"),
-        (d.scene.axisymmetric, "a guaranteed bound is for bodies in the plane, not for axisymmetric ones"),
+        ("guaranteed bound" in d.kinematics.refuses, d.kinematics.refuses.get("guaranteed bound", "")),
         (compat.geometry_degree(mesh) > 1, "a guaranteed bound is for straight cells"),
         (kind == "quadrilateral" and degree > 1, "on quadrilaterals a guaranteed bound is for degree 1"),
         (kind == "hexahedron", "in space a guaranteed bound is for tetrahedra"),

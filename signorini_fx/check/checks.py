@@ -189,9 +189,7 @@ def _effects(d: Discretisation) -> list[ListedEffect]:
 
 
 def _elasticity(d: Discretisation) -> ListedEffect:
-    hypothesis = d.scene.material[0].hypothesis if d.tagged.dimension == 2 else "in space"
-    hypothesis += ", torsion" * d.scene.torsion
-    return ListedEffect("elasticity", True, f"always; {hypothesis}", ("elasticity",), d.dofs, (1, 1))
+    return ListedEffect("elasticity", True, f"always; {d.kinematics.words}", ("elasticity",), d.dofs, (1, 1))
 
 
 def _materials(scene: Scene) -> list[ListedEffect]:

@@ -51,7 +51,7 @@ def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Find
     findings += [*_pieces(body), *_locking(body), *_idle(body), *equilibrium(body), *jumping_loads(body)]
     # Without an estimate it only matters whether anything acts at all; it is that of a beam in the plane or in space.
     unsolved = estimates
-    estimates = estimates and not scene.of(Resistance) and not scene.axisymmetric
+    estimates = estimates and not scene.of(Resistance) and "bending" not in scene.kinematics.refuses
     moduli = [material.young for material in scene.material]
     moved = _displacement_scale(body, min(moduli)) if estimates else float(_acts(body))
     if estimates:

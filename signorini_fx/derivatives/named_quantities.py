@@ -67,8 +67,8 @@ def _force(d: Discretisation, boundary: str, axis: str) -> Quantity:
 def _moment(d: Discretisation, boundary: str, axis: str = "z") -> Quantity:
     if d.dimension == 2 and axis != "z":
         raise ValueError(axis)
-    if d.scene.axisymmetric:
-        raise SceneError([(f"of moment {boundary}", "there is none on a body of revolution")])
+    if reason := d.kinematics.refuses.get("moment"):
+        raise SceneError([(f"of moment {boundary}", reason)])
     return ContactForce(_part(d, boundary), 0 if d.dimension == 2 else _axis(d, axis), moment=True)
 
 

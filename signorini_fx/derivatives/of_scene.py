@@ -170,6 +170,7 @@ class _Step:
 
 def _check(scene: Scene) -> None:
     """Whether derivatives of the scene are known."""
+    refuses = scene.kinematics.refuses
     for wrong, path, reason in (
         (not scene.contact, "contact", "there is none: a problem without contact is linear"),
         (
@@ -177,11 +178,7 @@ def _check(scene: Scene) -> None:
             "element.volumetric",
             "derivatives are not possible yet with a pressure of its own: leave 'mixed' out",
         ),
-        (
-            scene.torsion,
-            "material.torsion",
-            "derivatives are not possible yet with torsion, but of forms of one's own",
-        ),
+        ("derivatives" in refuses, "material.hypothesis", refuses.get("derivatives", "")),
         (
             bool(scene.joint_loads),
             next(iter(scene.joint_loads), ""),

@@ -185,8 +185,6 @@ class Contact(Effect):
                 "contact of two bodies shows its error on the side with the points alone, so that cells of the other "
             )
             yield ("accuracy", "refinement"), message + "one would not be divided: use 'uniform'"
-        if scene.axisymmetric:
-            yield ("material", 0, "hypothesis"), "axisymmetric is not possible yet where two bodies are in contact"
 
     def _not_with_directions(self, scene: Any, number: int) -> Contradictions:
         """What friction that depends on the direction is not possible with."""
@@ -348,8 +346,8 @@ def _not_with_tools(scene: Any, number: int) -> Contradictions:
         (driven.moment is not None, "moment"),
         (prescribed is not None and (prescribed.x, prescribed.rotation) != (None, None), "prescribed"),
     ):
-        if wrong and scene.axisymmetric:
-            yield ("contact", number, "foundation", name), "an axisymmetric tool moves along its axis x[1] alone"
+        if wrong and (reason := scene.kinematics.refuses.get("motion of a tool")):
+            yield ("contact", number, "foundation", name), reason
     if any(contact.moves for contact in scene.contact):
         foundation_path = ("contact", number, "foundation")
         yield (

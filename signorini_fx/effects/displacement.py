@@ -20,13 +20,13 @@ class PrescribedDisplacement(Load):
         at: the point, which must be a node of the mesh, length.
         x: component along x[0], length.
         y: component along x[1], length.
-        z: component along x[2], length; only in space, and around the axis with ``material.torsion``.
+        z: component along x[2], length; only in space, and around the axis of a body that turns about it.
         normal: component along the outward normal, length, on a flat boundary (0: symmetry).
         rotation: angle of a small rotation, radians, which is added to the components that it moves: it prescribes
             them, w x (x - c).
         about: a point c of its axis, length; None: the origin.
-        axis: the direction of w, any length; only in space; None: x[2]; of an axisymmetric body with torsion that of
-            the body, (0, 1).
+        axis: the direction of w, any length; only in space; None: x[2]; of a section that turns about its axis
+            this one, (0, 1).
         factors: one number per load step; None: 1 in every step.
     """
 
@@ -109,8 +109,10 @@ class PrescribedDisplacement(Load):
 
     def contradictions(self, scene: Any, number: int) -> Contradictions:
         """See ``Effect``."""
-        if scene.axisymmetric and not scene.torsion and self.rotation is not None:
-            yield ("displacement", number, "rotation"), "is no axisymmetric motion"
+        if self.rotation is not None and "prescribed rotation" not in scene.kinematics.refuses:
+            reason = scene.kinematics.refused_axis(self.axis, self.about)
+            if reason:
+                yield ("displacement", number, "axis"), reason
         touching = self.at is None and any(contact.boundary == self.boundary for contact in scene.contact)
         if touching and (self.normal is not None or None not in self.components):
             yield ("displacement", number), f"{self.boundary!r} is prescribed, and in contact as well: choose one"

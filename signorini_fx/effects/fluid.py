@@ -38,10 +38,10 @@ class Fluid(JointLoad):
 
     def contradictions(self, scene: Any, number: int) -> Contradictions:
         """See ``Effect``."""
-        if scene.axisymmetric and self.up == "x":
+        if self.up == "x" and scene.kinematics.refused_axis((1.0, 0.0)):
             yield ("fluid", number, "up"), "must be along the axis of the body: y"
-        if scene.torsion and self.up is None:
-            yield ("fluid", number, "up"), "say along which axis it rises where the body is twisted: up = 'y'"
+        if scene.kinematics.out_of_section and self.up is None:
+            yield ("fluid", number, "up"), "say along which axis of the section it rises: up = 'y'"
         if self.enters:
             yield from self._cannot_enter(scene, number)
         elif self.closed != "none":
@@ -68,7 +68,6 @@ class Fluid(JointLoad):
                     if name in fluid.enters and getattr(fluid, entry) != getattr(self, entry):
                         yield ("fluid", number, entry), f"must be the same for all fluids that enter {name!r}"
         for wrong, key, reason in (
-            (scene.axisymmetric, ("material", 0, "hypothesis"), "axisymmetric"),
             (bool(scene.tools), enters_path, "a foundation that force, moment or prescribed moves"),
             (scene.solver.algorithm == "exact", ("solver", "algorithm"), "exact"),
             (scene.solver.levels > 1, ("solver", "levels"), "a sequence of meshes"),

@@ -9,6 +9,8 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 from pydantic_core import PydanticKnownError
 
+from signorini_fx.kinematics.cartesian import Kinematics, position
+from signorini_fx.kinematics.space import SPACE
 from signorini_fx.scene.effect import Contradictions, Effect, InitialStrain
 from signorini_fx.scene.orthotropic import Orthotropic
 from signorini_fx.scene.values import Finite, NonNegative, Positive, SampledValue
@@ -156,10 +158,10 @@ class LinearElastic(Effect):
             yield ("material", number), "all materials must have the same hypothesis"
         if self.orthotropic is not None:
             yield from _not_orthotropic(scene, number)
-        if number == 0 and scene.torsion:
-            from signorini_fx.scene.torsion import contradictions_of_torsion
-
-            yield from contradictions_of_torsion(scene)
+        if self.torsion and self.hypothesis != "axisymmetric":
+            yield ("material", number, "torsion"), 'needs hypothesis = "axisymmetric": other bodies have no axis'
+        if self.torsion != scene.material[0].torsion:
+            yield ("material", number, "torsion"), "must be the same in all materials"
         if scene.element.volumetric == "mixed":
             if not self.poisson > 0:
                 yield ("material", number, "poisson"), "must be above 0 where element.volumetric = 'mixed'"
@@ -168,11 +170,6 @@ class LinearElastic(Effect):
         elif self.poisson == 0.5 and self.hypothesis != "plane stress":
             cure = 'element = { degree = 2, volumetric = "mixed" }, whose pressure is an unknown of its own'
             yield ("material", number, "poisson"), f"must be below 0.5: an incompressible body needs {cure}"
-        if self.hypothesis == "axisymmetric" and scene.accuracy is not None and number == 0:
-            if scene.accuracy.of != "energy":
-                yield ("accuracy", "of"), "has an estimate for energy only, where the body is axisymmetric"
-            if scene.accuracy.refinement != "uniform":
-                yield ("accuracy", "refinement"), "must be 'uniform' where the body is axisymmetric"
 
 
 def _not_orthotropic(scene: Any, number: int) -> Contradictions:
@@ -231,71 +228,23 @@ Entry = LinearElastic
 # --- its form --------------------------------------------------------------------------------------------------------
 
 
-def strain(y: Any) -> Any:
-    """Linearised strain, epsilon(y) of section 2.1, shape (d, d)."""
-    import ufl
-
-    return ufl.sym(ufl.grad(y))
-
-
-def twisted_strain(y: Any, radius: Any, *, inside: bool = True) -> Any:
-    """The strain of an axisymmetric body with torsion, shape (3, 3), for y = (radial, axial, around the axis).
-
-    To ``strain`` and ``hoop_strain`` it adds the shears gamma_02 = r d(y_2 / r)/dr and gamma_12 = dy_2/dx_1.
-
-    Args:
-        y: the displacement.
-        radius: r.
-        inside: whether it is wanted at points off the axis only; on the axis it is the limit, without shear.
-    """
-    import ufl
-
-    around = [-y[2], 0, y[0]]
-    if inside:
-        along = ufl.as_vector(around) / radius
-    else:
-        off = ufl.gt(radius, 0)
-        limits = (-ufl.grad(y)[2, 0], 0, ufl.grad(y)[0, 0])
-        ratios = (component / ufl.conditional(off, radius, 1) for component in around)
-        along = ufl.as_vector([ufl.conditional(off, *pair) for pair in zip(ratios, limits, strict=True)])
-    return ufl.sym(ufl.grad(y) + ufl.outer(along, ufl.unit_vector(2, 3)))
-
-
-def stress(y: Any, lame: Any, mu: Any) -> Any:
-    """Stress sigma(y) = lambda tr(epsilon) I + 2 mu epsilon of section 2.1, shape (d, d)."""
-    import ufl
-
-    epsilon = strain(y)
-    return lame * ufl.tr(epsilon) * ufl.Identity(len(y)) + 2 * mu * epsilon
-
-
-def hoop_strain(y: Any, radius: Any) -> Any:
-    """The strain along the circumference of an axisymmetric body, y_r / r; on the axis its limit, the radial strain."""
-    import ufl
-
-    inside = ufl.conditional(ufl.gt(radius, 0), radius, 1)
-    return ufl.conditional(ufl.gt(radius, 0), y[0] / inside, y[0].dx(0))
-
-
-def elastic_degree(cell: str, degree: int, geometry: int, *, axisymmetric: bool = False) -> int:
+def elastic_degree(cell: str, degree: int, geometry: int) -> int:
     """Quadrature degree of a(., .) for elements of ``degree`` on cells whose geometry has degree ``geometry``, which is
-    0 for quadrilaterals and hexahedra if their maps are affine (``body.quadrature``).
+    0 for quadrilaterals and hexahedra if their maps are affine (``body.quadrature``); see also
+    ``Kinematics.further_degrees``.
 
     The degree of epsilon(y) : epsilon(z) times the Jacobian's determinant on simplices and along each axis of
     parallelepipeds; on other quadrilaterals and hexahedra, where the integrand is rational, that of the products of all
     polynomials in it.  UFL estimates the same on these in the plane; it is stated here because the certificate
-    integrates without UFL.  The radius and the hoop strain of axisymmetric bodies, which is rational, take two degrees
-    more.
+    integrates without UFL.
     """
-    if axisymmetric:
-        return elastic_degree(cell, degree, geometry) + 2
     if cell in ("triangle", "tetrahedron"):
         return 2 * (degree - 1) + (2 if cell == "triangle" else 3) * (geometry - 1)
     return 2 * (degree + geometry)
 
 
 def elastic_forms(
-    y: Any, z: Any, lame: Any, mu: Any, degree: int, reduced: int | None = None, *, radius: Any = None
+    y: Any, z: Any, lame: Any, mu: Any, degree: int, reduced: int | None = None, *, kinematics: Kinematics = SPACE
 ) -> tuple[Any, ...]:
     """a(y, z) of section 2.1, as terms to be compiled one by one.
 
@@ -307,7 +256,7 @@ def elastic_forms(
         degree: quadrature degree.
         reduced: quadrature degree of the volumetric term lambda tr(epsilon y) tr(epsilon z); None: as exact as the
             rest.
-        radius: of an axisymmetric body; None: it is not.
+        kinematics: give strain and measure.
 
     Returns:
         One term, or two if the volumetric one is reduced: FFCx 0.9 compiles a form wrongly that contains a one-point
@@ -316,21 +265,13 @@ def elastic_forms(
     import ufl
 
     dx = ufl.dx(metadata={"quadrature_degree": degree})
-    if reduced is None and radius is None:
-        return (ufl.inner(stress(y, lame, mu), strain(z)) * dx,)
-    trial_strain, test_strain = strain(y), strain(z)
-    if radius is not None and len(y) == 3:
-        trial_strain, test_strain = twisted_strain(y, radius), twisted_strain(z, radius)
-    shearing, first, second = ufl.inner(trial_strain, test_strain), ufl.tr(trial_strain), ufl.tr(test_strain)
-    around = 1
-    if radius is not None:
-        around = 2 * math.pi * radius
-    if radius is not None and len(y) == 2:
-        shearing += y[0] / radius * z[0] / radius
-        first, second = first + y[0] / radius, second + z[0] / radius
-    volumetric = lame * first * second
+    trial_strain, test_strain = kinematics.strain(y), kinematics.strain(z)
+    around = kinematics.measure(position(z))
     if reduced is None:
-        return ((2 * mu * shearing + volumetric) * around * dx,)
+        stress = lame * ufl.tr(trial_strain) * ufl.Identity(trial_strain.ufl_shape[0]) + 2 * mu * trial_strain
+        return (ufl.inner(stress, test_strain) * around * dx,)
+    shearing = ufl.inner(trial_strain, test_strain)
+    volumetric = lame * ufl.tr(trial_strain) * ufl.tr(test_strain)
     return (
         2 * mu * shearing * around * dx,
         volumetric * around * ufl.dx(metadata={"quadrature_degree": reduced}),
@@ -346,7 +287,7 @@ def initial_strain_forms(
     reduced: int | None = None,
     *,
     directions: int = 3,
-    radius: Any = None,
+    kinematics: Kinematics = SPACE,
 ) -> tuple[Any, ...]:
     """The work of the stress of an initial strain, a(strain I, z), as terms to be compiled one by one.
 
@@ -360,13 +301,11 @@ def initial_strain_forms(
         degree: quadrature degree.
         reduced: see ``elastic_forms``: free expansion is without stress only if both are integrated alike.
         directions: see ``LinearElastic.directions``.
-        radius: see ``elastic_forms``.
+        kinematics: see ``elastic_forms``.
     """
     import ufl
 
-    dilation, around = ufl.div(z), 1
-    if radius is not None:
-        dilation, around = dilation + z[0] / radius, 2 * math.pi * radius
+    dilation, around = ufl.tr(kinematics.strain(z)), kinematics.measure(position(z))
     dx = ufl.dx(metadata={"quadrature_degree": degree})
     density = strain * dilation * around
     if reduced is None:
@@ -374,7 +313,7 @@ def initial_strain_forms(
     return 2 * mu * density * dx, directions * lame * density * ufl.dx(metadata={"quadrature_degree": reduced})
 
 
-def mixed_strain_form(q: Any, strain: Any, swelling: Any, degree: int, *, radius: Any = None) -> Any:
+def mixed_strain_form(q: Any, strain: Any, swelling: Any, degree: int, *, kinematics: Kinematics = SPACE) -> Any:
     """The work of an initial strain e I in the constraint of the mixed element, ((3 + 2 mu / lambda) e, q).
 
     With the pressure p = 2 mu e - lambda (tr(epsilon) - 3 e) the stress is 2 mu epsilon - p I, as without the strain,
@@ -385,12 +324,11 @@ def mixed_strain_form(q: Any, strain: Any, swelling: Any, degree: int, *, radius
         strain: e, a number.
         swelling: 3 + 2 mu / lambda = (1 + nu) / nu.
         degree: quadrature degree.
-        radius: see ``elastic_forms``.
+        kinematics: see ``elastic_forms``.
     """
     import ufl
 
-    around = 1 if radius is None else 2 * math.pi * radius
-    return swelling * strain * q * around * ufl.dx(metadata={"quadrature_degree": degree})
+    return swelling * strain * q * kinematics.measure(position(q)) * ufl.dx(metadata={"quadrature_degree": degree})
 
 
 def mixed_forms(
@@ -401,7 +339,7 @@ def mixed_forms(
     compressibility: Any,
     degree: int,
     *,
-    radius: Any = None,
+    kinematics: Kinematics = SPACE,
 ) -> tuple[Any, ...]:
     """The mixed form with the pressure p = -lambda tr(epsilon) as an unknown, in multiples of a unit.
 
@@ -417,7 +355,7 @@ def mixed_forms(
         unit: of the pressure, stress.
         compressibility: 1 / lambda.
         degree: quadrature degree.
-        radius: see ``elastic_forms``.
+        kinematics: see ``elastic_forms``.
 
     Returns:
         The form of (y, z), that of (y, q), and that of (p, q).
@@ -425,10 +363,8 @@ def mixed_forms(
     import ufl
 
     (y, p), (z, q) = unknowns, tests
-    shearing, dilation, around = ufl.inner(strain(y), strain(z)), ufl.div(y), 1
-    if radius is not None:
-        shearing, around = shearing + y[0] / radius * z[0] / radius, 2 * math.pi * radius
-        dilation = dilation + y[0] / radius
+    trial_strain, around = kinematics.strain(y), kinematics.measure(position(z))
+    shearing, dilation = ufl.inner(trial_strain, kinematics.strain(z)), ufl.tr(trial_strain)
     dx = ufl.dx(metadata={"quadrature_degree": degree})
     densities = 2 * mu * shearing, -unit * dilation * q, -(unit**2) * compressibility * p * q
     return tuple(density * around * dx for density in densities)

@@ -85,8 +85,8 @@ class Preload(SectionJump):
     def contradictions(self, scene: Any, number: int) -> Contradictions:
         """See ``Effect``."""
         path = ("preload", number)
-        if scene.axisymmetric and self.axis is not None and self.axis[0] != 0:
-            yield (*path, "axis"), "must be along x[1] where the body is axisymmetric"
+        if self.axis is not None and (reason := scene.kinematics.refused_axis(self.axis)):
+            yield (*path, "axis"), reason
         if self.force is None:
             return
         if not scene.contact:

@@ -33,8 +33,8 @@ class Rotation(Force):
     def contradictions(self, scene: Any, number: int) -> Contradictions:
         """See ``Effect``."""
         yield from without_density(scene, "rotation") if self.acts else ()
-        if scene.axisymmetric and (self.axis is None or self.axis[0] != 0 or (self.about or (0.0,))[0] != 0):
-            yield ("rotation", number, "axis"), "must be that of the body: axis = [0.0, 1.0]"
+        if reason := scene.kinematics.refused_axis(self.axis, self.about):
+            yield ("rotation", number, "axis"), reason
 
     @property
     def vectors(self) -> tuple[str, ...]:
@@ -49,7 +49,7 @@ class Rotation(Force):
         """The projection across the axis, shape (d, d)."""
         if self.axis is None:
             return np.diag([1.0, 1.0, 0.0][:dimension])
-        along = np.zeros(dimension)  # a section that is twisted has one component more
+        along = np.zeros(dimension)  # displacements out of a section have one more
         along[: len(self.axis)] = np.array(self.axis) / np.linalg.norm(self.axis)
         return np.asarray(np.eye(dimension) - np.outer(along, along))
 

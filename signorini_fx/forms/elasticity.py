@@ -19,6 +19,7 @@ from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.pieces import find_pieces
 from signorini_fx.body.rigid_tools import Driven
 from signorini_fx.errors import FormError, SceneError
+from signorini_fx.kinematics import CARTESIAN
 from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.records import Inventory
 from signorini_fx.scales import Scales
@@ -63,6 +64,7 @@ def elastic_body(
         boundary=boundary,
         settings=settings,
         inventory=Inventory(),
+        kinematics=CARTESIAN[space.mesh.geometry.dim],
     )
     try:
         stiffness = body.stiffness

@@ -15,6 +15,7 @@ from signorini_fx import parallel
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.rigid_tools import Driven, RigidTools
 from signorini_fx.contact.resting_place import RestingMotion
+from signorini_fx.kinematics import CARTESIAN
 from signorini_fx.results.tool_motion import ToolMotion
 from signorini_fx.results.tools import Driving
 
@@ -31,7 +32,7 @@ def tools_of(shapes: Sequence[Any], mesh: dmesh.Mesh) -> RigidTools | None:
     dim = mesh.geometry.dim
     bounds = parallel.global_bounds(mesh.comm, mesh.geometry.x[:, :dim].astype(np.float64))
     contacts = [SimpleNamespace(tool=shape) for shape in shapes]
-    return RigidTools.of(contacts, dim, float(np.linalg.norm(np.ptp(bounds, axis=0))))
+    return RigidTools.of(contacts, CARTESIAN[dim], float(np.linalg.norm(np.ptp(bounds, axis=0))))
 
 
 def driven_by(tools: RigidTools | None) -> Driven | None:

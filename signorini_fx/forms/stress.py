@@ -15,8 +15,8 @@ from dolfinx import mesh as dmesh
 from signorini_fx.accuracy.stress_recovery import StressRecovery, squared_residual
 from signorini_fx.body.assembly import facet_nodes
 from signorini_fx.body.element_stress import ElementStress, anisotropic_stress
-from signorini_fx.body.kinematics import KINEMATICS
 from signorini_fx.errors import FormError
+from signorini_fx.kinematics import CARTESIAN
 from signorini_fx.mesh.section import is_section
 from signorini_fx.records import Inventory
 from signorini_fx.results.interpolation import interpolated
@@ -83,7 +83,7 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStres
         FormError: the law has another shape, or some strain has no stress.
     """
     mesh = y.function_space.mesh
-    kinematics, x, full_stress = KINEMATICS[mesh.geometry.dim], ufl.SpatialCoordinate(mesh), law(y)
+    kinematics, x, full_stress = CARTESIAN[mesh.geometry.dim], ufl.SpatialCoordinate(mesh), law(y)
     dim, pairs = kinematics.dimension, kinematics.pairs
     if not hasattr(full_stress, "ufl_shape") or full_stress.ufl_shape not in ((dim, dim), (3, 3)):
         shape = getattr(full_stress, "ufl_shape", "none")
@@ -100,7 +100,7 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStres
     sigma = ufl.as_matrix([[full_stress[i, j] for j in range(dim)] for i in range(dim)])
     try:
         numbers = cellwise.function_space.dofmap.list[:, 0]
-        return anisotropic_stress(y, sigma, outward, (at_cells, numbers), parts)
+        return anisotropic_stress(y, sigma, outward, (at_cells, numbers), parts, kinematics)
     except np.linalg.LinAlgError:
         raise FormError([("stress", "is zero for some strain: nothing can be measured in its energy")]) from None
 

@@ -1,4 +1,4 @@
-"""Plane sections in space, whose points also move out of their plane: torsion, and slip along a cylinder."""
+"""Plane sections in space, whose points also move out of their plane, by turning about its axis or along a cylinder."""
 
 from __future__ import annotations
 

@@ -151,9 +151,9 @@ def check_fits(scene: Scene, tagged: TaggedMesh) -> None:
         SceneError: keys of another dimension than that of the mesh; linear elements on curved cells; a negative radius.
     """
     problems = dimension_problems(scene, tagged.dimension)
-    inside = parallel.largest(tagged.mesh.comm, -tagged.mesh.geometry.x[:, 0])
-    if scene.axisymmetric and inside > STRAIGHT * tagged.size:
-        problems.append(("mesh", f"has points with x[0] = {-inside:g}: it is the radius of an axisymmetric body"))
+    least_x = -parallel.largest(tagged.mesh.comm, -tagged.mesh.geometry.x[:, 0])
+    if least_x < scene.kinematics.least_x - STRAIGHT * tagged.size:
+        problems.append(("mesh", f"has points with x[0] = {least_x:g}: it is the radius of a body of revolution"))
     if scene.element.degree == 1 and curvature(tagged) > STRAIGHT * tagged.size:
         # Such elements cannot even represent a rotation without strain: no refinement would help.
         message = "the mesh has curved cells: set degree = 2, or take straight cells (order = 1 of a generator)"

@@ -71,13 +71,13 @@ class ContactColumns:
         return bool(np.any(self.columns["friction"] != "none") or np.any(self.floats("bound") != 0))
 
     @property
-    def twisted(self) -> bool:
+    def out_of_section(self) -> bool:
         """Whether its tangential vectors have a part around the axis of the body, of which it is the section."""
         return "shear_z" in self.columns and "s" in self.columns
 
     def along(self, name: str) -> Floats:
-        """A tangential vector along t = (-n_y, n_x); of a body that is twisted its part in the section."""
-        if not self.twisted:
+        """A tangential vector along t = (-n_y, n_x); its part in the section where there is another one."""
+        if not self.out_of_section:
             return self.floats(name)
         parts = ((f"{name}_x", -self.floats("n_y")), (f"{name}_y", self.floats("n_x")))
         return np.asarray(sum(self.floats(part) * axis for part, axis in parts))
@@ -227,10 +227,10 @@ def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:
     ]
     if not np.isfinite(bound).any():  # a bond
         bounds = []
-    inside = " in the section" if boundary.twisted else ""
+    inside = " in the section" if boundary.out_of_section else ""
     shears = [Curve(f"shear stress{inside}", r"\mu", shear, MULTIPLIER)]
     motions = [Curve(f"{moves}tangential displacement{inside}", r"\tau_T\,\mathbf{y}", motion, MOTION)]
-    if boundary.twisted:
+    if boundary.out_of_section:
         shears.append(Curve("around the axis", r"\mu_\theta", boundary.floats("shear_z"), AROUND))
         motions.append(Curve("around the axis", r"\mathbf{y}_\theta", boundary.floats("u_t_z"), AROUND))
     return [
@@ -255,7 +255,7 @@ def boundary_profiles(
 
     Left: contact pressure lambda, with the pressure of a fluid that has entered, and below it the normal displacement
     and the rigid foundation, or how far the other body is.  Right: shear stress mu with its bounds, and below it the
-    tangential displacement; with torsion also around the axis.  Stresses and lengths have axes of their own.
+    tangential displacement; where there is one also around the axis.  Stresses and lengths have axes of their own.
     Foundation and bounds are cut off where they lie far beyond the other curves.  The strip shows the state of the
     contact.  Without friction there is only the left column.  If little of a boundary is in contact, only the
     surroundings of that part are drawn, and the coordinate says so.

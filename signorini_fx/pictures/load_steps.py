@@ -44,8 +44,8 @@ _ROW = 12.0  # height of a row of names, points
 
 
 def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] = SCREEN) -> None:
-    """Draw the forces of the foundation on the body step by step, and the friction force against the motion; of a body
-    that is twisted the torque of friction; between bodies those of each boundary.  On a boundary that closes around a
+    """Draw the forces of the foundation on the body step by step, and the friction force against the motion; the
+    torque of friction where there is one; between bodies those of each boundary.  On a boundary that closes around a
     body forces balance each other: there the integral of the pressure and the moment of friction.
 
     Args:
@@ -78,8 +78,8 @@ def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] =
 def _draw(upper: Axes, lower: Axes, steps: Table) -> None:
     """The components of the forces over time, and the largest one of the friction force over the motion."""
     times = np.asarray(steps["time"], dtype=np.float64)
-    twisted, in_space = "torque" in steps, "contact_force_z" in steps
-    shown = "y" if twisted else "xyz" if in_space else "xy"  # over a revolution the others cancel
+    turns, in_space = "torque" in steps, "contact_force_z" in steps
+    shown = "y" if turns else "xyz" if in_space else "xy"  # over a revolution the others cancel
     count = len(shown)
     names = [f"{kind}_{axis}" for kind in ("contact_force", "friction_force") for axis in shown]
     forces = {name: np.asarray(steps[name], dtype=np.float64) for name in names}
@@ -90,7 +90,7 @@ def _draw(upper: Axes, lower: Axes, steps: Table) -> None:
     power = decimal_power(scale)
     pressing = [MULTIPLIER, MULTIPLIER | {"color": MUTED}][:count]
     rubbing = [MOTION, MOTION | {"color": ORANGE}][:count]
-    if in_space and not twisted:  # most foundations are below, and push upwards
+    if in_space and not turns:  # most foundations are below, and push upwards
         pressing = [MULTIPLIER | {"linewidth": 0.7}, *pressing[::-1]]
         rubbing = [*rubbing, MOTION | {"linestyle": LIMIT["linestyle"]}]
     friction = max(names[count:], key=lambda name: largest_of(forces[name]))
@@ -100,7 +100,7 @@ def _draw(upper: Axes, lower: Axes, steps: Table) -> None:
         direction = f" {friction[-1]}"
     drawn, kind = friction.replace("_", " "), "force"
     resisting = forces[friction]
-    if twisted:
+    if turns:
         drawn, kind, motion_name, direction = "torque", "moment", "mean_tangential_displacement_z", " around the axis"
         resisting = np.asarray(steps["torque"], dtype=np.float64)
     for name, style in zip(names, (*pressing, *rubbing), strict=True):

@@ -87,7 +87,7 @@ def _stress_panel(axes: Axes, boundary: PlaneBoundary, power: int, name: str) ->
             boundary.draw(axes, bound, **LIMIT, label=r"friction bounds $\pm\,\mathfrak{F}\,g$")
             boundary.draw(axes, -bound, **LIMIT)
         boundary.draw(axes, shear, **MOTION, label=r"shear stress $\mu$")
-        if boundary.twisted:
+        if boundary.out_of_section:
             boundary.draw(
                 axes, boundary.floats("shear_z") * 10.0**power, **AROUND, label=r"around the axis $\mu_\theta$"
             )

@@ -19,13 +19,15 @@ from signorini_fx.display import (
     touch_each_other,
 )
 from signorini_fx.errors import PYVISTA
+from signorini_fx.kinematics import of_data
+from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.pictures.fields import FIELDS
 from signorini_fx.records import Status
 from signorini_fx.report.digits import between, estimated_errors, figure, percent
 from signorini_fx.report.interactive import plots, turning
 from signorini_fx.report.markup import Markup, drawn_by, joined, long_table, picture, table, tag
 from signorini_fx.report.reading import SHORT_OF_ACCURACY, ResultFiles, in_space, seconds_of
-from signorini_fx.units import bracketed, is_axisymmetric, unit, with_unit
+from signorini_fx.units import bracketed, unit, with_unit
 
 # The figures of the summary that are shown large: what each is called, and the quantity whose unit it has.
 _CARDS = {
@@ -74,13 +76,16 @@ def outcome(summary: dict[str, Any]) -> Markup:
     if "safety" in summary:
         cards.insert(0, _safety_card(summary["safety"]))
     cards.append(_card("seconds", f"{seconds_of(summary):.3g}", None))
-    solid = in_space(summary) or is_axisymmetric(summary["scene"])
-    measure = "what" if solid else "per unit thickness, and what"
+    measure = "what" if _kinematics(summary).whole else "per unit thickness, and what"
     named = "" if summary["scene"].get("units", {}).get("length") else "; units are those of the scene"
     digits = "Figures with an estimated error are rounded to it, others to four digits; all digits are in summary.json."
     who, body = _sides(entry.get("against") for entry in summary["scene"].get("contact", []))
     note = f"Forces are {measure} {who} exerts on {body}{named}. {digits}"
     return joined([status, *warned, tag("dl", *cards, class_="figures"), tag("p", note, class_="note")])
+
+
+def _kinematics(summary: dict[str, Any]) -> Kinematics:
+    return of_data(summary["scene"], 3 if in_space(summary) else 2)
 
 
 def _sides(against: Iterable[str | None]) -> tuple[str, str]:
@@ -213,7 +218,7 @@ def forces(summary: dict[str, Any]) -> Markup:
 
 def _resultants(summary: dict[str, Any]) -> Markup | None:
     """Force, moment and point of action through each boundary."""
-    nowhere = "" if is_axisymmetric(summary["scene"]) else "nowhere: a couple or none"
+    nowhere = "nowhere: a couple or none" if _kinematics(summary).uniform else ""
     rows = [
         (
             entry.get("boundary") or "whole body",
@@ -235,7 +240,7 @@ def _contact_boundaries(summary: dict[str, Any]) -> Markup | None:
     if not entries:
         return None
     length = unit("length")
-    solid = in_space(summary) or is_axisymmetric(summary["scene"])
+    solid = _kinematics(summary).whole
     area = f"area{f' ({length}²)' if length else ''}" if solid else f"length{bracketed('length')}"
     names = {
         "boundary": "contact boundary",

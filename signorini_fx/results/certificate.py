@@ -177,7 +177,7 @@ def certify(
     space = displacement.function_space
     forces = NodalForces(scene, tagged, space)
     nodal_displacements = displacement.x.array.reshape(-1, tagged.mesh.geometry.dim)
-    scales = Scales.of(tagged.dimension, scene.young, tagged.size, axisymmetric=scene.axisymmetric)
+    scales = Scales(tagged.dimension, scene.young, tagged.size, forces.kinematics.depth(tagged.size))
     mixed = scene.element.volumetric == "mixed"  # whose forces are not those of a change of volume
     stiffest = replace(scales, modulus=max(material.stiffest(mixed=mixed) for material in scene.material))
     balance = Balance(

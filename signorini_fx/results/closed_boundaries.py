@@ -43,7 +43,7 @@ class Turning:
 
 def turning_of(scene: Scene, contact: ContactState) -> list[Turning | None]:
     """Friction on each contact boundary, in the order of the scene; None where it is not closed; collective."""
-    if scene.axisymmetric or contact.boundary.twisted:
+    if not (scene.kinematics.uniform and contact.boundary.kinematics.uniform):
         return [None] * len(scene.contact)
     return [_of_part(contact, part) for part in range(len(scene.contact))]
 

@@ -71,7 +71,7 @@ def sides_of(
             ),
             bonded or isinstance(effect, BilateralContact),
             None if effect.direction is None and effect.surface is None else along,
-            2 * np.pi * np.maximum(x[:, 0], 0.0) if scene.axisymmetric else None,
+            scene.kinematics.measure_at(x),
             claim=claims.get(part),
             by_geometry=_by_geometry(effect),
             adjust=effect.adjust,

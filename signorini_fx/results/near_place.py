@@ -124,9 +124,11 @@ def _condition(body: Discretisation, facet: int, normal: Array, corners: Array) 
     for effect in supports:
         rows += [np.eye(dim)[k] for k, value in enumerate(effect.components[:dim]) if value is not None]
     names = (*(effect.boundary for effect in supports), *(name for _, name in contacts))
-    if body.scene.axisymmetric and on_axis(corners, body.tagged).all():
-        rows.append(np.eye(dim)[0])
-    still = scene.torsion and any(effect.components[2] is not None for effect in supports)  # around the axis
+    if (zero := body.kinematics.zero_on_axis) and on_axis(corners, body.tagged).all():
+        rows.append(np.eye(dim)[zero[0]])
+    still = body.kinematics.out_of_section > 0 and any(
+        effect.components[2] is not None for effect in supports
+    )  # around the axis
     if not rows and not still:
         return "free", (), ""
     clamped = still or np.linalg.matrix_rank(np.array(rows), tol=1e-6) == dim

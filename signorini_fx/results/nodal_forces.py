@@ -58,6 +58,7 @@ class NodalForces(SurfaceQuadrature):
         super().__init__(space)
         self.scene = scene
         self.tagged = tagged
+        self.kinematics = scene.kinematics_in(tagged.dimension)
         owned = int(space.mesh.topology.index_map(self.across).size_local)
         self._mixed = scene.element.volumetric == "mixed"
         self._owned_cells = np.arange(owned, dtype=np.int32) if cells is None else cells[cells < owned]
@@ -83,7 +84,7 @@ class NodalForces(SurfaceQuadrature):
     @cached_property
     def _degree(self) -> int:
         """Of the quadrature of the stress."""
-        return strain_degree(self.space, axisymmetric=self.scene.axisymmetric)
+        return strain_degree(self.space, self.kinematics)
 
     def dilation(self, displacement: fem.Function, step: float, scale: float = 1.0) -> tuple[Array, Array]:
         """The weak form of tr(epsilon) + p / lambda = 0 of a mixed element, with the initial strains of a load step
@@ -241,8 +242,9 @@ class NodalForces(SurfaceQuadrature):
         return np.asarray(part.table.place @ self._x[self._corners[part.cells]])
 
     def _around(self, part: QuadratureFacets) -> Array | float:
-        """Length of the circumference of an axisymmetric body at points, shape (f, q); 1 of other bodies."""
-        return 2 * np.pi * self.positions(part)[..., 0] if self.scene.axisymmetric else 1.0
+        """By what areas and lengths of the mesh are multiplied at points, a number or shape (f, q)."""
+        measure = None if self.kinematics.uniform else self.kinematics.measure_at(self.positions(part))
+        return 1.0 if measure is None else measure
 
     def of_materials(self, numbers: Callable[[Any], tuple[float, ...]]) -> list[Array]:
         """Numbers of the materials, of all cells alike, shape (1,), or cell by cell."""
@@ -362,13 +364,10 @@ class NodalForces(SurfaceQuadrature):
         a: Array,
         b: Array,
         initial: Callable[[QuadratureFacets], Array] | None,
-        law: Callable[[Indices, Array, Array | None], tuple[Array, Array | None]] | None = None,
+        law: Callable[[Indices, Array], Array] | None = None,
     ) -> tuple[Array, float]:
         """That of the stress a epsilon + b tr(epsilon) I, or by another ``law``, see ``_stress_work``."""
-        if self.scene.torsion:
-            from signorini_fx.results.twisted_work import twisted_work
-
-            return twisted_work(self, u, degree, (a, b), initial)
+        turning = self.kinematics.third_column
         axis_count, energy = self.scene.material[0].directions, 0.0
         points, weight = basix.make_quadrature(self._cell, degree)
         table, total, axes = self._table(points), self._zero(), range(self.dimension)
@@ -380,30 +379,28 @@ class NodalForces(SurfaceQuadrature):
             nodal, lowest = u[nodes], int(nodes.min())
             reference = np.array([[nodal[:, :, i] @ slope.T for slope in table.slope] for i in axes])
             gradient = np.einsum("ikcq,kjcq->ijcq", reference, inverse)
-            stress = first * (gradient + gradient.swapaxes(0, 1)) / 2
-            dilation = np.einsum("iicq->cq", gradient)
-            size, forces = weight * np.abs(determinant), np.zeros_like(nodal)
             part = QuadratureFacets(cells, table, np.empty(0))
-            size = size * self._around(part)
-            initial_strain, hoop = 0.0 if initial is None else initial(part), None
-            if self.scene.axisymmetric:
+            if turning is not None:
                 radius = self.positions(part)[..., 0]
-                hoop = nodal[:, :, 0] @ table.shape.T / radius
-                dilation, hoop = dilation + hoop, hoop - initial_strain
+                gradient = np.pad(gradient, [(0, 3 - length) for length in gradient.shape[:2]] + [(0, 0)] * 2)
+                gradient[:, 2] = np.einsum("ik,cnk,qn->icq", turning, nodal, table.shape) / radius
+            size, forces = weight * np.abs(determinant) * self._around(part), np.zeros_like(nodal)
+            stress, initial_strain = first * (gradient + gradient.swapaxes(0, 1)) / 2, np.zeros(1)
+            dilation = np.einsum("iicq->cq", gradient)
             if initial is not None:
+                initial_strain = initial(part)
                 dilation = dilation - axis_count * initial_strain
                 energy += float(np.sum(size * (first + axis_count * second) * axis_count * initial_strain**2)) / 2
-            around = None if hoop is None else first * hoop + second * dilation
             mean = second * dilation - first * initial_strain
-            for i in axes:
+            for i in range(len(stress)):
                 stress[i, i] += mean
             if law is not None:
-                stress, around = law(cells, gradient, hoop)
-            if around is not None:
-                forces[:, :, 0] += (size / radius * around) @ table.shape
-            flux = size * np.einsum("ijcq,kjcq->ikcq", stress, inverse)
+                stress = law(cells, gradient)
+            if turning is not None:
+                forces += np.einsum("ik,icq,qn->cnk", turning, size / radius * stress[:, 2], table.shape)
+            flux = size * np.einsum("ijcq,kjcq->ikcq", stress[: len(axes), : self.across], inverse)
             for i in axes:
-                for k in axes:
+                for k in range(self.across):
                     forces[:, :, i] += flux[i, k] @ table.slope[k]
             for i in axes:  # cells one after the other have nodes close to each other
                 added = np.bincount((nodes - lowest).ravel(), forces[:, :, i].ravel())
@@ -424,13 +421,13 @@ class NodalForces(SurfaceQuadrature):
         compressibility = (1 + poisson) * (1 - 2 * poisson) / (young * poisson)
         forces, (residual, volume) = self._zero(), np.zeros((2, *fem.Function(space).x.array.shape))
         points, _ = basix.make_quadrature(self._cell, self._degree)
-        hat = hats.tabulate(0, points)[0, ..., 0]
+        hat, turning = hats.tabulate(0, points)[0, ..., 0], self.kinematics.third_column
         for part, size in self._cells(self._degree):
             cells, table = part.cells, part.table
             inverse, determinant = adjugates(self._jacobian(cells, table))
             slope = np.einsum("kqn,kjcq->jcqn", table.slope, inverse / determinant)  # of each shape function along x_j
-            if self.scene.axisymmetric:
-                slope[0] += table.shape / self.positions(part)[..., 0, None]
+            for axis, share in enumerate(() if turning is None else turning[2]):
+                slope[axis] += share * table.shape / self.positions(part)[..., 0, None]
             size = size * self._around(part)
             inside = p[cells] @ hat.T
             yields = compressibility[:, None] if compressibility.size == 1 else compressibility[cells, None]

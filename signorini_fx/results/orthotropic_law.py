@@ -16,12 +16,10 @@ Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
 
 
-def in_axes(forces: Any, cells: Indices, gradient: Array, hoop: Array | None) -> tuple[Array, Array | None]:
-    """The stress of cells of ``NodalForces``, shape (d, d, f, q), and that along the circumference."""
-    dim, strain, scene = forces.dimension, np.zeros((*gradient.shape[2:], 3, 3)), forces.scene
+def in_axes(forces: Any, cells: Indices, gradient: Array) -> Array:
+    """The stress of cells of ``NodalForces`` from the gradient of the displacement, both with shape (k, k, f, q)."""
+    dim, strain, scene = len(gradient), np.zeros((*gradient.shape[2:], 3, 3)), forces.scene
     strain[..., :dim, :dim] = np.moveaxis(gradient + gradient.swapaxes(0, 1), (0, 1), (2, 3)) / 2
-    if hoop is not None:
-        strain[..., 2, 2] = hoop
     middle, stress = forces.middles(cells), np.zeros_like(strain)
     for material in scene.material:
         single = len(scene.material) == 1
@@ -29,7 +27,7 @@ def in_axes(forces: Any, cells: Indices, gradient: Array, hoop: Array | None) ->
         stress[inside] = stress_in_axes(material, middle[:, inside], strain[inside])
     share = forces.grading("grading")
     stress *= (share if share.size == 1 else share[cells])[:, None, None, None]
-    return np.moveaxis(stress[..., :dim, :dim], (2, 3), (0, 1)), None if hoop is None else stress[..., 2, 2]
+    return np.moveaxis(stress[..., :dim, :dim], (2, 3), (0, 1))
 
 
 def stress_in_axes(material: LinearElastic, middle: Array, strain: Array) -> Array:

@@ -15,8 +15,8 @@ MOST_CELLS = 200_000  # of a section: they take seconds, and 100 MB on the first
 
 
 def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool = False) -> ResultPictures:
-    """Of a solution, with fields beside the von Mises stress and, with torsion, ``around``; collective."""
-    usual = ("von_mises", "around") if solution.scene.torsion else ("von_mises",)
+    """Of a solution, with fields beside the von Mises stress and, out of a section, ``around``; collective."""
+    usual = ("von_mises", "around") if solution.scene.kinematics.out_of_section else ("von_mises",)
     fields = tuple(dict.fromkeys((*usual, *asked)))
     dimension = solution.discretisation.tagged.dimension
     gather = _gatherer(solution)

@@ -13,9 +13,10 @@ from dolfinx import fem
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.kinematics import KINEMATICS
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.display import clean, html_table
+from signorini_fx.kinematics import CARTESIAN
+from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.results.contact_nodes import ContactNodes
 from signorini_fx.results.contact_sides import sides_of
@@ -40,8 +41,8 @@ _ROUND_OFF = 1e-9
 class Resultant:
     """What acts on the body through a boundary, in the plane per unit thickness.
 
-    Of an axisymmetric body they are those of a revolution, the first of them the sum of all radial forces, without
-    moments; with torsion the third one is the sum of all forces around the axis, and their moment the torque.
+    Over a revolution the first of them is the sum of all radial forces, the third that of all forces around the axis;
+    moments are those about the axis alone, the torque.
 
     Attributes:
         boundary: its name, or a point such as ``(0, 1)`` with a support; None: the body.
@@ -251,25 +252,25 @@ class Resultants:
         point = np.zeros(dim) if about is None else np.asarray(about, dtype=np.float64)
         if point.shape != (dim,):
             raise ValueError(f"about: a point with {dim} coordinates is expected, got {about!r}")
-        total: Array = np.zeros(KINEMATICS[dim].motions + 2)
+        total: Array = np.zeros(self._kinematics.motions + 2)
         for nodal in forces.values():
-            turning = moments(nodal.points - point, nodal.values).sum(axis=0) * self._turns
+            turning = moments(nodal.points - point, nodal.values).sum(axis=0) * self._kinematics.unbalanced[dim:]
             sizes = np.linalg.norm(nodal.values, axis=1)
             arms = np.linalg.norm(nodal.points - point, axis=1)
             total += np.concatenate((nodal.values.sum(axis=0), turning, [sizes.sum(), arms @ sizes]))
         total = parallel.global_sum(comm, total)
         force, moment, size = total[:dim], total[dim:-2], (float(total[-2]), float(total[-1]))
         acts_at: Array | None = None
-        if np.linalg.norm(force) > _ROUND_OFF * size[0] and not self.scene.axisymmetric:
+        if np.linalg.norm(force) > _ROUND_OFF * size[0] and self._kinematics.unbalanced.all():
             middle, normal = (point, None) if boundary is None else self._middle(boundary)
             shifted = moment + moments(point - middle, force)
             acts_at = middle + arm(shifted, force, normal)
         return Resultant(boundary, tuple(forces), force, _plain(moment), point, acts_at, size)
 
     @property
-    def _turns(self) -> Array | bool:
-        """Which moments do not cancel over a revolution."""
-        return np.array([0.0, 1.0, 0.0]) if self.scene.torsion else not self.scene.axisymmetric
+    def _kinematics(self) -> Kinematics:
+        """Of the body, by which some moments cancel."""
+        return self._nodal.kinematics
 
     def _middle(self, boundary: str) -> tuple[Array, Array | None]:
         """The middle of a boundary, and its normal if it is flat; a point itself."""
@@ -286,7 +287,7 @@ class Resultants:
 
 def moments(arms: Array, forces: Array) -> Array:
     """Moments of forces, shape (..., d), at ``arms`` from a point: shape (..., 1) in the plane, (..., 3) in space."""
-    return KINEMATICS[forces.shape[-1]].turned(arms, forces)
+    return CARTESIAN[forces.shape[-1]].turned(arms, forces)
 
 
 def arm(moment: Array, force: Array, normal: Array | None) -> Array:

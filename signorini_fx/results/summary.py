@@ -138,7 +138,7 @@ def _step_summary(scene: Scene, result: StepResult, names: list[str], *, figures
                     row |= _by_axis("friction_moment", one_or_three(turning.moment), name)
         row |= {
             "friction_work": contact.friction_work,
-            **({"torque": float(contact.moments[1][1])} if contact.boundary.twisted else {}),
+            **({"torque": float(contact.moments[1][1])} if contact.boundary.kinematics.out_of_section else {}),
         }
     row |= {"strain_energy": result.strain_energy, "certificate_holds": result.certificate.holds}
     return row if figures else {name: _nothing(name, value) for name, value in row.items()}
@@ -159,10 +159,8 @@ def _by_axis(name: str, value: Any, boundary: str) -> dict[str, float]:
 
 def _tools(solution: Solution, contact: ContactState) -> list[dict[str, Any]]:
     """A row for each rigid tool; collective."""
-    effects, axisymmetric = solution.scene.contact, solution.scene.axisymmetric
-    return [
-        motion.as_dict(contact, effects[motion.part], axisymmetric=axisymmetric) for motion in solution.last_step.tools
-    ]
+    effects, kinematics = solution.scene.contact, solution.discretisation.kinematics
+    return [motion.as_dict(contact, effects[motion.part], kinematics) for motion in solution.last_step.tools]
 
 
 def _contact_summary(solution: Solution, table: ContactTable) -> dict[str, Any]:
@@ -198,7 +196,7 @@ def _in_space(contact: ContactState) -> dict[str, Any]:
     moments = contact.moments
     force = contact.forces[0]
     size = float(force @ force)
-    through = np.cross(force, moments[0]) / size if size > 0 and not contact.boundary.twisted else None
+    through = np.cross(force, moments[0]) / size if size > 0 and contact.boundary.kinematics.uniform else None
     return {
         "areas": contact.areas,
         "contact_moment": [float(m) + 0.0 for m in moments[0]],

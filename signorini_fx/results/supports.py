@@ -77,9 +77,9 @@ class PrescribedNodes:
                     fixed[nodes, component] = True
                     by[nodes, component] = position
                     value[nodes, component] = sign * factor * sample(imposed, x[nodes].T)
-        if scene.axisymmetric:
+        if (turning := forces.kinematics.third_column) is not None:  # over x[0] it is finite only where it is zero
             middle = np.abs(x[:owned, 0]) <= _SAME_DIRECTION * tagged.size
-            for axis in (0, 2) if scene.torsion else (0,):
+            for axis in np.flatnonzero(turning.any(axis=0)):
                 fixed[middle, axis], value[middle, axis], by[middle, axis] = True, 0.0, len(scene.displacement)
         no_nodes = np.zeros(0, dtype=np.int64)
         groups: list[tuple[Any, ...]] = [(no_nodes, np.zeros((0, shape[1])), np.zeros(0), no_nodes)]

@@ -14,9 +14,9 @@ from scipy.spatial.transform import Rotation
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.kinematics import KINEMATICS
 from signorini_fx.body.rigid_tools import RigidTools
 from signorini_fx.display import clean
+from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.scene.model import Scene
 
 Array = npt.NDArray[np.float64]
@@ -71,26 +71,25 @@ class ToolMotion:
             off = np.abs(moved - gap + np.sum(normal * self.at(x), axis=1))
         return parallel.largest(boundary.comm, off)
 
-    def as_dict(self, contact: ContactState, effect: Any, *, axisymmetric: bool = False) -> dict[str, Any]:
+    def as_dict(self, contact: ContactState, effect: Any, kinematics: Kinematics) -> dict[str, Any]:
         """A row of the summary: its motion, the force and moment of the body on it, and ``gap_error``; collective.
 
         Args:
             contact: the state at the contact points.
             effect: its contact in the scene.
-            axisymmetric: whether forces are those of a revolution, of which the radial ones and moments cancel.
+            kinematics: of the body, by which some forces and moments cancel.
         """
         boundary, dim = contact.boundary, self.reference.size
         on_tool = boundary.part == self.part
         forces = boundary.nodal_forces(contact.pressure, contact.shear)[on_tool]
-        moments = KINEMATICS[dim].turned(boundary.centre[on_tool] - self.reference, forces)
+        moments = kinematics.turned(boundary.centre[on_tool] - self.reference, forces)
         sums = [
             forces.sum(axis=0),
             moments.sum(axis=0),
             *(np.abs(vectors).sum(axis=0) for vectors in (forces, moments)),
         ]
         total = parallel.global_sum(boundary.comm, np.concatenate(sums))
-        if axisymmetric:
-            total[[0, 2]] = 0.0
+        total[: kinematics.motions][~kinematics.unbalanced] = 0.0
         size = total[sums[0].size + sums[1].size :]
         moment = clean(total[dim : sums[0].size + sums[1].size].tolist(), float(size[dim:].max()))
         moved, turned = (

@@ -28,8 +28,7 @@ def given_in(scene: Scene, tools: Sequence[ToolMotion], step: float, scale: floa
         shape = scene.contact[tool.part].tool
         factor, time = scene.driving(shape, step)
         load, prescribed = shape.drive(tool.reference.size, time)
-        if scene.axisymmetric:
-            prescribed[[0, 2]] = 0.0  # radial motion and rotation
+        prescribed[~scene.kinematics_in(tool.reference.size).unbalanced] = 0.0
         drives.append((tool, (scale * factor * load, scale * factor * prescribed)))
     return drives
 

@@ -12,7 +12,7 @@ from signorini_fx.scene.model import Scene
 
 _PLANE = "the mesh is plane"
 _SPACE = "the mesh is in space"
-# The tables whose component z is around the axis of a body that is twisted, see ``scene.torsion``.
+# The tables whose component z is out of the section of a body that moves there, see ``Kinematics.out_of_section``.
 _AROUND = ("displacement", "traction", "force", "body_force", "springs")
 
 
@@ -39,22 +39,23 @@ def _everywhere(scene: Scene, dimension: int) -> Iterator[tuple[str, str]]:
                 yield f"material[{index}].orthotropic.{key}", reason
     for index, effect in enumerate(scene.contact):
         if effect.foundation is not None:
-            turning = () if scene.axisymmetric else effect.foundation.turning_contradictions(dimension)
+            turns = scene.kinematics.unbalanced[-1]
+            turning = effect.foundation.turning_contradictions(dimension) if turns else ()
             for key, reason in (*effect.foundation.contradictions(dimension), *turning):
                 yield f"contact[{index}].foundation.{key}", reason
         for support in scene.displacement:
-            components = support.components[: 3 if scene.torsion else dimension]
+            components = support.components[: dimension + scene.kinematics.out_of_section]
             if support.boundary == effect.boundary and None not in components:
                 yield "scene", f"boundary {effect.boundary!r} is in contact, and all of its displacement is prescribed"
 
 
 def _in_the_plane(scene: Scene) -> Iterator[tuple[str, str]]:
     for index, effect in enumerate(scene.displacement):
-        if effect.axis is not None and not scene.torsion:
+        if effect.axis is not None and not scene.kinematics.out_of_section:
             yield f"displacement[{index}].axis", f"{_PLANE}: a rotation is about x[2]"
     for path, table in _tables(scene, ""):
         if "z" in table.model_fields_set and getattr(table, "z", None) is not None:
-            if not scene.torsion:
+            if not scene.kinematics.out_of_section:
                 yield f"{path}.z", f"{_PLANE}: there is nothing along x[2]"
             elif path.partition("[")[0] not in _AROUND:
                 yield f"{path}.z", f"{_PLANE}: nothing of this kind is along x[2]"

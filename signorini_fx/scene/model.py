@@ -17,6 +17,8 @@ from typing import Annotated, Any, Literal, Self, TypeVar, get_origin
 
 from pydantic import BaseModel, BeforeValidator, Field, InstanceOf, field_validator, model_validator
 
+from signorini_fx.kinematics import of_materials
+from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.scene.base import Table, refused
 from signorini_fx.scene.effect import (
     Effect,
@@ -30,6 +32,7 @@ from signorini_fx.scene.effect import (
     keys,
     with_every_effect,
 )
+from signorini_fx.scene.features import refused_features
 from signorini_fx.scene.load_steps import LoadPath, LoadSteps, factor_at, time_at
 from signorini_fx.scene.settings import Accuracy, SolverSettings, Units
 from signorini_fx.scene.values import Finite, Positive, Selection, kind_of
@@ -205,6 +208,7 @@ class Scene(Table):
         for entries in self.effects.values():
             for number, effect in enumerate(entries):
                 yield from effect.contradictions(self, number)
+        yield from refused_features(self)
         if self.solver.levels > 1 and not self.generated:
             yield ("solver", "levels"), "needs a mesh from a generator, which can make the coarser ones"
         if (self.mesh is None) != bool(self.body):
@@ -396,14 +400,13 @@ class Scene(Table):
         return max(material.young for material in self.material)
 
     @property
-    def axisymmetric(self) -> bool:
-        """Whether its mesh is half of a section of a body of revolution, see ``effects/material.py``."""
-        return any(material.hypothesis == "axisymmetric" for material in self.material)
+    def kinematics(self) -> Kinematics:
+        """That of its body, if the mesh is plane."""
+        return self.kinematics_in(2)
 
-    @property
-    def torsion(self) -> bool:
-        """Whether this body also moves around its axis, see ``scene.torsion``."""
-        return any(material.torsion for material in self.material)
+    def kinematics_in(self, dimension: int) -> Kinematics:
+        """That of its body on a mesh of this dimension."""
+        return of_materials(((material.hypothesis, material.torsion) for material in self.material), dimension)
 
     @property
     def has_friction(self) -> bool:

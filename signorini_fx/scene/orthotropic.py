@@ -27,7 +27,7 @@ class Orthotropic(Table):
     """Linear elasticity with three planes of symmetry, whose axes 1, 2 and 3 may turn from place to place.
 
     Under a stress s along axis i alone, the strain is s / E_i along i, and -nu_ij s / E_i along j; nu_ji / E_j is
-    nu_ij / E_i.  In the plane axis 3 is across it; of axisymmetric bodies it is along the circumference.
+    nu_ij / E_i.  In the plane axis 3 is across it, of bodies of revolution along the circumference.
 
     Attributes:
         young: E_1, E_2, E_3, stresses.

@@ -256,7 +256,7 @@ def distance_from(source: Any, dimension: int, *, turns: bool = True) -> Distanc
     Args:
         source: any of these.
         dimension: of space.
-        turns: whether one that forces move may turn: not on the axis of an axisymmetric body.
+        turns: whether one that forces move may turn: not on the axis of a body of revolution.
 
     Raises:
         SceneError: it is none of these, or does not fit the dimension of space.

@@ -10,6 +10,7 @@ from mpi4py import MPI
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Foundation, SceneError, Tresca
 from signorini_fx.body.quadrature import strain_degree
 from signorini_fx.check.checks import check_scene
+from signorini_fx.kinematics import TORSION
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.report.page import write_report
@@ -85,7 +86,7 @@ def by_forms(solution, torque, friction, algorithm):
     def strain(y):
         return ufl.sym(ufl.grad(y) + ufl.outer(ufl.as_vector([-y[2], 0, y[0]]) / r, ufl.unit_vector(2, 3)))
 
-    inside = ufl.dx(metadata={"quadrature_degree": strain_degree(space, axisymmetric=True)})
+    inside = ufl.dx(metadata={"quadrature_degree": strain_degree(space, TORSION)})
     top = dmesh.meshtags(mesh, 1, d.tagged.facets("top"), 1)
     ds = ufl.Measure("ds", domain=mesh, subdomain_data=top)(1, degree=6)
     load = -(PRESSURE * v[1] + torque / POLAR * r * v[2]) * 2 * np.pi * r * ds
@@ -314,7 +315,7 @@ def test_turned_on_a_sphere():
         return ufl.sym(ufl.grad(y) + ufl.outer(ufl.as_vector([-y[2], 0, y[0]]) / r, ufl.unit_vector(2, 3)))
 
     stress = YOUNG / (1 + poisson) * (strain(u) + poisson / (1 - 2 * poisson) * ufl.tr(strain(u)) * ufl.Identity(3))
-    inside = ufl.dx(metadata={"quadrature_degree": strain_degree(space, axisymmetric=True)})
+    inside = ufl.dx(metadata={"quadrature_degree": strain_degree(space, TORSION)})
     moved = fem.Function(space)
     moved.interpolate(lambda x: np.stack((0 * x[0], 0 * x[0] - down, -angle * x[0])))
     axis = fem.locate_dofs_geometrical(space, lambda x: np.isclose(x[0], 0.0))
@@ -385,7 +386,11 @@ def test_results(tmp_path):
         ({"element": {"volumetric": "mixed"}, "degree": 2, "poisson": 0.4}, "element.volumetric", "'mixed' is not"),
         ({"solver": {"linear_algebra": "krylov"}}, "solver.linear_algebra", "'krylov' is not possible yet"),
         ({"accuracy": {"target": 0.1, "refinement": "uniform"}}, "accuracy", "is not possible yet"),
-        ({"preload": [{"point": [0.5, 1.0], "axis": [0.0, 1.0], "shortening": 0.1}]}, "preload", "is not possible yet"),
+        (
+            {"preload": [{"point": [0.5, 1.0], "axis": [0.0, 1.0], "shortening": 0.1}]},
+            r"preload\[0\]",
+            "is not possible",
+        ),
         ({"gravity": [{"z": 1.0}], "material": {"density": 1.0}}, r"gravity\[0\].z", "nothing of this kind"),
         ({"fluid": [{"boundary": "top", "level": 1.0, "weight": 1.0}]}, r"fluid\[0\]", "up = 'y'"),
         (

@@ -8,12 +8,12 @@ from mpi4py import MPI
 from scipy import sparse
 from scipy.optimize import linprog
 
-from signorini_fx.body.kinematics import KINEMATICS
 from signorini_fx.body.rigid import rigid_modes
 from signorini_fx.contact.laws import FrictionLaw
 from signorini_fx.contact.reactions import Reactions, nearest
 from signorini_fx.contact.reactions import reactions as reactions_at
 from signorini_fx.contact.statics import escape, largest_multiple, null_space, separable, squeezed
+from signorini_fx.kinematics import CARTESIAN
 from signorini_fx.records import Status
 
 KINDS = ("coulomb", "tresca", "mixed", "capped")
@@ -183,7 +183,7 @@ def test_separable(friction):
 
 def test_rotations_have_the_order_of_the_modes():
     """The tests above count a positive turn from x[0] to x[1]."""
-    assert KINEMATICS[2].rotations == ((0, 1),)
+    assert CARTESIAN[2].rotations == ((0, 1),)
 
 
 def test_null_space_of_rows_with_round_off():

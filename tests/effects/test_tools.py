@@ -377,7 +377,7 @@ def test_how_far_the_linearised_gap_is_off(turn):
     step = np.array([0.1, -0.01])
     solution = solve(block(prescribed={"x": step[0], "y": step[1], "rotation": turn}))
     (tool,), contact = solution.last_step.tools, solution.contact
-    row = tool.as_dict(contact, solution.scene.contact[0])
+    row = tool.as_dict(contact, solution.scene.contact[0], solution.discretisation.kinematics)
     away = contact.boundary.centre[contact.pressure > 0] - [0.45, 2.5]
     far = np.linalg.norm(away, axis=1)
     off = np.linalg.norm(away - step, axis=1) - far + away @ step / far

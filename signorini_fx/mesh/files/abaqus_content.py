@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from signorini_fx.kinematics import of_materials
+from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.mesh.files.abaqus import Model
 from signorini_fx.mesh.files.abaqus_blocks import DeckBlock
 from signorini_fx.mesh.files.abaqus_groups import Group
@@ -110,6 +112,11 @@ class Deck:
     bolts: dict[int, str] = field(default_factory=dict)
     drawn: dict[str, list[list[str]]] = field(default_factory=dict)
     rough: set[str] = field(default_factory=set)
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """That of its cells."""
+        return of_materials([(self.hypothesis, False)])
 
     @property
     def step(self) -> int:

@@ -257,7 +257,7 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
             f"forces at nodes, {total:g} along {axis} in all ({len(group.nodes)} node{'s' * (len(group.nodes) > 1)})"
         )
         turned = not deck.turned.keys().isdisjoint(map(int, rows))
-        if where is None or turned or not total or deck.hypothesis == "axisymmetric":
+        if where is None or turned or not total or not deck.kinematics.uniform:
             deck.lose(block, f"{label}: give a force on a boundary")
             continue
         _set_load(deck, DeckLoad("force", where, (axis,), keyword=block.keyword), total / deck.thickness)
@@ -270,7 +270,7 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
 def _uniform(deck: Deck, group: Group) -> tuple[str, float] | None:
     """The boundary and the traction, stress, that forces at nodes are equivalent to; None: they are not."""
     where, rows = deck.boundary(group.name), deck.rows(group.nodes)
-    if where is None or deck.hypothesis == "axisymmetric" or not deck.turned.keys().isdisjoint(map(int, rows)):
+    if where is None or not deck.kinematics.uniform or not deck.turned.keys().isdisjoint(map(int, rows)):
         return None
     if len(rows) < len(group.nodes) or not np.isin(rows, deck.held(where)).all():
         return None

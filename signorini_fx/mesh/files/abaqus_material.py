@@ -42,7 +42,7 @@ def read_section(deck: Deck, block: DeckBlock) -> None:
     if region is not None:
         material, turned = (block.parameters.get(key, "").upper() for key in ("MATERIAL", "ORIENTATION"))
         deck.sections.append(DeckSection(region, material, turned))
-    if deck.mesh.dim == 2 and deck.hypothesis != "axisymmetric" and block.rows and block.rows[0]:
+    if deck.mesh.dim == 2 and deck.kinematics.uniform and block.rows and block.rows[0]:
         deck.thickness = real(block.rows[0][0])
         if deck.thickness != 1:
             deck.note(block, f"the thickness {deck.thickness:g}: forces are per unit of it")

@@ -1,0 +1,136 @@
+"""Small displacements in Cartesian coordinates, and what every kind of kinematics answers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+_Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """Which displacements a body has, and the strains, measures and rigid motions that belong to them.
+
+    The first half is for the solver, with UFL.  The certificate takes ``third_column`` and ``measure_at``, which are
+    written without it.
+
+    Attributes:
+        words: what it is called.
+        dimension: d, components of the displacement.
+        rotations: the two axes of each rotation, which turns the first towards the second; in space the rotation about
+            x[0] is first.
+        normal_out: whether the components of the strain include that along x[2], which is across the mesh.
+        out_of_section: components of the displacement along x[2], which is across the mesh.
+        prevented: whether a strain across the mesh is prevented, so that there is a stress.
+        whole: whether forces are those of the whole body; else they are per unit of length across the mesh.
+        uniform: whether areas and lengths of the mesh are those of the body, up to ``depth``, everywhere alike.
+        further_degrees: by how much the quadrature degree of products of strains is higher, as strains or the measure
+            are no polynomials of the degree that the displacement has.
+        motions_without_strain: which translations and rotations about the origin have no strain; None: all.
+        zero_on_axis: components of the displacement that vanish where x[0] = 0.
+        least_x: the smallest x[0] that a mesh may have.
+        refuses: what does not go together with it, by its name, and why.
+    """
+
+    words: str
+    dimension: int
+    rotations: tuple[tuple[int, int], ...]
+    normal_out: bool = False
+    out_of_section: int = 0
+    prevented: bool = False
+    whole: bool = False
+    uniform: bool = True
+    further_degrees: int = 0
+    motions_without_strain: tuple[bool, ...] | None = None
+    zero_on_axis: tuple[int, ...] = ()
+    least_x: float = -np.inf
+    refuses: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def motions(self) -> int:
+        """Number of rigid motions: d translations and the rotations."""
+        return self.dimension + len(self.rotations)
+
+    @property
+    def pairs(self) -> list[tuple[int, int]]:
+        """The components of a symmetric tensor: xx, yy, xy in the plane, with ``normal_out`` also zz, and in space
+        xx, yy, zz, xy, xz, yz.
+        """
+        axes = range(self.dimension)
+        return [*((k, k) for k in axes), *combinations(axes, 2), *([(2, 2)] if self.normal_out else [])]
+
+    def components(self, tensor: Any) -> Any:
+        """The components ``pairs`` of a symmetric tensor as a UFL vector."""
+        import ufl
+
+        return ufl.as_vector([tensor[i, j] for i, j in self.pairs])
+
+    def tensors(self, components: _Floats) -> _Floats:
+        """Symmetric tensors from their components, shape (..., components), with zeros out of the plane, shape
+        (..., 3, 3).
+        """
+        tensors = np.zeros((*components.shape[:-1], 3, 3))
+        for column, (i, j) in enumerate(self.pairs):
+            tensors[..., i, j] = tensors[..., j, i] = components[..., column]
+        return tensors
+
+    def turned(self, arms: _Floats, vectors: _Floats) -> _Floats:
+        """Arms times vectors, shape (..., d): moments of forces, one per rotation, shape (..., rotations)."""
+        pairs = ((arms[..., i] * vectors[..., j], arms[..., j] * vectors[..., i]) for i, j in self.rotations)
+        return np.stack([positive - negative for positive, negative in pairs], axis=-1)
+
+    @property
+    def unbalanced(self) -> npt.NDArray[np.bool_]:
+        """Along which rigid motions forces on the whole body do not cancel by symmetry, shape (motions,)."""
+        return np.array(self.motions_without_strain or (True,) * self.motions)
+
+    def refused_axis(self, axis: tuple[float, ...] | None, about: tuple[float, ...] | None = None) -> str:
+        """Why nothing acts along or about an axis with this direction, which is x[2] without one, through this point;
+        empty: it may.
+        """
+        return ""
+
+    def depth(self, size: float) -> float:
+        """What areas of the mesh are multiplied by in a body of this size, about."""
+        return 1.0
+
+    # --- for the solver ----------------------------------------------------------------------------------------------
+
+    def strain(self, y: Any, *, on_axis: bool = False) -> Any:
+        """Linearised strain, epsilon(y) of section 2.1, UFL, shape (d, d), or (3, 3) with ``normal_out``.
+
+        Args:
+            y: the displacement.
+            on_axis: whether it is wanted where x[0] = 0 too, as a limit.
+        """
+        import ufl
+
+        return ufl.sym(ufl.grad(y))
+
+    def measure(self, x: Any) -> Any:
+        """By what areas and lengths of the mesh are multiplied at x, UFL of shape (d,) or numbers of shape (d, n)."""
+        return 1
+
+    # --- the second opinion ------------------------------------------------------------------------------------------
+
+    @property
+    def third_column(self) -> _Floats | None:
+        """M, shape (3, d), for which the gradient of y in space has the third column M y / x[0]; None: it has none."""
+        return None
+
+    def measure_at(self, x: _Floats) -> _Floats | None:
+        """By what areas and lengths of the mesh are multiplied at points of shape (..., d), shape (...); None: 1."""
+        return None
+
+
+def position(y: Any) -> Any:
+    """The place that an expression is taken at, UFL."""
+    import ufl
+
+    return ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(y))

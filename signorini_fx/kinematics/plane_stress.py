@@ -1,0 +1,5 @@
+"""Plane stress: a thin body without stress across its plane, which is the material's affair."""
+
+from signorini_fx.kinematics.cartesian import Kinematics
+
+PLANE_STRESS = Kinematics("plane stress", 2, ((0, 1),))
