@@ -385,7 +385,8 @@ class NodalForces(SurfaceQuadrature):
                 gradient = np.pad(gradient, [(0, 3 - length) for length in gradient.shape[:2]] + [(0, 0)] * 2)
                 gradient[:, 2] = np.einsum("ik,cnk,qn->icq", turning, nodal, table.shape) / radius
             size, forces = weight * np.abs(determinant) * self._around(part), np.zeros_like(nodal)
-            stress, initial_strain = first * (gradient + gradient.swapaxes(0, 1)) / 2, np.zeros(1)
+            stress = first * (gradient + gradient.swapaxes(0, 1)) / 2
+            initial_strain: Array = np.zeros(1)
             dilation = np.einsum("iicq->cq", gradient)
             if initial is not None:
                 initial_strain = initial(part)
