@@ -156,7 +156,7 @@ def _forces(d: Discretisation, value: Any, rule: _Rule, nodes: Array, *, interpo
 
     x, slopes = at(rule.points)
     size = np.sqrt(np.abs(np.linalg.det(slopes @ slopes.swapaxes(2, 3)))) * rule.weights
-    size *= 2 * np.pi * x[..., 0] if d.scene.axisymmetric else 1.0
+    size *= d.kinematics.measure(np.moveaxis(x, -1, 0))
     if not interpolated:
         return values(x) * size
     element = d.space.element.basix_element
