@@ -1,4 +1,4 @@
-"""The pieces of a body of plain triangles or tetrahedra, and the rigid motions that supports leave to each of them.
+"""The pieces of a body of triangles or tetrahedra, and the rigid motions that supports leave to each of them.
 
 Cells pass forces to each other through the edges or faces that they share, so that each piece is a body of its own:
 it has its own free motions, its own balance of forces and its own bound.
@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from signorini_fx.bounds.arrays import Array, Ints
 
 # Pivots of motions that are free, relative.
-_FREE = 1e-10
+FREE = 1e-10
 
 
 class Cells(Protocol):
@@ -104,7 +104,7 @@ def free_motions(t: Cells, held: Array) -> Array:
         facets = held_facets[of_facet == piece]
         rows = np.einsum("fij,fajk->faik", held[facets], modes[t.facets[facets]]).reshape(-1, modes.shape[2])
         values, vectors = np.linalg.eigh(rows.T @ rows / max(len(rows), 1))
-        free = vectors[:, values <= _FREE * max(values[-1], 1.0)]
+        free = vectors[:, values <= FREE * max(values[-1], 1.0)]
         bases.append(np.linalg.qr(modes.reshape(-1, modes.shape[2]) @ free)[0])
     return np.concatenate(bases, axis=1)
 

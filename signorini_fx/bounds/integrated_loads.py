@@ -13,7 +13,8 @@ import numpy as np
 
 from signorini_fx.bounds.arrays import Array, Ints
 from signorini_fx.bounds.bounded_scene import BoundPoints
-from signorini_fx.bounds.triangles import GAUSS, Triangles
+from signorini_fx.bounds.facets import GAUSS
+from signorini_fx.bounds.simplices import Simplices
 from signorini_fx.scene.cut_simplices import cut, halved
 
 # Of the coarser rule inside triangles.
@@ -43,7 +44,7 @@ class Integrated:
     means: Array
 
 
-def on_edges(t: Triangles, edges: Ints, density: Density, values: list[Any]) -> Integrated:
+def on_edges(t: Simplices, edges: Ints, density: Density, values: list[Any]) -> Integrated:
     """Moments of a load with the polynomials of Bernstein of degree 2, and what linear functions miss of it.
 
     Args:
@@ -63,7 +64,7 @@ def on_edges(t: Triangles, edges: Ints, density: Density, values: list[Any]) -> 
         s, w = begin[:, None] + length[:, None] * GAUSS[0], length[:, None] * GAUSS[1]
         a, b = x[owners, 0][:, None], x[owners, 1][:, None]
         at = a + s[:, :, None] * (b - a)
-        force = density(owners, BoundPoints(at, np.broadcast_to(t.outward[edges[owners]][:, None], at.shape)))
+        force = density(owners, BoundPoints(at, np.broadcast_to(t.normal[edges[owners]][:, None], at.shape)))
         tested = np.stack(((1 - s) ** 2, 2 * s * (1 - s), s**2), axis=1) * w[:, None]
         moments = np.zeros((len(edges), 3, 2))
         np.add.at(moments, owners, np.einsum("mbq,mqd->mbd", tested, force))

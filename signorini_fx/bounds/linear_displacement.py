@@ -11,13 +11,10 @@ import scipy.sparse as sp
 from signorini_fx.bounds.arrays import Array, Ints
 from signorini_fx.bounds.cell_pieces import rigid_motions
 from signorini_fx.bounds.definite_factor import Factor
-from signorini_fx.bounds.tetrahedra import COLUMNS, ROWS, TWICE, Tetrahedra
-from signorini_fx.bounds.triangles import Triangles
+from signorini_fx.bounds.simplices import COLUMNS, ROWS, TWICE, Simplices
 
 # Components along directions that are closer are one and the same; given ones may differ by as much.
 _SAME_DIRECTION = 1e-9
-# Those of ``tetrahedra`` in the plane: (xx, yy, xy).
-_ROWS, _COLUMNS, _TWICE = np.array([0, 1, 0]), np.array([0, 1, 1]), np.array([1.0, 1.0, 2.0])
 
 
 @dataclass(frozen=True)
@@ -34,7 +31,7 @@ class PrescribedComponents:
     direction: Array
     value: Array
 
-    def fixes(self, t: Triangles | Tetrahedra) -> bool:
+    def fixes(self, t: Simplices) -> bool:
         """Whether they leave no rigid motion of any piece free."""
         of_row = t.piece_of_vertex[self.vertex]
         for piece in range(int(t.piece.max()) + 1):
@@ -91,13 +88,11 @@ class PrescribedComponents:
         return PrescribedComponents.joined(*parts)
 
 
-def smallest_energy(
-    t: Triangles | Tetrahedra, constraints: PrescribedComponents, load: Array | None = None
-) -> tuple[Array, float]:
+def smallest_energy(t: Simplices, constraints: PrescribedComponents, load: Array | None = None) -> tuple[Array, float]:
     """The displacement of least energy, loads included, with given components.
 
     Args:
-        t: the triangles or tetrahedra.
+        t: the cells.
         constraints: the components; they leave no rigid motion free.
         load: forces at vertices, shape (v, d); None: there are none.
 
@@ -144,14 +139,13 @@ def free_basis(turn: Array, fixed: npt.NDArray[np.bool_]) -> sp.csr_matrix:
     return sp.csr_matrix(basis[:, np.flatnonzero(~fixed.ravel())])
 
 
-def stiffness(t: Triangles | Tetrahedra) -> sp.csr_matrix:
+def stiffness(t: Simplices) -> sp.csr_matrix:
     """Of displacements linear on the cells, force per length, shape (d v, d v)."""
     d = t.x.shape[1]
-    rows, columns, twice = (ROWS, COLUMNS, TWICE) if d == 3 else (_ROWS, _COLUMNS, _TWICE)
+    rows, columns, twice = ROWS[d], COLUMNS[d], TWICE[d]
     gradient = np.einsum("nci,kj->nckji", t.gradients, np.eye(d)).reshape(len(t.corners), -1, d, d)
     strain = (gradient[:, :, rows, columns] + gradient[:, :, columns, rows]) / 2
-    size = t.volume if isinstance(t, Tetrahedra) else t.area
-    local = size[:, None, None] * t.stress(strain) @ (strain * twice).transpose(0, 2, 1)
+    local = t.volume[:, None, None] * t.stress(strain) @ (strain * twice).transpose(0, 2, 1)
     return assembled(local, t.corners, len(t.x))
 
 

@@ -28,7 +28,7 @@ from signorini_fx.bounds.arrays import Array, Ints
 from signorini_fx.bounds.bounded_error import ROUND_OFF, SAME_LENGTH, Interval
 from signorini_fx.bounds.bounded_scene import Refused
 from signorini_fx.bounds.cell_pieces import free_motions, of_each_piece
-from signorini_fx.bounds.equilibrated_stress import PlaneLoads
+from signorini_fx.bounds.equilibrated_stress import Loads
 from signorini_fx.bounds.error_bound import Bounded
 from signorini_fx.bounds.linear_displacement import PrescribedComponents, smallest_energy
 from signorini_fx.bounds.stress_products import from_strain, product, square
@@ -90,21 +90,26 @@ def force(
 class _Quantity(Bounded):
     """A problem with what bounds quantities of its solution."""
 
+    def __init__(self, d: Discretisation, y: fem.Function, contact: ContactState | None, step: float) -> None:
+        if d.tagged.dimension != 2:
+            raise Refused("in space the error alone has a guaranteed bound")
+        super().__init__(d, y, contact, step)
+
     def mean(self, boundary: str, direction: Array) -> Interval:
         """See ``mean_displacement``."""
-        t, edges = self.t, self._edges(boundary)
+        t, edges = self.t, self._facets(boundary)
         pieces = np.unique(t.piece_of_vertex[t.edges[edges]])
         if np.isin([piece for piece, _ in of_each_piece(t, free_motions(t, self.held))], pieces).any():
             raise Refused("a mean displacement has bounds where supports hold the body without its contact")
         unit = np.zeros((len(t.edges), 2, 2))
-        unit[edges] = direction / t.length[edges].sum()  # what supports take of it neither stress nor w know
-        stress = self.equilibration.stress(PlaneLoads(np.zeros((len(t.corners), 3, 2)), unit), np.zeros_like(unit))
+        unit[edges] = direction / t.area[edges].sum()  # what supports take of it neither stress nor w know
+        stress = self.equilibration.stress(Loads(np.zeros((len(t.corners), 3, 2)), unit), np.zeros_like(unit))
         load = np.zeros((len(t.x), 2))
         for k in (0, 1):
-            np.add.at(load, t.edges[:, k], t.length[:, None] * (2 * unit[:, k] + unit[:, 1 - k]) / 6)
+            np.add.at(load, t.edges[:, k], t.area[:, None] * (2 * unit[:, k] + unit[:, 1 - k]) / 6)
         w = smallest_energy(t, self._closed(np.zeros((len(t.edges), 2)), pieces), load)[0]
         y, middle = self.enclosure.v.y, self.enclosure.v.middle
-        share = t.length[edges] / t.length[edges].sum()
+        share = t.area[edges] / t.area[edges].sum()
         mean = float(share @ ((y[t.edges[edges]].sum(axis=1) + 4 * middle[edges]) / 6 @ direction))
         residual, size, unknown = self._residual(w)
         low, high = self._within(stress.stress - from_strain(t, self._strain(w)), stress.missing, size, pieces)
@@ -112,13 +117,13 @@ class _Quantity(Bounded):
 
     def force(self, boundary: str, direction: Array) -> Interval:
         """See ``force``."""
-        t, edges = self.t, self._edges(boundary)
+        t, edges = self.t, self._facets(boundary)
         names = [effect.boundary for effect in self._d.scene.contact]
         support = boundary not in names
         if support and not self.held[edges].any(axis=(1, 2)).all():
             raise Refused(f"{boundary!r} is neither a support nor a contact")
         if support and any(
-            np.isin(self._edges(load.where), edges).any() for load in self._d.scene.of(Force) if load.where is not None
+            np.isin(self._facets(load.where), edges).any() for load in self._d.scene.of(Force) if load.where is not None
         ):
             raise Refused(f"loads act on the support {boundary!r}: its own force is not known apart from them")
         value = np.zeros((len(t.edges), 2))
@@ -135,7 +140,7 @@ class _Quantity(Bounded):
         difference, missing = from_strain(t, self._strain(z)), 0.0
         if support:
             no_traction = np.zeros((len(t.edges), 2, 2))
-            unloaded = PlaneLoads(np.zeros((len(t.corners), 3, 2)), no_traction)
+            unloaded = Loads(np.zeros((len(t.corners), 3, 2)), no_traction)
             stress = self.equilibration.stress(unloaded, np.stack((value, value), axis=1))
             difference, missing = difference - stress.stress, stress.missing
         residual, size, unknown = self._residual(z)
@@ -154,7 +159,7 @@ class _Quantity(Bounded):
         for surface in self.contacts:
             slips = not (surface.bound.any() or surface.least.any())
             projectors = np.zeros_like(self.held)
-            projectors[surface.edges] = surface.normal[:, :, None] * surface.normal[:, None] if slips else np.eye(2)
+            projectors[surface.facets] = surface.normal[:, :, None] * surface.normal[:, None] if slips else np.eye(2)
             parts.append(PrescribedComponents.of_facets(t.edges, projectors, value))
         return PrescribedComponents.joined(*parts)
 
@@ -167,9 +172,9 @@ class _Quantity(Bounded):
         t = self.t
         # The strain of w is constant: the mean of that of v is enough.
         mean_stress = t.stress(self.enclosure.v.strain.mean(axis=1)[:, None])[:, 0]
-        parts = t.area * (mean_stress * self._strain(w)[:, 0] * [1.0, 1.0, 2.0]).sum(axis=1)
+        parts = t.volume * (mean_stress * self._strain(w)[:, 0] * [1.0, 1.0, 2.0]).sum(axis=1)
         middle = w[t.edges].mean(axis=1)
-        outside, unknown = self.work(w, middle), self.unknown_work(w, middle)
+        outside, unknown = self.loads.work(w, middle), self.loads.unknown_work(w, middle)
         return float(outside - parts.sum()), float(abs(outside) + np.abs(parts).sum()), unknown
 
     def _within(self, stress: Array, missing: float, size: float, pieces: Ints) -> tuple[float, float]:

@@ -8,12 +8,13 @@ from error_bounds import drawn, effectivity, energy_of_difference, of_several_ma
 from scenes import alone, example1
 
 from signorini_fx.bounds.cell_pieces import free_motions
-from signorini_fx.bounds.equilibrated_stress import Equilibration, PlaneLoads
+from signorini_fx.bounds.equilibrated_stress import Equilibration, Loads
 from signorini_fx.bounds.error_bound import Bounded, error_bound
-from signorini_fx.bounds.local_stress import constant_forces
+from signorini_fx.bounds.facets import bernstein
+from signorini_fx.bounds.johnson_mercier import constant_forces
+from signorini_fx.bounds.korn import korn
 from signorini_fx.bounds.quantity_bounds import mean_displacement
-from signorini_fx.bounds.triangles import Triangles, divide
-from signorini_fx.bounds.triangulated import quadratic
+from signorini_fx.bounds.simplices import FACETS, Simplices, divide
 from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.errors import SceneError
 from signorini_fx.results.summary import lines_of, summarise
@@ -33,7 +34,7 @@ def grid(n, chance):
         [np.column_stack((first, first + 1, first + n + 2)), np.column_stack((first, first + n + 2, first + n + 1))]
     )
     lame = np.where(x[corners].mean(axis=1)[:, :1] < 0.5, [[1.3, 0.7]], [[20.0, 2.0]])
-    return Triangles(x, corners, lame)
+    return Simplices(x, corners, lame)
 
 
 def held_by(t, kind):
@@ -58,43 +59,47 @@ def test_the_stress_is_in_equilibrium(kind):
     chance = np.random.default_rng(1)
     t = grid(5, chance)
     held = held_by(t, kind)
-    body, traction = chance.normal(size=(len(t.corners), 3, 2)) * t.area[:, None, None], np.zeros((len(t.edges), 2, 2))
+    body, traction = (
+        chance.normal(size=(len(t.corners), 3, 2)) * t.volume[:, None, None],
+        np.zeros((len(t.edges), 2, 2)),
+    )
     traction[t.outer] = chance.normal(size=(len(t.outer), 2, 2))
     traction -= np.einsum("eij,eaj->eai", held, traction)
     modes = free_motions(t, held).reshape(len(t.x), 2, -1)
     if modes.shape[2]:  # loads in balance
         ends = np.stack((2 * traction[:, 0] + traction[:, 1], traction[:, 0] + 2 * traction[:, 1]), axis=1)
-        ends *= t.length[:, None, None] / 6
+        ends *= t.area[:, None, None] / 6
         work = np.einsum("ncd,ncdk->k", body, modes[t.corners]) + np.einsum("ead,eadk->k", ends, modes[t.edges])
-        weight = np.einsum("n,ncdk,ncdl->kl", t.area, modes[t.corners], modes[t.corners])
-        body -= np.einsum("n,ncdk,k->ncd", t.area, modes[t.corners], np.linalg.solve(weight, work))
-    found = Equilibration(t, held).stress(PlaneLoads(body, traction), np.zeros((len(t.edges), 2, 2)))
+        weight = np.einsum("n,ncdk,ncdl->kl", t.volume, modes[t.corners], modes[t.corners])
+        body -= np.einsum("n,ncdk,k->ncd", t.volume, modes[t.corners], np.linalg.solve(weight, work))
+    found = Equilibration(t, held).stress(Loads(body, traction), np.zeros((len(t.edges), 2, 2)))
     force, centre = constant_forces(t, body), t.x[t.corners].mean(axis=1)
     largest = np.abs(found.stress).max()
     for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
+        j, k = FACETS[2][i]
         p = np.stack((t.x[t.corners[:, j]], t.x[t.corners[:, k]], centre), axis=1)
         inverse = np.linalg.inv(np.stack((p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=2))
         gradient = np.concatenate((-inverse.sum(axis=1, keepdims=True), inverse), axis=1)
         s = found.stress[:, i][..., [[0, 2], [2, 1]]]
         np.testing.assert_allclose(np.einsum("ncij,ncj->ni", s, gradient), -force[:, i], atol=1e-9 * largest)
         # The traction on the outer edge is the same from both sides, and the given one on the boundary.
-        edge = t.of_triangle[:, i]
-        out = np.where(t.sides[edge, 0] == np.arange(len(edge)), 1.0, -1.0)
+        edge = t.facets_of[:, i]
         for place, corner in enumerate((j, k)):
             end = np.where(t.edges[edge, 0] == t.corners[:, corner], 0, 1)
             own = np.einsum("nij,nj->ni", s[:, place], t.normal[edge])
             np.testing.assert_allclose(own, found.tractions[edge, end], atol=1e-9 * largest)
             free = np.isin(edge, t.outer)
             loose = np.eye(2) - held[edge]
-            given = np.einsum("nij,nj->ni", loose, own * out[:, None])[free]
+            given = np.einsum("nij,nj->ni", loose, own)[free]
             np.testing.assert_allclose(given, traction[edge, end][free], atol=1e-9 * largest)
-        # Nor does it jump between the thirds, on the edge from the next corner but one to the centroid.
-        normal = (centre - p[:, 1])[:, ::-1] * [1.0, -1.0]
-        other = found.stress[:, j][..., [[0, 2], [2, 1]]]
-        for one, two in ((1, 0), (2, 2)):
-            jump = np.einsum("nij,nj->ni", s[:, one], normal) - np.einsum("nij,nj->ni", other[:, two], normal)
-            np.testing.assert_allclose(jump, 0.0, atol=1e-9 * largest)
+        # Nor does it jump between the thirds, on the edge from a corner that both have to the centroid.
+        for m in range(i + 1, 3):
+            shared = 3 - i - m
+            normal = (centre - t.x[t.corners[:, shared]])[:, ::-1] * [1.0, -1.0]
+            other = found.stress[:, m][..., [[0, 2], [2, 1]]]
+            for one, two in ((list(FACETS[2][i]).index(shared), list(FACETS[2][m]).index(shared)), (2, 2)):
+                jump = np.einsum("nij,nj->ni", s[:, one] - other[:, two], normal)
+                np.testing.assert_allclose(jump, 0.0, atol=1e-9 * largest)
     assert found.missing < 1e-7 * largest
 
 
@@ -107,7 +112,7 @@ def test_eliminating_inside_cells_changes_nothing():
     traction = np.zeros((len(t.edges), 2, 2))
     traction[t.outer] = chance.normal(size=(len(t.outer), 2, 2))
     traction -= np.einsum("eij,eaj->eai", held, traction)
-    loads = PlaneLoads(chance.normal(size=(len(t.corners), 3, 2)) * t.area[:, None, None], traction)
+    loads = Loads(chance.normal(size=(len(t.corners), 3, 2)) * t.volume[:, None, None], traction)
     prescribed = np.einsum("vi,ij->vj", t.x, chance.normal(size=(2, 2)))[t.edges]
     found = Equilibration(t, held).stress(loads, prescribed)
     whole = Equilibration(replace(t, parts=1), held).stress(loads, prescribed)
@@ -118,8 +123,8 @@ def test_constants_of_korn():
     """They hold for random displacements of degree 2 on flat and on round triangles."""
     chance = np.random.default_rng(2)
     for corners in ([[0, 0], [1, 0], [0.5, 0.8]], [[0, 0], [1, 0], [0.2, 0.05]], [[0, 0], [3, 0], [0, 1]]):
-        t = Triangles(np.array(corners, dtype=float), np.array([[0, 1, 2]]), np.array([[0.0, 0.5]]))
-        inside, gradient = t.korn
+        t = Simplices(np.array(corners, dtype=float), np.array([[0, 1, 2]]), np.array([[0.0, 0.5]]))
+        inside, gradient = korn(t)
         local = chance.dirichlet(np.ones(3), 4000)
         x = local @ t.x
         for _ in range(20):
@@ -156,8 +161,8 @@ def test_a_displacement_on_four_triangles_is_the_same():
     fine, y, middle, halves = divide(t, value(t.x), value(t.x[t.edges].mean(axis=1)))
     np.testing.assert_allclose(y, value(fine.x), atol=1e-12)
     np.testing.assert_allclose(middle, value(fine.x[fine.edges].mean(axis=1)), atol=1e-12)
-    assert (fine.area > 0).all()
-    np.testing.assert_allclose(fine.area, np.tile(t.area, 4) / 4)
+    assert (fine.volume > 0).all()
+    np.testing.assert_allclose(fine.volume, np.tile(t.volume, 4) / 4)
     np.testing.assert_array_equal(fine.lame, np.tile(t.lame, (4, 1)))
     for k in (0, 1):
         both = fine.x[fine.edges[halves[:, k]]].mean(axis=1)
@@ -245,14 +250,13 @@ def test_the_displacement_does_not_enter_the_foundation(less):
     y, middle = case._admissible(less(case))
     one = case.contacts[0]
     s = np.linspace(0, 1, 57)
-    v = quadratic(y, middle, case.t.edges, one.edges, s)
-    x = case.along(one.edges, s)
-    gap = x.value(scene.contact[0].gap)
-    assert (np.einsum("fqd,fd->fq", v, one.normal) <= gap).all()
-    computed = quadratic(case.y, case.middle, case.t.edges, one.edges, s)
-    assert (np.einsum("fqd,fd->fq", computed, one.normal) > gap).any()
+    local = np.column_stack((1 - s, s))
+    gap = case.on(one.facets, local).value(scene.contact[0].gap)
+    for given, admissible in (((y, middle), True), ((case.y, case.middle), False)):
+        normal = np.einsum("qc,fcd,fd->fq", bernstein(local), case.on_facets(*given, one.facets), one.normal)
+        assert (normal <= gap).all() == admissible
     assert (one.pressure >= 0).all()
-    assert (np.abs(one.shear) <= one.least).all()
+    assert (np.linalg.norm(one.shear, axis=2) <= one.least).all()
 
 
 def test_many_nodes_enter_a_little():
@@ -288,7 +292,7 @@ def test_the_work_of_the_loads(degree):
     heavy = scene.model_copy(update={"body_force": (BodyForce(x=1.0, y="-3 * x[0] ** 2"),)})
     bound, fine = alone(heavy).error_bound, on_finer_mesh(heavy)
     reference, contact = problem(fine), fine.contact
-    exact = reference.work(reference.y, reference.middle)
+    exact = reference.loads.work(reference.y, reference.middle)
     pressed = contact.boundary.weight @ (contact.pressure * contact.u_n)
     assert np.isclose(exact, 2 * fine.last_step.strain_energy + pressed, rtol=1e-7)
     low, high = bound.work
@@ -301,9 +305,9 @@ def test_the_work_of_the_loads(degree):
 def mean_of(solution, name, direction):
     """The mean of a component of the displacement over a boundary, by Simpson's rule."""
     case = problem(solution)
-    t, edges = case.t, case._edges(name)
+    t, edges = case.t, case._facets(name)
     values = (case.y[t.edges[edges]].sum(axis=1) + 4 * case.middle[edges]) / 6
-    return float(t.length[edges] @ (values @ direction) / t.length[edges].sum())
+    return float(t.area[edges] @ (values @ direction) / t.area[edges].sum())
 
 
 @pytest.mark.parametrize("seed", [6, 8, 16])
@@ -349,7 +353,9 @@ def test_a_force(seed):
     weight, contact = fine.contact.boundary.weight, fine.contact
     exact = np.array([-weight @ contact.shear[:, 0], weight @ contact.pressure])
     case = problem(fine)
-    still = [case.work(np.tile(one, (len(case.t.x), 1)), np.tile(one, (len(case.t.edges), 1))) for one in np.eye(2)]
+    still = [
+        case.loads.work(np.tile(one, (len(case.t.x), 1)), np.tile(one, (len(case.t.edges), 1))) for one in np.eye(2)
+    ]
     assert exact[1] > 0
     for name, force in (("bottom", exact), ("top", -exact - still)):
         for direction in (np.array([0.0, 1.0]), np.array([0.8, -0.6])):
@@ -503,13 +509,13 @@ def test_every_part_counts(monkeypatch):
     nodal = np.einsum("ab,ntbk->ntak", np.eye(3) + 1, s)  # the mass matrix of a third is this over 12 times its area
     first, second = t.lame[0]
     hooke = np.array([[first + 2 * second, first, 0], [first, first + 2 * second, 0], [0, 0, second]])
-    energy = np.einsum("n,ntak,kl,ntal", t.area / 36, s, np.linalg.inv(hooke), nodal)
+    energy = np.einsum("n,ntak,kl,ntal", t.volume / 36, s, np.linalg.inv(hooke), nodal)
     low = t.outer[t.x[t.edges[t.outer]][:, :, 1].max(axis=1) < 1e-9]
     pressure = np.abs(found.tractions[low, :, 1])
     along = (np.arange(400) + 0.5) / 400
     x = t.x[t.edges[low, 0], 0][:, None] * (1 - along) + t.x[t.edges[low, 1], 0][:, None] * along
     gap = 0.003 * (x - 1.5) ** 2 + 0.001
-    work = t.length[low, None] / 400 * (pressure[:, :1] * (1 - along) + pressure[:, 1:] * along) * gap
+    work = t.area[low, None] / 400 * (pressure[:, :1] * (1 - along) + pressure[:, 1:] * along) * gap
     assert work.sum() > 0.05 * energy
     assert bound.duality**2 == pytest.approx(energy + 2 * work.sum(), rel=1e-4)
     jumps = scene.traction[0].model_copy(update={"y": Expression("where(x[0] < 1.13, -20, 0)")})

@@ -7,13 +7,12 @@ from scenes import alone
 from spaces import block, box
 
 from signorini_fx import compat
-from signorini_fx.bounds import stress_in_space
+from signorini_fx.bounds import iterated_system
 from signorini_fx.bounds.cell_pieces import free_motions
-from signorini_fx.bounds.error_bound import error_bound
-from signorini_fx.bounds.error_bound_in_space import BoundedInSpace
-from signorini_fx.bounds.stress_in_space import SpatialLoads, equilibrated
-from signorini_fx.bounds.tetrahedra import EDGES, FACES, Tetrahedra
-from signorini_fx.bounds.tetrahedral import bernstein, coefficients
+from signorini_fx.bounds.equilibrated_stress import Equilibration, Loads
+from signorini_fx.bounds.error_bound import Bounded, error_bound
+from signorini_fx.bounds.facets import bernstein
+from signorini_fx.bounds.simplices import EDGES, FACETS, Simplices, moments_of
 from signorini_fx.results.summary import summarise
 from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.reading import parse_scene
@@ -32,12 +31,12 @@ def grid(chance):
     turned = np.linalg.det(x[corners][:, 1:] - x[corners][:, :1]) < 0
     corners[turned] = corners[turned][:, [0, 1, 3, 2]]
     first = x[corners].mean(axis=1)[:, :1] < 0.5
-    return Tetrahedra(x, corners, np.where(first, [[1.3, 0.7]], [[20.0, 2.0]]))
+    return Simplices(x, corners, np.where(first, [[1.3, 0.7]], [[20.0, 2.0]]))
 
 
 def held_by(t, kind):
     """Projectors of the faces that are held: one side, rollers, a direction of its own, or none."""
-    middle, held = t.x[t.faces].mean(axis=1), np.zeros((len(t.faces), 3, 3))
+    middle, held = t.x[t.facets].mean(axis=1), np.zeros((len(t.facets), 3, 3))
     sides = [np.isin(np.arange(len(middle)), t.outer) & (middle[:, k] < 1e-9) for k in range(3)]
     if kind == "clamped":
         held[sides[0]] = np.eye(3)
@@ -53,37 +52,38 @@ def held_by(t, kind):
 @pytest.mark.parametrize("kind", ["clamped", "rollers", "skew", "free"])
 def test_the_stress_is_in_equilibrium(kind, products, monkeypatch):
     """Divergence and tractions by differences of the stress on the quarters, also where the iteration is cut short."""
-    monkeypatch.setattr(stress_in_space, "_MOST_PRODUCTS", products)
+    monkeypatch.setattr(iterated_system, "_MOST_PRODUCTS", products)
     chance = np.random.default_rng(1)
     t = grid(chance)
     held = held_by(t, kind)
-    traction = np.zeros((len(t.faces), 3, 3))
+    traction = np.zeros((len(t.facets), 3, 3))
     traction[t.outer] = chance.normal(size=(len(t.outer), 3, 3))
     traction -= np.einsum("fij,faj->fai", held, traction)
     body = chance.normal(size=(len(t.corners), 3))
     modes = free_motions(t, held).reshape(len(t.x), 3, -1)
     assert modes.shape[2] == {"clamped": 0, "rollers": 0, "skew": 3, "free": 6}[kind]
     # Tractions that balance the loads: the free motions themselves, on all faces.
-    faces = modes[t.faces]
-    mass = t.area[:, None, None, None] / 12 * (faces + faces.sum(axis=1, keepdims=True))
+    faces = modes[t.facets]
+    mass = moments_of(t, faces)
     work = np.einsum("fad,fadk->k", traction, mass) + np.einsum(
         "n,nd,ndk->k", t.volume, body, modes[t.corners].mean(axis=1)
     )
     loose = np.einsum("fij,fajk->faik", np.eye(3) - held, faces)[t.outer]
     weight = np.einsum("fadk,fadl->kl", loose, mass[t.outer])
     traction[t.outer] -= loose @ np.linalg.solve(weight, work) if modes.shape[2] else 0.0
-    found = equilibrated(t, held, SpatialLoads(body, traction), np.zeros((len(t.faces), 3, 3)))
+    loads = Loads(np.repeat((t.volume / 4)[:, None, None] * body[:, None], 4, axis=1), traction)
+    found = Equilibration(t, held).stress(loads, np.zeros((len(t.facets), 3, 3)))
     s, centre = found.stress[..., SQUARE], t.x[t.corners].mean(axis=1)
     largest = np.abs(found.stress).max()
     for i in range(4):
-        p = np.concatenate((t.x[t.corners[:, FACES[i]]], centre[:, None]), axis=1)
+        p = np.concatenate((t.x[t.corners[:, FACETS[3][i]]], centre[:, None]), axis=1)
         inverse = np.linalg.inv((p[:, 1:] - p[:, :1]).transpose(0, 2, 1))
         gradient = np.concatenate((-inverse.sum(axis=1, keepdims=True), inverse), axis=1)
         np.testing.assert_allclose(np.einsum("ncij,ncj->ni", s[:, i], gradient), -body, atol=1e-9 * largest)
         # The traction on the outer face is the same from both sides, and the given one on the boundary.
-        face = t.of_tetrahedron[:, i]
-        for place, corner in enumerate(FACES[i]):
-            vertex = np.argmax(t.faces[face] == t.corners[:, corner, None], axis=1)
+        face = t.facets_of[:, i]
+        for place, corner in enumerate(FACETS[3][i]):
+            vertex = np.argmax(t.facets[face] == t.corners[:, corner, None], axis=1)
             own = np.einsum("nij,nj->ni", s[:, i, place], t.normal[face])
             np.testing.assert_allclose(own, found.tractions[face, vertex], atol=1e-9 * largest)
             outer = np.isin(face, t.outer)
@@ -94,7 +94,7 @@ def test_the_stress_is_in_equilibrium(kind, products, monkeypatch):
             a, b = (t.x[t.corners[:, k]] - centre for k in shared)
             normal = np.cross(a, b) / np.linalg.norm(np.cross(a, b), axis=1)[:, None]
             for k in (*shared, None):
-                one, other = (3 if k is None else list(FACES[m]).index(k) for m in (i, j))
+                one, other = (3 if k is None else list(FACETS[3][m]).index(k) for m in (i, j))
                 jump = np.einsum("nij,nj->ni", s[:, i, one] - s[:, j, other], normal)
                 np.testing.assert_allclose(jump, 0.0, atol=1e-9 * largest)
     assert found.missing < 1e-6 * largest
@@ -112,7 +112,7 @@ def test_strains_of_degree_2():
     gradient = np.einsum("ijk,...k->...ij", a + a.transpose(0, 2, 1), t.x[t.corners])
     expected = (gradient + gradient.transpose(0, 1, 3, 2)) / 2
     np.testing.assert_allclose(found[..., SQUARE], expected, atol=1e-12)
-    assert (np.diff(t.corners[:, EDGES], axis=2) != 0).all()
+    assert (np.diff(t.corners[:, EDGES[3]], axis=2) != 0).all()
 
 
 @pytest.mark.parametrize(("degree", "poisson"), [(1, 0.49), (2, 0.3)])
@@ -204,25 +204,25 @@ def test_a_bound_does_not_rest_on_convergence(monkeypatch):
     scene = block(6, "tetrahedra", bound=1.5, gamma="auto")
     solution = alone(scene)
     good = solution.error_bound
-    monkeypatch.setattr(stress_in_space, "_MOST_PRODUCTS", 2)
+    monkeypatch.setattr(iterated_system, "_MOST_PRODUCTS", 2)
     poor = error_bound(solution.discretisation, solution.displacement, solution.contact)
     true = energy_of_difference(solution, on_finer_mesh(scene))
     assert true < good.error < poor.error
     assert poor.round_off < 1e-5 * poor.size
 
 
-@pytest.mark.parametrize("less", [lambda case: np.zeros_like(case.y), BoundedInSpace._entered])
+@pytest.mark.parametrize("less", [lambda case: np.zeros_like(case.y), Bounded._entered])
 def test_what_is_admissible(less):
     """Between the nodes of a curved gap too: no penetration, no pull, and no more shear than the bound."""
     scene = block(6, "tetrahedra", bound="1.5 + x[0]", gamma="auto")
     case = problem(alone(scene))
     one = case.contacts[0]
     local = np.random.default_rng(0).dirichlet(np.ones(3), 50)
-    points = case.on(one.faces, local)
+    points = case.on(one.facets, local)
     gap = points.value(scene.contact[0].gap)
 
     def normal(y, middle):
-        own = coefficients(case.nodal(y, middle, one.faces))
+        own = case.on_facets(y, middle, one.facets)
         return np.einsum("qc,fcd,fd->fq", bernstein(local), own, one.normal)
 
     assert (normal(*case._admissible(less(case))) <= gap).all()
@@ -237,10 +237,8 @@ def test_what_is_admissible(less):
 def test_every_part_counts(monkeypatch):
     """Without a displacement the gap of the functionals is |tau|^2 + 2 int p d."""
     stresses = []
-    original = BoundedInSpace._stress
-    monkeypatch.setattr(
-        BoundedInSpace, "_stress", lambda self: stresses.append((self, original(self))) or stresses[-1][1]
-    )
+    original = Bounded._stress
+    monkeypatch.setattr(Bounded, "_stress", lambda self: stresses.append((self, original(self))) or stresses[-1][1])
     scene = block(6, "tetrahedra", gamma="auto")
     solution = alone(scene)
     nothing = solution.displacement.copy()
@@ -256,10 +254,10 @@ def test_every_part_counts(monkeypatch):
     points = (5 - np.sqrt(5)) / 20 + np.eye(4) * np.sqrt(5) / 5
     at = np.einsum("qa,niak->niqk", points, s)
     square = np.einsum("n,niqk,kl,niql->", t.volume / 16, at, inverse, at)
-    low = t.outer[t.x[t.faces[t.outer]][:, :, 2].max(axis=1) < 1e-9]
+    low = t.outer[t.x[t.facets[t.outer]][:, :, 2].max(axis=1) < 1e-9]
     local = np.random.default_rng(1).dirichlet(np.ones(3), 4000)
     pressure = np.abs(found.tractions[low, :, 2]) @ local.T
-    x = np.einsum("qa,fad->fqd", local, t.x[t.faces[low]])
+    x = np.einsum("qa,fad->fqd", local, t.x[t.facets[low]])
     gap = 0.003 * ((x[..., 0] - 1.5) ** 2 + (x[..., 1] - 0.5) ** 2) + 0.001
     work = t.area[low] @ (pressure * gap).mean(axis=1)
     assert work > 0.05 * square

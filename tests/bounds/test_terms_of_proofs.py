@@ -14,12 +14,12 @@ from test_coulomb_ways import one_triangle
 from test_fixed_point import energy_norm_of_difference
 from test_uniqueness import random_points
 
-from signorini_fx.bounds.error_bound import _energy, error_bound
-from signorini_fx.bounds.error_bound_in_space import BoundedInSpace
-from signorini_fx.bounds.local_stress import constant_forces
-from signorini_fx.bounds.tetrahedral import bernstein, coefficients
-from signorini_fx.bounds.triangles import GAUSS, Triangles
-from signorini_fx.bounds.triangulated import on_line, quadratic
+from signorini_fx.bounds.error_bound import Bounded, error_bound
+from signorini_fx.bounds.facets import POINTS, bernstein
+from signorini_fx.bounds.johnson_mercier import constant_forces
+from signorini_fx.bounds.korn import korn, on_edges
+from signorini_fx.bounds.simplices import Simplices
+from signorini_fx.bounds.stress_products import energy as energy_of
 from signorini_fx.contact.laws import FrictionLaw
 from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.effects.contact import NoFriction, TrescaFriction
@@ -111,14 +111,14 @@ def test_constants_of_thin_triangles(seed):
     chance = np.random.default_rng(seed)
     slope, turn = chance.uniform(0.2, 0.8), chance.uniform(0, 2 * np.pi)
     flat = np.array([[0.0, 0.0], [1.0, 0.0], [slope, 10 ** chance.uniform(-2.5, -1)]])
-    t = Triangles(
+    t = Simplices(
         flat @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]], np.array([[0, 1, 2]]), np.ones((1, 2))
     )
     s, w = (np.polynomial.legendre.leggauss(12)[k] / 2 + 0.5 * (k == 0) for k in (0, 1))
     a, b = (grid.ravel() for grid in np.meshgrid(s, s))
     local = np.column_stack(((1 - a) * (1 - b), a * (1 - b), b))
-    area = np.outer(w * (1 - s), w).ravel() * 2 * t.area[0]
-    inside, gradient = (float(one[0]) for one in t.korn)
+    area = np.outer(w * (1 - s), w).ravel() * 2 * t.volume[0]
+    inside, gradient = (float(one[0]) for one in korn(t))
     for _ in range(6):
         for power in range(6):
             weights = np.array([0.0, 1.0, chance.uniform()])[chance.permutation(3)]
@@ -126,13 +126,13 @@ def test_constants_of_thin_triangles(seed):
             slopes = power * (local @ weights)[:, None] ** max(power - 1, 0) * (weights @ t.gradients[0])
             size = np.sqrt(area @ values**2)
             steep = np.sqrt(area @ (slopes**2).sum(axis=1))
-            bounds = t.on_edges(np.array([size]), np.array([steep]))[0]
+            bounds = on_edges(t, np.array([size]), np.array([steep]))[0]
             for i in range(3):
                 ends = weights[[(i + 1) % 3, (i + 2) % 3]]
                 there = (ends[0] * (1 - s) + ends[1] * s) ** power
-                on_edge = np.sqrt(t.length[t.of_triangle[0, i]] * (w @ there**2))
+                on_edge = np.sqrt(t.area[t.facets_of[0, i]] * (w @ there**2))
                 assert on_edge <= bounds[i] * (1 + 1e-9)
-            away = values - area @ values / t.area[0]
+            away = values - area @ values / t.volume[0]
             assert np.sqrt(area @ away**2) <= inside / gradient * steep * (1 + 1e-9) + 1e-12 * size
 
 
@@ -217,9 +217,12 @@ def test_parts_of_the_bound(seed):
     assert distance**2 == pytest.approx(gap + 2 * missed * distance, rel=1e-9)
     assert found.radius**2 == pytest.approx((gap + contact) / 4 + missed * distance, rel=1e-9)
     # The functional at v is at most this above its least value.
-    above, energy = gap / 2 + missed * distance, _energy(case.t, found.v.strain).sum() / 2
+    above, energy = gap / 2 + missed * distance, energy_of(case.t, found.v.strain).sum() / 2
     bound = case.bound()
-    assert bound.work[1] >= (bound.size + bound.error) ** 2 / 2 - energy + case.work(found.v.y, found.v.middle) + above
+    assert (
+        bound.work[1]
+        >= (bound.size + bound.error) ** 2 / 2 - energy + case.loads.work(found.v.y, found.v.middle) + above
+    )
     # A stress that is known badly.
     squares = found.stress.squares + found.size**2 / len(found.stress.squares)
     case.enclosure = found = replace(found, stress=replace(found.stress, squares=squares))
@@ -240,7 +243,7 @@ def test_the_work_of_a_displacement_that_is_wrong(seed):
     case, wrong = error_bounds.problem(solution), solution.displacement.copy()
     wrong.x.array[:] *= 1 + (-1) ** seed * float(chance.uniform(0.05, 0.2))
     found = error_bound(solution.discretisation, wrong, solution.contact)
-    assert found.work[0] <= case.work(case.y, case.middle) <= found.work[1]
+    assert found.work[0] <= case.loads.work(case.y, case.middle) <= found.work[1]
     assert 0.01 * found.size < found.error < found.size
 
 
@@ -252,11 +255,14 @@ def test_friction_of_a_slip_that_changes_its_sign():
     for _ in range(20):
         y, middle = chance.normal(size=case.y.shape), chance.normal(size=case.middle.shape)
         least = chance.uniform(size=one.least.shape)
-        shear = least * chance.uniform(-1, 1, least.shape)
-        bounds = on_line(least, GAUSS[0])
+        shear = (least * chance.uniform(-1, 1, least.shape))[:, :, None] * one.tangents[0][:, None]
+        bounds = least @ POINTS[2].T
         some = replace(one, pressure=np.zeros_like(least), least=least, bound=bounds, shear=shear)
-        slip = np.einsum("fqd,fd->fq", quadratic(y, middle, case.t.edges, one.edges, s), one.tangent)
-        work = (on_line(least, s) * np.abs(slip) - on_line(shear, s) * slip).mean(axis=1) * case.t.length[one.edges]
+        local = np.column_stack((1 - s, s))
+        v = bernstein(local) @ case.on_facets(y, middle, one.facets)
+        slip = v - np.einsum("fqd,fd,fe->fqe", v, one.normal, one.normal)
+        work = (least @ local.T * np.linalg.norm(slip, axis=2) - (local @ shear * slip).sum(axis=2)).mean(axis=1)
+        work *= case.t.area[one.facets]
         assert (case._on_contact(some, y, middle) >= work * (1 - 1e-6)).all()
 
 
@@ -265,7 +271,7 @@ def test_the_softest_strain():
     chance = np.random.default_rng(3)
     for poisson in (-0.9, -0.3, 0.0, 0.3, 0.49):
         lame = np.array([[poisson / (1 + poisson) / (1 - 2 * poisson), 0.5 / (1 + poisson)]])
-        t = Triangles(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.array([[0, 1, 2]]), lame)
+        t = Simplices(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.array([[0, 1, 2]]), lame)
         strain = np.concatenate((chance.normal(size=(1, 50, 3)), [[[1.0, 1.0, 0.0], [1.0, -1.0, 0.0]]]), axis=1)
         size = (strain**2 * [1, 1, 2]).sum(axis=2)
         share = (t.stress(strain) * strain * [1, 1, 2]).sum(axis=2) / size
@@ -280,7 +286,7 @@ def test_what_constants_miss_of_a_body_force(seed):
     scene = uniform(seed, dip="none")
     load = BodyForce(x=f"{a} + {b} * x[0]**3", y=f"{c} * x[0] * x[1]**2")
     case = error_bounds.problem(alone(scene.model_copy(update={"body_force": (load,)})))
-    t, constants = case.t, constant_forces(case.t, case.body)
+    t, constants = case.t, constant_forces(case.t, case.loads.body)
     s, w = (np.polynomial.legendre.leggauss(6)[k] / 2 + 0.5 * (k == 0) for k in (0, 1))
     g, h = (grid.ravel() for grid in np.meshgrid(s, s))
     local, weight = np.column_stack(((1 - g) * (1 - h), g * (1 - h), h)), np.outer(w * (1 - s), w).ravel() * 2
@@ -290,8 +296,8 @@ def test_what_constants_miss_of_a_body_force(seed):
         corners[:, third] = corners.mean(axis=1)
         x = np.einsum("qc,ncd->nqd", local, corners)
         force = np.stack((a + b * x[..., 0] ** 3, c * x[..., 0] * x[..., 1] ** 2), axis=2)
-        square += t.area / 3 * np.einsum("q,nqd->n", weight, (force - constants[:, third][:, None]) ** 2)
-    np.testing.assert_allclose(case.missed_inside, square, rtol=1e-6, atol=1e-12 * square.max())
+        square += t.volume / 3 * np.einsum("q,nqd->n", weight, (force - constants[:, third][:, None]) ** 2)
+    np.testing.assert_allclose(case.loads.missed_inside, square, rtol=1e-6, atol=1e-12 * square.max())
 
 
 @pytest.mark.parametrize("place", [0.37, 0.41])
@@ -315,8 +321,13 @@ def test_round_off_in_space(monkeypatch):
     """What is not in equilibrium with the loads is a part of the bounds of the error and of the work."""
     solution = alone(uniform(4, dip="none", dimension=3))
     plain = solution.error_bound
-    original, missing = BoundedInSpace._stress, plain.size
-    monkeypatch.setattr(BoundedInSpace, "_stress", lambda self: replace(original(self), missing=missing))
+    original, missing = Bounded._stress, plain.size
+
+    def unbalanced(self):
+        stress = original(self)
+        return replace(stress, squares=np.full_like(stress.squares, missing**2 / stress.squares.size))
+
+    monkeypatch.setattr(Bounded, "_stress", unbalanced)
     found = error_bound(solution.discretisation, solution.displacement, solution.contact)
     assert found.error >= missing
     # (|u| + e)^2 / 2 alone is 3/2 of |u|^2 wider; that the functional may be 2 |u|^2 higher comes on top.
@@ -353,13 +364,13 @@ def test_friction_on_faces_that_lean():
     )
     local = np.column_stack((n - grid.sum(axis=1), grid)) / n
     assert len(local) == n * n
-    some = replace(one, **{name: getattr(one, name)[faces] for name in ("faces", "normal", "gap", "bound")})
+    some = replace(one, **{name: getattr(one, name)[faces] for name in ("facets", "normal", "gap", "bound")})
     for _ in range(20):
         y, middle = chance.normal(size=case.y.shape), chance.normal(size=case.middle.shape)
         some = replace(some, pressure=np.zeros((1, 3)), shear=np.zeros((1, 3, 3)))
-        v = np.einsum("qc,fcd->fqd", bernstein(local), coefficients(case.nodal(y, middle, some.faces)))
+        v = np.einsum("qc,fcd->fqd", bernstein(local), case.on_facets(y, middle, some.facets))
         slip = v - np.einsum("fqd,fd,fe->fqe", v, some.normal, some.normal)
-        work = 0.3 * np.linalg.norm(slip, axis=2).mean(axis=1) * case.t.area[some.faces]
+        work = 0.3 * np.linalg.norm(slip, axis=2).mean(axis=1) * case.t.area[some.facets]
         assert (case._on_contact(some, y, middle) >= work * (1 - 1e-6)).all()
 
 

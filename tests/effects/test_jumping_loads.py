@@ -13,7 +13,7 @@ from test_safety import COULOMB, block, hub
 
 from signorini_fx.bounds.bounded_scene import grounds
 from signorini_fx.bounds.integrated_loads import on_edges
-from signorini_fx.bounds.triangles import Triangles
+from signorini_fx.bounds.simplices import Simplices
 from signorini_fx.check.checks import check_scene
 from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.effects.contact import TrescaFriction
@@ -81,7 +81,7 @@ def test_what_is_no_expression_widens_the_bounds(place):
 @pytest.mark.parametrize("place", [0.22, 0.5, 0.78])
 def test_what_linear_functions_miss_of_a_jump_that_nobody_knows(place):
     """Each of the rules has less than a step of height one leaves by itself; with what they differ by it is enough."""
-    side = Triangles(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.array([[0, 1, 2]]), np.ones((1, 2)))
+    side = Simplices(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.array([[0, 1, 2]]), np.ones((1, 2)))
     (edge,) = np.flatnonzero((side.edges == [0, 1]).all(axis=1))
 
     def step(_, points):
@@ -95,15 +95,15 @@ def test_what_linear_functions_miss_of_a_jump_that_nobody_knows(place):
 def test_pressures_on_all_edges_of_a_triangle():
     """Each has the normal of its own edge: that of a fluid below its level is its weight, by Gauss's theorem."""
     x = np.array([[0.1, 0.0], [1.3, 0.4], [0.5, 0.9]])
-    t = Triangles(x, np.array([[0, 1, 2]]), np.ones((1, 2)))
+    t = Simplices(x, np.array([[0, 1, 2]]), np.ones((1, 2)))
     depth = Expression("max(2 - x[1], 0)")
 
     def pressure(_, points):
         return -(2 - points.x[..., 1:]) * points.normal
 
     edges = t.outer[::-1]
-    total = t.length[edges] @ on_edges(t, edges, pressure, [depth]).means
-    np.testing.assert_allclose(total, [0.0, t.area[0]], atol=1e-14)
+    total = t.area[edges] @ on_edges(t, edges, pressure, [depth]).means
+    np.testing.assert_allclose(total, [0.0, t.volume[0]], atol=1e-14)
 
 
 def test_a_body_force_that_jumps_inside_cells():

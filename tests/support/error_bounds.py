@@ -39,7 +39,7 @@ def energy_of_difference(solution, reference):
     own = np.einsum("nqc,nqck->nqk", barycentric, c.strain_at_corners(coarse.y, coarse.middle)[where])
     difference = np.einsum("qc,nck->nqk", local, strains) - own
     product = (t.stress(difference) * difference * [1, 1, 2]).sum(axis=2)
-    return float(np.sqrt((t.area[:, None] / 3 * product).sum()))
+    return float(np.sqrt((t.volume[:, None] / 3 * product).sum()))
 
 
 def on_finer_mesh(scene):

@@ -7,8 +7,8 @@ from dolfinx import mesh as dmesh
 from scenes import alone
 from spaces import box
 
-from signorini_fx.bounds.error_bound_in_space import BoundedInSpace
-from signorini_fx.bounds.tetrahedra import TWICE
+from signorini_fx.bounds.error_bound import Bounded
+from signorini_fx.bounds.simplices import TWICE
 from signorini_fx.errors import SignoriniError
 from signorini_fx.mesh.refinement import refine
 from signorini_fx.scene.reading import parse_scene
@@ -19,7 +19,7 @@ _INSIDE = (5 - np.sqrt(5)) / 20 + np.eye(4) * np.sqrt(5) / 5
 
 def problem(solution):
     """The solution as plain arrays on tetrahedra."""
-    return BoundedInSpace(solution.discretisation, solution.displacement, solution.contact, 0.0)
+    return Bounded(solution.discretisation, solution.displacement, solution.contact, 0.0)
 
 
 def energy_of_difference(solution, reference):
@@ -37,7 +37,7 @@ def energy_of_difference(solution, reference):
     barycentric = ones + np.einsum("nid,nqd->nqi", c.gradients[where], x - first[where][:, None])
     own = np.einsum("nqc,nck->nqk", barycentric, c.strain_at_corners(coarse.y, coarse.middle)[where])
     difference = np.einsum("qc,nck->nqk", _INSIDE, t.strain_at_corners(fine.y, fine.middle)) - own
-    return float(np.sqrt((t.volume[:, None] / 4 * (t.stress(difference) * difference * TWICE).sum(axis=2)).sum()))
+    return float(np.sqrt((t.volume[:, None] / 4 * (t.stress(difference) * difference * TWICE[3]).sum(axis=2)).sum()))
 
 
 def on_finer_mesh(scene, times=1):

@@ -1,0 +1,248 @@
+"""A scene with its solution as plain arrays on triangles or tetrahedra: displacement, supports, contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import basix
+import numpy as np
+from dolfinx import fem
+from scipy.spatial import cKDTree
+
+from signorini_fx import compat
+from signorini_fx.body.assembly import facet_entities
+from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.bounds.applied_loads import LinearLoads, PlaneLoads
+from signorini_fx.bounds.arrays import Array, Ints
+from signorini_fx.bounds.bounded_error import SAME_LENGTH
+from signorini_fx.bounds.bounded_scene import BoundPoints, Grounds, Refused, grounds, lame_of, refuse_unknown
+from signorini_fx.bounds.facets import NODES, POINTS, SEEN, bernstein, coefficients
+from signorini_fx.bounds.simplices import Simplices, divide
+from signorini_fx.effects.contact import CoulombFriction, TrescaFriction, UnilateralContact
+from signorini_fx.effects.displacement import PrescribedDisplacement
+from signorini_fx.scene.effect import Force
+from signorini_fx.scene.load_steps import factor_at
+
+# Values at both ends and in the middle of the linear function whose moments with linear ones are those that Simpson's
+# rule has from nodal values.
+_LINEAR: Array = np.array([[2.0, 2.0, -1.0], [0.5, 2.0, 0.5], [-1.0, 2.0, 2.0]]) / 3
+# Share of the largest displacement up to which elements hold one.
+_HELD = 1e-9
+
+
+@dataclass
+class FacetsInContact:
+    """The facets of one contact.
+
+    Attributes:
+        facets: of the cells, shape (m,).
+        normal: to the foundation, shape (m, d).
+        gap: at ``POINTS``, and coefficients of Bernstein of a quadratic below it, lengths, shapes (m, q) and
+            (m, 3 or 6).
+        below: see ``gap``.
+        bound: g at ``POINTS``, stress, shape (m, q).
+        pressure: p at the vertices, stress, shape (m, d).
+        shear: mu at the vertices, perpendicular to the normal, stress, shape (m, d, d).
+        least: a linear function of which |mu| is at most, at the vertices, stress, shape (m, d).
+    """
+
+    facets: Ints
+    normal: Array
+    gap: Array
+    below: Array
+    bound: Array
+    pressure: Array
+    shear: Array
+    least: Array
+
+    @property
+    def traction(self) -> Array:
+        """On the body at the vertices, stress, shape (m, d, d)."""
+        return -self.pressure[:, :, None] * self.normal[:, None] - self.shear
+
+    @property
+    def tangents(self) -> list[Array]:
+        """One in the plane, two in space, orthonormal, shapes (m, d)."""
+        if self.normal.shape[1] == 2:
+            return [np.column_stack((-self.normal[:, 1], self.normal[:, 0]))]
+        first = np.cross(self.normal, np.eye(3)[np.abs(self.normal).argmin(axis=1)])
+        first /= np.linalg.norm(first, axis=1)[:, None]
+        return [first, np.asarray(np.cross(self.normal, first), dtype=np.float64)]
+
+
+class PlainProblem:
+    """A scene with its solution as plain arrays.
+
+    Attributes:
+        t: the cells; triangles of degree 2, and quadrilaterals, are divided.
+        owner: the cell of the mesh that each of them is in, shape (n,).
+        y: the displacement at vertices, and at the middles of edges, length, shapes (v, d) and (e, d).
+        middle: see ``y``.
+        held: projectors onto the directions in which facets are held, shape (f, d, d).
+        loads: what acts on the body.
+        contacts: the contacts of the scene.
+    """
+
+    def __init__(self, d: Discretisation, y: fem.Function, contact: ContactState | None, step: float) -> None:
+        self._d, self._position, self._dimension = d, step, d.tagged.dimension
+        refuse_unknown(d)
+        self._divide(y)
+        self.held = np.zeros((len(self.t.facets), self._dimension, self._dimension))
+        self._supports()
+        acting = [(factor_at(d.scene.factors_of(load), step), load) for load in d.scene.of(Force)]
+        forces = [
+            (factor, load, None if load.where is None else self._facets(load.where))
+            for factor, load in acting
+            if factor != 0
+        ]
+        self.loads = (PlaneLoads if self._dimension == 2 else LinearLoads)(self.t, self.held, forces)
+        self.contacts = (
+            []
+            if contact is None
+            else [self._contact(number, effect, contact) for number, effect in enumerate(d.scene.contact)]
+        )
+
+    @property
+    def grounds(self) -> Grounds:
+        """What all that is proved rests on."""
+        return grounds(self._d, coulomb=self._d.scene.has_coulomb, unknown=self.loads.unknown_share)
+
+    def _divide(self, y: fem.Function) -> None:
+        """Simplices of the cells, with degree 2 four of each triangle, and the displacement on them."""
+        mesh, dofs, d = self._d.tagged.mesh, y.function_space.dofmap.list, self._dimension
+        used, cells = np.unique(np.asarray(compat.geometry_cells(mesh), dtype=np.int64), return_inverse=True)
+        x, cells = np.asarray(mesh.geometry.x[:, :d], dtype=np.float64)[used], cells.reshape(len(dofs), -1)
+        values = y.x.array.reshape(-1, d)[dofs]
+        at: Array = np.zeros((len(x), d))
+        at[cells] = values[:, : cells.shape[1]]
+        quads = mesh.topology.cell_name() == "quadrilateral"
+        if quads:
+            across = x[cells[:, 0]] - x[cells[:, 1]] - x[cells[:, 2]] + x[cells[:, 3]]
+            if np.abs(across).max() > SAME_LENGTH * self._d.tagged.size:
+                raise Refused("a guaranteed bound is for quadrilaterals that are parallelograms: use triangles")
+        corners = np.concatenate((cells[:, [0, 1, 3]], cells[:, [0, 3, 2]])) if quads else cells
+        owner = np.arange(len(corners)) % len(cells)
+        turned = np.linalg.det(x[corners][:, 1:] - x[corners][:, :1]) < 0
+        corners = np.where(turned[:, None], corners[:, [*range(d - 1), d, d - 1]], corners)
+        t = Simplices(x, corners, lame_of(self._d, owner))
+        middle: Array = at[t.edges].mean(axis=1)
+
+        def numbers(ends: Ints) -> Ints:
+            """Of the edges between vertices."""
+            return np.searchsorted(t.keys(t.edges), t.keys(np.sort(ends, axis=-1)))
+
+        local = basix.topology(getattr(basix.CellType, mesh.topology.cell_name()))
+        self._corners_of_facets, self._cells = np.array(local[d - 1]), cells
+        degree_2 = not quads and values.shape[1] > d + 1
+        if quads:  # the middle of the diagonal is that of the cell
+            middle[numbers(cells[:, [0, 3]])] = values.mean(axis=1)
+        elif degree_2:
+            middle[numbers(cells[:, np.array(local[1])])] = values[:, d + 1 :]
+        self.owner, self.y, self.middle = owner, at, middle
+        self._undivided, self._parts, self.t = t, np.arange(len(t.facets))[:, None], t
+        if d == 2 and degree_2:  # the stress is linear: on four triangles it is as accurate as that of degree 2
+            self.t, self.y, self.middle, self._parts = divide(t, at, middle)
+            self.owner = np.tile(owner, 4)
+
+    @property
+    def cells(self) -> int:
+        """How many the mesh has."""
+        return len(self._cells)
+
+    def _facets(self, name: str) -> Ints:
+        """The facets of a boundary, the parts of each facet of the mesh one after the other."""
+        entities, t = facet_entities(self._d.tagged.mesh, self._d.tagged.facets(name)), self._undivided
+        corners = np.take_along_axis(self._cells[entities[:, 0]], self._corners_of_facets[entities[:, 1]], axis=1)
+        return self._parts[np.searchsorted(t.keys(t.facets), t.keys(np.sort(corners, axis=1)))].ravel()
+
+    def on(self, facets: Ints, local: Array) -> BoundPoints:
+        """Points on facets at barycentric places, with their normals."""
+        x = np.einsum("qc,fcd->fqd", local, self.t.x[self.t.facets[facets]])
+        return BoundPoints(x, np.broadcast_to(self.t.normal[facets][:, None], x.shape))
+
+    def on_facets(self, y: Array, middle: Array, facets: Ints) -> Array:
+        """Coefficients of Bernstein of a displacement of degree 2 on facets, length, shape (m, 3 or 6, d)."""
+        nodal = np.concatenate((y[self.t.facets[facets]], middle[self.t.edges_of_facets[facets]]), axis=1)
+        return coefficients(nodal)
+
+    def _supports(self) -> None:
+        """Directions in which facets are held; the displacement there is one that the elements hold."""
+        scene, size, d = self._d.scene, np.abs(self.y).max(), self._dimension
+        for effect in scene.of(PrescribedDisplacement):
+            facets = self._facets(str(effect.boundary))
+            factor, points = factor_at(scene.factors_of(effect), self._position), self.on(facets, POINTS[d])
+            displacement = bernstein(POINTS[d]) @ self.on_facets(self.y, self.middle, facets)
+            rows = [(effect.normal, self.t.normal[facets])]
+            rows += [(value, np.tile(np.eye(d)[k], (len(facets), 1))) for k, value in enumerate(effect.components[:d])]
+            for value, direction in rows:
+                if value is None:
+                    continue
+                component, prescribed = np.einsum("fqd,fd->fq", displacement, direction), factor * points.value(value)
+                if np.abs(component - prescribed).max(initial=0.0) > _HELD * max(
+                    size, np.abs(prescribed).max(initial=0.0)
+                ):
+                    raise Refused(f"the displacement of {effect.boundary!r} is no polynomial of the elements")
+                self.held[facets] += direction[:, :, None] * direction[:, None]
+        sizes, vectors = np.linalg.eigh(self.held)
+        self.held = np.einsum("fik,fk,fjk->fij", vectors, np.where(sizes > SAME_LENGTH, 1.0, 0.0), vectors)
+
+    def _contact(self, number: int, effect: UnilateralContact, contact: ContactState) -> FacetsInContact:
+        """The facets of a contact, with admissible tractions near the nodal ones."""
+        t, d, boundary, facets = self.t, self._dimension, contact.boundary, self._facets(effect.boundary)
+        normal = t.normal[facets]
+        if effect.direction is not None:
+            direction = np.array(effect.direction[:d])
+            normal = np.tile(direction / np.linalg.norm(direction), (len(facets), 1))
+        fine = self.on(facets, SEEN[d]).value(effect.gap)
+        below = coefficients(fine[:, NODES[d]])
+        below -= (below @ bernstein(SEEN[d]).T - fine).max(axis=1, initial=0.0)[:, None]
+        rows = np.flatnonzero(boundary.part == number)
+        near = cKDTree(t.x).query(boundary.x[rows][:, :d])[1]
+
+        def linear(values: Array, *, positive: bool = False) -> Array:
+            """Linear functions on the facets from values of contact points, which are zero where there is none; on
+            divided ones with the moments of the nodal rule, or not negative with its resultants.
+            """
+            nodal = np.zeros((len(t.x), *values.shape[1:]))
+            nodal[near] = values[rows]
+            tractions = nodal[t.facets[facets]]
+            if t.parts == 1:
+                return np.asarray(tractions)
+            # Each half of a facet ends with its middle, which has the higher number.
+            together = np.concatenate((tractions[::2], tractions[1::2, :1]), axis=1)  # an end, the middle, an end
+            together = np.einsum("ab,mb...->ma...", _LINEAR, together)
+            if positive:  # with the resultant of each facet, of which a thin body takes notice
+                cut = together.clip(min=0.0)
+                share = together @ [0.25, 0.5, 0.25] / np.maximum(cut @ [0.25, 0.5, 0.25], np.finfo(float).tiny)
+                together = cut * share.clip(0.0, 1.0)[:, None]
+            return np.stack((together[:, :2], together[:, [2, 1]]), axis=1).reshape(tractions.shape)
+
+        pressure, points = linear(contact.pressure, positive=True).clip(min=0.0), self.on(facets, POINTS[d])
+        match effect.friction if effect.friction.acts else None:
+            case TrescaFriction(bound=bound):
+                bounds, seen = points.value(bound), self.on(facets, SEEN[d]).value(bound)
+                least = seen[:, NODES[d][:d]]
+                least = (least - (least @ SEEN[d].T - seen).max(axis=1, initial=0.0)[:, None]).clip(min=0.0)
+            case CoulombFriction():
+                least = linear(contact.bound).clip(min=0.0)
+                bounds = least @ POINTS[d].T
+            case _:
+                least, bounds = np.zeros_like(pressure), np.zeros((len(facets), len(POINTS[d])))
+        surface = FacetsInContact(
+            facets, normal, points.value(effect.gap), below, bounds, pressure, np.zeros((*pressure.shape, d)), least
+        )
+        if d == 2:
+            shear = linear(contact.shear) * surface.tangents[0][:, None]
+        else:
+            shear = linear(np.einsum("nij,nj->ni", boundary.tangents, contact.shear))
+            shear -= np.einsum("fad,fd,fe->fae", shear, normal, normal)
+        surface.shear = onto_disc(shear, least)
+        return surface
+
+
+def onto_disc(shear: Array, least: Array) -> Array:
+    """The closest vectors of a size of at most ``least``, shape (..., d)."""
+    size = np.linalg.norm(shear, axis=-1)
+    share = np.divide(least, size, out=np.ones_like(size), where=size > least) * (1 - 2 * np.finfo(float).eps)
+    return np.asarray(shear * share[..., None])
