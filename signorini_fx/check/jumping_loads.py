@@ -25,8 +25,6 @@ Indices = npt.NDArray[np.int32]
 _LITTLE, _INTERPOLATED = 1e-3, 0.05
 # How often the simplices that fill a facet or a cell are halved for the rule to compare with, and its degree.
 _HALVED_FACETS, _HALVED_CELLS, _DEGREE = 8, 4, 5
-# Vertices of reference facets and cells at the ends of their axes.
-_AXES = {kind: [1, 2, 4 if len(basix.geometry(kind)) == 8 else 3][: basix.geometry(kind).shape[1]] for kind in PARTS}
 # Facets or cells that are looked at together.
 _TOGETHER = 2000
 
@@ -101,9 +99,11 @@ def _missed(d: Discretisation, every: Indices, value: Any, load: Force) -> Array
         sides = [basix.geometry(cell)[corners] for corners in basix.topology(cell)[across - 1]]
         kind = basix.cell.subentity_types(cell)[across - 1][0]
     rules = basix.make_quadrature(kind, load.degree(d.scene.element.degree)), _halved(kind, often)
+    reference = basix.geometry(kind)
+    ends_of_axes = [1, 2, 4 if len(reference) == 8 else 3][: reference.shape[1]]
     for side, corners in enumerate(sides):
         # A facet in the reference cell is an affine image of its own reference, whose axes are at these corners.
-        axes = corners[_AXES[kind]] - corners[0]
+        axes = corners[ends_of_axes] - corners[0]
         coarse, fine = (_Rule(corners[0] + points @ axes, weights, axes) for points, weights in rules)
         on_side = entities[entities[:, 1] == side, 0]
         for cells in np.array_split(on_side, -(-len(on_side) // _TOGETHER) or 1):

@@ -421,8 +421,14 @@ def test_after_a_solve_without_a_solution_the_next_one_begins_where_it_began(mon
         exact = block.problem.u.x.array.copy()
         if fails:
             block.down.value, block.aside.value, block.load.value = -0.002, 0.01, -50.0
+
+            def refused(*_, block=block):
+                """As after an iteration that has diverged."""
+                block.problem._task.iterate.x.set(np.nan)
+                return Certificate(equilibrium=1e-3)
+
             with monkeypatch.context() as patch:
-                patch.setattr(contact_problem, "certify", lambda *given: Certificate(equilibrium=1e-3))
+                patch.setattr(contact_problem, "certify", refused)
                 with pytest.raises(ConvergenceError):
                     block.problem.solve()
             assert np.abs(block.problem.u.x.array - exact).max() > 1e-3
