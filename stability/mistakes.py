@@ -5185,6 +5185,13 @@ MUTANTS = (
         "checkpoint: the digests of the other files have none",
         tests=("restart::test_a_byte_of_any_file",),
     ),
+    Mutant(
+        "check/findings",
+        "min(material.young for material in scene.material)",
+        "max(material.young for material in scene.material)",
+        "check: gamma is compared with the stiffest body",
+        tests=("two_bodies_scenes::test_gamma_that_is_too_large_for_the_softest_body",),
+    ),
 )
 
 # Some from every module.

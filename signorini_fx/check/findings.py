@@ -400,15 +400,18 @@ def _uniqueness(scene: Scene, boundary: ContactBoundary, law: FrictionLaw | None
 def _regularisation(scene: Scene, data: RegularisedData, natural: float) -> list[Finding]:
     """Gamma and sigma compared with E over the size of the body."""
     settings, findings = scene.solver, []
+    # The pressures of the softest body are the smallest, and the round-off of gamma is as large at each.
+    softest = min(material.young for material in scene.material) / scene.young
     gammas = {"gamma_n": data.gamma_n, "gamma_t": data.gamma_t}
     if not scene.has_friction:
         del gammas["gamma_t"]
     # Path-following determines gamma itself; the result of exact does not depend on it.
     for name, gamma in gammas.items() if settings.algorithm not in ("path-following", "exact") else ():
-        if gamma > LARGEST_GAMMA * natural:
+        most = LARGEST_GAMMA * natural * (1.0 if getattr(settings, name) == "auto" else softest)
+        if gamma > most:
             message = (
-                f"{gamma:g} is above {LARGEST_GAMMA * natural:.1g}, {LARGEST_GAMMA:g} times E over the size of the "
-                "body: round-off spoils the digits of the pressures; set 'auto', or algorithm = 'alm' or 'exact'"
+                f"{gamma:g} is above {most:.1g}, {LARGEST_GAMMA:g} times the smallest E over the size of the body: "
+                "round-off spoils the digits of the pressures; set 'auto', or algorithm = 'alm' or 'exact'"
             )
             findings.append(Finding("warning", f"solver.{name}", message))
         if gamma < START_GAMMA * natural and settings.algorithm != "alm":

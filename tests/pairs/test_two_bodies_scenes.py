@@ -10,6 +10,7 @@ import pytest
 from test_summary_schema import VALIDATOR
 
 from signorini_fx import ConvergenceError, SceneError, Status, read_scene, solve, write_results
+from signorini_fx.check.checks import check_scene
 from signorini_fx.cli import main
 from signorini_fx.pictures import load_steps
 from signorini_fx.results.summary import render, summarise
@@ -85,6 +86,17 @@ def test_cattaneo_and_mindlin(push):
     smooth = (np.abs(np.abs(x) - inner) > spacing) & (np.abs(x) < half - spacing)
     assert np.abs(shear - theory)[smooth].max() < 0.05 * largest
     assert np.abs(shear - np.interp(-x, x, shear)).max() < 0.05 * largest
+
+
+@pytest.mark.parametrize(("young", "warned"), [(200.0, False), (0.2, True)])
+def test_gamma_that_is_too_large_for_the_softest_body(young, warned):
+    """The digits of its pressures are lost by a gamma of which those of a stiff one are not."""
+    scene = altered(solver={"gamma_n": 1e9})
+    scene["material"][0]["young"] = young
+    found = [
+        finding.message for finding in check_scene(parse_scene(scene)).findings if finding.path == "solver.gamma_n"
+    ]
+    assert ["round-off spoils" in message for message in found] == [True] * warned
 
 
 @pytest.mark.parametrize(

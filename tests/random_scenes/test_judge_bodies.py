@@ -16,6 +16,7 @@ from stability.oracle.bodies.judge import body_of, contacts_of, judge  # noqa: E
 from stability.oracle.bodies.scenes import trial  # noqa: E402
 from stability.oracle.judge import FAILURES, RIGHT, WRONG  # noqa: E402
 from stability.oracle.package import answer_of, solution_of  # noqa: E402
+from stability.oracle.space.conditions import Origin, Tractions, violations  # noqa: E402
 from stability.oracle.worker import row_of  # noqa: E402
 
 SHORT = {"first": range(2), "others": range(2, 5)}
@@ -106,3 +107,36 @@ def test_joint_rigid_motions_do_not_move_the_points(seed):
     assert count > 1
     alone = np.where(labels == labels[slave.nodes[0, 0]], 1.0, 0.0)[:, None] * np.ones_like(body.x)
     np.testing.assert_allclose(contact.of(alone)[pair], 1.0, atol=1e-11)
+
+
+class Loaded:
+    """A body under other loads."""
+
+    def __init__(self, body, load):
+        self._body, self._load = body, load
+
+    def __getattr__(self, name):
+        return getattr(self._body, name)
+
+    def load(self, step):
+        return self._load
+
+
+@pytest.mark.parametrize("seed", SPOILT)
+def test_forces_of_the_last_digits_of_displacements(seed):
+    """What gamma makes of them is in equilibrium with a law that has this gamma, and not with others."""
+    drawn, chance = trial(seed, 2 + seed % 2), np.random.default_rng(seed)
+    body = body_of(drawn.scene, drawn.mesh)
+    contact = contacts_of(body)
+    u = 1e-3 * chance.normal(size=body.x.shape)
+    shear, pressure = np.zeros(contact.x.shape), 1e-3 * chance.uniform(size=len(contact.weight))
+    gamma = 1e13
+    away = contact.of(np.finfo(float).eps * chance.choice([-1, 1], u.shape) * u)
+    wrong = pressure + gamma * (away * contact.normal).sum(axis=1)
+    loaded = Loaded(body, body.stiffness @ u.ravel() + contact.forces(pressure, shear))
+    said = Tractions(wrong, shear, np.full(len(pressure), "open"))
+    figures = [
+        violations(loaded, contact, 0, u, said, Origin.nothing(contact), (soft, soft))["equilibrium"]
+        for soft in (1 / gamma, 1e3 / gamma, 0.0)
+    ]
+    assert figures[0] < 1 < min(figures[1:])

@@ -25,6 +25,9 @@ from stability.oracle.space.body import Body
 _EPS = float(np.finfo(float).eps)
 # Share of the forces by prescribed displacements at which a Krylov method ends.
 _KRYLOV = 1e-11
+# Units in the last place that the relative displacement of a contact point loses: half of one as it is stored, and as
+# many as the sum of its terms, which have both signs.
+_LOST = 4
 # A support leaves a direction free if more than this of it is.
 _FREE = 1e-8
 
@@ -313,6 +316,7 @@ def violations(
     residual = np.abs(body.free.T @ (inner - load + taken))
     # A Krylov method ends at a share of the forces that prescribed displacements would make, of a rigid motion too.
     left = _KRYLOV * most if body.scene.get("solver", {}).get("linear_algebra") == "krylov" else noise
+    left += _by_the_law(contact, u, compliance)
     figures["equilibrium"] = float(residual.max(initial=0.0)) / max(TOLERANCE * force + left, LEAST)
     # Scales of the deformation: of a rigid motion only the round-off is tolerated, however large it is.
     shape = deformation(body, u)
@@ -360,6 +364,18 @@ def violations(
     sliding = (said.state == "slip") & judged_t & (bound > 0)
     figures["state of slip"] = _most((bound - size)[sliding]) / faint
     return figures
+
+
+def _by_the_law(contact: Contact, u: Array, compliance: tuple[float, float]) -> float:
+    """The round-off of forces that a regularised law makes of displacements.
+
+    It gives a traction as gamma times a difference of displacements and the gap, each of which is a rounded number.  A
+    displacement that is the exact solution but for its last digits has just these forces, whatever solver it is from.
+    """
+    rate = max((1 / part for part in compliance if part > 0), default=0.0)
+    terms = (abs(contact.operator) @ np.abs(u.ravel())).reshape(contact.x.shape) + np.abs(contact.gap)[:, None]
+    forces = abs(contact.operator).T @ (contact.weight[:, None] * terms).ravel()
+    return _LOST * _EPS * rate * float(forces.max(initial=0.0))
 
 
 def judged(body: Body, contact: Contact) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
