@@ -242,7 +242,7 @@ def _solution_exists(body: Body, contact: Contact, step: int, answer: Answer, pr
         table = answer.steps[step - 1].table
         if (order := _rows(body, contact, table)) is None:
             return False
-        origin = origin.after(_vectors(table, "u_t")[order], _vectors(table, "shear")[order], 0.0)
+        origin = origin.after(_vectors(table, "u_t")[order], _vectors(table, "shear")[order], 0.0, contact)
     if (found := cones.coulomb_state(body, contact, step, origin, pressure)) is None:
         return False
     u, pressure, shear = found
