@@ -413,7 +413,7 @@ def test_axisymmetric():
     solution = solve(parse_scene(scene))
     assert np.isclose(solution.preloads[0].force, np.pi * 0.25 * YOUNG * 0.01, rtol=1e-10)
     assert np.isclose(solution.stress.largest().value, YOUNG * 0.01, rtol=1e-8)
-    with pytest.raises(SceneError, match="axis: must be along"):
+    with pytest.raises(SceneError, match="axis: must be that of the body"):
         parse_scene(scene | {"preload": scene["preload"] | {"axis": [1.0, 1.0]}})
 
 
