@@ -77,8 +77,8 @@ def parser() -> argparse.ArgumentParser:
     fields = solve.add_mutually_exclusive_group()
     fields.add_argument(
         "--fields",
-        choices=("vtx", "vtu"),
-        help="format of the fields for ParaView: vtx (ADIOS2; default where dolfinx has it) or vtu",
+        choices=("vtu", "vtx"),
+        help="format of the fields for ParaView: vtu (default), or vtx (ADIOS2)",
     )
     fields.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
     pictures = solve.add_mutually_exclusive_group()

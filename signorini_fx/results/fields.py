@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from dolfinx import fem, io
+from dolfinx.plot import vtk_mesh
 
 from signorini_fx import compat, parallel
 from signorini_fx.errors import InstallationError
 from signorini_fx.results.solution import Solution
+from signorini_fx.results.vtu import bytes_of, write_vtu
 
-FORMATS = ("vtx", "vtu")
-# The folder of the files of VTU, whose number and names depend on the ranks.
-VTU = "vtu"
+Array = npt.NDArray[Any]
+FORMATS = ("vtu", "vtx")
+# The files of VTU: that of a result without load steps, and with them their list and the folder of one for each.
+VTU, VTU_STEPS, VTU_FOLDER = "fields.vtu", "fields.pvd", "fields"
+# Beside the folders of VTX; "vtu" is one that earlier versions wrote.
+FIELD_FILES = (VTU, VTU_STEPS, VTU_FOLDER, "vtu")
 _BYTES_PER_RANK = 200_000  # what ADIOS2 writes about itself, for all files together
-_BYTES_OF_A_NUMBER = 25  # in the text that VTU files consist of
+_COMPONENTS = (3, 9, 1, 3, 1, 9, 1)  # of the fields in space
 
 
 def chosen_format(fields: bool | str) -> str | None:
-    """The format of the fields: VTX where dolfinx can write it, unless another one is asked for; None: none.
+    """The format of the fields: VTU unless VTX is asked for; None: none.
 
     Args:
         fields: whether to write any, or one of ``FORMATS``.
@@ -31,7 +38,7 @@ def chosen_format(fields: bool | str) -> str | None:
         InstallationError: dolfinx cannot write it.
     """
     if isinstance(fields, bool):
-        return ("vtx" if compat.has_vtx() else "vtu") if fields else None
+        return "vtu" if fields else None
     if fields not in FORMATS:
         raise ValueError(f"fields: True, False, {' or '.join(map(repr, FORMATS))} is expected, got {fields!r}")
     if fields == "vtx" and not compat.has_vtx():
@@ -46,54 +53,86 @@ def size_of_fields(solution: Solution, kind: str) -> float:
     cells = topology.index_map(topology.dim).size_global
     corners = int(d.space.dofmap.list.shape[1])
     if kind == "vtu":
-        return len(solution.shown_steps) * cells * corners * (3 + 3 + 9 + 3 + 1 + 1 + 9 + 1 + 3) * _BYTES_OF_A_NUMBER
+        text = 4000.0  # about the numbers
+        return len(solution.shown_steps) * (text + bytes_of(cells * corners, cells, corners, sum(_COMPONENTS)))
     cell = 8 * (corners + 1)
     continuous = d.dofs // d.tagged.mesh.geometry.dim * (2 * 3 * 8 + 9) + cells * cell
-    broken = sum(cells * (corners * (3 * 8 + 8 * components + 9) + cell) for components in (9, 3, 1, 1, 9, 1))
+    broken = sum(cells * (corners * (3 * 8 + 8 * components + 9) + cell) for components in _COMPONENTS[1:])
     return len(solution.shown_steps) * (continuous + broken) + _BYTES_PER_RANK * solution.comm.size
 
 
 def write_fields(solution: Solution, folder: Path, kind: str) -> list[str]:
     """Displacement, stresses and shear energy density; collective.
 
-    With load steps each file has all of those with a solution, at their times.  The stress is a tensor with nine
+    With load steps there are those of all with a solution, at their times.  The stress is a tensor with nine
     components, which ParaView takes for one, in the plane too.
 
     Args:
         solution: what to write.
         folder: where.
-        kind: ``vtx``: a folder of ADIOS2 for each field; ``vtu``: all of them in one data set with points of its own in
-            each cell.
+        kind: ``vtu``: all of them in one file, with points of its own in each cell, as raw stresses jump; ``vtx``: a
+            folder of ADIOS2 for each field.
 
     Returns:
         Names of the files.
     """
     moments = [solution.at(step) for step in solution.shown_steps]
+    if kind == "vtu":
+        return _write_vtu(solution, moments, folder)
     times = [step.time for step in solution.shown_steps] if solution.scene.several_steps else [0.0]
-    written = _fields(moments[0], kind)
+    written = _fields(moments[0])
+    files = [f"{name}.bp" for name in written]
     with ExitStack() as stack:
-        write: list[Callable[[float], object]] = []
-        if kind == "vtx":
-            files = [f"{name}.bp" for name in written]
-            for file, function in zip(files, written.values(), strict=True):
-                write.append(
-                    stack.enter_context(io.VTXWriter(solution.comm, folder / file, [function], engine="BP4")).write
-                )
-        else:
-            files = [f"{VTU}/fields.pvd"]
-            parallel.on_root(solution.comm, lambda: (folder / VTU).mkdir())
-            data = stack.enter_context(io.VTKFile(solution.comm, folder / files[0], "w"))
-            write.append(lambda time: data.write_function(list(written.values()), time))
+        writers = [
+            stack.enter_context(io.VTXWriter(solution.comm, folder / file, [function], engine="BP4"))
+            for file, function in zip(files, written.values(), strict=True)
+        ]
         for moment, time in zip(moments, times, strict=True):
-            for name, function in _fields(moment, kind).items():
+            for name, function in _fields(moment).items():
                 written[name].x.array[:] = function.x.array
-            for write_step in write:
-                write_step(time)
+            for writer in writers:
+                writer.write(time)
     return files
 
 
-def _fields(solution: Solution, kind: str) -> dict[str, fem.Function]:
-    """Every field under its name; in functions of their own, which may be overwritten."""
+def _write_vtu(solution: Solution, moments: Sequence[Solution], folder: Path) -> list[str]:
+    """One file, or one for each load step and their list; collective."""
+    if not solution.scene.several_steps:
+        write_vtu(folder / VTU, solution.comm, *_grid(moments[0]))
+        return [VTU]
+    parallel.on_root(solution.comm, lambda: (folder / VTU_FOLDER).mkdir())
+    rows = []
+    for step, moment in zip(solution.shown_steps, moments, strict=True):
+        name = f"{VTU_FOLDER}/{step.step:04d}.vtu"
+        write_vtu(folder / name, solution.comm, *_grid(moment))
+        rows.append(f'<DataSet timestep="{step.time!r}" file="{name}"/>')
+    text = "\n".join(['<VTKFile type="Collection" version="1.0"><Collection>', *rows, "</Collection></VTKFile>", ""])
+    parallel.on_root(solution.comm, lambda: (folder / VTU_STEPS).write_text(text, encoding="utf-8"))
+    return [VTU_STEPS]
+
+
+def _grid(moment: Solution) -> tuple[Array, Array, int, dict[str, Array]]:
+    """Points, cells, their kind, and the fields at the points of the cells that this rank owns, see ``write_vtu``."""
+    fields = fields_in_cells(moment)
+    space = fields["von_mises"].function_space
+    cells, kinds, points = vtk_mesh(space)
+    cells = cells.reshape(len(kinds), -1)[:, 1:] if len(kinds) else np.zeros((0, space.dofmap.list.shape[1]), dtype=int)
+    # In the order of the cells: each field has degrees of freedom of its own.
+    numbers = space.dofmap.list
+    order = [list(numbers[0]).index(number) for number in cells[0]] if len(cells) else []
+    values = {}
+    for name, function in fields.items():
+        at_nodes = function.x.array.reshape(-1, function.function_space.dofmap.index_map_bs)
+        at_points = at_nodes[function.function_space.dofmap.list[: len(cells)][:, order].ravel()]
+        if name == "displacement":  # a vector of space, as ParaView expects
+            at_points = np.pad(at_points, ((0, 0), (0, 3 - at_points.shape[1])))
+        values[name] = at_points[:, 0] if at_points.shape[1] == 1 else at_points
+    kind = int(parallel.global_max(moment.comm, float(np.max(kinds, initial=0))))  # a rank may have no cell
+    return points[cells.ravel()], np.arange(cells.size).reshape(cells.shape), kind, values
+
+
+def _fields(solution: Solution) -> dict[str, fem.Function]:
+    """Every field under its name; in functions of their own, which may be overwritten; collective."""
     stress = solution.stress
     fields = {
         "displacement": solution.displacement,
@@ -106,8 +145,6 @@ def _fields(solution: Solution, kind: str) -> dict[str, fem.Function]:
     values = solution.displacement.x.array
     if not parallel.any_rank(solution.comm, not np.isfinite(values).all()):
         fields |= {"recovered_stress": stress.recovered.tensor, "recovered_von_mises": stress.recovered.von_mises}
-    if kind == VTU:
-        return {name: _in_cells(solution, function, name) for name, function in fields.items()}
     displacement = fem.Function(solution.displacement.function_space, name=solution.displacement.name)
     displacement.x.array[:] = values
     return fields | {"displacement": displacement}
@@ -115,7 +152,7 @@ def _fields(solution: Solution, kind: str) -> dict[str, fem.Function]:
 
 def fields_in_cells(solution: Solution) -> dict[str, fem.Function]:
     """Every field under its name, in discontinuous functions of the degree of the element; collective."""
-    return _fields(solution, VTU)
+    return {name: _in_cells(solution, function, name) for name, function in _fields(solution).items()}
 
 
 def _in_cells(solution: Solution, function: fem.Function, name: str) -> fem.Function:

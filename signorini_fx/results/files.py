@@ -27,7 +27,7 @@ from signorini_fx.pictures.result_pictures import TURNING
 from signorini_fx.records import as_rows
 from signorini_fx.report.reading import read_csv, read_facets
 from signorini_fx.results import afterthoughts
-from signorini_fx.results.fields import VTU, chosen_format, size_of_fields, write_fields
+from signorini_fx.results.fields import FIELD_FILES, chosen_format, size_of_fields, write_fields
 from signorini_fx.results.folder import CHECKPOINT, SUMMARY, ResultFolder
 from signorini_fx.results.picture_data import gather_pictures
 from signorini_fx.results.solution import Solution
@@ -49,7 +49,7 @@ FILES = (
         "price_list.csv",
     ),
     *("displacement.bp", "stress.bp", "von_mises.bp", "principal_stresses.bp", "density.bp"),
-    *("recovered_stress.bp", "recovered_von_mises.bp", VTU, "contact.vtu"),
+    *("recovered_stress.bp", "recovered_von_mises.bp", *FIELD_FILES, "contact.vtu"),
     *(
         f"{name}.{kind}"
         for name in ("deformed", "profiles", "history", "price_list", "contact_surface", "load_steps", "section")

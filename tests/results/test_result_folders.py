@@ -73,21 +73,21 @@ def test_files_of_others(scene, tmp_path, monkeypatch, capsys, name):
 
 def test_files_of_others_beside_ours(solution, tmp_path):
     """Also where they stand in a folder that a run has made; once they are gone, the next run can write."""
-    files.write_results(solution, tmp_path, fields="vtu", pictures=False)
+    files.write_results(solution, tmp_path, fields="vtx", pictures=False)
     write_report(tmp_path)
     (tmp_path / "notes.txt").write_text("mine")
     assert set(manifest.ours(tmp_path)) == set(content(tmp_path)) - {"notes.txt"}
-    (tmp_path / "vtu" / "mine.txt").write_text("mine")
+    (tmp_path / "stress.bp" / "mine.txt").write_text("mine")
     before = content(tmp_path)
-    with pytest.raises(OutputError, match=r"vtu/mine\.txt: no earlier run"):
+    with pytest.raises(OutputError, match=r"stress\.bp/mine\.txt: no earlier run"):
         files.write_results(solution, tmp_path, fields=False, pictures=False)
     assert content(tmp_path) == before
-    (tmp_path / "vtu" / "mine.txt").unlink()
+    (tmp_path / "stress.bp" / "mine.txt").unlink()
     files.write_results(solution, tmp_path, fields=False, pictures=False)
     assert set(content(tmp_path)) == {
         *("summary.json", "contact.csv", "history.csv", "outer.csv", "notes.txt", manifest.MANIFEST)
     }
-    assert not (tmp_path / "vtu").exists()
+    assert not (tmp_path / "stress.bp").exists()
 
 
 def test_a_file_that_appears_meanwhile(solution, tmp_path):

@@ -35,10 +35,17 @@ y = -0.01
 [[contact]]
 boundary = "bottom"
 """
-NAMES = ("a", "b", "results", "vtu", "checkpoint", "last_level", "displacement.bp", "0-00000")
+NAMES = ("a", "b", "results", "fields", "checkpoint", "last_level", "displacement.bp", "0-00000")
 STRANGERS = (
     *("notes.txt", "contact.csv", "summary.json", "history.csv", "sweep.csv", "work_precision.csv", "report.html"),
-    *("stress.bp", "vtu/a.vtu", "checkpoint/0-00000/mine.npz", "last_level/summary.json", "last_level/mine"),
+    *(
+        "stress.bp",
+        "fields/a.vtu",
+        "fields.vtu",
+        "checkpoint/0-00000/mine.npz",
+        "last_level/summary.json",
+        "last_level/mine",
+    ),
 )
 
 

@@ -58,8 +58,7 @@ def test_files(written):
     nxt = np.roll(corners, -1, axis=1)
     areas = np.abs((corners[:, :, 0] * nxt[:, :, 1] - corners[:, :, 1] * nxt[:, :, 0]).sum(axis=1)) / 2
     assert areas.sum() == pytest.approx(3.0)
-    assert (folder / "stress.bp").exists()
-    assert (folder / "von_mises.bp").exists()
+    assert (folder / "fields.vtu").exists()
 
 
 def test_forces_and_moments(written):
