@@ -4831,8 +4831,8 @@ MUTANTS = (
     ),
     Mutant(
         "results/certificate",
-        "FAINT * scales.stress(certificate.strain_energy) * nodes.area",
-        "scales.stress(certificate.strain_energy) * nodes.area",
+        "max(FAINT * stress, ROUND_OFF * float(mean.max()))",
+        "float(mean.max())",
         "certificate: forces on tools count beside the stress of the body only",
         tests=("tools::test_the_certificate_knows_a_small_force",),
     ),
@@ -5191,6 +5191,13 @@ MUTANTS = (
         "max(material.young for material in scene.material)",
         "check: gamma is compared with the stiffest body",
         tests=("two_bodies_scenes::test_gamma_that_is_too_large_for_the_softest_body",),
+    ),
+    Mutant(
+        "results/certificate",
+        "parallel.largest(comm, mean[piece[points]])",
+        "float(mean.max())",
+        "certificate: a tool is judged by the stress of any body",
+        tests=("tools::test_a_tool_is_judged_by_the_body_that_it_touches",),
     ),
 )
 

@@ -86,7 +86,7 @@ def certify(
     certificate = judged(displacement, balance, sides, tractions, law=law, before=before, tools=moved)
     if not tools:
         return certificate
-    imbalance = unbalanced(ContactNodes.of(balance.surface, sides, tractions), tools, 0.0)
+    imbalance = unbalanced(ContactNodes.of(balance.surface, sides, tractions), tools)
     return replace(certificate, equilibrium=max(certificate.equilibrium, imbalance))
 
 

@@ -26,6 +26,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx import parallel
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.results.contact_nodes import ContactNodes, ContactSide
@@ -200,9 +201,29 @@ def certify(
     certificate = judged(displacement, balance, sides, tractions, law=law, before=before, tools=tools)
     if tools and tractions is not None:
         nodes, drives = ContactNodes.of(forces, sides, tractions), given_in(scene, tools, step, scale)
-        unbalanced_stress = unbalanced(nodes, drives, FAINT * scales.stress(certificate.strain_energy) * nodes.area)
+        faint = _faint_forces(balance, nodes, nodal_displacements[: forces.owned], tools)
+        unbalanced_stress = unbalanced(nodes, drives, faint)
         certificate = replace(certificate, equilibrium=max(certificate.equilibrium, unbalanced_stress))
     return certificate
+
+
+def _faint_forces(balance: Balance, nodes: ContactNodes, y: Nodal, tools: tuple[ToolMotion, ...]) -> Nodal:
+    """Forces at each tool that are round-off of the stress in the pieces of the body that it touches, and of the joint
+    system, shape (tools,); collective.
+    """
+    comm, at_nodes = balance.surface.space.mesh.comm, balance.surface.at_nodes[: balance.surface.owned]
+    pieces = RigidPart(balance.surface.space, at_nodes[:, : y.shape[1]])
+    halves = pieces.works(balance.internal * y)[:, 0] / 2
+    scales = balance.of_pieces(pieces)[0]
+    mean = np.array([part.stress(max(half, 0.0)) for part, half in zip(scales, halves, strict=True)])
+    piece, _ = nodes.pieces(pieces.piece)
+    forces = []
+    for tool in tools:
+        points = nodes.part(tool.part)
+        stress = parallel.largest(comm, mean[piece[points]])
+        area = float(parallel.global_sum(comm, np.array(nodes.weight[points].sum())))
+        forces.append(max(FAINT * stress, ROUND_OFF * float(mean.max())) * area)
+    return np.array(forces)
 
 
 def judged(

@@ -37,17 +37,17 @@ def given_in(scene: Scene, tools: Sequence[ToolMotion], step: float, scale: floa
 Driving = tuple[ToolMotion, tuple[Array, Array]]
 
 
-def unbalanced(nodes: ContactNodes, tools: Sequence[Driving], least: float) -> float:
+def unbalanced(nodes: ContactNodes, tools: Sequence[Driving], least: Array | None = None) -> float:
     """The largest force or moment on a free component of a tool that the contact tractions do not balance, and the
     largest miss of a prescribed one, as a share of the forces at the tool, or of its motion; collective.
 
     Args:
         nodes: the contact points with the tractions at them.
         tools: their motions, and what drives them.
-        least: a force that is round-off.
+        least: forces that are round-off, of each tool; None: zero.
     """
     worst = 0.0
-    for tool, (load, prescribed) in tools:
+    for (tool, (load, prescribed)), slight in zip(tools, np.zeros(len(tools)) if least is None else least, strict=True):
         dim = tool.reference.size
         free, motion = np.isnan(prescribed), np.append(tool.translation, tool.rotation)
         taken, size, reach = nodes.resultant(tool.part, tool.reference)
@@ -55,7 +55,7 @@ def unbalanced(nodes: ContactNodes, tools: Sequence[Driving], least: float) -> f
         lever = np.append(np.ones(dim), np.full(motion.size - dim, reach or 1.0))
         load, motion, prescribed = load / lever, motion * lever, prescribed * lever
         residual = load + taken / lever
-        size = max(size, float(np.abs(load).max()), least)
+        size = max(size, float(np.abs(load).max()), slight)
         missed, far = (
             np.abs(motion - prescribed)[~free],
             max(np.abs(motion).max(), np.abs(prescribed[~free]).max(initial=0)),

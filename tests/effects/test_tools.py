@@ -508,7 +508,7 @@ def test_the_certificate_knows_each_component_in_any_unit(unit):
 def test_the_certificate_knows_a_moment_that_nothing_balances():
     nothing = SimpleNamespace(resultant=lambda *_: (np.zeros(3), 0.0, 1.0))
     tool = ToolMotion(0, "top", np.zeros(2), np.zeros(2), np.zeros(1))
-    assert unbalanced(nothing, given_in(block(moment=1e-3), [tool], 0, 1.0), 0.0) == 1.0
+    assert unbalanced(nothing, given_in(block(moment=1e-3), [tool], 0, 1.0)) == 1.0
 
 
 def test_motions_are_rigid():
@@ -539,36 +539,50 @@ def test_bad_input_is_one_error(entry, words):
         solve(block(**entry))
 
 
+def two_plates(push, second=2.0):
+    """Two posts, each with a plate of its own, under forces 1 and ``second``; the second one is pushed aside."""
+    both = [Box("1", 0.0, 0.0, 1.0, 1.0, 3, 3), Box("2", 3.0, 0.0, 1.0, 1.0, 3, 3)]
+    plate = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0], "prescribed": {"rotation": 0.0}}
+    return parse_scene(
+        {
+            "mesh": boxes_mesh(COMM, both),
+            "material": {"young": 1000.0, "poisson": 0.0},
+            "displacement": [{"boundary": f"bottom {k}", "x": 0.0, "y": 0.0} for k in "12"],
+            "contact": [
+                {
+                    "boundary": f"top {name}",
+                    "foundation": {**plate, "force": [sideways, -force]},
+                    "friction": LAWS["coulomb"],
+                }
+                for name, force, sideways in (("1", 1.0, 0.0), ("2", second, push))
+            ],
+        }
+    )
+
+
 def test_two_tools_are_two_bodies():
     """Each post has a plate of its own: they sink on their own, and only the one that is pushed too hard slides."""
-
-    def scene(push):
-        both = [Box("1", 0.0, 0.0, 1.0, 1.0, 3, 3), Box("2", 3.0, 0.0, 1.0, 1.0, 3, 3)]
-        plate = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0], "prescribed": {"rotation": 0.0}}
-        return parse_scene(
-            {
-                "mesh": boxes_mesh(COMM, both),
-                "material": {"young": 1000.0, "poisson": 0.0},
-                "displacement": [{"boundary": f"bottom {k}", "x": 0.0, "y": 0.0} for k in "12"],
-                "contact": [
-                    {
-                        "boundary": f"top {name}",
-                        "foundation": {**plate, "force": [sideways, -force]},
-                        "friction": LAWS["coulomb"],
-                    }
-                    for name, force, sideways in (("1", 1.0, 0.0), ("2", 2.0, push))
-                ],
-            }
-        )
-
-    tools = solve(scene(0.0)).last_step.tools
+    tools = solve(two_plates(0.0)).last_step.tools
     assert [tool.boundary for tool in tools] == ["top 1", "top 2"]
     assert np.allclose([tool.translation[1] for tool in tools], [-1e-3, -2e-3], rtol=1e-4)
     with pytest.raises(ConvergenceError) as raised:
-        solve(scene(0.7))
+        solve(two_plates(0.7))
     assert raised.value.solution.status is Status.SLIDES
     assert "contact[1]" in str(raised.value)
     assert "contact[0]" not in str(raised.value)
+
+
+def test_a_tool_is_judged_by_the_body_that_it_touches():
+    """A force that is 3e-9 of that on the other tool, and wrong by a tenth."""
+    solution = solve(two_plates(0.0, 3e-9))
+    tagged, tractions, tools = solution.discretisation.tagged, Tractions.of(solution.contact), solution.last_step.tools
+
+    def judged(second):
+        law = solution.certificate.law
+        return certify(two_plates(0.0, second), tagged, solution.displacement, tractions, law=law, tools=tools)
+
+    assert judged(3e-9).holds
+    assert not judged(3.3e-9).holds
 
 
 def test_it_is_drawn_where_it_ends_up(tmp_path, monkeypatch):
