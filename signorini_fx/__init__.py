@@ -51,7 +51,7 @@ _PUBLIC = {
     "results.progress_line": ("ProgressLine",),
     "results.solution": ("ConvergenceError", "Solution"),
     "results.summary": ("print_progress",),
-    "scene.load_steps": ("LoadSteps",),
+    "scene.load_steps": ("LoadPath", "LoadSteps"),
     "scene.model": ("Body", "Discretised", "MeshFile", "MeshGenerator", "Scene"),
     "scene.settings": ("Accuracy", "Box", "SolverSettings", "Units"),
     "scene.reading": ("read_scene",),

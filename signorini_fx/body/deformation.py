@@ -18,7 +18,7 @@ from dolfinx import fem
 
 from signorini_fx import compat, parallel
 from signorini_fx.body.assembly import adjugates
-from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.elastic import ElasticBody
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,8 @@ class Deformation:
         return max(self.gradient, self.displacement)
 
 
-def deformation_of(body: Discretisation, displacement: fem.Function) -> Deformation:
-    """How much a displacement deforms a body; collective.
+def deformation_of(body: ElasticBody, displacement: fem.Function, size: float) -> Deformation:
+    """How much a displacement deforms a body of a size; collective.
 
     grad u is evaluated at the midpoint of each cell.
     """
@@ -55,17 +55,15 @@ def deformation_of(body: Discretisation, displacement: fem.Function) -> Deformat
     share = 0.0
     for number in range(int(pieces.assembly.max()) + 1):
         corners = pieces.bounds[pieces.assembly == number].reshape(-1, body.dimension)
-        size = min(body.tagged.size, float(np.hypot.reduce(np.ptp(corners, axis=0))))
+        size = min(size, float(np.hypot.reduce(np.ptp(corners, axis=0))))
         furthest = parallel.largest(body.comm, moved[assembly == number])
         share = max(share, furthest / size)
     return Deformation(gradient, share)
 
 
-def _squares(
-    body: Discretisation, displacement: fem.Function
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def _squares(body: ElasticBody, displacement: fem.Function) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """|grad u|^2 at the middle of each owned cell, and the sizes of these cells, shape (cells,)."""
-    mesh, space = body.tagged.mesh, body.space
+    mesh, space = body.space.mesh, body.space
     cell = mesh.topology.cell_name()
     middle = basix.geometry(getattr(basix.CellType, cell)).mean(axis=0, keepdims=True)
     owned = slice(mesh.topology.index_map(mesh.topology.dim).size_local)
@@ -76,7 +74,7 @@ def _squares(
         derivatives: npt.NDArray[np.float64] = element.tabulate(1, middle)[1:, 0]
         return derivatives
 
-    dim = body.tagged.dimension
+    dim = mesh.topology.dim
     x = mesh.geometry.x[compat.geometry_cells(mesh)[owned], :dim].astype(np.float64)
     y = displacement.x.array.reshape(-1, body.dimension)[space.dofmap.list[owned]]
 
@@ -85,5 +83,5 @@ def _squares(
         return np.array([[values[:, :, i] @ slope for slope in slopes(degree)] for i in range(values.shape[2])])
 
     adjugate, determinant = adjugates(along_cell(x, compat.geometry_degree(mesh)))
-    gradient = np.einsum("ikc,kjc->ijc", along_cell(y, body.scene.element.degree), adjugate)
+    gradient = np.einsum("ikc,kjc->ijc", along_cell(y, space.element.basix_element.degree), adjugate)
     return np.einsum("ijc,ijc->c", gradient, gradient) / determinant**2, np.abs(determinant)

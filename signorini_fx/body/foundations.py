@@ -115,7 +115,7 @@ class Foundations:
         self._values = [NodalValues(space, boundary_facets) for boundary_facets in facets]
         self._dimension = int(space.mesh.geometry.dim)
         self._distances = self._shaped()
-        self._settled = dict(self._distances)
+        self.settled = dict(self._distances)
 
     def _shaped(self) -> dict[int, Distance]:
         """The distances from foundations that have shapes, by their numbers.
@@ -183,21 +183,21 @@ class Foundations:
 
     def settle(self) -> None:
         """Count the motion of shapes from where they are."""
-        self._settled = dict(self._distances)
+        self.settled = dict(self._distances)
 
     def moved(self, boundary: ContactBoundary) -> Array | None:
         """How far the shapes have moved at the points since they have settled, shape (n, d); None: they have not."""
         moved = [
             k
             for k, distance in self._distances.items()
-            if not self.driven[k] and distance.shape != self._settled[k].shape
+            if not self.driven[k] and distance.shape != self.settled[k].shape
         ]
         if not moved:
             return None
         displacements = np.zeros_like(boundary.x)
         for k in moved:
             on_part = boundary.part == k
-            displacements[on_part] = self._distances[k].shape.moved_from(self._settled[k].shape, boundary.x[on_part])
+            displacements[on_part] = self._distances[k].shape.moved_from(self.settled[k].shape, boundary.x[on_part])
         return displacements
 
     @cached_property

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,7 @@ from signorini_fx.body.supports import prescribed
 from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
 from signorini_fx.derivatives.gradient import ChangedStep as ProblemData
 from signorini_fx.derivatives.gradient import SolvedStep
-from signorini_fx.errors import FormError
+from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, facets_of, foundations_of, parts_of, settings_of, space_of
 from signorini_fx.forms.certificate import certify
@@ -42,19 +43,24 @@ from signorini_fx.forms.fields import ContactFields
 from signorini_fx.forms.gradient import Gradient, checked, gradient, quantity_of
 from signorini_fx.forms.levels import errors_of
 from signorini_fx.forms.rigid_tools import driven_by, driving_of, motions_of, tools_of, values_of
+from signorini_fx.forms.steps import Clock, FormSteps, SolvedPath, StepBeginning
 from signorini_fx.forms.stress import law_of, stresses_of
 from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.method import Settings
-from signorini_fx.records import History, Inventory, Status
+from signorini_fx.records import History, Inventory, Status, Timings
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
-from signorini_fx.results.solution import ConvergenceError
+from signorini_fx.results.solution import ConvergenceError, StepResult
 from signorini_fx.results.step_frames import LastSolution, StepEnd, relative_to
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.results.tool_motion import ToolMotion
 from signorini_fx.scales import Scales
+from signorini_fx.scene.load_steps import LoadPath
+from signorini_fx.solving.load_path import Increments
+from signorini_fx.solving.load_steps import all_load_steps
+from signorini_fx.solving.restart import MeshCheckpoint, open_checkpoint
 
 
 class ContactProblem:
@@ -148,6 +154,7 @@ class ContactProblem:
         self._task: Task
         self._prescribed: tuple[npt.NDArray[np.bool_], Array]
         self._fallen: Array  # the displacement of the resting place that slips are counted from
+        self._checkpoint: Any  # the iterate at the beginning of the last solve
         self._last: StepEnd | None = None  # at the last advance
         self._start: Start | None = None  # of the present step, in the frames of the present foundations
         self._previous_step: PreviousStep | None = None  # the end of the last step, as the present foundations see it
@@ -254,34 +261,114 @@ class ContactProblem:
         """
         begin, self._marks = time.perf_counter(), len(self.history.iterations)
         with options.applied(*self._options):
-            data, law = self._update()
-            begun = self._start
-            data = data if (resting := self._task.rest) is None else resting.data_from(data)
-            if begun is None:
-                begun = Start(data, law, ActiveSets.all_in_contact(*data.mu_hat.shape), 0)
-            else:  # friction is that of the pressure with which the last step has ended
-                assert begun.multipliers is not None
-                assert self._last is not None
-                bound, origin = None if law is None else law.bound(begun.multipliers[0]), begun.data.slip_origin
-                moved = self._foundations.moved(self._boundary)
-                if moved is not None:  # slip is relative to the foundation
-                    origin = origin + np.einsum("nij,ni->nj", self._boundary.tangents, moved)
-                self._previous_step = relative_to(self._last.before, self._boundary, moved)
-                begun = replace(begun, data=replace(begun.data, gap=data.gap, bound=bound, slip_origin=origin), law=law)
-            begun = replace(begun, factors=np.ones(1))
-            if self._solution is not None:
-                begun = self._solution.begins(begun, self._boundary)
-            self._begun = begun
-            newton = self._task.iterate.newton
-            checkpoint = newton.checkpoint()
-            self._take(solve_task(self._task, begun))
-            if self.status is not Status.CONVERGED:  # the next solve begins where this one has begun
-                newton.restore(checkpoint)
+            self._begun = self._begin()
+            self._take(solve_task(self._task, self._begun))
         self._cost = time.perf_counter() - begin, peak_memory(self._space.mesh.comm)
         status = self.status
         if status is not None and status is not Status.CONVERGED:
             raise ConvergenceError(self, f"{status.value}: {status.advice}")
         return self.u
+
+    def _begin(self) -> Start:
+        """Where a solve begins with what the problem is now; collective."""
+        data, law = self._update()
+        begun = self._start
+        data = data if (resting := self._task.rest) is None else resting.data_from(data)
+        if begun is None:
+            begun = Start(data, law, ActiveSets.all_in_contact(*data.mu_hat.shape), 0)
+        else:  # friction is that of the pressure with which the last step has ended
+            assert begun.multipliers is not None
+            assert self._last is not None
+            bound, origin = None if law is None else law.bound(begun.multipliers[0]), begun.data.slip_origin
+            moved = self._foundations.moved(self._boundary)
+            if moved is not None:  # slip is relative to the foundation
+                origin = origin + np.einsum("nij,ni->nj", self._boundary.tangents, moved)
+            self._previous_step = relative_to(self._last.before, self._boundary, moved)
+            begun = replace(begun, data=replace(begun.data, gap=data.gap, bound=bound, slip_origin=origin), law=law)
+        begun = replace(begun, factors=np.ones(1))
+        self._checkpoint = self._task.iterate.newton.checkpoint()
+        return begun if self._solution is None else self._solution.begins(begun, self._boundary)
+
+    def _beginning(self) -> StepBeginning:
+        last, start, previous, solution = self._last, self._start, self._previous_step, self._solution
+        return StepBeginning(last, start, previous, solution, self._foundations.settled, self._boundary)
+
+    def _go_back(self, beginning: StepBeginning) -> None:
+        """The next solve begins there, with the foundations where they are."""
+        if self._boundary is not beginning.boundary:  # in whose frames that beginning is
+            self._last_pattern = None
+        self._last, self._start, self._previous_step = beginning.last, beginning.start, beginning.previous
+        self._solution, self._foundations.settled = beginning.solution, beginning.settled
+
+    def _load(self) -> None:
+        """Give the present contact problem the loads and prescribed displacements of now; collective."""
+        assert self._last_pattern is not None
+        self._prescribed = _, values = prescribed(self._space, conditions_of(self.bcs, self._space))
+        self._tools = tools_of(self._foundations.driven, self._space.mesh)
+        pattern, last = self._last_pattern
+        fingerprint = digest(self._L, values, *values_of(self._tools)[1])
+        if parallel.any_rank(self._space.mesh.comm, fingerprint != last):
+            self._task.system.set_case(0, self._case(values))
+            self._last_pattern = pattern, fingerprint
+
+    def run(
+        self,
+        path: LoadPath | Sequence[float],
+        at: Callable[[float], object] | fem.Constant,
+        *,
+        folder: str | Path | None = None,
+        restart: bool = False,
+        on_step: Callable[[StepResult], object] = lambda step: None,
+    ) -> SolvedPath:
+        """Solve load steps, with ``advance`` between them; collective.
+
+        A ramp takes smaller increments where there is no solution.  The problem is left at the last load step.
+
+        Args:
+            path: the times, one load step each, or a ``LoadPath``, which may be a ramp.
+            at: changes the problem to what it is at a time, which may also be an earlier one than the last; or a
+                Constant that takes the time.
+            folder: in which every load step is stored as soon as it is complete; None: nowhere.
+            restart: go on from what an earlier run of the same program has stored there, on any number of ranks.
+            on_step: called with the result of each load step that has a solution; in a ramp that begins again with the
+                first one anew.
+
+        Raises:
+            ConvergenceError: a load step has no solution; the ``solution`` of the error has those before it.
+            FormError: see ``solve``; or an argument is wrong, or the folder is that of another problem.
+        """
+        clock, path = Clock(at), path if isinstance(path, LoadPath) else LoadPath(tuple(path))
+        if restart and folder is None:
+            raise FormError([("restart", "needs the folder of the checkpoint")])
+        begin, self._marks, timings = time.perf_counter(), len(self.history.iterations), Timings()
+        follows = any(isinstance(contact.friction, Coulomb) for contact in self.contact)
+        increments = Increments(path, self.settings, has_coulomb=follows)
+        stored = None if folder is None else self._checkpoint_in(folder, path, restart=restart)
+        with options.applied(*self._options):
+            clock.turn(path.time_at(increments.next))
+            start = self._begin()
+            steps = FormSteps(self, path, clock, timings, self._beginning())
+            progress = all_load_steps(steps, self._task, start, increments, lambda step: on_step(step.result), stored)
+        self._cost = time.perf_counter() - begin, peak_memory(self._space.mesh.comm)
+        solved = SolvedPath(path, tuple(progress.results), self.history, timings, increments.bracket)
+        if not solved.converged:
+            raise ConvergenceError(solved, solved.outcome())
+        return solved
+
+    def _checkpoint_in(self, folder: str | Path, path: LoadPath, *, restart: bool) -> MeshCheckpoint:
+        comm, mesh, dofmap = self._space.mesh.comm, self._space.mesh, self._space.dofmap
+        described = {
+            "path": asdict(path),
+            "settings": self.settings.model_dump(mode="json"),
+            "contact": [type(contact).__name__ for contact in self.contact],
+            "cells": mesh.topology.index_map(mesh.topology.dim).size_global,
+            "unknowns": dofmap.index_map.size_global * dofmap.index_map_bs,
+        }
+        opening = comm, folder, described, self.history
+        try:
+            return MeshCheckpoint(open_checkpoint(*opening, restart=restart, several_steps=True), 0)
+        except SceneError as error:
+            raise FormError(error.problems, "run") from None
 
     def advance(self) -> None:
         """End a step of an own time loop: friction acts on what the next solve adds to the slip, from the shear of the
@@ -381,7 +468,9 @@ class ContactProblem:
         self.status = outcome.status
         if outcome.status is Status.CONVERGED and not self.certificate.holds:
             self.status = Status.NOT_CERTIFIED
-        if self.status is Status.CONVERGED:
+        if self.status is not Status.CONVERGED:  # the next solve begins where this one has begun
+            self._task.iterate.newton.restore(self._checkpoint)
+        else:
             self._solution = LastSolution.of(outcome, self._begun.step, self._boundary)
 
     def _update(self) -> tuple[RegularisedData, FrictionLaw | None]:

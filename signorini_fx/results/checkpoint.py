@@ -49,7 +49,7 @@ class Checkpoint:
     Args:
         comm: the ranks of the run.
         folder: the result folder.
-        scene: the scene of the run.
+        scene: the scene of the run, or plain data that tell this run from others.
         restart: whether to go on from the load steps that an earlier run has left; otherwise these are removed as soon
             as a new one is complete.
 
@@ -63,7 +63,7 @@ class Checkpoint:
         OutputError: there are files in its place that no run has written.
     """
 
-    def __init__(self, comm: MPI.Comm, folder: str | Path, scene: Scene, *, restart: bool) -> None:
+    def __init__(self, comm: MPI.Comm, folder: str | Path, scene: Scene | Mapping[str, Any], *, restart: bool) -> None:
         self.path = Path(folder) / CHECKPOINT
         self._comm = comm
         self._scene = scene
@@ -360,8 +360,10 @@ def _size_of(displacement: fem.Function) -> float:
     return 8.0 * cells * space.dofmap.list.shape[1] * space.dofmap.index_map_bs + 1e5
 
 
-def _described(scene: Scene) -> dict[str, Any]:
+def _described(scene: Scene | Mapping[str, Any]) -> dict[str, Any]:
     """The scene as JSON with all defaults, its files by content, without what changes no result: title, remarks."""
+    if isinstance(scene, Mapping):
+        return dict(json.loads(json.dumps(scene)))
     description: dict[str, Any] = json.loads(json.dumps(describe(scene)))
     description.pop("title", None)
     description.pop("incomplete", None)

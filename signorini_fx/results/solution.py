@@ -331,7 +331,8 @@ class ConvergenceError(SignoriniError):
     """No solution was reached.
 
     Attributes:
-        solution: the last iterate with its status, history and certificate: a ``Solution``, or a ``ContactProblem``.
+        solution: the last iterate with its status, history and certificate: a ``Solution``, a ``ContactProblem``, or
+            the ``SolvedPath`` of one.
     """
 
     def __init__(self, solution: Any, message: str | None = None) -> None:

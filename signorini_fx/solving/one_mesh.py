@@ -230,7 +230,7 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
         with timings.phase("certify"):
             displacement = discretisation.function(x)
             certificate = certify(scene, discretisation.tagged, displacement, None, step=path_step)
-            deformation = deformation_of(discretisation, displacement)
+            deformation = deformation_of(discretisation, displacement, discretisation.tagged.size)
             status = judged(status, certificate, deformation, scene)
         solves = int(status is not Status.NOT_HELD)
         step = step_result(

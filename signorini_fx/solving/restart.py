@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Generic
 
 import numpy as np
+from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.task import Outcome, Start, Task
@@ -21,6 +23,7 @@ from signorini_fx.problem.exact import ExactProblem
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings, as_rows
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import StepResult
+from signorini_fx.scene.model import Scene
 from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.stepped_problem import P
 
@@ -208,6 +211,35 @@ class MeshCheckpoint:
             figures["seconds"],
             joint,
         )
+
+
+def open_checkpoint(
+    comm: MPI.Comm,
+    folder: str | Path,
+    scene: Scene | Mapping[str, Any],
+    history: History,
+    *,
+    restart: bool,
+    several_steps: bool,
+) -> Checkpoint:
+    """The checkpoint of a run, and in its history what there is to go on from; arguments as of ``Checkpoint``;
+    collective.
+    """
+    stored = Checkpoint(comm, folder, scene, restart=restart)
+    if restart:
+        several = stored.found != 1
+        description = f"{stored.found} complete " + (
+            f"load step{'s' * several}" if several_steps else f"mesh{'es' * several}"
+        )
+        history.add(
+            f"restart: {description} in {stored.path}" if stored.found else f"restart: nothing in {stored.path}"
+        )
+        if stored.damaged:
+            files = ", ".join(map(str, stored.damaged))
+            history.add(f"restart: damaged, so that what needs it is solved again: {files}")
+    elif parallel.on_root(comm, stored.path.is_dir):
+        history.add(f"restart: not asked for: {stored.path} of a run that has not ended is replaced")
+    return stored
 
 
 def _data(

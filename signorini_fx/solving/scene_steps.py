@@ -116,7 +116,7 @@ class SceneSteps:
                 pairs=discretisation.pairs,
                 tools=tools,
             )
-            deformation = deformation_of(discretisation, displacement)
+            deformation = deformation_of(discretisation, displacement, self.size)
             status = judged(outcome.status, certificate, deformation, scene)
         result = step_result(
             self.path, start.step, start.place, status, displacement, contact, certificate, deformation

@@ -33,7 +33,7 @@ from signorini_fx.scene.reading import as_scene
 from signorini_fx.scene.values import kind_of
 from signorini_fx.solving.finer_meshes import SolvedMesh
 from signorini_fx.solving.one_mesh import solve_mesh
-from signorini_fx.solving.restart import MeshCheckpoint
+from signorini_fx.solving.restart import MeshCheckpoint, open_checkpoint
 from signorini_fx.solving.scene_steps import SceneSteps
 from signorini_fx.solving.stepped_problem import LoadStep
 from signorini_fx.solving.to_accuracy import solve_to_accuracy
@@ -144,21 +144,7 @@ def _checkpoint(
         if restart:
             raise SceneError([("restart", f"{without} has no checkpoint to go on from: solve it without restart")])
         return None
-    stored = Checkpoint(comm, folder, scene, restart=restart)
-    if restart:
-        several = stored.found != 1
-        description = f"{stored.found} complete " + (
-            f"load step{'s' * several}" if scene.several_steps else f"mesh{'es' * several}"
-        )
-        history.add(
-            f"restart: {description} in {stored.path}" if stored.found else f"restart: nothing in {stored.path}"
-        )
-        if stored.damaged:
-            files = ", ".join(map(str, stored.damaged))
-            history.add(f"restart: damaged, so that what needs it is solved again: {files}")
-    elif parallel.on_root(comm, stored.path.is_dir):
-        history.add(f"restart: not asked for: {stored.path} of a run that has not ended is replaced")
-    return stored
+    return open_checkpoint(comm, folder, scene, history, restart=restart, several_steps=scene.several_steps)
 
 
 def refuse_other_than_comm(comm: object) -> None:

@@ -1,0 +1,168 @@
+"""``ContactProblem.run``: the load steps, ramps and restarts of scenes, for forms of the user's own."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from runpy import run_path
+
+import forms
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from test_load_steps import FRICTION, LIMIT, PRESSURE
+from test_ramp import ramp
+
+from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Foundation, LoadPath, solve
+from signorini_fx.records import Status
+
+COMM = MPI.COMM_WORLD
+GAMMA = {"gamma_n": 1e6, "gamma_t": 1e6}
+
+
+def block(mesh, pushing=0.0, **settings):
+    """The block of ``test_load_steps``, and the Constant with the force that pushes it on its left side."""
+    V = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    facets = [forms.side(mesh, axis, at) for axis, at in ((0, 0.0), (1, 1.0), (1, 0.0))]
+    numbers, marks = np.concatenate(facets[:2]), np.repeat([1, 2], [part.size for part in facets[:2]]).astype(np.int32)
+    order = np.argsort(numbers)
+    ds = ufl.ds(domain=mesh, subdomain_data=dmesh.meshtags(mesh, 1, numbers[order], marks[order]))
+    push = fem.Constant(mesh, pushing)
+    L = push * v[0] * ds(1) - PRESSURE * v[1] * ds(2)
+    floor = Foundation(facets[2], friction=Coulomb(FRICTION))
+    return ContactProblem(forms.hooke(u, v, 5000.0), L, [], floor, **GAMMA, **settings), push
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("steps", [None, 3])
+def test_a_path_is_a_loop(steps):
+    """Its steps are those of ``solve`` and ``advance``, to the last bit."""
+    mesh, times = forms.box((3.0, 1.0), (9, 3)), [0.0, 0.4, 0.8, -0.4]
+    problem, push = block(mesh)
+
+    def at(time):
+        push.value = LIMIT * np.interp(time, range(4), times)
+
+    solved = problem.run(LoadPath(range(4), ("press", "push", "on", "back"), steps=steps), at)
+    at_times = [(step.time, step.name) for step in solved.steps if step.time == int(step.time)]
+    assert at_times == list(enumerate(("press", "push", "on", "back")))
+    assert solved.converged
+    by_hand, push = block(mesh)
+    for step in solved.steps:
+        at(step.time)
+        y = by_hand.solve()
+        by_hand.advance()
+        np.testing.assert_array_equal(step.displacement.x.array, y.x.array)
+        np.testing.assert_array_equal(step.contact.shear, by_hand.state.shear)
+    assert problem.history.linear_solves == by_hand.history.linear_solves == sum(s.linear_solves for s in solved.steps)
+    np.testing.assert_array_equal(problem.u.x.array, y.x.array)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("settings", [{}, {"algorithm": "alm"}], ids=["ssn", "alm"])
+def test_a_ramp_is_that_of_a_scene(settings):
+    """The same increments, limit load and linear solves; the problem goes on from the last solution."""
+    scene = ramp(1.2, nx=12, **GAMMA, **settings)
+    solution = solve(scene, COMM, check=False)
+    problem, push = block(solution.discretisation.tagged.mesh, **settings)
+
+    def at(time):
+        push.value = 1.2 * LIMIT * time
+
+    with pytest.raises(ConvergenceError, match=r"there is a solution at time 0\.8") as error:
+        problem.run(LoadPath((0.0, 1.0), steps=10), at)
+    solved = error.value.solution
+    assert [(step.time, step.status) for step in solved.steps] == [(s.time, s.status) for s in solution.steps]
+    assert (solved.status, problem.status) == (Status.SLIDES, Status.SLIDES)
+    assert solved.history.linear_solves == solution.history.linear_solves
+    assert solved.history.events == solution.history.events
+    scale = np.abs(solution.displacement.x.array).max()
+    assert np.abs(solved.last_step.displacement.x.array - solution.displacement.x.array).max() <= 1e-9 * scale
+    at(solved.last_step.time)
+    problem.solve()
+    assert abs(-problem.state.forces[1][0] - push.value) <= 1e-6 * LIMIT
+
+
+def test_limit_load():
+    """Statics: the block slides at the coefficient times its weight, which the ramp encloses to 1 %."""
+    found = run_path(str(Path(__file__).parents[2] / "demos" / "forms" / "limit_load.py"))
+    assert 0.99 * 18.0 <= found["limit"] <= 18.0
+
+
+# A program that is killed in its fourth load step, where a second argument says so.
+PROGRAM = """
+import os, signal, sys
+import numpy as np
+from mpi4py import MPI
+import forms
+from test_load_steps_of_forms import LIMIT, block
+
+problem, push = block(forms.box((3.0, 1.0), (9, 3)))
+
+def at(time):
+    push.value = LIMIT * np.interp(time, range(6), [0.0, 0.4, 0.8, 0.2, -0.4, -0.8])
+
+def kill(step):
+    if step.step == 4 and sys.argv[2] == "kill":
+        MPI.COMM_WORLD.barrier()
+        os.kill(os.getpid(), signal.SIGKILL)
+
+solved = problem.run(range(6), at, folder=sys.argv[1], restart=sys.argv[2] == "restart", on_step=kill)
+if MPI.COMM_WORLD.rank == 0:
+    print([event for event in problem.history.events if "restart" in event])
+np.save(f"{sys.argv[1]}/{sys.argv[2]}.npy", [problem.state.forces[1][0], float(problem.history.linear_solves)])
+"""
+
+
+def program(ranks, folder, what):
+    """How the program ends on several ranks, and what it prints."""
+    launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
+    alone = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_COMM", "PMIX"))}
+    alone["PYTHONPATH"] = os.pathsep.join(map(str, [Path(__file__).parent, *sys.path]))
+    command = [*launcher, sys.executable, "-c", PROGRAM, str(folder), what]
+    return subprocess.run(command, env=alone, capture_output=True, text=True, timeout=500, check=False)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="starts ranks itself")
+def test_a_killed_program_goes_on(tmp_path):
+    """Killed with -9 and restarted on two ranks, it solves what is missing, and ends as one that was not."""
+    assert program(1, tmp_path, "kill").returncode == -signal.SIGKILL
+    ended = program(2, tmp_path, "restart")
+    assert ended.returncode == 0, ended.stderr
+    assert "restart: 3 complete load steps" in ended.stdout
+    assert program(1, tmp_path, "whole").returncode == 0
+    again, whole = (np.load(tmp_path / f"{name}.npy") for name in ("restart", "whole"))
+    np.testing.assert_allclose(again, whole, rtol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (((), print), "times"),
+        (((1.0,), 3.0), "function of the time"),
+        (((1.0,), "push"), "function of the time"),
+    ],
+)
+def test_bad_paths_of_forms(arguments, message):
+    problem, _ = block(forms.box((3.0, 1.0), (3, 1)))
+    with pytest.raises(FormError, match=message):
+        problem.run(*arguments)
+    with pytest.raises(FormError, match="folder"):
+        problem.run((1.0,), print, restart=True)
+
+
+def test_another_problem(tmp_path):
+    """A folder of another problem is refused, with what differs."""
+    problem, push = block(forms.box((3.0, 1.0), (3, 1)))
+    problem.run((1.0, 2.0), push, folder=tmp_path)
+    finer, push = block(forms.box((3.0, 1.0), (6, 2)))
+    with pytest.raises(FormError, match="cells: was 6"):
+        finer.run((1.0, 2.0), push, folder=tmp_path, restart=True)
+    problem, push = block(forms.box((3.0, 1.0), (3, 1)))
+    solved = problem.run((1.0, 2.0), push, folder=tmp_path, restart=True)
+    assert "restart: 2 complete load steps" in solved.history.events[0]
