@@ -55,9 +55,9 @@ def deformation_of(body: ElasticBody, displacement: fem.Function, size: float) -
     share = 0.0
     for number in range(int(pieces.assembly.max()) + 1):
         corners = pieces.bounds[pieces.assembly == number].reshape(-1, body.dimension)
-        size = min(size, float(np.hypot.reduce(np.ptp(corners, axis=0))))
+        extent = min(size, float(np.hypot.reduce(np.ptp(corners, axis=0))))
         furthest = parallel.largest(body.comm, moved[assembly == number])
-        share = max(share, furthest / size)
+        share = max(share, furthest / extent)
     return Deformation(gradient, share)
 
 
