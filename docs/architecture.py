@@ -28,6 +28,7 @@ LAYERS = (
     "check",
     "results",
     "report",
+    "quantities",
     "pictures",
     "accuracy",
     "bounds",

@@ -23,6 +23,8 @@ sys.path[:0] = [str(_ROOT), str(_ROOT / "docs")]
 
 from percent import as_markdown  # noqa: E402  # in this folder
 
+from signorini_fx.quantities.table import markdown  # noqa: E402
+
 project = "signorini_fx"
 release = re.search(r'__version__ = "(.+)"', _PACKAGE)[1]
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
@@ -89,13 +91,14 @@ def _escape(_app: Any, _what: str, _name: str, _object: Any, _options: Any, line
 
 
 def _parameters(_app: Any, _page: str, text: list[str]) -> None:
-    """The docstrings of all mesh generators, and links to them, where a page has the comment that asks for them."""
+    """The docstrings of all mesh generators, and the table of quantities, where a page has the comment for them."""
     names = sorted(path.stem for path in (_ROOT / "meshes").glob("[a-z]*.py"))
     shown = "".join(f".. automodule:: signorini_fx.meshes.{name}\n   :members: generate\n" for name in names)
     comment = "<!-- the parameters of all generators -->"
     if comment in text[0]:
         links = re.sub(r"\[(\w+)\]\(\.\./meshes/\w+\.py\)", r"{py:mod}`\1 <signorini_fx.meshes.\1>`", text[0])
         text[0] = links.replace(comment, f"```{{eval-rst}}\n{shown}```")
+    text[0] = text[0].replace("<!-- the table of all quantities -->", markdown())
 
 
 def _broad(_app: Any, tree: nodes.document, page: str) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
 
-from signorini_fx.kinematics import of_data
 from signorini_fx.machine.terminal import printable
 from signorini_fx.records import Status
 
@@ -51,14 +50,6 @@ def status_in_words(summary: dict[str, Any]) -> str:
     return str(summary["status"]) + (", incomplete" if summary.get("incomplete") else "")
 
 
-def deformation_in_words(figures: dict[str, float]) -> str:
-    """How small the deformation is."""
-    return (
-        f"strains and rotations of {figures['gradient']:.1e} on average, displacements of at most "
-        f"{figures['displacement']:.1e} times the size of the body"
-    )
-
-
 def touch_each_other(summary: dict[str, Any]) -> bool:
     """Whether bodies touch each other: then the contact force of a boundary acts on the body that it is of."""
     return any(effect.get("against") for effect in (summary.get("scene") or {}).get("contact", ()))
@@ -82,84 +73,7 @@ def results_of(summary: dict[str, Any]) -> str:
     return f"{qualifier}load step {of['step']} ({named}time {of['time']:.6g}){failed}{until}"
 
 
-def safety_in_words(safety: dict[str, Any]) -> str:
-    """The safety factor of a summary, the motion beyond it, and what it does not say."""
-    beyond = "" if safety["factor"] is None else f"; beyond, {safety['motion']}"
-    return "; ".join(
-        [safety_factor(safety) + beyond, *friction_in_use(safety), safety_proved(safety), *safety_assumed(safety)]
-    )
-
-
-def safety_assumed(safety: dict[str, Any]) -> list[str]:
-    """What a safety factor rests on."""
-    return [f"assumed: {safety['assumed']}"] if safety.get("assumed") else []
-
-
-def safety_proved(safety: dict[str, Any]) -> str:
-    """Of what a safety factor is proved: of the body, or only of its mesh."""
-    if safety["of_body"]:
-        return "proved for the body"
-    if safety["reason"]:
-        return f"proved for its mesh ({safety['reason']})"
-    low, high = safety["body"]
-    limits = [f"at least {low:.4g}"] * bool(low) + ([] if high is None else [f"at most {high:.4g}"])
-    return "proved for its mesh" + (f", for the body {' and '.join(limits)}" if limits else "")
-
-
-def safety_factor(safety: dict[str, Any]) -> str:
-    """The safety factor of a summary, an upper bound if it is not exact, and those of sliding and overturning."""
-    if safety["factor"] is None:
-        return "no limit by statics"
-    each = {name: safety[name] for name in ("sliding", "overturning") if name in safety}
-    told = [f"{name} {'no limit' if value is None else f'{value:.4g}'}" for name, value in each.items()]
-    whole = f"{safety['factor']:.4g}" if safety["exact"] else f"at most {safety['bound']:.4g}"
-    return f"{whole} ({', '.join(told)})" if told else whole
-
-
-def friction_in_use(safety: dict[str, Any]) -> list[str]:
-    """What Coulomb friction makes of a safety factor; nothing without it."""
-    if safety["exact"]:
-        return []
-    used = safety["friction_used"]
-    share = "" if used is None else f": the live loads use {100 * used:.3g} % of it, with the pressures as they are"
-    return [f"friction may give way before{share}"]
-
-
 def effort_in_words(summary: dict[str, Any]) -> str:
     """How many linear solves and factorisations a solve took."""
     counts = (summary["linear_solves"], "linear solve"), (summary["factorisations"], "factorisation")
     return ", ".join(f"{count} {noun}{'s' * (count != 1)}" for count, noun in counts)
-
-
-def preload_in_words(row: dict[str, Any]) -> str:
-    """The force through a section that is tightened, from a row of a summary."""
-    return f"{row['name'].removeprefix('preload ')}: force {row['force']:.6g}, shortened by {row['shortening']:.6g}"
-
-
-def tool_in_words(tool: dict[str, Any]) -> str:
-    """How a foundation that forces move has moved, and what the body does to it, from a row of a summary."""
-
-    def told(value: Any) -> str:
-        return f"({', '.join(map(told, value))})" if isinstance(value, list) else f"{value:.6g}"
-
-    names = ("displacement", "rotation", "force", "moment", "reference")
-    moved, turned, force, moment, point = (told(tool[name]) for name in names)
-    off = "" if tool["gap_error"] is None else f"; gap linearised, off by {tool['gap_error']:.1e}"
-    return f"{tool['boundary']}: moved by {moved}, turned by {turned}, takes {force}, about {point} {moment}{off}"
-
-
-def point_in_words(point: Sequence[float]) -> str:
-    """The coordinates of a point, without round-off."""
-    return "(" + ", ".join(f"{round(x, 9) + 0.0:.6g}" for x in point) + ")"
-
-
-def resultant_in_words(row: dict[str, Any], scene: dict[str, Any]) -> str:
-    """What acts through a boundary and where, from a row of a summary with its scene, and the torque of a section."""
-    kinematics = of_data(scene)
-    moment = row["moment"] if isinstance(row["moment"], list) else [row["moment"]]
-    couple = f"({', '.join(f'{m:.6g}' for m in moment)})" if len(moment) > 1 else f"{moment[0]:.6g}"
-    nowhere = "" if not kinematics.uniform else f", a couple of {couple}" if any(moment) else ", no couple"
-    where = nowhere if row["acts_at"] is None else f", acts at {point_in_words(row['acts_at'])}"
-    torque = f", torque {row['moment'][1]:.6g}," if kinematics.out_of_section else ""
-    name = "" if row["boundary"] is None else f"{row['boundary']}: "
-    return f"{name}({', '.join(f'{f:.6g}' for f in row['force'])}){torque} by {' and '.join(row['acts'])}{where}"

@@ -148,7 +148,7 @@ def judge(seed: int) -> tuple[list[str], Counter[str]]:
         solution = solve(scene_of(bodies), MPI.COMM_SELF)
     except ConvergenceError as failed:
         return wrong, Counter({f"no solution: {failed.solution.status.value}": 1})
-    summary = summarise(solution, solution.table)
+    summary = summarise(solution)
     for one in bodies:
         for boundary, direction, exact in one.forces():
             bounds = solution.force_bounds(boundary, direction)

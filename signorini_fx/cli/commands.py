@@ -9,7 +9,6 @@ import sys
 import textwrap
 from collections.abc import Callable
 from functools import partial
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -357,8 +356,9 @@ def completion(options: argparse.Namespace) -> str:
 def schema(options: argparse.Namespace) -> str:
     """The JSON schema of scene files, or of the summary in result folders."""
     if options.summary:
-        file = resources.files("signorini_fx") / "results" / "summary.schema.json"
-        return file.read_text(encoding="utf-8").removesuffix("\n")
+        from signorini_fx.quantities.model import summary_schema
+
+        return json.dumps(summary_schema(), indent=2)
     from signorini_fx.scene.template import scene_schema
 
     return json.dumps(scene_schema(), indent=2)

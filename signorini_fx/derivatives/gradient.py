@@ -33,8 +33,8 @@ from signorini_fx.contact.laws import FrictionLaw, Nodal
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.derivatives.adjoint import Adjoint, TransposedTangent
 from signorini_fx.derivatives.law import LinearisedLaw, linearised
-from signorini_fx.derivatives.quantities import Quantity
 from signorini_fx.linalg import ElasticSystem
+from signorini_fx.quantities.functional import Functional
 
 Array = npt.NDArray[np.float64]
 # What of a load step, by its number, depends on a datum explicitly.
@@ -101,7 +101,7 @@ class SolvedStep:
             0.0 if exact else 1 / data.gamma_t,
         )
 
-    def quantity(self, of: Quantity) -> tuple[PETSc.Vec, Nodal]:
+    def quantity(self, of: Functional) -> tuple[PETSc.Vec, Nodal]:
         """J_x at the free unknowns of the stiffness, and J_t over the weight, shape (n, d); collective."""
         row = of.by_displacement(self.displacement)
         vector = self.body.vector(np.zeros(self.body.fixed.size) if row is None else row)
@@ -118,7 +118,9 @@ class SolvedStep:
         return vector, np.column_stack((np.zeros(len(slips)), turned))
 
 
-def adjoints_of(steps: Sequence[SolvedStep], quantities: Sequence[tuple[int, Quantity]]) -> list[list[Adjoint | None]]:
+def adjoints_of(
+    steps: Sequence[SolvedStep], quantities: Sequence[tuple[int, Functional]]
+) -> list[list[Adjoint | None]]:
     """The adjoint states of quantities, at each load step those of all of them; collective.
 
     Args:
@@ -216,7 +218,7 @@ class Explicit:
 def explicit(
     solved: SolvedStep,
     data: ChangedStep,
-    quantities: Sequence[Quantity],
+    quantities: Sequence[Functional],
     previous: tuple[SolvedStep, ChangedStep] | None = None,
 ) -> Explicit:
     """A load step with some data at the displacement and the tractions of its solution; collective.
@@ -315,7 +317,7 @@ def central(above: By, below: By, step: float) -> By:
 
 
 def derivatives(
-    adjoints: Sequence[Sequence[Adjoint | None]], quantities: Sequence[tuple[int, Quantity]], by: By
+    adjoints: Sequence[Sequence[Adjoint | None]], quantities: Sequence[tuple[int, Functional]], by: By
 ) -> list[float]:
     """The derivative of each quantity by one datum; collective.
 

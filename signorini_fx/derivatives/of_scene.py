@@ -33,9 +33,9 @@ from signorini_fx.derivatives.gradient import (
     elastic_forces,
     explicit,
 )
-from signorini_fx.derivatives.named_quantities import quantity_of
-from signorini_fx.derivatives.quantities import Quantity
 from signorini_fx.errors import SceneError
+from signorini_fx.quantities.differentiable import functional_of
+from signorini_fx.quantities.functional import Functional
 from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scene.effect import Force, InitialStrain, Resistance, SectionJump
@@ -109,8 +109,8 @@ def sensitivity(
 
     Args:
         scene: on one mesh.
-        of: the result or several: see ``quantity_of``; of the last load step, or of another one with its number behind
-            it, as in ``force bottom x step 2``.
+        of: the result or several: see ``functional_of``; of the last load step, or of another one with
+            its number behind it, as in ``force bottom x step 2``.
         by: paths of numbers of the scene, such as ``contact[0].friction.coefficient``; of an expression a term that is
             added to it; the path of a load itself, such as ``traction[0]``: a factor of all of it.  None: friction and
             gap of each contact, the materials, and each load as a whole.
@@ -228,23 +228,23 @@ def _sensitivities(
     ]
 
 
-def _value(solved: SolvedStep, quantity: Quantity) -> float:
+def _value(solved: SolvedStep, quantity: Functional) -> float:
     state = solved.state
     return quantity.value(solved.displacement, state.boundary, state.pressure, state.shear)
 
 
-def _at_step(steps: list[_Step], text: str) -> tuple[int, Quantity]:
+def _at_step(steps: list[_Step], text: str) -> tuple[int, Functional]:
     """The number of the load step of a result, and the result."""
     words = text.rpartition(" step ")
     if not words[1]:
-        return len(steps) - 1, quantity_of(steps[-1].d, text)
+        return len(steps) - 1, functional_of(steps[-1].d, text)
     number = int(words[2]) if words[2].strip().isdecimal() else 0
     if not 1 <= number <= len(steps):
         raise SceneError([(f"of {text!r}", f"there are load steps 1 to {len(steps)}")])
-    return number - 1, quantity_of(steps[number - 1].d, words[0])
+    return number - 1, functional_of(steps[number - 1].d, words[0])
 
 
-def _by(scene: Scene, steps: list[_Step], path: str, step: float, quantities: Sequence[tuple[int, Quantity]]) -> By:
+def _by(scene: Scene, steps: list[_Step], path: str, step: float, quantities: Sequence[tuple[int, Functional]]) -> By:
     """The derivatives of what depends on a number of the scene; collective.
 
     Args:

@@ -16,9 +16,10 @@ from signorini_fx.body.assembly import assemble
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.contact.laws import Nodal, length
 from signorini_fx.derivatives.gradient import By, ChangedStep, SolvedStep, adjoints_of, central, derivatives, explicit
-from signorini_fx.derivatives.quantities import ContactArea, ContactForce, LargestPressure, Quantity
 from signorini_fx.errors import FormError
 from signorini_fx.machine.compilation import compiling
+from signorini_fx.quantities.differentiable import ContactArea, ContactForce, LargestPressure
+from signorini_fx.quantities.functional import Functional
 
 Array = npt.NDArray[np.float64]
 # Change of a Constant for a difference of residuals, relative to it; of one that is zero, in its unit.
@@ -50,7 +51,7 @@ class Gradient:
 
 @dataclass(frozen=True)
 class OfForm:
-    """A UFL form of the displacement u without arguments, see ``Quantity``.
+    """A UFL form of the displacement u without arguments, see ``Functional``.
 
     Attributes:
         form: compiled.
@@ -63,7 +64,7 @@ class OfForm:
     u: fem.Function
 
     def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
-        """See ``Quantity``."""
+        """See ``Functional``."""
         saved = self.u.x.array.copy()
         self.u.x.array[:] = y.x.array
         try:
@@ -72,15 +73,15 @@ class OfForm:
             self.u.x.array[:] = saved
 
     def by_displacement(self, y: fem.Function) -> Array | None:
-        """See ``Quantity``."""
+        """See ``Functional``."""
         return assemble(self.derivative)
 
     def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
-        """See ``Quantity``."""
+        """See ``Functional``."""
         return np.zeros((pressure.size, 1 + shear.shape[1]))
 
 
-def quantity_of(wanted: Any, u: fem.Function, contacts: int) -> Quantity:
+def quantity_of(wanted: Any, u: fem.Function, contacts: int) -> Functional:
     """A result as ``ContactProblem.gradient`` takes it.
 
     Raises:
@@ -134,7 +135,12 @@ def checked(by: Sequence[Any]) -> list[fem.Constant]:
 
 
 def gradient(
-    solved: SolvedStep, data: Callable[[], ChangedStep], quantity: Quantity, by: Sequence[fem.Constant], *, later: bool
+    solved: SolvedStep,
+    data: Callable[[], ChangedStep],
+    quantity: Functional,
+    by: Sequence[fem.Constant],
+    *,
+    later: bool,
 ) -> Gradient:
     """The derivatives of one result; collective.
 

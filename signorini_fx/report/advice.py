@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.display import duration, storage
+from signorini_fx.quantities.digits import percent
 from signorini_fx.records import FEW_NODES, Status
-from signorini_fx.report.digits import percent
 from signorini_fx.report.reading import SHORT_OF_ACCURACY, in_space
 
 

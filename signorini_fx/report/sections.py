@@ -8,37 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.display import (
-    clean,
-    friction_in_use,
-    on_several_bodies,
-    results_of,
-    safety_assumed,
-    safety_factor,
-    status_in_words,
-    touch_each_other,
-)
+from signorini_fx.display import clean, results_of, status_in_words
 from signorini_fx.errors import PYVISTA
 from signorini_fx.kinematics import of_data
 from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.pictures.fields import FIELDS
+from signorini_fx.quantities.digits import figure, percent
+from signorini_fx.quantities.quantity import Card
+from signorini_fx.quantities.registry import quantities
 from signorini_fx.records import Status
-from signorini_fx.report.digits import between, estimated_errors, figure, percent
 from signorini_fx.report.interactive import plots, turning
 from signorini_fx.report.markup import Markup, drawn_by, joined, long_table, picture, table, tag
 from signorini_fx.report.reading import SHORT_OF_ACCURACY, ResultFiles, in_space, seconds_of
 from signorini_fx.units import bracketed, unit, with_unit
 
-# The figures of the summary that are shown large: what each is called, and the quantity whose unit it has.
-_CARDS = {
-    "contact_force": ("contact force on the body", "force"),
-    "friction_force": ("friction force on the body", "force"),
-    "max_pressure": ("largest contact pressure", "stress"),
-    "max_shear": ("largest shear", "stress"),
-    "strain_energy": ("strain energy", "energy"),
-    "dofs": ("unknowns", ""),
-    "contact_nodes": ("contact nodes", ""),
-}
+# Counts that are shown large behind the quantities.
+_COUNTS = {"dofs": "unknowns", "contact_nodes": "contact nodes"}
 
 
 def outcome(summary: dict[str, Any]) -> Markup:
@@ -63,19 +48,9 @@ def outcome(summary: dict[str, Any]) -> Markup:
     short |= good and bool(summary.get("incomplete"))
     status = tag("div", *text, class_=f"status {'short' if short else 'good' if good else 'bad'}")
     warned = _findings(summary, "warning")
-    errors = estimated_errors(summary)
-    largest = max((abs(f) for key in ("contact_force", "friction_force") for f in summary.get(key, [])), default=0.0)
-    slides = any(entry.get("friction") for entry in summary["scene"].get("contact", []))
-    cards = [
-        _card(label, with_unit(figure(clean(summary[key], largest), errors.get(key)), quantity), errors.get(key))
-        for key, (label, quantity) in _cards(summary).items()
-        if key in summary and (slides or key not in ("friction_force", "max_shear"))
-    ]
-    if "stress" in summary:
-        cards.insert(-3, _stress_card(summary["stress"]))
-    if "safety" in summary:
-        cards.insert(0, _safety_card(summary["safety"]))
-    cards.append(_card("seconds", f"{seconds_of(summary):.3g}", None))
+    cards = [_card(card) for quantity in quantities() for card in quantity.cards(summary)]
+    cards += [_card(Card(label, str(summary[key]))) for key, label in _COUNTS.items() if key in summary]
+    cards.append(_card(Card("seconds", f"{seconds_of(summary):.3g}")))
     measure = "what" if _kinematics(summary).whole else "per unit thickness, and what"
     named = "" if summary["scene"].get("units", {}).get("length") else "; units are those of the scene"
     digits = "Figures with an estimated error are rounded to it, others to four digits; all digits are in summary.json."
@@ -95,43 +70,12 @@ def _sides(against: Iterable[str | None]) -> tuple[str, str]:
     return who.get(tuple(sorted(kinds)), "the foundation"), "the body of the boundary" if True in kinds else "the body"
 
 
-def _card(label: str, value: str, error: float | None) -> Markup:
-    share = percent(error) if error and error < 1 else ""
+def _card(card: Card) -> Markup:
+    share = percent(card.error) if card.error and card.error < 1 else ""
     estimate = [tag("small", f"error {'' if share.startswith('below') else 'about '}{share}")] if share else []
-    return tag("div", tag("dt", label), tag("dd", value, *estimate), class_="wide" if value.startswith("(") else "")
-
-
-def _safety_card(safety: dict[str, Any]) -> Markup:
-    """The safety factor of the live loads, the motion beyond it, and what it does not say."""
-    beyond = [f"beyond, {safety['motion']}"] if safety["motion"] else []
-    remark = tag("small", "; ".join([*beyond, *friction_in_use(safety), *safety_assumed(safety)]))
-    return tag("div", tag("dt", "safety factor"), tag("dd", safety_factor(safety), remark), class_="wide")
-
-
-def _cards(summary: dict[str, Any]) -> dict[str, tuple[str, str]]:
-    """``_CARDS``; between bodies forces with the boundary on which they act, and of several boundaries none."""
-    forces = ("contact_force", "friction_force")
-    if not touch_each_other(summary) or not summary.get("contact_boundaries"):
-        return _CARDS
-    if on_several_bodies(summary):
-        return {key: card for key, card in _CARDS.items() if key not in forces}
-    on = summary["contact_boundaries"][0]["boundary"]
-    return _CARDS | {key: (_CARDS[key][0].replace("the body", on), "force") for key in forces}
-
-
-def _stress_card(stress: dict[str, Any]) -> Markup:
-    """The larger one of the raw and the recovered von Mises stress, and what it is worth."""
-    stresses = {"raw": stress["von_mises"]}
-    if stress.get("recovered"):
-        stresses["recovered"] = stress["recovered"]["von_mises"]
-    values = {name: entry["value"] for name, entry in stresses.items()}
-    shown = {name: with_unit(figure(value, between(stress)), "stress") for name, value in values.items()}
-    inside = {name: f" in {entry['region']}" if entry.get("region") else "" for name, entry in stresses.items()}
-    remark = ", ".join(f"{name} {value}{inside[name]}" for name, value in shown.items())
-    if why := stress["von_mises"].get("no_limit"):
-        remark = f"no limit as the mesh is refined: {why} ({remark})"
-    label = tag("dt", "largest von Mises stress")
-    return tag("div", label, tag("dd", shown[max(values, key=lambda name: values[name] or 0.0)], tag("small", remark)))
+    remark = [tag("small", card.remark)] if card.remark else estimate
+    wide = "wide" if card.wide or card.text.startswith("(") else ""
+    return tag("div", tag("dt", card.label), tag("dd", card.text, *remark), class_=wide)
 
 
 def _findings(summary: dict[str, Any], level: str) -> list[Markup]:

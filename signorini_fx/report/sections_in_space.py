@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.display import clean, on_several_bodies, touch_each_other
-from signorini_fx.report.digits import estimated_errors, figure
+from signorini_fx.quantities.digits import figure
+from signorini_fx.quantities.registry import error_of
 from signorini_fx.report.markup import Markup, drawn_by, joined, long_table, table, tag
 
 # Vectors of contact.csv, whose components are shown together.
@@ -22,7 +23,7 @@ def resultants(summary: dict[str, Any], contact: dict[str, Any]) -> Markup:
     moment, twist = (np.array(summary[name], dtype=np.float64) for name in ("contact_moment", "friction_moment"))
     size = float(np.nanmax(np.abs([force, friction]), initial=0.0))
     lever = float(np.nanmax(np.abs([moment, twist]), initial=0.0))
-    error = estimated_errors(summary).get("contact_force")
+    error = error_of(summary, "contact_force")
     several = on_several_bodies(summary)
     rows = (
         []

@@ -10,10 +10,14 @@ import time
 import traceback
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from typing import Any, TypeVar
 
 from mpi4py import MPI
+from pydantic import TypeAdapter
 
+from signorini_fx.quantities.quantity import Quantity
+from signorini_fx.quantities.registry import has, of_package, quantities
 from signorini_fx.records import Finding
 from signorini_fx.results.solution import Solution
 
@@ -79,33 +83,56 @@ def missing(what: list[str]) -> list[dict[str, Any]]:
     return [asdict(Finding("warning", name, "is missing: the run ended before it was complete")) for name in what]
 
 
+def _afterwards(solution: Solution) -> list[Quantity]:
+    return [quantity for quantity in quantities() if quantity.stage == "afterwards" and quantity.asked(solution)]
+
+
 def asked(solution: Solution) -> list[str]:
     """The keys of the summary that ``proved`` may add."""
-    goal, settings = solution.scene.accuracy, solution.scene.solver
-    bounded = settings.error_bound or (goal is not None and goal.certified)
-    names = {"safety": solution.contact is not None, "uniqueness": settings.uniqueness, "error_bound": bounded}
-    return [name for name, wanted in names.items() if wanted]
+    return [quantity.key for quantity in _afterwards(solution)]
 
 
 def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]:
-    """What is proved of a solution, as far as the scene asks for it: entries of the summary; collective.
+    """What is computed once the results stand, as far as the scene asks for it: entries of the summary; collective.
 
     Args:
         solution: what was solved.
         findings: rows of the summary.
     """
-    comm, wanted, entries = solution.comm, asked(solution), dict[str, Any]()
-    if "safety" in wanted and (safety := afterthought(comm, "safety", findings, lambda: solution.safety)) is not None:
-        entries["safety"] = safety.as_dict()
-    if "uniqueness" in wanted:
-        unique = afterthought(comm, "uniqueness", findings, lambda: solution.uniqueness)
-        if unique is not None:
-            entries["uniqueness"] = unique.as_dict()
-    if "error_bound" in wanted:
-        bound = afterthought(comm, "error_bound", findings, lambda: solution.error_bound)
-        if isinstance(bound, str):
-            entries["error_bound"] = {"statement": f"none: {bound}"}
-        elif bound is not None:
-            fixed = afterthought(comm, "error_bound", findings, lambda: solution.fixed_point)
-            entries["error_bound"] = bound.as_dict() | ({} if fixed is None else fixed.beside(bound))
+    comm, entries = solution.comm, dict[str, Any]()
+    for quantity in _afterwards(solution):
+        added = afterthought(comm, quantity.key, findings, partial(_valid, quantity, solution)) or {}
+        entries |= added
+        if added and has(quantity, "further"):
+            value = added[quantity.key]
+            further = afterthought(comm, quantity.key, findings, partial(quantity.further, solution, value))
+            entries[quantity.key] = value if further is None else further
     return entries
+
+
+def columns_of(quantity: Quantity, solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]:
+    """The entries of a quantity in a row of the load steps; collective.
+
+    One that is not of this package may fail, which is told once.
+    """
+    if quantity in of_package():
+        return quantity.columns(solution)
+    rows = list[dict[str, Any]]()
+    columns = afterthought(solution.comm, quantity.key, rows, lambda: quantity.columns(solution))
+    findings += [row for row in rows if row not in findings]
+    return columns or {}
+
+
+def _valid(quantity: Quantity, solution: Solution) -> dict[str, Any]:
+    """The entries of a quantity; of one that is not of this package they must have the type that it says.
+
+    Raises:
+        ValueError: they have not.
+    """
+    entries = quantity.entries(solution)
+    if quantity in of_package():
+        return entries
+    adapter: TypeAdapter[Any] = TypeAdapter(quantity.kind)
+    return {
+        key: adapter.dump_python(adapter.validate_python(value), exclude_unset=True) for key, value in entries.items()
+    }

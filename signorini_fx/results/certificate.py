@@ -28,6 +28,7 @@ from dolfinx import fem
 
 from signorini_fx import parallel
 from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.quantities.families.certificate import JUDGED, REPORTED
 from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.results.contact_nodes import ContactNodes, ContactSide
 from signorini_fx.results.contact_sides import sides_of
@@ -55,20 +56,6 @@ if TYPE_CHECKING:
 
 Nodal = npt.NDArray[np.float64]
 
-# The figures that decide.
-JUDGED = (
-    "equilibrium",
-    "supports",
-    "negative_pressure",
-    "friction_cone",
-    "wrong_way_slip",
-    "entered",
-    "pressure_at_distance",
-    "slip_below_bound",
-    "coupling",
-)
-# The others give the regularisation error, and how far the body moves.
-REPORTED = ("displacement", "penetration", "complementarity", "stick_slip")
 # What a penalty makes of round-off may be 0.1 % of the mean stress in bodies that are not without stress.
 _ABOVE_THE_MEAN = 1e3
 

@@ -7,7 +7,6 @@ then, while the moment about the middle of the boundary is what the fit is made 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,8 +20,6 @@ Array = npt.NDArray[np.float64]
 # A boundary is closed if the sum of its normals, by their areas, is a smaller share of its area: on straight facets of
 # unequal lengths it is no exact zero.
 _CLOSED = 0.01
-# Resultants that are a smaller share of the integral of the pressure come from the mesh.
-SLIGHT = 1e-3
 
 
 @dataclass(frozen=True)
@@ -68,17 +65,6 @@ def _of_part(contact: ContactState, part: int) -> Turning | None:
     reach = np.linalg.norm(np.einsum("nij,ni->nj", boundary.tangents[on_part], way), axis=1)
     largest_moments = weight * np.where(reach > 0, contact.bound[on_part] * reach, 0.0)
     return Turning(float(total[-1]), moment, float(parallel.global_sum(comm, np.array(largest_moments.sum()))))
-
-
-def friction_in_words(row: dict[str, Any]) -> str:
-    """The friction of a row of ``contact_boundaries``: the force, or the moment where it is that which is transmitted,
-    and the largest possible value.
-    """
-    force, limit = f"{row['tangential_force']:.6g}", row["friction_limit"]
-    if row["friction_moment"] is not None and row["tangential_force"] < SLIGHT * row["pressure_integral"]:
-        force = f"a moment of {np.linalg.norm(row['friction_moment']):.6g} about its middle"
-        limit = row["moment_limit"]
-    return f"{force} of at most {limit:.6g}" if np.isfinite(limit) else f"{force} in a bond"
 
 
 def one_or_three(moment: Array) -> float | list[float]:

@@ -24,6 +24,7 @@ from signorini_fx.machine.terminal import printable, say
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.pictures.fields import FIELDS, ON_DEMAND, unknown
 from signorini_fx.pictures.result_pictures import TURNING
+from signorini_fx.quantities.registry import quantities
 from signorini_fx.records import as_rows
 from signorini_fx.report.reading import read_csv, read_facets
 from signorini_fx.results import afterthoughts
@@ -148,7 +149,7 @@ class _Written:
     def _stands(self, table: ContactTable | None, fields: str | None) -> dict[str, Any]:
         """Fields and the tables that everything else is about; returns the summary."""
         solution, comm, part = self.solution, self.solution.comm, self.folder.part
-        summary = summary_of(solution, table)
+        summary = summary_of(solution)
         plane = solution.discretisation.tagged.dimension == 2
         # Keys that a scene in the plane, or one in space, does not have.
         summary["scene"] = describe(solution.scene, ("z",) if plane else ("hypothesis",))
@@ -157,7 +158,8 @@ class _Written:
         if fields is not None:
             self.folder.reserve(size_of_fields(solution, fields))
             summary["fields"] = _together(comm, self.folder, lambda: write_fields(solution, part, fields))
-            summary["stress"] = solution.stress.as_dict()
+            for quantity in quantities():
+                summary |= quantity.entries(solution) if quantity.stage == "fields" else {}
 
         def write() -> None:
             for name, records in (("history", solution.history.iterations), ("outer", solution.history.outer)):

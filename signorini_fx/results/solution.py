@@ -19,8 +19,10 @@ from signorini_fx.body.deformation import Deformation
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.display import html_table
 from signorini_fx.errors import SignoriniError
+from signorini_fx.quantities.registry import requested
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate import Certificate
+from signorini_fx.results.closed_boundaries import Turning, turning_of
 from signorini_fx.results.contact_boundaries import ContactFigures, contact_figures
 from signorini_fx.results.functionals import Functionals
 from signorini_fx.results.resultants import Resultants
@@ -241,6 +243,26 @@ class Solution:
     def contact_figures(self) -> list[ContactFigures]:
         """Area and forces of each contact boundary, in the order of the scene; none without contact; collective."""
         return [] if self.contact is None else contact_figures(self.scene, self.contact)
+
+    @cached_property
+    def turnings(self) -> list[Turning | None]:
+        """Friction on each contact boundary that closes around a body, None for others; none without contact;
+        collective.
+        """
+        return [] if self.contact is None else turning_of(self.scene, self.contact)
+
+    def bounds(self, text: str) -> Interval | str:
+        """Guaranteed bounds of a quantity, or why there are none; collective.
+
+        Args:
+            text: ``force BOUNDARY AXIS`` of a contact or a support, ``mean BOUNDARY AXIS`` of the displacement,
+                ``strain_energy``, or a quantity that others have added.
+
+        Raises:
+            SceneError: it is not known, or has no bounds.
+        """
+        bounds: Interval | str = requested(text, lambda quantity, words: quantity.bounds(self, *words), "bounds")
+        return bounds
 
     @cached_property
     def uniqueness(self) -> Uniqueness | None:

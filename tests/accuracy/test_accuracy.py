@@ -217,7 +217,7 @@ def test_the_memory_of_the_machine_is_a_budget(monkeypatch):
     assert solution.status is Status.BUDGET
     assert solution.certificate.holds
     assert "of memory, this machine has 0.00093" in solution.history.events[-1]
-    told = render(summarise(solution, solution.table)).splitlines()
+    told = render(summarise(solution)).splitlines()
     assert any(line.startswith("  accuracy         the next mesh would take about") for line in told)
     assert not any(line.startswith("  fall-backs") for line in told)
 

@@ -92,7 +92,7 @@ def test_smaller_gamma():
     """A path of problems with growing gamma leads past the cycle, to the gamma that was asked for."""
     ours = alone(jumping())
     assert fall_backs_of(ours) == ["contact where the body rests", "smaller gamma"]
-    summary = summarise(ours, ours.table)
+    summary = summarise(ours)
     assert summary["events"] == ours.history.events
     assert "fall-backs       active sets cycle: contact where the body rests" in render(summary)
     gammas = [record.gamma_n for record in ours.history.outer]

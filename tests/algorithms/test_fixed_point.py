@@ -67,13 +67,13 @@ def test_what_the_line_says():
     """A number and what is assumed; where nothing is proved, that; without Coulomb friction, nothing."""
     scene = example1(coefficient=0.3, nx=24, ny=8, gamma="auto", error_bound=True)
     solution = alone(scene)
-    summary = summarise(solution, solution.table)
+    summary = summarise(solution)
     told = "\n".join(map(str, lines_of(summary)))
     assert "the fixed point of this mesh is within" in told
     assert "that this is the bound of the exact solution is assumed; if linear systems are solved" in told
     assert summary["error_bound"]["contraction"] == solution.fixed_point.contraction < 1
     rough = alone(example1(coefficient=2.0, nx=24, ny=8, gamma="auto", error_bound=True))
-    found = summarise(rough, rough.table)["error_bound"]
+    found = summarise(rough)["error_bound"]
     assert found["fixed_point"] is None
     assert found["contraction"] > 1
     assert "is not known: the contraction number is" in found["statement"]
@@ -83,5 +83,5 @@ def test_what_the_line_says():
 def test_nothing_without_asking():
     """A scene that asks for no bound does not compute it."""
     solution = alone(example1(coefficient=0.3, nx=12, ny=4))
-    summarise(solution, solution.table)
+    summarise(solution)
     assert "fixed_point" not in vars(solution)

@@ -126,7 +126,7 @@ def test_what_check_says(push, word):
 def test_the_summary_says_it():
     """In words, and as figures."""
     solution = alone(cup(8, {"law": "tresca", "bound": 0.1}))
-    summary = summarise(solution, solution.table)
+    summary = summarise(solution)
     assert summary["safety"]["body"][0] == 0.0
     told = "\n".join(map(str, lines_of(summary)))
     assert f"proved for its mesh, for the body at most {summary['safety']['body'][1]:.4g}" in told

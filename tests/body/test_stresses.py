@@ -237,11 +237,9 @@ def test_which_of_two_bodies(order):
     for one in (told, told["recovered"]):
         found = [one[name]["region"] for name in ("von_mises", "largest_principal", "smallest_principal")]
         assert found == ["upper", "upper", "lower"]
-    line = next(
-        line for line in render({**summarise(solution, None), "stress": told}).splitlines() if "at most" in line
-    )
+    line = next(line for line in render({**summarise(solution), "stress": told}).splitlines() if "at most" in line)
     assert line.partition(";")[0].endswith(") in upper")
-    card = str(outcome({**summarise(solution, None), "stress": told, "scene": scene}))
+    card = str(outcome({**summarise(solution), "stress": told, "scene": scene}))
     assert card.count(" in upper") == 2
 
 

@@ -281,7 +281,7 @@ def test_an_accuracy_that_is_certified():
     assert solution.error_bound.relative <= 0.05
     true = energy_of_difference(solution, on_finer_mesh(solution.scene))
     assert true <= solution.error_bound.error
-    told = "\n".join(map(str, lines_of(summarise(solution, solution.table))))
+    told = "\n".join(map(str, lines_of(summarise(solution))))
     assert "error bound      at most" in told
 
 
@@ -460,9 +460,7 @@ def test_what_has_no_bound():
     loads = [load.model_copy(update={"factors": (0.5, 1.0)}) for load in scene.traction]
     stepped = scene.model_copy(update={"traction": tuple(loads)})
     solution = alone(stepped)
-    assert summarise(solution, solution.table)["error_bound"]["statement"] == (
-        "none: a guaranteed bound is for one load step"
-    )
+    assert summarise(solution)["error_bound"]["statement"] == ("none: a guaranteed bound is for one load step")
     with pytest.raises(SceneError, match=r"accuracy.certified: a guaranteed bound is for one load step"):
         alone(stepped.model_copy(update={"accuracy": Accuracy(target=0.05, certified=True)}))
     with pytest.raises(SceneError, match="of = 'energy' only"):
@@ -544,5 +542,5 @@ def test_coulomb_friction_before_its_fixed_point():
 def test_no_key_without_asking():
     """Nothing is computed for a scene that does not ask."""
     solution = alone(example1(bound=1.5, nx=12, ny=4))
-    assert "error_bound" not in summarise(solution, solution.table)
+    assert "error_bound" not in summarise(solution)
     assert "error_bound" not in vars(solution)

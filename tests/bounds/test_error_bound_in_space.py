@@ -277,7 +277,7 @@ def test_an_accuracy_that_is_certified():
     scene = scene.model_copy(update={"accuracy": Accuracy(target=0.9, certified=True, refinement="adaptive")})
     solution = alone(scene)
     assert solution.error_bound.relative <= 0.9 < first
-    assert "error_bound" in summarise(solution, solution.table)
+    assert "error_bound" in summarise(solution)
 
 
 @pytest.mark.parametrize(

@@ -14,10 +14,10 @@ from scipy.linalg import expm
 from signorini_fx import ConvergenceError, SceneError, solve
 from signorini_fx.check.checks import check_scene
 from signorini_fx.check.text import render
-from signorini_fx.derivatives.named_quantities import quantity_of
 from signorini_fx.derivatives.of_scene import sensitivity
 from signorini_fx.linalg.krylov import KrylovSystem
 from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.quantities.differentiable import functional_of
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Tractions
@@ -704,7 +704,7 @@ def test_derivatives(law, algebra):
 
     def results(**changed):
         solution = solve(scene(**changed))
-        quantities = [quantity_of(solution.discretisation, name) for name in of[3:]]
+        quantities = [functional_of(solution.discretisation, name) for name in of[3:]]
         contact = solution.contact
         return np.array(
             [one.value(solution.displacement, contact.boundary, contact.pressure, contact.shear) for one in quantities]

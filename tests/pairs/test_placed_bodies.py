@@ -261,7 +261,7 @@ def test_bodies_by_their_names():
     assert "z table" not in held
     friction = {"friction": {"law": "coulomb", "coefficient": 0.3}}
     solution = solve(stacked(("z table", "a cup"), friction, young=(100.0, 100.0)), MPI.COMM_SELF)
-    summary = summarise(solution, solution.table)
+    summary = summarise(solution)
     assert [row["body"] for row in summary["pieces"]] == ["z table", "a cup"]
 
 

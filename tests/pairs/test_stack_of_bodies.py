@@ -80,7 +80,7 @@ def test_forces_of_each_contact(tmp_path, monkeypatch):
     assert (row["contact_force"], row["friction_force"]) == pytest.approx((2 * PRESS, PUSH), rel=1e-7)
     folder = WORLD.bcast(tmp_path)
     write_results(solution, folder, pictures=False)
-    summary = {**summarise(solution, solution.table), "scene": solution.scene.model_dump(mode="json")}
+    summary = {**summarise(solution), "scene": solution.scene.model_dump(mode="json")}
     if WORLD.rank:
         return
     assert on_several_bodies(summary)

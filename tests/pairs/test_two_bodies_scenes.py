@@ -367,7 +367,7 @@ def test_shrink_fit(monkeypatch, tmp_path):
     every = in_balance(solution)
     assert every["seat"].moment == pytest.approx(torque, rel=2e-3)
     assert every["bore"].moment == pytest.approx(-torque, rel=2e-3)
-    summary = summarise(solution, solution.table)
+    summary = summarise(solution)
     (figures,) = summary["contact_boundaries"]
     assert figures["friction_moment"] == pytest.approx(torque, rel=1e-5)
     assert figures["moment_limit"] == pytest.approx(0.15 * 92.87 * 2 * np.pi * 20.0**2, rel=1e-3)
@@ -415,7 +415,7 @@ def test_a_ring_on_a_rigid_shaft(monkeypatch):
 
     solution = ring(0.0)
     outer = next(one for one in solution.resultants.every() if one.boundary == "outer")
-    summary = summarise(solution, solution.table)
+    summary = summarise(solution)
     (figures,) = summary["contact_boundaries"]
     assert figures["friction_moment"] == pytest.approx([0.0, 0.0, -outer.moment[2]], abs=1e-7 * abs(outer.moment[2]))
     assert abs(outer.moment[2]) < figures["moment_limit"] < 1.05 * 0.3 * figures["pressure_integral"]
@@ -423,7 +423,7 @@ def test_a_ring_on_a_rigid_shaft(monkeypatch):
     _, (lower, name) = drawn_steps(steps, monkeypatch)
     assert name.startswith("moment of friction")
     assert lower["moment of friction z"][1] < 0
-    summary = summarise(pushed := ring(0.05), pushed.table)
+    summary = summarise(ring(0.05))
     steps = {name: np.array([row[name] for row in summary["steps"]]) for name in summary["steps"][0]}
     (upper, _), (_, name) = drawn_steps(steps, monkeypatch)
     assert "contact force x" in upper
@@ -529,7 +529,7 @@ def test_bonded_pad():
     (figures,) = contact_figures(solution.scene, solution.contact)
     assert figures.tangential_force == pytest.approx(abs(every["pad"].force[0]), rel=1e-6)
     assert figures.friction_limit == np.inf
-    assert "in a bond" in render(summarise(solution, solution.table))
+    assert "in a bond" in render(summarise(solution))
 
 
 @pytest.mark.parametrize("carried", [0.0, 0.5])

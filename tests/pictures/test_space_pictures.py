@@ -32,8 +32,8 @@ from signorini_fx.pictures.deformed_body import magnification
 from signorini_fx.pictures.foundation import FoundationSurface, normals_of, plane_of
 from signorini_fx.pictures.solid_body import Skin, solid_figure
 from signorini_fx.pictures.style import VALUES
+from signorini_fx.quantities.digits import figure
 from signorini_fx.report import page, sections_in_space
-from signorini_fx.report.digits import figure
 from signorini_fx.report.reading import read_csv, read_facets
 from signorini_fx.results import outer_surface, picture_data
 from signorini_fx.results.files import write_results

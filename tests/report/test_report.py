@@ -29,10 +29,11 @@ from signorini_fx.errors import OutputError, ResultError
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.pictures import step_animation
 from signorini_fx.pictures.fields import FIELDS
+from signorini_fx.quantities.digits import between, figure
+from signorini_fx.quantities.registry import quantities
 from signorini_fx.records import Status
 from signorini_fx.report import advice, evidence, interactive, markup
 from signorini_fx.report import page as report
-from signorini_fx.report.digits import between, estimated_errors, figure
 from signorini_fx.report.reading import read_csv, read_summary, seconds_of
 from signorini_fx.results.certificate import JUDGED, REPORTED, Certificate
 from signorini_fx.results.files import write_results
@@ -582,14 +583,15 @@ def test_errors_of_figures():
     """A friction force is as uncertain as the contact force; the stress at a point has no estimate."""
     rows = [{"predicted": False, "force": 0.01, "peak": 0.02, "energy": 0.1}, {"predicted": True, "force": 1e-9}]
     summary = {"contact_force": [0.0, 50.0], "friction_force": [0.01, 0.0], "price_list": rows}
-    found = estimated_errors(summary)
+    found = {one.key: error for one in quantities() if (error := one.error(summary)) is not None}
     assert found == pytest.approx(
         {"contact_force": 0.01, "friction_force": 50.0, "max_pressure": 0.02, "strain_energy": 0.01}
     )
     assert figure(summary["friction_force"], found["friction_force"]) == "(0, 0)"
     assert figure(summary["contact_force"], found["contact_force"]) == "(0, 50.0)"
     stress = {"von_mises": {"value": 20.0}, "recovered": {"von_mises": {"value": 19.0}}}
-    assert estimated_errors({"stress": stress}) == estimated_errors({}) == {}
+    for table in ({"stress": stress}, {}):
+        assert {one.error(table) for one in quantities()} == {None}
     assert between(stress) == pytest.approx(0.05)
     assert between(stress | {"recovered": {"von_mises": {"value": 25.0}}}) == pytest.approx(0.2)
     assert between(stress | {"recovered": None}) is None

@@ -43,6 +43,7 @@ from signorini_fx.effects import (
     temperature,
     traction,
 )
+from signorini_fx.quantities.table import markdown
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import JUDGED, REPORTED
 from signorini_fx.results.files import write_results
@@ -589,7 +590,7 @@ def test_symptoms():
 
 def test_results(tmp_path):
     """Every file, every key of the summary and every column, of scenes that make all of them."""
-    named = set(re.findall(r"`([\w.]+)`", (DOCS / "results.md").read_text(encoding="utf-8")))
+    named = set(re.findall(r"`([\w.]+)`", (DOCS / "results.md").read_text(encoding="utf-8") + markdown()))
     stepped = example1(coefficient=0.3, nx=12, ny=4)
     loads = [load.model_copy(update={"factors": (0.5, 1.0)}) for load in stepped.traction]
     kinds = {

@@ -266,7 +266,7 @@ def test_summary():
         contact={"boundary": "bottom", "friction": COULOMB},
     )
     solution = alone(scene)
-    found = summarise(solution, solution.table)
+    found = summarise(solution)
     rows = {row["boundary"]: row for row in found["resultants"]}
     assert rows["top"]["force"] == [0.0, pytest.approx(-6.0)]
     assert rows["left"]["force"] == [pytest.approx(1.5), 0.0]
@@ -285,7 +285,7 @@ def test_summary():
 def test_largest_stress_has_the_digits_that_it_deserves():
     """Raw 27.1758 and recovered 36.9893 are rounded where they differ; no error of theirs is claimed."""
     solution = alone(plane(body_force={"y": -1.0}, contact={"boundary": "bottom", "friction": COULOMB}))
-    found = summarise(solution, solution.table)
+    found = summarise(solution)
     extreme = {"value": 27.1758, "place": [16.0, 32.5]}
     found["stress"] = {"von_mises": extreme, "recovered": {"von_mises": {**extreme, "value": 36.9893}}, "error": 0.4703}
     told = "27 at most, at (16, 32.5); recovered 37; estimated error in the mean 47 %"

@@ -11,7 +11,9 @@ from scenes import alone, example1
 from spaces import block
 
 from signorini_fx import cli
-from signorini_fx.results import summary as summaries
+from signorini_fx.quantities.model import summary_schema
+from signorini_fx.quantities.run import SCHEMA_VERSION
+from signorini_fx.quantities.table import markdown
 from signorini_fx.results.files import write_results
 from signorini_fx.scene.reading import parse_scene
 
@@ -178,13 +180,14 @@ def test_what_is_not_described(written, place):
 def test_the_schema():
     """It is a schema; all its keys are in the reference, and its version is that of the summary."""
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
-    text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    assert summary_schema() == SCHEMA  # signorini-fx schema --summary > signorini_fx/results/summary.schema.json
+    text = "".join(page.read_text(encoding="utf-8") for page in PAGES) + markdown()
     assert {key for key in SCHEMA["properties"] if f"`{key}`" not in text} == set()
     for key in ("resultants", "contact_boundaries"):
         assert {k for k in SCHEMA["properties"][key]["items"]["properties"] if f"`{k}`" not in text} == set()
     for key in ("stress", "safety", "deformation"):
         assert {k for k in SCHEMA["properties"][key]["properties"] if f"`{k}`" not in text} == set()
-    assert SCHEMA["properties"]["schema_version"]["const"] == summaries.SCHEMA_VERSION
+    assert SCHEMA["properties"]["schema_version"]["const"] == SCHEMA_VERSION
 
 
 def test_command(capsys):

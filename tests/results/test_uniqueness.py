@@ -154,7 +154,7 @@ def test_one_triangle():
     slips = {round(1e3 * float(one[-1]), 6) for one in above.others}
     slips.add(round(1e3 * float(solution.contact.u_t[free, 0]), 6))
     assert slips == {0.0, 0.227671, 0.897329}
-    told = "\n".join(map(str, lines_of(summarise(solution, solution.table))))
+    told = "\n".join(map(str, lines_of(summarise(solution))))
     assert "2 other solutions found" in told
     assert not uniqueness(solution.discretisation, solution.contact, search=False).starts
 
@@ -175,7 +175,7 @@ def test_check_before_a_solve(monkeypatch):
 def test_what_is_not_asked_for():
     """No key in the summary; without Coulomb friction the solution is the only one."""
     solution = alone(example1(bound=1.5, nx=12, ny=4))
-    assert "uniqueness" not in summarise(solution, solution.table)
+    assert "uniqueness" not in summarise(solution)
     assert solution.uniqueness.proved
     assert solution.uniqueness.as_dict()["multiple"] is None
 

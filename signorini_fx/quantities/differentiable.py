@@ -3,33 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
+import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.mesh.points import cells_of_points
+from signorini_fx.quantities.functional import Functional
+from signorini_fx.quantities.registry import requested
 
 Array = npt.NDArray[np.float64]
 # How far outside of its cell a point may be, in sizes of the cell.
 _OUTSIDE = 1e-6
-
-
-class Quantity(Protocol):
-    """A scalar result J(y, lambda, mu)."""
-
-    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
-        """J; collective."""
-
-    def by_displacement(self, y: fem.Function) -> Array | None:
-        """J_y at the owned dofs; None: it does not depend on the displacement; collective."""
-
-    def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
-        """Derivative by (lambda, mu) at each point over its weight, shape (n, d); collective."""
 
 
 @dataclass(frozen=True)
@@ -43,15 +33,15 @@ class OfDisplacement:
     row: Array
 
     def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
-        """See ``Quantity``."""
+        """See ``Functional``."""
         return float(parallel.global_sum(boundary.comm, self.row @ y.x.array[: self.row.size]))
 
     def by_displacement(self, y: fem.Function) -> Array | None:
-        """See ``Quantity``."""
+        """See ``Functional``."""
         return self.row
 
     def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
-        """See ``Quantity``."""
+        """See ``Functional``."""
         return np.zeros((pressure.size, 1 + shear.shape[1]))
 
     @classmethod
@@ -101,16 +91,16 @@ class ContactForce:
         return directions
 
     def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
-        """See ``Quantity``."""
+        """See ``Functional``."""
         force = -(boundary.nodal_forces(pressure, shear) * self._directions(boundary)).sum()
         return float(parallel.global_sum(boundary.comm, np.array(force)))
 
     def by_displacement(self, y: fem.Function) -> Array | None:
-        """See ``Quantity``."""
+        """See ``Functional``."""
         return None
 
     def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
-        """See ``Quantity``."""
+        """See ``Functional``."""
         return -np.einsum("nij,ni->nj", boundary.frames, self._directions(boundary))
 
 
@@ -129,7 +119,7 @@ class LargestPressure:
     power: float
 
     def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
-        """See ``Quantity``."""
+        """See ``Functional``."""
         return self._norm(boundary, pressure)
 
     def _norm(self, boundary: ContactBoundary, pressure: Nodal) -> float:
@@ -143,11 +133,11 @@ class LargestPressure:
         return float(largest * (power / area) ** (1 / self.power))
 
     def by_displacement(self, y: fem.Function) -> Array | None:
-        """See ``Quantity``."""
+        """See ``Functional``."""
         return None
 
     def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
-        """See ``Quantity``."""
+        """See ``Functional``."""
         slopes = np.zeros((pressure.size, 1 + shear.shape[1]))
         on_part = boundary.part == self.part
         value = self._norm(boundary, pressure)
@@ -174,7 +164,7 @@ class ContactArea:
     power: float
 
     def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
-        """See ``Quantity``."""
+        """See ``Functional``."""
         return self._sums(boundary, pressure)[0]
 
     def _sums(self, boundary: ContactBoundary, pressure: Nodal) -> tuple[float, float, float, float]:
@@ -188,11 +178,11 @@ class ContactArea:
         return (once**self.power / power_sum) ** (1 / (self.power - 1)), largest, once, power_sum
 
     def by_displacement(self, y: fem.Function) -> Array | None:
-        """See ``Quantity``."""
+        """See ``Functional``."""
         return None
 
     def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
-        """See ``Quantity``."""
+        """See ``Functional``."""
         slopes, q = np.zeros((pressure.size, 1 + shear.shape[1])), self.power
         area, largest, once, power_sum = self._sums(boundary, pressure)
         if largest > 0:
@@ -202,3 +192,20 @@ class ContactArea:
                 pressing, area * q / (q - 1) * (1 / once - share ** (q - 1) / power_sum) / largest, 0.0
             )
         return slopes
+
+
+def functional_of(d: Discretisation, text: str) -> Functional:
+    """A result with its derivatives by its name; collective.
+
+    Args:
+        d: the scene on its mesh.
+        text: ``force BOUNDARY AXIS`` and ``moment BOUNDARY [AXIS]`` on the body at a contact boundary, a moment about
+            the origin, in space about an axis; ``pressure BOUNDARY [POWER]``, see ``LargestPressure``; ``area BOUNDARY
+            [POWER]``, see ``ContactArea``; ``mean BOUNDARY AXIS``, the mean displacement; ``displacement X,Y[,Z] AXIS``
+            at a point; and the requests of quantities that others have added.
+
+    Raises:
+        SceneError: it is not known, or has no derivative.
+    """
+    functional: Functional = requested(text, lambda quantity, words: quantity.functional(d, *words), "functional")
+    return functional

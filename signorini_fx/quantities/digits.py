@@ -8,34 +8,12 @@ from typing import Any
 
 # Digits of a figure without an estimate, and the most that are shown of one with an estimate.
 _UNKNOWN, _MOST_DIGITS = 4, 6
-# Figure of the summary -> the estimate of the price list that is its own.
-_ESTIMATES = {"contact_force": "force", "friction_force": "force", "max_pressure": "peak", "max_shear": "pressure"}
 
 
-def estimated_errors(summary: Mapping[str, Any]) -> dict[str, float]:
-    """Estimated relative errors of figures of the summary, of those that have an estimate.
-
-    That of the strain energy is the square of the error in the energy norm; that of a friction force that nearly
-    vanishes is large, as it is as uncertain as the contact force is.  So is that of a resultant of several contact
-    boundaries whose forces nearly cancel: the estimate is relative to all of them.  The stress at a point has none: its
-    difference from the recovered one is no error, see ``between``.
-    """
+def solved_prices(summary: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The estimates of the finest mesh that was solved, the last solved row of the price list; empty: there is none."""
     solved = [row for row in summary.get("price_list", []) if not row["predicted"]]
-    if not solved:
-        return {}
-    errors: dict[str, float | None] = {name: solved[-1].get(key) for name, key in _ESTIMATES.items()}
-    contact, friction = (math.hypot(*summary.get(name, [0.0])) for name in ("contact_force", "friction_force"))
-    rows = summary.get("contact_boundaries", ())
-    components = [f for row in rows for name in ("contact_force", "friction_force") for f in row.get(name, ())]
-    error = errors["contact_force"]
-    if error is not None and len(rows) > 1 and contact + friction > 0:
-        error *= max(1.0, math.hypot(*components) / math.hypot(contact, friction))
-    errors["contact_force"] = errors["friction_force"] = error
-    if error is not None and 0 < friction < contact:
-        errors["friction_force"] = error * contact / friction
-    energy = solved[-1].get("energy")
-    errors["strain_energy"] = None if energy is None else energy**2
-    return {name: float(error) for name, error in errors.items() if error is not None}
+    return solved[-1] if solved else {}
 
 
 def between(stress: Mapping[str, Any]) -> float | None:

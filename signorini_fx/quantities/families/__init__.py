@@ -1,0 +1,7 @@
+"""The quantities of this package, in the order in which a terminal shows them."""
+
+# Files of this folder; each has QUANTITIES.
+FAMILIES = (
+    *("safety", "contact_nodes", "forces", "pressures", "zones", "moments", "displacements", "contact_boundaries"),
+    *("tools", "preloads", "resultants", "energies", "stress", "deformation", "certificate", "proofs"),
+)

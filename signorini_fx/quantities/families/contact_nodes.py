@@ -1,0 +1,51 @@
+"""How many nodes touch the foundation or the other body."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from signorini_fx.machine.terminal import TerminalLine
+from signorini_fx.quantities.kinds import Count
+from signorini_fx.quantities.quantity import Quantity, Summary
+from signorini_fx.quantities.text import row
+from signorini_fx.records import FEW_NODES
+
+
+class CountOfNodes(Quantity):
+    """All nodes, which the terminal shows with those that touch."""
+
+    key, kind, scope, stage = "contact_nodes", Count, "contact", "results"
+    title = "Nodes of the contact boundary."
+    terminal = "contact nodes"
+
+    def value(self, solution: Any) -> Any:
+        """See ``Quantity``."""
+        return None if solution.contact is None else int(solution.table.columns["x"].size)
+
+    def lines(self, summary: Summary) -> list[TerminalLine]:
+        """See ``Quantity``."""
+        if self.key not in summary:
+            return []
+        nodes = summary["touching_nodes"]
+        few = (
+            ": too few for the ends of the zone or the largest pressure, refine there" if 0 < nodes < FEW_NODES else ""
+        )
+        return [row(self.terminal, f"{summary[self.key]}, {nodes or 'none'} in contact{few}")]
+
+
+class TouchingNodes(Quantity):
+    """Those that touch."""
+
+    key, kind, scope, stage = "touching_nodes", Count, "contact", "results"
+    title = "Those in contact."
+
+    def value(self, solution: Any) -> Any:
+        """See ``Quantity``."""
+        if solution.contact is None:
+            return None
+        return int(np.count_nonzero(solution.table.columns["state"] != "open"))
+
+
+QUANTITIES = (CountOfNodes(), TouchingNodes())

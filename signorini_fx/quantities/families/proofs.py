@@ -1,0 +1,142 @@
+"""What is proved of a solution, and the functionals that bound it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signorini_fx.machine.terminal import TerminalLine
+from signorini_fx.quantities.kinds import Number, Row, described
+from signorini_fx.quantities.quantity import Quantity, Summary
+from signorini_fx.quantities.text import row
+
+
+class ErrorBoundFigures(Row):
+    """A guaranteed bound."""
+
+    relative_error: Number = described(
+        "Of the displacement, relative to the energy norm of the exact solution.", default=None
+    )
+    strain_energy: list[Number] = described(
+        "Between which the strain energy of the exact solution is.", default_factory=list
+    )
+    work: list[Number] | None = described(
+        "Between which the work of the loads of the exact solution is; null with friction.", default=None
+    )
+    error: Number = described("Square root of a(e, e): the sum of the four that follow.", default=None)
+    duality: Number = described("Part of the gap between both functionals.", default=None)
+    data: Number = described("Part of what the stress does not hold of the loads.", default=None)
+    moved: Number = described("Part of the displacement without penetration instead of the computed one.", default=None)
+    round_off: Number = described("Part of round-off.", default=None)
+    contraction: Number = described(
+        "With Coulomb friction, the factor by which the map from friction bound to friction bound is proved to "
+        "contract; null: nothing is proved.",
+        default=None,
+    )
+    fixed_point: Number = described(
+        "With Coulomb friction, bound of the energy norm of the distance from the fixed point of the mesh; null: none "
+        "is known.",
+        default=None,
+    )
+    guaranteed: bool = described("Whether it is a bound; else an estimate.", default=None)
+    statement: str = described("All of it in a sentence, or why there is no bound.")
+
+
+class ErrorBoundOfSolution(Quantity):
+    """In the energy norm."""
+
+    key, kind = "error_bound", ErrorBoundFigures
+    title = "A guaranteed bound of the error in the energy norm, where the scene asks for it; null: none."
+    terminal = "error bound"
+
+    def asked(self, solution: Any) -> bool:
+        """See ``Quantity``."""
+        goal = solution.scene.accuracy
+        return bool(solution.scene.solver.error_bound or (goal is not None and goal.certified))
+
+    def value(self, solution: Any) -> Any:
+        """See ``Quantity``."""
+        bound = solution.error_bound
+        if isinstance(bound, str):
+            return {"statement": f"none: {bound}"}
+        return None if bound is None else bound.as_dict()
+
+    def further(self, solution: Any, value: Any) -> Any:
+        """See ``Quantity``: the distance from the fixed point of friction."""
+        bound = solution.error_bound
+        fixed = None if bound is None or isinstance(bound, str) else solution.fixed_point
+        return value if fixed is None else value | fixed.beside(bound)
+
+    def lines(self, summary: Summary) -> list[TerminalLine]:
+        """See ``Quantity``."""
+        return _statement(self, summary)
+
+
+class UniquenessFigures(Row):
+    """What is known of it."""
+
+    proved: bool = described("Whether it is proved to be the only one, up to free motions.")
+    multiple: Number = described(
+        "Of the friction coefficients below which that is proved, whatever the loads are; null: for any."
+    )
+    coefficient: Number = described("The same as a coefficient; null: the coefficients differ, or there is no limit.")
+    others: int = described("Number of other solutions found.")
+    starts: int = described(
+        "From which other solutions were searched for; 0 where there are none, or no search was made."
+    )
+    statement: str = described("All of it in a sentence.")
+
+
+class UniquenessOfSolution(Quantity):
+    """On its mesh."""
+
+    key, kind = "uniqueness", UniquenessFigures
+    title = "Whether the solution is the only one on its mesh; where `solver.uniqueness` asks for it."
+    terminal = "uniqueness"
+
+    def asked(self, solution: Any) -> bool:
+        """See ``Quantity``."""
+        return bool(solution.scene.solver.uniqueness)
+
+    def value(self, solution: Any) -> Any:
+        """See ``Quantity``."""
+        unique = solution.uniqueness
+        return None if unique is None else unique.as_dict()
+
+    def lines(self, summary: Summary) -> list[TerminalLine]:
+        """See ``Quantity``."""
+        return _statement(self, summary)
+
+
+class BothFunctionals(Row):
+    """Energies."""
+
+    primal: Number
+    dual: Number
+    relative_duality_gap: Number
+
+
+class FunctionalsOfSolution(Quantity):
+    """Without Coulomb friction."""
+
+    key, kind, stage = "functionals", BothFunctionals, "results"
+    title = "Primal and dual functional of the regularised problem, energies, without Coulomb friction."
+    terminal = "duality gap"
+
+    def value(self, solution: Any) -> Any:
+        """See ``Quantity``."""
+        values = solution.functionals
+        if values is None:
+            return None
+        return {"primal": values.primal, "dual": values.dual, "relative_duality_gap": values.relative_gap}
+
+    def lines(self, summary: Summary) -> list[TerminalLine]:
+        """See ``Quantity``."""
+        figures = summary.get(self.key)
+        return [row(self.terminal, f"{figures['relative_duality_gap']:.1e}")] if figures else []
+
+
+def _statement(quantity: Quantity, summary: Summary) -> list[TerminalLine]:
+    return [row(quantity.terminal, summary[quantity.key]["statement"])] if quantity.key in summary else []
+
+
+QUANTITIES = (ErrorBoundOfSolution(), UniquenessOfSolution(), FunctionalsOfSolution())

@@ -1,0 +1,79 @@
+"""The extremes of the stress in the body."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signorini_fx.machine.terminal import TerminalLine
+from signorini_fx.quantities.digits import between, figure, percent
+from signorini_fx.quantities.kinds import ExtremeOfStress, Number, Row, described, perhaps
+from signorini_fx.quantities.quantity import Card, Quantity, Summary
+from signorini_fx.quantities.text import digits, point_in_words, row
+from signorini_fx.units import with_unit
+
+
+class RecoveredExtremes(Row):
+    """Extremes of the recovered stress."""
+
+    von_mises: ExtremeOfStress
+    largest_principal: ExtremeOfStress
+    smallest_principal: ExtremeOfStress
+    largest_zz: ExtremeOfStress = perhaps()
+    smallest_zz: ExtremeOfStress = perhaps()
+
+
+class StressExtremes(RecoveredExtremes):
+    """Extremes of the raw stress, and of the recovered one."""
+
+    recovered: RecoveredExtremes | None = described(
+        "Those of the recovered stress; null if the displacement is not a number."
+    )
+    error: Number = described("Estimated error of the raw stress in the energy norm, relative; null without stress.")
+
+
+class Stress(Quantity):
+    """Raw and recovered."""
+
+    key, unit, kind, stage = "stress", "stress", StressExtremes, "fields"
+    title = "Extremes of the raw stress at the nodes, and of the recovered one; absent if no fields were written."
+    terminal, report = "von Mises stress", "largest von Mises stress"
+
+    def value(self, solution: Any) -> Any:
+        """See ``Quantity``."""
+        return solution.stress.as_dict()
+
+    def lines(self, summary: Summary) -> list[TerminalLine]:
+        """See ``Quantity``: the largest value with the digits that raw and recovered stress both have; or why it has no
+        limit.
+        """
+        if self.key not in summary:
+            return []
+        stress = summary[self.key]
+        raw, recovered, apart = stress["von_mises"], stress["recovered"], between(stress)
+        region = f" in {raw['region']}" if raw.get("region") else ""
+        text = f"{digits(raw['value'], apart)} at most, at {point_in_words(raw['place'])}{region}"
+        if recovered is not None and apart is not None:
+            text += f"; recovered {digits(recovered['von_mises']['value'], apart)}"
+        if (why := raw.get("no_limit")) is not None:
+            text += f"; it has no limit as the mesh is refined: {why}"
+        error = "" if stress["error"] is None else f"; estimated error in the mean {percent(stress['error'])}"
+        return [row(self.terminal, text + error)]
+
+    def cards(self, summary: Summary) -> list[Card]:
+        """See ``Quantity``: the larger one of the raw and the recovered one, and what it is worth."""
+        if self.key not in summary:
+            return []
+        stress = summary[self.key]
+        stresses = {"raw": stress["von_mises"]}
+        if stress.get("recovered"):
+            stresses["recovered"] = stress["recovered"]["von_mises"]
+        values = {name: entry["value"] for name, entry in stresses.items()}
+        shown = {name: with_unit(figure(value, between(stress)), self.unit) for name, value in values.items()}
+        inside = {name: f" in {entry['region']}" if entry.get("region") else "" for name, entry in stresses.items()}
+        remark = ", ".join(f"{name} {value}{inside[name]}" for name, value in shown.items())
+        if why := stress["von_mises"].get("no_limit"):
+            remark = f"no limit as the mesh is refined: {why} ({remark})"
+        return [Card(self.report, shown[max(values, key=lambda name: values[name] or 0.0)], remark=remark)]
+
+
+QUANTITIES = (Stress(),)

@@ -1,0 +1,61 @@
+"""Foundations that forces move."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signorini_fx.machine.terminal import TerminalLine
+from signorini_fx.quantities.kinds import Number, Row, Vector, described
+from signorini_fx.quantities.quantity import Quantity, Summary
+from signorini_fx.quantities.text import labelled
+
+
+class Tool(Row):
+    """A rigid tool."""
+
+    boundary: str = described("The boundary that it may touch.")
+    reference: Vector = described("The point that it turns about, before it moves.")
+    displacement: Vector = described("Of that point.")
+    rotation: Number | Vector = described("Radians; in space a vector.")
+    force: Vector = described("Of the body on the tool.")
+    moment: Number | Vector = described("About that point; in space a vector.")
+    gap_error: Number = described(
+        "By how much the gap where the tool ends up differs at most from the linearised one, where it presses, length; "
+        "null for bonded boundaries."
+    )
+
+
+class Tools(Quantity):
+    """How they have moved."""
+
+    key, kind, stage = "tools", list[Tool], "results"
+    terminal = "foundation"
+    title = "Foundations that forces move: how they have moved, and what the body does to them."
+
+    def value(self, solution: Any) -> Any:
+        """See ``Quantity``."""
+        contact, effects = solution.contact, solution.scene.contact
+        if contact is None:
+            return None
+        kinematics = solution.discretisation.kinematics
+        tools = solution.last_step.tools
+        return [motion.as_dict(contact, effects[motion.part], kinematics) for motion in tools] or None
+
+    def lines(self, summary: Summary) -> list[TerminalLine]:
+        """See ``Quantity``."""
+        return labelled(self.terminal, [tool_in_words(tool) for tool in summary.get(self.key, ())])
+
+
+def tool_in_words(tool: dict[str, Any]) -> str:
+    """How a foundation that forces move has moved, and what the body does to it, from a row of a summary."""
+
+    def told(value: Any) -> str:
+        return f"({', '.join(map(told, value))})" if isinstance(value, list) else f"{value:.6g}"
+
+    names = ("displacement", "rotation", "force", "moment", "reference")
+    moved, turned, force, moment, point = (told(tool[name]) for name in names)
+    off = "" if tool["gap_error"] is None else f"; gap linearised, off by {tool['gap_error']:.1e}"
+    return f"{tool['boundary']}: moved by {moved}, turned by {turned}, takes {force}, about {point} {moment}{off}"
+
+
+QUANTITIES = (Tools(),)

@@ -1,0 +1,28 @@
+"""A scalar result with its derivatives by the displacement and by the contact tractions."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+    from dolfinx import fem
+
+    from signorini_fx.body.contact_boundary import ContactBoundary
+    from signorini_fx.contact.laws import Nodal
+
+    Array = npt.NDArray[np.float64]
+
+
+class Functional(Protocol):
+    """A scalar result J(y, lambda, mu)."""
+
+    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
+        """J; collective."""
+
+    def by_displacement(self, y: fem.Function) -> Array | None:
+        """J_y at the owned dofs; None: it does not depend on the displacement; collective."""
+
+    def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
+        """Derivative by (lambda, mu) at each point over its weight, shape (n, d); collective."""

@@ -1,0 +1,137 @@
+"""A quantity that a program adds: it is everywhere where those of the package are, and its failure is a warning."""
+
+import json
+import runpy
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from scenes import alone, example1
+
+from signorini_fx import InstallationError, Quantity, SceneError, extensions, read_results, sensitivity, write_results
+from signorini_fx.errors import ResultError
+from signorini_fx.extensions import QUANTITIES
+from signorini_fx.quantities.model import summary_schema
+from signorini_fx.quantities.registry import quantities
+from signorini_fx.quantities.table import markdown
+from signorini_fx.report.page import page
+from signorini_fx.results.summary import render, summarise
+
+DEMO = Path(__file__).parents[2] / "demos" / "extensions" / "quantity.py"
+KEY = "mean_pressure_right"
+FRICTION = ["contact[0].friction.coefficient"]
+
+
+@pytest.fixture
+def register(monkeypatch):
+    """Registers quantities for one test."""
+    monkeypatch.setattr(extensions, "_registered", {})
+    return lambda quantity: extensions.register(QUANTITIES, quantity.key, quantity)
+
+
+def scene(coefficient=0.3):
+    """Two load steps."""
+    loaded = example1(coefficient=coefficient, nx=12, ny=4)
+    loads = [load.model_copy(update={"factors": (0.5, 1.0)}) for load in loaded.traction]
+    return loaded.model_copy(update={"traction": tuple(loads)})
+
+
+def test_one_file(register, monkeypatch, tmp_path):
+    """The demo, of at most 40 lines: summary, schema, terminal, report, table of load steps, documentation, derivative;
+    without it nothing of it is left.
+    """
+    assert KEY not in markdown()
+    assert KEY not in summary_schema()["properties"]
+    assert len(DEMO.read_text(encoding="utf-8").splitlines()) <= 40
+    register(runpy.run_path(str(DEMO))["MeanPressureRight"])
+    solution = alone(scene())
+    summary = write_results(solution, tmp_path, pictures=False, fields=False)
+    columns = solution.table.columns
+    right = columns["x"] > 1.5
+    mean = np.average(columns["pressure"][right], weights=columns["weight"][right])
+    assert summary[KEY] == pytest.approx(mean, rel=1e-13)
+    written = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    jsonschema.validate(written, summary_schema())
+    results = read_results(tmp_path)
+    assert getattr(results.summary, KEY) == written[KEY] == summary[KEY]
+    first, last = results.table("steps")[KEY]
+    assert last == pytest.approx(mean, rel=1e-13)
+    assert 0 < first < last
+    assert f"  pressure right   {mean:.6g}" in render(summary)
+    assert f"<dt>mean pressure right of the middle</dt><dd>{mean:.4g}" in page(tmp_path)
+    assert f"| `{KEY}` | stress | Mean pressure right of the middle | `summary.json`, terminal, report" in markdown()
+    found = sensitivity(scene(), KEY, FRICTION)
+    below, above = (summarise(alone(scene(0.3 + change)))[KEY] for change in (-1e-4, 1e-4))
+    assert found.derivatives[0] == pytest.approx((above - below) / 2e-4, rel=1e-4)
+    monkeypatch.setattr(extensions, "_registered", {})
+    assert KEY not in summary_schema()["properties"]
+    assert getattr(read_results(tmp_path).summary, KEY) == summary[KEY]  # a folder of somebody who has it
+    with pytest.raises(SceneError, match="is no result; there are 'force BOUNDARY AXIS'"):
+        solution.bounds(KEY)
+
+
+class Fails(Quantity):
+    """Divides by zero."""
+
+    key, title, steps = "fails", "Fails.", "number"
+
+    def value(self, solution):
+        return 1 / 0
+
+
+class Words(Fails):
+    """Not of its type."""
+
+    key, steps = "words", ""
+
+    def value(self, solution):
+        return "many"
+
+
+def test_failures_are_warnings(register):
+    """The results stand."""
+    register(Fails)
+    register(Words())
+    solution = alone(scene())
+    summary = summarise(solution)
+    told = {row["path"]: row["message"] for row in summary["findings"] if row["path"] in ("fails", "words")}
+    assert "ZeroDivisionError in value: division by zero" in told["fails"]
+    assert "ValidationError" in told["words"]
+    assert not {"fails", "words"} & {*summary, *summary["steps"][0]}
+    assert summary["converged"]
+
+
+@pytest.mark.parametrize("key", ["status", "contact_force", "not a name", "step"])
+def test_keys_that_are_taken(register, key):
+    """And what is no quantity."""
+    register(type("Taken", (Fails,), {"key": key}))
+    with pytest.raises(InstallationError, match="needs a key that is its name"):
+        quantities()
+    extensions.register(QUANTITIES, key, object())
+    with pytest.raises(InstallationError, match="is no signorini_fx"):
+        quantities()
+
+
+def test_bounds():
+    """Those of the force, of a mean and of the energy, as their own functions give them."""
+    solution = alone(example1(bound=1.5, nx=12, ny=4))
+    assert solution.bounds("force bottom y") == solution.force_bounds("bottom", (0.0, 1.0))
+    assert solution.bounds("mean left x") == solution.mean_displacement_bounds("left", (1.0, 0.0))
+    assert solution.bounds("strain_energy") == solution.error_bound.strain_energy
+    with pytest.raises(SceneError, match="'force BOUNDARY AXIS', 'mean BOUNDARY AXIS', 'strain_energy'"):
+        solution.bounds("pressure bottom")
+
+
+def test_tables_that_are_not_there(tmp_path):
+    """They are named, and so is a summary of another kind."""
+    write_results(alone(example1(bound=1.5, nx=12, ny=4)), tmp_path, pictures=False, fields=False)
+    results = read_results(tmp_path)
+    assert results.summary.contact_boundaries[0].boundary == "bottom"
+    assert set(results.table("contact")) >= {"x", "pressure"}
+    with pytest.raises(ResultError, match="has no table 'steps'; there are: contact, history, outer"):
+        results.table("steps")
+    file = tmp_path / "summary.json"
+    file.write_text(file.read_text(encoding="utf-8").replace('"dofs": 1', '"dofs": -1'), encoding="utf-8")
+    with pytest.raises(ResultError, match=r"summary.json is not what solve writes: dofs"):
+        read_results(tmp_path)
