@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,6 +34,7 @@ from signorini_fx.body.moduli import check_covers, lame_coefficients, reduced_de
 from signorini_fx.body.pieces import BodyPieces, find_pieces
 from signorini_fx.body.rigid_tools import RigidTools
 from signorini_fx.body.scene_contact import foundations_of
+from signorini_fx.body.shared_values import shared_in
 from signorini_fx.body.supports import Conditions, Supports, at_rest, check_overlap
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.errors import FormError, MeshError, SceneError, together
@@ -100,7 +101,7 @@ class Discretisation(ElasticBody):
         """The applied loads at a place with their factors; collective."""
         return [(load.factor(step), load.at(step)) for load in self.applied]
 
-    @cached_property
+    @shared_in("of_body")
     def cases(self) -> tuple[LoadCase, ...]:
         """The right-hand sides of the applied loads, in their order; those of the first load step; collective."""
         return tuple(map(self._case, self.applied))
@@ -116,16 +117,10 @@ class Discretisation(ElasticBody):
         if scene is self.scene or self.boundary is None:
             return self
         if not any(effect.moves for effect in scene.contact):
-            discretisation = replace(self, scene=scene, law=self.law_of(scene))
-            vars(discretisation).update(
-                {name: value for name, value in vars(self).items() if name not in vars(discretisation)}
-            )
-            return discretisation
-        discretisation = replace(self, scene=scene, **self.contact_of(scene))
-        if scene.solver.algorithm != "exact":  # whose unknowns are along the normals
-            unchanged = ("forms", "_assembled", "_free", "cases")
-            vars(discretisation).update({name: value for name, value in vars(self).items() if name in unchanged})
-        return discretisation
+            return replace(self, scene=scene, law=self.law_of(scene))
+        aligned = scene.solver.algorithm == "exact"  # whose unknowns are along the normals
+        of_body = {} if aligned else self.of_body
+        return replace(self, scene=scene, of_body=of_body, of_contact={}, **self.contact_of(scene))
 
     def contact_of(self, scene: Scene) -> dict[str, Any]:
         """``boundary``, ``data`` and ``law`` of another scene that differs in its contact only; collective."""

@@ -6,8 +6,8 @@ The forms of a scene and those of a user take this one way into the core.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property, partial
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ from signorini_fx.body.mixed import MixedPressure
 from signorini_fx.body.pieces import BodyPieces
 from signorini_fx.body.rigid import RigidMotions, nearest_motion, rigid_motions, without_energy, without_strain
 from signorini_fx.body.rigid_tools import Driven, with_more_unknowns, without_more
+from signorini_fx.body.shared_values import shared_in
 from signorini_fx.body.turned_supports import TurnedNodes, block_rotation
 from signorini_fx.contact.laws import FrictionLaw, RegularisedData
 from signorini_fx.contact.map import ContactMap
@@ -67,6 +68,8 @@ class ElasticBody:
         kinematics: of the displacement; which motions have no strain in forms of a user's own, these say themselves.
         compressible: whether the material is far enough from incompressible for multigrid.
         mixed: the pressure of a mixed element, of whose displacement ``terms`` then are; None: there is none.
+        of_body: what has been computed of all these but ``boundary``, unless unknowns are along its normals.
+        of_contact: what has been computed of the boundary too.
     """
 
     space: fem.FunctionSpace
@@ -82,6 +85,8 @@ class ElasticBody:
     kinematics: Kinematics
     compressible: bool = True
     mixed: MixedPressure | None = None
+    of_body: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
+    of_contact: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def comm(self) -> MPI.Comm:
@@ -99,19 +104,19 @@ class ElasticBody:
         """Global number of displacement unknowns."""
         return int(self.space.dofmap.index_map.size_global) * self.dimension
 
-    @cached_property
+    @shared_in("of_body")
     def forms(self) -> tuple[fem.Form, ...]:
         """The compiled terms of a(., .)."""
         return tuple(self.terms())
 
-    @cached_property
+    @shared_in("of_contact")
     def motions(self) -> RigidMotions:
         """The motions without strain that supports, and what else resists them, leave free; bodies that can touch each
         other are one assembly.
         """
         return self._free if self.boundary is None else self._free.joined(self.boundary).with_foundations(self.boundary)
 
-    @cached_property
+    @shared_in("of_body")
     def _free(self) -> RigidMotions:
         motions = rigid_motions(self.space, self.fixed.reshape(-1, self.dimension), self.pieces, self.turned)
         if self.kinematics.motions_without_strain is not None:
@@ -123,7 +128,7 @@ class ElasticBody:
         matrix = sum_of(self.resists, [])
         return without_energy(motions, matrix, partial(vector_like, matrix))
 
-    @cached_property
+    @shared_in("of_contact")
     def at_contact(self) -> FreeMotions | None:
         """The free motions at the contact points; None: there are none."""
         return None if self.boundary is None else self.motions.at(self.boundary)
@@ -150,7 +155,7 @@ class ElasticBody:
         forces = [np.array(self.vector(force).getArray(readonly=True)) for force in self.mixed.constant]
         return self.mixed.encloses(forces, held)
 
-    @cached_property
+    @shared_in("of_body")
     def _assembled(self) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
         """``stiffness`` and ``rotation``, and this without tools."""
         self.inventory.matrices.append("stiffness")
@@ -220,7 +225,7 @@ class ElasticBody:
         """
         return self._assembled[1]
 
-    @cached_property
+    @shared_in("of_contact")
     def contact(self) -> ContactMap:
         """B from the unknowns of the stiffness."""
         behind = 0 if self.mixed is None else self.comm.bcast(self.mixed.count, root=self.comm.size - 1)

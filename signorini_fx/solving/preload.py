@@ -138,6 +138,4 @@ def with_shortenings(
         applied.append(
             load if section is None else replace(load, section=section, amount=partial(section.shortening_at, scene))
         )
-    tightened = replace(d, scene=scene, applied=tuple(applied))
-    vars(tightened).update({name: value for name, value in vars(d).items() if name not in vars(tightened)})
-    return tightened
+    return replace(d, scene=scene, applied=tuple(applied))
