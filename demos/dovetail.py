@@ -24,7 +24,7 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx import (
-    CoulombFriction,
+    Coulomb,
     LinearElastic,
     MeshGenerator,
     PrescribedDisplacement,
@@ -61,7 +61,7 @@ scene = Scene(
     displacement=PrescribedDisplacement(boundary="top", x=0.0),
     traction=SurfaceTraction(boundary="top", pressure=-pull, factors=tuple(speed)),
     contact=[
-        UnilateralContact(boundary=flank, gap=crowning, friction=CoulombFriction(coefficient=FRICTION))
+        UnilateralContact(boundary=flank, gap=crowning, friction=Coulomb(coefficient=FRICTION))
         for flank in ("left", "right")
     ],
 )

@@ -17,10 +17,11 @@ from mpi4py import MPI
 from scipy.optimize import least_squares
 
 from signorini_fx import MeshGenerator, Scene, sensitivity
-from signorini_fx.effects.contact import CoulombFriction, UnilateralContact
+from signorini_fx.effects.contact import UnilateralContact
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.material import LinearElastic
 from signorini_fx.effects.traction import SurfaceTraction
+from signorini_fx.laws.coulomb import Coulomb
 
 CELLS = int(os.environ.get("CELLS", "48"))
 POINTS = [f"displacement {x},0 x" for x in (0.4, 0.8, 1.3, 1.8, 2.3, 2.7)]
@@ -35,7 +36,7 @@ def scene(coefficient):
         material=LinearElastic(young=5000.0, poisson=0.3),
         displacement=PrescribedDisplacement(boundary="left", x=0.0),
         traction=SurfaceTraction(boundary="top", x=4.0, y=-20.0),
-        contact=UnilateralContact(boundary="bottom", friction=CoulombFriction(coefficient=coefficient)),
+        contact=UnilateralContact(boundary="bottom", friction=Coulomb(coefficient=coefficient)),
     )
 
 

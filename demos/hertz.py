@@ -20,7 +20,7 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx import (
-    CoulombFriction,
+    Coulomb,
     LinearElastic,
     MeshGenerator,
     PrescribedDisplacement,
@@ -73,7 +73,7 @@ def pressed(friction):
         displacement=PrescribedDisplacement(boundary="symmetry", normal=0.0),
         traction=SurfaceTraction(boundary="top", pressure=force / (2 * RADIUS)),
         contact=UnilateralContact(
-            boundary="arc", gap="x[1]", direction=(0.0, -1.0), friction=CoulombFriction(coefficient=friction)
+            boundary="arc", gap="x[1]", direction=(0.0, -1.0), friction=Coulomb(coefficient=friction)
         ),
     )
 

@@ -1,10 +1,8 @@
 # %% [markdown]
 # # An effect of your own, in a few lines
 #
-# An effect that the package does not have can often be expressed by those that it has. Here are two examples, which do
-# not change its code.
-#
-# ## 1. A load made of UFL
+# An effect that the package does not have can often be expressed by those that it has, without a change of its code:
+# here a load made of UFL. ([Friction laws](own_friction.py) are classes.)
 #
 # Heat is an effect of the package, `[[temperature]]`, which makes it a good example: the results can be compared. A
 # body heated by $T$ wants to grow by the strain $\alpha T$ in all directions. In plane strain the stress is $\sigma
@@ -26,12 +24,10 @@ from mpi4py import MPI
 
 from signorini_fx import (
     BodyForce,
-    CoulombFriction,
     LinearElastic,
     PrescribedDisplacement,
     Scene,
     SurfaceTraction,
-    TrescaFriction,
     UnilateralContact,
     generate_mesh,
     solve,
@@ -90,58 +86,4 @@ warm = solve(heated(held, spot, ALPHA))
 write_results(warm, RESULTS)
 if MPI.COMM_WORLD.rank == 0:
     print(f"hot spot: contact from {touching[0][0]:.3f} to {touching[1][0]:.3f}")
-
-# %% [markdown]
-# ## 2. A friction law: a fixed point of Tresca problems
-#
-# The shear cannot grow without limit with the pressure: metals yield at some $k$. A smooth law between Coulomb's and a
-# constant shear is
-#
-# $$|\mu| \le g(\lambda) = k \bigl(1 - e^{-F \lambda / k}\bigr) .$$
-#
-# The package has Tresca friction, for which the bound $g$ is given. Section 6.3 of the paper obtains Coulomb friction
-# from it by the fixed-point iteration $g \leftarrow F\lambda(g)$. Any other law is the same loop with another
-# right-hand side:
-
-
-# %%
-def with_law(scene, law, tolerance=1e-8, most=50):
-    """Solve with the friction bound ``law(pressure)`` on the only contact boundary; (solution, iterations)."""
-    (contact,) = scene.contact
-    at, bound = np.array([0.0]), np.array([0.0])
-    for iteration in range(1, most + 1):
-        given = TrescaFriction(bound=lambda x, at=at, bound=bound: np.interp(x[0], at, bound))
-        problem = scene.model_copy(update={"contact": (contact.model_copy(update={"friction": given}),)})
-        solution = solve(problem)
-        columns = solution.table.columns
-        at, before = columns["x"], np.interp(columns["x"], at, bound)
-        bound = law(columns["pressure"])
-        if np.abs(bound - before).max() <= tolerance * bound.max():
-            return solution, iteration
-    raise RuntimeError("the fixed point did not converge")
-
-
-pressed = Scene(
-    title="A friction law of one's own",
-    mesh=tagged,
-    material=LinearElastic(young=5000.0, poisson=0.4),
-    displacement=[PrescribedDisplacement(boundary=side, x=0.0) for side in ("left", "right")],
-    traction=SurfaceTraction(boundary="top", y="-20 if 1 <= x[0] <= 2 else 0"),
-    contact=UnilateralContact(boundary="bottom", gap="0.003*(x[0] - 1.5)**2 + 0.001"),
-)
-own, iterations = with_law(pressed, lambda pressure: 3.0 * (1 - np.exp(-0.3 * pressure / 3.0)))
-
-# %% [markdown]
-# Every law of your own should pass this check: with $g(\lambda) = F\lambda$ the loop must give the same result as the
-# package's Coulomb friction.
-
-# %%
-again, _ = with_law(pressed, lambda pressure: 0.3 * pressure)
-friction = CoulombFriction(coefficient=0.3)
-coulomb = solve(pressed.model_copy(update={"contact": (pressed.contact[0].model_copy(update={"friction": friction}),)}))
-shear, same, builtin = (s.table.columns["shear"] for s in (own, again, coulomb))
-difference = np.abs(same - builtin).max() / np.abs(builtin).max()
-if MPI.COMM_WORLD.rank == 0:
-    print(f"largest shear {np.abs(shear).max():.3f} with the law, {np.abs(builtin).max():.3f} with Coulomb friction")
-    print(f"{iterations} iterations; the loop with Coulomb's law differs from the package's own by {difference:.1e}")
     print(f"results: {RESULTS}/")

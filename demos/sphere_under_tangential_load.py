@@ -38,7 +38,7 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx import (
-    CoulombFriction,
+    Coulomb,
     LinearElastic,
     MeshGenerator,
     PrescribedDisplacement,
@@ -95,7 +95,7 @@ def pushed(poisson):
             PrescribedDisplacement(boundary="top", x=slipping, y=0.0, factors=PUSH),
         ],
         contact=UnilateralContact(
-            boundary="sphere", gap="x[2]", direction=(0.0, 0.0, -1.0), friction=CoulombFriction(coefficient=FRICTION)
+            boundary="sphere", gap="x[2]", direction=(0.0, 0.0, -1.0), friction=Coulomb(coefficient=FRICTION)
         ),
         solver={"coulomb": "newton"},
     )

@@ -27,7 +27,7 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx import (
-    CoulombFriction,
+    Coulomb,
     LinearElastic,
     MeshGenerator,
     PrescribedDisplacement,
@@ -78,7 +78,7 @@ scene = Scene(
         PrescribedDisplacement(boundary="top", z=-PRESSURE * HEIGHT / YOUNG),
         PrescribedDisplacement(boundary="top", x=f"{-first} * x[1]", y=f"{first} * x[0]", factors=tuple(turns)),
     ],
-    contact=UnilateralContact(boundary="bottom", friction=CoulombFriction(coefficient=FRICTION)),
+    contact=UnilateralContact(boundary="bottom", friction=Coulomb(coefficient=FRICTION)),
 )
 
 # %% [markdown]

@@ -52,7 +52,7 @@ def block(friction, top="-20 if 1 <= x[0] <= 2 else 0", **guides):
     )
 
 
-scene = block(sfx.CoulombFriction(coefficient=0.3))
+scene = block(sfx.Coulomb(coefficient=0.3))
 
 # %% [markdown]
 # ## Solve it

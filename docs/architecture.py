@@ -38,6 +38,7 @@ LAYERS = (
     "shapes",
     "mesh",
     "effects",
+    "laws",
     "scene",
     "algorithms",
     "problem",

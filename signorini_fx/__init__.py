@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +16,6 @@ _PUBLIC = {
     "effects.contact": (
         "BilateralContact",
         "BondedContact",
-        "CoulombFriction",
-        "NoFriction",
-        "TrescaFriction",
         "UnilateralContact",
     ),
     "derivatives.of_scene": ("sensitivity",),
@@ -43,7 +41,11 @@ _PUBLIC = {
     ),
     "forms.contact_problem": ("ContactProblem",),
     "mesh.section": ("section_in_space",),
-    "body.foundation": ("Coulomb", "Foundation", "Pair", "Tresca"),
+    "body.foundation": ("Foundation", "Pair"),
+    "laws.coulomb": ("Coulomb",),
+    "laws.none": ("NoFriction",),
+    "laws.protocol": ("FrictionLaw", "Parameter"),
+    "laws.tresca": ("Tresca",),
     "mesh.tagged": ("TaggedMesh", "generate_mesh", "read_mesh", "tag_boundaries"),
     "quantities.quantity": ("Quantity",),
     "records": ("Status",),
@@ -60,6 +62,8 @@ _PUBLIC = {
     "solving.solver": ("solve",),
     "solving.sweep": ("SweepPoint", "sweep"),
 }
+# Names of the last version, by the names of this one.
+_RENAMED = {"CoulombFriction": "Coulomb", "TrescaFriction": "Tresca"}
 _MODULE_OF = {name: module for module, names in _PUBLIC.items() for name in names}
 
 if TYPE_CHECKING:
@@ -70,6 +74,9 @@ __all__ = sorted(_MODULE_OF)
 
 
 def __getattr__(name: str) -> Any:
+    if name in _RENAMED:
+        warnings.warn(f"{name} is called {_RENAMED[name]} now", DeprecationWarning, stacklevel=2)
+        name = _RENAMED[name]
     if name in _MODULE_OF:
         try:
             return getattr(import_module(f"signorini_fx.{_MODULE_OF[name]}"), name)

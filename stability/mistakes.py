@@ -159,8 +159,8 @@ MUTANTS = (
     ),
     Mutant(
         "contact/laws",
-        "sets.direction * (data.coupling * blocks[:, 0, 0])[:, None]",
-        "-sets.direction * (data.coupling * blocks[:, 0, 0])[:, None]",
+        "sets.direction * (slope * blocks[:, 0, 0])[:, None]",
+        "-sets.direction * (slope * blocks[:, 0, 0])[:, None]",
         "monolithic tangent: sign of F",
     ),
     Mutant(
@@ -177,17 +177,18 @@ MUTANTS = (
         within="onto_disc",
     ),
     Mutant(
-        "contact/laws",
+        "contact/friction",
         "np.abs(pressure)",
         "pressure",
         "bilateral Coulomb: |lambda| dropped",
+        within="PointFriction.bound",
         tests=("complementarity",),
     ),
-    Mutant("contact/laws", "np.minimum(bound, self.cap)", "np.maximum(bound, self.cap)", "cap: max for min"),
+    Mutant("contact/friction", "np.minimum(bound, self.cap)", "np.maximum(bound, self.cap)", "cap: max for min"),
     Mutant(
-        "contact/laws",
-        "self.cohesive & (pressure == 0)",
-        "self.cohesive & (pressure < 0)",
+        "contact/friction",
+        "self.ends_open & (pressure == 0)",
+        "self.ends_open & (pressure < 0)",
         "cohesion of open points",
         tests=("cohesion::test_open_contact_has_none",),
     ),
@@ -280,9 +281,9 @@ MUTANTS = (
     Mutant("contact/laws", "u_t - data.slip_origin", "u_t", "load steps: slip from zero", tests=("load_steps",)),
     # --- the data of a scene -----------------------------------------------------------------------------------------
     Mutant(
-        "body/foundations",
-        'coefficient = at(contact.friction.coefficient, f"{path}.coefficient", minimum=0.0)',
-        'base_bound = at(contact.friction.coefficient, f"{path}.coefficient", minimum=0.0)',
+        "laws/coulomb",
+        "return Envelope(zero if self.cohesion is None else self.cohesion, self.coefficient, self.cap)",
+        "return Envelope(self.coefficient, zero, self.cap)",
         "Coulomb taken for Tresca",
     ),
     Mutant(
@@ -518,7 +519,7 @@ MUTANTS = (
     ),
     Mutant(
         "body/contact_boundary",
-        "self._axes / self.ellipse.scale",
+        "self._axes / self.friction_axes.scale",
         "self._axes",
         "friction ellipse: slips in space by the tangents of forces",
         tests=("elliptic_friction",),
@@ -1053,8 +1054,8 @@ MUTANTS = (
     ),
     Mutant(
         "coulomb_newton",
-        "coupling=law.coefficient",
-        "coupling=0.5 * law.coefficient",
+        "follows=law",
+        "follows=replace(law, coefficient=0.5 * law.coefficient)",
         "monolithic: half of F",
         tests=("patch_anywhere::test_full_slip_by_monolithic_newton",),
     ),
@@ -2721,10 +2722,11 @@ MUTANTS = (
         tests=("certificate",),
     ),
     Mutant(
-        "results/contact_sides",
-        "np.minimum(bound, sample(cap, points))",
+        "laws/coulomb",
+        "np.minimum(bound, self.cap)",
         "bound",
         "certificate: cap not judged",
+        within="Coulomb.claimed",
         tests=("certificate", "patch_anywhere::test_cap"),
     ),
     Mutant(
@@ -3676,7 +3678,7 @@ MUTANTS = (
     ),
     Mutant(
         "results/safety",
-        "FrictionLaw(contact.bound, np.zeros(boundary.size))",
+        "as_given(contact.bound)",
         "law",
         "safety: the fit of a hub is as tight as its torque needs",
         tests=("safety::test_a_hub_at_its_slip_torque",),
@@ -3790,8 +3792,8 @@ MUTANTS = (
     ),
     Mutant(
         "solving/restart",
-        'coupling=values("coupling")',
-        "coupling=None",
+        "follows=None if bound is None or slope is None else PointFriction(bound, slope)",
+        "follows=None",
         "restart: coupling of pressure and shear forgotten",
         tests=("restart::test_all_that_belongs_to_a_load_step",),
     ),
@@ -3927,8 +3929,8 @@ MUTANTS = (
     ),
     Mutant(
         "algorithms/strategy",
-        "law.cap is None and law.cohesive is None and data.bilateral is None",
-        "law.cap is None and law.cohesive is None",
+        "law.has_derivative and data.bilateral is None",
+        "law.has_derivative",
         "monolithic method for bilateral contact",
         tests=("strategy::test_where_the_monolithic_method_is_tried",),
     ),

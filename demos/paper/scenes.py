@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx import Box, CoulombFriction, Scene, TaggedMesh, TrescaFriction, generate_mesh, tag_boundaries
+from signorini_fx import Box, Coulomb, Scene, TaggedMesh, Tresca, generate_mesh, tag_boundaries
 from signorini_fx.scene.reading import parse_scene
 
 COMM = MPI.COMM_SELF
@@ -19,14 +19,14 @@ GAP1 = "0.003*(x[0] - 1.5)**2 + 0.001"
 GAP2 = f"max(0.0015, {GAP1})"
 
 
-def tresca(bound: float) -> TrescaFriction:
+def tresca(bound: float) -> Tresca:
     """Given friction g."""
-    return TrescaFriction(bound=bound)
+    return Tresca(bound=bound)
 
 
-def coulomb(coefficient: float) -> CoulombFriction:
+def coulomb(coefficient: float) -> Coulomb:
     """Coulomb friction with the coefficient F."""
-    return CoulombFriction(coefficient=coefficient)
+    return Coulomb(coefficient=coefficient)
 
 
 def example1(friction: Any, *, poisson: float = 0.4, grid: tuple[int, int] = GRID, **solver: Any) -> Scene:

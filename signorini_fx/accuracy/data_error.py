@@ -21,7 +21,6 @@ from signorini_fx.body.assembly import assemble, facet_entities
 from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.loads import measures
-from signorini_fx.effects.contact import CoulombFriction, TrescaFriction
 from signorini_fx.scene.effect import Force
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.rigid_shape import Distance
@@ -142,10 +141,9 @@ def _between_nodes(d: Discretisation, table: ContactTable) -> tuple[list[Floats]
         of_gap[near] = np.maximum(missed - SMOOTH_LARGEST * bend, 0.0)
         gaps.append(of_gap)
         missed = np.zeros(length.size)
-        if isinstance(effect.friction, TrescaFriction | CoulombFriction):
-            law = effect.friction
-            _, away, bend = between(law.bound if isinstance(law, TrescaFriction) else law.coefficient)
-            times = (np.abs(pressure[:-1]) + np.abs(pressure[1:])) / 2 if isinstance(law, CoulombFriction) else 1.0
+        if effect.friction.acts:
+            _, away, bend = between(effect.friction.bound_per_pressure)
+            times = (np.abs(pressure[:-1]) + np.abs(pressure[1:])) / 2 if effect.friction.follows_pressure else 1.0
             sliding = np.char.startswith(c["friction"][rows].astype(str), "slip")
             missed = np.maximum(np.abs(away).mean(axis=1) - SMOOTH_MEAN * bend, 0.0) * times * length
             missed[~(sliding[:-1] | sliding[1:])] = 0.0
@@ -184,10 +182,9 @@ def _inside_pieces(d: Discretisation, table: ContactTable, surface: ContactSurfa
         room = np.maximum((nodal if effect.against is None else c["gap"]) - c["u_n"], 0.0)[corners[near]] @ weights.T
         missed = np.where(pressed.all(axis=1)[:, None], np.abs(away), -away - room).max(axis=1, initial=-np.inf)
         gaps[own[near]] = np.maximum(missed - SMOOTH_LARGEST * bend, 0.0) ** 2 * np.sqrt(surface.area[own[near]])
-        if isinstance(effect.friction, TrescaFriction | CoulombFriction):
-            law = effect.friction
-            _, away, bend = between(law.bound if isinstance(law, TrescaFriction) else law.coefficient)
-            times = np.abs(c["pressure"][corners]).mean(axis=1) if isinstance(law, CoulombFriction) else 1.0
+        if effect.friction.acts:
+            _, away, bend = between(effect.friction.bound_per_pressure)
+            times = np.abs(c["pressure"][corners]).mean(axis=1) if effect.friction.follows_pressure else 1.0
             sliding = (c["friction"] == "slip")[corners].any(axis=1)
             missed = np.maximum(np.abs(away).mean(axis=1) - SMOOTH_MEAN * bend, 0.0) * times * surface.area[own]
             friction[own] = np.where(sliding, missed, 0.0)

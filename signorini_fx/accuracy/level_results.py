@@ -71,7 +71,7 @@ def level_result(
     regularisation = pressure_regularisation = 0.0
     if compliance_of(outcome, body.comm) > 0 and size > 0:
         iterate = task.iterate
-        newton = iterate.unsymmetric_newton if data.coupling is not None else iterate.newton
+        newton = iterate.unsymmetric_newton if data.follows is not None else iterate.newton
         _make_ready(newton)
         model = path_model(newton, data)
         pressure = contacts[-1].points.norm(contacts[-1].pressure)

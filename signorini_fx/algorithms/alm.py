@@ -50,7 +50,7 @@ def augmented_lagrangian(
         cut_off = newton.continued_sets(data) if inexact else None
         data = augmentation.next(data, gamma_factor)
         # At the old iterate the new shift counts every pressure twice, and a bound that depends on it.
-        following = newton.problem.sets if data.coupling is not None else newton.continued_sets(data)
+        following = newton.problem.sets if data.follows is not None else newton.continued_sets(data)
         first_sets, first_iteration = cut_off or following, 1
     return Status.OUTER_MAX_ITERATIONS
 

@@ -12,7 +12,8 @@ from signorini_fx.algorithms.coulomb_statics import coulomb_start, proved
 from signorini_fx.algorithms.fp import fixed_point
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.algorithms.task import Outcome, Start, Task
-from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
+from signorini_fx.contact.friction import PointFriction
+from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData
 from signorini_fx.records import Status
 from signorini_fx.tuned import AUGMENTED_NEWTON_SHARE, AUGMENTED_SHARE, AUTOMATIC_GAMMA, START_GAMMA
 
@@ -59,7 +60,13 @@ def by_augmentation(
 
 
 def _augmented_coulomb(
-    task: Task, start: Start, law: FrictionLaw, scene_data: RegularisedData, data: RegularisedData, *, monolithic: bool
+    task: Task,
+    start: Start,
+    law: PointFriction,
+    scene_data: RegularisedData,
+    data: RegularisedData,
+    *,
+    monolithic: bool,
 ) -> Status:
     """Augmentation from the multipliers of the load step before, or from the start of Coulomb friction.
 
@@ -90,7 +97,7 @@ def _augmented_coulomb(
                 lambda_hat=pressure,
                 mu_hat=multipliers[1],
                 bound=law.given,
-                coupling=law.coefficient,
+                follows=law,
             ),
             newton.problem.sets,
             max_outer=s.max_outer_iterations,

@@ -10,14 +10,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
+from signorini_fx.contact.friction import PointFriction
+from signorini_fx.contact.laws import ActiveSets, RegularisedData
 from signorini_fx.records import Status
 
 
 def coulomb_newton(
     newton: SemismoothNewton,
     data: RegularisedData,
-    law: FrictionLaw,
+    law: PointFriction,
     first_sets: ActiveSets | None,
 ) -> Status:
     """Solve the Coulomb problem in one semi-smooth Newton iteration.
@@ -31,4 +32,4 @@ def coulomb_newton(
         law: the friction law.
         first_sets: sets of the first linear solve; None: from the iterate.
     """
-    return newton.solve(replace(data, bound=law.given, coupling=law.coefficient), first_sets)
+    return newton.solve(replace(data, bound=law.given, follows=law), first_sets)

@@ -10,7 +10,8 @@ import numpy.typing as npt
 from signorini_fx.algorithms.fall_backs import touching_nodes
 from signorini_fx.algorithms.ssn import RESIDUAL_TOLERANCE
 from signorini_fx.algorithms.task import Task
-from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData, slip_of
+from signorini_fx.contact.friction import PointFriction, as_given, stuck
+from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, slip_of
 from signorini_fx.contact.reactions import reactions
 from signorini_fx.contact.statics import largest_multiple, no_balance
 from signorini_fx.problem.problem import Problem
@@ -27,7 +28,7 @@ def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
 
     def possible(stick: npt.NDArray[np.bool_]) -> bool:
         """Whether contact can hold the body and balance its load if these nodes stick, and no other ones rub."""
-        law = FrictionLaw(np.where(stick, np.inf, 0.0), np.zeros(everywhere.size))
+        law = stuck(stick)
         held = motions.held_by(everywhere, stick)
         return held and no_balance(law, data.bilateral, motions, task.system.resultant) is None
 
@@ -40,7 +41,7 @@ def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
     return replace(data, bound=np.where(stick, np.inf, 0.0))
 
 
-def proved(task: Task, problem: Problem, law: FrictionLaw, status: Status) -> Status:
+def proved(task: Task, problem: Problem, law: PointFriction, status: Status) -> Status:
     """An outcome of Coulomb friction: that a body moves away with the bound of one Tresca problem proves nothing else.
 
     The bound of such a problem is that of the previous pressure.  If the law itself allows for an equilibrium, as it
@@ -50,8 +51,7 @@ def proved(task: Task, problem: Problem, law: FrictionLaw, status: Status) -> St
     if status not in (Status.SLIDES, Status.TIPS, Status.OPEN, Status.NOT_HELD):
         return status
     data, everywhere = problem.data, task.motions.points.everywhere
-    rough = law.given + law.coefficient > 0
-    if status is Status.NOT_HELD and not task.motions.held_by(everywhere, rough):
+    if status is Status.NOT_HELD and not task.motions.held_by(everywhere, law.acts):
         return status
     motions, resultant = task.motions, task.system.resultant
     lost = no_balance(law, data.bilateral, motions, resultant)
@@ -71,7 +71,7 @@ def proved(task: Task, problem: Problem, law: FrictionLaw, status: Status) -> St
 def _share_of_loads(task: Task, data: RegularisedData) -> float:
     """A multiple of the loads above which no pressures, and no shears up to the given bound, carry them; collective."""
     motions, load = task.motions, task.system.resultant
-    allowed = reactions(motions, FrictionLaw(np.asarray(data.bound), 0 * motions.points.weight), data.bilateral)
+    allowed = reactions(motions, as_given(data.bound), data.bilateral)
     shares = [np.inf]
     for number, columns in motions.assemblies():
         if load[columns].any():

@@ -10,8 +10,9 @@ import numpy as np
 from signorini_fx import parallel
 from signorini_fx.algorithms.augmentation import Augmentation
 from signorini_fx.algorithms.ssn import SemismoothNewton
+from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.groups import shares
-from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData
+from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData
 from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
 
 # A bound that differs from the last but one by less than this share of its change has come back: an error that
@@ -22,7 +23,7 @@ _BACK = 1e-3
 def fixed_point(
     newton: SemismoothNewton,
     data: RegularisedData,
-    law: FrictionLaw,
+    law: PointFriction,
     start: tuple[Nodal, Nodal],
     first_sets: ActiveSets | None,
     *,
@@ -65,8 +66,8 @@ def fixed_point(
         if change is not None and change <= tolerance and (augmentation is None or augmentation.settled):
             if _missed(newton, data, law) <= max(tolerance, CERTIFICATE_TOLERANCE):
                 return Status.CONVERGED
-            torn = law.cohesive is not None and bool(np.any(law.cohesive & (g != 0) & (pressure == 0)))
-            if parallel.any_rank(newton.problem.points.comm, torn):  # damping keeps their cohesion for ever
+            torn = law.ends_open is not None and bool(np.any(law.ends_open & (g != 0) & (pressure == 0)))
+            if parallel.any_rank(newton.problem.points.comm, torn):  # damping keeps their bound for ever
                 newton.history.add("contact points open with their cohesion, and are closed without it")
                 return Status.OUTER_MAX_ITERATIONS
         following = g + damping * (pressure - g)
@@ -98,7 +99,7 @@ def _changes(newton: SemismoothNewton, g: Nodal) -> Nodal:
     return shares(groups.norms(following - g), problem.scales(np.where(now > 0, now, last), newton.x))
 
 
-def _missed(newton: SemismoothNewton, data: RegularisedData, law: FrictionLaw) -> float:
+def _missed(newton: SemismoothNewton, data: RegularisedData, law: PointFriction) -> float:
     """Largest difference of the friction bound from that of the law at the pressure found, relative to the largest
     pressure or shear of its group that the body feels, or if it feels none, that there is; collective.
     """

@@ -159,7 +159,7 @@ class SemismoothNewton:
             data, first_sets, measure, first_iteration=first_iteration, max_iterations=max_iterations
         )
         # With a friction bound that depends on the pressure there is no energy, and there are other fall-backs.
-        may_fall_back = max_iterations is None and data.coupling is None
+        may_fall_back = max_iterations is None and data.follows is None
         if self._fall_backs is not None and may_fall_back and (status is Status.CYCLING or self._ran_on(status)):
             status = self._fall_backs(self, data, first_sets, status, measure)
         failed = status in (Status.CYCLING, Status.MAX_ITERATIONS) and max_iterations is None

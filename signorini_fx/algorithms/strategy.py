@@ -43,7 +43,8 @@ from signorini_fx.attempts import (
     step_limit,
     tried,
 )
-from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
+from signorini_fx.contact.friction import PointFriction
+from signorini_fx.contact.laws import ActiveSets, RegularisedData
 from signorini_fx.contact.statics import no_balance
 from signorini_fx.records import OuterRecord, Status
 from signorini_fx.tuned import (
@@ -143,7 +144,7 @@ def _by_method(task: Task, start: Start) -> Outcome:
     return _exact(task, start, outcome) if exact else outcome
 
 
-def _augmented_first(task: Task, start: Start, law: FrictionLaw) -> Outcome:
+def _augmented_first(task: Task, start: Start, law: PointFriction) -> Outcome:
     """Coulomb friction by augmentation; by the method of the scene if that fails and no smaller increment may do."""
     newton = task.iterate.newton
     begin = newton.checkpoint()
@@ -241,7 +242,7 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
     return Outcome(status, newton, start.data, regularisation_error=error)
 
 
-def _coulomb(task: Task, start: Start, law: FrictionLaw) -> Outcome:
+def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
     """Coulomb friction, started from a coarser mesh or an earlier load step, else from the pure contact problem."""
     s, newton = task.settings, task.iterate.newton
     first_sets, multipliers = start.sets, start.multipliers
@@ -281,7 +282,7 @@ def _coulomb(task: Task, start: Start, law: FrictionLaw) -> Outcome:
     def monolithic() -> Status:
         if s.algorithm != "alm":
             return coulomb_newton(task.iterate.unsymmetric_newton, data, law, first_sets)
-        coupled = replace(data, bound=law.given, coupling=law.coefficient)
+        coupled = replace(data, bound=law.given, follows=law)
         augmentation = augmentation_on(task, task.iterate.unsymmetric_newton)
         return augmented_lagrangian(augmentation, coupled, first_sets, max_outer=s.max_outer_iterations)
 
@@ -294,7 +295,7 @@ def _coulomb(task: Task, start: Start, law: FrictionLaw) -> Outcome:
 def _either_way(
     task: Task,
     start: Start,
-    law: FrictionLaw,
+    law: PointFriction,
     begun: Outcome,
     fixed: Callable[[float], Status],
     monolithic: Callable[[], Status],
@@ -383,6 +384,6 @@ def _exact(task: Task, start: Start, regularised: Outcome) -> Outcome:
     return _either_way(task, start, law, begun, fixed, monolithic, monolithic_first=regularised.monolithic)
 
 
-def _may_be_monolithic(law: FrictionLaw, data: RegularisedData) -> bool:
-    """Whether there is a monolithic form: it allows neither for a cap or cohesion nor for a pressure of either sign."""
-    return law.cap is None and law.cohesive is None and data.bilateral is None
+def _may_be_monolithic(law: PointFriction, data: RegularisedData) -> bool:
+    """Whether there is a monolithic form: it does not allow for a pressure of either sign."""
+    return law.has_derivative and data.bilateral is None

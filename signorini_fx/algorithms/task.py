@@ -14,14 +14,8 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.algorithms.fall_backs import FallBacks
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.contact.laws import (
-    ActiveSets,
-    FrictionLaw,
-    Nodal,
-    RegularisedData,
-    slip_multiplier,
-    slip_of,
-)
+from signorini_fx.contact.friction import PointFriction
+from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, slip_multiplier, slip_of
 from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.contact.resting_place import RestingMotion, resting_place
 from signorini_fx.contact.state import PointState
@@ -53,7 +47,7 @@ class Start:
     """
 
     data: RegularisedData
-    law: FrictionLaw | None
+    law: PointFriction | None
     sets: ActiveSets | None = None
     iteration: int = 1
     multipliers: tuple[Nodal, Nodal] | None = None
@@ -161,7 +155,7 @@ class Task:
         system: ElasticSystem,
         motions: FreeMotions,
         gap: Nodal,
-        law: FrictionLaw | None = None,
+        law: PointFriction | None = None,
         *,
         bilateral: npt.NDArray[np.bool_] | None = None,
         settings: Settings | None = None,
@@ -189,7 +183,7 @@ class Task:
             stiffness = system.contact.stiffness(system.matrix.getDiagonal())
             natural_gamma = parallel.largest(comm, stiffness * side)
         if has_coulomb is None:
-            follows = law is not None and (law.cohesive is not None or bool((law.coefficient > 0).any()))
+            follows = law is not None and law.follows_pressure
             has_coulomb = parallel.any_rank(comm, follows)
         data = RegularisedData.unshifted(gap, points.dimension - 1, settings, natural_gamma, law, bilateral)
         resting = resting_place(gap, bilateral, motions, system.resultant)

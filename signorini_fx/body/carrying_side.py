@@ -119,8 +119,7 @@ def with_chosen_sides(scene: Scene, tagged: TaggedMesh, facets: Facets, shear_mo
 
 def _plain(effect: Any) -> bool:
     """Whether gap and friction are numbers."""
-    friction = (getattr(effect.friction, key, None) for key in ("bound", "coefficient", "cap", "cohesion"))
-    return all(value is None or isinstance(value, int | float) for value in (effect.gap, *friction))
+    return all(isinstance(value, int | float) for value in (effect.gap, *effect.friction.parameters.values()))
 
 
 def _sharing(name: str, boundaries: list[str | None], tagged: TaggedMesh, facets: Facets) -> str | None:

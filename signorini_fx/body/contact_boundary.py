@@ -24,7 +24,6 @@ from signorini_fx import compat, parallel
 from signorini_fx.body import forms
 from signorini_fx.body.assembly import assemble, facet_nodes, measure
 from signorini_fx.body.averages import Averages, AveragingForms, averaged_points
-from signorini_fx.body.elliptic_friction import Ellipse
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.contact.laws import Nodal
@@ -33,6 +32,7 @@ from signorini_fx.errors import SceneError
 from signorini_fx.kinematics import of_components
 from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.kinematics.space import SPACE
+from signorini_fx.laws.directed import FrictionAxes
 
 # A direction has a component along an axis if it is larger than this.
 _ALONG = 1e-8
@@ -80,7 +80,7 @@ class ContactBoundary:
         axes: the frame of each point that ``free`` is told in, one direction per column, shape (n, d, d); None: the
             axes of space.
         moving: foundations whose motion is an unknown; None: there are none.
-        ellipse: the friction ellipses; None: friction has no direction.
+        friction_axes: of friction that depends on the direction; None: none does.
         kinematics: of displacements with these components on these cells, whatever the scene is.
     """
 
@@ -96,8 +96,13 @@ class ContactBoundary:
     averages: Averages | None = None
     axes: Nodal | None = None
     moving: MovingFoundation | None = None
-    ellipse: Ellipse | None = None
+    friction_axes: FrictionAxes | None = None
     kinematics: Kinematics = SPACE
+
+    def check_friction_axes(self, path: str) -> None:
+        """See ``FrictionAxes.check``; collective."""
+        assert self.friction_axes is not None
+        self.friction_axes.check(self.normal, lambda: self.points.movable, path, self.comm)
 
     @property
     def size(self) -> int:
@@ -130,21 +135,21 @@ class ContactBoundary:
     @cached_property
     def tangents(self) -> Nodal:
         """Tangents T_i, one per column, shape (n, d, d - 1): orthonormal, unless friction depends on the direction, see
-        ``elliptic_friction``.
+        ``laws.directed``.
         """
-        return self._axes if self.ellipse is None else self._axes * self.ellipse.scale
+        return self._axes if self.friction_axes is None else self._axes * self.friction_axes.scale
 
     @cached_property
     def cotangents(self) -> Nodal:
         """Their dual basis, shape (n, d, d - 1), with which components of displacements along the tangents make a
         vector; that of forces is made with the tangents.
         """
-        return self._axes if self.ellipse is None else self._axes / self.ellipse.scale
+        return self._axes if self.friction_axes is None else self._axes / self.friction_axes.scale
 
     @cached_property
     def _axes(self) -> Nodal:
         """Orthonormal tangents, see ``tangents_of``; where a component perpendicular to the normal is prescribed, one
-        of them is along it; those of friction ellipses along their axes.
+        of them is along it; those of friction with a direction along its axes.
 
         Normals of a curved surface are off a support's plane by round-off of its cells, and so is that tangent off the
         plane across the normal.  Where nothing is free it need not be: the tractions there may be of any size.
@@ -158,7 +163,7 @@ class ContactBoundary:
             if self.axes is not None:
                 along = self.axes[held_across, :, axis]
             tangents[held_across] = np.stack((along, np.cross(self.normal[held_across], along)), axis=2)
-        return tangents if self.ellipse is None else self.ellipse.axes(self.normal, tangents)
+        return tangents if self.friction_axes is None else self.friction_axes.directions(self.normal, tangents)
 
     @property
     def frames(self) -> Nodal:
@@ -281,18 +286,8 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
         **fields,
         averages=Averages.joined([average for average in averages if average is not None]) if any(averages) else None,
         axes=np.concatenate(axes) if axes else None,
-        ellipse=_joined_ellipses(parts),
+        friction_axes=FrictionAxes.joined([part.friction_axes for part in parts], [part.size for part in parts]),
         kinematics=parts[0].kinematics,
-    )
-
-
-def _joined_ellipses(parts: list[ContactBoundary]) -> Ellipse | None:
-    """Those of several boundaries; None: no friction has a direction."""
-    if all(part.ellipse is None for part in parts):
-        return None
-    ellipses = [part.ellipse or Ellipse.disc(part.size) for part in parts]
-    return Ellipse(
-        np.concatenate([ellipse.along for ellipse in ellipses]), np.concatenate([ellipse.ratio for ellipse in ellipses])
     )
 
 

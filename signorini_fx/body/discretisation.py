@@ -36,7 +36,8 @@ from signorini_fx.body.rigid_tools import RigidTools
 from signorini_fx.body.scene_contact import foundations_of
 from signorini_fx.body.shared_values import shared_in
 from signorini_fx.body.supports import Conditions, Supports, at_rest, check_overlap
-from signorini_fx.contact.laws import FrictionLaw, RegularisedData
+from signorini_fx.contact.friction import PointFriction
+from signorini_fx.contact.laws import RegularisedData
 from signorini_fx.errors import FormError, MeshError, SceneError, together
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.elasticity import LoadCase
@@ -81,7 +82,7 @@ class Discretisation(ElasticBody):
     supports: Conditions
     applied: tuple[AppliedLoad, ...]
     data: RegularisedData | None
-    law: FrictionLaw | None
+    law: PointFriction | None
     resisting: str
     coefficients: FormCoefficients
     pairs: Mapping[int, PairedSides]
@@ -133,7 +134,7 @@ class Discretisation(ElasticBody):
         )
         return {"boundary": boundary, "data": data, "law": law}
 
-    def law_of(self, scene: Scene) -> FrictionLaw | None:
+    def law_of(self, scene: Scene) -> PointFriction | None:
         """``law`` of another scene that differs in its friction only; collective."""
         assert self.boundary is not None
         return _foundations(scene, self.space, boundary_facets(scene, self.tagged), Inventory()).law(self.boundary)
@@ -267,7 +268,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(scene.solver), natural)
         for step in range(1, scene.steps if any(effect.friction.timed for effect in scene.contact) else 1):
             # Errors are found before the first step.
-            _foundations(scene.placed(step), space, facets, inventory).bounds()
+            _foundations(scene.placed(step), space, facets, inventory).friction()
     resists = () if resistance is None else (resistance,)
 
     def elastic() -> Sequence[fem.Form]:

@@ -30,7 +30,8 @@ from signorini_fx.body.rigid import RigidMotions, nearest_motion, rigid_motions,
 from signorini_fx.body.rigid_tools import Driven, with_more_unknowns, without_more
 from signorini_fx.body.shared_values import shared_in
 from signorini_fx.body.turned_supports import TurnedNodes, block_rotation
-from signorini_fx.contact.laws import FrictionLaw, RegularisedData
+from signorini_fx.contact.friction import PointFriction
+from signorini_fx.contact.laws import RegularisedData
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.contact.resting_place import RestingMotion
@@ -301,7 +302,7 @@ class ElasticBody:
         cases: Sequence[LoadCase],
         factors: Array,
         data: RegularisedData,
-        law: FrictionLaw | None,
+        law: PointFriction | None,
         *,
         coarser: MeshLevel | None = None,
         allowed: Callable[[fem.Function], float] | None = None,

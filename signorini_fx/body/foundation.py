@@ -5,42 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-
-@dataclass(frozen=True)
-class Coulomb:
-    """Coulomb friction: |mu| <= c + F lambda in contact, and no shear where it is open.
-
-    Attributes:
-        coefficient: F, not negative: a number, a callable f(x) of points of shape (3, n), a UFL expression, or a
-            Function.
-        cap: the largest bound, stress, of the same kinds; None: unlimited.
-        cohesion: c, stress, not negative, of the same kinds; None: zero.
-        ratio: in space, that of the friction across ``along`` to the friction along it, of the same kinds, see
-            ``body.elliptic_friction``; None: friction is the same in all directions.
-        along: a vector, of the kinds of ``Foundation.direction``; None: along x[0].
-    """
-
-    coefficient: Any
-    cap: Any = None
-    cohesion: Any = None
-    ratio: Any = None
-    along: Any = None
-
-
-@dataclass(frozen=True)
-class Tresca:
-    """Tresca friction: |mu| <= g.
-
-    Attributes:
-        bound: g, stress, not negative: a number, a callable f(x) of points of shape (3, n), a UFL expression, or a
-            Function.
-        ratio: see ``Coulomb``.
-        along: see ``Coulomb``.
-    """
-
-    bound: Any
-    ratio: Any = None
-    along: Any = None
+from signorini_fx.laws.protocol import FrictionLaw
 
 
 @dataclass(frozen=True)
@@ -53,7 +18,7 @@ class Foundation:
             points of shape (3, n), a UFL expression, or a Function.
         direction: n, from the body to the foundation, a vector of any length: numbers, a callable, a UFL vector, or a
             Function; None: the outward normal.
-        friction: ``Coulomb``, ``Tresca``, or None.
+        friction: a law of ``laws``, such as ``Coulomb`` or ``Tresca``, or one of your own; None: there is none.
         bilateral: whether the contact cannot open; the pressure then has any sign.
         measure: factor of the surface measure in the user's forms, a UFL expression, such as 2 pi r of bodies of
             revolution; points at which it is zero carry no contact.  None: 1.
@@ -68,7 +33,7 @@ class Foundation:
     facets: Any
     gap: Any = 0.0
     direction: Any = None
-    friction: Coulomb | Tresca | None = None
+    friction: FrictionLaw | None = None
     bilateral: bool = False
     measure: Any = None
     shape: Any = None
@@ -93,7 +58,7 @@ class Pair:
             of points of shape (3, n), a UFL expression, or a Function.  A fit between coarse meshes needs the latter.
         allowance: what is added to the distance by geometry, of the same kinds.
         adjust: where the distance by geometry is at most this, length, it counts as zero; None: nowhere.
-        friction: ``Coulomb``, ``Tresca``, or None.
+        friction: a law of ``laws``, such as ``Coulomb`` or ``Tresca``, or one of your own; None: there is none.
         bilateral: whether the contact cannot open; the pressure then has any sign.
         bonded: whether both sides are tied as they lie, whatever gap and friction are.
         reach: distance beyond which facets are no partners, length; None: a default from the sizes of both sides.
@@ -103,7 +68,7 @@ class Pair:
     against: Any
     gap: Any = "geometry"
     allowance: Any = 0.0
-    friction: Coulomb | Tresca | None = None
+    friction: FrictionLaw | None = None
     bilateral: bool = False
     bonded: bool = False
     reach: float | None = None

@@ -15,12 +15,15 @@ from dolfinx import fem
 from signorini_fx import parallel
 from signorini_fx.body.averages import averaging, averaging_forms, from_owners
 from signorini_fx.body.contact_boundary import ContactBoundary, contact_part, join, unit_contact_form
-from signorini_fx.body.elliptic_friction import Ellipse, check_axes, check_supports, ellipse_of
-from signorini_fx.body.foundation import Coulomb, Foundation, Pair, Tresca
+from signorini_fx.body.foundation import Foundation, Pair
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.body.values import NodalValues
-from signorini_fx.contact.laws import FrictionLaw, RegularisedData
+from signorini_fx.contact.friction import PointFriction, joined, stuck
+from signorini_fx.contact.laws import RegularisedData
 from signorini_fx.errors import FormError, SceneError
+from signorini_fx.laws.at_points import friction_of
+from signorini_fx.laws.directed import FrictionAxes
+from signorini_fx.laws.protocol import FrictionLaw
 from signorini_fx.method import Settings
 from signorini_fx.records import Inventory
 from signorini_fx.scene.rigid_motion import RigidMotion
@@ -41,33 +44,29 @@ class ShapeDistances:
     Attributes:
         factor: of the surface measure, shape (nodes,); None: 1.
         direction: n, of length one, shape (nodes, d); None: the outward normal.
-        ellipse: of its friction; None: it has no direction.
+        axes: of its friction; None: it has no direction.
     """
 
     factor: Array | None
     direction: Array | None
-    ellipse: Ellipse | None = None
+    axes: FrictionAxes | None = None
 
 
 @dataclass(frozen=True)
-class Bounds:
-    """The friction of one foundation, at all nodes of this rank, ghosts included, arrays of shape (nodes,).
+class NodalFriction:
+    """The friction of one foundation.
 
     Attributes:
-        given: Tresca's g, or Coulomb's c, stress; zero without.
-        coefficient: Coulomb's F; zero without.
-        cap: the largest friction bound, stress; infinite without.
-        cohesive: whether the given bound ends where the contact opens.
+        law: with values at all nodes of this rank, ghosts included, arrays of shape (nodes,); None: there is none.
+        bonded: whether it has no limit.
     """
 
-    given: Array
-    coefficient: Array
-    cap: Array
-    cohesive: bool
+    law: FrictionLaw | None
+    bonded: bool
 
 
 @dataclass(frozen=True)
-class FoundationData(Bounds):
+class FoundationData(NodalFriction):
     """What one foundation says, at all nodes of this rank, ghosts included, arrays of shape (nodes,).
 
     Attributes:
@@ -230,9 +229,11 @@ class Foundations:
         shapes = []
         for k, (contact, at) in enumerate(zip(self._contact, self._values, strict=True)):
             factor = direction = None
-            ellipse = ellipse_of(contact.friction, at, f"contact[{k}].friction", self._space)
+            axes = None
+            if contact.friction is not None:
+                axes = contact.friction.axes(at, f"contact[{k}].friction", self._dimension, self._space.mesh.comm)
             if isinstance(contact, Pair):
-                if ellipse is not None:
+                if axes is not None:
                     why = "friction that depends on the direction is not possible yet between two bodies"
                     raise FormError([(f"contact[{k}].friction.ratio", why)])
                 shapes.append(ShapeDistances(None, None))
@@ -248,7 +249,7 @@ class Foundations:
                 if parallel.any_rank(self._space.mesh.comm, bool((size == 0).any())):
                     raise FormError([(f"contact[{k}].direction", "is zero somewhere")])
                 direction = direction / size
-            shapes.append(ShapeDistances(factor, direction, ellipse))
+            shapes.append(ShapeDistances(factor, direction, axes))
         return shapes
 
     def boundary(
@@ -277,11 +278,9 @@ class Foundations:
             part = contact_part(self._space, form, self.facets[k], k, fixed, turned, least)
             if shape.direction is not None:
                 part = replace(part, normal=shape.direction[part.nodes])
-            if shape.ellipse is not None:
-                ellipse = Ellipse(shape.ellipse.along[part.nodes], shape.ellipse.ratio[part.nodes])
-                check_axes(part.normal, ellipse, f"contact[{k}].friction", part.comm)
-                part = replace(part, ellipse=ellipse)
-                check_supports(part.points.movable, f"contact[{k}].friction", part.comm)
+            if shape.axes is not None:
+                part = replace(part, friction_axes=shape.axes.at(part.nodes))
+                part.check_friction_axes(f"contact[{k}].friction")
             parts.append(part)
         return join(parts)
 
@@ -347,36 +346,23 @@ class Foundations:
         """Both sides of each pair by its number among the contacts, since ``boundary`` was asked for."""
         return dict(self._pairs)
 
-    def bounds(self) -> list[Bounds]:
+    def friction(self) -> list[NodalFriction]:
         """Friction, as it is now.
 
         Raises:
             FormError: a value is wrong somewhere.
         """
-        return [self._bounds_of(k) for k in range(len(self._contact))]
+        return [self._friction_of(k) for k in range(len(self._contact))]
 
-    def _bounds_of(self, number: int) -> Bounds:
+    def _friction_of(self, number: int) -> NodalFriction:
         """The friction of one contact; collective."""
         contact, at, path = self._contact[number], self._values[number], f"contact[{number}].friction"
-        nodes = self._space.dofmap.index_map
-        zero = np.zeros(nodes.size_local + nodes.num_ghosts)
-        base_bound, coefficient, cap = zero, zero, np.full_like(zero, np.inf)
-        if isinstance(contact.friction, Tresca):
-            base_bound = at(contact.friction.bound, f"{path}.bound", minimum=0.0)
-        elif isinstance(contact.friction, Coulomb):
-            coefficient = at(contact.friction.coefficient, f"{path}.coefficient", minimum=0.0)
-            if contact.friction.cohesion is not None:
-                base_bound = at(contact.friction.cohesion, f"{path}.cohesion", minimum=0.0)
-            if contact.friction.cap is not None:
-                cap = at(contact.friction.cap, f"{path}.cap", minimum=0.0)
-        if contact.bonded:
-            base_bound = np.full_like(zero, np.inf)
-        return Bounds(
-            base_bound,
-            coefficient,
-            cap,
-            isinstance(contact.friction, Coulomb) and contact.friction.cohesion is not None,
-        )
+
+        def nodal(key: str, value: Any) -> Array:
+            return at(value, f"{path}.{key}", minimum=0.0)
+
+        law = None if contact.friction is None else contact.friction.with_values(nodal)
+        return NodalFriction(law, contact.bonded)
 
     def data(self, shapes: Sequence[ShapeDistances]) -> list[FoundationData]:
         """Gaps and friction, as they are now.
@@ -386,11 +372,11 @@ class Foundations:
         """
         contact_data = []
         for k, (contact, shape) in enumerate(zip(self._contact, shapes, strict=True)):
-            (gap, allowance), bounds = self._gap_of(k), self._bounds_of(k)
+            (gap, allowance), friction = self._gap_of(k), self._friction_of(k)
             bilateral = contact.bilateral or contact.bonded
             contact_data.append(
                 FoundationData(
-                    **vars(bounds),
+                    **vars(friction),
                     facets=self.facets[k],
                     shape=shape,
                     gap=gap,
@@ -403,7 +389,7 @@ class Foundations:
 
     def problem(
         self, boundary: ContactBoundary, data: Sequence[FoundationData], settings: Settings, natural_gamma: float
-    ) -> tuple[RegularisedData, FrictionLaw | None]:
+    ) -> tuple[RegularisedData, PointFriction | None]:
         """The regularised problem without shifts at the points, and its friction law; None where no law can act.
 
         Args:
@@ -418,37 +404,35 @@ class Foundations:
         gap = self._gap(boundary, data)
         return RegularisedData.unshifted(gap, self._dimension - 1, settings, natural_gamma, law, bilateral), law
 
-    def law(self, boundary: ContactBoundary, bounds: Sequence[Bounds] | None = None) -> FrictionLaw | None:
-        """The friction law at the points; None where no law can act.
+    def law(self, boundary: ContactBoundary, friction: Sequence[NodalFriction] | None = None) -> PointFriction | None:
+        """The friction at the points; None where none can act.
 
         Args:
             boundary: the points.
-            bounds: see ``bounds``; None: as they are now.
+            friction: see ``friction``; None: as it is now.
         """
-        kinds = [entry.friction for entry in self._contact]
-        if not any(kinds) and not any(entry.bonded for entry in self._contact):
+        if not any(entry.bonded or entry.friction is not None for entry in self._contact):
             return None
-        bounds = self.bounds() if bounds is None else bounds
-        base_bound, coefficient, cap = (
-            self._at_points(boundary, bounds, name) for name in ("given", "coefficient", "cap")
-        )
-        capped = any(isinstance(entry, Coulomb) and entry.cap is not None for entry in kinds)
-        cohesive = [k for k, entry in enumerate(bounds) if entry.cohesive]
-        ends = np.isin(boundary.part, cohesive) if cohesive else None
-        return FrictionLaw(base_bound, coefficient, cap if capped else None, ends)
+        parts = list[PointFriction]()
+        points = [np.flatnonzero(boundary.part == k) for k in range(len(self._contact))]
+        for entry, at in zip(self.friction() if friction is None else friction, points, strict=True):
+            parts.append(friction_of(None if entry.law is None else entry.law.at(boundary.nodes[at]), at.size))
+            if entry.bonded:
+                parts[-1] = stuck(np.ones(at.size, dtype=bool))
+        return joined(parts, points)
 
-    def _at_points(self, boundary: ContactBoundary, data: Sequence[Bounds], name: str) -> Array:
-        """Values of the nodes at their points, shape (n,)."""
-        point_values = np.zeros(boundary.size)
-        for k, bounds in enumerate(data):
+    def _at_points(self, boundary: ContactBoundary, data: Sequence[FoundationData]) -> Array:
+        """Gaps of the nodes at their points, length, shape (n,)."""
+        gap = np.zeros(boundary.size)
+        for k, contact_data in enumerate(data):
             on_part = boundary.part == k
-            point_values[on_part] = getattr(bounds, name)[boundary.nodes[on_part]]
-        return point_values
+            gap[on_part] = contact_data.gap[boundary.nodes[on_part]]
+        return gap
 
     def _gap(self, boundary: ContactBoundary, data: Sequence[FoundationData]) -> Array:
         """The gap at the points, averaged where the displacement is that it is compared with; collective."""
         if boundary.averages is None:
-            return self._at_points(boundary, data, "gap")
+            return self._at_points(boundary, data)
         gap = np.zeros(boundary.size)
         for k, contact_data in enumerate(data):
             on_part = boundary.part == k

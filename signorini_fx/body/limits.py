@@ -134,14 +134,16 @@ def surface_of(d: Discretisation, pressing: npt.NDArray[np.bool_] | None = None)
     comm, dim = boundary.comm, boundary.x.shape[1]
     kind = d.tagged.mesh.topology.cell_name()
     bilateral = False if d.data.bilateral is None else bool(d.data.bilateral.any())
-    capped = law is not None and law.cap is not None
     for wrong, reason in (
         ("proof by statics" in d.kinematics.refuses, d.kinematics.refuses.get("proof by statics", "")),
         (any(getattr(contact, "against", None) for contact in d.scene.contact), "two bodies touch each other"),
         (len(motions.of_all) > len(motions.free), "forces move a foundation"),
         (parallel.any_rank(comm, bilateral), "the foundation can pull"),
-        (capped, "a cap limits the friction"),
-        (law is not None and law.cohesive is not None, "cohesion ends where the contact opens"),
+        *(
+            (contact.friction.acts, reason)
+            for contact in d.scene.contact
+            for reason in contact.friction.exceptions.values()
+        ),
         (parallel.any_rank(comm, law is not None and bool(np.isinf(law.given).any())), "friction has no limit"),
         (parallel.any_rank(comm, bool(boundary.points.immovable.any())), "a support takes the pressure at a node"),
         (compat.geometry_degree(d.tagged.mesh) > d.space.element.basix_element.degree, "the cells are curved"),

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.body.foundation import Coulomb, Foundation, Pair, Tresca
-from signorini_fx.effects.contact import BilateralContact, BondedContact, CoulombFriction, TrescaFriction
+from signorini_fx.body.foundation import Foundation, Pair
+from signorini_fx.effects.contact import BilateralContact, BondedContact
 from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.model import Scene
@@ -23,15 +23,7 @@ def foundations_of(
     """The contact of a scene as foundations, on the facets of each, and as pairs, by their places the masters."""
     foundations: list[Foundation | Pair] = []
     for number, (effect, on) in enumerate(zip(scene.contact, facets, strict=True)):
-        friction: Coulomb | Tresca | None = None
-        ratio = effect.friction.ratio
-        directed = {} if ratio is None else {"ratio": _evaluable(ratio), "along": effect.friction.vectors}
-        match effect.friction if effect.friction.acts else None:
-            case TrescaFriction(bound=bound):
-                friction = Tresca(_evaluable(bound), **directed)
-            case CoulombFriction(coefficient=coefficient, cap=cap, cohesion=cohesion):
-                limits = (None if value is None else _evaluable(value) for value in (cap, cohesion))
-                friction = Coulomb(_evaluable(coefficient), *limits, **directed)
+        friction = effect.friction if effect.friction.acts else None
         bilateral = isinstance(effect, BilateralContact)
         if number in masters:
             gap = _evaluable(effect.gap)

@@ -120,7 +120,7 @@ def refuse_unknown(d: Discretisation) -> None:
             "a guaranteed bound is for a gap along given directions, not for a foundation with a shape",
         ),
         (
-            any(entry.friction.ratio is not None for entry in d.scene.contact),
+            any(entry.friction.directed for entry in d.scene.contact),
             "friction that depends on the direction has no guaranteed bound",
         ),
         (
@@ -128,7 +128,7 @@ def refuse_unknown(d: Discretisation) -> None:
             "a gap given as a form is not known between the nodes",
         ),
         (
-            any(hasattr(getattr(entry.friction, "bound", None), "ufl_shape") for entry in d.scene.contact),
+            any(hasattr(v, "ufl_shape") for entry in d.scene.contact for v in entry.friction.parameters.values()),
             "a friction bound given as a form is not known between the nodes",
         ),
         *(
@@ -165,7 +165,7 @@ def _data(d: Discretisation) -> Iterator[tuple[str, str, Any, float]]:
     plane = d.tagged.dimension == 2
     for contact in d.scene.contact:
         yield "gap", f"gap of {contact.boundary!r}", contact.gap_in(d.tagged.dimension), 2
-        bound = getattr(contact.friction, "bound", 0.0)
+        bound = 0.0 if contact.friction.follows_pressure else contact.friction.given_bound
         yield "friction bound", f"friction bound of {contact.boundary!r}", bound, 1
     for _, entry in d.scene.listed():
         if isinstance(entry, BodyForce | SurfaceTraction | PrescribedDisplacement):

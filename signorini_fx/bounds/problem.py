@@ -19,7 +19,7 @@ from signorini_fx.bounds.bounded_error import SAME_LENGTH
 from signorini_fx.bounds.bounded_scene import BoundPoints, Grounds, Refused, grounds, lame_of, refuse_unknown
 from signorini_fx.bounds.facets import NODES, POINTS, SEEN, bernstein, coefficients
 from signorini_fx.bounds.simplices import Simplices, divide
-from signorini_fx.effects.contact import CoulombFriction, TrescaFriction, UnilateralContact
+from signorini_fx.effects.contact import UnilateralContact
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.scene.effect import Force
 from signorini_fx.scene.load_steps import factor_at
@@ -219,16 +219,14 @@ class PlainProblem:
             return np.stack((together[:, :2], together[:, [2, 1]]), axis=1).reshape(tractions.shape)
 
         pressure, points = linear(contact.pressure, positive=True).clip(min=0.0), self.on(facets, POINTS[d])
-        match effect.friction if effect.friction.acts else None:
-            case TrescaFriction(bound=bound):
-                bounds, seen = points.value(bound), self.on(facets, SEEN[d]).value(bound)
-                least = seen[:, NODES[d][:d]]
-                least = (least - (least @ SEEN[d].T - seen).max(axis=1, initial=0.0)[:, None]).clip(min=0.0)
-            case CoulombFriction():
-                least = linear(contact.bound).clip(min=0.0)
-                bounds = least @ POINTS[d].T
-            case _:
-                least, bounds = np.zeros_like(pressure), np.zeros((len(facets), len(POINTS[d])))
+        if effect.coulomb:
+            least = linear(contact.bound).clip(min=0.0)
+            bounds = least @ POINTS[d].T
+        else:
+            given = effect.friction.given_bound if effect.friction.acts else 0.0
+            bounds, seen = points.value(given), self.on(facets, SEEN[d]).value(given)
+            least = seen[:, NODES[d][:d]]
+            least = (least - (least @ SEEN[d].T - seen).max(axis=1, initial=0.0)[:, None]).clip(min=0.0)
         surface = FacetsInContact(
             facets, normal, points.value(effect.gap), below, bounds, pressure, np.zeros((*pressure.shape, d)), least
         )

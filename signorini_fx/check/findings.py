@@ -24,7 +24,8 @@ from signorini_fx.body.motion_names import MOST_LISTED, rounded
 from signorini_fx.check.equilibrium import equilibrium
 from signorini_fx.check.jumping_loads import jumping_loads
 from signorini_fx.check.one_step import one_step, tilted_frames
-from signorini_fx.contact.laws import FrictionLaw, RegularisedData
+from signorini_fx.contact.friction import PointFriction
+from signorini_fx.contact.laws import RegularisedData
 from signorini_fx.contact.reactions import ZERO
 from signorini_fx.records import SMALL_DEFORMATION, Finding
 from signorini_fx.scene.effect import Force, Resistance, is_zero
@@ -378,7 +379,7 @@ def _displacement_at(body: Discretisation, step: int, young: float) -> float:
 # --- uniqueness, gamma, methods --------------------------------------------------------------------------------------
 
 
-def _uniqueness(scene: Scene, boundary: ContactBoundary, law: FrictionLaw | None) -> list[Finding]:
+def _uniqueness(scene: Scene, boundary: ContactBoundary, law: PointFriction | None) -> list[Finding]:
     limit = min(material.friction_indication for material in scene.material)
     findings = []
     for index, _ in enumerate(scene.contact):
@@ -432,12 +433,9 @@ def _monolithic(scene: Scene) -> list[Finding]:
     """A note if coulomb = newton cannot be used."""
     if scene.solver.coulomb != "newton" or not scene.has_coulomb:
         return []
-    reasons = {
-        "a cap": any(contact.capped for contact in scene.contact),
-        "cohesion": any(contact.cohesive for contact in scene.contact),
-        "bilateral contact": any(contact.kind == "bilateral" for contact in scene.contact),
-    }
-    obstacles = [reason for reason, holds in reasons.items() if holds]
+    laws = [contact.friction for contact in scene.contact if not contact.friction.has_derivative]
+    obstacles = sorted({name for law in laws for name in law.exceptions})
+    obstacles += ["bilateral contact"] if any(contact.kind == "bilateral" for contact in scene.contact) else []
     if not obstacles:
         return []
     return [

@@ -34,10 +34,9 @@ def attempts_for(scene: Scene) -> tuple[tuple[str, tuple[str, ...], str], ...]:
     problem = problem if s.fallbacks else (FULL_STEPS, EXACT_SOLVES)
     rows = [("a problem with given friction", problem, f"at most {s.max_iterations} linear solves each")]
     if scene.has_coulomb:
-        capped = any(contact.capped for contact in scene.contact)
         bilateral = any(contact.kind == "bilateral" for contact in scene.contact)
         ways = for_coulomb(
-            monolithic=not (capped or bilateral),
+            monolithic=not bilateral and all(contact.friction.has_derivative for contact in scene.contact),
             first=s.coulomb == "newton",
             fallbacks=s.fallbacks,
             augmented=s.algorithm != "alm",

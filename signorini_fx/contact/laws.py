@@ -17,11 +17,12 @@ form of (3.3c); Stadler, SIAM J. Optim. 15 (2004) 39-62, and Hueber, Stadler, Wo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.contact.friction import PointFriction
 from signorini_fx.method import Settings
 from signorini_fx.tuned import AUTOMATIC_GAMMA
 
@@ -61,12 +62,15 @@ class ActiveSets:
             A_f,-.
         turning: k, stress per length: stiffness of the shear against slip perpendicular to its direction, shape (n,);
             without effect in the plane.
+        line: where a friction bound follows the pressure along a curve, value at zero, stress, and slope of its tangent
+            at the iterate, shapes (n,); None: the law is asked.
     """
 
     contact: npt.NDArray[np.bool_]
     slip: npt.NDArray[np.bool_]
     direction: Nodal
     turning: Nodal
+    line: tuple[Nodal, Nodal] | None = None
 
     @classmethod
     def of(cls, contact: npt.NDArray[np.bool_], direction: Nodal, turning: Nodal | None = None) -> ActiveSets:
@@ -101,7 +105,7 @@ class ActiveSets:
     def sticking(self, where: npt.NDArray[np.bool_]) -> ActiveSets:
         """The sets with the points ``where`` put into I_f."""
         slip = self.slip & ~where
-        return ActiveSets(self.contact, slip, np.where(slip[:, None], self.direction, 0.0), self.turning)
+        return ActiveSets(self.contact, slip, np.where(slip[:, None], self.direction, 0.0), self.turning, self.line)
 
     def across(self, vectors: Nodal) -> Nodal:
         """(I - e e^T) v, shape (n, d - 1); zero in the plane."""
@@ -120,8 +124,8 @@ class RegularisedData:
         lambda_hat: shift of the contact pressure, stress, shape (n,).
         mu_hat: shift of the shear, stress, shape (n, d - 1).
         bound: given friction bound F g, stress, shape (n,); None if there is no friction.
-        coupling: F where the bound is F lambda(y) of the iterate itself (monolithic Coulomb friction), added to
-            ``bound``, shape (n,); None where the bound is given.
+        follows: the friction whose bound at the pressure lambda(y) of the iterate itself is the bound (monolithic
+            Coulomb friction), and ``bound`` its part without pressure; None where the bound is given.
         bilateral: points whose contact cannot open, shape (n,); None: there are none.
         slip_origin: tau_T y from which slip counts, length, shape (n, d - 1): the law of the paper is total,
             with origin zero (None); with load steps it acts on the increment, with mu_hat the shear of the previous
@@ -135,7 +139,7 @@ class RegularisedData:
     lambda_hat: Nodal
     mu_hat: Nodal
     bound: Nodal | None
-    coupling: Nodal | None = None
+    follows: PointFriction | None = None
     bilateral: npt.NDArray[np.bool_] | None = None
     slip_origin: Nodal | None = None
 
@@ -146,7 +150,7 @@ class RegularisedData:
         tangents: int,
         settings: Settings,
         natural_gamma: float,
-        law: FrictionLaw | None = None,
+        law: PointFriction | None = None,
         bilateral: npt.NDArray[np.bool_] | None = None,
     ) -> RegularisedData:
         """The problem without shifts, for points with d - 1 tangents, and with the given part of the friction bound.
@@ -180,7 +184,35 @@ class RegularisedData:
         """The bound of |mu| at the contact pressure lambda, stress, shape (n,); zero without friction."""
         if self.bound is None:
             return np.zeros_like(pressure)
-        return self.bound if self.coupling is None else self.bound + self.coupling * np.maximum(pressure, 0.0)
+        return self.bound if self.follows is None else self.follows.bound(np.maximum(pressure, 0.0))
+
+
+def linearised(sets: ActiveSets, pressure: Nodal, data: RegularisedData) -> ActiveSets:
+    """The sets with the tangent of a friction bound that follows the pressure along a curve, at the trial pressure."""
+    if data.follows is None or data.follows.affine:
+        return sets
+    return replace(sets, line=data.follows.line(pressure))
+
+
+def bound_of_sets(sets: ActiveSets, pressure: Nodal, data: RegularisedData) -> Nodal:
+    """The friction bound, affine in the pressure for fixed sets, stress, shape (n,).
+
+    A point that is about to open has a negative pressure for one step, and then its bound may be negative.
+    """
+    assert data.bound is not None
+    if data.follows is None:
+        return data.bound
+    if data.follows.affine:
+        return data.follows.given + data.follows.coefficient * pressure
+    base, slope = data.follows.line(pressure) if sets.line is None else sets.line
+    return base + slope * pressure
+
+
+def slope_of_bound(sets: ActiveSets, data: RegularisedData) -> Nodal | None:
+    """Its derivative by the pressure, shape (n,); None where it is given."""
+    if data.follows is None or data.follows.affine:
+        return None if data.follows is None else data.follows.coefficient
+    return data.follows.line(np.zeros(sets.slip.size))[1] if sets.line is None else sets.line[1]
 
 
 def slip_of(u_t: Nodal, data: RegularisedData) -> Nodal:
@@ -225,8 +257,7 @@ def multipliers(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData)
     pressure = np.where(sets.contact, trial_pressure(u_n, data), 0.0)
     if data.bound is None:
         return pressure, np.zeros_like(u_t)
-    # A point that is about to open has a negative pressure for one step, and a negative bound: the map stays affine.
-    bound = data.bound if data.coupling is None else data.bound + data.coupling * pressure
+    bound = bound_of_sets(sets, pressure, data)
     trial = trial_shear(u_t, data)
     return pressure, np.where(sets.slip[:, None], sliding_shear(sets, bound, trial, data.gamma_t), trial)
 
@@ -306,11 +337,11 @@ def release(sets: ActiveSets, data: RegularisedData) -> ActiveSets:
         return sets
     sets = sets.sticking(np.isinf(data.bound))
     free = ~(data.bound > 0)
-    if data.coupling is not None:
-        free &= ~(data.coupling > 0) | ~sets.contact
+    if data.follows is not None:
+        free &= ~data.follows.acts | ~sets.contact
     first = np.full_like(sets.direction, 1.0 if sets.direction.shape[1] == 1 else 0.0)
     direction = np.where((free & ~sets.slip)[:, None], first, sets.direction)
-    return ActiveSets(sets.contact, sets.slip | free, direction, sets.turning)
+    return ActiveSets(sets.contact, sets.slip | free, direction, sets.turning, sets.line)
 
 
 def transmitting(sets: ActiveSets, bound: Nodal) -> ActiveSets:
@@ -333,8 +364,9 @@ def tangent(sets: ActiveSets, data: RegularisedData) -> Nodal:
     blocks[:, 1:, 1:] = np.where(
         sets.slip[:, None, None], sets.turning[:, None, None] * across, data.gamma_t * identity
     )
-    if data.coupling is not None:
-        blocks[:, 1:, 0] = sets.direction * (data.coupling * blocks[:, 0, 0])[:, None]
+    slope = slope_of_bound(sets, data)
+    if slope is not None:
+        blocks[:, 1:, 0] = sets.direction * (slope * blocks[:, 0, 0])[:, None]
     return blocks
 
 
@@ -356,26 +388,3 @@ def law_residual(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData
     if data.bound is None:
         return np.zeros_like(pressure)
     return length(mu - onto_disc(trial_shear(u_t, data), data.friction_bound(pressure)))
-
-
-@dataclass(frozen=True)
-class FrictionLaw:
-    """The friction bound as a function of the contact pressure: given + coefficient * lambda.
-
-    Attributes:
-        given: Tresca's g, stress, shape (n,); zero at other points.
-        coefficient: Coulomb's F, shape (n,); zero at other points.
-        cap: largest bound, stress, shape (n,); None: unlimited.
-        cohesive: points whose given bound ends where they open, shape (n,); None: there are none.
-    """
-
-    given: Nodal
-    coefficient: Nodal
-    cap: Nodal | None = None
-    cohesive: npt.NDArray[np.bool_] | None = None
-
-    def bound(self, pressure: Nodal) -> Nodal:
-        """F g with g = lambda at Coulomb points (6.1), stress; |lambda| where contact is bilateral."""
-        bound = self.given + self.coefficient * np.abs(pressure)
-        bound = bound if self.cap is None else np.minimum(bound, self.cap)
-        return bound if self.cohesive is None else np.where(self.cohesive & (pressure == 0), 0.0, bound)

@@ -18,7 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx import parallel
-from signorini_fx.contact.laws import FrictionLaw, Nodal, length, unit
+from signorini_fx.contact.friction import PointFriction, as_given
+from signorini_fx.contact.laws import Nodal, length, unit
 from signorini_fx.contact.motions import FreeMotions
 
 # Forces and motions below this share of their scale are round-off.
@@ -118,7 +119,7 @@ class Reactions:
 
 def reactions(
     motions: FreeMotions,
-    law: FrictionLaw | None,
+    law: PointFriction | None,
     bilateral: npt.NDArray[np.bool_] | None,
     pressing: npt.NDArray[np.bool_] | None = None,
 ) -> Reactions:
@@ -132,10 +133,11 @@ def reactions(
     """
     points, k, tangents = motions.points, motions.count, motions.points.dimension - 1
     zero = np.zeros(points.size)
-    law = FrictionLaw(zero, zero) if law is None else law
+    law = as_given(zero) if law is None else law
     sides = zero if bilateral is None else bilateral
     able = np.ones(points.size) if pressing is None else pressing
-    cap = np.full(points.size, np.inf) if law.cap is None else points.weight * law.cap
+    largest = law.envelope_cap
+    cap = np.full(points.size, np.inf) if largest is None else points.weight * largest
     laws = (points.weight * law.given, law.coefficient, cap, sides, able, motions.of_point)
     flat = motions.relative.reshape(points.size, (1 + tangents) * k)
     table = parallel.gather_rows(points.comm, np.column_stack((flat, *laws)))

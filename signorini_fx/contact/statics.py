@@ -17,7 +17,8 @@ import numpy.typing as npt
 from scipy.optimize import linprog
 
 from signorini_fx import parallel
-from signorini_fx.contact.laws import FrictionLaw, Nodal
+from signorini_fx.contact.friction import PointFriction
+from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.contact.reactions import ZERO, Reactions, combination, most_work, nearest, reactions
 from signorini_fx.records import Status
@@ -49,7 +50,7 @@ class Escape:
 
 
 def no_balance(
-    law: FrictionLaw | None,
+    law: PointFriction | None,
     bilateral: npt.NDArray[np.bool_] | None,
     motions: FreeMotions,
     load: Nodal,
@@ -77,7 +78,7 @@ def no_balance(
     if not load.size:
         return None
     everywhere = motions.points.everywhere
-    able = ~everywhere if law is None else (law.given > 0) | (law.coefficient > 0)
+    able = ~everywhere if law is None else law.acts
     unheld = motions.unheld(everywhere, able)
     all_reactions = reactions(motions, law, bilateral)
     gaps = None if gap is None else parallel.gather_rows(motions.points.comm, gap[:, None])[:, 0]

@@ -7,8 +7,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from signorini_fx.effects.contact import CoulombFriction, TrescaFriction
 from signorini_fx.errors import SceneError
+from signorini_fx.laws.protocol import FrictionLaw
 from signorini_fx.scene.changes import PATH, PATH_PART
 from signorini_fx.scene.effect import Load, Resistance, is_zero
 from signorini_fx.scene.expressions import Expression
@@ -23,10 +23,8 @@ def default_entries(scene: Scene) -> list[str]:
     """What derivatives are taken by if nothing is named: friction and gap of each contact, the material, each load."""
     entries = []
     for number, effect in enumerate(scene.contact):
-        if effect.friction.acts and effect.friction.law == "coulomb":
-            entries.append(f"contact[{number}].friction.coefficient")
-        elif effect.friction.acts:
-            entries.append(f"contact[{number}].friction.bound")
+        if effect.friction.acts:
+            entries += [f"contact[{number}].friction.{key}" for key in effect.friction.required]
         entries.append(f"contact[{number}].gap")
     isotropic = [number for number, material in enumerate(scene.material) if material.orthotropic is None]
     entries += [f"material[{number}].{key}" for number in isotropic for key in ("young", "poisson")]
@@ -56,7 +54,7 @@ def entry_of(scene: Scene, path: str, extent: float, dimension: int) -> tuple[fl
     value, parent = _entry_and_table(scene, path, dimension)
     if isinstance(value, Load):
         return 1.0, 1e-3
-    if isinstance(parent, CoulombFriction | TrescaFriction | Resistance) and value == 0.0:
+    if isinstance(parent, FrictionLaw | Resistance) and value == 0.0:
         raise SceneError([(path, "is zero, so that nothing acts: give a small number to begin with")])
     root = path.partition("[")[0].partition(".")[0]
     if ".foundation.force" in path or ".foundation.moment" in path:

@@ -29,7 +29,8 @@ from signorini_fx.body.contact_map import contact_map
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.rigid_tools import Driven
-from signorini_fx.contact.laws import FrictionLaw, Nodal
+from signorini_fx.contact.friction import PointFriction
+from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.derivatives.adjoint import Adjoint, TransposedTangent
 from signorini_fx.derivatives.law import LinearisedLaw, linearised
@@ -74,7 +75,7 @@ class SolvedStep:
         start: Start,
         state: ContactState,
         displacement: fem.Function,
-        law: FrictionLaw | None,
+        law: PointFriction | None,
     ) -> SolvedStep:
         """A load step that has just been solved; collective.
 
@@ -187,7 +188,7 @@ class ChangedStep:
     prescribed: Array
     boundary: ContactBoundary
     gap: Nodal
-    law: FrictionLaw | None
+    law: PointFriction | None
     driven: Driven | None = None
     drift: Nodal | None = None
     usual: ChangedStep | None = None

@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx import parallel
-from signorini_fx.contact.laws import FrictionLaw, Nodal, inner, length, unit
+from signorini_fx.contact.friction import PointFriction
+from signorini_fx.contact.laws import Nodal, inner, length, unit
 from signorini_fx.contact.state import PointState
 
 # A point is between two sets if it is nearer to the border than this share of the largest pressure, or of its bound.
@@ -62,7 +63,12 @@ class LinearisedLaw:
 
 
 def linearised(
-    state: PointState, law: FrictionLaw | None, gamma: tuple[float, float], *, exact: bool, before: Nodal | None = None
+    state: PointState,
+    law: PointFriction | None,
+    gamma: tuple[float, float],
+    *,
+    exact: bool,
+    before: Nodal | None = None,
 ) -> LinearisedLaw:
     """The law at a solution; collective.
 
@@ -75,7 +81,7 @@ def linearised(
     """
     contact, (count, tangents) = state.in_contact, state.shear.shape
     law = law if state.has_friction else None
-    coefficient = np.zeros(count) if law is None else _follows(law, state.pressure)
+    coefficient = np.zeros(count) if law is None else law.derivative(state.pressure)
     moves = np.any(state.direction != 0, axis=1) | ~(state.bound > 0)
     slips = moves & (state.bound > 0)
     slip = np.where(slips[:, None], unit(state.shear), 0.0)
@@ -94,12 +100,6 @@ def linearised(
     turning[:, 1:, 1:] = share[:, None, None] * (np.eye(tangents) - slip[:, :, None] * slip[:, None, :])
     between = _between(state, gamma, slips, ~moves)
     return LinearisedLaw(tied, spread, turning, np.array([gamma[0], *[gamma[1]] * tangents]), exact, slip, between)
-
-
-def _follows(law: FrictionLaw, pressure: Nodal) -> Nodal:
-    """Derivative of the friction bound by the pressure, shape (n,)."""
-    free = law.coefficient * np.sign(pressure)
-    return free if law.cap is None else np.where(law.given + law.coefficient * np.abs(pressure) < law.cap, free, 0.0)
 
 
 def _between(

@@ -1,137 +1,18 @@
-"""Contact with a rigid foundation or another body, and its friction laws; its forms are in ``body.forms``."""
+"""Contact with a rigid foundation or another body; its forms are in ``body.forms``, its friction in ``laws``."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
-import numpy as np
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Tag, model_validator
 
-from signorini_fx.scene.base import Table, refused
-from signorini_fx.scene.effect import Array, Contradictions, Effect, text
-from signorini_fx.scene.expressions import sample
+from signorini_fx.laws.none import NoFriction
+from signorini_fx.laws.registry import OneLaw
+from signorini_fx.scene.base import refused
+from signorini_fx.scene.effect import Contradictions, Effect
 from signorini_fx.scene.rigid_shape import Distance, OneShape
-from signorini_fx.scene.values import Direction, NonNegative, NonNegativeTimedValue, SampledValue, shown
-
-VectorField = Annotated[tuple[SampledValue, ...], Field(min_length=3, max_length=3)]
-
-
-class Friction(Table):
-    """A friction law.  In space it may depend on the direction, see ``body.elliptic_friction``."""
-
-    @model_validator(mode="after")
-    def _both(self) -> Self:
-        if getattr(self, "along", None) is not None and getattr(self, "ratio", None) is None:
-            raise refused(type(self).__name__, [(("along",), "needs a ratio, of the friction across it")])
-        return self
-
-    def vectors(self, x: Array) -> Array:
-        """``along`` at points, both with shape (3, n)."""
-        return np.array([sample(value, x) for value in getattr(self, "along", None) or (1.0, 0.0, 0.0)])
-
-    def ellipse(self, x: Array) -> tuple[Array, Array]:
-        """For the second opinion: ``along``, shape (n, 3), and ``ratio``, shape (n,), at points of shape (3, n)."""
-        return self.vectors(x).T, sample(getattr(self, "ratio", 1.0), x)
-
-    @property
-    def directions_said(self) -> str:
-        """Its ratio in words."""
-        along = ", ".join(text(value) for value in getattr(self, "along", None) or (1.0, 0.0, 0.0))
-        ratio = getattr(self, "ratio", None)
-        return "" if ratio is None else f", ratio = {text(ratio)} across ({along})"
-
-    @property
-    def acts(self) -> bool:
-        """Whether it can transmit shear: F = 0 or g = 0 is frictionless contact and treated as such."""
-        return False
-
-    @property
-    def said(self) -> str:
-        """The law in words."""
-        return "no friction"
-
-    @property
-    def timed(self) -> bool:
-        """Whether it depends on the time."""
-        return any(getattr(value, "timed", False) for _, value in self)
-
-    def at_time(self, time: float) -> Self:
-        """See ``Effect``."""
-        return self.model_copy(update={key: value.at(time) for key, value in self if getattr(value, "timed", False)})
-
-
-class NoFriction(Friction):
-    """Frictionless contact.
-
-    Attributes:
-        law: its name.
-    """
-
-    law: Literal["none"] = "none"
-
-    @property
-    def ratio(self) -> None:
-        """None: it has no direction."""
-        return
-
-
-class TrescaFriction(Friction):
-    """Tresca friction: |mu| <= bound (2.3d').
-
-    Attributes:
-        law: its name.
-        bound: largest shear, stress.
-        ratio: that of the friction across ``along`` to the friction along it; None: it is the same in all directions.
-        along: a vector, whose part in the tangent plane counts; None: along x[0].
-    """
-
-    law: Literal["tresca"] = "tresca"
-    bound: NonNegativeTimedValue
-    ratio: SampledValue | None = None
-    along: VectorField | None = None
-
-    @property
-    def acts(self) -> bool:
-        """See ``Friction``."""
-        return self.bound != 0.0
-
-    @property
-    def said(self) -> str:
-        """See ``Friction``."""
-        return f"tresca, bound = {text(self.bound)}{self.directions_said}" + ("" if self.acts else ": frictionless")
-
-
-class CoulombFriction(Friction):
-    """Coulomb friction: |mu| <= min(cohesion + coefficient * lambda, cap) in contact, (1.1e) and (1.1f).
-
-    Attributes:
-        law: its name.
-        coefficient: F, without unit.
-        cap: largest shear that the contact can transmit, stress; None: no such limit.
-        cohesion: shear that it transmits without pressure, stress, until it opens; None: none.
-        ratio: that of the friction across ``along`` to the friction along it; None: it is the same in all directions.
-        along: a vector, whose part in the tangent plane counts; None: along x[0].
-    """
-
-    law: Literal["coulomb"] = "coulomb"
-    coefficient: NonNegativeTimedValue
-    cap: NonNegativeTimedValue | None = None
-    cohesion: NonNegativeTimedValue | None = None
-    ratio: SampledValue | None = None
-    along: VectorField | None = None
-
-    @property
-    def acts(self) -> bool:
-        """See ``Friction``."""
-        return (self.coefficient != 0.0 or self.cohesion not in (None, 0.0)) and self.cap != 0.0
-
-    @property
-    def said(self) -> str:
-        """See ``Friction``."""
-        parameters = [(key, getattr(self, key)) for key in ("coefficient", "cohesion", "cap")]
-        listed = "".join(f", {key} = {text(value)}" for key, value in parameters if value is not None)
-        return f"coulomb{listed}{self.directions_said}" + ("" if self.acts else ": frictionless")
+from signorini_fx.scene.values import Direction, NonNegative, SampledValue, not_at_points, shown
 
 
 class Contact(Effect):
@@ -145,7 +26,19 @@ class Contact(Effect):
     gap: SampledValue = 0.0
     direction: Direction | None = None
     foundation: OneShape = None
-    friction: Annotated[NoFriction | TrescaFriction | CoulombFriction, Field(discriminator="law")] = NoFriction()
+    friction: OneLaw = NoFriction()
+
+    @model_validator(mode="after")
+    def _at_points(self) -> Self:
+        """A scene evaluates the parameters of friction at points, where forms may take UFL."""
+        wrong = [
+            (("friction",), f"{key}: {not_at_points(value)}")
+            for key, value in self.friction
+            if hasattr(value, "ufl_domain")
+        ]
+        if wrong:
+            raise refused(type(self).__name__, wrong)
+        return self
 
     def contradictions(self, scene: Any, number: int) -> Contradictions:
         """See ``Effect``."""
@@ -161,7 +54,7 @@ class Contact(Effect):
                     yield ("contact", number, rival), f"foundation already says {reason}: leave one of them out"
         if self.tool is not None:
             yield from _not_with_tools(scene, number)
-        if self.friction.ratio is not None:
+        if self.friction.directed:
             yield from self._not_with_directions(scene, number)
         if self.against is None:
             between = {"distance": self.distance == "nominal", "points": self.points != "auto"}
@@ -241,17 +134,7 @@ class Contact(Effect):
     @property
     def coulomb(self) -> bool:
         """Whether its friction bound depends on the contact pressure."""
-        return isinstance(self.friction, CoulombFriction) and self.friction.acts
-
-    @property
-    def capped(self) -> bool:
-        """Whether its Coulomb friction has a limit."""
-        return isinstance(self.friction, CoulombFriction) and self.friction.cap is not None
-
-    @property
-    def cohesive(self) -> bool:
-        """Whether its Coulomb friction has cohesion, which ends where it opens."""
-        return isinstance(self.friction, CoulombFriction) and self.friction.cohesion is not None
+        return self.friction.follows_pressure and self.friction.acts
 
 
 class UnilateralContact(Contact):

@@ -13,8 +13,9 @@ from dolfinx import default_scalar_type, fem, la
 from dolfinx import mesh as dmesh
 
 from signorini_fx import compat, parallel
-from signorini_fx.body.foundation import Coulomb, Foundation, Pair, Tresca
+from signorini_fx.body.foundation import Foundation, Pair
 from signorini_fx.errors import FormError, SceneError
+from signorini_fx.laws.protocol import FrictionLaw
 from signorini_fx.mesh.section import is_section
 from signorini_fx.scene.settings import SolverSettings
 from signorini_fx.scene.values import kind_of
@@ -124,9 +125,11 @@ def foundations_of(contact: Any) -> tuple[Foundation | Pair, ...]:
             continue
         if isinstance(entry, Pair) and isinstance(entry.gap, str) and entry.gap != "geometry":
             problems.append((f"contact[{k}].gap", f'must be "geometry" or values, not {entry.gap!r}'))
-        if not isinstance(entry.friction, Coulomb | Tresca | None):
-            wrong = f"must be Coulomb(...), Tresca(...) or None, not {kind_of(entry.friction)}"
+        if not isinstance(entry.friction, FrictionLaw | None):
+            wrong = f"must be Coulomb(...), Tresca(...), a law of your own or None, not {kind_of(entry.friction)}"
             problems.append((f"contact[{k}].friction", wrong))
+        elif entry.friction is not None and entry.friction.timed:
+            problems.append((f"contact[{k}].friction", "depends on t: give numbers, and change them between steps"))
     if problems:
         raise FormError(problems)
     return tuple(contacts)

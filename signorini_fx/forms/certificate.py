@@ -96,11 +96,11 @@ def _side(
     """One foundation or pair; what the user named decides which facets meet, and up to which distance."""
 
     def bound(nodes: npt.NDArray[Any], pressure: Nodal) -> Nodal:
-        limit = data.given[nodes] + data.coefficient[nodes] * np.abs(pressure)
-        limit = np.minimum(limit, data.cap[nodes])
-        return np.where(pressure == 0, 0.0, limit) if data.cohesive else limit
+        if data.bonded:
+            return np.full(nodes.size, np.inf)
+        return np.zeros(nodes.size) if data.law is None else data.law.at(nodes).claimed(np.abs(pressure))
 
-    claim, by_geometry, along, ellipse = None, False, data.shape.direction, data.shape.ellipse
+    claim, by_geometry, along, axes = None, False, data.shape.direction, data.shape.axes
     if isinstance(entry, Pair):
         from signorini_fx.results.paired_claim import claim_of
 
@@ -117,6 +117,6 @@ def _side(
         data.shape.factor,
         claim,
         by_geometry,
-        None if ellipse is None else lambda nodes: (ellipse.along[nodes], ellipse.ratio[nodes]),
+        None if axes is None else lambda nodes: (axes.along[nodes], axes.ratio[nodes]),
         entry.adjust if isinstance(entry, Pair) else None,
     )

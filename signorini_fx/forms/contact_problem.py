@@ -27,11 +27,12 @@ from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import contact_table
 from signorini_fx.body.elastic import ElasticBody
-from signorini_fx.body.foundation import Coulomb, Foundation, Pair
+from signorini_fx.body.foundation import Foundation, Pair
 from signorini_fx.body.foundations import Foundations, ShapeDistances
 from signorini_fx.body.rigid_tools import RigidTools
 from signorini_fx.body.supports import prescribed
-from signorini_fx.contact.laws import ActiveSets, FrictionLaw, RegularisedData
+from signorini_fx.contact.friction import PointFriction
+from signorini_fx.contact.laws import ActiveSets, RegularisedData
 from signorini_fx.derivatives.gradient import ChangedStep as ProblemData
 from signorini_fx.derivatives.gradient import SolvedStep
 from signorini_fx.errors import FormError, SceneError
@@ -341,7 +342,7 @@ class ContactProblem:
         if restart and folder is None:
             raise FormError([("restart", "needs the folder of the checkpoint")])
         begin, self._marks, timings = time.perf_counter(), len(self.history.iterations), Timings()
-        follows = any(isinstance(contact.friction, Coulomb) for contact in self.contact)
+        follows = any(getattr(contact.friction, "follows_pressure", False) for contact in self.contact)
         increments = Increments(path, self.settings, has_coulomb=follows)
         stored = None if folder is None else self._checkpoint_in(folder, path, restart=restart)
         with options.applied(*self._options):
@@ -473,7 +474,7 @@ class ContactProblem:
         else:
             self._solution = LastSolution.of(outcome, self._begun.step, self._boundary)
 
-    def _update(self) -> tuple[RegularisedData, FrictionLaw | None]:
+    def _update(self) -> tuple[RegularisedData, PointFriction | None]:
         """Assemble what has changed since the last solve, and evaluate gap and friction; collective."""
         space, comm = self._space, self._space.mesh.comm
         self._prescribed = fixed, values = prescribed(space, conditions_of(self.bcs, space))
@@ -520,7 +521,9 @@ class ContactProblem:
             *self._point_data(shapes),
             natural_gamma=self._scales.gamma,
             history=self.history,
-            has_coulomb=any(isinstance(contact.friction, Coulomb) for contact in self.contact),
+            has_coulomb=any(
+                contact.friction is not None and contact.friction.follows_pressure for contact in self.contact
+            ),
         )
         if self._start is None:
             resting = task.rest
@@ -531,7 +534,7 @@ class ContactProblem:
         """See ``case_of``."""
         return case_of(self._elastic, self._L, values, driven_by(self._tools))
 
-    def _point_data(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, FrictionLaw | None]:
+    def _point_data(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
         """Gap, friction and regularisation at the contact points, as they are now; collective."""
         self._data = self._foundations.data(shapes)
         return self._foundations.problem(self._boundary, self._data, Settings.of(self.settings), self._scales.gamma)

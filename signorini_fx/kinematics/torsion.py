@@ -61,7 +61,7 @@ TORSION = TwistedBody(
         **REFUSED,
         "contact of two bodies": f"contact of two bodies {_YET}",
         "derivatives": "derivatives are not possible yet with torsion, but of forms of one's own",
-        "friction ellipse": _YET,
+        "friction axes": _YET,
         "krylov": f"'krylov' {_YET}",
         "mixed element": f"'mixed' {_YET}",
         "moving foundation": f"a foundation that moves {_YET}: move or turn the body",

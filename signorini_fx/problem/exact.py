@@ -20,12 +20,15 @@ from signorini_fx import parallel
 from signorini_fx.contact.laws import (
     ActiveSets,
     Nodal,
+    bound_of_sets,
     inner,
     keep_closed,
     length,
+    linearised,
     onto_disc,
     sliding_shear,
     slip_of,
+    slope_of_bound,
     unit,
 )
 from signorini_fx.contact.motions import FreeMotions
@@ -73,8 +76,7 @@ class ExactProblem(Problem):
         _, u_t = self.traces(x)
         if data.bound is None:
             return np.zeros_like(u_t)
-        bound = data.bound if data.coupling is None else data.bound + data.coupling * pressure
-        return sliding_shear(sets, bound, slip_of(u_t, data))
+        return sliding_shear(sets, bound_of_sets(sets, pressure, data), slip_of(u_t, data))
 
     def _classify(self, x: PETSc.Vec) -> ActiveSets:
         u_n, u_t = self.traces(x)
@@ -136,10 +138,11 @@ class ExactProblem(Problem):
     def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """See ``Problem``."""
         trial = self.next.trial if self._forced_first else self._classify(x)
-        self._hold(trial, *self.multipliers(x, self.sets))
+        pressure, shear = self.multipliers(x, self.sets)
+        self._hold(linearised(trial, pressure, self.data), pressure, shear)
         sets = self.next.sets
         dofs, values = self._constraints(sets)
-        shear: Nodal = np.zeros((self.points.size, self._unknown.shape[1] - 1))
+        shear = np.zeros((self.points.size, self._unknown.shape[1] - 1))
         placed = x.copy()
         placed.getArray()[dofs] = values
         if self.data.has_friction:
@@ -174,7 +177,7 @@ class ExactProblem(Problem):
         matrix = self.system.matrix
         matrix.copy(jacobian, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         first = matrix.getOwnershipRange()[0]
-        if self.data.coupling is not None:
+        if self.data.follows is not None:
             for point, component in np.argwhere(slopes):  # the rows of a point have the same columns
                 normal, *tangential = first + self._unknown[point]
                 columns, values = matrix.getRow(normal)
@@ -205,8 +208,8 @@ class ExactProblem(Problem):
 
     def _slopes(self, sets: ActiveSets) -> Nodal:
         """Share of the row along the normal in those along the tangents: d mu / d lambda where mu = F lambda e."""
-        coupling = self.data.coupling
-        if coupling is None:
+        slope = slope_of_bound(sets, self.data)
+        if slope is None:
             return np.zeros_like(sets.direction)
         pressing = (sets.contact & self._free[:, 0])[:, None] & self._free[:, 1:]
-        return np.where(pressing, -self._sign[:, 1:] * self._sign[:, :1] * sets.direction * coupling[:, None], 0.0)
+        return np.where(pressing, -self._sign[:, 1:] * self._sign[:, :1] * sets.direction * slope[:, None], 0.0)

@@ -11,9 +11,10 @@ import numpy as np
 from petsc4py import PETSc
 
 from signorini_fx import parallel
+from signorini_fx.contact.friction import as_given
 from signorini_fx.contact.groups import ROUND_OFF, shares
 from signorini_fx.contact.holding_sets import hold, holds
-from signorini_fx.contact.laws import ActiveSets, FrictionLaw, Nodal, RegularisedData, length, release
+from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, length, release
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.contact.points import ContactPoints
@@ -81,9 +82,11 @@ class Problem(ABC):
     @property
     def affine(self) -> bool:
         """Whether the residual is affine for fixed sets and directions, so that repeated sets mean a solution, and sets
-        that come back mean a cycle: not in space, where the direction of slip changes.
+        that come back mean a cycle: not in space, where the direction of slip changes, nor where a friction bound
+        follows the pressure along a curve.
         """
-        return self.points.dimension == 2 or not self.data.has_friction
+        curved = self.data.follows is not None and not self.data.follows.affine
+        return (self.points.dimension == 2 or not self.data.has_friction) and not curved
 
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
         """Begin a new problem.
@@ -234,9 +237,8 @@ class Problem(ABC):
 
         def escaping() -> Status | None:
             if self._escaping is None:  # until the data change
-                data, zeros = self.data, np.zeros(points.size)
-                bound, coefficient = (zeros if part is None else part for part in (data.bound, data.coupling))
-                law = FrictionLaw(bound, coefficient)
+                data = self.data
+                law = data.follows or as_given(np.zeros(points.size) if data.bound is None else data.bound)
                 # Strains change the gaps: without a load there are none.
                 at_rest = self.system.load.norm() == 0.0 and self.system.start.norm() == 0.0
                 gap = data.gap if at_rest else None

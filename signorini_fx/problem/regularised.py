@@ -11,6 +11,7 @@ from signorini_fx.contact.laws import (
     Nodal,
     classify,
     law_residual,
+    linearised,
     multipliers,
     tangent,
     trial_pressure,
@@ -51,6 +52,7 @@ class RegularisedProblem(Problem):
         """See ``Problem``."""
         u_n, u_t = self.traces(x)
         trial = self.next.trial if self._forced_first else classify(self.sets, u_n, u_t, self.data)
+        trial = linearised(trial, trial_pressure(u_n, self.data), self.data)
         self._hold(trial, *multipliers(self.sets, u_n, u_t, self.data))
         self.imbalance(x, *self.multipliers(x, self.next.sets), f)
 

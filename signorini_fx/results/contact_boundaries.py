@@ -36,7 +36,7 @@ class ContactFigures:
         tangential_force: magnitude of the latter.
         friction_limit: integral of the friction bound, a force: F N for Coulomb friction with one coefficient, the
             bound times the area for Tresca friction, which acts on open nodes too; infinite for a bond.  Of friction
-            ellipses the largest resultant in the direction of this one; in any direction, if there is none.
+            with a direction the largest resultant in the direction of this one; in any direction, if there is none.
         friction_moment: of a boundary that closes around a body, the moment of friction about its middle, see
             ``Turning``; a number in the plane, shape (3,) in space; None of others.
         moment_limit: the largest possible value of its size; None likewise.
@@ -77,7 +77,7 @@ def contact_figures(scene: Scene, contact: ContactState) -> list[ContactFigures]
         tangential = float(np.linalg.norm(total[4:]))
         if tangential <= _ROUND_OFF * max(abs(normal), limit if np.isfinite(limit) else 0.0):
             tangential = 0.0
-        if boundary.ellipse is not None and 0 < limit < np.inf:
+        if boundary.friction_axes is not None and 0 < limit < np.inf:
             reached = total[4:] if tangential else np.zeros(3)
             limit = _largest_resultant(boundary.tangents[on_part], weight * contact.bound[on_part], reached, comm)
         figures.append(
@@ -100,7 +100,7 @@ def contact_figures(scene: Scene, contact: ContactState) -> list[ContactFigures]
 
 
 def _largest_resultant(tangents: Array, bound: Array, resultant: Array, comm: MPI.Comm) -> float:
-    """The largest force in the direction of the resultant that points with friction ellipses transmit; collective.
+    """The largest force in the direction of the resultant that points with friction axes transmit; collective.
 
     The forces that they transmit together fill a convex set.  In the direction d it is bounded by its support function
     at every n with n . d = 1, and the least of these bounds is reached.

@@ -43,7 +43,7 @@ class ContactSide:
         claim: what the solver says of both sides of a pair; None: the foundation is rigid.
         by_geometry: whether the distance of both sides of a pair along the normal is added to the gap.
         adjust: the distance of both sides, length, that is taken for none, and all below it; None: there is none.
-        ellipse: nodes -> the vector along which friction is that of ``bound``, shape (n, d), and the ratio of that
+        directions: nodes -> the vector along which friction is that of ``bound``, shape (n, d), and the ratio of that
             across it, shape (n,); None: friction has no direction.
     """
 
@@ -55,7 +55,7 @@ class ContactSide:
     factor: Nodal | None = None
     claim: Claim | None = None
     by_geometry: bool = False
-    ellipse: Callable[[npt.NDArray[np.integer[Any]]], tuple[Nodal, Nodal]] | None = None
+    directions: Callable[[npt.NDArray[np.integer[Any]]], tuple[Nodal, Nodal]] | None = None
     adjust: float | None = None
 
 
@@ -154,12 +154,12 @@ class ContactNodes:
         held = spread or None
         claims = [side.claim for side in sides] if any(side.claim is not None for side in sides) else None
         contact_nodes = cls(forces, nodes, weight, normal, gap, bound, bilateral, pressure, shear, held, counts, claims)
-        if all(side.ellipse is None for side in sides):
+        if all(side.directions is None for side in sides):
             return contact_nodes
         across, ratio = np.zeros_like(normal), np.ones(nodes.size)
         for side, points in zip(sides, contact_nodes._parts(), strict=True):
-            if side.ellipse is not None:
-                along, ratio[points] = side.ellipse(nodes[points])
+            if side.directions is not None:
+                along, ratio[points] = side.directions(nodes[points])
                 across[points] = np.cross(normal[points], along)
                 across[points] /= np.linalg.norm(across[points], axis=1, keepdims=True)
         return replace(contact_nodes, across=across, ratio=ratio)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.body.node_positions import node_positions
-from signorini_fx.effects.contact import BilateralContact, BondedContact, CoulombFriction, TrescaFriction
+from signorini_fx.effects.contact import BilateralContact, BondedContact
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.results.contact_nodes import ContactSide
 from signorini_fx.scene.expressions import in_space, sample
@@ -67,7 +67,7 @@ def sides_of(
             lambda nodes, pressure: (
                 np.full(nodes.size, np.inf)
                 if bonded
-                else _friction_bound(effect.friction, in_space(x[nodes]), pressure)
+                else effect.friction.sampled(in_space(x[nodes])).claimed(np.abs(pressure))
             ),
             bonded or isinstance(effect, BilateralContact),
             None if effect.direction is None and effect.surface is None else along,
@@ -75,9 +75,9 @@ def sides_of(
             claim=claims.get(part),
             by_geometry=_by_geometry(effect),
             adjust=effect.adjust,
-            ellipse=None
-            if effect.friction.ratio is None
-            else lambda nodes: effect.friction.ellipse(in_space(x[nodes])),
+            directions=(lambda nodes: effect.friction.directions(in_space(x[nodes])))
+            if effect.friction.directed
+            else None,
         )
 
     return [side(part, effect) for part, effect in enumerate(scene.contact)]
@@ -86,18 +86,3 @@ def sides_of(
 def _by_geometry(effect: Any) -> bool:
     """Whether the gap of a contact is the distance of both sides."""
     return not isinstance(effect, BondedContact) and effect.distance == "geometry"
-
-
-def _friction_bound(friction: Any, points: Nodal, pressure: Nodal) -> Nodal:
-    """F g of (6.1): g is given (Tresca) or the pressure at hand (Coulomb), up to the cap."""
-    if not friction.acts:
-        return np.zeros(pressure.size)
-    match friction:
-        case TrescaFriction(bound=bound):
-            return sample(bound, points)
-        case CoulombFriction(coefficient=coefficient, cap=cap, cohesion=cohesion):
-            bound = sample(coefficient, points) * np.abs(pressure)
-            if cohesion is not None:
-                bound = np.where(pressure == 0, 0.0, bound + sample(cohesion, points))
-            return bound if cap is None else np.minimum(bound, sample(cap, points))
-    raise TypeError(f"no friction law: {friction!r}")

@@ -30,7 +30,8 @@ def contact_stiffness(d: Discretisation, step: float | None = None) -> tuple[Nod
         # Its shortening is an unknown as well, which the stiffness of a fixed one holds.
         (by_force, "not tried where a force determines the shortening of a section"),
         (d.tools is not None, "not tried where a force moves a foundation"),
-        (law.cohesive is not None, "where a point with cohesion opens, its friction ends with a jump"),
+        (law.ends_open is not None, "where a point opens, its friction ends with a jump"),
+        (bool(law.laws), law.unknown),
         (d.comm.size > 1, "the proof is for one rank"),
     ):
         if wrong:

@@ -14,7 +14,8 @@ from signorini_fx.body.joint_pressure import work_on_motions
 from signorini_fx.body.limits import LimitSurface, Unproved, factor_at_least, factor_at_most, surface_of
 from signorini_fx.body.motion_names import names_of
 from signorini_fx.body.rigid import RigidMotions
-from signorini_fx.contact.laws import FrictionLaw, Nodal
+from signorini_fx.contact.friction import as_given
+from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.motions import FreeMotions, RigidLoad, total_work
 from signorini_fx.contact.reactions import Reactions, reactions
 from signorini_fx.contact.resting_place import resting_place
@@ -115,7 +116,7 @@ def safety_of(d: Discretisation, contact: ContactState, step: float) -> Safety |
     allowed = reactions(at_contact, law, contact.bilateral, pressing)
     present = None
     if d.scene.has_coulomb:
-        bounds = FrictionLaw(contact.bound, np.zeros(boundary.size))
+        bounds = as_given(contact.bound)
         present = reactions(at_contact, bounds, contact.bilateral, pressing)
     if parallel.any_rank(d.comm, not np.isfinite(contact.pressure).all()):
         return None

@@ -29,7 +29,8 @@ from scipy.optimize import minimize
 
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.contact.laws import FrictionLaw, Nodal
+from signorini_fx.contact.friction import PointFriction
+from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.state import PointState
 from signorini_fx.results.contact_stiffness import ENTERS, contact_stiffness
 from signorini_fx.scene.effect import SectionJump
@@ -151,7 +152,7 @@ def uniqueness(
 
 
 def uniqueness_of(
-    stiffness: Nodal, operator: Nodal, law: FrictionLaw, state: PointState | None, *, search: bool | None = None
+    stiffness: Nodal, operator: Nodal, law: PointFriction, state: PointState | None, *, search: bool | None = None
 ) -> Uniqueness:
     """Whether the solution of a problem with Coulomb friction is the only one; one rank.
 
@@ -182,7 +183,7 @@ def uniqueness_of(
     )
 
 
-def components(stiffness: Nodal, operator: Nodal, law: FrictionLaw) -> _Rough | str:
+def components(stiffness: Nodal, operator: Nodal, law: PointFriction) -> _Rough | str:
     """The stiffness of normal components and of tangential ones with friction; or why there is none."""
     coefficient, count = law.coefficient, law.coefficient.size
     moves = np.linalg.norm(operator, axis=1) > _FREE
@@ -331,7 +332,7 @@ class _Law:
     size: float
 
 
-def _other_solutions(rough: _Rough, law: FrictionLaw, state: PointState) -> tuple[list[Nodal], int]:
+def _other_solutions(rough: _Rough, law: PointFriction, state: PointState) -> tuple[list[Nodal], int]:
     """Solutions without regularisation that differ from the given one, as relative displacements; and the starts."""
     weight, n = state.points.weight, rough.normal.size
     v = np.concatenate((state.u_n[rough.normal], state.u_t[rough.tangential, 0]))

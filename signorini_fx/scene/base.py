@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from inspect import Parameter, Signature
-from typing import TYPE_CHECKING, Any, Self, cast, get_origin
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
@@ -22,18 +22,28 @@ class _OwnErrors(_ModelMetaclass):
     """Models that are built in Python raise the errors of this package as well."""
 
     def __call__(cls, *positional: Any, **data: Any) -> Any:
-        if positional:
+        table = cast("type[Table]", cls)
+        named = dict(zip(table.positional, positional, strict=False))
+        if len(positional) > len(table.positional) or named.keys() & data:
             raise TypeError(f"{cls.__name__} takes keyword arguments: {', '.join(cls.model_fields)}")
         try:
-            return super().__call__(**data)
+            return super().__call__(**named, **data)
         except ValidationError as error:
-            raise SceneError(problems_of(error, data, cast(type[Table], cls).described()), cls.__name__) from None
+            raise table.refusal(problems_of(error, named | data, table.described())) from None
 
 
 class Table(BaseModel, metaclass=_OwnErrors):
     """A table of a scene: unknown keys are errors, and entries are immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+    # Keys that Python may give without their names, in this order.
+    positional: ClassVar[tuple[str, ...]] = ()
+
+    @classmethod
+    def refusal(cls, problems: list[tuple[str, str]]) -> SceneError:
+        """The error of a table that Python has made, from the paths of wrong keys and what is wrong."""
+        return SceneError(problems, cls.__name__)
 
     @classmethod
     def described(cls) -> type[BaseModel]:

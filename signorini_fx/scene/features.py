@@ -43,8 +43,8 @@ def features(scene: Any) -> Iterator[tuple[str, Path]]:
     for number, contact in enumerate(scene.contact):
         if contact.tool is not None or contact.moves:
             yield "moving foundation", ("contact", number, "foundation")
-        if contact.friction.ratio is not None:
-            yield "friction ellipse", ("contact", number, "friction", "ratio")
+        if contact.friction.directed:
+            yield "friction axes", ("contact", number, "friction", "ratio")
 
 
 def refused_features(scene: Any) -> Contradictions:

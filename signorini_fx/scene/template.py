@@ -30,7 +30,7 @@ def scene_schema() -> dict[str, Any]:
     by_name = {table.__name__: table for table in tables(model)}
     for name, definition in schema["$defs"].items():
         _describe(definition, by_name[name])
-    for name in ("NoFriction", "TrescaFriction", "CoulombFriction"):
+    for name in ("NoFriction", "Tresca", "Coulomb"):
         definition = schema["$defs"][name]
         definition["required"] = ["law", *definition.get("required", [])]
     material = schema["$defs"]["LinearElastic"]

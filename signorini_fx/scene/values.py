@@ -49,11 +49,16 @@ def sampled(entry: Any) -> Any:
     """A value that is evaluated at points; fields and expressions of FEniCSx cannot be."""
     checked = value(entry)
     if hasattr(checked, "ufl_domain"):
-        raise ValueError(
-            f"{kind_of(entry)} cannot be evaluated at points: give a number, an expression of the position, or a "
-            "callable f(x) of points of shape (3, n)"
-        )
+        raise ValueError(not_at_points(entry))
     return checked
+
+
+def not_at_points(entry: Any) -> str:
+    """Why a form is refused where values at points are needed."""
+    return (
+        f"{kind_of(entry)} cannot be evaluated at points: give a number, an expression of the position, or a "
+        "callable f(x) of points of shape (3, n)"
+    )
 
 
 def bounded(number: float) -> float:

@@ -16,7 +16,8 @@ from signorini_fx.algorithms.coulomb_statics import free_state
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.motion_names import names_of
-from signorini_fx.contact.laws import FrictionLaw, Nodal, RegularisedData, length
+from signorini_fx.contact.friction import PointFriction
+from signorini_fx.contact.laws import Nodal, RegularisedData, length
 from signorini_fx.contact.reactions import Reactions, reactions
 from signorini_fx.contact.statics import null_space, squeezed
 from signorini_fx.records import Finding, Status
@@ -65,7 +66,7 @@ def explained(
     return replace(outcome, status=Status.OPEN), Finding("warning", loads, f"{when}{message}")
 
 
-def loose_assembly(task: Task, data: RegularisedData, law: FrictionLaw | None) -> int | None:
+def loose_assembly(task: Task, data: RegularisedData, law: PointFriction | None) -> int | None:
     """The number of an assembly that lies loose in a load step; None where that is not proved of any; collective.
 
     Args:
@@ -75,7 +76,7 @@ def loose_assembly(task: Task, data: RegularisedData, law: FrictionLaw | None) -
     """
     motions, load = task.motions, task.system.resultant
     idle = [(number, columns) for number, columns in motions.assemblies() if not load[columns].any()]
-    if not idle or (law is not None and law.cohesive is not None):
+    if not idle or (law is not None and law.ends_open is not None):
         return None
     free = free_state(task, data)
     if free is None:

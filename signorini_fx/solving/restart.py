@@ -18,7 +18,8 @@ from signorini_fx import parallel
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.joint_pressure import JointPressure
-from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, unit
+from signorini_fx.contact.friction import PointFriction
+from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, bound_of_sets, slope_of_bound, unit
 from signorini_fx.problem.exact import ExactProblem
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings, as_rows
 from signorini_fx.results.checkpoint import Checkpoint
@@ -124,9 +125,11 @@ class MeshCheckpoint:
         for name, data in (("given", outcome.data), ("solved", problem.data)):
             nodal[f"{name}.lambda_hat"] = data.lambda_hat
             nodal[f"{name}.mu_hat"] = _in_space(data.mu_hat, tangents)
-            nodal |= {
-                f"{name}.{key}": values for key in ("bound", "coupling") if (values := getattr(data, key)) is not None
-            }
+            if data.bound is not None:
+                zero = np.zeros(data.bound.size)
+                nodal[f"{name}.bound"] = bound_of_sets(sets, zero, data)
+                if (slope := slope_of_bound(sets, data)) is not None:
+                    nodal[f"{name}.coupling"] = slope
             if data.slip_origin is not None:
                 nodal[f"{name}.slip_origin"] = _in_space(data.slip_origin + rest_t, cotangents)
             parameters[name] = [data.gamma_n, data.gamma_t, data.sigma]
@@ -252,6 +255,7 @@ def _data(
         return None if stored is None else stored.ravel()
 
     gamma_n, gamma_t, sigma = parameters
+    bound, slope = values("bound"), values("coupling")
     origin = nodal.get(f"{name}.slip_origin")
     rest_t = 0.0 if task.rest is None else task.rest.u_t
     return replace(
@@ -261,8 +265,8 @@ def _data(
         sigma=sigma,
         lambda_hat=nodal[f"{name}.lambda_hat"].ravel(),
         mu_hat=_along(nodal[f"{name}.mu_hat"], boundary.cotangents),
-        bound=values("bound"),
-        coupling=values("coupling"),
+        bound=bound,
+        follows=None if bound is None or slope is None else PointFriction(bound, slope),
         slip_origin=None if origin is None else _along(origin, boundary.tangents) - rest_t,
     )
 

@@ -20,8 +20,8 @@ from signorini_fx.body.discretisation import Discretisation, discretise
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.check.refusals import refuse_beforehand
 from signorini_fx.contact.resting_place import RestingMotion
-from signorini_fx.effects.contact import CoulombFriction, Friction
 from signorini_fx.errors import SceneError
+from signorini_fx.laws.protocol import FrictionLaw
 from signorini_fx.linalg.choice import krylov_from
 from signorini_fx.mesh.hierarchy import coarser_scenes
 from signorini_fx.mesh.tagged import load_mesh
@@ -180,6 +180,9 @@ def sweep(
         raise SceneError([("sweep", "loads must be positive where a force tightens a section")])
     if coefficients is not None and not scene.has_coulomb:
         raise SceneError([("sweep", "coefficients need a scene with Coulomb friction")])
+    unknown = [contact.friction.unknown for contact in scene.contact if contact.friction.unknown]
+    if coefficients is not None and unknown:
+        raise SceneError([("sweep", f"coefficients are those of Coulomb friction: {unknown[0]}")])
     values, of_loads = [*(coefficients or loads or ())], loads is not None
     discretisation = discretise(scene, load_mesh(scene, comm), Timings())
     refuse_beforehand(discretisation)
@@ -214,10 +217,10 @@ def sweep(
 def _with_coefficient(scene: Scene, value: float) -> Scene:
     """The scene with another friction coefficient where Coulomb friction acts."""
 
-    def replaced(friction: Friction) -> Friction:
-        if not isinstance(friction, CoulombFriction):
+    def replaced(friction: FrictionLaw) -> FrictionLaw:
+        old = friction.parameters.get("coefficient")
+        if old is None:
             return friction
-        old = friction.coefficient
         return friction.model_copy(update={"coefficient": lambda x: np.where(sample(old, x) > 0, value, 0.0)})
 
     contact = tuple(effect.model_copy(update={"friction": replaced(effect.friction)}) for effect in scene.contact)

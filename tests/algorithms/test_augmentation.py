@@ -11,6 +11,7 @@ from scenes import alone, example1
 
 from signorini_fx.algorithms.augmentation import Augmentation, with_enough_digits
 from signorini_fx.body.discretisation import discretise
+from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import unit
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, Timings
@@ -379,7 +380,11 @@ def test_a_node_that_a_support_drags_has_not_settled_below_its_bound():
     supports = [{"boundary": "left", "x": 0.002, "y": 0.001, "z": -0.01}]
     task, _ = begun(in_space(supports=supports))
     newton, points = task.iterate.newton, task.motions.points
-    data = replace(task.start.data, bound=np.zeros(points.size), coupling=np.full(points.size, 0.3))
+    data = replace(
+        task.start.data,
+        bound=np.zeros(points.size),
+        follows=PointFriction(np.zeros(points.size), np.full(points.size, 0.3)),
+    )
     newton.problem.set_data(data, newton.problem.sets)
     half = 0.15 * newton.multipliers()[0] * points.immovable
     shear = half[:, None] * unit(newton.problem.traces(newton.x)[1])

@@ -65,7 +65,7 @@ def test_judged_by_another_programme(where, seed, monkeypatch):
     plain, statuses = SemismoothNewton.solve, []
 
     def inside(self, data, first_sets=None, *, measure=lambda: None, **limits):
-        if data.coupling is not None or np.isinf(data.gamma_n):
+        if data.follows is not None or np.isinf(data.gamma_n):
             return plain(self, data, first_sets, measure=measure, **limits)
         statuses.append(interior_point(self, data, measure))
         return statuses[-1]

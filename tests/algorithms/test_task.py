@@ -9,7 +9,8 @@ from test_load_steps import by_force
 
 from signorini_fx.algorithms.task import Outcome
 from signorini_fx.body.discretisation import discretise
-from signorini_fx.contact.laws import ActiveSets, FrictionLaw
+from signorini_fx.contact.friction import PointFriction
+from signorini_fx.contact.laws import ActiveSets
 from signorini_fx.contact.reactions import reactions
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, Timings
@@ -58,7 +59,7 @@ def test_friction_bound_and_slip(task):
 def test_a_cap_limits_given_friction_in_statics(task):
     """As it does in the law itself, times the weight of the node."""
     given, none = np.linspace(1.0, 5.0, task.motions.points.size), np.zeros(task.motions.points.size)
-    law = FrictionLaw(given, none, np.full_like(given, 3.0))
+    law = PointFriction(given, none, np.full_like(given, 3.0))
     found = reactions(task.motions, law, None).given
     np.testing.assert_allclose(found, task.motions.points.weight * law.bound(none), rtol=1e-14)
     assert found.max() < (task.motions.points.weight * given).max()
@@ -67,7 +68,7 @@ def test_a_cap_limits_given_friction_in_statics(task):
 def test_bilateral_friction_has_no_limit_in_statics(task):
     """Where the foundation may pull as well as push, F |lambda| is not convex: statics sets it no limit."""
     bilateral = np.arange(task.motions.points.size) % 2 == 0
-    law = FrictionLaw(np.zeros(bilateral.size), np.full(bilateral.size, 0.3))
+    law = PointFriction(np.zeros(bilateral.size), np.full(bilateral.size, 0.3))
     found = reactions(task.motions, law, bilateral)
     np.testing.assert_array_equal(np.isinf(found.given), bilateral)
     np.testing.assert_array_equal(found.coefficient, np.where(bilateral, 0.0, 0.3))

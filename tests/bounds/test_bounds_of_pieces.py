@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scenes import alone
 
-from signorini_fx.effects.contact import CoulombFriction
+from signorini_fx.laws.coulomb import Coulomb
 from signorini_fx.results.files import write_results
 from signorini_fx.results.summary import lines_of
 from signorini_fx.scene.reading import parse_scene
@@ -94,7 +94,7 @@ def test_bounds_of_pieces_in_space(load):
 def test_a_statement_that_fails_costs_no_result(tmp_path, monkeypatch, name):
     """The results are written, with a warning that names it."""
     scene = blocks(names=("b",))
-    contact = scene.contact[0].model_copy(update={"friction": CoulombFriction(law="coulomb", coefficient=0.1)})
+    contact = scene.contact[0].model_copy(update={"friction": Coulomb(law="coulomb", coefficient=0.1)})
     solver = scene.solver.model_copy(update={"error_bound": True, "uniqueness": True, "algorithm": "auto"})
     solution = alone(scene.model_copy(update={"contact": (contact,), "solver": solver}))
 

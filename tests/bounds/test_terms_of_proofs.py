@@ -20,9 +20,10 @@ from signorini_fx.bounds.johnson_mercier import constant_forces
 from signorini_fx.bounds.korn import korn, on_edges
 from signorini_fx.bounds.simplices import Simplices
 from signorini_fx.bounds.stress_products import energy as energy_of
-from signorini_fx.contact.laws import FrictionLaw
+from signorini_fx.contact.friction import PointFriction
 from signorini_fx.effects.body_force import BodyForce
-from signorini_fx.effects.contact import NoFriction, TrescaFriction
+from signorini_fx.laws.none import NoFriction
+from signorini_fx.laws.tresca import Tresca
 from signorini_fx.results import uniqueness
 from signorini_fx.results.fixed_point import fixed_point
 from signorini_fx.results.uniqueness import _definite, uniqueness_of
@@ -168,7 +169,7 @@ def test_a_slow_contraction(seed):
     used = fixed * float(chance.uniform(0.4, 0.8) if seed % 2 else 1 + 0.3 * (push / fixed - 1))
     scene = one_triangle(coefficient, (6e-3 * push, -6e-3), algorithm="exact")
     exact = alone(scene)
-    given = TrescaFriction(bound=2e-3 * used)  # half of the side, of length 1, belongs to the node
+    given = Tresca(bound=2e-3 * used)  # half of the side, of length 1, belongs to the node
     state = alone(scene.model_copy(update={"contact": (scene.contact[0].model_copy(update={"friction": given}),)}))
     found = fixed_point(exact.discretisation, replace(state.contact, bound=coefficient * state.contact.pressure))
     assert found.contraction == pytest.approx(q, rel=1e-5)
@@ -377,7 +378,7 @@ def test_friction_on_faces_that_lean():
 def test_an_eigenvalue_that_is_wrong_proves_nothing(monkeypatch):
     """The multiple that it gives is tried by a factorisation of its own."""
     chance = np.random.default_rng(2)
-    stiffness, law = random_points(chance, 3), FrictionLaw(np.zeros(3), np.full(3, 0.01))
+    stiffness, law = random_points(chance, 3), PointFriction(np.zeros(3), np.full(3, 0.01))
     right = uniqueness_of(stiffness, np.eye(6), law, None)
     assert right.proved
     monkeypatch.setattr(
@@ -393,7 +394,7 @@ def test_motions_that_nothing_but_friction_stops(seed):
     """Where friction alone holds a piece along its foundation nothing is proved; a frictionless piece that moves freely
     there changes nothing of what is proved of another one."""
     chance = np.random.default_rng(seed)
-    stiffness, law = random_points(chance, 2), FrictionLaw(np.zeros(2), np.array([0.1, 0.2]))
+    stiffness, law = random_points(chance, 2), PointFriction(np.zeros(2), np.array([0.1, 0.2]))
     loose = np.zeros(4)
     loose[1::2] = 1.0
     free = stiffness - np.outer(stiffness @ loose, stiffness @ loose) / (loose @ stiffness @ loose)
@@ -402,7 +403,7 @@ def test_motions_that_nothing_but_friction_stops(seed):
     assert "nothing but friction holds" in found.reason
     alone_, zero = uniqueness_of(stiffness, np.eye(4), law, None), np.zeros((4, 4))
     both = np.block([[stiffness, zero], [zero, free]])
-    smooth = FrictionLaw(np.zeros(4), np.array([0.1, 0.2, 0.0, 0.0]))
+    smooth = PointFriction(np.zeros(4), np.array([0.1, 0.2, 0.0, 0.0]))
     assert uniqueness_of(both, np.eye(8), smooth, None).multiple == pytest.approx(alone_.multiple, rel=1e-4)
 
 
@@ -412,7 +413,7 @@ def test_friction_without_pressure(seed):
     chance = np.random.default_rng(seed)
     coefficient, bound = float(chance.uniform(0.05, 0.15)), float(chance.uniform(0.1, 0.5))
     scene = one_triangle(coefficient, (6e-3 * float(chance.uniform(0.8, 1.5)), 3e-3), algorithm="exact")
-    exact, given = alone(scene), TrescaFriction(bound=2e-3 * bound)
+    exact, given = alone(scene), Tresca(bound=2e-3 * bound)
     state = alone(scene.model_copy(update={"contact": (scene.contact[0].model_copy(update={"friction": given}),)}))
     assert not state.contact.pressure.any()
     found = fixed_point(exact.discretisation, replace(state.contact, bound=np.zeros_like(state.contact.bound)))

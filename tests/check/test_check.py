@@ -24,6 +24,8 @@ from signorini_fx.effects import contact as contact_of
 from signorini_fx.effects import displacement, material
 from signorini_fx.effects.material import LinearElastic
 from signorini_fx.errors import SceneError
+from signorini_fx.laws.coulomb import Coulomb
+from signorini_fx.laws.tresca import Tresca
 from signorini_fx.records import Status
 from signorini_fx.results.files import write_results
 from signorini_fx.results.summary import render, summarise
@@ -672,7 +674,7 @@ MODELS = {
     "displacement": [displacement.PrescribedDisplacement],
     **{key: [import_module(f"{PACKAGE}.{key}").Entry] for key in LISTED},
     "contact": [contact_of.UnilateralContact],
-    "contact.friction": [contact_of.TrescaFriction, contact_of.CoulombFriction],
+    "contact.friction": [Tresca, Coulomb],
     "load_steps": [LoadSteps],
     "solver": [settings.SolverSettings],
     "mesh": [scene.MeshGenerator, scene.MeshFile],
@@ -839,7 +841,8 @@ def test_the_schema_knows_the_generators():
 
 def test_the_schema_knows_every_class():
     """Each table of a scene is defined in it."""
-    files = [scene, settings, *(import_module(f"signorini_fx.effects.{key}") for key in keys())]
+    laws = (import_module(f"signorini_fx.laws.{name}") for name in ("none", "tresca", "coulomb"))
+    files = [scene, settings, *laws, *(import_module(f"signorini_fx.effects.{key}") for key in keys())]
     classes = [thing for file in files for thing in vars(file).values()]
     models = {m.__name__ for m in classes if isinstance(m, type) and issubclass(m, BaseModel)}
     internal = {
@@ -855,7 +858,8 @@ def test_the_schema_knows_every_class():
         "Resistance",
         "SectionJump",
         "Contact",
-        "Friction",
+        "FrictionLaw",
+        "DirectedLaw",
     }
     assert models - internal == set(template.scene_schema()["$defs"])
 

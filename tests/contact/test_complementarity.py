@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import (
     ActiveSets,
-    FrictionLaw,
     RegularisedData,
     classify,
     inner,
@@ -175,13 +175,13 @@ def test_changed():
 
 def test_friction_law():
     """The bound is given + coefficient * lambda (6.1)."""
-    law = FrictionLaw(given=np.array([1.5, 0.0]), coefficient=np.array([0.0, 0.25]))
+    law = PointFriction(given=np.array([1.5, 0.0]), coefficient=np.array([0.0, 0.25]))
     assert law.bound(np.array([8.0, 8.0])).tolist() == [1.5, 2.0]
 
 
 def test_friction_law_where_the_foundation_pulls():
     """Bilateral contact may pull, and rubs all the same: the bound is given + coefficient * |lambda|, capped."""
-    law = FrictionLaw(given=np.array([1.5, 0.0]), coefficient=np.array([0.0, 0.25]), cap=np.array([9.0, 1.75]))
+    law = PointFriction(given=np.array([1.5, 0.0]), coefficient=np.array([0.0, 0.25]), cap=np.array([9.0, 1.75]))
     assert law.bound(np.array([-8.0, -4.0])).tolist() == [1.5, 1.0]
     assert law.bound(np.array([-8.0, -8.0])).tolist() == [1.5, 1.75]
 

@@ -15,9 +15,9 @@ from test_space_statics import PRESS, brick
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError
 from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.elliptic_friction import Ellipse
 from signorini_fx.check.checks import check_scene
 from signorini_fx.contact.laws import RegularisedData, multipliers, natural_sets, tangent
+from signorini_fx.laws.directed import FrictionAxes
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.contact_boundaries import _largest_resultant
@@ -135,7 +135,7 @@ def test_law_and_its_derivative():
     nodes = np.arange(count, dtype=np.int32)
     boundary = ContactBoundary(
         MPI.COMM_SELF, nodes, np.zeros((count, 3)), np.ones(count), normal, 0 * nodes, np.ones((count, 3), bool),
-        np.zeros((0, 5), np.int64), nodes.astype(np.int64), ellipse=Ellipse(along, ratio),
+        np.zeros((0, 5), np.int64), nodes.astype(np.int64), friction_axes=FrictionAxes(along, ratio),
     )  # fmt: skip
     data = RegularisedData(np.zeros(count), 10.0, gamma, np.inf, np.zeros(count), np.zeros((count, 2)), bound)
 

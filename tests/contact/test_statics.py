@@ -9,7 +9,7 @@ from scipy import sparse
 from scipy.optimize import linprog
 
 from signorini_fx.body.rigid import rigid_modes
-from signorini_fx.contact.laws import FrictionLaw
+from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.reactions import Reactions, nearest
 from signorini_fx.contact.reactions import reactions as reactions_at
 from signorini_fx.contact.statics import escape, largest_multiple, null_space, separable, squeezed
@@ -212,7 +212,7 @@ def test_the_most_that_capped_friction_can_do():
         given, coefficient, cap, weight = chance.uniform(0.1, 1.0, (4, count))
         points = SimpleNamespace(size=count, dimension=1 + tangents, weight=weight, comm=MPI.COMM_SELF)
         motions = SimpleNamespace(points=points, count=k, relative=rows, of_point=np.zeros(count))
-        found = reactions_at(motions, FrictionLaw(given, coefficient, cap), None)
+        found = reactions_at(motions, PointFriction(given, coefficient, cap), None)
         *_, resultant = found.against(motion, 2.0)
         away, slip = rows[:, 0] @ motion, np.linalg.norm(rows[:, 1:] @ motion, axis=1)
         least, most = np.minimum(given, cap), np.maximum(cap - given, 0.0) / coefficient

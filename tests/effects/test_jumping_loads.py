@@ -16,8 +16,8 @@ from signorini_fx.bounds.integrated_loads import on_edges
 from signorini_fx.bounds.simplices import Simplices
 from signorini_fx.check.checks import check_scene
 from signorini_fx.effects.body_force import BodyForce
-from signorini_fx.effects.contact import TrescaFriction
 from signorini_fx.errors import SceneError
+from signorini_fx.laws.tresca import Tresca
 from signorini_fx.scene.cut_simplices import cut, halved
 from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.reading import parse_scene
@@ -275,7 +275,7 @@ def test_what_is_guaranteed():
         ({"body_force": (block.model_copy(update={"x": lambda x: x[0]}),)}, "body force"),
         ({"contact": (first.model_copy(update={"gap": lambda x: x[0]}),)}, "gap of 'bottom'"),
         (
-            {"contact": (first.model_copy(update={"friction": TrescaFriction(bound=lambda x: x[0])}),)},
+            {"contact": (first.model_copy(update={"friction": Tresca(bound=lambda x: x[0])}),)},
             "friction bound of 'bottom'",
         ),
         ({"displacement": (plain.displacement[0].model_copy(update={"x": lambda x: x[0]}),)}, "displacement of 'left'"),

@@ -12,6 +12,7 @@ from scenes import on_mesh, rectangle
 
 from signorini_fx.body import forms
 from signorini_fx.body.discretisation import discretise
+from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import ActiveSets, RegularisedData, trial_shear
 from signorini_fx.linalg.full import FullSystem
 from signorini_fx.problem.regularised import RegularisedProblem
@@ -117,7 +118,7 @@ def evaluate(problem, x):
     vector.setArray(x)
     f = vector.duplicate()
     problem.residual(None, vector, f)
-    jacobian = problem.create_jacobian(symmetric=problem.data.coupling is None)
+    jacobian = problem.create_jacobian(symmetric=problem.data.follows is None)
     problem.assemble_jacobian(None, vector, jacobian)
     return f.getArray().copy(), dense(jacobian)
 
@@ -157,7 +158,7 @@ def test_taylor(cell, degree, friction):
     if friction == "none":
         problem.set_data(replace(problem.data, bound=None))
     if friction == "of the pressure":
-        problem.set_data(replace(problem.data, coupling=np.full(discretisation.boundary.size, 0.3)))
+        problem.set_data(replace(problem.data, follows=PointFriction(problem.data.bound, 0.3 + 0 * problem.data.bound)))
     step = 1e-7 * np.random.default_rng(8).standard_normal(y.x.array.size)
     residual, jacobian = evaluate(problem, y.x.array)
     sets = problem.sets

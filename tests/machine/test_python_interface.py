@@ -108,7 +108,11 @@ WRONG = {
         "young: must be a number, not dolfinx's Function",
     ),
     "gap": (lambda: sfx.UnilateralContact(boundary="bottom", gap=function()), "gap: dolfinx's Function cannot be"),
-    "bound": (lambda: sfx.TrescaFriction(bound=function()), "bound: dolfinx's Function cannot be"),
+    "bound": (
+        lambda: sfx.UnilateralContact(boundary="bottom", friction=sfx.Tresca(function())),
+        "friction: bound: dolfinx's Function cannot be",
+    ),
+    "negative": (lambda: sfx.Coulomb(-0.1), "Coulomb: coefficient: must not be negative, got -0.1"),
     "displacement": (lambda: sfx.PrescribedDisplacement(boundary="left", x=function()), "x: dolfinx's Function cannot"),
     "array": (lambda: sfx.SurfaceTraction(boundary="top", y=np.ones(2)), "y: must be a number, not numpy's ndarray"),
     "mesh": (lambda: scene(mesh=DOLFINX_MESH), "mesh: .* tag_boundaries(mesh"),

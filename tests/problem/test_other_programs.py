@@ -9,7 +9,7 @@ from spaces import box
 
 from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.algorithms.task import Task
-from signorini_fx.contact.laws import FrictionLaw
+from signorini_fx.contact.friction import PointFriction
 from signorini_fx.linalg.condensed import CondensedSystem
 from signorini_fx.linalg.from_scipy import from_scipy
 from signorini_fx.linalg.full import FullSystem
@@ -44,7 +44,7 @@ def solved(kind, stiffness, load, operator, weight, gaps, coefficient, **given):
     """The displacement and the state of the contact points of a problem given by matrices."""
     settings = given.pop("settings")
     elasticity, motions = from_scipy(stiffness, load, operator, weight, **given)
-    law = FrictionLaw(np.zeros(weight.size), coefficient)
+    law = PointFriction(np.zeros(weight.size), coefficient)
     task = Task.of(SYSTEMS[kind].of(elasticity), motions, gaps, law, settings=settings)
     outcome = solve_task(task, task.start)
     assert outcome.status is Status.CONVERGED

@@ -43,6 +43,9 @@ from signorini_fx.effects import (
     temperature,
     traction,
 )
+from signorini_fx.laws.coulomb import Coulomb
+from signorini_fx.laws.none import NoFriction
+from signorini_fx.laws.tresca import Tresca
 from signorini_fx.quantities.table import markdown
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import JUDGED, REPORTED
@@ -460,7 +463,7 @@ MODELS = {
     ],
     ("`[[springs]]`", "key"): [springs.Springs],
     ("`[[contact]]`", "key"): [contact.UnilateralContact, contact.BilateralContact, contact.BondedContact],
-    ("`[[contact]]`", "key of `friction`"): [contact.NoFriction, contact.TrescaFriction, contact.CoulombFriction],
+    ("`[[contact]]`", "key of `friction`"): [NoFriction, Tresca, Coulomb],
     ("Two bodies", "key of `body`"): [scene.Body],
     ("`[load_steps]`", "key"): [LoadSteps],
     ("`[solver]`", "key"): [settings.SolverSettings],
@@ -490,7 +493,7 @@ def shown_default(default):
     match default:
         case None | (float(), float()):
             return "none"
-        case contact.NoFriction():
+        case NoFriction():
             return '`{ law = "none" }`'
         case BaseModel():
             return "see below"

@@ -11,8 +11,9 @@ from two_bodies import assembled, facets, facets_of_piece, forms, grid
 
 from signorini_fx import Status, parallel, solve
 from signorini_fx.body import paired_points
-from signorini_fx.body.foundation import Coulomb, Pair
+from signorini_fx.body.foundation import Pair
 from signorini_fx.forms.contact_problem import ContactProblem
+from signorini_fx.laws.coulomb import Coulomb
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.pairs import coupling
 from signorini_fx.results import paired_integrals

@@ -9,7 +9,7 @@ from scenes import alone, example1
 from test_coulomb_ways import one_triangle
 
 from signorini_fx.check.checks import check_scene
-from signorini_fx.contact.laws import FrictionLaw
+from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.points import ContactPoints
 from signorini_fx.contact.state import PointState
 from signorini_fx.errors import SignoriniError
@@ -71,13 +71,13 @@ def test_tresca_friction_beside_coulomb():
     assert min(others[0], others[2]) > 0
     gap, coefficient = np.zeros(2), np.array([0.0, 2.0])
     for given in (50.0, np.inf):
-        law = FrictionLaw(np.array([given, 0.0]), coefficient)
+        law = PointFriction(np.array([given, 0.0]), coefficient)
         found = uniqueness_of(stiffness, np.eye(4), law, state_of(np.zeros(4), force, gap))
         assert not found.proved
         assert found.coefficient < 1.19 / 1.12
         assert any(other[-1] == pytest.approx(moved) for other in found.others)
     start = state_of(np.zeros(4), force, gap)
-    found = uniqueness_of(stiffness, np.eye(4), FrictionLaw(gap, coefficient), start)
+    found = uniqueness_of(stiffness, np.eye(4), PointFriction(gap, coefficient), start)
     assert found.proved
     assert found.coefficient > 4
 
@@ -116,7 +116,7 @@ def test_one_solution_below_the_bound(seed):
     """All states of three points tried: one solution for any load; and the search misses none far above the bound."""
     chance, several = np.random.default_rng(seed), 0
     stiffness = random_points(chance, 3)
-    one = FrictionLaw(np.zeros(3), np.ones(3))
+    one = PointFriction(np.zeros(3), np.ones(3))
     none = state_of(np.zeros(6), np.zeros(6), np.zeros(3))
     critical = uniqueness_of(stiffness, np.eye(6), one, none, search=False).coefficient
     assert critical > 0
@@ -124,7 +124,7 @@ def test_one_solution_below_the_bound(seed):
         for _ in range(8):
             load, gap = chance.normal(size=6), 0.3 * chance.normal(size=3)
             found = states(stiffness, factor * critical, load, gap)
-            law = FrictionLaw(np.zeros(3), np.full(3, factor * critical))
+            law = PointFriction(np.zeros(3), np.full(3, factor * critical))
             if factor < 1:
                 assert len(found) == 1
             if not found:

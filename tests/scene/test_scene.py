@@ -8,8 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from signorini_fx.effects.contact import CoulombFriction, NoFriction, TrescaFriction
 from signorini_fx.errors import SceneError
+from signorini_fx.laws.coulomb import Coulomb
+from signorini_fx.laws.none import NoFriction
+from signorini_fx.laws.tresca import Tresca
 from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import parse_scene, parse_scene_text, read_scene
@@ -54,7 +56,7 @@ def problems(data):
 def test_good_scene():
     """The scene that the bad ones are made from is valid, and its values are what was written."""
     scene = parse_scene(GOOD)
-    assert scene.contact[0].friction == TrescaFriction(bound=1.5)
+    assert scene.contact[0].friction == Tresca(bound=1.5)
     assert scene.displacement[0].x == 0.0
     assert scene.displacement[0].y is None
     assert scene.displacement[1].x == Expression("0.1*x[1]")
@@ -85,11 +87,11 @@ def test_defaults():
     ("friction", "acts", "coulomb"),
     [
         (NoFriction(), False, False),
-        (TrescaFriction(bound=0), False, False),
-        (TrescaFriction(bound=1), True, False),
-        (CoulombFriction(coefficient=0), False, False),
-        (CoulombFriction(coefficient=0.3), True, True),
-        (CoulombFriction(coefficient="0.3*x[0]"), True, True),
+        (Tresca(bound=0), False, False),
+        (Tresca(bound=1), True, False),
+        (Coulomb(coefficient=0), False, False),
+        (Coulomb(coefficient=0.3), True, True),
+        (Coulomb(coefficient="0.3*x[0]"), True, True),
     ],
 )
 def test_which_friction_acts(friction, acts, coulomb):

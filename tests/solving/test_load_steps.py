@@ -10,7 +10,7 @@ from scenes import alone
 
 from signorini_fx.algorithms import strategy
 from signorini_fx.body.contact_table import contact_table
-from signorini_fx.effects.contact import TrescaFriction
+from signorini_fx.laws.tresca import Tresca
 from signorini_fx.records import Status
 from signorini_fx.scene.reading import parse_scene, read_scene
 
@@ -194,7 +194,7 @@ def test_a_step_that_slides_ends_the_history():
 def test_tresca_steps():
     """Given friction forgets nothing either: full slip there and back, the shear ends at the other bound."""
     scene = by_displacement(0.02, [0.0, 1.0, 0.0], algorithm="exact")
-    contact = scene.contact[0].model_copy(update={"friction": TrescaFriction(bound=2.0)})
+    contact = scene.contact[0].model_copy(update={"friction": Tresca(bound=2.0)})
     steps = alone(scene.model_copy(update={"contact": (contact,)})).steps
     np.testing.assert_allclose(steps[1].contact.shear, 2.0, rtol=1e-9)
     np.testing.assert_allclose(steps[2].contact.shear, -2.0, rtol=1e-9)

@@ -57,7 +57,7 @@ def main(kind, algorithm, law, value, out):
     """Solve it, and store the state of the contact points from left to right."""
     from signorini_fx.algorithms.strategy import solve_task
     from signorini_fx.algorithms.task import Task
-    from signorini_fx.contact.laws import FrictionLaw
+    from signorini_fx.contact.friction import PointFriction
     from signorini_fx.linalg.condensed import CondensedSystem
     from signorini_fx.linalg.from_scipy import from_scipy
     from signorini_fx.linalg.full import FullSystem
@@ -68,7 +68,7 @@ def main(kind, algorithm, law, value, out):
     elasticity, motions = from_scipy(stiffness, load, operator, weight, prescribed=prescribed, modes=modes)
     system = {"full": FullSystem, "condensed": CondensedSystem, "krylov": KrylovSystem}[kind].of(elasticity)
     none = np.zeros(weight.size)
-    friction = FrictionLaw(**({"given": none, "coefficient": none} | {law: none + float(value)}))
+    friction = PointFriction(**({"given": none, "coefficient": none} | {law: none + float(value)}))
     settings = Settings(algorithm=algorithm, tolerance=1e-11, gamma_n=GAMMA, gamma_t=GAMMA)
     task = Task.of(system, motions, gap, friction, settings=settings)
     outcome = solve_task(task, task.start)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scenes import PATCH, alone, energy, example1, on_mesh, rectangle, table_of
 
-from signorini_fx.effects.contact import CoulombFriction, TrescaFriction
 from signorini_fx.effects.traction import SurfaceTraction
+from signorini_fx.laws.coulomb import Coulomb
+from signorini_fx.laws.tresca import Tresca
 from signorini_fx.records import Status
 from signorini_fx.scene.reading import parse_scene
 
@@ -173,7 +174,7 @@ def test_friction_changes_the_answer():
     assert change > 0.01 * np.abs(without.displacement.x.array).max()
 
 
-@pytest.mark.parametrize("nothing", [TrescaFriction(bound="0*x[0]"), CoulombFriction(coefficient="0*x[0]")])
+@pytest.mark.parametrize("nothing", [Tresca(bound="0*x[0]"), Coulomb(coefficient="0*x[0]")])
 def test_a_bound_that_happens_to_be_zero(nothing):
     """As an expression, zero is not seen beforehand; the friction path finds the frictionless solution all the same."""
     scene = example1(nx=60, ny=20)
@@ -189,7 +190,7 @@ def test_tresca_with_the_bound_of_the_fixed_point(coefficient, cell):
     scene = example1(coefficient=coefficient, nx=60, ny=20, cell=cell, gamma=1e7, tolerance=1e-12)
     coulomb = alone(scene)
     table = table_of(coulomb).columns
-    given = TrescaFriction(bound=lambda x: np.interp(x[0], table["x"], coefficient * table["pressure"]))
+    given = Tresca(bound=lambda x: np.interp(x[0], table["x"], coefficient * table["pressure"]))
     effect = scene.contact[0].model_copy(update={"friction": given})
     tresca = alone(scene.model_copy(update={"contact": (effect,)}))
     assert tresca.algorithm != coulomb.algorithm

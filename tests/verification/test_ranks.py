@@ -8,10 +8,11 @@ import pytest
 from mpi4py import MPI
 from scenes import PATCH, energy, example1, rectangle, table_of
 
-from signorini_fx.effects.contact import TrescaFriction, UnilateralContact
+from signorini_fx.effects.contact import UnilateralContact
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.traction import SurfaceTraction
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
+from signorini_fx.laws.tresca import Tresca
 from signorini_fx.records import Status
 from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.model import MeshFile
@@ -102,7 +103,7 @@ def with_contact(**changes):
         ),
         ({"traction": (SurfaceTraction(boundary="top", y="log(x[0] - 2.9)"),)}, "traction.*not finite"),
         (with_contact(gap=Expression("sqrt(x[0] - 0.1)")), r"contact\[0\].gap: is nan at \("),
-        (with_contact(friction=TrescaFriction(bound="2.5 - x[0]")), r"contact\[0\].friction.bound: is -0.5 at \(3, "),
+        (with_contact(friction=Tresca(bound="2.5 - x[0]")), r"contact\[0\].friction.bound: is -0.5 at \(3, "),
         ({"solver": SMALL.solver.model_copy(update={"initial_contact": lambda x: x[0] - 9})}, "holds no contact node"),
         ({"mesh": SMALL.mesh.model_copy(update={"generator": "torus"})}, "mesh.generator.*'torus'"),
         ({"mesh": SMALL.mesh.model_copy(update={"parameters": {"nx": -1}})}, r"mesh\.parameters\.nx"),

@@ -15,9 +15,10 @@ from scenes import alone
 from spaces import box
 
 from signorini_fx.effects.body_force import BodyForce
-from signorini_fx.effects.contact import TrescaFriction, UnilateralContact
+from signorini_fx.effects.contact import UnilateralContact
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.material import LinearElastic
+from signorini_fx.laws.tresca import Tresca
 from signorini_fx.scene.model import Scene, SolverSettings
 
 YOUNG, BOUND, FAR, PRESSED = 100.0, 2.0, 0.05, 0.1
@@ -67,7 +68,7 @@ def made_up(cells, n, algorithm="auto"):
             )
             for name in sides
         ],
-        contact=UnilateralContact(boundary="bottom", friction=TrescaFriction(bound=bound)),
+        contact=UnilateralContact(boundary="bottom", friction=Tresca(bound=bound)),
         solver=SolverSettings(algorithm=algorithm),
     )
 

@@ -1,0 +1,160 @@
+"""Friction at the contact points: the bound of the shear as a function of the contact pressure.  No finite elements.
+
+Statics needs sets of tractions that are convex and have a closed form.  So the friction of n points is first of all an
+envelope, min(g + F lambda, c), which no bound exceeds and most are equal to; a law whose bound is less adds it at its
+points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+Nodal = npt.NDArray[np.float64]
+
+
+class BoundOfPressure(Protocol):
+    """The bound of a friction law at m points, and its derivative; ``laws.protocol.FrictionLaw`` is one."""
+
+    def limit(self, pressure: Nodal) -> Nodal:
+        """The largest shear at a pressure that is not negative, stress, shape (m,)."""
+
+    def derivative(self, pressure: Nodal) -> Nodal:
+        """Derivative of the bound by the pressure, at zero that towards larger ones, shape (m,)."""
+
+
+@dataclass(frozen=True)
+class LawAtPoints:
+    """A law that is not its envelope.
+
+    Attributes:
+        law: at its m points.
+        points: their numbers, shape (m,).
+        cap: no bound exceeds it, stress, shape (m,); None: nothing is known.
+        unknown: what is not known of it, in words.
+    """
+
+    law: BoundOfPressure
+    points: npt.NDArray[np.int64]
+    cap: Nodal | None
+    unknown: str
+
+
+@dataclass(frozen=True)
+class PointFriction:
+    """The friction of n contact points: |mu| <= min(given + coefficient lambda, cap), or less where a law says so.
+
+    Attributes:
+        given: Tresca's g, stress, shape (n,); zero at other points.
+        coefficient: Coulomb's F, shape (n,); zero at other points.
+        cap: largest bound, stress, shape (n,), but for the points of ``laws``; None: unlimited.
+        ends_open: points whose bound is zero where there is no pressure, shape (n,); None: there are none.
+        laws: those whose bound is less than this envelope, the same on all ranks.
+    """
+
+    given: Nodal
+    coefficient: Nodal
+    cap: Nodal | None = None
+    ends_open: npt.NDArray[np.bool_] | None = None
+    laws: tuple[LawAtPoints, ...] = ()
+
+    def bound(self, pressure: Nodal) -> Nodal:
+        """F g with g = lambda at Coulomb points (6.1), stress; |lambda| where contact is bilateral."""
+        size = np.abs(pressure)
+        bound = self.given + self.coefficient * size
+        bound = bound if self.cap is None else np.minimum(bound, self.cap)
+        for entry in self.laws:
+            bound[entry.points] = entry.law.limit(size[entry.points])
+        return bound if self.ends_open is None else np.where(self.ends_open & (pressure == 0), 0.0, bound)
+
+    def derivative(self, pressure: Nodal) -> Nodal:
+        """Derivative of the bound by the pressure, at zero that towards larger ones, shape (n,)."""
+        size = np.abs(pressure)
+        slope = self.coefficient
+        if self.cap is not None:
+            slope = np.where(self.given + self.coefficient * size < self.cap, slope, 0.0)
+        slope = slope.copy() if self.laws else slope
+        for entry in self.laws:
+            slope[entry.points] = entry.law.derivative(size[entry.points])
+        return np.where(pressure < 0, -slope, slope)
+
+    @property
+    def envelope_cap(self) -> Nodal | None:
+        """What no bound exceeds, stress, shape (n,); None: nothing is known."""
+        if all(entry.cap is None for entry in self.laws):
+            return self.cap
+        cap = np.full(self.given.size, np.inf) if self.cap is None else self.cap.copy()
+        for entry in self.laws:
+            cap[entry.points] = np.inf if entry.cap is None else entry.cap
+        return cap
+
+    @property
+    def unknown(self) -> str:
+        """Why the envelope is not the bound, in words; "": it is, at every point that is pressed."""
+        return self.laws[0].unknown if self.laws else ""
+
+    @property
+    def affine(self) -> bool:
+        """Whether the bound is given + coefficient lambda."""
+        return self.cap is None and self.ends_open is None and not self.laws
+
+    @property
+    def has_derivative(self) -> bool:
+        """Whether Newton's method may follow the bound: it has no jump, and a cap is left to the fixed point."""
+        return self.cap is None and self.ends_open is None
+
+    @cached_property
+    def follows_pressure(self) -> bool:
+        """Whether the bound of a point of this rank depends on the pressure."""
+        return bool(self.laws) or self.ends_open is not None or bool((self.coefficient > 0).any())
+
+    @property
+    def acts(self) -> npt.NDArray[np.bool_]:
+        """Points that can transmit shear, shape (n,)."""
+        return np.asarray((self.given > 0) | (self.coefficient > 0))
+
+    def line(self, pressure: Nodal) -> tuple[Nodal, Nodal]:
+        """Value at zero and slope of the tangent of the bound at a pressure, stress and number, shapes (n,)."""
+        pushing = np.maximum(pressure, 0.0)
+        slope = self.derivative(pushing)
+        return self.bound(pushing) - slope * pushing, slope
+
+
+def stuck(where: npt.NDArray[np.bool_]) -> PointFriction:
+    """Friction without limit at some points, and none at the others."""
+    return PointFriction(np.where(where, np.inf, 0.0), np.zeros(where.size))
+
+
+def as_given(bound: Any) -> PointFriction:
+    """Friction whose bound is given."""
+    values = np.asarray(bound, dtype=np.float64)
+    return PointFriction(values, np.zeros_like(values))
+
+
+def joined(parts: Sequence[PointFriction], points: Sequence[npt.NDArray[np.int64]]) -> PointFriction:
+    """The friction of several parts of the contact points as one.
+
+    Args:
+        parts: of each part.
+        points: the numbers of its points, which together are all of them.
+    """
+    count = sum(numbers.size for numbers in points)
+    given, coefficient, cap, ends = (np.full(count, value) for value in (0.0, 0.0, np.inf, False))
+    laws = list[LawAtPoints]()
+    for part, numbers in zip(parts, points, strict=True):
+        given[numbers], coefficient[numbers] = part.given, part.coefficient
+        cap[numbers] = np.inf if part.cap is None else part.cap
+        ends[numbers] = False if part.ends_open is None else part.ends_open
+        laws += [replace(entry, points=numbers[entry.points]) for entry in part.laws]
+    return PointFriction(
+        given,
+        coefficient,
+        None if all(part.cap is None for part in parts) else cap,
+        None if all(part.ends_open is None for part in parts) else ends,
+        tuple(laws),
+    )

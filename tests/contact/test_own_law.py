@@ -1,0 +1,211 @@
+"""A friction law from outside the package, demos/own_friction.py: one body, two, scenes, and what refuses it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from test_contact_problem import Block
+from test_two_bodies import blocks
+from two_bodies import facets, forms, held
+
+from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Foundation, Pair, SceneError, sweep
+from signorini_fx.contact.laws import ActiveSets, RegularisedData, linearised, multipliers, tangent
+from signorini_fx.laws.at_points import friction_of
+from signorini_fx.records import Status
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
+
+DEMO = Path(__file__).parent.parent.parent / "demos" / "own_friction.py"
+SOURCE = DEMO.read_text(encoding="utf-8")
+# The law without what the demo does with it.
+LAW = SOURCE[SOURCE.index("from typing") : SOURCE.index("# %% [markdown]\n# It stands")]
+scope: dict = {"__name__": "own_friction"}
+exec(LAW, scope)
+Saturating = scope["Saturating"]
+F, K = 0.4, 3.0
+
+
+def bound(pressure, coefficient=F, largest=K):
+    """The formula once more."""
+    return largest - largest / np.exp(coefficient * pressure / largest)
+
+
+def test_the_demo_is_short():
+    """The law, the solve, the derivatives and the files: at most 40 lines of code."""
+    lines = [line for line in SOURCE.splitlines() if line and not line.startswith("#")]
+    assert len(lines) <= 40
+
+
+def solved(friction, counts=(12, 4), **settings):
+    """A block pressed down and moved aside, with a gap that leaves it open at one end."""
+    block = Block(counts, friction=friction, gap=lambda x: 0.004 * x[0], **settings)
+    block.aside.value = 0.004
+    block.problem.solve()
+    return block
+
+
+@pytest.mark.parametrize("settings", [{}, {"coulomb": "newton"}, {"algorithm": "alm"}, {"algorithm": "exact"}], ids=str)
+def test_one_body(settings):
+    """Certified; some points stick and some slip, at the bound of the formula; with the linear solves of Coulomb."""
+    block = solved(Saturating(F, K), tolerance=1e-10, **settings)
+    state, problem = block.problem.state, block.problem
+    assert problem.status is Status.CONVERGED
+    assert problem.certificate.holds
+    shear = np.abs(state.shear[:, 0])
+    slips = shear >= bound(state.pressure) * (1 - 1e-7)
+    np.testing.assert_allclose(shear[slips], bound(state.pressure)[slips], rtol=1e-6, atol=1e-9)
+    assert 0 < np.count_nonzero(slips & (state.pressure > 0)) < np.count_nonzero(state.pressure > 0)
+    coulomb = solved(Coulomb(F), tolerance=1e-10, **settings).problem
+    assert np.abs(coulomb.state.shear).max() > 1.3 * shear.max()
+    most = 1.3 * coulomb.history.linear_solves
+    # Newton's method is exact once the sets are right where the bound is a line, and quadratic where it is a curve.
+    assert problem.history.linear_solves <= (coulomb.history.linear_solves + 2 if "coulomb" in settings else most)
+
+
+def test_in_space():
+    """Both ways to follow the pressure, and load steps, agree."""
+    found = [solved(Saturating(F, K), (6, 3, 3), tolerance=1e-10, coulomb=way).problem for way in ("fp", "newton")]
+    assert all(problem.certificate.holds for problem in found)
+    np.testing.assert_allclose(found[0].state.shear, found[1].state.shear, atol=1e-6 * K)
+
+
+def test_gradient():
+    """By both parameters, against differences."""
+    block = Block(gap=lambda x: 0.004 * x[0], tolerance=1e-12)
+    data = fem.Constant(block.mesh, F), fem.Constant(block.mesh, K)
+    floor = Foundation(block.bottom, gap=lambda x: 0.004 * x[0], friction=Saturating(*data))
+    problem = ContactProblem(block.a, block.L, block.bcs, floor, tolerance=1e-12)
+    block.aside.value = 0.004
+
+    def force():
+        problem.solve()
+        assert problem.certificate.holds
+        return problem.state.forces[1][0]
+
+    force()
+    found = problem.gradient("force 0 x", data)
+    for constant, slope in zip(data, found.derivatives, strict=True):
+        value, ends = float(constant.value), []
+        for constant.value in (value * (1 + 1e-4), value * (1 - 1e-4)):
+            ends.append(force())
+        constant.value = value
+        assert slope == pytest.approx((ends[0] - ends[1]) / (2e-4 * value), rel=1e-5)
+
+
+def two_blocks(friction):
+    """One block on another one, which does not match: the upper one is pressed down, tilted, and moved aside."""
+    mesh, both = blocks("quadrilateral", np.eye(2), ((6, 4), (4, 4)))
+    space, a, v = forms(mesh, 1, fem.Constant(mesh, 1000.0))
+    bottom, top = (facets(mesh, lambda x, at=at: np.isclose(x[1], at)) for at in (-1, 1))
+    moved = held(space, top, value=lambda x: np.array([0.004 + 0 * x[0], -0.01 + 0.012 * x[0]]))
+    bcs = [*(held(space, bottom, k) for k in (0, 1)), moved]
+    load = ufl.inner(fem.Constant(mesh, (0.0, 0.0)), v) * ufl.dx
+    problem = ContactProblem(a, load, bcs, Pair(*both, friction=friction), tolerance=1e-10)
+    problem.solve()
+    return problem
+
+
+def test_two_bodies():
+    """A pair, certified, with the solves of Coulomb friction."""
+    solves = []
+    for friction in (Saturating(F, K), Coulomb(F)):
+        problem = two_blocks(friction)
+        assert problem.certificate.holds
+        solves.append(problem.history.linear_solves)
+        if isinstance(friction, Saturating):
+            state = problem.state
+            shear = np.abs(state.shear[:, 0])
+            assert (shear <= bound(state.pressure) * (1 + 1e-7)).all()
+            assert (shear >= bound(state.pressure) * (1 - 1e-7)).any()
+    assert solves[0] <= 1.3 * solves[1]
+
+
+SCENE = {
+    "mesh": {"generator": "rectangle", "parameters": {"length": 3.0, "height": 1.0, "nx": 12, "ny": 4}},
+    "material": {"young": 5000.0, "poisson": 0.4},
+    "displacement": [{"boundary": "top", "x": 0.002, "y": -0.002}],
+    "contact": {"boundary": "bottom", "gap": "0.001*x[0]", "friction": {"law": "saturating", "coefficient": F}},
+    "solver": {"tolerance": 1e-10},
+}
+
+
+def named(**friction):
+    """The scene with the law by its name."""
+    contact = SCENE["contact"] | {"friction": SCENE["contact"]["friction"] | friction}
+    return parse_scene(SCENE | {"contact": contact})
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """The law as another package has it: with an entry point."""
+    (tmp_path / "own_package.py").write_text(LAW, encoding="utf-8")
+    about = tmp_path / "own_package-1.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: own_package\nVersion: 1\n")
+    (about / "entry_points.txt").write_text("[signorini_fx.laws]\nsaturating = own_package:Saturating\n")
+    monkeypatch.syspath_prepend(tmp_path)
+
+
+@pytest.mark.usefixtures("installed")
+def test_by_name():
+    """In a scene file; its parameters may depend on the position, and have derivatives that differences confirm."""
+    solution = solve(named(largest="3 + x[0]"))
+    assert solution.converged
+    columns = solution.table.columns
+    limit = bound(columns["pressure"], largest=3 + columns["x"])
+    assert (np.abs(columns["shear"]) <= limit * (1 + 1e-7)).all()
+    assert (np.abs(columns["shear"]) >= limit * (1 - 1e-7)).any()
+    with pytest.raises(SceneError, match=r"friction\.largest: is missing"):
+        named()
+    with pytest.raises(SceneError, match=r"friction\.most: unknown key"):
+        named(largest=1.0, most=3.0)
+
+
+@pytest.mark.usefixtures("installed")
+def test_what_does_not_know_the_law():
+    """Says so, with its name: uniqueness, a sweep over coefficients, limits of the body."""
+    scene = named(largest=3.0)
+    assert "saturating" in solve(scene).uniqueness.reason
+    with pytest.raises(SceneError, match="saturating"):
+        sweep(scene, coefficients=[0.1, 0.2])
+
+
+def test_second_opinion():
+    """A law whose two statements differ is not certified."""
+
+    class Wrong(Saturating):
+        def claimed(self, pressure):
+            return 0.9 * self.limit(pressure)
+
+    with pytest.raises(ConvergenceError, match="certificate does not hold"):
+        solved(Wrong(F, K))
+
+
+def test_envelope():
+    """Of a concave law its tangent at zero and its limit; of another one nothing is known."""
+    law = Saturating(F, K).sampled(np.zeros((3, 2)))
+    given, coefficient, cap = law.envelope(np.zeros(2))
+    np.testing.assert_array_equal([given, coefficient, cap], [[0, 0], [F, F], [K, K]])
+
+    class Unknown(Saturating):
+        concave = False
+
+    assert np.isinf(Unknown(F, K).envelope(np.zeros(2)).given).all()
+    with pytest.raises(FormError, match="largest: must not be negative"):
+        Saturating(F, -K)
+
+
+def test_tangent():
+    """The shear of a slipping point follows the pressure by the derivative of the bound, and beyond it."""
+    friction = friction_of(Saturating(F, K).sampled(np.zeros((3, 1))), 1)
+    data = RegularisedData(
+        np.zeros(1), 10.0, 10.0, np.inf, np.zeros(1), np.zeros((1, 1)), np.zeros(1), follows=friction
+    )
+    sets = linearised(ActiveSets.of(np.array([True]), np.array([[1.0]])), np.array([5.0]), data)
+    (_, (low,)), (_, (high,)) = (multipliers(sets, np.array([u]), np.ones((1, 1)), data) for u in (0.4, 0.6))
+    slope = F * np.exp(-F * 5.0 / K)
+    assert (high - low) / 0.2 == pytest.approx(10 * slope)
+    assert tangent(sets, data)[0, 1, 0] == pytest.approx(10 * slope)
+    assert multipliers(sets, np.array([0.5]), np.ones((1, 1)), data)[1] == pytest.approx(bound(5.0))
