@@ -4903,8 +4903,8 @@ MUTANTS = (
     ),
     Mutant(
         "contact/reactions",
-        "points.weight * law.cap",
-        "law.cap",
+        "points.weight * largest",
+        "largest",
         "statics: the cap of friction is a force",
         tests=("statics::test_the_most_that_capped_friction_can_do",),
     ),
