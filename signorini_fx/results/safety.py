@@ -176,6 +176,7 @@ def _assumed(d: Discretisation, contact: ContactState) -> str:
     told = [
         "the foundation presses where the body touches it now",
         "a fluid in contact stays where it is" if contact.joint is not None else "",
+        f"{d.law.unknown}, so that factors are upper bounds" if d.law is not None and d.law.unknown else "",
         "sections are shortened as they are" if d.scene.of(SectionJump) else "",
         STRAIGHT_CELLS if may_have_arcs(d.scene) else "",
     ]
