@@ -38,8 +38,8 @@ class Saturating(FrictionLaw):
 
 # %% [markdown]
 # It stands where `Coulomb` may stand: in the `contact` of a scene, as here, in `Foundation(..., friction=...)` and in
-# `Pair(..., friction=...)`. Its parameters have derivatives. Scene files know it by its name, with the [entry
-# point](../docs/python.md#a-friction-law-of-your-own) of your package.
+# `Pair(..., friction=...)`. Its parameters have derivatives. Scene files know it by its name, with an
+# entry point of your package.
 
 # %%
 cells = int(os.environ.get("CELLS", "60"))
