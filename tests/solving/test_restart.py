@@ -19,6 +19,7 @@ from mpi4py import MPI
 from signorini_fx.algorithms import strategy
 from signorini_fx.algorithms.task import Outcome
 from signorini_fx.body.discretisation import discretise
+from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import ActiveSets, unit
 from signorini_fx.errors import SceneError
 from signorini_fx.manifest import MANIFEST
@@ -425,8 +426,10 @@ def test_all_that_belongs_to_a_load_step(tmp_path, text, exact):
 
     def anything(gamma_n, gamma_t):
         vectors = {name: rng.normal(size=(count, tangents)) for name in ("mu_hat", "slip_origin")}
-        scalars = {name: rng.uniform(0.1, 1.0, count) for name in ("lambda_hat", "bound", "coupling")}
-        return replace(task.start.data, gamma_n=gamma_n, gamma_t=gamma_t, sigma=1e-5, **vectors, **scalars)
+        scalars = {name: rng.uniform(0.1, 1.0, count) for name in ("lambda_hat", "bound")}
+        friction = PointFriction(scalars["bound"], rng.uniform(0.1, 1.0, count))
+        parameters = {"gamma_n": gamma_n, "gamma_t": gamma_t, "sigma": 1e-5, "follows": friction}
+        return replace(task.start.data, **parameters, **vectors, **scalars)
 
     regularised, solved = anything(3e6, 2e5), anything(np.inf, np.inf) if exact else anything(5e6, 7e5)
     directions = unit(rng.normal(size=(count, tangents))) * (rng.random((count, 1)) < 0.5)
@@ -456,6 +459,8 @@ def test_all_that_belongs_to_a_load_step(tmp_path, text, exact):
         for field in fields(one):
             ours, theirs = getattr(one, field.name), getattr(other, field.name)
             assert (ours is None) == (theirs is None), field.name
+            if field.name == "follows":
+                ours, theirs = (np.array((friction.given, friction.coefficient)) for friction in (ours, theirs))
             if ours is not None:
                 np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12, err_msg=field.name)
     for name in ("contact", "direction", "turning"):
