@@ -75,7 +75,8 @@ RAMP_BY_AUGMENTATION = Attempt(
 )
 RAMP_WITHOUT_AUGMENTATION = Attempt(
     "from the first load step without augmentation",
-    "if that comes less far: the same load steps as before, and smaller increments after them",
+    "if that comes less far: the same load steps as before, with monolithic Newton first, from the sets of the load "
+    "step before, and smaller increments after them",
 )
 HALF = Attempt(
     "half the increment",

@@ -898,10 +898,31 @@ MUTANTS = (
     ),
     Mutant(
         "solving/load_path",
-        "max(0, solve_budget - at.spent)",
+        "max(self._step, solve_budget - at.spent)",
         "solve_budget",
         "ramp: what was tried before it began again is forgotten",
         tests=("ramp::test_a_ramp_that_begins_again",),
+    ),
+    Mutant(
+        "solving/load_path",
+        "max(self._step, solve_budget - at.spent)",
+        "max(0, solve_budget - at.spent)",
+        "ramp: a load step without a linear solve is said to have no solution",
+        tests=("ramp::test_what_follows_a_hard_load_step_is_tried",),
+    ),
+    Mutant(
+        "solving/load_path",
+        "max(at.done or at.spent, least)",
+        "(self._step_limit if not at.done else max(at.done, least))",
+        "ramp: augmentation that fails at once takes as much as if nothing was known",
+        tests=("ramp::test_what_follows_a_hard_load_step_is_tried",),
+    ),
+    Mutant(
+        "strategy",
+        "newton.problem.sets if start.monolithic and start.step > 0 else first_sets",
+        "first_sets",
+        "ramp: monolithic Newton begins with sets that round-off decides",
+        tests=("ramp::test_a_ramp_goes_on_where_only_monolithic_newton_converges",),
     ),
     Mutant(
         "solving/load_path",

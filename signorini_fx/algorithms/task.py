@@ -44,6 +44,7 @@ class Start:
         elastic_slip: the part of the slip so far that is due to the regularisation, length; None: none.
         without_fall_backs: whether only the methods themselves are tried, because a smaller increment may do.
         augmented: whether Coulomb friction begins with augmentation, because a fixed point was too slow.
+        monolithic: whether it begins with the monolithic Newton method, because augmentation has failed as well.
     """
 
     data: RegularisedData
@@ -58,6 +59,7 @@ class Start:
     elastic_slip: Nodal | None = None
     without_fall_backs: bool = False
     augmented: bool = False
+    monolithic: bool = False
 
     def begin_from(self, sets: ActiveSets, multipliers: tuple[Nodal, Nodal]) -> Start:
         """The same, from the sets and (lambda, mu) of another mesh, of fewer contact nodes, or of another load."""

@@ -69,6 +69,11 @@ class Position:
         """Whether the load steps begin with augmentation."""
         return self.begun == 1
 
+    @property
+    def monolithic(self) -> bool:
+        """Whether they begin with the monolithic Newton method."""
+        return self.begun > 1
+
 
 class Increments:
     """Where a problem is on its path through load steps; places are those of ``scene.load_steps``.
@@ -170,13 +175,15 @@ class Increments:
     def _ramp(self) -> int:
         """Linear solves that the attempts without a solution may take together."""
         at, least = self.at, EASY_STEP * max(self._divided or 1, _FEW_STEPS)
-        if not at.done:
+        if not (at.done or self.falls_short):
             return self._step_limit
-        # What was tried before a ramp has begun again counts as one of them.
-        solve_budget = (FAILED_RAMP - 1 if at.augmented else FAILED_RAMP) * max(at.done, least)
-        # Without augmentation it takes the same load steps again, and goes on from there only with what is left.
+        # What was tried before a ramp has begun again counts as one of them, and is the measure where it has led to a
+        # solution that augmentation does not find.
+        solve_budget = (FAILED_RAMP - 1 if at.augmented else FAILED_RAMP) * max(at.done or at.spent, least)
+        # Without augmentation it takes the same load steps again, and goes on from there only with what is left; but
+        # where a hard load step made it begin again, the next one has not been tried.
         return (
-            max(0, solve_budget - at.spent)
+            max(self._step, solve_budget - at.spent)
             if at.begun > 1 and at.reached >= at.known - _SAME_POSITION
             else solve_budget
         )

@@ -152,6 +152,7 @@ def _load_step(progress: StepProgress[P], path: Increments) -> LoadStep[P]:
             factors=_load_at(begun, path_step, path),
             without_fall_backs=path.without_fall_backs,
             augmented=path.at.augmented,
+            monolithic=path.at.monolithic,
         )
         if steps.several:
             history.add(StepRecord(start.step + 1, steps.name_at(path_step), steps.time_at(path_step)))

@@ -342,6 +342,28 @@ def test_a_ramp_that_begins_again(hard):
     assert path._ramp == FAILED_RAMP * 10 * EASY_STEP - 10 * EASY_STEP - solves
 
 
+def test_what_follows_a_hard_load_step_is_tried():
+    """Augmentation fails, and has taken all that attempts without a solution may: no more than three times what the
+    hard load step has; the load step after that one is tried nevertheless, with monolithic Newton first.
+    """
+    path = increments(block(6, {"traction": {"boundary": "top", "y": -1.0}, "load_steps": {"steps": 4}}))
+    hard = 5 * EASY_STEP
+    path.begin_again(Status.CONVERGED, hard)
+    spent = hard
+    while True:
+        assert path.at.augmented
+        used = path.allowed
+        spent += used
+        if not path.shorten(Status.CYCLING, used):
+            break
+    assert spent <= FAILED_RAMP * hard
+    assert path.falls_short
+    path.begin_again(Status.CYCLING, spent)
+    assert path.at.monolithic
+    path.advance(hard)
+    assert EASY_STEP <= path.allowed <= FAILED_STEP * hard
+
+
 def test_augmentation_that_comes_as_far_is_kept():
     """A ramp begins again without it only if it would lose a load step."""
     path = increments(ramp(1.0))
@@ -618,3 +640,19 @@ def test_a_limit_in_space_where_the_ramp_halves_its_increments(steps):
     assert solution.steps[-1].time == 0.5
     assert solution.steps[-1].linear_solves == 0
     assert any("the largest that can be held" in str(event) for event in solution.history.events)
+
+
+def test_a_ramp_goes_on_where_only_monolithic_newton_converges():
+    """A plate that is pushed nearly until it tips, F = 5: the fixed point alternates, augmentation cycles."""
+    scene = {
+        "mesh": {"generator": "box", "parameters": {"length": 2.0, "width": 1.0, "height": 0.5, "nx": 8, "ny": 4,
+                                                    "nz": 2}},
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "traction": [{"boundary": "top", "z": -10.0}, {"boundary": "left", "x": 150.0}],
+        "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 5.0}},
+        "load_steps": {"steps": 4},
+    }  # fmt: skip
+    solution = alone(parse_scene(scene))
+    assert solution.last_step.time == 1.0
+    assert solution.steps[-1].linear_solves <= 3  # under proportional loads the sets stay
+    assert solution.history.linear_solves <= 400
