@@ -11,6 +11,7 @@ from typing import Any
 
 from signorini_fx.errors import InstallationError
 
+LAWS = "signorini_fx.laws"
 LINEAR_SOLVERS = "signorini_fx.linear_solvers"
 QUANTITIES = "signorini_fx.quantities"
 _registered: dict[str, dict[str, Any]] = {}

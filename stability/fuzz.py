@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx import effects, shapes
+from signorini_fx import effects, extensions, shapes
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files import gmsh_files, reading_process
 from signorini_fx.mesh.files.raw import RawMesh
@@ -112,7 +112,8 @@ def texts(seed: int, count: int) -> Finding:
         assert function(np.array([[0.0, 0.3, 3.0], [0.0, 1.0, 0.5]])).shape == (3,)
         return "expressions"
 
-    # All modules that reading needs are imported by now: effects and shapes are where a scene names one.
+    # All modules that reading needs are imported by now, and what other packages add is known: effects and shapes are
+    # where a scene names one.
     for module in (
         *pkgutil.iter_modules(effects.__path__, f"{effects.__name__}."),
         *pkgutil.iter_modules(shapes.__path__, f"{shapes.__name__}."),
@@ -123,6 +124,8 @@ def texts(seed: int, count: int) -> Finding:
     importlib.import_module("unicodedata")
     with suppress(ImportError):  # a separate module in Python 3.14
         importlib.import_module("_ast_unparse")
+    for group in (extensions.LAWS, extensions.LINEAR_SOLVERS):
+        extensions.names_of(group)
     sys.addaudithook(watch)
     for number, (chance, kind) in enumerate(repeated(seed, count, ("scene", "expression"))):
         run = scene if kind == "scene" else expression

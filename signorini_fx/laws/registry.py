@@ -11,17 +11,17 @@ has scenes with friction = { law = "saturating", coefficient = 0.3, largest = 2.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib.metadata import entry_points
 from typing import Annotated, Any
 
 from pydantic import Discriminator, TypeAdapter, WrapValidator
 
+from signorini_fx.extensions import LAWS, load, names_of
 from signorini_fx.laws.coulomb import Coulomb
 from signorini_fx.laws.none import NoFriction
 from signorini_fx.laws.protocol import FrictionLaw
 from signorini_fx.laws.tresca import Tresca
 
-GROUP = "signorini_fx.laws"
+_BUILT_IN = ("none", "tresca", "coulomb")
 
 
 def _named(entry: Any, kinds: Any) -> Any:
@@ -32,10 +32,11 @@ def _named(entry: Any, kinds: Any) -> Any:
     """
     if isinstance(entry, FrictionLaw):
         return entry
-    for point in entry_points(group=GROUP, name=str(entry.get("law"))) if isinstance(entry, Mapping) else ():
-        law = point.load()
+    name = law_of(entry)
+    if name not in _BUILT_IN and name in names_of(LAWS):
+        law = load(LAWS, name)
         if not (isinstance(law, type) and issubclass(law, FrictionLaw)):
-            raise ValueError(f"the entry point {point.value} is no FrictionLaw")
+            raise ValueError(f"{name!r}, which another package adds, is no FrictionLaw")
         return TypeAdapter(law).validate_python(entry)
     return kinds(entry)
 

@@ -10,7 +10,17 @@ from test_contact_problem import Block
 from test_two_bodies import blocks
 from two_bodies import facets, forms, held
 
-from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Foundation, Pair, SceneError, sweep
+from signorini_fx import (
+    ContactProblem,
+    ConvergenceError,
+    Coulomb,
+    FormError,
+    Foundation,
+    Pair,
+    SceneError,
+    extensions,
+    sweep,
+)
 from signorini_fx.contact.laws import ActiveSets, RegularisedData, linearised, multipliers, tangent
 from signorini_fx.laws.at_points import friction_of
 from signorini_fx.records import Status
@@ -146,6 +156,9 @@ def installed(tmp_path, monkeypatch):
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: own_package\nVersion: 1\n")
     (about / "entry_points.txt").write_text("[signorini_fx.laws]\nsaturating = own_package:Saturating\n")
     monkeypatch.syspath_prepend(tmp_path)
+    extensions._installed.cache_clear()
+    yield
+    extensions._installed.cache_clear()
 
 
 @pytest.mark.usefixtures("installed")
