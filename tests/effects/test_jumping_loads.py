@@ -14,6 +14,7 @@ from test_safety import COULOMB, block, hub
 from signorini_fx.bounds.bounded_scene import grounds
 from signorini_fx.bounds.integrated_loads import on_edges
 from signorini_fx.bounds.simplices import Simplices
+from signorini_fx.check import jumping_loads
 from signorini_fx.check.checks import check_scene
 from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.errors import SceneError
@@ -360,3 +361,28 @@ def test_check_names_what_is_not_cut(cell, key, load, area, entities):
         given = alone(scene, check=False).discretisation.applied[0].forces.sum()
         share = float(re.search(r"([\d.]+) % of it wrong", found[0].message)[1]) / 100
         assert share == pytest.approx(abs(-given / area - 1), rel=0.2, abs=0.02)
+
+
+CIRCLE, WAVY = "x[0]**2 + x[1]**2 < 1.7", "2 + sin(x[1]) if (x[0] - 1)**2 + x[1]**2 < 0.3 else 0"
+
+
+@pytest.mark.parametrize("load", [f"1 if {CIRCLE} else 0", WAVY])
+def test_of_many_cells_only_those_that_jump_are_looked_at_closely(monkeypatch, load):
+    """What is said is nearly the same."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 30, "ny": 10, "cell": "quadrilateral"}},
+            "material": {"young": 1.0, "poisson": 0.3},
+            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+            "body_force": {"y": load},
+        }
+    )
+    shares = []
+    for many in (10, 10**6):
+        monkeypatch.setattr(jumping_loads, "_MANY", many)
+        texts = [
+            finding.message for finding in check_scene(scene).warnings if "points of quadrature" in finding.message
+        ]
+        shares.append([float(re.search(r"take ([\d.e-]+) %", text)[1]) for text in texts])
+    assert shares[1]
+    assert shares[0] == pytest.approx(shares[1], rel=0.2)
