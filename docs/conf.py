@@ -115,6 +115,8 @@ def _hints(of: Any, *args: Any, **options: Any) -> dict[str, Any]:
 
     Those of a dataclass are as they are written, because some are imported for type checking only.
     """
+    if not isinstance(of, type):  # a module, of which data are shown
+        return _get_type_hints(of, *args, **options)
     written = {
         name: hint for one in reversed(of.__mro__) for name, hint in vars(one).get("__annotations__", {}).items()
     }
