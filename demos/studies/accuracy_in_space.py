@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx.results.files import write_csv
+from signorini_fx.csv_text import write_csv
 from signorini_fx.scene.model import MeshGenerator, Scene
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.scene.settings import Accuracy, SolverSettings

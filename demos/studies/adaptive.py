@@ -19,8 +19,8 @@ from cases import reference_of, scene_of
 from effectivity import as_asked, one_after_the_other
 from matplotlib.figure import Figure
 
+from signorini_fx.csv_text import write_csv
 from signorini_fx.pictures.style import RULE, STYLE, finish
-from signorini_fx.results.files import write_csv
 from signorini_fx.studies.reference import on_mesh
 
 SCENE = "example2_tresca"

@@ -26,8 +26,8 @@ import random_scenes
 from mpi4py import MPI
 from cases import reference_of, scene_of
 
+from signorini_fx.csv_text import write_csv
 from signorini_fx.errors import SignoriniError
-from signorini_fx.results.files import write_csv
 from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving.solver import solve
 from signorini_fx.studies.methods import methods

@@ -23,10 +23,10 @@ from cases import reference_of, scene_of
 from dolfinx import fem
 
 from signorini_fx.accuracy.price_list import price_list
+from signorini_fx.csv_text import write_csv
 from signorini_fx.mesh.hierarchy import scene_on
 from signorini_fx.mesh.tagged import generate_mesh
 from signorini_fx.records import History
-from signorini_fx.results.files import write_csv
 from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving.finer_meshes import SolvedMesh
 from signorini_fx.solving.solver import solve_level

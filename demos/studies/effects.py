@@ -20,8 +20,8 @@ from pathlib import Path
 from mpi4py import MPI
 
 from signorini_fx.accuracy.price_list import peak_memory
+from signorini_fx.csv_text import write_csv
 from signorini_fx.mesh.tagged import generate_mesh
-from signorini_fx.results.files import write_csv
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 

@@ -102,7 +102,7 @@ def main() -> None:
     if options.levels_of:
         levels_of(options.levels_of)
         return
-    from signorini_fx.results.files import write_csv
+    from signorini_fx.csv_text import write_csv
 
     options.out.mkdir(parents=True, exist_ok=True)
     rows = [row for name in options.scene or SCENES for row in measured(name)]

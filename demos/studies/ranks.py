@@ -68,7 +68,7 @@ def main() -> None:
     if options.run:
         run(options.run)
         return
-    from signorini_fx.results.files import write_csv
+    from signorini_fx.csv_text import write_csv
 
     rows = []
     for name in METHODS:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from itertools import chain
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -18,14 +16,14 @@ from pydantic import BaseModel
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_table import ContactTable, contact_table
-from signorini_fx.csv_text import as_text
+from signorini_fx.csv_text import Table, write_columns, write_csv
 from signorini_fx.errors import PictureError, cannot_be_written
 from signorini_fx.machine.terminal import printable, say
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.pictures.fields import FIELDS, ON_DEMAND, unknown
 from signorini_fx.pictures.result_pictures import TURNING
 from signorini_fx.quantities.registry import quantities
-from signorini_fx.records import as_rows
+from signorini_fx.records import as_columns
 from signorini_fx.report.reading import read_csv, read_facets
 from signorini_fx.results import afterthoughts
 from signorini_fx.results.fields import FIELD_FILES, chosen_format, size_of_fields, write_fields
@@ -163,13 +161,14 @@ class _Written:
 
         def write() -> None:
             for name, records in (("history", solution.history.iterations), ("outer", solution.history.outer)):
-                rows = as_rows(records)
-                left_out = () if steps else ("step",)
-                write_csv(part / f"{name}.csv", [{k: v for k, v in row.items() if k not in left_out} for row in rows])
+                columns = as_columns(records)
+                if not steps:
+                    columns.pop("step", None)
+                write_columns(part / f"{name}.csv", columns)
             if steps:
                 write_csv(part / "steps.csv", steps)
             if table is not None:
-                write_csv(part / "contact.csv", _rows(table.columns))
+                write_columns(part / "contact.csv", table.columns)
 
         self._on_root(write)
         return summary
@@ -177,7 +176,7 @@ class _Written:
     def _tables(self, table: ContactTable | None) -> None:
         """The tables that show more of it."""
         solution, part = self.solution, self.folder.part
-        along_steps = _contact_by_step(solution) if solution.scene.several_steps and table is not None else []
+        along_steps = _contact_by_step(solution) if solution.scene.several_steps and table is not None else {}
         facets = None if solution.discretisation.tagged.dimension == 2 else _contact_facets(solution)
         other = None
         if solution.contact is not None and solution.scene.sides[1] is not None:
@@ -187,15 +186,15 @@ class _Written:
 
         def write() -> None:
             if solution.price_list:
-                write_csv(part / "price_list.csv", as_rows(solution.price_list))
+                write_columns(part / "price_list.csv", as_columns(solution.price_list))
             if other is not None:
-                write_csv(part / "contact_other_side.csv", _rows(other))
+                write_columns(part / "contact_other_side.csv", other)
             if table is not None and facets is not None:
                 from signorini_fx.results.surface import write_surface
 
                 write_surface(part / "contact.vtu", table, facets)
             if along_steps:
-                write_csv(part / "contact_steps.csv", chain.from_iterable(map(_rows, along_steps)))
+                write_columns(part / "contact_steps.csv", along_steps)
 
         self._on_root(write)
 
@@ -260,7 +259,7 @@ def _for_json(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_for_json(item) for item in value]
     if isinstance(value, str):
-        return printable(value)
+        return value if value.isprintable() else printable(value)
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
@@ -275,18 +274,9 @@ def _together(comm: MPI.Comm, folder: ResultFolder, write: Callable[[], T]) -> T
     return cast(T, result)
 
 
-def _rows(columns: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Columns of equal length as rows."""
-    return (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
-
-
-def _contact_by_step(solution: Solution) -> list[dict[str, Any]]:
-    """The columns of the contact boundary in each load step, its number first; collective.
-
-    Returns:
-        One dictionary for each load step on the first rank, none on the others.
-    """
-    tables: list[dict[str, Any]] = []
+def _contact_by_step(solution: Solution) -> Table:
+    """The columns of the contact boundary in all load steps, their numbers first; empty on other ranks; collective."""
+    tables: list[Table] = []
     for result in solution.shown_steps:
         if result.contact is not None:
             columns = contact_table(result.contact, *solution.scene.sides).columns
@@ -295,7 +285,7 @@ def _contact_by_step(solution: Solution) -> list[dict[str, Any]]:
             if parallel.is_root(solution.comm):
                 steps = np.full(len(columns["x"]), result.step)
                 tables.append({"step": steps, **{name: columns[name] for name in (*first, *trailing)}})
-    return tables
+    return {name: np.concatenate([table[name] for table in tables]) for name in (tables[0] if tables else ())}
 
 
 def describe(value: Any, without: tuple[str, ...] = ()) -> Any:
@@ -321,23 +311,3 @@ def describe(value: Any, without: tuple[str, ...] = ()) -> Any:
     if isinstance(value, TaggedMesh) and value.origin:
         return {**describe(value.origin), "refined": True}
     return getattr(value, "text", f"<{type(value).__name__}>")
-
-
-def write_csv(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
-    """Rows with a header; numbers with all digits, and names as text that no spreadsheet takes for a formula."""
-    rows = iter(rows)
-    first = next(rows, None)
-    with path.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file:
-        if first is not None:
-            writer = csv.DictWriter(file, first.keys())
-            writer.writeheader()
-            writer.writerows({key: _cell(value) for key, value in row.items()} for row in chain([first], rows))
-
-
-def _cell(value: Any) -> Any:
-    """A value as it is written in a CSV file."""
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float):
-        return value + 0.0  # no minus zero
-    return as_text(value) if isinstance(value, str) else value

@@ -10,8 +10,8 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from signorini_fx.csv_text import write_csv
 from signorini_fx.pictures.style import INK, PRINT, RULE, SCREEN, STYLE, finish
-from signorini_fx.results.files import write_csv
 from signorini_fx.studies.conclusions import advice, cheapest_front, coarseness, lasting_errors, quantities_with_errors
 from signorini_fx.studies.methods import FAMILIES
 from signorini_fx.studies.work_precision import QUANTITIES, Row, Study

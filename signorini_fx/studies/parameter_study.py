@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from signorini_fx.csv_text import write_csv
 from signorini_fx.errors import SceneError
 from signorini_fx.records import Status
-from signorini_fx.results.files import write_csv
 from signorini_fx.results.solution import Solution
 from signorini_fx.scene.changes import Changes, parsed_change
 from signorini_fx.scene.model import Scene

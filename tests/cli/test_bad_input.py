@@ -24,7 +24,7 @@ from scenes import example1
 from signorini_fx import cli, petsc_start
 from signorini_fx.check.petsc_options import refuse_mistyped
 from signorini_fx.cli.options import parsed_accuracy, parsed_budget
-from signorini_fx.csv_text import as_name, as_text
+from signorini_fx.csv_text import as_name, as_text, write_csv
 from signorini_fx.errors import MachineError, MeshError, OptionsError, OutputError, ResultError, SceneError
 from signorini_fx.forms.options import applied
 from signorini_fx.linalg import options
@@ -551,7 +551,7 @@ def test_report_of_a_field_without_end(tmp_path):
 def test_formula(tmp_path, name):
     """A spreadsheet takes it for text, our own reader for the name; numbers are as they were."""
     rows = [{"x": -1.5, "boundary": name, "count": -3, "u": np.float64(-2e-300)}]
-    files.write_csv(tmp_path / "a.csv", rows)
+    write_csv(tmp_path / "a.csv", rows)
     (row,) = csv.DictReader((tmp_path / "a.csv").read_text().splitlines())
     assert not row["boundary"].startswith(("=", "+", "-", "@", "\t", "\r"))
     assert (row["x"], row["count"], row["u"]) == ("-1.5", "-3", "-2e-300")

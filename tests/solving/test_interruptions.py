@@ -73,7 +73,7 @@ PLACES = {
     "path": (level_results, "path_model", (PLANE, f'{FULL}, algorithm = "path-following", levels = 2')),
     "certificate": (NodalForces, "internal", (SOLID, FULL)),
     "estimate": (stress_recovery.StressRecovery, "squares", (PLANE, f"{FULL}, levels = 2")),
-    "writing": (files, "write_csv", (PLANE, FULL)),
+    "writing": (files, "write_columns", (PLANE, FULL)),
 }
 
 
