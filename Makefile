@@ -59,7 +59,7 @@ stability:  ## try to make the solver fail, and report the results (results/stab
 oracle:     ## check 5,000 random scenes with a program that shares no code with the package (results/oracle, half an hour)
 	./env python3 -m stability.oracle --jobs 2
 
-mutants:    ## put small mistakes into copies of the package, and report which of them no test notices (docs/mutants.md)
+mutants:    ## put small mistakes into copies of the package, and report which of them no test notices (docs/evidence/mutants.csv)
 	./env python3 -m stability.mutants
 
 docs: $(SPHINX)  ## build README, docs/, demos and docstrings as a site; warnings are errors (build/docs/docs/index.html)

@@ -84,7 +84,7 @@ def information(samples: Sequence[Sample]) -> str:
 
 
 def write(folder: Path, rows: Sequence[Row], samples: Sequence[Sample], facts: dict[str, Any]) -> None:
-    """``rows.csv``, ``samples.csv``, ``facts.csv``, and ``table.md`` for docs/performance.md."""
+    """``rows.csv``, ``samples.csv``, ``facts.csv``, and ``table.md`` for people."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "table.md").write_text(markdown(rows), encoding="utf-8")
     with (folder / "rows.csv").open("w", newline="", encoding="utf-8") as file:

@@ -15,10 +15,10 @@ from __future__ import annotations
 # --- gamma: the regularisation ---------------------------------------------------------------------------------------
 
 # Natural gamma = this times E / size of the body: penetration of about 1e-5 of the displacements, far from round-off.
-# Source: docs/theory.md, "γ".  Tuned on Example 1 (3.3e-5 is left) and the regularisation group of docs/stability.md.
+# Source: docs/theory.md, "γ".  Tuned on Example 1 (3.3e-5 is left) and stability/regularisation.py.
 AUTOMATIC_GAMMA = 1e5
 # gamma above this times E / size loses the last digits that double precision has for contact pressures.
-# Source: docs/stability.md, "Regularisation": from 1e10 on the error grows.  Tuned on Example 1, 60 x 20 cells.
+# Source: docs/evidence/stability.csv, first group: from 1e10 on the error grows.  Tuned on Example 1, 60 x 20 cells.
 LARGEST_GAMMA = 1e9
 # Path-following begins at this times E / size, where the penetration is about a hundredth of the displacements; check
 # warns of a smaller gamma in a scene.  Choice.
@@ -33,7 +33,7 @@ LARGEST_GAMMA_RATIO = 10.0
 NEGLIGIBLE_POLE = 0.05
 # The regularisation error of path-following, relative to the estimated discretisation error, by degree of the
 # displacement.  With degree 2 the model of the path was found to be wrong by a factor of two.  Tuned on the scenes of
-# docs/accuracy.md.
+# docs/evidence/effectivity.csv.
 PATH_ERROR_SHARE = {1: 1.0, 2: 1 / 3}
 
 # --- fall-backs ------------------------------------------------------------------------------------------------------
@@ -47,7 +47,7 @@ DAMPING = (0.5, 0.2)
 # A load step ends without a solution when all its problems and fall-backs together have taken as many linear solves as
 # this many problems that run to their last iteration.  A fixed-point iteration up to its limit takes a tenth of them.
 # Tuned on the random scenes of stability/scatter.py: scene 1534 is solved after 2,688 solves, for which 20 problems are
-# too few.  docs/stability.md has the outcomes of scenes that no method solves.
+# too few.  docs/evidence/not_solved.csv has scenes that no method solves.
 PROBLEMS_PER_STEP = 40
 # A load step of a ramp takes at most this many times the linear solves of the last one with a solution before a smaller
 # increment is tried, and all load steps without a solution together this many times those with one: where a limit load
@@ -85,7 +85,7 @@ FAINT_DISPLACEMENT = 1e-3
 # --- linear algebra --------------------------------------------------------------------------------------------------
 
 # Below this number of unknowns a sparse factorisation costs no more than condensing onto the contact nodes saves.
-# No record in the plane; in space, docs/performance.md, "Three dimensions".
+# No record in the plane; in space, docs/evidence/linear_algebra_in_space.csv.
 FEWEST_CONDENSED_UNKNOWNS = {2: 4_000, 3: 1_500}
 # A sparse factorisation takes about 50 n^1.5 operations in two dimensions and 8 n^2 in three, a dense one n^3 / 3: the
 # cheaper one is taken.  Factor and exponent by dimension.  Source: nested dissection for the powers.  No record for the
@@ -98,16 +98,16 @@ FEWER_TOUCHED, FEWEST_UNTOUCHED = 0.5, 400
 # In three dimensions memory is the limit: three dense matrices of this many unknowns take 0.6 GB.
 MOST_CONDENSED_UNKNOWNS = {2: 10**9, 3: 5_000}
 # From this number of unknowns on a Krylov method with multigrid is taken, by dimension; in the plane where the memory
-# ends.  Source: docs/performance.md, "Three dimensions".
+# ends.  Source: docs/evidence/linear_algebra_in_space.csv.
 FEWEST_KRYLOV_UNKNOWNS = {3: 20_000}
 # The same where the contact points are so few that the system can be condensed onto them.
-# Source: docs/performance.md, "Three dimensions".
+# Source: docs/evidence/linear_algebra_in_space.csv.
 FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED = {3: 40_000}
 # Multigrid for plain displacements takes three times as many steps for a Poisson's ratio of 0.49 as for one of 0.4, and
 # twenty times as many for 0.4999: above it a factorisation is taken.  Tuned on the block of tests/support/spaces.py.
 LARGEST_MULTIGRID_POISSON = 0.49
 # Up to this number of ranks minimum degree, which is quick to compute, beats the orderings with less fill.
-# Source: docs/performance.md.  Tuned on two ranks, Example 1, 960 x 320: 4.2 s instead of 4.7 s.
+# Tuned on two ranks, Example 1, 960 x 320: 4.2 s instead of 4.7 s.
 RANKS_WITH_MINIMUM_DEGREE = 4
 # An exact factor of a matrix that differs in the blocks of k contact nodes lets CG converge in about 2 k steps, each of
 # which costs a back substitution; a factorisation is worth ten or more.  The factor is kept for at most this
@@ -117,7 +117,7 @@ LAGGED_NODES, LAGGED_STEPS = 4, 20
 # units has no influence.  Choice; a solve that ended at 1.4e-8 took one more step in other units (stability/units.py).
 LAGGED_SHARE = 1e-13
 # What a Krylov solve leaves of the forces once the sets stay, and of its residual while they change (inexact Newton).
-# Source: docs/performance.md.
+# Source: docs/evidence/whole_solves_in_space.csv.
 KRYLOV_TOLERANCE, INEXACT_TOLERANCE = 1e-11, 0.03
 # Steps of a Krylov method at most.  Choice: ten times as many as it was seen to take.
 KRYLOV_STEPS = 1000
@@ -151,7 +151,7 @@ FEWEST_NODES_TO_COARSEN, COARSEST_NODES = 300, 80
 
 # The squared error of a linear interpolant is h^3 [p']^2 / 120 per node where p is smooth, and in total nearly four
 # times that where it ends like a square root, as at the ends of contact zones.  Tuned on the scenes of
-# docs/accuracy.md, within [0.5, 2].
+# docs/evidence/effectivity.csv, within [0.5, 2].
 KINK_SHARE = 1 / 33
 # At a corner it is about this times h^3 [p']^2 in the last interval: 0.4 to 0.8 for quadratic elements and exponents of
 # the stress from 0.55 to 0.8.  Tuned on those.
@@ -205,7 +205,7 @@ SLOWEST_DECREASE = 0.95
 # Fixed on two half balls, whose first mesh has a single node in contact.
 LARGEST_CHANGE = 0.5
 # Sparse factors, by dimension: in the plane time between n for all else and n^1.5, memory n log n; in space time
-# between n and n^2, memory n^(4/3).  Tuned by demos/studies/prediction.py, in space on the block of docs/accuracy.md.
+# between n and n^2, memory n^(4/3).  Tuned by demos/studies/prediction.py, in space on its block.
 TIME_POWER, MEMORY_POWER = {2: 1.2, 3: 1.6}, {2: 1.1, 3: 1.3}
 # At least this share of the time is taken to grow: the previous mesh may have had a cold start, or a busy machine.
 # Tuned by the same.
@@ -226,7 +226,7 @@ FEWEST_MESHES = {2: {"energy": 2, "pressure": 2, "force": 2}, 3: {"energy": 2, "
 # No run came close to this number of meshes.  Choice.
 MOST_MESHES = 40
 # Estimates are multiplied by this, by quantity and degree, and all others by the second: what they may be too small by.
-# Source: docs/accuracy.md.  Tuned on the effectivities there: displacement 0.74 to 1.06, pressure 0.54 to 1.73.
+# Source: docs/evidence/effectivity.csv, where they are, displacement 0.74 to 1.06, pressure 0.54 to 1.73.
 MARGIN, MARGIN_OF_OTHERS = {("energy", 1): 1.7, ("energy", 2): 1.4}, 2.0
 # Share of the allowed error that the regularisation may take.  Choice.
 REGULARISATION_SHARE = 0.2
@@ -264,7 +264,7 @@ DENSE_SPEED, DENSE_STEP_SECONDS = 2e10, 1e-4
 # Seconds per unknown: to set up multigrid, and of a solve, of which few are exact; with coarser meshes as its levels,
 # and by aggregation.  What multigrid holds over the stiffness matrix.  Tuned on the block of tests/support/spaces.py,
 # with
-# 316,899 unknowns, and with 6,075 and 42,483; see docs/performance.md.
+# 316,899 unknowns, and with 6,075 and 42,483; see docs/evidence/multigrid_levels.csv.
 KRYLOV_SECONDS = {"meshes": (3e-6, 1.5e-6), "aggregation": (1.5e-5, 6e-6)}
 MULTIGRID_SHARE = 1.2
 # Bytes that a process holds before it has a mesh; what mesh, forms and vectors need per unknown; entries in a row of

@@ -3,7 +3,7 @@
     ./env python3 -m stability.mutants [--only WORD,...] [--near] [--workers N] [--again] [--out DIR]   (make mutants)
 
 The mistakes are listed in ``stability/mistakes.py``.  Each is tried on the number of ranks that it names, against the
-test that noticed it the last time (the table of docs/mutants.md says which), then against the tests that it names, then
+test that noticed it the last time (docs/evidence/mutants.csv says which), then against the tests that it names, then
 against quick ones about everything, then against all but the long ones; the first failure ends the trial.  A test
 counts only if it passes on the code as it is.  What no test notices survives; that is right only for a mutant with
 a reason why it changes no result.
@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import csv
 import hashlib
 import json
 import os
@@ -34,8 +35,8 @@ from pathlib import Path
 
 from stability.mistakes import MUTANTS, QUICK, ROOT, Mutant, in_its_room
 
-PAGE = ROOT / "docs" / "mutants.md"
-BEGIN, END = "<!-- written by make mutants -->", "<!-- end -->"
+TABLE = ROOT / "docs" / "evidence" / "mutants.csv"
+COLUMNS = ("mistake", "place", "ranks", "noticed by")
 NOTICED, SURVIVES, LIMIT = "noticed", "survives", "limit"
 # These tests fail because the source differs, and not because of the effect of the mistake.
 _NOT_FOR_COPIES = ("tests/repository/test_mutants.py",)
@@ -330,40 +331,34 @@ def _key(mutant: Mutant) -> str:
 
 def recorded_tests() -> dict[str, tuple[int, str]]:
     """Mutant -> number of ranks and test, from the table."""
-    with contextlib.suppress(OSError):
-        table = PAGE.read_text(encoding="utf-8").partition(BEGIN)[2].partition(END)[0]
-        rows = re.findall(r"^\| (.*?) \| `.*?` \| (\d) \| `(test_.*?)` \|$", table.replace(r"\|", "\0"), re.MULTILINE)
-        return {idea.replace("\0", "|"): (int(n), in_its_room(test.replace("\0", "|"))) for idea, n, test in rows}
+    with contextlib.suppress(OSError), TABLE.open(encoding="utf-8", newline="") as file:
+        rows = [(row["mistake"], row["ranks"], row["noticed by"]) for row in csv.DictReader(file)]
+        return {idea: (int(ranks), in_its_room(test)) for idea, ranks, test in rows if test.startswith("test_")}
     return {}
 
 
-def table(fates: dict[str, Fate]) -> str:
-    """The table of docs/mutants.md."""
-    noticed = sum(fate.fate != SURVIVES for fate in fates.values())
-    equal = sum(bool(m.equivalent) and fates[m.idea].fate == SURVIVES for m in MUTANTS)
-    lines = [
-        f"Of {len(fates)} mutants {noticed} are noticed, {equal} equivalent, {len(fates) - noticed - equal} survive.",
-        "",
-        "| mistake | place | ranks | noticed by |",
-        "|---|---|---|---|",
-    ]
+def rows_of(fates: dict[str, Fate]) -> list[tuple[str, str, str, str]]:
+    """The rows of docs/evidence/mutants.csv."""
+    rows = []
     for mutant in MUTANTS:
         fate = fates[mutant.idea]
-        said = f"`{re.sub('^tests/([a-z_]+/)?', '', fate.by)}`" if "::" in fate.by else fate.by
+        noticed = re.sub("^tests/([a-z_]+/)?", "", fate.by) if "::" in fate.by else fate.by
         if fate.fate == LIMIT:
-            said = "a limit of time or memory"
+            noticed = "a limit of time or memory"
         if fate.fate == SURVIVES:
-            said = f"equivalent: {mutant.equivalent}" if mutant.equivalent else "**survives**"
-        cells = (mutant.idea, f"`{mutant.place(ROOT / 'signorini_fx')}`", str(fate.ranks), said)
-        lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
-    return "\n".join(lines)
+            noticed = f"equivalent: {mutant.equivalent}" if mutant.equivalent else "survives"
+        rows.append((mutant.idea, mutant.place(ROOT / "signorini_fx"), str(fate.ranks), noticed))
+    return rows
 
 
 def write_table(fates: dict[str, Fate]) -> None:
-    """Put the table into the page."""
-    text = PAGE.read_text(encoding="utf-8")
-    before, rest = text.split(BEGIN)
-    PAGE.write_text(f"{before}{BEGIN}\n{table(fates)}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+    """Write the table, and print how many are noticed."""
+    rows = rows_of(fates)
+    with TABLE.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
+    survive = sum(row[3] == "survives" for row in rows)
+    equal = sum(row[3].startswith("equivalent: ") for row in rows)
+    print(f"Of {len(rows)} mutants {len(rows) - survive - equal} are noticed, {equal} equivalent, {survive} survive.")
 
 
 def misfits() -> list[str]:

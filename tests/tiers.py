@@ -5,8 +5,8 @@
 
 A test is slow if it takes more than ``DEAR`` seconds, or what stays of its function more than ``TOGETHER``, if another
 set of parameters of its function stays, and if the tests that stay run every line of the package that it runs.  What
-notices a mistake of docs/mutants.md stays, and so do the tables of the paper.  ``REPEATED`` names what is slow because
-a test of another function shows the same.
+notices a mistake of docs/evidence/mutants.csv stays, and so do the tables of the paper.  ``REPEATED`` names what is
+slow because a test of another function shows the same.
 
 On several ranks stays what notices a mistake there; of the functions that take at most ``COSTLY`` seconds on one rank
 also, on two, the first set of parameters, and on three the last test of each file, and the last set of parameters of
@@ -105,7 +105,7 @@ def node_of(item: pytest.Item) -> str:
 
 
 def noticing() -> set[tuple[int, str]]:
-    """Ranks and tests, or functions or files of them, that notice the mistakes of docs/mutants.md."""
+    """Ranks and tests, or functions or files of them, that notice the mistakes of docs/evidence/mutants.csv."""
     sys.path.insert(0, str(ROOT))
     from stability.mistakes import MUTANTS
     from stability.mutants import recorded_tests

@@ -2,7 +2,7 @@
 
     ./env python3 demos/studies/certified.py [--accuracy 0.01 0.001] [block hertz example1 ...]
 
-Prints the rows of the table in docs/accuracy.md.  A first solve, which compiles, is not counted.
+Prints the rows of docs/evidence/certified_accuracy.csv.  A first solve, which compiles, is not counted.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Every benchmark with its reference, our number and the tolerance: the table of docs/verification.md.
+"""Every benchmark with its reference, our number and the tolerance: docs/evidence/benchmarks.csv.
 
-    ./env python3 demos/studies/verification.py
+    ./env python3 demos/studies/verification.py [--write]     # prints the rows; writes the file
 
 References are formulae, balances of forces, or numbers of an independent program (tests/support/oracle.py: NumPy alone,
 no line shared with the package).  The exit code is 1 if a number is further from its reference than the tolerance says.
@@ -9,10 +9,11 @@ One rank, some seconds.
 
 from __future__ import annotations
 
+import csv
 import math
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from signorini_fx.scene.reading import parse_scene, read_scene
 from signorini_fx.solving.solver import solve
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
+TABLE = SCENES.parents[1] / "docs" / "evidence" / "benchmarks.csv"
 ELEMENTS = {"P1": ("triangle", 1), "Q1": ("quadrilateral", 1), "P2": ("triangle", 2), "Q2": ("quadrilateral", 2)}
 
 
@@ -341,25 +343,29 @@ def rows() -> list[Row]:
     return [row for benchmark in BENCHMARKS for row in benchmark()]
 
 
-def table(found: list[Row]) -> str:
-    """As Markdown."""
-    lines = ["| benchmark | quantity | reference | source | ours | difference | tolerance |", "|---" * 7 + "|"]
+def table(found: list[Row]) -> list[list[str]]:
+    """The columns and the rows of the file."""
+    lines = [["benchmark", "quantity", "reference", "source", "ours", "difference", "tolerance"]]
     for row in found:
         reference = f"{row.reference:{row.form}}" if row.reference else "0"
-        numbers = f"{reference} | {row.source} | {row.ours:{row.form}} | {row.difference:.0e}"
-        missed = "" if row.holds else " **missed**"
-        lines.append(f"| {row.benchmark} | {row.quantity} | {numbers} | {row.tolerance:.0e}{missed} |")
-    return "\n".join(lines)
+        tolerance = f"{row.tolerance:.0e}" if row.holds else f"{row.tolerance:.0e} missed"
+        numbers = [reference, row.source, f"{row.ours:{row.form}}", f"{row.difference:.0e}", tolerance]
+        lines.append([row.benchmark, row.quantity, *numbers])
+    return lines
 
 
-def main() -> int:
+def main(arguments: Sequence[str] = ()) -> int:
     """Print the table; 1 if a number is not within its tolerance."""
     found = rows()
-    print(table(found))
+    if "--write" in arguments:
+        with TABLE.open("w", encoding="utf-8", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows(table(found))
+    for line in table(found):
+        print(" | ".join(line))
     missed = sum(not row.holds for row in found)
     print(f"\n{len(found) - missed} of {len(found)} within the tolerance")
     return int(missed > 0)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

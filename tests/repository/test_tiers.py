@@ -17,7 +17,7 @@ def test_slow_tests_are_there(pytestconfig):
 
 
 def test_what_notices_a_mistake_is_quick():
-    """docs/mutants.md says which tests notice which mistake."""
+    """docs/evidence/mutants.csv says which tests notice which mistake."""
     slow = tiers.listed()
     assert len(slow) > 20
     names = {part for name in slow for part in (name, name.partition("[")[0], name.partition("::")[0])}
