@@ -21,7 +21,7 @@ from signorini_fx.body.values import NodalValues
 from signorini_fx.contact.friction import PointFriction, joined, stuck
 from signorini_fx.contact.laws import RegularisedData
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.laws.at_points import friction_of
+from signorini_fx.laws.at_points import fault_of, friction_of
 from signorini_fx.laws.directed import FrictionAxes
 from signorini_fx.laws.protocol import FrictionLaw
 from signorini_fx.method import Settings
@@ -410,13 +410,21 @@ class Foundations:
         Args:
             boundary: the points.
             friction: see ``friction``; None: as it is now.
+
+        Raises:
+            FormError: a law is not what it says.
         """
         if not any(entry.bonded or entry.friction is not None for entry in self._contact):
             return None
         parts = list[PointFriction]()
         points = [np.flatnonzero(boundary.part == k) for k in range(len(self._contact))]
-        for entry, at in zip(self.friction() if friction is None else friction, points, strict=True):
-            parts.append(friction_of(None if entry.law is None else entry.law.at(boundary.nodes[at]), at.size))
+        for k, (entry, at) in enumerate(zip(self.friction() if friction is None else friction, points, strict=True)):
+            law = None if entry.law is None else entry.law.at(boundary.nodes[at])
+            if law is not None and law.of_a_user:
+                fault = fault_of(law, at.size)
+                error = FormError([(f"contact[{k}].friction", fault)]) if fault else None
+                parallel.raise_together(self._space.mesh.comm, error)
+            parts.append(friction_of(law, at.size))
             if entry.bonded:
                 parts[-1] = stuck(np.ones(at.size, dtype=bool))
         return joined(parts, points)

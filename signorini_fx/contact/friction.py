@@ -122,6 +122,7 @@ class PointFriction:
         """Value at zero and slope of the tangent of the bound at a pressure, stress and number, shapes (n,)."""
         pushing = np.maximum(pressure, 0.0)
         slope = self.derivative(pushing)
+        slope = np.where(np.isinf(slope), 0.0, slope)  # a root at zero has a vertical tangent
         return self.bound(pushing) - slope * pushing, slope
 
 

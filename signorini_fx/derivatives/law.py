@@ -18,9 +18,13 @@ from signorini_fx import parallel
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import Nodal, inner, length, unit
 from signorini_fx.contact.state import PointState
+from signorini_fx.errors import FormError
 
 # A point is between two sets if it is nearer to the border than this share of the largest pressure, or of its bound.
 BETWEEN = 1e-6
+# Share of a pressure by which it is changed for differences, and how far these may be from a derivative: the share of
+# the larger of both, and the round-off of differences relative to the bound.
+_CHANGE, _WRONG, _ROUND_OFF = 1e-6, 1e-3, 1e-8
 
 
 @dataclass(frozen=True)
@@ -78,6 +82,9 @@ def linearised(
         gamma: (gamma_1, gamma_2), stress per length; those of the regularisation unless ``exact``.
         exact: whether there is no regularisation.
         before: the shear at the beginning of the load step, stress, shape (n, d - 1); None: zero.
+
+    Raises:
+        FormError: a friction law says another derivative of its bound than differences of the bound.
     """
     contact, (count, tangents) = state.in_contact, state.shear.shape
     law = law if state.has_friction else None
@@ -85,8 +92,10 @@ def linearised(
     moves = np.any(state.direction != 0, axis=1) | ~(state.bound > 0)
     slips = moves & (state.bound > 0)
     slip = np.where(slips[:, None], unit(state.shear), 0.0)
+    if law is not None and law.laws:
+        _check_derivative(state, law, coefficient, slips & contact & (state.pressure > 0))
     spread = np.broadcast_to(np.eye(1 + tangents), (count, 1 + tangents, 1 + tangents)).copy()
-    spread[:, 1:, 0] = slip * coefficient[:, None]
+    spread[:, 1:, 0] = slip * np.where(slips, coefficient, 0.0)[:, None]  # it may be infinite at zero pressure
     tied = np.repeat((~moves & (state.bound > 0))[:, None], 1 + tangents, axis=1)
     tied[:, 0] = contact
     bound = np.where(slips & np.isfinite(state.bound), state.bound, 0.0)
@@ -115,3 +124,19 @@ def _between(
     stopping = slips & (gamma[1] * length(state.xi) <= tolerance)
     starting = sticks & np.isfinite(state.bound) & (bound - length(state.shear) <= tolerance)
     return int(parallel.global_sum(comm, np.array(np.count_nonzero(opening | stopping | starting))))
+
+
+def _check_derivative(state: PointState, law: PointFriction, slope: Nodal, where: npt.NDArray[np.bool_]) -> None:
+    """Whether the derivative of the bound is between its differences to both sides; collective."""
+    pressure, bound = state.pressure, law.bound(state.pressure)
+    step = np.where(where, _CHANGE * pressure, 1.0)
+    above, below = ((law.bound(pressure + sign * step) - bound) / (sign * step) for sign in (1, -1))
+    largest = np.maximum(np.maximum(np.abs(above), np.abs(below)), np.abs(slope))
+    tolerance = _WRONG * largest + _ROUND_OFF * np.abs(bound) / np.where(where, pressure, 1.0)
+    wrong = where & ~((slope >= np.minimum(above, below) - tolerance) & (slope <= np.maximum(above, below) + tolerance))
+    error = None
+    if wrong.any():
+        k = int(wrong.argmax())
+        reason = f"derivative is {slope[k]:.6g} at the pressure {pressure[k]:.6g}, where limit grows by {above[k]:.6g}"
+        error = FormError([("contact.friction", reason)])
+    parallel.raise_together(state.points.comm, error)

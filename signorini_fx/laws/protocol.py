@@ -92,9 +92,13 @@ class FrictionLaw(Table):
         """
         if not self.concave:
             return Envelope(zero + np.inf, zero)
-        with np.errstate(invalid="ignore"):  # of a parameter that is zero at a pressure without limit
-            cap = self.limit(zero + np.inf)
-        return Envelope(self.limit(zero), self.derivative(zero), None if np.isinf(cap).all() else np.nan_to_num(cap))
+        with np.errstate(invalid="ignore"):  # what is a quotient, or of a parameter that is zero, is no number there
+            limit = self.limit(zero + np.inf)
+        cap = np.where(np.isnan(limit), np.inf, limit)
+        given, slope = self.limit(zero), self.derivative(zero)
+        vertical = np.isinf(slope)
+        lines = np.where(vertical, np.inf, given), np.where(vertical, 0.0, slope)
+        return Envelope(*lines, None if np.isinf(cap).all() else cap)
 
     @property
     def ends_open(self) -> bool:
@@ -142,6 +146,11 @@ class FrictionLaw(Table):
         """In Python its parameters may be given in their order."""
         super().__pydantic_init_subclass__(**options)
         cls.positional = tuple(key for key in cls.model_fields if key != "law")
+
+    @property
+    def of_a_user(self) -> bool:
+        """Whether it is none of the laws of this package."""
+        return type(self).__module__.rpartition(".")[0] != __name__.rpartition(".")[0]
 
     @classmethod
     def refusal(cls, problems: list[tuple[str, str]]) -> SceneError:

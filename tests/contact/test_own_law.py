@@ -16,6 +16,7 @@ from signorini_fx import (
     Coulomb,
     FormError,
     Foundation,
+    FrictionLaw,
     Pair,
     SceneError,
     extensions,
@@ -222,3 +223,100 @@ def test_tangent():
     assert (high - low) / 0.2 == pytest.approx(10 * slope)
     assert tangent(sets, data)[0, 1, 0] == pytest.approx(10 * slope)
     assert multipliers(sets, np.array([0.5]), np.ones((1, 1)), data)[1] == pytest.approx(bound(5.0))
+
+
+class Quotient(Saturating):
+    """F lambda / (1 + F lambda / k), which is no number at a pressure without limit."""
+
+    def limit(self, pressure):
+        return self.coefficient * pressure / (1 + self.coefficient * pressure / self.largest)
+
+    def derivative(self, pressure):
+        return self.coefficient / (1 + self.coefficient * pressure / self.largest) ** 2
+
+    def claimed(self, pressure):
+        return self.largest - self.largest**2 / (self.largest + self.coefficient * pressure)
+
+
+def pushed(law, push, **solver):
+    """A block that lies on its foundation, pressed with 20 and pushed aside: nothing but friction holds it."""
+    scene = {"displacement": (), "traction": {"boundary": "top", "x": push, "y": -20.0}, "solver": solver}
+    return solve(parse_scene(SCENE | scene | {"contact": {"boundary": "bottom", "friction": law}}))
+
+
+def test_a_quotient():
+    """Statics knows nothing of its limit, so that it does not prove that a block slides which the law holds."""
+    assert pushed(Quotient(F, K), 1.2).converged
+
+
+class Root(Saturating):
+    """k sqrt(lambda), with a vertical tangent where contact opens."""
+
+    def limit(self, pressure):
+        return self.largest * np.sqrt(pressure)
+
+    def derivative(self, pressure):
+        with np.errstate(divide="ignore"):
+            return self.largest / 2 / np.sqrt(pressure)
+
+    def claimed(self, pressure):
+        return self.largest * pressure**0.5
+
+
+def test_a_root():
+    """Newton's method follows it, and the derivatives are those of differences."""
+    block = Block(gap=lambda x: 0.004 * x[0], tolerance=1e-12)
+    largest = fem.Constant(block.mesh, 0.3)
+    floor = Foundation(block.bottom, gap=lambda x: 0.004 * x[0], friction=Root(F, largest))
+    problem = ContactProblem(block.a, block.L, block.bcs, floor, tolerance=1e-12, coulomb="newton")
+    block.aside.value = 0.004
+    forces = []
+    for largest.value in (0.2999, 0.3001, 0.3):
+        problem.solve()
+        forces.append(problem.state.forces[1][0])
+    assert not problem.state.in_contact.all()
+    slope = problem.gradient("force 0 x", [largest]).derivatives[0]
+    assert slope == pytest.approx((forces[1] - forces[0]) / 2e-4, rel=1e-5)
+    assert slope != 0
+
+
+def lying(**methods):
+    """A law with other methods."""
+    return type("Lying", (Saturating,), {"__module__": __name__, **methods})(F, K)
+
+
+@pytest.mark.parametrize(
+    ("methods", "message"),
+    [
+        ({"limit": lambda _, p: 0.1 * p**2, "derivative": lambda _, p: 0.2 * p}, "exceeds.* not concave"),
+        ({"limit": lambda law, p: -law.claimed(p)}, "negative"),
+        ({"limit": lambda _, p: np.ones((p.size, 1))}, r"limit of Lying has the shape \(\d+, 1\)"),
+        ({"derivative": lambda *_: 0.3}, r"derivative of Lying has the shape \(\)"),
+        ({"claimed": lambda *_: None}, "claimed of Lying has the shape"),
+        ({"claimed": FrictionLaw.claimed}, "Lying does not say its claimed"),
+        ({"follows_pressure": False}, "follows the pressure, which it denies"),
+    ],
+)
+def test_laws_that_are_not_what_they_say(methods, message):
+    """Are refused, with what is wrong, before statics proves anything of them."""
+    with pytest.raises(FormError, match=message):
+        solved(lying(**methods))
+
+
+def test_a_law_of_the_package_with_another_limit():
+    """Is not taken for that of the package, whose envelope it has."""
+
+    class Half(Coulomb):
+        def limit(self, pressure):
+            return 0.5 * super().limit(pressure)
+
+    with pytest.raises(FormError, match="less than its envelope"):
+        solved(Half(F))
+
+
+def test_a_wrong_derivative():
+    """Solves do not need it, gradients do: they refuse it."""
+    problem = solved(lying(derivative=lambda law, p: law.coefficient + 0 * p)).problem
+    assert problem.certificate.holds
+    with pytest.raises(FormError, match=r"derivative is 0\.4 at the pressure"):
+        problem.gradient("force 0 x", [])
