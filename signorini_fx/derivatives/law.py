@@ -94,8 +94,9 @@ def linearised(
     slip = np.where(slips[:, None], unit(state.shear), 0.0)
     if law is not None and law.laws:
         _check_derivative(state, law, coefficient, slips & contact & (state.pressure > 0))
+    coefficient = np.where(slips, coefficient, 0.0)  # it may be infinite where there is no pressure
     spread = np.broadcast_to(np.eye(1 + tangents), (count, 1 + tangents, 1 + tangents)).copy()
-    spread[:, 1:, 0] = slip * np.where(slips, coefficient, 0.0)[:, None]  # it may be infinite at zero pressure
+    spread[:, 1:, 0] = slip * coefficient[:, None]
     tied = np.repeat((~moves & (state.bound > 0))[:, None], 1 + tangents, axis=1)
     tied[:, 0] = contact
     bound = np.where(slips & np.isfinite(state.bound), state.bound, 0.0)
