@@ -1018,7 +1018,7 @@ MUTANTS = (
     ),
     Mutant(
         "machine/signals",
-        "_waiting.append((number, frame))",
+        "arrived.append((number, frame))",
         "_handlers[number](number, frame)",
         "handlers are called in the middle of a callback",
         tests=("interruptions::test_signals_wait_in_order",),
@@ -1562,7 +1562,7 @@ MUTANTS = (
     ),
     Mutant(
         "condensed",
-        "e.fixed[retained]",
+        "e.contact.fixed[retained]",
         "np.zeros(retained.size, dtype=bool)",
         "condensed: supports forgotten",
         tests=("linalg",),
@@ -4626,7 +4626,7 @@ MUTANTS = (
     ),
     Mutant(
         "problem/problem",
-        "free.getArray()[self.system.fixed] = 0.0",
+        "free.getArray()[self.system.contact.fixed] = 0.0",
         "pass",
         "units: what is prescribed is a force",
         tests=("units::test_the_size_of_the_forces",),

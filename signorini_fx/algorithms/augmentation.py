@@ -89,7 +89,7 @@ class Augmentation:
         changes = groups.norms(moved[0]), groups.norms(moved[1])
         size = groups.scales(np.where(now > 0, now, last_size))
         gammas = (data.gamma_n, data.gamma_t)
-        u_n, u_t = newton.problem.traces(newton.x)
+        u_n, u_t = newton.problem.system.contact.traces(newton.x)
         length = groups.scales(groups.largest(np.maximum(np.abs(u_n), length_of(u_t))), lengths=True)
         # If all motion is round-off, the scale is the displacement that the tractions could cause.
         stress = groups.scales(groups.largest(np.maximum(*felt)))

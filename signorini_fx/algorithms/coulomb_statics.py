@@ -100,6 +100,6 @@ def free_state(task: Task, data: RegularisedData) -> tuple[Nodal, Nodal] | None:
     )
     newton.begin_at(newton.problem.system.start)  # not where the body has gone: its round-off is above those forces
     status = newton.solve_once(springs, ActiveSets.all_in_contact(*zero.shape), lambda: None)
-    u_n, u_t = newton.problem.traces(newton.x)
+    u_n, u_t = newton.problem.system.contact.traces(newton.x)
     newton.restore(checkpoint)
     return (data.gap - u_n, slip_of(u_t, data)) if status is Status.CONVERGED else None

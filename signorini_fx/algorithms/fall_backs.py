@@ -94,7 +94,7 @@ def _ways(
 
 def _touching(newton: SemismoothNewton, data: RegularisedData) -> ActiveSets | None:
     """Contact and stick at the nodes without a gap, if these hold a body that supports do not; collective."""
-    closed = touching_nodes(newton.problem.system.comm, data)
+    closed = touching_nodes(newton.problem.points.comm, data)
     sets = ActiveSets.of(closed, np.zeros_like(data.mu_hat))
     nothing = replace(sets, contact=np.zeros_like(closed), slip=np.ones_like(closed))
     loose = not newton.problem.holds(nothing, data)

@@ -61,11 +61,11 @@ def interior_point(newton: SemismoothNewton, data: RegularisedData, measure: Cal
     try:
         status = _Programme(newton, data).solve()
     except PETSc.Error:  # see ``SemismoothNewton.attempt``
-        if problem.system.comm.size > 1:
+        if problem.points.comm.size > 1:
             raise
         status = Status.SINGULAR
     if status is Status.CONVERGED:
-        ended, sets = newton.x.copy(), natural_sets(*problem.traces(newton.x), data)
+        ended, sets = newton.x.copy(), natural_sets(*problem.system.contact.traces(newton.x), data)
         status = newton.attempt(data, sets)
         if status is not Status.CONVERGED:  # sets that do not hold the body, or cycle for points at their border
             newton.begin_at(ended)
@@ -111,7 +111,7 @@ class _Programme:
             if at is None:
                 return Status.SINGULAR
             product = self._product(at)
-            near, sets = product <= _NEAR * first, natural_sets(*problem.traces(newton.x), self._data)
+            near, sets = product <= _NEAR * first, natural_sets(*problem.system.contact.traces(newton.x), self._data)
             if near and (product <= _END * first or problem.accept(newton.x, sets, RESIDUAL_TOLERANCE)):
                 return Status.CONVERGED
             if newton.history.exhausted:
@@ -126,14 +126,14 @@ class _Programme:
     def _tied(self) -> _Inside | None:
         """Where the body is if all points are tied to the foundation, pushed inside the bounds."""
         data, size = self._data, self._points.dimension - 1
-        rough, traces, x = (self._bound > 0)[:, None], self._problem.traces, self._newton.x
+        rough, x = (self._bound > 0)[:, None], self._newton.x
         blocks = np.zeros((rough.size, 1 + size, 1 + size))
         blocks[:, 0, 0] = data.gamma_n
         blocks[:, 1:, 1:] = np.where(rough, data.gamma_t, 0.0)[:, None] * np.eye(size)
-        u_n, u_t = traces(x)
+        u_n, u_t = self._problem.system.contact.traces(x)
         if not self._moves(trial_pressure(u_n, data), np.where(rough, trial_shear(u_t, data), 0.0), blocks, 0):
             return None
-        u_n, u_t = traces(x)
+        u_n, u_t = self._problem.system.contact.traces(x)
         pressure, shear = trial_pressure(u_n, data), np.where(rough, trial_shear(u_t, data), 0.0)
         stress = parallel.largest(self._comm, np.maximum(np.abs(pressure), length(shear)))
         away = max(stress / self._stiffness, parallel.largest(self._comm, np.abs(u_n)))
@@ -156,7 +156,7 @@ class _Programme:
         """The point after a step towards these products; None if the linear solve fails; collective."""
         data, one, rubs, room = self._data, self._one_sided, self._rubs, self._room(at.shear)
         none, x = np.zeros_like(room), self._newton.x
-        u_n, u_t = self._problem.traces(x)
+        u_n, u_t = self._problem.system.contact.traces(x)
         # What the equations miss, the changes of s and r eliminated.
         normal = u_n - data.gap - (at.pressure - data.lambda_hat) / data.gamma_n
         normal += np.divide(target, at.pressure, out=none.copy(), where=one)
@@ -171,7 +171,7 @@ class _Programme:
         closed = one & (at.pressure > self._stiffness * at.opening)
         if not self._moves(at.pressure + pressure, at.shear + shear, blocks, np.count_nonzero(closed)):
             return None
-        w_n, w_t = self._problem.traces(x)
+        w_n, w_t = self._problem.system.contact.traces(x)
         pressure, shear = answer(normal + w_n - u_n, across + w_t - u_t)
         opening = np.divide(target - at.opening * pressure, at.pressure, out=at.opening.copy(), where=one) - at.opening
         turned = target + at.rate * inner(at.shear, shear)

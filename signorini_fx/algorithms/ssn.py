@@ -96,12 +96,12 @@ class SemismoothNewton:
         self._symmetric = symmetric
         self._factor: PETSc.KSP | None = None
         self._factorised_in: int | None = None
-        generator = np.random.default_rng(problem.system.comm.rank)
+        generator = np.random.default_rng(problem.points.comm.rank)
         self._keys = generator.integers(0, 2**63, size=(6, problem.points.size), dtype=np.uint64)
         self.snes = self._create(symmetric)
 
     def _create(self, symmetric: bool) -> PETSc.SNES:
-        snes = PETSc.SNES().create(self.problem.system.comm)
+        snes = PETSc.SNES().create(self.problem.points.comm)
         snes.setOptionsPrefix(options.PREFIX)
         snes.setType(PETSc.SNES.Type.NEWTONLS)
         snes.setFunction(weakly(self.problem.residual), self._residual)
@@ -218,7 +218,7 @@ class SemismoothNewton:
                 status = self._run(data, limit)
         except PETSc.Error:
             # Some factorisation packages raise an error where others set a reason, and on one rank only.
-            if self.problem.system.comm.size > 1:
+            if self.problem.points.comm.size > 1:
                 raise
             status = Status.SINGULAR
         return status
@@ -264,7 +264,7 @@ class SemismoothNewton:
         """Whether a direct solver takes the place of a Krylov method; collective."""
         if self._factor is not None:
             return False
-        ksp = PETSc.KSP().create(self.problem.system.comm)
+        ksp = PETSc.KSP().create(self.problem.points.comm)
         ksp.setOptionsPrefix(options.PREFIX)
         ksp.setOperators(self.snes.getJacobian()[0])
         if not self.problem.system.factorise(ksp, symmetric=self._symmetric):
@@ -320,7 +320,7 @@ class SemismoothNewton:
         """
         problem, points = self.problem, self.problem.points
         pressure, shear = project(*self.multipliers(), data)
-        u_n, u_t = problem.traces(self.x)
+        u_n, u_t = problem.system.contact.traces(self.x)
         still, entered = points.closed(problem.sets.contact, u_n - data.gap)
         bound, slip = data.friction_bound(pressure), slip_of(u_t - entered, data)
         slips = problem.sets.slip | (problem.sets.contact & points.dragged(slip, np.column_stack((u_n, u_t))))
@@ -333,7 +333,7 @@ class SemismoothNewton:
     def continued_sets(self, data: RegularisedData) -> ActiveSets:
         """The first sets for ``data`` when the variables (y, lambda, xi, mu) of the last problem are its start."""
         problem = self.problem
-        u_n, u_t = problem.traces(self.x)
+        u_n, u_t = problem.system.contact.traces(self.x)
         _, mu = self.multipliers()
         return next_sets(u_n, u_t, slip_multiplier(problem.sets, mu, u_t, problem.data), mu, data)
 
@@ -341,25 +341,7 @@ class SemismoothNewton:
     def _test(self, snes: PETSc.SNES, k: int, norms: tuple[float, float, float]) -> int:
         """Step 3, after linear solve k (k = 0: before the first)."""
         problem = self.problem
-        bounds = problem.friction_bounds(self.x)
-        sets, following = (transmitting(s, b) for s, b in zip((problem.sets, problem.next.sets), bounds, strict=True))
-        side = sets.side
-        counts = parallel.global_sum(
-            problem.system.comm,
-            np.array(
-                [
-                    np.count_nonzero(sets.contact),
-                    np.count_nonzero(side > 0),
-                    np.count_nonzero(side < 0),
-                    np.count_nonzero(sets.changed(following)),
-                    self._fingerprint(following),
-                    signals.waiting(),
-                ],
-                dtype=np.uint64,
-            ),
-        )
-        active, plus, minus, changed, fingerprint, waiting = (int(count) for count in counts)
-        signals.agree(problem.system.comm, waiting)
+        active, plus, minus, changed, fingerprint = self._counts(*problem.friction_bounds(self.x))
         residual = norms[2] / problem.force_scale if problem.force_scale > 0 else norms[2]
         law = 0.0 if problem.affine or k == 0 else problem.law_residual(self.x)
         if k > 0:
@@ -443,7 +425,20 @@ class SemismoothNewton:
             )
         )
 
-    def _fingerprint(self, sets: ActiveSets) -> int:
-        """A sum of random numbers, one for each node and state: equal sets have equal sums, on any number of ranks."""
-        state = 3 * sets.contact.astype(np.int64) + sets.side + 1
-        return int(self._keys[state, np.arange(state.size)].sum(dtype=np.uint64))
+    def _counts(self, bound: Nodal, next_bound: Nodal) -> list[int]:
+        """Nodes of the current sets in contact and slipping either way, nodes that change, and a fingerprint of the
+        next sets: a sum of random numbers, one for each node and state, equal for equal sets on any number of ranks.
+
+        Signals that wait are served on all ranks; collective.
+        """
+        sets, following = transmitting(self.problem.sets, bound), transmitting(self.problem.next.sets, next_bound)
+        side, changed = sets.side, sets.changed(following)
+        state = 3 * following.contact.astype(np.int64) + following.side + 1
+        fingerprint = self._keys[state, np.arange(state.size)].sum(dtype=np.uint64)
+        numbers = [np.count_nonzero(mask) for mask in (sets.contact, side > 0, side < 0, changed)]
+        comm = self.problem.points.comm
+        sums = parallel.global_sum(comm, np.array([*numbers, fingerprint, signals.waiting()], dtype=np.uint64))
+        *counts, waiting = [int(number) for number in sums]
+        if waiting:
+            signals.agree(comm, waiting)
+        return counts

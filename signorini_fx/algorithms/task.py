@@ -103,7 +103,7 @@ class Outcome:
         Args:
             start: where this load step started.
         """
-        _, u_t = self.problem.traces(self.newton.x)
+        _, u_t = self.problem.system.contact.traces(self.newton.x)
         pressure, shear = self.newton.multipliers()
         data, solved, elastic = replace(self.data, slip_origin=u_t), self.problem.data, start.elastic_slip
         if start.law is not None:
@@ -209,7 +209,7 @@ class Task:
         law, origin = start.law, start.data.slip_origin
         problem = outcome.problem
         sets, data = problem.sets, problem.data
-        u_n, u_t = problem.traces(outcome.newton.x)
+        u_n, u_t = problem.system.contact.traces(outcome.newton.x)
         rest_n, rest_t = (0.0, 0.0) if self.rest is None else (self.rest.u_n, self.rest.u_t)
         pressure, shear = outcome.newton.multipliers()
         return PointState(
@@ -220,13 +220,13 @@ class Task:
             pressure=pressure,
             shear=shear,
             # Of the law itself: the iteration may have stopped with the bound of the previous pressure.
-            bound=np.zeros_like(pressure) if not data.has_friction or law is None else law.bound(pressure),
+            bound=np.zeros_like(pressure) if data.bound is None or law is None else law.bound(pressure),
             in_contact=sets.contact,
             direction=sets.direction,
-            has_friction=data.has_friction,
+            has_friction=data.bound is not None,
             bilateral=np.zeros_like(sets.contact) if data.bilateral is None else data.bilateral,
             slip_length=slip_of(u_t, replace(data, slip_origin=origin)),
-            xi=slip_multiplier(sets, shear, u_t, data) if data.has_friction else slip_of(u_t, data),
+            xi=slip_multiplier(sets, shear, u_t, data) if data.bound is not None else slip_of(u_t, data),
         )
 
     def promised(self, outcome: Outcome) -> tuple[float, float]:
@@ -308,5 +308,5 @@ class Iterate:
         self._fall_backs.exhausted = start.without_fall_backs
         if start.factors is not None:
             self._system.set_load(start.factors)
-        fixed = self._system.fixed
+        fixed = self._system.contact.fixed
         self.x.getArray()[fixed] = self._system.start.getArray(readonly=True)[fixed]

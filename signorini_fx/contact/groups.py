@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -44,7 +45,7 @@ class PointGroups:
         """The same groups with ``points``, which are those in these rows."""
         return PointGroups(points, self.number[rows], self.pieces)
 
-    @property
+    @cached_property
     def count(self) -> int:
         """Number of groups, g."""
         return len(self.pieces)

@@ -49,7 +49,7 @@ def hold(
         return following, None, False
     bound = data.friction_bound(pressure)
     points, everywhere = motions.points, motions.points.everywhere
-    able = (bound > 0) if data.has_friction else ~everywhere
+    able = (bound > 0) if data.bound is not None else ~everywhere
     if not motions.held_by(everywhere, able | _stick(following, data)):
         return following, Status.NOT_HELD, False
     leaving = escaping()
@@ -92,7 +92,7 @@ def holds(sets: ActiveSets, data: RegularisedData, motions: FreeMotions) -> bool
 
 
 def _stick(sets: ActiveSets, data: RegularisedData) -> npt.NDArray[np.bool_]:
-    return ~sets.slip if data.has_friction else np.zeros_like(sets.contact)
+    return ~sets.slip if data.bound is not None else np.zeros_like(sets.contact)
 
 
 def _ranked(points: ContactPoints, candidates: npt.NDArray[np.bool_], violation: Nodal) -> npt.NDArray[np.int64]:

@@ -175,11 +175,6 @@ class RegularisedData:
             bilateral=bilateral,
         )
 
-    @property
-    def has_friction(self) -> bool:
-        """Whether a friction condition is part of the problem."""
-        return self.bound is not None
-
     def friction_bound(self, pressure: Nodal) -> Nodal:
         """The bound of |mu| at the contact pressure lambda, stress, shape (n,); zero without friction."""
         if self.bound is None:

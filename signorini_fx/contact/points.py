@@ -54,17 +54,17 @@ class ContactPoints:
     x: Nodal
     shared: SharedNodes | None = None
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Number of contact points on this rank."""
         return int(self.weight.size)
 
-    @property
+    @cached_property
     def dimension(self) -> int:
         """The dimension d of space."""
         return int(self.movable.shape[1])
 
-    @property
+    @cached_property
     def everywhere(self) -> npt.NDArray[np.bool_]:
         """True at all points, shape (n,)."""
         return np.ones(self.size, dtype=bool)

@@ -383,7 +383,7 @@ class ContactProblem:
             raise RuntimeError("there is no solution to advance from")
         law = Law(*self._task.promised(self._outcome))
         self._start = replace(self._outcome.next_step(self._begun), place=0.0)
-        normal = self._outcome.problem.traces(self._outcome.newton.x)[0]
+        normal = self._outcome.problem.system.contact.traces(self._outcome.newton.x)[0]
         previous = PreviousStep.of(self.u.copy(), Tractions.of(self.state), law, self._previous_step, self.tools)
         self._last = StepEnd(self._start, self._task.rest, normal, self._boundary, previous)
         self._foundations.settle()

@@ -25,7 +25,7 @@ class ElasticSystem(Protocol):
         load: b, the load cases times their current factors.
         start: a vector x that satisfies the prescribed displacements times the same factors, elsewhere the rigid motion
             that is nearest to them.
-        contact: B, from x to the relative displacement at the contact points.
+        contact: B, from x to the relative displacement at the contact points, and which entries of x are prescribed.
     """
 
     matrix: PETSc.Mat
@@ -36,10 +36,6 @@ class ElasticSystem(Protocol):
     @property
     def comm(self) -> MPI.Comm:
         """The ranks that share the system."""
-
-    @property
-    def fixed(self) -> npt.NDArray[np.bool_]:
-        """The prescribed entries of the local part of x."""
 
     @property
     def resultant(self) -> npt.NDArray[np.float64]:

@@ -26,7 +26,8 @@ def called_back(function: Callable[P, T]) -> Callable[P, T]:
     @wraps(function)
     def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
         try:
-            signals.serve()
+            if signals.arrived:
+                signals.serve()
             return function(*args, **kwargs)
         except BaseException as error:
             _raised.append(error)

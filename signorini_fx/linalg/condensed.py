@@ -72,7 +72,7 @@ class CondensedSystem(DenseSystem):
         retained = touched[(first <= touched) & (touched < last)] - first
         loads = [case.load.getArray(readonly=True) for case in e.cases]
         schur = SchurComplement(e.matrix, retained, loads, e.positions, definite=e.definite)
-        contact = e.contact.among(retained, e.fixed[retained])
+        contact = e.contact.among(retained, e.contact.fixed[retained])
         dense, relative = schur.dense, RelativeUnknowns.of(schur.dense, contact)
         if relative is not None:
             dense, contact = relative.matrix, relative.contact
@@ -105,7 +105,7 @@ class CondensedSystem(DenseSystem):
         """The condensed loads and the prescribed displacements times their factors."""
         self.factors = factors
         self.resultant = self.elasticity.resultant([case.case for case in self.cases], factors)
-        shape = (len(self.cases), self.fixed.size)
+        shape = (len(self.cases), self.contact.fixed.size)
         self.load.getArray()[:] = factors @ np.reshape([case.load for case in self.cases], shape)
         self.start.getArray()[:] = factors @ np.reshape([case.start for case in self.cases], shape)
 

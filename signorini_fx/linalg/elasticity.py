@@ -89,11 +89,6 @@ class Elasticity:
         return self.contact.points.comm
 
     @property
-    def fixed(self) -> npt.NDArray[np.bool_]:
-        """The prescribed unknowns of this rank."""
-        return self.contact.fixed
-
-    @property
     def positions(self) -> npt.NDArray[np.float64] | None:
         """Of the displacements of this rank, its first unknowns; None: not known."""
         return None if self.level is None else self.level.positions

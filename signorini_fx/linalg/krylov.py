@@ -82,7 +82,8 @@ class KrylovSystem(AssembledSystem):
         if self.rigid:
             nodes = of_nodes(e.matrix, e.rigid)
             self._tell(nodes)
-            return Hierarchy.of(nodes, e.level).with_rigid_bodies(~self.fixed[self.fixed.size - e.rigid :])
+            fixed = self.contact.fixed
+            return Hierarchy.of(nodes, e.level).with_rigid_bodies(~fixed[fixed.size - e.rigid :])
         if e.matrix.handle != self.matrix.handle:
             self._tell(e.matrix)
         return Hierarchy.of(e.matrix, e.level)
@@ -90,7 +91,7 @@ class KrylovSystem(AssembledSystem):
     @cached_property
     def levels(self) -> ContactLevels:
         """Of the hierarchy, as contact truncates them; collective."""
-        rigid = int(np.count_nonzero(~self.fixed[self.fixed.size - self.elasticity.rigid :]))
+        rigid = int(np.count_nonzero(~self.contact.fixed[self.contact.fixed.size - self.elasticity.rigid :]))
         return ContactLevels(self.hierarchy, self.matrix, self._touched, self.contact, rigid=rigid)
 
     @cached_property
@@ -103,7 +104,7 @@ class KrylovSystem(AssembledSystem):
         mark.assemble()
         touched = np.array(mark.getArray(readonly=True) > 0)
         touched[touched.size - self.elasticity.rigid :] = True
-        return np.flatnonzero(touched & ~self.fixed)
+        return np.flatnonzero(touched & ~self.contact.fixed)
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """CG, or FGMRES where the matrix is not symmetric, to a residual against the forces; see ``multigrid``."""
@@ -116,7 +117,7 @@ class KrylovSystem(AssembledSystem):
         contact = int(parallel.global_sum(self.comm, np.array(self._touched.size)))
         if contact == 0 or options.user_sets("pc_type") or not self.hierarchy.interpolations:
             return
-        preconditioner = ContactPreconditioner(self.levels, self.fixed, symmetric=symmetric)
+        preconditioner = ContactPreconditioner(self.levels, self.contact.fixed, symmetric=symmetric)
         self._preconditioners[ksp.handle] = preconditioner
         pc.setType(PETSc.PC.Type.PYTHON)
         pc.setPythonContext(SimpleNamespace(setUp=weakly(preconditioner.setUp), apply=weakly(preconditioner.apply)))

@@ -32,11 +32,6 @@ class PlainSystem:
         """The ranks that share the system."""
         return self.contact.points.comm
 
-    @property
-    def fixed(self) -> npt.NDArray[np.bool_]:
-        """The prescribed entries of the local part of x."""
-        return self.contact.fixed
-
     def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
         """None: it is the default."""
         return False

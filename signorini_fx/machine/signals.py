@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 # Those that a terminal, mpirun, a batch system or a timer sends.
 _DEFERRED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM, signal.SIGUSR1, signal.SIGUSR2)
 _handlers: dict[int, Any] = {}
-_waiting: list[tuple[int, FrameType | None]] = []
+# Those that wait to be served: number, and what Python ran.
+arrived: list[tuple[int, FrameType | None]] = []
 _deferring = _together = False
 
 
@@ -65,7 +66,7 @@ def together(comm: MPI.Comm) -> Iterator[None]:
 
 def waiting() -> int:
     """The number of signals that wait for ``agree`` on this rank."""
-    return len(_waiting) if _together else 0
+    return len(arrived) if _together else 0
 
 
 def agree(comm: MPI.Comm, count: int | None = None) -> None:
@@ -105,14 +106,14 @@ def serve() -> None:
 
 
 def _call() -> None:
-    while _waiting:
-        number, frame = _waiting.pop(0)
+    while arrived:
+        number, frame = arrived.pop(0)
         _handlers[number](number, frame)
 
 
 def _note(number: int, frame: FrameType | None) -> None:
     """In place of a handler, which it still calls if a signal comes while handlers are put back."""
     if _deferring:
-        _waiting.append((number, frame))
+        arrived.append((number, frame))
     else:
         _handlers[number](number, frame)

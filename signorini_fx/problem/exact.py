@@ -54,7 +54,7 @@ class ExactProblem(Problem):
         self._inserted: dict[int, npt.NDArray[np.float64]] = {}
         # The normal component first.
         self._unknown, self._sign = system.contact.selected()
-        self._free = ~system.fixed[self._unknown]
+        self._free = ~system.contact.fixed[self._unknown]
         self._work = system.load.duplicate()
         self._stress = self._stiffness / self.points.weight  # of a slip by one
 
@@ -65,7 +65,7 @@ class ExactProblem(Problem):
         reaction = self._work.getArray(readonly=True)[self._unknown]
         traction = np.where(self._free, -self._sign * reaction / self.points.weight[:, None], 0.0)
         pressure = np.where(sets.contact, traction[:, 0], 0.0)
-        if not self.data.has_friction:
+        if self.data.bound is None:
             return pressure, np.zeros_like(traction[:, 1:])
         slipping = self._at_bound(x, sets, pressure)
         return pressure, np.where(sets.slip[:, None], slipping, traction[:, 1:])
@@ -73,17 +73,17 @@ class ExactProblem(Problem):
     def _at_bound(self, x: PETSc.Vec, sets: ActiveSets, pressure: Nodal) -> Nodal:
         """Mu at slip points; a bound that follows a pressure follows it below zero, so that the map stays affine."""
         data = self.data
-        _, u_t = self.traces(x)
+        _, u_t = self.system.contact.traces(x)
         if data.bound is None:
             return np.zeros_like(u_t)
         return sliding_shear(sets, bound_of_sets(sets, pressure, data), slip_of(u_t, data))
 
     def _classify(self, x: PETSc.Vec) -> ActiveSets:
-        u_n, u_t = self.traces(x)
+        u_n, u_t = self.system.contact.traces(x)
         pressure, shear = self.multipliers(x, self.sets)
         contact = np.where(self.sets.contact, pressure > 0, u_n > self.data.gap)
         contact = keep_closed(contact, self.data) & self._free[:, 0]
-        if not self.data.has_friction:
+        if self.data.bound is None:
             return ActiveSets.of(contact, np.zeros_like(u_t))
         bound, motion = self.data.friction_bound(pressure), slip_of(u_t, self.data)
         # A point passes through stick: from slip it sticks where it would move against mu, from stick it slips.
@@ -106,7 +106,7 @@ class ExactProblem(Problem):
         """Constrained local unknowns and the values that they are set to."""
         constrained = np.empty_like(self._free)
         constrained[:, 0] = sets.contact
-        constrained[:, 1:] = ~sets.slip[:, None] & self.data.has_friction
+        constrained[:, 1:] = ~sets.slip[:, None] & (self.data.bound is not None)
         constrained &= self._free
         origin = 0.0 if self.data.slip_origin is None else self.data.slip_origin
         target = np.empty(self._free.shape)
@@ -123,9 +123,9 @@ class ExactProblem(Problem):
     def away(self, x: PETSc.Vec) -> Nodal:
         """See ``Problem``: how far mu is from the projection of mu + c tau_T y, c the stiffness of a node."""
         pressure, shear = self.multipliers(x, self.sets)
-        if not self.data.has_friction:
+        if self.data.bound is None:
             return np.zeros_like(pressure)
-        trial = shear + self._stress[:, None] * slip_of(self.traces(x)[1], self.data)
+        trial = shear + self._stress[:, None] * slip_of(self.system.contact.traces(x)[1], self.data)
         return length(shear - onto_disc(trial, self.data.friction_bound(pressure)))
 
     def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
@@ -145,7 +145,7 @@ class ExactProblem(Problem):
         shear = np.zeros((self.points.size, self._unknown.shape[1] - 1))
         placed = x.copy()
         placed.getArray()[dofs] = values
-        if self.data.has_friction:
+        if self.data.bound is not None:
             pressure, _ = self.multipliers(placed, sets)
             slipping = sets.slip[:, None] & self._free[:, 1:]
             shear = np.where(slipping, self._at_bound(placed, sets, pressure), 0.0)
@@ -164,7 +164,7 @@ class ExactProblem(Problem):
         self.sets = self.next.sets
         self._forced_first = False
         dofs, _values = self._constraints(self.sets)
-        comm = self.system.comm
+        comm = self.points.comm
         slopes, turning = self._slopes(self.sets), self._turning(self.sets)
         state = np.concatenate([dofs, slopes.ravel(), turning.ravel()])
         factorised = self._factorised.get(jacobian.handle)
@@ -200,7 +200,7 @@ class ExactProblem(Problem):
         """W k (I - e e^T) at slip points in the unknowns of the system, shape (n, d - 1, d - 1); zero in the plane."""
         direction = sets.direction
         across = np.eye(direction.shape[1]) - direction[:, :, None] * direction[:, None, :]
-        share = np.where(sets.slip, self.points.weight * sets.turning, 0.0) if self.data.has_friction else 0.0
+        share = np.where(sets.slip, self.points.weight * sets.turning, 0.0) if self.data.bound is not None else 0.0
         signs = self._sign[:, 1:] * self._free[:, 1:]
         if direction.shape[1] == 1:
             return np.zeros_like(across)

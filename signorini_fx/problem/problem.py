@@ -58,6 +58,9 @@ class Problem(ABC):
         points: its contact points.
         groups: which of them are judged together.
         data: the data that outer algorithms change.
+        affine: whether the residual is affine for fixed sets and directions, so that repeated sets mean a solution, and
+            sets that come back mean a cycle: not in space, where the direction of slip changes, nor where a friction
+            bound follows the pressure along a curve.
         sets: active sets of the last linear solve.
         next: active sets of the last residual.
         force_scale: size of the forces on the unknowns that are not prescribed, in the last residual.
@@ -79,15 +82,6 @@ class Problem(ABC):
         self._definite: set[int] = set()
         self._stiffness = parallel.largest(system.comm, system.matrix.getDiagonal().getArray(readonly=True))
 
-    @property
-    def affine(self) -> bool:
-        """Whether the residual is affine for fixed sets and directions, so that repeated sets mean a solution, and sets
-        that come back mean a cycle: not in space, where the direction of slip changes, nor where a friction bound
-        follows the pressure along a curve.
-        """
-        curved = self.data.follows is not None and not self.data.follows.affine
-        return (self.points.dimension == 2 or not self.data.has_friction) and not curved
-
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
         """Begin a new problem.
 
@@ -96,8 +90,10 @@ class Problem(ABC):
             first_sets: sets of the first linear solve; None: from the iterate and the sets of the previous problem.
         """
         self.data = data
+        curved = data.follows is not None and not data.follows.affine
+        self.affine = (self.points.dimension == 2 or data.bound is None) and not curved
         moved = self.system.start.copy()
-        moved.getArray()[self.system.fixed] = 0.0
+        moved.getArray()[self.system.contact.fixed] = 0.0
         self._lifted = None if moved.norm() == 0.0 else self.system.load.duplicate()
         if self._lifted is not None:
             self.system.matrix.mult(moved, self._lifted)
@@ -132,10 +128,6 @@ class Problem(ABC):
     @abstractmethod
     def factorised(self, jacobian: PETSc.Mat) -> None:
         """Note that the current Jacobian is factorised."""
-
-    def traces(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
-        """(tau_N y, tau_T y) at the contact points."""
-        return self.system.contact.traces(x)
 
     def law_residual(self, x: PETSc.Vec) -> float:
         """Largest distance of mu from the projection (3.4), relative to the largest bound or shear that the body feels,
@@ -207,12 +199,12 @@ class Problem(ABC):
         data = self.data
         if not np.isfinite(data.gamma_n):
             return False
-        u_n, u_t = self.traces(x)
+        u_n, u_t = self.system.contact.traces(x)
         far = 2 * x.norm(PETSc.NormType.NORM_INFINITY) if self.system.contact.paired else np.abs(u_n)
         stretch = data.gamma_n * np.maximum(far, np.abs(data.gap))
-        if data.has_friction:
+        if data.bound is not None:
             stretch = np.maximum(stretch, data.gamma_t * length(u_t))
-        largest = parallel.largest(self.system.comm, self.points.weight * stretch)
+        largest = parallel.largest(self.points.comm, self.points.weight * stretch)
         return bool(largest * np.finfo(float).eps > tolerance * self.force_scale)
 
     def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
@@ -260,10 +252,10 @@ class Problem(ABC):
             free = vector.copy()
             if self._lifted is not None:
                 free.axpy(-1.0, self._lifted)
-            free.getArray()[self.system.fixed] = 0.0
+            free.getArray()[self.system.contact.fixed] = 0.0
             acting.append(free.norm())
         if self.system.contact.paired:
-            area = float(np.sqrt(parallel.global_sum(self.system.comm, np.sum(self.points.weight**2))))
+            area = float(np.sqrt(parallel.global_sum(self.points.comm, np.sum(self.points.weight**2))))
             acting.append(area * self._least_traction(x))
         self.force_scale = max(*acting, _ATTAINABLE * self._stiffness * x.norm())
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from petsc4py import PETSc
 
 from signorini_fx.contact.laws import (
@@ -35,26 +36,30 @@ class RegularisedProblem(Problem):
 
     def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Nodal, Nodal]:
         """See ``Problem``."""
-        return multipliers(sets, *self.traces(x), self.data)
+        return multipliers(sets, *self.system.contact.traces(x), self.data)
 
     def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """See ``Problem``."""
-        u_n, _ = self.traces(x)
-        pressure, _ = self.multipliers(x, self.sets)
-        return self.data.friction_bound(pressure), self.data.friction_bound(trial_pressure(u_n, self.data))
+        data = self.data
+        if data.follows is None:  # given, whatever the iterate
+            bound = np.zeros(self.points.size) if data.bound is None else data.bound
+            return bound, bound
+        u_n, u_t = self.system.contact.traces(x)
+        pressure, _ = multipliers(self.sets, u_n, u_t, data)
+        return data.friction_bound(pressure), data.friction_bound(trial_pressure(u_n, data))
 
     def away(self, x: PETSc.Vec) -> Nodal:
         """See ``Problem``."""
-        return law_residual(self.sets, *self.traces(x), self.data)
+        return law_residual(self.sets, *self.system.contact.traces(x), self.data)
 
     @called_back
     def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """See ``Problem``."""
-        u_n, u_t = self.traces(x)
+        u_n, u_t = self.system.contact.traces(x)
         trial = self.next.trial if self._forced_first else classify(self.sets, u_n, u_t, self.data)
         trial = linearised(trial, trial_pressure(u_n, self.data), self.data)
         self._hold(trial, *multipliers(self.sets, u_n, u_t, self.data))
-        self.imbalance(x, *self.multipliers(x, self.next.sets), f)
+        self.imbalance(x, *multipliers(self.next.sets, u_n, u_t, self.data), f)
 
     def imbalance(self, x: PETSc.Vec, pressure: Nodal, shear: Nodal, f: PETSc.Vec) -> None:
         """R(x) for given (lambda, mu); collective."""

@@ -63,7 +63,7 @@ class ContactTangent:
             1 + blocks.size if old is None else np.count_nonzero((old != blocks).any(axis=(1, 2)))
             for old in earlier_blocks
         ]
-        changed, moved = (int(count) for count in parallel.global_sum(self._comm, np.array(differ)))
+        changed, moved = [int(count) for count in parallel.global_sum(self._comm, np.array(differ))]
         since = None if earlier_blocks[1] is None else moved
         if changed > 0:
             self.inserted[matrix.handle] = blocks

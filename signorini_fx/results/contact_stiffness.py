@@ -42,7 +42,7 @@ def contact_stiffness(d: Discretisation, step: float | None = None) -> tuple[Nod
     retained = np.unique(columns).astype(np.int32)
     if max(retained.size, len(starts) - 1) > _MOST_COMPONENTS:
         return f"there are {len(starts) - 1} components of contact points, the proof is for at most {_MOST_COMPONENTS}"
-    free = ~elasticity.fixed[retained]
+    free = ~elasticity.contact.fixed[retained]
     rows = np.zeros((len(starts) - 1, retained.size))
     rows[np.repeat(np.arange(len(rows)), np.diff(starts)), np.searchsorted(retained, columns)] = values
     try:

@@ -103,7 +103,7 @@ def _with_every(
     coarse_boundary = replace(_at(rows, count, boundary), weight=weight, segments=segments, averages=None)
     # The two unknowns of each node, in the order of their numbers; what else two bodies have stays as it is.
     of_nodes = between[first] @ sp.csr_array((np.ones(nodes.size), node, np.arange(nodes.size + 1)))
-    carrying, free = _of_nodes(system), ~parallel.gather_rows(comm, system.fixed)
+    carrying, free = _of_nodes(system), ~parallel.gather_rows(comm, system.contact.fixed)
     order = np.argsort(np.concatenate((np.flatnonzero(carrying), np.flatnonzero(~carrying))))
     prolongation = sp.csr_array(
         sp.block_diag((sp.kron(of_nodes, np.eye(2)), sp.eye_array(np.count_nonzero(~carrying))))

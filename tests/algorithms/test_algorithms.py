@@ -80,7 +80,7 @@ def test_the_limit_in_space_sees_a_shear_beside_its_slip():
     slip = problem.sets.slip
     assert slip.any()
     diagonal = task.system.matrix.getDiagonal().getArray().max()
-    trial = 1.5 * direction + diagonal / boundary.weight[:, None] * problem.traces(newton.x)[1]
+    trial = 1.5 * direction + diagonal / boundary.weight[:, None] * problem.system.contact.traces(newton.x)[1]
     away = np.linalg.norm(direction[slip] - trial[slip] / np.linalg.norm(trial[slip], axis=1)[:, None], axis=1)
     assert away.min() > 0.2
     np.testing.assert_allclose(problem.away(newton.x)[slip], 1.5 * away, rtol=1e-9)

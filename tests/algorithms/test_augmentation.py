@@ -13,6 +13,7 @@ from signorini_fx.algorithms.augmentation import Augmentation, with_enough_digit
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import unit
+from signorini_fx.contact.map import ContactMap
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scene.reading import parse_scene
@@ -166,14 +167,14 @@ def test_what_is_left_after_one_problem(gammas):
     task, boundary = begun(example1(bound=0.2, nx=24, ny=8, gamma=gammas))
     augmentation, newton, points = Augmentation(task.iterate.newton, 1e8, 1e-9), task.iterate.newton, boundary.points
     assert augmentation.measure(task.start.data) == pytest.approx(1.0)
-    u_n, u_t = newton.problem.traces(newton.x)
+    u_n, u_t = newton.problem.system.contact.traces(newton.x)
     pressure, shear = newton.multipliers()
     sticks = np.abs(shear) < 0.2
     assert sticks.any()
     assert not sticks.all()
     moved = max((u_n - task.start.data.gap)[pressure > 0].max(), np.abs(u_t)[sticks].max())
     assert augmentation.violation == pytest.approx(moved / max(np.abs(u_n).max(), np.abs(u_t).max()), rel=1e-6)
-    diagonal = np.where(task.system.fixed, 0.0, task.system.matrix.getDiagonal().getArray())
+    diagonal = np.where(task.system.contact.fixed, 0.0, task.system.matrix.getDiagonal().getArray())
     diagonal = diagonal.reshape(-1, 2)  # the normal is along an axis
     stiffness = diagonal[boundary.nodes].max(axis=1) / boundary.weight
     sizes = [points.norm(pressure), points.norm(shear)]
@@ -293,13 +294,13 @@ def in_space(walls=("bottom",), supports=(), **solver):
 
 
 @pytest.mark.parametrize(("turn", "wrong"), [(0.0, 0.0), (1e-4, 1e-4), (np.pi, 1.0)])
-def test_a_shear_that_does_not_point_along_the_slip_has_not_settled(turn, wrong):
+def test_a_shear_that_does_not_point_along_the_slip_has_not_settled(monkeypatch, turn, wrong):
     """However little the multipliers change, at a node that slips the shear is along its slip."""
     task, _ = begun(in_space(supports=[{"boundary": "back", "x": 0.0, "y": 0.0, "z": 0.0}]))
     newton, points = task.iterate.newton, task.motions.points
     slip = np.zeros((points.size, 2))
     slip[np.flatnonzero(np.trace(points.movable, axis1=1, axis2=2) > 2.5)[0]] = 0.6, 0.8
-    newton.problem.traces = lambda x: (np.zeros(points.size), slip)
+    monkeypatch.setattr(ContactMap, "traces", lambda contact, x: (np.zeros(points.size), slip))
     shear = slip @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     data = replace(task.start.data, lambda_hat=np.zeros(points.size), mu_hat=shear, bound=np.ones(points.size))
     newton.shifts = lambda data: (data.lambda_hat, data.mu_hat)
@@ -387,7 +388,7 @@ def test_a_node_that_a_support_drags_has_not_settled_below_its_bound():
     )
     newton.problem.set_data(data, newton.problem.sets)
     half = 0.15 * newton.multipliers()[0] * points.immovable
-    shear = half[:, None] * unit(newton.problem.traces(newton.x)[1])
+    shear = half[:, None] * unit(newton.problem.system.contact.traces(newton.x)[1])
     for least, settled in ((0.0, True), (1.0, False)):
         newton.shifts = lambda data, least=least: (data.lambda_hat, least * shear)
         augmentation = Augmentation(newton, 1e8, 1e-7)

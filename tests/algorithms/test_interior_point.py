@@ -52,7 +52,7 @@ def test_from_anywhere(kind):
     d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(d, History())
     x, random = task.iterate.x.getArray(), np.random.default_rng(3)
-    x[:] = np.where(task.system.fixed, x, random.standard_normal(x.size))
+    x[:] = np.where(task.system.contact.fixed, x, random.standard_normal(x.size))
     assert interior_point(task.iterate.newton, task.start.data, lambda: None) is Status.CONVERGED
     assert task.history.linear_solves <= 40
     ours = d.from_rest(task.rest, task.system.displacement(task.iterate.x)).x.array

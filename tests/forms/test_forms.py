@@ -146,7 +146,7 @@ def test_sets_of_the_problem_before_stick_where_there_is_no_limit():
     vector = problem.system.start.duplicate()
     vector.setArray(y.x.array)
     _, shear = problem.multipliers(vector, problem.sets)
-    np.testing.assert_array_equal(shear, trial_shear(problem.traces(vector)[1], problem.data))
+    np.testing.assert_array_equal(shear, trial_shear(problem.system.contact.traces(vector)[1], problem.data))
 
 
 @pytest.mark.parametrize("friction", ["given", "none", "of the pressure"])

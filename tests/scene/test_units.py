@@ -265,9 +265,9 @@ def test_the_size_of_the_forces(element, linear_algebra):
         system, work = task.system, task.iterate.x.duplicate()
         system.matrix.mult(task.iterate.x, work)
         rigid, lifted = system.start.copy(), work.duplicate()
-        rigid.getArray()[system.fixed] = 0.0
+        rigid.getArray()[system.contact.fixed] = 0.0
         system.matrix.mult(rigid, lifted)
-        forces = [(vector - lifted).getArray()[~system.fixed] for vector in (work, system.load)]
+        forces = [(vector - lifted).getArray()[~system.contact.fixed] for vector in (work, system.load)]
         forces = [np.linalg.norm(part) for part in forces]
         assert problem.force_scale == pytest.approx(max(forces), rel=1e-6)
         diagonal = d.stiffness.getDiagonal().getArray()

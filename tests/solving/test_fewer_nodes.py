@@ -139,8 +139,9 @@ def test_galerkin_system():
     change = np.zeros((2 * x.size, 2 * at.size))
     for component in (0, 1):
         change[np.ix_(2 * numbers + component, 2 * few + component)] = hat
-    change[system.fixed] = 0.0
-    free = ~system.fixed[(2 * np.sort(numbers[np.isin(d.boundary.nodes, some.nodes)])[:, None] + [0, 1]).ravel()]
+    fixed = system.contact.fixed
+    change[fixed] = 0.0
+    free = ~fixed[(2 * np.sort(numbers[np.isin(d.boundary.nodes, some.nodes)])[:, None] + [0, 1]).ravel()]
     change = change[:, free]
     dense = system.matrix.getDenseArray()
     start, load = system.start.getArray(), system.load.getArray()
@@ -148,7 +149,7 @@ def test_galerkin_system():
     np.testing.assert_allclose(small.matrix.getDenseArray(), change.T @ dense @ change, atol=1e-11 * abs(dense).max())
     expected = change.T @ (load - dense @ start)
     np.testing.assert_allclose(small.load.getArray(), expected, atol=1e-11 * abs(expected).max())
-    assert not small.fixed.any()
+    assert not small.contact.fixed.any()
     # Relative displacements are those of start + P x, counted from those of the start, as gaps and slip are.
     x_small, x_all = small.load.duplicate(), system.load.duplicate()
     x_small.getArray()[:] = np.sin(np.arange(free.sum()))
@@ -240,7 +241,7 @@ def test_two_bodies(degree):
         )
 
     task, d = task_of(scene("auto", "condensed"))
-    assert 0 <= task.system.fixed.size - 2 * d.boundary.size <= 12
+    assert 0 <= task.system.contact.fixed.size - 2 * d.boundary.size <= 12
     plain, begun = (alone(scene(start, kind)) for start, kind in (("all", "full"), ("auto", "condensed")))
     assert begun.certificate.holds
     assert [event.split()[-1] for event in first_solves(begun)] == ["converged"] * 2

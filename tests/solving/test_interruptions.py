@@ -141,7 +141,7 @@ def test_a_signal(place, older, tmp_path, monkeypatch, capfd):
     assert told.count("signorini-fx: ") == told.count("signorini-fx: interrupted") == 1
     assert told.endswith("\n")
     assert left_alone(older, out)
-    assert not signals._waiting
+    assert not signals.arrived
 
 
 @pytest.mark.parametrize("place", [place for place in PLACES if place != "writing"])

@@ -435,7 +435,7 @@ def test_all_that_belongs_to_a_load_step(tmp_path, text, exact):
     directions = unit(rng.normal(size=(count, tangents))) * (rng.random((count, 1)) < 0.5)
     sets = ActiveSets.of(rng.random(count) < 0.5, directions, rng.random(count))
     newton = task.iterate.exact_newton if exact else task.iterate.newton
-    free = ~newton.problem.system.fixed
+    free = ~newton.problem.system.contact.fixed
     newton.x.getArray()[free] = 1e-3 * rng.normal(size=np.count_nonzero(free))
     newton.pose(solved, sets)
     outcome = Outcome(Status.CONVERGED, newton, regularised, monolithic=True, augmented=True, regularisation_error=0.25)

@@ -88,7 +88,7 @@ def test_work_of_the_residual():
         task = contact_task(d, History())
         problem, x = task.iterate.newton.problem, field(d, 1.0, 2.0)
         problem.set_data(task.start.data)
-        sets, residual = natural_sets(*problem.traces(x), task.start.data), x.duplicate()
+        sets, residual = natural_sets(*problem.system.contact.traces(x), task.start.data), x.duplicate()
         problem.imbalance(x, *problem.multipliers(x, sets), residual)
         return float(residual.dot(field(d, -3.0, 1.0)))
 
