@@ -26,6 +26,7 @@ LAYERS = (
     "derivatives",
     "solving",
     "check",
+    "interfaces",
     "results",
     "report",
     "quantities",

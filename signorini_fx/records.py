@@ -76,7 +76,7 @@ _ADVICE = {
         "prescribe a displacement"
     ),
     Status.SLIDES_AT_PRESSURES: (
-        "friction at the contact pressures that were found, such as those of a fit or of preloaded bolts, cannot carry "
+        "friction at the contact pressures that were found, such as those of a fit or of tightened bolts, cannot carry "
         "the loads; the history says which share of them it carries. Nothing is proved of other pressures. Lower the "
         "load, raise the friction or what presses the contact, or find the limit with load_steps.steps"
     ),

@@ -2321,7 +2321,7 @@ MUTANTS = (
         tests=("certificate_of_pairs",),
     ),
     Mutant(
-        "body/section_loads",
+        "body/jumps",
         "abs(averages.shares) @ from_owners(owned_flags, averages.nodes, boundary.comm)[:, 0] > 0",
         "of_points",
         "preload: a section at the other body's side of a contact is taken",
@@ -3047,7 +3047,7 @@ MUTANTS = (
         tests=("mixed_bodies::test_one_of_them_enclosed",),
     ),
     Mutant(
-        "body/section_loads",
+        "body/jumps",
         "assemble(forms[1]) / mixed.unit",
         "0.0 * assemble(forms[1])",
         "mixed element: a shortened section does not change the volume",
@@ -3464,7 +3464,7 @@ MUTANTS = (
         tests=("tools::test_multigrid_takes_as_many_steps_as_for_a_prescribed_motion",),
     ),
     Mutant(
-        "body/section_loads",
+        "body/jumps",
         "-sum((assemble(form) for form in forms), np.zeros(owned))",
         "sum((assemble(form) for form in forms), np.zeros(owned))",
         "a preload loosens the bolt",
@@ -3506,8 +3506,8 @@ MUTANTS = (
         tests=("abaqus_decks::test_a_bolt_that_a_force_tightens",),
     ),
     Mutant(
-        "solving/scene_steps",
-        'with_shortenings(d, tightened_at(d, path_step), path_step, figures["shortenings"])',
+        "interfaces/sections",
+        '_with_shortenings(d, step, figures["shortenings"])',
         "d",
         "restart: a bolt that was tightened is loose again",
         tests=("preload::test_restart",),
@@ -4085,7 +4085,7 @@ MUTANTS = (
     ),
     Mutant(
         "solving/sweep",
-        "() if scene.tightens_at(0) else first",
+        "() if scene.sought_at(0) else first",
         "()",
         "sweep: the coarser meshes give no start",
         tests=("mesh_levels::test_sweep",),
@@ -4226,8 +4226,8 @@ MUTANTS = (
     ),
     Mutant(
         "results/contact_stiffness",
-        "jump.acts and jump.force_at(d.scene, load_step) is not None",
-        "False",
+        "d.scene.sought_at(load_step).values()",
+        "()",
         "uniqueness: a preload by force keeps its shortening",
         tests=("uniqueness::test_a_preload_by_force_is_not_proved_by_the_stiffness_of_a_fixed_shortening",),
     ),
@@ -4874,7 +4874,7 @@ MUTANTS = (
         tests=("preload::test_sweep_of_a_heavy_and_heated_bolt",),
     ),
     Mutant(
-        "solving/preload",
+        "interfaces/sections",
         "best / 2 <= missing <= _ENOUGH",
         "missing <= _ENOUGH",
         "preload: what Coulomb friction may leave is enough for all",
@@ -5139,7 +5139,7 @@ MUTANTS = (
         tests=("certificate_of_pieces::test_a_body_between_a_support_and_springs",),
     ),
     Mutant(
-        "solving/preload",
+        "interfaces/sections",
         "np.abs(wanted - force).max()",
         "np.abs(wanted - force).min()",
         "preload: one section that has its force is enough",

@@ -20,7 +20,6 @@ from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.element_stress import ElementStress, element_stress
 from signorini_fx.body.quadrature import parallelepipeds, strain_degree
 from signorini_fx.records import Inventory
-from signorini_fx.scene.effect import InitialStrain, SectionJump
 from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE
 
 _PROJECTION_TOLERANCE = 1e-6
@@ -84,7 +83,7 @@ class StressRecovery:
         empty = fem.Function(d.space) if d.mixed is None else d.mixed.displacement(np.zeros(d.mixed.count))
         stress, scene = element_stress(d, empty), d.scene
         # Without the radius, and expressions in the stress, all is a product of two polynomials like the strain.
-        strained = any(isinstance(effect, InitialStrain | SectionJump) for _, effect in scene.listed())
+        strained = any(effect.strains for _, effect in scene.listed())
         plain = d.kinematics.uniform and not strained and d.mixed is None
         degree = strain_degree(d.space) if plain and parallelepipeds(d.tagged.mesh) else None
         inventory = d.inventory if inventory is None else inventory

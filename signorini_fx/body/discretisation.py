@@ -18,6 +18,7 @@ from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.elastic_terms import ELASTIC_FORMS, elastic_terms
 from signorini_fx.body.foundations import Foundations
 from signorini_fx.body.initial_strains import check_strains
+from signorini_fx.body.jumps import holds, jump_loads, jumps_in
 from signorini_fx.body.loads import (
     AppliedLoad,
     FormCoefficients,
@@ -46,7 +47,7 @@ from signorini_fx.mesh.tagged import TaggedMesh, check_fits
 from signorini_fx.method import Settings
 from signorini_fx.records import Inventory, Timings
 from signorini_fx.scales import Scales
-from signorini_fx.scene.effect import Load, SectionJump
+from signorini_fx.scene.effect import Load
 from signorini_fx.scene.model import Scene
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON
 
@@ -243,18 +244,12 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         if boundary is not None and tools is not None:
             boundary = tools.on(boundary)
             applied += [tool_load(tools, number, scene, space) for number in range(tools.parts.size)]
-        if scene.of(SectionJump):
-            from signorini_fx.body.section_loads import holds, section_loads
-
+        if jumps := jumps_in(scene, tagged, space):
             bonded = [k for k, contact in enumerate(scene.contact) if contact.kind == "bonded"]
             held = partial(holds, fixed=fixed, turned=turned, boundary=boundary, bonded=bonded)
-            applied += section_loads(scene, tagged, space, terms, mixed, inventory, held)
-        if boundary is not None and scene.joint_loads:
-            from signorini_fx.body.joint_loads import JointLoads
-
-            JointLoads(scene, tagged, space, boundary, 0)
-            nothing = np.zeros(fixed.size)  # which ``solving.joint_loads`` replaces
-            applied.append(AppliedLoad((1.0,) * scene.steps, (), (), nothing, fem.Function(space), grows=False))
+            applied += jump_loads(jumps, scene, space, terms, mixed, inventory, held)
+        if boundary is not None:
+            applied += [load for interface in scene.interfaces for load in interface.loads(tagged, space, boundary)]
     together(
         partial(check_finite, tagged.mesh.comm, applied),
         partial(check_resistances, scene, tagged),

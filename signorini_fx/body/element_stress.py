@@ -16,11 +16,11 @@ from dolfinx import default_scalar_type, fem
 from signorini_fx import compat, parallel
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.initial_strains import initial_strain
+from signorini_fx.body.jumps import total_jump
 from signorini_fx.body.mixed import hydrostatic_of
 from signorini_fx.body.moduli import isotropic, poisson_of
 from signorini_fx.kinematics.cartesian import Kinematics, position
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.scene.effect import SectionJump
 
 _Floats = npt.NDArray[np.float64]
 
@@ -217,12 +217,9 @@ def _interpolation(value: Any, space: fem.FunctionSpace) -> tuple[fem.Function, 
 
 
 def _moved(body: Discretisation, y: fem.Function, step: float) -> tuple[Any, Callable[[float], None]]:
-    """The displacement with the jumps across sections, UFL, and what moves these to a place in the lists of factors."""
-    if not body.scene.of(SectionJump):
-        return y, lambda step: None
-    from signorini_fx.body.section_loads import jump_of
-
-    jump, move_to = jump_of(body.scene, body.tagged, body.space, step)
+    """The displacement with its jumps, UFL, and what moves these to a place in the lists of factors."""
+    jump, move_to = total_jump(body.scene, body.tagged, body.space)
+    move_to(step)
     return y if jump is None else y + jump, move_to
 
 

@@ -28,7 +28,7 @@ from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.scales import Scales
-from signorini_fx.scene.effect import Effect, Force, InitialStrain, Load, Resistance, SectionJump
+from signorini_fx.scene.effect import Effect, Force, InitialStrain, Load, Resistance
 from signorini_fx.scene.expressions import Expression, sample
 from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.magnitudes import LARGEST
@@ -56,8 +56,8 @@ class AppliedLoad:
             depend on the time.
         driven: what drives tools; None: nothing.
         balanced: whether its forces balance each other in each cell, as those of initial strains do.
-        section: the section whose shortening multiplies it in place of factors; None: there is none.
-        amount: that shortening, length, at a place in the lists of factors.
+        entry: the entry of the scene that it is of alone; None: of several.
+        amount: what multiplies it in place of factors, at a place in the lists of these; None: factors do.
         swelling: of an initial strain its work at the owned unknowns of the pressure of a mixed element, volumes; None:
             its forces say it.
     """
@@ -71,7 +71,7 @@ class AppliedLoad:
     again: Callable[[float], AppliedLoad] | None = None
     driven: Driven | None = None
     balanced: bool = False
-    section: SectionJump | None = None
+    entry: Load | None = None
     amount: Callable[[float], float] | None = None
     swelling: npt.NDArray[np.float64] | None = None
 
@@ -256,10 +256,10 @@ Group = tuple[tuple[float, ...], bool, bool, bool]
 
 
 def load_groups(scene: Scene) -> dict[Group, list[Load]]:
-    """The loads of the scene by what they share; zero loads are left out, and sections, see ``section_loads``."""
+    """The loads of the scene by what they share, without those that are zero or that an interface assembles."""
     groups: dict[Group, list[Load]] = {}
     for load in scene.loads:
-        if load.acts and not isinstance(load, SectionJump):
+        if load.acts and load.grouped:
             groups.setdefault(group_of(scene, load), []).append(load)
     return groups
 

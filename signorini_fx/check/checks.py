@@ -30,7 +30,7 @@ from signorini_fx.effects.material import LOCKING_POISSON
 from signorini_fx.mesh.hierarchy import coarser_scenes, scene_on
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, Timings
-from signorini_fx.scene.effect import Force, Load, SectionJump
+from signorini_fx.scene.effect import Force, Load
 from signorini_fx.scene.model import Scene
 
 # What ``stress_recovery.StressRecovery`` compiles.
@@ -159,9 +159,11 @@ def _effects(d: Discretisation) -> list[ListedEffect]:
     names = dict(zip(load_groups(scene), (load.names for load in d.applied), strict=False))
 
     def form_of(effect: Any) -> tuple[str, ...]:
-        if isinstance(effect, SectionJump):
-            return next(load.names for load in d.applied if load.section is effect)
-        return names[group_of(scene, effect)] if isinstance(effect, Load) else (d.resisting,)
+        if not isinstance(effect, Load):
+            return (d.resisting,)
+        if effect.grouped:
+            return names[group_of(scene, effect)]
+        return next(load.names for load in d.applied if load.entry is effect)
 
     for key, entries in scene.effects.items():
         if key not in ("material", "displacement", "contact"):

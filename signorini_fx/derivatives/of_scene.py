@@ -38,7 +38,7 @@ from signorini_fx.quantities.differentiable import functional_of
 from signorini_fx.quantities.functional import Functional
 from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import ConvergenceError, Solution
-from signorini_fx.scene.effect import Force, InitialStrain, Resistance, SectionJump
+from signorini_fx.scene.effect import Force, InitialStrain, Resistance
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving.one_mesh import solve_mesh
 from signorini_fx.solving.scene_steps import SceneSteps
@@ -179,12 +179,7 @@ def _check(scene: Scene) -> None:
             "derivatives are not possible yet with a pressure of its own: leave 'mixed' out",
         ),
         ("derivatives" in refuses, "material.hypothesis", refuses.get("derivatives", "")),
-        (
-            bool(scene.joint_loads),
-            next(iter(scene.joint_loads), ""),
-            "derivatives are not possible yet where it enters contact",
-        ),
-        (scene.tightens_at(0), "preload", "derivatives are not possible yet with a preload by force"),
+        *((True, path, f"derivatives are not possible yet where {why}") for path, why in scene.sought_at(0).items()),
         (scene.solver.levels > 1, "solver.levels", "derivatives are those of one mesh: leave it out"),
         (scene.accuracy is not None, "accuracy", "derivatives are those of one mesh: leave it out"),
     ):
@@ -287,7 +282,7 @@ def _by_modulus(above: Scene, below: Scene, step: float, steps: list[_Step]) -> 
     if len(steps) > _FEW:
         with _lame(d, slopes):
             forms = sum_of(forms, [])
-    strained = any(isinstance(entry, InitialStrain | SectionJump) for _, entry in above.listed())
+    strained = any(entry.strains for _, entry in above.listed())
     prepared = [prepare(entry, d.tagged, Timings()) for entry in (above, below)] if strained else []
 
     def residual(k: int) -> PETSc.Vec:

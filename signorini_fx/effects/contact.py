@@ -127,6 +127,16 @@ class Contact(Effect):
         return self.model_copy(update={"foundation": foundation, "friction": self.friction.at_time(time)})
 
     @property
+    def features(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
+        """See ``Effect``."""
+        uses = (
+            ("contact of two bodies", ("against",), self.against is not None),
+            ("moving foundation", ("foundation",), self.tool is not None or self.moves),
+            ("friction axes", ("friction", "ratio"), self.friction.directed),
+        )
+        return tuple((name, keys) for name, keys, used in uses if used)
+
+    @property
     def vectors(self) -> tuple[str, ...]:
         """See ``Effect``."""
         return ("direction",)

@@ -21,7 +21,7 @@ class Fluid(JointLoad):
         weight: of the fluid, force per volume.
         up: the axis against gravity, ``x``, ``y`` or ``z``; None: y in the plane, z in space.
         factors: one number per load step; None: 1 in every step.
-        live: whether the safety factor multiplies it; a preload is not live.
+        live: whether the safety factor multiplies it; a permanent load is not live.
         enters: boundaries in contact that it enters from this one, as far as they are open.
         closed: what contact carries that it has not entered: none, linear, from its pressure where it ends to zero at
             the other end of the contact, in the plane, or full, its whole pressure.

@@ -18,7 +18,7 @@ class TotalForce(VectorForce):
         z: component along x[2], force; only in space.
         spread: to what the force per area is proportional; its integral over the boundary must not be zero.
         factors: one number per load step; None: 1 in every step.
-        live: whether the safety factor multiplies it; a preload is not live.
+        live: whether the safety factor multiplies it; a permanent load is not live.
     """
 
     boundary: str

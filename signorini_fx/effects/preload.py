@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from pydantic import PrivateAttr, model_validator
 
-from signorini_fx.scene.effect import Contradictions, SectionJump, text
+from signorini_fx.scene.effect import Contradictions, Load, text
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.rigid_motion import Timed
 from signorini_fx.scene.values import Count, Direction, Vector
 
 
-class Preload(SectionJump):
+class Preload(Load):
     """A section across a bolt, whose two sides are moved towards each other along one direction, and else are joined.
 
     In Abaqus and CalculiX it is a ``*PRE-TENSION SECTION``.
@@ -28,6 +28,9 @@ class Preload(SectionJump):
         locked_after: number of the factors, from 1, after which the length that the force has led to is kept.
         factors: one number per load step, by which force or shortening are multiplied; None: 1 in every step.
     """
+
+    strains: ClassVar[bool] = True
+    grouped: ClassVar[bool] = False
 
     section: str | None = None
     region: str | None = None
@@ -82,6 +85,30 @@ class Preload(SectionJump):
         words = ", ".join(f"{key} = {text(value)}" for key, value in self.given.items())
         return words if self.force is None else f"{words}, locked_after = {self.locked_after}"
 
+    @property
+    def interface(self) -> str:
+        """See ``Effect``."""
+        return "sections" if self.acts else ""
+
+    @property
+    def features(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
+        """See ``Effect``."""
+        return (("shortened section", ()),)
+
+    @property
+    def inner_facets(self) -> tuple[str, ...]:
+        """See ``Effect``."""
+        return () if self.section is None else (self.section,)
+
+    @property
+    def assumed(self) -> str:
+        """See ``Effect``."""
+        return "sections are shortened as they are"
+
+    def sought_at(self, scene: Any, step: float) -> str:
+        """See ``Effect``."""
+        return "" if self.force_at(scene, step) is None else "a force determines the shortening of a section"
+
     def contradictions(self, scene: Any, number: int) -> Contradictions:
         """See ``Effect``."""
         path = ("preload", number)
@@ -101,13 +128,13 @@ class Preload(SectionJump):
                 yield (*path, "force"), f"is not possible yet with {reason}: give shortening"
 
     def force_at(self, scene: Any, step: float) -> float | None:
-        """See ``SectionJump``."""
+        """The tension that determines its shortening, at a place in the lists of factors; None: that is known."""
         if self.force is None or step > self.locked_after - 1:
             return None
         return self._value_at(scene, step)
 
     def shortening_at(self, scene: Any, step: float) -> float:
-        """See ``SectionJump``; of a force zero until it is found."""
+        """By how much it is shortened there, length; of a force zero until it is found."""
         if self.force is not None:
             places = [found_step for found_step in self._shortenings if found_step <= step]
             return self._shortenings[max(places)] if places else 0.0

@@ -18,7 +18,7 @@ class SurfaceTraction(VectorForce):
         z: component along x[2], stress; only in space.
         pressure: pressure on the boundary, which acts along the inward normal, stress.
         factors: one number per load step; None: 1 in every step.
-        live: whether the safety factor multiplies it; a preload is not live.
+        live: whether the safety factor multiplies it; a permanent load is not live.
     """
 
     boundary: str

@@ -67,8 +67,8 @@ TORSION = TwistedBody(
         "moving foundation": f"a foundation that moves {_YET}: move or turn the body",
         "nested iteration": f"a sequence of meshes {_YET}",
         "orthotropic material": _YET,
-        "preload": _YET,
         "requested accuracy": _YET,
         "requested bound": _YET,
+        "shortened section": _YET,
     },
 )

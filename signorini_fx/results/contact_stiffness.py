@@ -8,9 +8,7 @@ from petsc4py import PETSc
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.linalg.schur import SchurComplement
-from signorini_fx.scene.effect import SectionJump
 
-ENTERS = "a load that enters the contact depends on what opens"
 # More components of contact points than this are not looked at: the matrices are dense.
 _MOST_COMPONENTS = 1200
 
@@ -23,12 +21,10 @@ def contact_stiffness(d: Discretisation, step: float | None = None) -> tuple[Nod
         step: the place of the load step in the lists of factors; None: the last one.
     """
     law, load_step = d.law, d.scene.steps - 1 if step is None else step
-    by_force = any(jump.acts and jump.force_at(d.scene, load_step) is not None for jump in d.scene.of(SectionJump))
     assert law is not None
     for wrong, reason in (
-        (bool(d.scene.joint_loads), ENTERS),
-        # Its shortening is an unknown as well, which the stiffness of a fixed one holds.
-        (by_force, "not tried where a force determines the shortening of a section"),
+        # What is an unknown as well the stiffness takes as fixed.
+        *((True, f"not tried where {clause}") for clause in d.scene.sought_at(load_step).values()),
         (d.tools is not None, "not tried where a force moves a foundation"),
         (law.ends_open is not None, "where a point opens, its friction ends with a jump"),
         (bool(law.laws), law.unknown),

@@ -20,6 +20,7 @@ from dolfinx import fem
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import adjugates, assemble
+from signorini_fx.body.jumps import Jump, jumps_in
 from signorini_fx.body.loads import FormCoefficients, compile_loads
 from signorini_fx.body.mixed import MixedDisplacement, hydrostatic_of
 from signorini_fx.body.moduli import reduced_degree
@@ -29,7 +30,7 @@ from signorini_fx.records import Inventory
 from signorini_fx.results.cut_entities import cut_rules
 from signorini_fx.results.quadrature_points import QuadraturePoints
 from signorini_fx.results.surface_quadrature import QuadratureFacets, SurfaceQuadrature, over_ranks
-from signorini_fx.scene.effect import Effect, Force, InitialStrain, Points, Resistance, SectionJump
+from signorini_fx.scene.effect import Effect, Force, InitialStrain, Points, Resistance
 from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.model import Scene
 
@@ -96,9 +97,9 @@ class NodalForces(SurfaceQuadrature):
         """
         space, _ = self._dilating
         _, residual, volume = self._pressed(displacement)
-        for effect, beyond, jump in self.sections():
+        for jump, beyond in self.jumps():
             moved = MixedDisplacement(self.space, fem.Function(hydrostatic_of(displacement).function_space))
-            moved.x.array[:] = (scale * effect.shortening_at(self.scene, step) * jump).ravel()
+            moved.x.array[:] = (scale * jump.amount(step) * jump.at_nodes).ravel()
             residual = residual + beyond._pressed(moved)[1]
         return over_ranks(residual - self._swollen(displacement, step, scale)[0], space), over_ranks(volume, space)
 
@@ -113,34 +114,27 @@ class NodalForces(SurfaceQuadrature):
         return space, space.dofmap.list * m + number[:, None].astype(np.int32)
 
     def initial(self, step: float, scale: float = 1.0, displacement: fem.Function | None = None) -> tuple[Array, float]:
-        """Forces of the stress that initial strains and shortened sections of a load step times ``scale`` cause where
-        they are prevented, shape (owned nodes, d), and its energy; of a mixed element those of sections alone, and what
+        """Forces of the stress that initial strains and jumps of a load step times ``scale`` cause where
+        they are prevented, shape (owned nodes, d), and its energy; of a mixed element those of jumps alone, and what
         both add to the energy of its ``displacement``.
         """
         forces, energy = self.strained(step, scale, displacement)
-        for effect, beyond, jump in self.sections():
-            jump = scale * effect.shortening_at(self.scene, step) * jump
-            jump_forces = beyond.of_stress(jump)
-            work = np.sum((jump_forces / 2 - beyond.strained(step, scale)[0]) * jump[: self.owned])
+        for jump, beyond in self.jumps():
+            moved = scale * jump.amount(step) * jump.at_nodes
+            jump_forces = beyond.of_stress(moved)
+            work = np.sum((jump_forces / 2 - beyond.strained(step, scale)[0]) * moved[: self.owned])
             if self._mixed and displacement is not None:
-                work -= np.sum(beyond._pressed(displacement)[0] * jump) / 2
+                work -= np.sum(beyond._pressed(displacement)[0] * moved) / 2
             forces, energy = (
                 forces - jump_forces,
                 energy + float(parallel.global_sum(self.tagged.mesh.comm, np.array(work))),
             )
         return forces, energy
 
-    def sections(self) -> Iterator[tuple[SectionJump, NodalForces, Array]]:
-        """The sections that are shortened: the forces of the cells beyond each alone, and the jump J of these cells for
-        a shortening of one, at the nodes with ghosts, shape (nodes, d).
-        """
-        for path, effect in self.scene.listed():
-            if isinstance(effect, SectionJump) and effect.acts:
-                from signorini_fx.body.section import section_of
-
-                section = section_of(effect, path, self.tagged, self.space)
-                jump = np.where(section.nodes[:, None], -section.axis, 0.0)
-                yield effect, NodalForces(self.scene, self.tagged, self.space, section.cells), jump
+    def jumps(self) -> Iterator[tuple[Jump, NodalForces]]:
+        """The jumps of the displacement, each with the forces of the cells beyond it alone."""
+        for jump in jumps_in(self.scene, self.tagged, self.space):
+            yield jump, NodalForces(self.scene, self.tagged, self.space, jump.cells)
 
     def strained(
         self, step: float, scale: float = 1.0, displacement: fem.Function | None = None

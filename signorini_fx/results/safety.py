@@ -21,7 +21,7 @@ from signorini_fx.contact.reactions import Reactions, reactions
 from signorini_fx.contact.resting_place import resting_place
 from signorini_fx.contact.statics import Limit, along_contact, largest_multiple, null_space
 from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.scene.effect import Force, SectionJump
+from signorini_fx.scene.effect import Force
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.stated import STRAIGHT_CELLS, may_have_arcs
 
@@ -167,17 +167,16 @@ def safety_of(d: Discretisation, contact: ContactState, step: float) -> Safety |
         overturning,
         (0.0, np.inf) if surfaces is None else (low, high),
         reason,
-        _assumed(d, contact),
+        _assumed(d),
     )
 
 
-def _assumed(d: Discretisation, contact: ContactState) -> str:
+def _assumed(d: Discretisation) -> str:
     """What the factors rest on, in words."""
     told = [
         "the foundation presses where the body touches it now",
-        "a fluid in contact stays where it is" if contact.joint is not None else "",
         f"{d.law.unknown}, so that factors are upper bounds" if d.law is not None and d.law.unknown else "",
-        "sections are shortened as they are" if d.scene.of(SectionJump) else "",
+        *d.scene.assumed,
         STRAIGHT_CELLS if may_have_arcs(d.scene) else "",
     ]
     return "; ".join(filter(None, told))

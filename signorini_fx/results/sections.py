@@ -44,15 +44,17 @@ def section_forces(
     scene: Scene, tagged: TaggedMesh, displacement: fem.Function, step: float, scale: float = 1.0
 ) -> list[SectionForce]:
     """What goes through each section that a scene shortens, with all loads times ``scale``; collective."""
+    if not scene.interfaces:
+        return []
     nodal, space = NodalForces(scene, tagged, displacement.function_space), displacement.function_space
     mixed = scene.element.volumetric == "mixed"
     inside, forces = [load for load in scene.of(Force) if load.where is None], []
-    for effect, beyond, jump in nodal.sections():
-        shortening = scale * effect.shortening_at(scene, step)
+    for jump, beyond in nodal.jumps():
+        shortening = scale * jump.amount(step)
         moved = MixedDisplacement(space, hydrostatic_of(displacement)) if mixed else fem.Function(space)
-        moved.x.array[:] = displacement.x.array + shortening * jump.ravel()
+        moved.x.array[:] = displacement.x.array + shortening * jump.at_nodes.ravel()
         residual = beyond.internal(moved)
         residual = residual - beyond.external(step, scale, inside) - beyond.strained(step, scale)[0]
-        force = parallel.global_sum(tagged.mesh.comm, np.array(np.sum(residual * jump[: beyond.owned])))
-        forces.append(SectionForce(effect.name, float(force), shortening))
+        force = parallel.global_sum(tagged.mesh.comm, np.array(np.sum(residual * jump.at_nodes[: beyond.owned])))
+        forces.append(SectionForce(jump.entry.name, float(force), shortening))
     return forces

@@ -29,7 +29,6 @@ from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.safety import Safety, safety_of
 from signorini_fx.results.stresses import Stresses
 from signorini_fx.results.tool_motion import ToolMotion
-from signorini_fx.scene.effect import SectionJump
 from signorini_fx.scene.model import Scene
 
 if TYPE_CHECKING:
@@ -233,8 +232,6 @@ class Solution:
     @cached_property
     def preloads(self) -> list[SectionForce]:
         """The forces through sections that are tightened; with load steps, in the last one; collective."""
-        if not self.scene.of(SectionJump):
-            return []
         from signorini_fx.results.sections import section_forces
 
         return section_forces(self.scene, self.discretisation.tagged, self.displacement, self._position)

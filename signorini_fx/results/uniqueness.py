@@ -32,8 +32,7 @@ from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.state import PointState
-from signorini_fx.results.contact_stiffness import ENTERS, contact_stiffness
-from signorini_fx.scene.effect import SectionJump
+from signorini_fx.results.contact_stiffness import contact_stiffness
 
 # Eigenvalues of the stiffness below this share of the largest one are free motions; smaller pivots are none.
 _FREE = 1e-10
@@ -136,11 +135,11 @@ def uniqueness(
     """
     law = d.law
     if d.scene.joint_loads:
-        return Uniqueness(False, 0.0, reason=ENTERS)
+        return Uniqueness(False, 0.0, reason="a load that enters the contact depends on what opens")
     # Without a coefficient the problem is the minimum of a convex functional.
     assumed = [
         "given the load steps before" if (d.scene.steps - 1 if place is None else place) > 0 else "",
-        "with sections shortened as they are" if d.scene.of(SectionJump) else "",
+        *d.scene.assumed,
     ]
     if law is None or not d.scene.has_coulomb:
         return Uniqueness(True, np.inf, assumed="; ".join(filter(None, assumed)))

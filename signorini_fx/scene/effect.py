@@ -1,9 +1,9 @@
 """What the effects of a scene have in common, and how they are found: by the names of the files in ``effects/``.
 
 An effect is a ``Force`` (a load in the body or on a boundary), an ``InitialStrain`` (a strain without stress), a
-``SectionJump`` (a section that is tightened), a ``Resistance`` (forces that grow with the displacement), another
-``Load`` (something that load steps multiply), or none of these.  All that assembles, judges and tells of a scene asks
-the methods of these classes, and nowhere for a particular effect.
+``Resistance`` (forces that grow with the displacement), another ``Load`` (something that load steps multiply), or none
+of these.  All that assembles, judges and tells of a scene asks the methods of these classes, and nowhere for a
+particular effect.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from functools import cache
 from importlib import import_module
 from inspect import cleandoc
 from types import GenericAlias
-from typing import Annotated, Any, Literal, Protocol, Self, TypeVar, get_origin
+from typing import Annotated, Any, ClassVar, Literal, Protocol, Self, TypeVar, get_origin
 
 import numpy as np
 import numpy.typing as npt
@@ -95,6 +95,9 @@ def text(value: Any) -> str:
 class Effect(Table):
     """An entry of a scene."""
 
+    # Whether it changes the strain that the stress follows from.
+    strains: ClassVar[bool] = False
+
     @property
     def label(self) -> str:
         """What it is, in words: the name of its file."""
@@ -159,6 +162,32 @@ class Effect(Table):
         """What ``check`` says of it beside its values: how grave it is, the key, and the words."""
         yield from ()
 
+    @property
+    def interface(self) -> str:
+        """The file of ``interfaces`` that has what it contributes beside forms and contact points; "": none does."""
+        return ""
+
+    @property
+    def features(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
+        """The names by which other objects refuse it, see ``scene.features``, with the keys that ask for them."""
+        return ()
+
+    @property
+    def inner_facets(self) -> tuple[str, ...]:
+        """The names of facets inside the mesh that it uses."""
+        return ()
+
+    @property
+    def assumed(self) -> str:
+        """What stays as it is in statements about the solution, in words; "": nothing has to be said."""
+        return ""
+
+    def sought_at(self, scene: Any, step: float) -> str:
+        """What of it is known only with the solution at a place in the lists of factors, as a clause, so that its
+        ``interface`` solves the load step; "": all is known.
+        """
+        return ""
+
     def contradictions(self, scene: Any, number: int) -> Contradictions:
         """Why it does not go together with other entries: the place of the error in the scene, and the reason.
 
@@ -199,6 +228,9 @@ _VARYING_DEGREE = 20
 
 class Load(Effect):
     """What load steps multiply by a factor."""
+
+    # Whether its forms are assembled with those of other loads that have the same factors.
+    grouped: ClassVar[bool] = True
 
     factors: Annotated[tuple[Finite, ...], Field(min_length=1)] | None = None
 
@@ -268,6 +300,25 @@ class JointLoad(Force):
     enters: tuple[str, ...] = ()
     closed: Literal["none", "linear", "full"] = "none"
 
+    @property
+    def interface(self) -> str:
+        """See ``Effect``."""
+        return "entering_loads" if self.enters else ""
+
+    @property
+    def features(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
+        """See ``Effect``."""
+        return ((f"{self.label} in contact", ("enters",)),) if self.enters else ()
+
+    @property
+    def assumed(self) -> str:
+        """See ``Effect``."""
+        return f"a {self.label} in contact stays where it is" if self.enters else ""
+
+    def sought_at(self, scene: Any, step: float) -> str:
+        """See ``Effect``."""
+        return "a load enters contact as it opens" if self.enters else ""
+
     def pressure(self, x: Array) -> Array:
         """The pressure at points of shape (n, d), stress, shape (n,)."""
         raise NotImplementedError
@@ -276,34 +327,14 @@ class JointLoad(Force):
 class InitialStrain(Load):
     """A strain of the body, the same in all directions, which causes stress only where it is prevented."""
 
+    strains: ClassVar[bool] = True
+
     def strain(self, on: BodyCoefficients) -> Any:
         """The strain in each direction, UFL, a number."""
         raise NotImplementedError
 
     def strain_at(self, at: BodyPoints) -> Array:
         """The same for the second opinion, shape (f, q)."""
-        raise NotImplementedError
-
-
-class SectionJump(Load):
-    """A shortening of the body across one of its sections: what is beyond it moves towards what is before it.
-
-    Attributes:
-        section: name of its facets inside the mesh; None: it has none.
-    """
-
-    section: str | None
-
-    def shortening_at(self, scene: Any, step: float) -> float:
-        """By how much, at a place in the lists of factors, length."""
-        raise NotImplementedError
-
-    def force_at(self, scene: Any, step: float) -> float | None:
-        """The force through the section that determines it there; None: it is given."""
-        return None
-
-    def tightened(self, step: float, shortening: float) -> Self:
-        """The same with the shortening that its force has led to at a place."""
         raise NotImplementedError
 
 

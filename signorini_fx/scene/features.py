@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from signorini_fx.scene.effect import Contradictions, JointLoad, SectionJump
+from signorini_fx.scene.effect import Contradictions
 
 Path = tuple[str | int, ...]
 
@@ -31,20 +31,12 @@ def features(scene: Any) -> Iterator[tuple[str, Path]]:
         for number, entry in enumerate(entries):
             for name, key in (
                 ("orthotropic material", "orthotropic"),
-                ("contact of two bodies", "against"),
                 ("prescribed rotation", "rotation"),
             ):
                 if getattr(entry, key, None) is not None:
                     yield name, (kind, number, key)
-            if isinstance(entry, SectionJump):
-                yield "preload", (kind, number)
-            if isinstance(entry, JointLoad) and entry.enters:
-                yield "fluid in contact", (kind, number, "enters")
-    for number, contact in enumerate(scene.contact):
-        if contact.tool is not None or contact.moves:
-            yield "moving foundation", ("contact", number, "foundation")
-        if contact.friction.directed:
-            yield "friction axes", ("contact", number, "friction", "ratio")
+            for name, keys in entry.features:
+                yield name, (kind, number, *keys)
 
 
 def refused_features(scene: Any) -> Contradictions:

@@ -12,6 +12,7 @@ Any consistent units may be used: forces, lengths and stresses of one system.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar, get_origin
 
@@ -27,7 +28,6 @@ from signorini_fx.scene.effect import (
     JointLoad,
     Load,
     OneEntry,
-    SectionJump,
     described,
     keys,
     with_every_effect,
@@ -310,15 +310,30 @@ class Scene(Table):
     @property
     def sections(self) -> tuple[str, ...]:
         """The names of facets inside its mesh that it uses."""
-        return tuple(jump.section for jump in self.of(SectionJump) if jump.section is not None)
+        return tuple(name for _, effect in self.listed() for name in effect.inner_facets)
 
     def sections_of(self, body: str) -> tuple[str, ...]:
         """The same, as one of its bodies calls them."""
         return tuple(name.removeprefix(f"{body}.") for name in self.sections)
 
-    def tightens_at(self, step: float) -> bool:
-        """Whether a force tightens a section at a place in the lists of factors."""
-        return any(jump.force_at(self, step) is not None for jump in self.of(SectionJump))
+    @property
+    def interfaces(self) -> list[Any]:
+        """Those of its entries, one ``interfaces.protocol.Interface`` for each kind."""
+        kinds: dict[str, dict[str, Any]] = {}
+        for path, effect in self.listed():
+            if effect.interface:
+                kinds.setdefault(effect.interface, {})[path] = effect
+        return [import_module(f"signorini_fx.interfaces.{kind}").Kind(self, kinds[kind]) for kind in kinds]
+
+    def sought_at(self, step: float) -> dict[str, str]:
+        """What is known only with the solution at a place in the lists of factors: clauses by the paths of entries."""
+        words = {path: effect.sought_at(self, step) for path, effect in self.listed()}
+        return {path: clause for path, clause in words.items() if clause}
+
+    @property
+    def assumed(self) -> list[str]:
+        """What stays as it is in statements about a solution, in words, each once."""
+        return [*dict.fromkeys(effect.assumed for _, effect in self.listed() if effect.assumed)]
 
     def driving(self, tool: Any, step: float) -> tuple[float, float]:
         """The factor of what drives a tool at a place in the lists of factors, see ``now``, and the time there."""

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from dolfinx import fem
 
-from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.deformation import Deformation, deformation_of
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.joint_pressure import JointPressure
 from signorini_fx.contact.laws import Nodal
+from signorini_fx.interfaces.protocol import LoadStepStart, solve_step
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.records import Status, Timings
 from signorini_fx.results.certificate import Certificate, certify
@@ -75,23 +75,15 @@ class SceneSteps:
         return self.body.load(system, path_step)
 
     def solved(self, begun: BegunStep[SceneSteps], allowed: int) -> UncertifiedStep[SceneSteps]:
-        """The load step with loads that enter contact, or with sections that forces tighten, or without; collective."""
-        d, scene, task, start = self.body, self.body.scene, begun.task, begun.start
-        if scene.joint_loads:
-            from signorini_fx.solving.joint_loads import solve_with_joint_loads
+        """See ``SteppedProblem``."""
 
-            def holds(outcome: Outcome, joint: JointPressure) -> bool:
-                return self.certified(begun, outcome, joint).status is Status.CONVERGED
+        def holds(outcome: Outcome, joint: JointPressure) -> bool:
+            return self.certified(begun, outcome, joint).status is Status.CONVERGED
 
-            entered = None if begun.last is None else begun.last.tractions.joint
-            outcome, joint = solve_with_joint_loads(d, task, start, entered, allowed, holds)
-            return UncertifiedStep(begun, outcome, joint)
-        if scene.tightens_at(start.place):
-            from signorini_fx.solving.preload import solve_tightened
-
-            d, start, outcome, reason = solve_tightened(d, task, start, allowed)
-            return UncertifiedStep(replace(begun, problem=replace(self, body=d), start=start), outcome, reason=reason)
-        return UncertifiedStep(begun, solve_task(task, start, allowed))
+        earlier = None if begun.last is None else begun.last.tractions.joint
+        end = solve_step(LoadStepStart(self.body, begun.task, begun.start, allowed, earlier=earlier, holds=holds))
+        begun = replace(begun, problem=replace(self, body=end.d), start=end.start)
+        return UncertifiedStep(begun, end.outcome, end.joint, end.reason)
 
     def certified(
         self, begun: BegunStep[SceneSteps], outcome: Outcome, joint: JointPressure | None = None
@@ -128,16 +120,11 @@ class SceneSteps:
         return self
 
     def stored(self, path_step: float, result: StepResult) -> tuple[dict[str, Nodal], dict[str, Any]]:
-        """The points that loads have entered, and the shortenings that forces have led to."""
+        """See ``SteppedProblem``."""
         nodal, figures = dict[str, Nodal](), dict[str, Any]()
-        if self.body.scene.joint_loads:
-            assert result.contact is not None
-            assert result.contact.joint is not None
-            nodal["reached"] = result.contact.joint.reached.astype(np.float64)
-        if self.body.scene.tightens_at(path_step):
-            from signorini_fx.solving.preload import shortenings
-
-            figures["shortenings"] = shortenings(self.body, path_step)
+        for interface in self.body.scene.interfaces:
+            further = interface.stored(self.body, path_step, result.contact)
+            nodal, figures = nodal | further[0], figures | further[1]
         return nodal, figures
 
     def recalled(
@@ -145,14 +132,9 @@ class SceneSteps:
     ) -> tuple[SceneSteps, JointPressure | None]:
         """Take back what ``stored`` has returned."""
         d, joint = self.body, None
-        if "shortenings" in figures:
-            from signorini_fx.solving.preload import tightened_at, with_shortenings
-
-            d = with_shortenings(d, tightened_at(d, path_step), path_step, figures["shortenings"])
-        if d.scene.joint_loads:
-            from signorini_fx.solving.joint_loads import recalled_joint_loads
-
-            joint = recalled_joint_loads(d, task, path_step, nodal["reached"])
+        for interface in d.scene.interfaces:
+            d, pressure = interface.recalled(d, task, path_step, nodal, figures)
+            joint = joint or pressure
         return replace(self, body=d), joint
 
 

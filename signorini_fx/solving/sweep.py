@@ -14,13 +14,13 @@ from petsc4py import PETSc
 
 from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.algorithms.task import Start, Task
-from signorini_fx.attempts import step_limit
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation, discretise
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.check.refusals import refuse_beforehand
 from signorini_fx.contact.resting_place import RestingMotion
 from signorini_fx.errors import SceneError
+from signorini_fx.interfaces.protocol import LoadStepStart, solve_step
 from signorini_fx.laws.protocol import FrictionLaw
 from signorini_fx.linalg.choice import krylov_from
 from signorini_fx.mesh.hierarchy import coarser_scenes
@@ -30,7 +30,6 @@ from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Law, Tractions
 from signorini_fx.results.tool_motion import ToolMotion, motions_of
-from signorini_fx.scene.effect import SectionJump
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import as_scene
@@ -85,8 +84,6 @@ class SweepPoint:
 
     def preloads(self) -> list[SectionForce]:
         """The forces through sections that are tightened; collective."""
-        if not self._scene.of(SectionJump):
-            return []
         from signorini_fx.results.sections import section_forces
 
         return section_forces(self._scene, self._discretisation.tagged, self.displacement(), 0, self._load)
@@ -117,7 +114,7 @@ def _coarser(
     scene: Scene, discretisation: Discretisation, first: Sequence[float], *, of_loads: bool
 ) -> tuple[MeshLevel | None, ContactState | None]:
     """The coarser meshes that ``levels`` asks for, as levels of multigrid where it is used, and the contact state there
-    for the first value, if there is one, unless sections are tightened; collective.
+    for the first value, if there is one, unless an interface solves the load step; collective.
     """
     coarser: MeshLevel | None = None
     state: ContactState | None = None
@@ -126,7 +123,7 @@ def _coarser(
         for coarse in coarser_scenes(scene, scene.solver.levels):
             body = discretise(coarse, load_mesh(coarse, discretisation.tagged.mesh.comm), Timings())
             solved = None
-            for value in () if scene.tightens_at(0) else first:
+            for value in () if scene.sought_at(0) else first:
                 task = contact_task(body, History(), coarser)
                 start = _start_at(_begun(task, body, coarser, state), body, value, of_loads=of_loads)
                 outcome = solve_task(task, start)
@@ -176,8 +173,9 @@ def sweep(
         raise SceneError([("sweep", "needs a scene with contact and one load step")])
     if scene.joint_loads:
         raise SceneError([("sweep", "is not possible yet where a load enters contact: solve each scene")])
-    if scene.tightens_at(0) and loads is not None and min(loads, default=1.0) <= 0:
-        raise SceneError([("sweep", "loads must be positive where a force tightens a section")])
+    for clause in scene.sought_at(0).values():
+        if loads is not None and min(loads, default=1.0) <= 0:
+            raise SceneError([("sweep", f"loads must be positive where {clause}")])
     if coefficients is not None and not scene.has_coulomb:
         raise SceneError([("sweep", "coefficients need a scene with Coulomb friction")])
     unknown = [contact.friction.unknown for contact in scene.contact if contact.friction.unknown]
@@ -195,13 +193,8 @@ def sweep(
     for value in values:
         solves_before, load = history.linear_solves, value if of_loads else 1.0
         start = _start_at(begin, discretisation, value, of_loads=of_loads)
-        d = discretisation
-        if scene.tightens_at(0):
-            from signorini_fx.solving.preload import solve_tightened
-
-            d, start, outcome, _ = solve_tightened(d, task, start, step_limit(scene.solver.max_iterations), load)
-        else:
-            outcome = solve_task(task, start)
+        end = solve_step(LoadStepStart(discretisation, task, start, scale=load))
+        d, start, outcome = end.d, end.start, end.outcome
         contact, promised = d.state(task, outcome, start), Law(*task.promised(outcome))
         x = outcome.newton.x.copy()
         solves, problem = history.linear_solves - solves_before, outcome.problem

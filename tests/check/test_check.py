@@ -856,7 +856,6 @@ def test_the_schema_knows_every_class():
         "VectorForce",
         "InitialStrain",
         "Resistance",
-        "SectionJump",
         "Contact",
         "FrictionLaw",
         "DirectedLaw",

@@ -22,6 +22,7 @@ from signorini_fx.body.discretisation import discretise
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import ActiveSets, unit
 from signorini_fx.errors import SceneError
+from signorini_fx.interfaces import protocol
 from signorini_fx.manifest import MANIFEST
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Status, StepRecord, Timings
@@ -30,7 +31,7 @@ from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.files import write_results
 from signorini_fx.results.folder import CHECKPOINT
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving import one_mesh, scene_steps
+from signorini_fx.solving import one_mesh
 from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.restart import MeshCheckpoint
@@ -381,7 +382,7 @@ def test_increments_without_a_solution_stay_in_the_history(tmp_path, where, monk
         seen.append(start.step)
         return replace(outcome, status=Status.CYCLING)
 
-    monkeypatch.setattr(scene_steps, "solve_task", fails_now_and_then)
+    monkeypatch.setattr(protocol, "solve_task", fails_now_and_then)
     given = a_ramp(0.9)
     reference = solve(given, MPI.COMM_SELF)
     assert any("half the increment" in event for event in reference.history.events)

@@ -68,15 +68,15 @@ def drive(deck: Deck, block: DeckBlock, kind: str, node: int, component: int, va
     if component != 1:
         deck.lose(block, f"component {component} of node {node}: that of a preload has the first one only")
         return
-    key = ("preload", str(node), kind)
-    deck.loads.setdefault(key, DeckLoad("preload", str(node), (kind,), keyword=block.keyword)).values[deck.step] = value
+    key = ("bolt", str(node), kind)
+    deck.loads.setdefault(key, DeckLoad("bolt", str(node), (kind,), keyword=block.keyword)).values[deck.step] = value
 
 
-def preload_tables(deck: Deck, steps: int) -> list[list[str]]:
-    """The lines of each [[preload]]."""
+def bolt_tables(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
+    """Each table of a preload with its lines."""
     courses: dict[int, dict[str, list[float | None]]] = {}
     for load in deck.loads.values():
-        if load.table == "preload":
+        if load.table == "bolt":
             courses.setdefault(int(load.target), {})[load.keys[0]] = load.by_step(steps)
     tables = []
     for node, course in courses.items():
@@ -101,7 +101,7 @@ def preload_tables(deck: Deck, steps: int) -> list[list[str]]:
         share = deck.thickness if deck.mesh.dim == 2 else 1.0
         values = [value / share for value in values]
         tables.append(_table(deck, node, "force", values, [f"locked_after = {until}"] * (until > 1)))
-    return tables
+    return [("[[preload]]", lines) for lines in tables]
 
 
 def _table(deck: Deck, node: int, key: str, values: list[float], extra_lines: list[str]) -> list[str]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh.files.abaqus_blocks import quoted
-from signorini_fx.mesh.files.abaqus_bolts import preload_tables
+from signorini_fx.mesh.files.abaqus_bolts import bolt_tables
 from signorini_fx.mesh.files.abaqus_contact import contact_tables
 from signorini_fx.mesh.files.abaqus_content import Deck
 from signorini_fx.mesh.files.abaqus_deck import read_deck
@@ -75,7 +75,7 @@ def _tables(deck: Deck, target: Path, files: dict[Path, str]) -> list[tuple[str,
     tables = [("[element]", ["degree = 2"])] if deck.mesh.degree == 2 else []
     heat = _heat(deck, steps, target, files)
     tables += [*material_tables(deck, heated=bool(heat)), *_loads(deck, steps), *heat]
-    tables += [("[[preload]]", lines) for lines in preload_tables(deck, steps)]
+    tables += bolt_tables(deck, steps)
     contacts, stiffness = contact_tables(deck, steps)
     tables += [("[[contact]]", lines) for lines in contacts]
     all_lines = [line for _, lines in tables for line in lines]
@@ -105,7 +105,7 @@ def _loads(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
     """Supports and loads; those of a boundary that have the same course over the steps share a table."""
     merged: dict[tuple[Any, ...], dict[str, float]] = {}
     for load in deck.loads.values():
-        if load.table in ("tool", "preload"):
+        if load.table in ("tool", "bolt"):
             continue
         values = deck.course(load, steps)
         largest = max(values, key=abs)
