@@ -8,7 +8,7 @@ on the section, where s is the amount.  So no node is added, and nothing but the
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -112,8 +112,8 @@ def jump_loads(
             forms, swelling = forms[:1], np.asarray(assemble(forms[1]) / mixed.unit, dtype=np.float64)
         forces = -sum((assemble(form) for form in forms), np.zeros(owned))
         ones, zero_displacement = (1.0,) * scene.steps, fem.Function(space)
-        amount = {"entry": jump.entry, "amount": jump.amount, "swelling": swelling}
-        loads.append(AppliedLoad(ones, names, forms, forces, zero_displacement, balanced=True, **amount))
+        load = AppliedLoad(ones, names, forms, forces, zero_displacement, balanced=True, swelling=swelling)
+        loads.append(replace(load, entry=jump.entry, amount=jump.amount))
     return loads
 
 

@@ -175,7 +175,8 @@ def _jump(path: str, effect: Preload, scene: Any, tagged: TaggedMesh, space: fem
         point, axis = _plane(space, nodes, tagged, path)
     else:
         key = "point"
-        point, axis = np.array(effect.point), np.array(effect.axis) / np.linalg.norm(effect.axis)
+        point, axis = np.array(effect.point), np.array(effect.axis)
+        axis = axis / np.linalg.norm(axis)
         if effect.region is not None:
             inside[:] = False
             inside[tagged.cells(effect.region)] = True
