@@ -122,7 +122,7 @@ class Discretisation(ElasticBody):
             return replace(self, scene=scene, law=self.law_of(scene))
         aligned = scene.solver.algorithm == "exact"  # whose unknowns are along the normals
         of_body = {} if aligned else self.of_body
-        return replace(self, scene=scene, of_body=of_body, of_contact={}, **self.contact_of(scene))
+        return replace(self, scene=scene, of_body=of_body, **self.contact_of(scene))
 
     def contact_of(self, scene: Scene) -> dict[str, Any]:
         """``boundary``, ``data`` and ``law`` of another scene that differs in its contact only; collective."""

@@ -89,6 +89,11 @@ class ElasticBody:
     of_body: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     of_contact: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
+    def __post_init__(self) -> None:
+        """A copy with another boundary begins anew with what is computed of it."""
+        if self.of_contact.setdefault("boundary", self.boundary) is not self.boundary:
+            object.__setattr__(self, "of_contact", {"boundary": self.boundary})
+
     @property
     def comm(self) -> MPI.Comm:
         """The ranks that share the body."""

@@ -116,15 +116,13 @@ def _uniqueness(d: Discretisation) -> list[Finding]:
 
 
 def _validated(scene: Scene, comm: MPI.Comm) -> Discretisation:
-    """The body of a scene, after all checks of the solver."""
-    d = prepare(scene, load_mesh(scene, comm), Timings())
-    begun = d
+    """The body of a scene with the cells and elements that its solve takes, after all checks of the solver."""
+    first = scene
     if scene.accuracy is not None:
         first = planned(scene, scene.accuracy, comm).scene
         first = scene_on(first, 1.0) if first.generated else first  # whose meshes are coarser ones to begin with
-        if first != scene:  # other cells or elements
-            begun = prepare(first, load_mesh(first, comm), Timings())
-    refuse_beforehand(begun)
+    d = prepare(first, load_mesh(first, comm), Timings())
+    refuse_beforehand(d)
     return d
 
 

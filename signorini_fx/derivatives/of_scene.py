@@ -337,7 +337,7 @@ def _data(scene: Scene, steps: list[_Step], path: str) -> Callable[[int], Change
         parts = d.contact_of(placed_scene)
         moving = {"gap": parts["data"].gap, "boundary": parts["boundary"], "law": parts["law"]}
         if any(effect.moves for effect in placed_scene.contact):
-            discretisation = replace(d, scene=placed_scene, boundary=parts["boundary"], of_contact={})
+            discretisation = replace(d, scene=placed_scene, boundary=parts["boundary"])
             moving["drift"] = discretisation.moved_since(placed[k - 1] if k else placed_scene.placed(-1))
         return moving
 

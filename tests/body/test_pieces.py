@@ -4,6 +4,8 @@ The oracles share nothing with what they judge: the null space of the assembled 
 alone as a body of one piece.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from boxes import Box, boxes_mesh
@@ -449,3 +451,14 @@ def test_a_mesh_of_ones_own_in_pieces():
     tagged = tag_boundaries(mesh, {"left": lambda x: np.isclose(x[0], 0.0)})
     scene = scene_on(tagged, displacement=[{"boundary": "left", "x": 0.0, "y": 0.0}])
     assert solve(scene, MPI.COMM_SELF, check=False).status is Status.NOT_HELD
+
+
+def test_another_boundary():
+    """A copy with other contact points takes nothing over that was computed of those before."""
+    held = {"boundary": "top", "x": 0.0, "y": 0.0}
+    scene = scene_on(rectangle(nx=2, ny=2), displacement=held, contact={"boundary": "bottom"})
+    d = discretise(scene, scene.mesh, Timings())
+    moved = replace(d, boundary=replace(d.boundary, x=d.boundary.x + 1.0))
+    assert replace(d, scene=scene).contact is d.contact
+    assert moved.contact is not d.contact
+    assert d.contact is replace(d).contact

@@ -422,6 +422,15 @@ def test_locking():
     assert "element.degree = 2" in said(block(material=LOCKING, mesh=triangles))["material[0].poisson"]
 
 
+def test_elements_that_an_accuracy_replaces():
+    """Are not refused for what the scene's own could not do: they are those of ``solve``."""
+    triangles = {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2, "cell": "triangle"}}
+    reduced = {"material": LOCKING, "mesh": triangles, "element": {"volumetric": "reduced"}}
+    with pytest.raises(SceneError, match="linear triangles have no reduced form"):
+        check(block(**reduced))
+    assert check(block(**reduced, accuracy={"target": 0.1})).effects
+
+
 HURTING = [
     (coulomb(1.5), "contact[0].friction.coefficient", "F = 1.5 is above 0.958"),
     (coulomb("0.5 + x[0]"), "contact[0].friction.coefficient", "F = 3.5 is above 0.958"),
