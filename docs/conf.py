@@ -23,6 +23,7 @@ sys.path[:0] = [str(_ROOT), str(_ROOT / "docs")]
 
 from percent import as_markdown  # noqa: E402  # in this folder
 
+from signorini_fx.attempts import PLAN  # noqa: E402
 from signorini_fx.quantities.table import markdown  # noqa: E402
 
 project = "signorini_fx"
@@ -32,7 +33,7 @@ html_math_renderer = "mathml"  # no script and no network
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4  # GitHub's anchors: the tests check links against these
 root_doc = "docs/index"
-include_patterns = ["*.md", "docs/*.md", "demos/*.py", "demos/forms/*.py"]
+include_patterns = ["*.md", "docs/*.md", "docs/api/*.md", "demos/*.py", "demos/forms/*.py"]
 exclude_patterns = ["demos/paper.py"]
 html_theme = "furo"
 html_static_path = ["static"]
@@ -91,7 +92,7 @@ def _escape(_app: Any, _what: str, _name: str, _object: Any, _options: Any, line
 
 
 def _parameters(_app: Any, _page: str, text: list[str]) -> None:
-    """The docstrings of all mesh generators, and the table of quantities, where a page has the comment for them."""
+    """What comments of a page ask for: docstrings of mesh generators, tables of quantities and of attempts."""
     names = sorted(path.stem for path in (_ROOT / "meshes").glob("[a-z]*.py"))
     shown = "".join(f".. automodule:: signorini_fx.meshes.{name}\n   :members: generate\n" for name in names)
     comment = "<!-- the parameters of all generators -->"
@@ -99,10 +100,55 @@ def _parameters(_app: Any, _page: str, text: list[str]) -> None:
         links = re.sub(r"\[(\w+)\]\(\.\./meshes/\w+\.py\)", r"{py:mod}`\1 <signorini_fx.meshes.\1>`", text[0])
         text[0] = links.replace(comment, f"```{{eval-rst}}\n{shown}```")
     text[0] = text[0].replace("<!-- the table of all quantities -->", markdown())
+    plan = "".join(f"| {what} | {one} | {one.what} |\n" for what, attempts in PLAN.items() for one in attempts)
+    plan = f"| for | attempt | what it does |\n|---|---|---|\n{plan}"
+    text[0] = text[0].replace("<!-- the plan of attempts -->", plan)
+
+
+_API = re.compile(r"```\{api\}\n(.*?)```", re.DOTALL)
+_DATA = ("Parameter",)
+
+
+def _api_pages(_app: Any) -> None:
+    """A page in docs/api for each name that a block of docs/api.md lists, with its members where the block says so."""
+    folder = _ROOT / "docs" / "api"
+    folder.mkdir(exist_ok=True)
+    for old in folder.glob("*.md"):
+        old.unlink()
+    for line in "".join(_API.findall((_ROOT / "docs" / "api.md").read_text(encoding="utf-8"))).splitlines():
+        path, _, asked = line.partition(": members")
+        name = path.rpartition(".")[2]
+        kind = "exception" if name.endswith("Error") else "class" if name[0].isupper() else "function"
+        members, _, excluded = asked.replace(" undocumented", "").partition(" but ")
+        options = [f"   :members: {members}".rstrip()] if ": members" in line else []
+        options += [f"   :exclude-members: {excluded}"] if excluded else []
+        options += ["   :undoc-members:"] if "undocumented" in line else []
+        directive = f".. auto{'data' if name in _DATA else kind}:: signorini_fx.{path}"
+        text = "\n".join((f"# {name}", "", "```{eval-rst}", directive, *options, "```", ""))
+        (folder / f"{name}.md").write_text(text, encoding="utf-8")
+
+
+def _api_lists(_app: Any, page: str, text: list[str]) -> None:
+    """The blocks of docs/api.md as links to these pages."""
+    if page == "docs/api":
+        text[0] = _API.sub(_links, text[0])
+
+
+def _links(block: re.Match[str]) -> str:
+    names = [line.partition(":")[0].rpartition(".")[2] for line in block[1].splitlines()]
+    tree = "\n".join(("```{toctree}", ":hidden:", "", *(f"api/{name}" for name in names), "```"))
+    return f"{', '.join(f'[`{name}`](api/{name}.md)' for name in names)}\n\n{tree}"
 
 
 def _broad(_app: Any, tree: nodes.document, page: str) -> None:
-    """Plots whose letters a telephone would make too small are marked, see narrow.css; bodies have larger letters."""
+    """Plots whose letters a telephone would make too small are marked, see narrow.css; bodies have larger letters.
+
+    The table of the gallery is marked, too.
+    """
+    if page == "docs/gallery":
+        for table in tree.findall(nodes.table):
+            table["classes"] += ["cards"]
+        return
     for image in () if page in ("README", "docs/index") else tree.findall(nodes.image):
         file = _ROOT / image["uri"]
         if file.suffix == ".png" and file.exists() and not file.stem.endswith(("_body", "foot", "setup")):
@@ -165,6 +211,8 @@ def _formula(writer: Any, node: nodes.Element) -> None:
 def setup(app: Any) -> None:
     """Let Sphinx read the demos and the docstrings."""
     app.connect("autodoc-process-docstring", _escape)
+    app.connect("builder-inited", _api_pages)
+    app.connect("source-read", _api_lists)
     app.connect("source-read", _parameters)
     app.connect("doctree-resolved", _broad)
     app.add_html_math_renderer("mathml", (_formula, None), (_formula, None))

@@ -3,7 +3,7 @@
 An attempt begins at a state and ends with an outcome; ``tried`` runs one after the other until one of them settles the
 matter.  Attempts nest: those at a mesh consist of load steps, those at a load step of problems with friction, and these
 of regularised problems with a given friction bound.  This module alone says which there are: the log and ``check`` call
-them by these names, and docs/theory.md lists them.
+them by these names, and the page made of docs/theory.md lists them.
 """
 
 from __future__ import annotations
