@@ -7,10 +7,54 @@ import textwrap
 from signorini_fx.check.checks import Check
 from signorini_fx.check.cost import Cost
 from signorini_fx.display import duration, storage
+from signorini_fx.machine.terminal import COLUMNS, printable
+
+# Lines of the short text, of the effects in it, and of one finding.
+_MOST_LINES, _EFFECTS, _FINDING = 15, 5, 3
+_LABEL = 12
+# Effects that are not to be understood without what is said of them.
+_EXPLAINED = ("elasticity", "several materials", "contact", "friction", "load steps")
+
+
+def short_text(check: Check) -> str:
+    """What acts, what the scene lacks, and what it will cost: at most fifteen lines of 80 columns."""
+    effects = [
+        f"{effect.name} ({effect.why.removeprefix('always; ')})" if effect.name.startswith(_EXPLAINED) else effect.name
+        for effect in check.effects
+        if effect.on
+    ]
+    lines = _paragraph("acts", "; ".join(effects), _EFFECTS)
+    low, high = check.cost.linear_solves
+    solves = f"{low}" if low == high else f"{low} to {high}"
+    seconds = " to ".join(dict.fromkeys(map(duration, check.cost.seconds)))
+    cost = f"{check.cost.unknowns} unknowns, {solves} solves, {seconds}, {storage(check.cost.memory_bytes)}"
+    lines += _paragraph("cost", f"{cost}, estimated", 2)
+    findings = sorted(check.findings, key=lambda finding: finding.level != "warning")
+    for k, finding in enumerate(findings):
+        told = _paragraph(finding.level, f"{finding.path}: {finding.message}", _FINDING)
+        if len(lines) + len(told) + 2 > _MOST_LINES:
+            lines += _paragraph("", f"{len(findings) - k} more findings: --verbose", 1)
+            break
+        lines += told
+    heading = _verdict(check)
+    return "\n".join([heading if len(heading) <= COLUMNS else f"{heading[: COLUMNS - 3]}...", *lines])
+
+
+def _paragraph(label: str, text: str, most: int) -> list[str]:
+    """A labelled text; what does not fit in so many lines is left out, as dots say."""
+    room = COLUMNS - _LABEL
+    lines = textwrap.wrap(printable(text), room, max_lines=most, placeholder=" ... (--verbose)")
+    return [f"  {label if k == 0 else '':{_LABEL - 2}s}{line}" for k, line in enumerate(lines)]
+
+
+def _verdict(check: Check) -> str:
+    count = len(check.warnings)
+    verdict = "fine" if count == 0 else f"{count} warning{'s' * (count > 1)}"
+    return f"{check.title or 'scene'}: {verdict}"
 
 
 def render(check: Check) -> str:
-    """The result of a check as text."""
+    """The whole result of a check as text."""
     rows = [("effect", "", "why", "form", "unknowns", "linear solves")]
     for effect in check.effects:
         unknowns = f"{effect.unknowns:+d}" if effect.unknowns else ""
@@ -19,9 +63,7 @@ def render(check: Check) -> str:
         rows.append((effect.name, "on" if effect.on else "-", effect.why, ", ".join(effect.forms), unknowns, solves))
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    count = len(check.warnings)
-    verdict = "fine" if count == 0 else f"{count} warning{'s' * (count > 1)}"
-    lines = [f"{check.title or 'scene'}: {verdict}", *(f"  {line}" for line in lines), *_wrapped(_estimate(check.cost))]
+    lines = [_verdict(check), *(f"  {line}" for line in lines), *_wrapped(_estimate(check.cost))]
     for purpose, attempts, limit in check.plan:
         lines += _wrapped(f"tried for {purpose}, until one has a solution: {'; '.join(attempts)} ({limit})")
     for finding in check.findings:

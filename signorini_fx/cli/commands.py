@@ -64,6 +64,7 @@ def solve(options: argparse.Namespace) -> int:
     from signorini_fx.results.fields import chosen_format
     from signorini_fx.results.folder import ResultFolder
     from signorini_fx.results.progress_line import ProgressLine
+    from signorini_fx.results.short_answer import short_answer
     from signorini_fx.results.solution import outcome
     from signorini_fx.results.summary import lines_of, table_row
     from signorini_fx.solving import solver
@@ -83,7 +84,7 @@ def solve(options: argparse.Namespace) -> int:
         parallel.log_on_root(comm, table_row(record))
 
     observers: list[Callable[[Any], None]] = [progress]
-    if not options.quiet:
+    if options.verbose:
         observers.append(show)
     # Watched on all ranks or on none, shown by the first.
     watched = parallel.on_root(comm, lambda: not options.quiet and terminal.is_terminal(sys.stderr))
@@ -109,7 +110,7 @@ def solve(options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         raise KeyboardInterrupt(str(progress)) from None
     if not options.quiet:
-        parallel.log_on_root(comm, [*lines_of(summary), terminal.TerminalLine("  results          ", f"{path}/")])
+        parallel.log_on_root(comm, lines_of(summary, path) if options.verbose else short_answer(summary, path))
     if not solution.converged:
         # The summary above has said what to do.
         ended = terminal.TerminalLine("signorini-fx: ", outcome(solution, advice=options.quiet), "error")
@@ -222,7 +223,7 @@ def check(options: argparse.Namespace) -> int:
     try:
         scene = _read_scene(options)
         from signorini_fx.check.checks import check_scene
-        from signorini_fx.check.text import render
+        from signorini_fx.check.text import render, short_text
 
         checked = check_scene(scene, comm)
         if options.picture is not None:
@@ -235,7 +236,8 @@ def check(options: argparse.Namespace) -> int:
             report = {"problems": [{"path": path, "message": message} for path, message in problems]}
             parallel.log_on_root(comm, json.dumps(report, indent=2))
         raise
-    parallel.log_on_root(comm, json.dumps(checked.as_dict(), indent=2) if options.json else render(checked))
+    text = render(checked) if options.verbose else short_text(checked)
+    parallel.log_on_root(comm, json.dumps(checked.as_dict(), indent=2) if options.json else text)
     return EXIT_OK
 
 

@@ -90,10 +90,14 @@ def parser() -> argparse.ArgumentParser:
         choices=("pressure", "principal", "displacement", "density"),
         help="field to draw on the deformed body beside the von Mises stress; may be repeated",
     )
-    solve.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    said = solve.add_mutually_exclusive_group()
+    said.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    said.add_argument("--verbose", action="store_true", help="print each iteration, and all that is in summary.json")
     check = commands.add_parser("check", help="list effects, cost and problems of a scene without solving it")
     check.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
-    check.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    told = check.add_mutually_exclusive_group()
+    told.add_argument("--json", action="store_true", help="print JSON instead of text")
+    told.add_argument("--verbose", action="store_true", help="print every effect, on or off, and what will be tried")
     report = commands.add_parser("report", help="write one HTML page from a result folder, to read, print and send")
     report.add_argument("folder", type=named_path, metavar="FOLDER", help="result folder that solve wrote")
     report.add_argument("--out", type=named_path, metavar="FILE", help="the page (default: report.html in the folder)")

@@ -15,6 +15,8 @@ from typing import TextIO
 from signorini_fx.machine import launcher
 
 _lost = False
+# Of a terminal that nobody has made wider, which is what short answers are written for.
+COLUMNS = 80
 # Control characters of ASCII and of Latin-1, those that turn the direction of writing, and whole escape sequences.
 _CONTROL = re.compile(
     r"\x1b\[[0-?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)"

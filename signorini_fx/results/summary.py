@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -127,8 +128,12 @@ def render(summary: dict[str, Any]) -> str:
     return "\n".join(map(str, lines_of(summary)))
 
 
-def lines_of(summary: dict[str, Any]) -> list[TerminalLine]:
-    """The summary for a terminal."""
+def lines_of(summary: dict[str, Any], folder: Path | None = None) -> list[TerminalLine]:
+    """The whole summary for a terminal, and where the results are."""
+    return [*_figures(summary), *([] if folder is None else [row("results", f"{folder}/")])]
+
+
+def _figures(summary: dict[str, Any]) -> list[TerminalLine]:
     good = summary["converged"] and not summary["incomplete"]
     heading = TerminalLine(f"{summary['title'] or 'scene'}: {status_in_words(summary)}", kind="good" if good else "")
     lines = [heading, *_outcome(summary), *_warnings(summary)]

@@ -517,7 +517,7 @@ def written(folder, data):
 @pytest.mark.mpi
 def test_check_prints_once(capsys):
     """The table, the estimate and the notes, on one rank."""
-    code, out, err = run(capsys, "check", EXAMPLE)
+    code, out, err = run(capsys, "check", EXAMPLE, "--verbose")
     assert (code, err) == (0, "")
     if MPI.COMM_WORLD.rank > 0:
         assert out == ""
@@ -559,6 +559,10 @@ def test_check_warns_and_ends_well(capsys, tmp_path):
     code, out, err = run(capsys, "check", file)
     assert (code, err) == (0, "")
     assert "2 warnings" in out.splitlines()[0]
+    assert "  warning   material[0].poisson: linear elements lock" in out
+    assert max(map(len, out.splitlines())) <= 80
+    assert len(out.splitlines()) <= 15
+    code, out, err = run(capsys, "check", file, "--verbose")
     assert "warning: material[0].poisson: linear elements lock" in out
     assert max(map(len, out.splitlines())) <= 120
 

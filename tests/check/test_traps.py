@@ -195,7 +195,7 @@ def test_findings_are_written(tmp_path, capsys):
     )
     out = tmp_path / "out"
     cli.main(["solve", str(scene), "--out", str(out), "--quiet", "--no-pictures", "--no-fields"])
-    cli.main(["solve", str(scene), "--out", str(tmp_path / "other"), "--no-pictures", "--no-fields"])
+    cli.main(["solve", str(scene), "--out", str(tmp_path / "other"), "--no-pictures", "--no-fields", "--verbose"])
     told = " ".join(capsys.readouterr().out.split())
     findings = json.loads((out / "summary.json").read_text(encoding="utf-8"))["findings"]
     page = write_report(out).read_text(encoding="utf-8")

@@ -439,7 +439,7 @@ def test_check_compares_facets_with_the_fit(tmp_path, capsys):
     for name, scene in (("nominal", text), ("geometry", text.replace("nominal", "geometry"))):
         path = tmp_path / f"{name}.toml"
         path.write_text(scene[: scene.index("[load_steps]")], encoding="utf-8")
-        main(["check", str(path)])
+        main(["check", str(path), "--verbose"])
         told.append(" ".join(capsys.readouterr().out.split()))
     assert "off the curved sides" not in told[0]
     assert "contact[0].distance: straight facets of 'seat' and 'hole' are up to 0.0" in told[1]

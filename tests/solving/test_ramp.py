@@ -587,7 +587,7 @@ steps = 2
     said = capsys.readouterr()
     assert "the results are those of load step " in said.err
     assert said.out.count("  warning  ") == 0
-    assert "  what to do       factor 2: there is no static equilibrium: the loads make it slide" in said.out
+    assert "  what to do  factor 2: there is no static equilibrium: the loads make it slide" in said.out
     assert "make it slide" not in said.err  # it has been said
     assert main(["solve", str(file), "--out", str(out), "--no-fields", "--no-pictures", "--quiet"]) == 1
     assert "make it slide" in capsys.readouterr().err

@@ -1,0 +1,187 @@
+"""What ``solve`` prints: at most ten lines of 80 columns; the rest is in the files and behind ``--verbose``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from textwrap import shorten, wrap
+from typing import Any
+
+from signorini_fx.display import clean, effort_in_words, results_of, status_in_words, touch_each_other
+from signorini_fx.machine.terminal import COLUMNS, TerminalLine, printable
+from signorini_fx.quantities.digits import between, figure, percent, solved_prices
+from signorini_fx.quantities.registry import error_of, of_package, quantities
+from signorini_fx.quantities.text import point_in_words
+from signorini_fx.records import CERTIFICATE_TOLERANCE
+
+# Lines of the whole answer.
+MOST_LINES = 10
+_LABEL = 14
+# The errors of a price list that say something to somebody who has asked for none of them, as they are called there.
+_ESTIMATED = ("pressure", "force", "energy")
+
+
+def short_answer(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
+    """The outcome, the forces, the contact, what is left until the body moves, the largest stress, how wrong it is,
+    whether the certificate holds, what it took, and where the results are.
+
+    Args:
+        summary: what ``summarise`` returns.
+        folder: of the results.
+    """
+    first = [_heading(summary), *_warnings(summary)]
+    last = _row("results", f"{folder}/")
+    if not summary["converged"]:
+        first += [_row("results of", results_of(summary))] if "results_of" in summary else []
+        first += _advice(summary["advice"], MOST_LINES - len(first) - 1)
+        return [*first, last]
+    fixed = [*_contact(summary), *_safety(summary), *_stress(summary), _error(summary), _certificate(summary)]
+    forces, others = _forces(summary), _asked(summary)
+    room = MOST_LINES - len(first) - len(fixed) - 1
+    effort = [_effort(summary)] if room > 1 else []
+    room -= len(effort)
+    shown = _beginning(forces, max(room - len(others), 1))
+    return [*first, *shown, *_beginning(others, room - len(shown)), *fixed, *effort, last]
+
+
+def _row(label: str, text: str, kind: str = "") -> TerminalLine:
+    """A line of the answer; what does not fit in it ends in dots."""
+    return TerminalLine(
+        f"  {label:{_LABEL - 2}s}", shorten(printable(text), COLUMNS - _LABEL, placeholder=" ..."), kind
+    )
+
+
+def _beginning(lines: list[TerminalLine], room: int) -> list[TerminalLine]:
+    """The first lines of a list, and how many more there are."""
+    if len(lines) <= room or room <= 0:
+        return lines[: max(room, 0)]
+    kept = lines[:room]
+    more = f"; {len(lines) - room} more: --verbose"
+    return [*kept[:-1], TerminalLine(kept[-1].begin, kept[-1].text[: COLUMNS - _LABEL - len(more)] + more)]
+
+
+def _heading(summary: dict[str, Any]) -> TerminalLine:
+    ended = status_in_words(summary)
+    if "results_of" in summary and summary["converged"]:
+        ended += f", {results_of(summary)}"
+    room = max(COLUMNS - len(ended) - 2, 5)
+    good = summary["converged"] and not summary["incomplete"]
+    title = shorten(printable(summary["title"]) or "scene", room, placeholder="...")
+    return TerminalLine(shorten(f"{title}: {ended}", COLUMNS, placeholder="..."), kind="good" if good else "")
+
+
+def _warnings(summary: dict[str, Any]) -> list[TerminalLine]:
+    """The first warning, and how many there are."""
+    texts = [
+        f"{finding['path']}: {finding['message']}"
+        for finding in summary["findings"]
+        if finding["level"] == "warning" and finding["message"] != summary["advice"]
+    ]
+    if not texts:
+        return []
+    more = f" ({len(texts)} warnings: --verbose)" if len(texts) > 1 else ""
+    room = COLUMNS - _LABEL
+    text = shorten(printable(texts[0]), 2 * room - len(more) - room // 4, placeholder=" ... (--verbose)") + more
+    return [_row("warning" if k == 0 else "", line, "warning") for k, line in enumerate(wrap(text, room))]
+
+
+def _advice(text: str, most: int) -> list[TerminalLine]:
+    lines = wrap(printable(text), COLUMNS - _LABEL)
+    if len(lines) > most:
+        lines = [*lines[: most - 1], f"{lines[most - 1][: COLUMNS - _LABEL - 15]} ... (--verbose)"]
+    return [_row("what to do" if k == 0 else "", line, "advice" if k == 0 else "") for k, line in enumerate(lines)]
+
+
+def _forces(summary: dict[str, Any]) -> list[TerminalLine]:
+    """The normal and the tangential force on the body; where bodies touch each other those of each boundary."""
+    if "contact_force" not in summary:
+        return []
+    rows = [{**row, "name": f" on {row['boundary']}"} for row in summary.get("contact_boundaries", ())]
+    if not (touch_each_other(summary) and rows):
+        rows = [{**summary, "name": ""}]
+    size = max(abs(part) for row in rows for key in ("contact_force", "friction_force") for part in row[key])
+
+    def of(row: dict[str, Any], key: str) -> str:
+        return figure(clean(row[key], size), error_of(summary, key))
+
+    slides = any(entry.get("friction") for entry in (summary.get("scene") or {}).get("contact", ()))
+    texts = []
+    for row in rows:
+        friction = f", friction {of(row, 'friction_force')}" if slides else ""
+        texts.append(f"{of(row, 'contact_force')}{friction}{row['name']}")
+    return [_row("force" if k == 0 else "", text) for k, text in enumerate(texts)]
+
+
+def _contact(summary: dict[str, Any]) -> list[TerminalLine]:
+    if "touching_nodes" not in summary:
+        return []
+    touching, peak = summary["touching_nodes"], figure(summary["max_pressure"], error_of(summary, "max_pressure"))
+    pressed = f", largest pressure {peak}" if touching else ""
+    return [_row("contact", f"at {touching} of {summary['contact_nodes']} nodes{pressed}")]
+
+
+def _safety(summary: dict[str, Any]) -> list[TerminalLine]:
+    """How many times the live loads until the body slides or tips, as statics proves it."""
+    if summary.get("safety") is None:
+        return []
+    safety = summary["safety"]
+    most = "" if safety["exact"] else "at most "
+
+    def limit(multiple: float | None) -> str:
+        return "no limit" if multiple is None else f"{most}{multiple:.3g} times these loads"
+
+    each = [name for name in ("sliding", "overturning") if name in safety]
+    if each and safety["factor"] is not None:
+        texts = [f"{name}: {limit(safety[name])}" for name in each]
+    else:
+        texts = ["no limit by statics" if safety["factor"] is None else limit(safety["factor"])]
+    used = safety["friction_used"]
+    texts += [] if used is None else [f"friction used: {100 * used:.2g} %"]
+    text = "; ".join(texts)
+    if len(text) > COLUMNS - _LABEL:
+        text = text.replace(" these loads", "")
+    return [_row("safety", text)]
+
+
+def _stress(summary: dict[str, Any]) -> list[TerminalLine]:
+    raw = (summary.get("stress") or {}).get("von_mises")
+    if raw is None or raw["value"] is None:
+        return []
+    value = figure(raw["value"], between(summary["stress"]))
+    limit = ", without limit there" if raw.get("no_limit") else ""
+    return [_row("stress", f"von Mises {value} at {point_in_words(raw['place'])}{limit}")]
+
+
+def _error(summary: dict[str, Any]) -> TerminalLine:
+    """How wrong the results are: proved, estimated, or not known."""
+    bound = summary.get("error_bound") or {}
+    if bound.get("relative_error") is not None and bound.get("guaranteed"):
+        return _row("error", f"at most {percent(bound['relative_error'])} of the energy norm, guaranteed")
+    prices = solved_prices(summary)
+    known = [f"{name} {percent(prices[name])}" for name in _ESTIMATED if prices.get(name) is not None]
+    if known:
+        return _row("error", f"{', '.join(known)}, estimated")
+    of_stress = (summary.get("stress") or {}).get("error")
+    if of_stress is not None:
+        return _row("error", f"of the stress {percent(of_stress)} in the mean, estimated")
+    return _row("error", "not estimated; --accuracy 5% asks for one and reaches it")
+
+
+def _certificate(summary: dict[str, Any]) -> TerminalLine:
+    figures = summary["certificate"]
+    law = figures["law"].partition(",")[0]
+    if figures["holds"]:
+        return _row("certificate", f"holds for {law}, each condition to {CERTIFICATE_TOLERANCE:.0e}")
+    return _row("certificate", f"DOES NOT HOLD for {law}: --verbose says which condition", "error")
+
+
+def _effort(summary: dict[str, Any]) -> TerminalLine:
+    ranks = f" on {summary['ranks']} ranks" if summary["ranks"] > 1 else ""
+    seconds = sum(value for value in summary["timings"].values() if value is not None)
+    return _row("effort", f"{effort_in_words(summary)}, {summary['dofs']} unknowns{ranks}, {seconds:.1f} s")
+
+
+def _asked(summary: dict[str, Any]) -> list[TerminalLine]:
+    """What only some scenes have: rigid tools, tightened sections, and the quantities of other packages."""
+    ours = {quantity.key for quantity in of_package()} - {"tools", "preloads"}
+    lines = [line for quantity in quantities() if quantity.key not in ours for line in quantity.lines(summary)]
+    return [_row(line.begin.strip(), line.text, line.kind) for line in lines]

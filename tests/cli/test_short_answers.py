@@ -1,0 +1,119 @@
+"""What ``solve`` and ``check`` print unless they are asked for more: few lines, none of them long, and true."""
+
+import random
+import re
+from pathlib import Path
+
+import pytest
+from scenes import example1
+
+from signorini_fx import solve, write_results
+from signorini_fx.check.checks import check_scene
+from signorini_fx.check.text import short_text
+from signorini_fx.results.short_answer import short_answer
+
+FOLDER = Path("results/scene")
+WORDS = ["a-rather-long-word", "contact[0].friction", "and", "the", "supports", "of", "12.5", "that", "hold", "it"]
+
+
+@pytest.fixture(scope="module")
+def summary(tmp_path_factory):
+    """Of results with fields."""
+    folder = tmp_path_factory.mktemp("results") / "scene"
+    return write_results(solve(example1(coefficient=0.3, nx=24, ny=8)), folder, pictures=False)
+
+
+def told(summary):
+    return list(map(str, short_answer(summary, FOLDER)))
+
+
+def labels(lines):
+    return [line[:14].strip() for line in lines]
+
+
+def test_what_is_said(summary):
+    """The lines in their order, with the figures of the summary."""
+    lines = told(summary)
+    assert labels(lines)[1:] == ["force", "contact", "safety", "stress", "error", "certificate", "effort", "results"]
+    assert lines[0].endswith("converged")
+    numbers = {
+        label: re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", line) for label, line in zip(labels(lines), lines, strict=True)
+    }
+    assert float(numbers["force"][1]) == pytest.approx(summary["contact_force"][1], rel=1e-3)
+    assert [int(n) for n in numbers["contact"][:2]] == [summary["touching_nodes"], summary["contact_nodes"]]
+    assert float(numbers["stress"][0]) == pytest.approx(summary["stress"]["von_mises"]["value"], rel=1e-2)
+    assert float(numbers["error"][0]) == pytest.approx(100 * summary["stress"]["error"], rel=5e-2)
+    assert int(numbers["effort"][0]) == summary["linear_solves"]
+    assert lines[-1].endswith("results/scene/")
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_any_answer_is_short(summary, seed):
+    """However long names, titles, advice and warnings are, and however many; the certificate is never left out."""
+    dice = random.Random(seed)
+
+    def text(most):
+        return " ".join(dice.choices(WORDS, k=dice.randint(1, most)))
+
+    row = summary["contact_boundaries"][0]
+    drawn = summary | {
+        "title": text(30),
+        "advice": text(80),
+        "findings": [{"level": "warning", "path": "mesh", "message": text(60)} for _ in range(dice.randrange(5))],
+        "contact_boundaries": [row | {"boundary": text(20)} for _ in range(dice.randint(1, 9))],
+        "converged": dice.random() < 0.7,
+        "status": "converged" if dice.random() < 0.7 else "slides, no static equilibrium",
+        "ranks": dice.choice([1, 4096]),
+    }
+    if dice.random() < 0.5:
+        drawn["scene"] = summary["scene"] | {"contact": [{"boundary": "bottom", "against": "other", "friction": {}}]}
+    if dice.random() < 0.5:
+        drawn["results_of"] = {"step": 3, "name": text(10), "time": 1.25, "status": "converged"}
+        drawn["steps"] = [{"time": 1.0}, {"time": 1.25}, {"time": 1.5}]
+    if dice.random() < 0.5:
+        drawn["preloads"] = [
+            {"name": text(20), "force": 1.0 / 3.0, "shortening": 2.0 / 3.0} for _ in range(dice.randint(1, 5))
+        ]
+    lines = told(drawn)
+    assert len(lines) <= 10
+    assert max(map(len, lines)) <= 80
+    assert labels(lines)[-1] == "results"
+    assert ("certificate" if drawn["converged"] else "what to do") in labels(lines)
+    assert ("warning" in labels(lines)) == bool(drawn["findings"])
+
+
+@pytest.mark.parametrize(
+    ("safety", "sentence"),
+    [
+        ({"sliding": 2.4, "overturning": None}, "sliding: 2.4 times these loads; overturning: no limit"),
+        ({"exact": False, "friction_used": 0.41}, "at most 2.4 times these loads; friction used: 41 %"),
+        ({"factor": None, "bound": None, "friction_used": 0.1}, "no limit by statics; friction used: 10 %"),
+    ],
+)
+def test_safety_is_a_sentence(summary, safety, sentence):
+    """With what Coulomb friction leaves open."""
+    known = {"factor": 2.4, "bound": 2.4, "exact": True, "friction_used": None, "motion": "slides"}
+    (line,) = (line for line in told(summary | {"safety": known | safety}) if "safety" in line)
+    assert line.split(maxsplit=1)[1] == sentence
+
+
+def test_certificate_that_does_not_hold(summary):
+    """It is said aloud."""
+    (line,) = (
+        line
+        for line in told(summary | {"certificate": summary["certificate"] | {"holds": False}})
+        if "certificate" in line
+    )
+    assert "DOES NOT HOLD" in line
+
+
+@pytest.mark.parametrize("length", [1, 40])
+def test_any_check_is_short(length):
+    """Titles of any length; warnings come before notes, and what does not fit is counted."""
+    scene = example1(coefficient=3.0, nx=24, ny=8)
+    checked = check_scene(scene | {"title": "title " * length} if isinstance(scene, dict) else scene)
+    lines = short_text(checked).splitlines()
+    assert len(lines) <= 15
+    assert max(map(len, lines)) <= 80
+    levels = [line.split()[0] for line in lines if line.startswith(("  warning ", "  note "))]
+    assert levels == sorted(levels, reverse=True)
