@@ -78,16 +78,13 @@ def _warnings(summary: dict[str, Any]) -> list[TerminalLine]:
     ]
     if not texts:
         return []
-    more = f" ({len(texts)} warnings: --verbose)" if len(texts) > 1 else ""
-    room = COLUMNS - _LABEL
-    text = shorten(printable(texts[0]), 2 * room - len(more) - room // 4, placeholder=" ... (--verbose)") + more
-    return [_row("warning" if k == 0 else "", line, "warning") for k, line in enumerate(wrap(text, room))]
+    text = printable(texts[0] if len(texts) == 1 else f"(1 of {len(texts)}) {texts[0]}")
+    lines = wrap(text, COLUMNS - _LABEL, max_lines=2, placeholder=" ... (--verbose)")
+    return [_row("warning" if k == 0 else "", line, "warning") for k, line in enumerate(lines)]
 
 
 def _advice(text: str, most: int) -> list[TerminalLine]:
-    lines = wrap(printable(text), COLUMNS - _LABEL)
-    if len(lines) > most:
-        lines = [*lines[: most - 1], f"{lines[most - 1][: COLUMNS - _LABEL - 15]} ... (--verbose)"]
+    lines = wrap(printable(text), COLUMNS - _LABEL, max_lines=most, placeholder=" ... (--verbose)")
     return [_row("what to do" if k == 0 else "", line, "advice" if k == 0 else "") for k, line in enumerate(lines)]
 
 
@@ -124,22 +121,26 @@ def _safety(summary: dict[str, Any]) -> list[TerminalLine]:
     if summary.get("safety") is None:
         return []
     safety = summary["safety"]
+    used = "" if safety["friction_used"] is None else f"; friction used: {100 * safety['friction_used']:.2g} %"
+    if safety["factor"] is None:
+        return [_row("safety", f"no limit by statics{used}")]
     most = "" if safety["exact"] else "at most "
+    each = {name: safety[name] for name in ("sliding", "overturning") if name in safety}
+    if not each:
+        return [_row("safety", f"{most}{safety['factor']:.3g} times these loads{used}")]
 
-    def limit(multiple: float | None) -> str:
-        return "no limit" if multiple is None else f"{most}{multiple:.3g} times these loads"
+    def limits(before: str, behind: str) -> list[str]:
+        return [
+            f"{name}: " + ("no limit" if multiple is None else f"{before}{multiple:.3g}{behind}")
+            for name, multiple in each.items()
+        ]
 
-    each = [name for name in ("sliding", "overturning") if name in safety]
-    if each and safety["factor"] is not None:
-        texts = [f"{name}: {limit(safety[name])}" for name in each]
-    else:
-        texts = ["no limit by statics" if safety["factor"] is None else limit(safety["factor"])]
-    used = safety["friction_used"]
-    texts += [] if used is None else [f"friction used: {100 * used:.2g} %"]
-    text = "; ".join(texts)
-    if len(text) > COLUMNS - _LABEL:
-        text = text.replace(" these loads", "")
-    return [_row("safety", text)]
+    texts = [
+        "; ".join(limits(most, " times these loads")) + used,
+        "; ".join(limits(most, " times")) + used,
+        f"{most}{', '.join(limits('', ''))} times these loads",
+    ]
+    return [_row("safety", next((text for text in texts if len(text) <= COLUMNS - _LABEL), texts[-1]))]
 
 
 def _stress(summary: dict[str, Any]) -> list[TerminalLine]:
@@ -176,7 +177,8 @@ def _certificate(summary: dict[str, Any]) -> TerminalLine:
 
 def _effort(summary: dict[str, Any]) -> TerminalLine:
     ranks = f" on {summary['ranks']} ranks" if summary["ranks"] > 1 else ""
-    seconds = sum(value for value in summary["timings"].values() if value is not None)
+    meshes = [price["seconds"] for price in summary.get("price_list", ()) if not price["predicted"]]
+    seconds = sum(value or 0.0 for value in (meshes or summary["timings"].values()))
     return _row("effort", f"{effort_in_words(summary)}, {summary['dofs']} unknowns{ranks}, {seconds:.1f} s")
 
 
