@@ -12,8 +12,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LONG = 30
-# What is not for users of the package; the others, with the README, are the guide.
-OTHERS = ("theory", "architecture", "trust", "evidence")
+# What is not for users of the package, or written by a command; the others, with the README, are the guide.
+OTHERS = ("theory", "architecture", "trust", "evidence", "refusals")
 
 
 def guide() -> list[Path]:

@@ -88,7 +88,7 @@ def _missed_loads(d: Discretisation, step: float) -> Floats:
     loads = [load for load in d.scene.of(Force) if load.varies]
     if not loads:
         return np.zeros(owned)
-    z = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0, (dim,))))
+    z = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0, (d.dimension,))))
     on, terms = d.coefficients, []
     on.move_to(step)
     for load, where in zip(loads, measures(d.space, loads, d.tagged.facets), strict=True):
@@ -100,7 +100,7 @@ def _missed_loads(d: Discretisation, step: float) -> Floats:
             -density * where(metadata={"quadrature_degree": load.degree(d.scene.element.degree)}),
         ]
     missed = d.inventory.compile("missed loads", lambda: fem.form(sum(terms[1:], terms[0])))
-    return np.asarray(np.linalg.norm(assemble(missed).reshape(-1, dim), axis=1))
+    return np.asarray(np.linalg.norm(assemble(missed).reshape(-1, d.dimension), axis=1))
 
 
 def _between_nodes(d: Discretisation, table: ContactTable) -> tuple[list[Floats], list[Floats]]:

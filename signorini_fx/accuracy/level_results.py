@@ -80,7 +80,7 @@ def level_result(
     change = task.history.outer[-1].change
     return LevelResult(
         level=level,
-        h=float(table.columns["weight"].mean() ** (1 / (body.dimension - 1))),
+        h=float(table.columns["weight"].mean() ** (1 if table.facets is None else 1 / 2)),
         dofs=body.dofs,
         linear_solves=len(own),
         factorisations=sum(record.factorised for record in own),

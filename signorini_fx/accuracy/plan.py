@@ -23,6 +23,7 @@ from signorini_fx.mesh.tagged import (
     load_mesh,
     simplex_parameters,
 )
+from signorini_fx.scene.features import refusals
 from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene
 from signorini_fx.scene.settings import Accuracy
 
@@ -66,7 +67,7 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
         message = "the largest pressure has no estimate on meshes that are divided in some places only: use 'uniform'"
         raise SceneError([("accuracy.refinement", message)])
     requested = goal
-    if any(effect.against is not None for effect in scene.contact):  # see ``Contact.contradictions``
+    if any("local refinement" in refused for refused in refusals(scene)):
         goal = goal.model_copy(update={"refinement": "uniform"})
     if scene.body:
         return _planned_bodies(scene, requested, comm)

@@ -145,11 +145,12 @@ class Discretisation(ElasticBody):
         (n, d).
         """
         assert self.boundary is not None
-        moved = np.zeros_like(self.boundary.x)
+        moved, dimension = np.zeros_like(self.boundary.x), self.tagged.dimension
         for number, (contact, earlier_contact) in enumerate(zip(self.scene.contact, earlier.contact, strict=True)):
             if contact.moves:
                 on_part = self.boundary.part == number
-                moved[on_part] = contact.foundation.moved_from(earlier_contact.foundation, self.boundary.x[on_part])
+                x = self.boundary.x[on_part, :dimension]
+                moved[on_part, :dimension] = contact.foundation.moved_from(earlier_contact.foundation, x)
         return moved
 
     def alone(self, scene: Scene, load: Load) -> AppliedLoad:

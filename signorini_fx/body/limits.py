@@ -24,6 +24,7 @@ from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.rigid import rigid_modes
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.reactions import Reactions, nearest
+from signorini_fx.scene.features import refused_by
 
 # Normals that differ by less are equal; lengths below this share of the body's size are zero.
 _FLAT = 1e-9
@@ -37,6 +38,13 @@ _MISSED = 1e-11
 _LOWER = (1e-9, 5e-9, 1e-7, 1e-6)
 # Vertices of a facet in space.
 _VERTICES = {"tetrahedron": 3, "hexahedron": 4}
+
+
+# Features of a scene that statics does not know.
+REFUSES = {
+    "contact of two bodies": "two bodies touch each other, which is not derived yet",
+    "driven foundation": "forces move a foundation, which is not derived yet",
+}
 
 
 class Unproved(Exception):
@@ -136,8 +144,7 @@ def surface_of(d: Discretisation, pressing: npt.NDArray[np.bool_] | None = None)
     bilateral = False if d.data.bilateral is None else bool(d.data.bilateral.any())
     for wrong, reason in (
         ("proof by statics" in d.kinematics.refuses, d.kinematics.refuses.get("proof by statics", "")),
-        (any(getattr(contact, "against", None) for contact in d.scene.contact), "two bodies touch each other"),
-        (len(motions.of_all) > len(motions.free), "forces move a foundation"),
+        *((True, reason) for _, reason in refused_by(d.scene, REFUSES)),
         (parallel.any_rank(comm, bilateral), "the foundation can pull"),
         *(
             (contact.friction.acts, reason)

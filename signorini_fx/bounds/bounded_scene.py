@@ -20,6 +20,7 @@ from signorini_fx.effects.material import LinearElastic
 from signorini_fx.effects.traction import SurfaceTraction
 from signorini_fx.scene.effect import Effect
 from signorini_fx.scene.expressions import Expression, in_space, sample
+from signorini_fx.scene.features import refused_by
 from signorini_fx.scene.stated import STRAIGHT_CELLS, may_have_arcs
 
 # Entries of a scene that are looked at; any other one could act on the body unseen.
@@ -29,6 +30,25 @@ _KNOWN_EFFECTS = (LinearElastic, BodyForce, SurfaceTraction, PrescribedDisplacem
 _CUT = ("traction", "body force")
 # Share of the loads below which quadrature knows them.
 _UNKNOWN = 1e-10
+
+
+# Features of a scene that the proof does not know.
+_UNILATERAL = "a guaranteed bound is for unilateral contact with a rigid foundation so far"
+REFUSES = {
+    "driven foundation": "a guaranteed bound is for foundations that no force moves so far",
+    "mixed element": "a guaranteed bound is for elements without a pressure of their own so far",
+    "orthotropic material": "an orthotropic material has no guaranteed bound yet",
+    "graded material": "graded moduli have no guaranteed bound yet",
+    "several load steps": "a guaranteed bound is for one load step so far",
+    "load in time": "loads that depend on the time have no guaranteed bound yet",
+    "support of a point": "a displacement at a point has no guaranteed bound: a point has none in the energy norm",
+    "prescribed rotation": "a prescribed rotation has no guaranteed bound yet",
+    "contact that cannot open": _UNILATERAL,
+    "contact of two bodies": _UNILATERAL,
+    "foundation with a shape": "a guaranteed bound is for a gap along given directions, not for a foundation with a "
+    "shape so far",
+    "friction axes": "friction that depends on the direction has no guaranteed bound yet",
+}
 
 
 class Refused(Exception):
@@ -101,28 +121,7 @@ def refuse_unknown(d: Discretisation) -> None:
         (kind == "quadrilateral" and degree > 1, "on quadrilaterals a guaranteed bound is for degree 1"),
         (kind == "hexahedron", "in space a guaranteed bound is for tetrahedra"),
         (d.motions.pieces.pins.size > 0, "a body whose parts share nothing but a point has no guaranteed bound"),
-        (d.tools is not None, "a guaranteed bound is for foundations that no force moves"),
-        (d.mixed is not None, "a guaranteed bound is for elements without a pressure of their own"),
-        (d.moduli is not None, "an orthotropic material has no guaranteed bound"),
-        (any(entry.graded for entry in d.scene.material), "graded moduli have no guaranteed bound"),
-        (d.scene.several_steps, "a guaranteed bound is for one load step"),
-        (any(load.timed for load in d.scene.loads), "loads that depend on the time have no guaranteed bound"),
-        (
-            any(entry.boundary is None or entry.rotation is not None for entry in d.scene.of(PrescribedDisplacement)),
-            "a displacement at a point, or a rotation, has no guaranteed bound",
-        ),
-        (
-            any(type(entry) is not UnilateralContact or entry.against for entry in d.scene.contact),
-            "a guaranteed bound is for unilateral contact with a rigid foundation",
-        ),
-        (
-            any(entry.foundation is not None for entry in d.scene.contact),
-            "a guaranteed bound is for a gap along given directions, not for a foundation with a shape",
-        ),
-        (
-            any(entry.friction.directed for entry in d.scene.contact),
-            "friction that depends on the direction has no guaranteed bound",
-        ),
+        *((True, reason) for _, reason in refused_by(d.scene, REFUSES)),
         (
             any(hasattr(entry.gap, "ufl_shape") for entry in d.scene.contact),
             "a gap given as a form is not known between the nodes",
@@ -132,7 +131,7 @@ def refuse_unknown(d: Discretisation) -> None:
             "a friction bound given as a form is not known between the nodes",
         ),
         *(
-            (type(entry) not in _KNOWN_EFFECTS, f"{entry.label} has no guaranteed bound")
+            (type(entry) not in _KNOWN_EFFECTS, f"{entry.label} has no guaranteed bound yet")
             for _, entry in d.scene.listed()
         ),
     ):

@@ -39,12 +39,21 @@ from signorini_fx.quantities.functional import Functional
 from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scene.effect import Force, InitialStrain, Resistance
+from signorini_fx.scene.features import refuse
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving.one_mesh import solve_mesh
 from signorini_fx.solving.scene_steps import SceneSteps
 from signorini_fx.solving.stepped_problem import LoadStep
 
 Array = npt.NDArray[np.float64]
+# Features of a scene that have no derivatives.
+REFUSES = {
+    "mixed element": "derivatives are not possible yet with a pressure of its own: leave 'mixed' out",
+    "entering load": "derivatives are not possible yet where it enters contact",
+    "shortening by force": "derivatives are not possible yet with a preload by force",
+    "requested accuracy": "derivatives are those of one mesh, and meshes of a requested accuracy jump with the data: "
+    "leave it out",
+}
 # Assembling a matrix takes as long as applying its form to the displacements of so many load steps.
 _FEW = 2
 
@@ -121,6 +130,8 @@ def sensitivity(
         ConvergenceError: the scene has no solution.
     """
     _check(scene)
+    # Coarser meshes give a start, and change nothing of the solution.
+    scene = scene.model_copy(update={"solver": scene.solver.model_copy(update={"levels": 1})})
     solved: list[_Step] = []
 
     def keep(step: LoadStep[SceneSteps]) -> None:
@@ -170,21 +181,11 @@ class _Step:
 
 def _check(scene: Scene) -> None:
     """Whether derivatives of the scene are known."""
-    refuses = scene.kinematics.refuses
-    for wrong, path, reason in (
-        (not scene.contact, "contact", "there is none: a problem without contact is linear"),
-        (
-            scene.element.volumetric == "mixed",
-            "element.volumetric",
-            "derivatives are not possible yet with a pressure of its own: leave 'mixed' out",
-        ),
-        ("derivatives" in refuses, "material.hypothesis", refuses.get("derivatives", "")),
-        *((True, path, f"derivatives are not possible yet where {why}") for path, why in scene.sought_at(0).items()),
-        (scene.solver.levels > 1, "solver.levels", "derivatives are those of one mesh: leave it out"),
-        (scene.accuracy is not None, "accuracy", "derivatives are those of one mesh: leave it out"),
-    ):
-        if wrong:
-            raise SceneError([(path, reason)])
+    if not scene.contact:
+        raise SceneError([("contact", "there is none: a problem without contact is linear")])
+    if reason := scene.kinematics.refuses.get("derivatives"):
+        raise SceneError([("material.hypothesis", reason)])
+    refuse(scene, REFUSES)
 
 
 def _sensitivities(

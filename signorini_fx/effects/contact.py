@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Discriminator, Tag, model_validator
 
 from signorini_fx.laws.none import NoFriction
 from signorini_fx.laws.registry import OneLaw
 from signorini_fx.scene.base import refused
-from signorini_fx.scene.effect import Contradictions, Effect
+from signorini_fx.scene.effect import Contradictions, Effect, Features
 from signorini_fx.scene.rigid_shape import Distance, OneShape
 from signorini_fx.scene.values import Direction, NonNegative, SampledValue, not_at_points, shown
 
@@ -40,6 +40,42 @@ class Contact(Effect):
             raise refused(type(self).__name__, wrong)
         return self
 
+    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
+        "contact of two bodies": {
+            "exact": "exact needs one unknown for each constraint, and contact of two bodies ties several",
+            "friction axes": "is not possible yet between two bodies",
+            "local refinement": "contact of two bodies shows its error on the side with the points alone, so that "
+            "cells of the other one would not be divided: use 'uniform'",
+        },
+        "driven foundation": {
+            "exact": "exact needs one unknown for each constraint, and where a force moves a foundation contact ties "
+            "several, those of the body and of the tool: take 'alm'",
+            "entering load": "a foundation that force, moment or prescribed moves is not possible yet where a fluid "
+            "enters contact",
+            "friction axes": "is not possible yet where a force moves the foundation",
+        },
+        "friction axes": {
+            "exact": "exact ties one unknown for each constraint, which friction with a ratio scales: take 'alm'",
+        },
+        "contact in time": {
+            "shortening by force": "is not possible yet with contact that depends on the time: give shortening"
+        },
+    }
+
+    @property
+    def features(self) -> Features:
+        """See ``Effect``."""
+        listed = (
+            ("contact that cannot open", ("kind",), self.kind != "unilateral"),
+            ("contact of two bodies", ("against",), self.against is not None),
+            ("driven foundation", ("foundation",), self.tool is not None),
+            ("moving foundation", ("foundation",), self.moves),
+            ("foundation with a shape", ("foundation",), self.foundation is not None),
+            ("friction axes", ("friction", "ratio"), self.friction.directed),
+            ("contact in time", (), self.timed),
+        )
+        return tuple((name, keys) for name, keys, used in listed if used)
+
     def contradictions(self, scene: Any, number: int) -> Contradictions:
         """See ``Effect``."""
         if any(rival.boundary == self.boundary for rival in scene.contact[:number]):
@@ -54,8 +90,6 @@ class Contact(Effect):
                     yield ("contact", number, rival), f"foundation already says {reason}: leave one of them out"
         if self.tool is not None:
             yield from _not_with_tools(scene, number)
-        if self.friction.directed:
-            yield from self._not_with_directions(scene, number)
         if self.against is None:
             between = {"distance": self.distance == "nominal", "points": self.points != "auto"}
             for word, is_set in {**between, "adjust": self.adjust is not None}.items():
@@ -68,32 +102,6 @@ class Contact(Effect):
             yield ("contact", number, "adjust"), "closes distances that the meshes have: with 'nominal' there are none"
         if self.direction is not None:
             yield ("contact", number, "direction"), "is that of the normal where two bodies touch: leave it out"
-        if scene.solver.algorithm == "exact":
-            yield (
-                ("solver", "algorithm"),
-                "exact needs one unknown for each constraint, and contact of two bodies ties several",
-            )
-        if scene.accuracy is not None and scene.accuracy.refinement == "adaptive":
-            message = (
-                "contact of two bodies shows its error on the side with the points alone, so that cells of the other "
-            )
-            yield ("accuracy", "refinement"), message + "one would not be divided: use 'uniform'"
-
-    def _not_with_directions(self, scene: Any, number: int) -> Contradictions:
-        """What friction that depends on the direction is not possible with."""
-        ratio_path = ("contact", number, "friction", "ratio")
-        for wrong, path, reason in (
-            (self.against is not None, ratio_path, "is not possible yet between two bodies"),
-            (self.tool is not None, ratio_path, "is not possible yet where a force moves the foundation"),
-            (
-                scene.solver.algorithm == "exact",
-                ("solver", "algorithm"),
-                "exact ties one unknown for each constraint, which friction with a ratio scales: take 'alm'",
-            ),
-            (scene.accuracy is not None, ("accuracy",), "is not possible yet for friction with a ratio"),
-        ):
-            if wrong:
-                yield path, reason
 
     @property
     def surface(self) -> Any:
@@ -125,16 +133,6 @@ class Contact(Effect):
             return self
         foundation = self.foundation.at_time(time) if self.moves else self.foundation
         return self.model_copy(update={"foundation": foundation, "friction": self.friction.at_time(time)})
-
-    @property
-    def features(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
-        """See ``Effect``."""
-        uses = (
-            ("contact of two bodies", ("against",), self.against is not None),
-            ("moving foundation", ("foundation",), self.tool is not None or self.moves),
-            ("friction axes", ("friction", "ratio"), self.friction.directed),
-        )
-        return tuple((name, keys) for name, keys, used in uses if used)
 
     @property
     def vectors(self) -> tuple[str, ...]:
@@ -228,10 +226,6 @@ class BilateralContact(Contact):
 
 def _not_with_tools(scene: Any, number: int) -> Contradictions:
     """Why a foundation whose motion is an unknown does not go together with other entries."""
-    solver, tool = scene.solver, "where a force moves a foundation"
-    if solver.algorithm == "exact":
-        reason = "contact ties several, those of the body and of the tool: take 'alm'"
-        yield ("solver", "algorithm"), f"exact needs one unknown for each constraint, and {tool} {reason}"
     driven = scene.contact[number].tool
     prescribed = driven.prescribed
     for wrong, name in (

@@ -7,7 +7,7 @@ from typing import Any, Self
 import numpy as np
 from pydantic import model_validator
 
-from signorini_fx.scene.effect import Array, Coefficients, Contradictions, Load, text
+from signorini_fx.scene.effect import Array, Coefficients, Contradictions, Features, Load, text
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.values import Direction, TimedSampledValue, Vector
 
@@ -106,6 +106,12 @@ class PrescribedDisplacement(Load):
     def said(self) -> str:
         """See ``Effect``."""
         return ", ".join(f"{key} = {text(value)}" for key, value in self.given.items())
+
+    @property
+    def features(self) -> Features:
+        """See ``Effect``."""
+        listed = (("support of a point", "at"), ("prescribed rotation", "rotation"))
+        return tuple((name, (key,)) for name, key in listed if getattr(self, key) is not None)
 
     def contradictions(self, scene: Any, number: int) -> Contradictions:
         """See ``Effect``."""

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, Literal
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from signorini_fx.scene.effect import Array, Coefficients, Contradictions, JointLoad, Points
 from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.values import NonNegative, TimedSampledValue
+
+_ENTERS = "is not possible yet where a fluid enters contact"
 
 
 class Fluid(JointLoad):
@@ -26,6 +28,15 @@ class Fluid(JointLoad):
         closed: what contact carries that it has not entered: none, linear, from its pressure where it ends to zero at
             the other end of the contact, in the plane, or full, its whole pressure.
     """
+
+    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
+        "entering load": {
+            "exact": f"exact {_ENTERS}",
+            "nested iteration": f"a sequence of meshes {_ENTERS}",
+            "shortening by force": "is not possible yet with a load that enters a contact: give shortening",
+            "requested accuracy": f"a requested accuracy {_ENTERS}",
+        }
+    }
 
     level: TimedSampledValue
     weight: NonNegative
@@ -67,15 +78,6 @@ class Fluid(JointLoad):
                 for entry in ("closed", "live"):
                     if name in fluid.enters and getattr(fluid, entry) != getattr(self, entry):
                         yield ("fluid", number, entry), f"must be the same for all fluids that enter {name!r}"
-        for wrong, key, reason in (
-            (bool(scene.tools), enters_path, "a foundation that force, moment or prescribed moves"),
-            (scene.solver.algorithm == "exact", ("solver", "algorithm"), "exact"),
-            (scene.solver.levels > 1, ("solver", "levels"), "a sequence of meshes"),
-            (scene.solver.error_bound, ("solver", "error_bound"), "a guaranteed bound"),
-            (scene.accuracy is not None, ("accuracy",), "a requested accuracy"),
-        ):
-            if wrong:
-                yield key, f"{reason} is not possible yet where a fluid enters contact"
 
     @property
     def remarks(self) -> Iterator[tuple[Literal["note", "warning"], str, str]]:

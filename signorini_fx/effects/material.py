@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
@@ -11,7 +12,7 @@ from pydantic_core import PydanticKnownError
 
 from signorini_fx.kinematics.cartesian import Kinematics, position
 from signorini_fx.kinematics.space import SPACE
-from signorini_fx.scene.effect import Contradictions, Effect, InitialStrain
+from signorini_fx.scene.effect import Contradictions, Effect, Features
 from signorini_fx.scene.orthotropic import Orthotropic
 from signorini_fx.scene.values import Finite, NonNegative, Positive, SampledValue
 
@@ -19,6 +20,9 @@ from signorini_fx.scene.values import Finite, NonNegative, Positive, SampledValu
 def _filled() -> Any:
     """The default of what an orthotropic material fills in."""
     return Field(default=None, validate_default=True)
+
+
+_ORTHOTROPIC = "is not possible yet with an orthotropic material"
 
 
 class LinearElastic(Effect):
@@ -40,6 +44,17 @@ class LinearElastic(Effect):
         expansion: coefficient of thermal expansion, 1 / temperature, which ``temperature`` needs; None: not known.
         region: name of the part of the body that is made of this material; None: all of it.
     """
+
+    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
+        "orthotropic material": {
+            "mixed element": f"{_ORTHOTROPIC}: take 'full'",
+            "reduced integration": f"{_ORTHOTROPIC}: take 'full'",
+            "initial strain": f"{_ORTHOTROPIC}, whose expansion depends on the direction too",
+        },
+        "graded Poisson's ratio": {
+            "orthotropic material": "is not possible yet where a material has a poisson_grading"
+        },
+    }
 
     orthotropic: Orthotropic | None = None
     young: Positive = _filled()
@@ -152,12 +167,20 @@ class LinearElastic(Effect):
         nu = self.poisson / (1 + self.poisson) if self.hypothesis == "plane stress" else self.poisson
         return math.sqrt(3 - 4 * nu) / (2 - 2 * nu)
 
+    @property
+    def features(self) -> Features:
+        """See ``Effect``."""
+        listed = (
+            ("orthotropic material", "orthotropic", self.orthotropic is not None),
+            ("graded material", "grading", self.graded),
+            ("graded Poisson's ratio", "poisson_grading", self.poisson_grading is not None),
+        )
+        return tuple((name, (key,)) for name, key, used in listed if used)
+
     def contradictions(self, scene: Any, number: int) -> Contradictions:
         """See ``Effect``."""
         if self.hypothesis != scene.material[0].hypothesis:
             yield ("material", number), "all materials must have the same hypothesis"
-        if self.orthotropic is not None:
-            yield from _not_orthotropic(scene, number)
         if self.torsion and self.hypothesis != "axisymmetric":
             yield ("material", number, "torsion"), 'needs hypothesis = "axisymmetric": other bodies have no axis'
         if self.torsion != scene.material[0].torsion:
@@ -165,58 +188,11 @@ class LinearElastic(Effect):
         if scene.element.volumetric == "mixed":
             if not self.poisson > 0:
                 yield ("material", number, "poisson"), "must be above 0 where element.volumetric = 'mixed'"
-            if number == 0:
-                yield from _not_mixed(scene)
+            if number == 0 and scene.element.degree != 2:
+                yield ("element", "degree"), "must be 2 for 'mixed', whose pressure has one degree less"
         elif self.poisson == 0.5 and self.hypothesis != "plane stress":
             cure = 'element = { degree = 2, volumetric = "mixed" }, whose pressure is an unknown of its own'
             yield ("material", number, "poisson"), f"must be below 0.5: an incompressible body needs {cure}"
-
-
-def _not_orthotropic(scene: Any, number: int) -> Contradictions:
-    """What an orthotropic material is not possible with."""
-    yet = "is not possible yet with an orthotropic material"
-    for wrong, path, reason in (
-        (scene.element.volumetric in ("reduced", "mixed"), ("element", "volumetric"), f"{yet}: take 'full'"),
-        (
-            any(entry.acts for entry in scene.of(InitialStrain)),
-            ("temperature",),
-            f"{yet}, whose expansion depends on the direction too",
-        ),
-        (
-            any(entry.poisson_grading is not None for entry in scene.material),
-            ("material", number, "orthotropic"),
-            "is not possible yet where a material has a poisson_grading",
-        ),
-        (scene.solver.error_bound, ("solver", "error_bound"), "is not known for an orthotropic material"),
-    ):
-        if wrong:
-            yield path, reason
-
-
-def _not_mixed(scene: Any) -> Contradictions:
-    """What the mixed element is not possible with."""
-    element = ("element", "volumetric")
-    for wrong, path, reason in (
-        (scene.element.degree != 2, ("element", "degree"), "must be 2 for 'mixed', whose pressure has one degree less"),
-        (
-            scene.material[0].hypothesis == "plane stress",
-            element,
-            "'mixed' is of no use in plane stress: nothing locks",
-        ),
-        (
-            scene.solver.linear_algebra == "krylov",
-            ("solver", "linear_algebra"),
-            "must not be 'krylov' where element.volumetric = 'mixed': multigrid needs a positive definite matrix",
-        ),
-        (
-            scene.solver.algorithm == "exact",
-            ("solver", "algorithm"),
-            "'exact' is not possible yet where element.volumetric = 'mixed': take 'alm'",
-        ),
-        (scene.solver.error_bound, ("solver", "error_bound"), "is not known for element.volumetric = 'mixed'"),
-    ):
-        if wrong:
-            yield path, reason
 
 
 # Above this Poisson's ratio the fully integrated elements lock visibly.

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from pydantic import PrivateAttr, model_validator
 
-from signorini_fx.scene.effect import Contradictions, Load, text
+from signorini_fx.scene.effect import Contradictions, Features, Load, text
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.rigid_motion import Timed
 from signorini_fx.scene.values import Count, Direction, Vector
@@ -91,9 +91,9 @@ class Preload(Load):
         return "sections" if self.acts else ""
 
     @property
-    def features(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    def features(self) -> Features:
         """See ``Effect``."""
-        return (("shortened section", ()),)
+        return (*super().features, *((("shortening by force", ("force",)),) if self.force is not None else ()))
 
     @property
     def inner_facets(self) -> tuple[str, ...]:
@@ -120,12 +120,6 @@ class Preload(Load):
             yield (*path, "force"), "needs contact: without it give shortening, which the force is proportional to"
         if self.factors is not None and min(self.factors[: self.locked_after]) <= 0:
             yield (*path, "factors"), "must be positive while the force acts"
-        for wrong, reason in (
-            (bool(scene.joint_loads), "a load that enters a contact"),
-            (any(contact.timed for contact in scene.contact), "contact that depends on the time"),
-        ):
-            if wrong:
-                yield (*path, "force"), f"is not possible yet with {reason}: give shortening"
 
     def force_at(self, scene: Any, step: float) -> float | None:
         """The tension that determines its shortening, at a place in the lists of factors; None: that is known."""

@@ -194,6 +194,7 @@ def _jump(path: str, effect: Preload, scene: Any, tagged: TaggedMesh, space: fem
         if parallel.any_rank(mesh.comm, wrong):
             raise SceneError([(f"{path}.{key}", reason)])
     cells = np.flatnonzero(touching & beyond).astype(np.int32)
+    axis = np.append(axis, np.zeros(space.dofmap.index_map_bs - dim))  # nothing moves around the axis of a body
     return Jump(path, effect, partial(effect.shortening_at, scene), axis, nodes, cells)
 
 

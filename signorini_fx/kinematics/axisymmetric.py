@@ -61,15 +61,14 @@ class BodyOfRevolution(Kinematics):
 _WHERE = "where the body is axisymmetric"
 # What has no meaning, and what nobody has derived yet.
 REFUSED = {
-    "accuracy of a figure": f"has an estimate for energy only, {_WHERE}",
+    "accuracy of the pressure": f"has no estimate yet with the measure of rings, {_WHERE}",
     "bending": "a section that stays in place does not bend",
     "contact of two bodies": f"is not possible yet {_WHERE}",
-    "fluid in contact": f"is not possible yet {_WHERE}",
-    "guaranteed bound": "a guaranteed bound is for bodies in the plane, not for axisymmetric ones",
-    "local refinement": f"must be 'uniform' {_WHERE}",
+    "entering load": f"is not possible yet {_WHERE}",
+    "guaranteed bound": "a guaranteed bound of axisymmetric bodies is not known yet",
     "moment": "there is none on a body of revolution",
     "motion of a tool": "an axisymmetric tool moves along its axis x[1] alone",
-    "proof by statics": "the body is axisymmetric",
+    "proof by statics": "the body is axisymmetric, which is not derived yet",
 }
 AXISYMMETRIC = BodyOfRevolution(
     "axisymmetric",

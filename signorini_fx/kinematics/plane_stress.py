@@ -2,4 +2,9 @@
 
 from signorini_fx.kinematics.cartesian import Kinematics
 
-PLANE_STRESS = Kinematics("plane stress", 2, ((0, 1),))
+PLANE_STRESS = Kinematics(
+    "plane stress",
+    2,
+    ((0, 1),),
+    refuses={"mixed element": "'mixed' is of no use in plane stress: nothing locks"},
+)

@@ -45,7 +45,6 @@ class TwistedBody(BodyOfRevolution):
         return np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
 
 
-_YET = "is not possible yet where material.torsion is true"
 TORSION = TwistedBody(
     "axisymmetric, torsion",
     3,
@@ -59,16 +58,8 @@ TORSION = TwistedBody(
     least_x=0.0,
     refuses={
         **REFUSED,
-        "contact of two bodies": f"contact of two bodies {_YET}",
-        "derivatives": "derivatives are not possible yet with torsion, but of forms of one's own",
-        "friction axes": _YET,
-        "krylov": f"'krylov' {_YET}",
-        "mixed element": f"'mixed' {_YET}",
-        "moving foundation": f"a foundation that moves {_YET}: move or turn the body",
-        "nested iteration": f"a sequence of meshes {_YET}",
-        "orthotropic material": _YET,
-        "requested accuracy": _YET,
-        "requested bound": _YET,
-        "shortened section": _YET,
+        "driven foundation": "is not possible yet where material.torsion is true",
+        "friction axes": "is not possible yet where material.torsion is true",
+        "local refinement": "is not possible yet where material.torsion is true: use 'uniform'",
     },
 )

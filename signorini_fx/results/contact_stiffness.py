@@ -8,7 +8,10 @@ from petsc4py import PETSc
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.linalg.schur import SchurComplement
+from signorini_fx.scene.features import refused_by
 
+# Features of a scene that the proof does not know.
+REFUSES = {"driven foundation": "not tried where a force moves a foundation"}
 # More components of contact points than this are not looked at: the matrices are dense.
 _MOST_COMPONENTS = 1200
 
@@ -25,7 +28,7 @@ def contact_stiffness(d: Discretisation, step: float | None = None) -> tuple[Nod
     for wrong, reason in (
         # What is an unknown as well the stiffness takes as fixed.
         *((True, f"not tried where {clause}") for clause in d.scene.sought_at(load_step).values()),
-        (d.tools is not None, "not tried where a force moves a foundation"),
+        *((True, reason) for _, reason in refused_by(d.scene, REFUSES)),
         (law.ends_open is not None, "where a point opens, its friction ends with a jump"),
         (bool(law.laws), law.unknown),
         (d.comm.size > 1, "the proof is for one rank"),

@@ -420,7 +420,8 @@ class NodalForces(SurfaceQuadrature):
         for part, size in self._cells(self._degree):
             cells, table = part.cells, part.table
             inverse, determinant = adjugates(self._jacobian(cells, table))
-            slope = np.einsum("kqn,kjcq->jcqn", table.slope, inverse / determinant)  # of each shape function along x_j
+            slope = np.zeros((self.dimension, *size.shape, table.shape.shape[-1]))
+            slope[: len(inverse)] = np.einsum("kqn,kjcq->jcqn", table.slope, inverse / determinant)  # along x_j
             for axis, share in enumerate(() if turning is None else turning[2]):
                 slope[axis] += share * table.shape / self.positions(part)[..., 0, None]
             size = size * self._around(part)

@@ -25,7 +25,9 @@ from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.values import Finite, TimedValue
 
 Array = npt.NDArray[np.float64]
-Contradictions = Iterator[tuple[tuple[str | int, ...], str]]
+Keys = tuple[str | int, ...]
+Contradictions = Iterator[tuple[Keys, str]]
+Features = tuple[tuple[str, Keys], ...]
 
 
 class Coefficients(Protocol):
@@ -93,7 +95,13 @@ def text(value: Any) -> str:
 
 
 class Effect(Table):
-    """An entry of a scene."""
+    """An entry of a scene.
+
+    Attributes:
+        refuses: of its features, by their names, those that do not go together with each, and why.
+    """
+
+    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {}
 
     # Whether it changes the strain that the stress follows from.
     strains: ClassVar[bool] = False
@@ -168,9 +176,9 @@ class Effect(Table):
         return ""
 
     @property
-    def features(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    def features(self) -> Features:
         """The names by which other objects refuse it, see ``scene.features``, with the keys that ask for them."""
-        return ()
+        return ((self.label, ()),)
 
     @property
     def inner_facets(self) -> tuple[str, ...]:
@@ -306,9 +314,9 @@ class JointLoad(Force):
         return "entering_loads" if self.enters else ""
 
     @property
-    def features(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    def features(self) -> Features:
         """See ``Effect``."""
-        return ((f"{self.label} in contact", ("enters",)),) if self.enters else ()
+        return (*super().features, *((("entering load", ("enters",)),) if self.enters else ()))
 
     @property
     def assumed(self) -> str:
@@ -328,6 +336,11 @@ class InitialStrain(Load):
     """A strain of the body, the same in all directions, which causes stress only where it is prevented."""
 
     strains: ClassVar[bool] = True
+
+    @property
+    def features(self) -> Features:
+        """See ``Effect``."""
+        return (*super().features, *((("initial strain", ()),) if self.acts else ()))
 
     def strain(self, on: BodyCoefficients) -> Any:
         """The strain in each direction, UFL, a number."""

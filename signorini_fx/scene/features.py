@@ -1,45 +1,88 @@
-"""What a scene uses, by the names under which the objects that it consists of say what they refuse.
+"""What a scene uses, by name, and which of it does not go together.
 
-So far ``Scene.kinematics.refuses`` is asked.
+Each feature says what it refuses, and why: effects in ``Effect.refuses``, the kinematics in ``Kinematics.refuses``,
+elements and settings here, and what is computed of a solution (a bound, a proof, a derivative) where it is computed.  A
+reason is one of mathematics, or it says that something is not possible *yet*.  ``docs/refusals.py`` makes a page of
+them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-from signorini_fx.scene.effect import Contradictions
+from signorini_fx.errors import SceneError
+from signorini_fx.scene.effect import Contradictions, Keys
 
-Path = tuple[str | int, ...]
+REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
+    "mixed element": {
+        "exact": "'exact' is not possible yet where element.volumetric = 'mixed': take 'alm'",
+        "krylov": "must not be 'krylov' where element.volumetric = 'mixed': multigrid needs a positive definite matrix",
+    },
+    "several bodies": {
+        "local refinement": "is not possible for several [[body]], each of which is made anew with smaller cells: use "
+        "'uniform'"
+    },
+    "mesh that no generator makes": {
+        "nested iteration": "needs a mesh from a generator, which can make the coarser ones"
+    },
+}
 
 
-def features(scene: Any) -> Iterator[tuple[str, Path]]:
+def features(scene: Any) -> Iterator[tuple[str, Keys]]:
     """Each with the key that asks for it."""
-    solver, accuracy = scene.solver, scene.accuracy
+    solver, accuracy, volumetric = scene.solver, scene.accuracy, scene.element.volumetric
     for name, path, used in (
-        ("mixed element", ("element", "volumetric"), scene.element.volumetric == "mixed"),
+        (scene.kinematics.words, ("material",), True),
+        ("mixed element", ("element", "volumetric"), volumetric == "mixed"),
+        ("reduced integration", ("element", "volumetric"), volumetric == "reduced"),
+        ("exact", ("solver", "algorithm"), solver.algorithm == "exact"),
         ("krylov", ("solver", "linear_algebra"), solver.linear_algebra == "krylov"),
         ("nested iteration", ("solver", "levels"), solver.levels > 1),
-        ("requested bound", ("solver", "error_bound"), solver.error_bound),
         ("requested accuracy", ("accuracy",), accuracy is not None),
-        ("accuracy of a figure", ("accuracy", "of"), accuracy is not None and accuracy.of != "energy"),
-        ("local refinement", ("accuracy", "refinement"), accuracy is not None and accuracy.refinement != "uniform"),
+        ("accuracy of the pressure", ("accuracy", "of"), accuracy is not None and accuracy.of == "pressure"),
+        ("local refinement", ("accuracy", "refinement"), accuracy is not None and accuracy.refinement == "adaptive"),
+        ("several bodies", ("body",), bool(scene.body)),
+        ("mesh that no generator makes", ("mesh",), not scene.generated),
+        ("several load steps", ("load_steps",), scene.several_steps),
+        ("load in time", ("load_steps", "times"), any(load.timed for load in scene.loads)),
     ):
         if used:
             yield name, path
     for kind, entries in scene.effects.items():
         for number, entry in enumerate(entries):
-            for name, key in (
-                ("orthotropic material", "orthotropic"),
-                ("prescribed rotation", "rotation"),
-            ):
-                if getattr(entry, key, None) is not None:
-                    yield name, (kind, number, key)
             for name, keys in entry.features:
                 yield name, (kind, number, *keys)
 
 
-def refused_features(scene: Any) -> Contradictions:
-    """Those that its kinematics refuse, and why."""
-    refuses = scene.kinematics.refuses
+def refused_by(scene: Any, refuses: Mapping[str, str]) -> Contradictions:
+    """The features of a scene that something refuses, with the key of each and the reason."""
     return ((path, refuses[name]) for name, path in features(scene) if name in refuses)
+
+
+def refuse(scene: Any, refuses: Mapping[str, str]) -> None:
+    """Refuse what is to be computed of a scene.
+
+    Raises:
+        SceneError: it has features that this does not know.
+    """
+    if problems := list(dict.fromkeys(refused_by(scene, refuses))):
+        raise SceneError([(f"{path[0]}{''.join(map(_key, path[1:]))}", reason) for path, reason in problems])
+
+
+def _key(part: str | int) -> str:
+    return f".{part}" if isinstance(part, str) else f"[{part}]"
+
+
+def refusals(scene: Any) -> list[Mapping[str, str]]:
+    """What each of the features of a scene refuses, and why."""
+    declared = {**REFUSED_BY_SETTINGS, scene.kinematics.words: scene.kinematics.refuses}
+    for _, entry in scene.listed():
+        declared |= entry.refuses
+    used = {name for name, _ in features(scene)}
+    return [refused for name, refused in declared.items() if name in used]
+
+
+def refused_features(scene: Any) -> Contradictions:
+    """The features of a scene that others of its features refuse."""
+    return iter(dict.fromkeys(problem for refused in refusals(scene) for problem in refused_by(scene, refused)))

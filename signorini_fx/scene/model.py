@@ -209,8 +209,6 @@ class Scene(Table):
             for number, effect in enumerate(entries):
                 yield from effect.contradictions(self, number)
         yield from refused_features(self)
-        if self.solver.levels > 1 and not self.generated:
-            yield ("solver", "levels"), "needs a mesh from a generator, which can make the coarser ones"
         if (self.mesh is None) != bool(self.body):
             missing = "a table with file or generator is expected" if self.mesh is None else "leave it out"
             yield ("mesh",), missing + ("" if self.mesh is None else ": each [[body]] has its own")
@@ -218,11 +216,6 @@ class Scene(Table):
         for number, name in enumerate(names):
             if name in names[:number]:
                 yield ("body", number, "name"), f"two bodies are called {name!r}"
-        if self.body and self.accuracy is not None and self.accuracy.refinement == "adaptive":
-            reason = (
-                "is not possible for several [[body]], each of which is made anew with smaller cells: use 'uniform'"
-            )
-            yield ("accuracy", "refinement"), reason
         if self.accuracy is not None and not self.contact:
             yield ("accuracy",), "needs a scene with contact"
         if len({len(load.factors) for load in self.loads if load.factors is not None}) > 1:

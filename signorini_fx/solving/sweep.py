@@ -31,6 +31,7 @@ from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Law, Tractions
 from signorini_fx.results.tool_motion import ToolMotion, motions_of
 from signorini_fx.scene.expressions import sample
+from signorini_fx.scene.features import refuse
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import as_scene
 from signorini_fx.solving.nested import carry_over
@@ -39,6 +40,9 @@ from signorini_fx.solving.solver import refuse_other_than_comm
 
 if TYPE_CHECKING:
     from signorini_fx.results.sections import SectionForce
+
+# Features of a scene that a sweep does not know.
+REFUSES = {"entering load": "is not possible yet where a load enters contact: solve each scene"}
 
 
 @dataclass(frozen=True, repr=False)
@@ -171,8 +175,7 @@ def sweep(
         raise SceneError([("sweep", "give either coefficients or loads")])
     if scene.several_steps or not scene.contact:
         raise SceneError([("sweep", "needs a scene with contact and one load step")])
-    if scene.joint_loads:
-        raise SceneError([("sweep", "is not possible yet where a load enters contact: solve each scene")])
+    refuse(scene, REFUSES)
     for clause in scene.sought_at(0).values():
         if loads is not None and min(loads, default=1.0) <= 0:
             raise SceneError([("sweep", f"loads must be positive where {clause}")])

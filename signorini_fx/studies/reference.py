@@ -20,12 +20,12 @@ from signorini_fx.accuracy.contact_values import interpolated
 from signorini_fx.accuracy.price_list import zone_change
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.element_stress import compliance, element_stress
-from signorini_fx.errors import SceneError
 from signorini_fx.mesh.hierarchy import scene_on
 from signorini_fx.mesh.points import cells_of_points
 from signorini_fx.mesh.refinement import mark, refine
 from signorini_fx.mesh.tagged import load_mesh, simplex_parameters
 from signorini_fx.results.solution import Solution
+from signorini_fx.scene.features import refuse
 from signorini_fx.scene.model import MeshGenerator, Scene
 from signorini_fx.scene.settings import SolverSettings
 from signorini_fx.solving.solver import solve
@@ -43,18 +43,22 @@ _FIRST = 2.0
 _OUTSIDE = 1.0
 
 
+# Features of a scene that a study does not know.
+REFUSES = {
+    "mixed element": "a study compares elements without a pressure: leave 'mixed' out",
+    "orthotropic material": "a study is not possible yet with an orthotropic material",
+    "mesh that no generator makes": "a study needs a mesh from a generator, which can make coarser and finer ones",
+    "several bodies": "a study is not possible yet with several [[body]]",
+}
+
+
 def on_mesh(scene: Scene, factor: float, element: str, settings: dict[str, Any]) -> Scene:
     """The scene with elements ``factor`` times as large, of this kind, and with other solver settings.
 
     Raises:
         SceneError: the generator makes no such meshes; the element is mixed.
     """
-    if scene.element.volumetric == "mixed":
-        raise SceneError([("element.volumetric", "a study compares elements without a pressure: leave 'mixed' out")])
-    if any(material.orthotropic is not None for material in scene.material):
-        raise SceneError([("material", "a study is not possible yet with an orthotropic material")])
-    if not isinstance(scene.mesh, MeshGenerator):
-        raise SceneError([("mesh", "a study needs a mesh from a generator, which can make coarser and finer ones")])
+    refuse(scene, REFUSES)
     mesh = scene_on(scene, factor).mesh
     assert isinstance(mesh, MeshGenerator)
     parameters = {**mesh.parameters, "cell": _CELLS[element[0]]}

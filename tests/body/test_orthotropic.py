@@ -402,7 +402,6 @@ def test_parallel_vectors():
         ),
         ({"element": {"volumetric": "reduced"}}, "element.volumetric: is not possible yet with an orthotropic"),
         ({"temperature": {"change": 1.0}}, "temperature.*is not possible yet with an orthotropic"),
-        ({"solver": {"error_bound": True}}, "solver.error_bound: is not known for an orthotropic"),
         ({"material": {**wood(), "young": 1.0}}, "material.young: is one of the constants in orthotropic"),
         ({"material": {**wood(), "poisson_grading": 0.5}}, "where a material has a poisson_grading"),
         ({"material": {"poisson": 0.3}}, "material.young: is missing"),

@@ -348,7 +348,6 @@ def test_own_forms():
         ({"ratio": 0.5, "along": [0.0, 0.0, 1.0]}, {}, "contact.*friction.along", "along the normal somewhere"),
         ({"ratio": 0.5, "along": ["x[0]", "x[0]", 0.0]}, {}, "contact.*friction.along", "zero or along"),
         ({"ratio": 0.5}, {"solver": {"algorithm": "exact"}}, "solver.algorithm", "exact ties one unknown"),
-        ({"ratio": 0.5}, {"accuracy": {"target": 0.1}}, "accuracy", "not possible yet for friction with a ratio"),
         (
             {"ratio": 0.5, "along": ALONG},
             {"displacement": {"boundary": "left", "x": 0.0}},
@@ -383,3 +382,25 @@ def test_check_says_so():
     friction = law_of(law="coulomb", coefficient=0.3, ratio=0.5, along=[1.0, "x[0]", 0.0])
     report = str(check_scene(pulled(friction), MPI.COMM_SELF))
     assert "coulomb, coefficient = 0.3, ratio = 0.5 across (1, x[0], 0)" in report
+
+
+def test_accuracy():
+    """Estimates of an ellipse along y, twice as long as wide, are those of one along x; of a disc those of a disc."""
+
+    def estimates(coefficient, **more):
+        scene = {
+            "mesh": {"generator": "box", "parameters": {"nx": 4, "ny": 2, "nz": 2}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "left", "x": 0.0},
+            "traction": {"boundary": "top", "x": 0.3, "y": 0.2, "z": -3.0},
+            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": coefficient} | more},
+            "accuracy": {"target": 0.2, "refinement": "uniform"},
+        }
+        return [level.energy for level in solve(parse_scene(scene), MPI.COMM_SELF).levels]
+
+    isotropic, disc = estimates(0.3), estimates(0.3, ratio=1.0, along=[1.0, 0.0, 0.0])
+    assert disc == pytest.approx(isotropic, rel=1e-6)
+    along_x = estimates(0.3, ratio=0.5, along=[1.0, 0.0, 0.0])
+    along_y = estimates(0.15, ratio=2.0, along=[0.0, 1.0, 0.0])
+    assert along_y == pytest.approx(along_x, rel=1e-3)  # gamma is told along the axes
+    assert abs(along_x[0] / isotropic[0] - 1) > 0.1
