@@ -84,16 +84,6 @@ class PointFriction:
         return np.where(pressure < 0, -slope, slope)
 
     @property
-    def envelope_cap(self) -> Nodal | None:
-        """What no bound exceeds, stress, shape (n,); None: nothing is known."""
-        if all(entry.cap is None for entry in self.laws):
-            return self.cap
-        cap = np.full(self.given.size, np.inf) if self.cap is None else self.cap.copy()
-        for entry in self.laws:
-            cap[entry.points] = np.inf if entry.cap is None else entry.cap
-        return cap
-
-    @property
     def unknown(self) -> str:
         """Why the envelope is not the bound, in words; "": it is, at every point that is pressed."""
         return self.laws[0].unknown if self.laws else ""
@@ -117,6 +107,20 @@ class PointFriction:
     def acts(self) -> npt.NDArray[np.bool_]:
         """Points that can transmit shear, shape (n,)."""
         return np.asarray((self.given > 0) | (self.coefficient > 0))
+
+    def forces(self, weight: Nodal) -> PointFriction:
+        """The envelope, which no bound exceeds, with forces for stresses at points with such weights, shape (n,)."""
+        cap = self.cap
+        if any(entry.cap is not None for entry in self.laws):
+            cap = np.full(self.given.size, np.inf) if cap is None else cap.copy()
+            for entry in self.laws:
+                cap[entry.points] = np.inf if entry.cap is None else entry.cap
+        return PointFriction(weight * self.given, self.coefficient, None if cap is None else weight * cap)
+
+    def at(self, points: npt.NDArray[Any]) -> PointFriction:
+        """An envelope at some of the points, by their numbers or flags."""
+        cap = None if self.cap is None else self.cap[points]
+        return PointFriction(self.given[points], self.coefficient[points], cap)
 
     def line(self, pressure: Nodal) -> tuple[Nodal, Nodal]:
         """Value at zero and slope of the tangent of the bound at a pressure, stress and number, shapes (n,)."""

@@ -79,10 +79,12 @@ class Reactions:
     @property
     def rough(self) -> Reactions:
         """The same with unlimited friction wherever there is any."""
-        base_bound = np.where(self.friction, np.inf, 0.0)
-        return replace(
-            self, given=base_bound, coefficient=np.zeros_like(base_bound), cap=np.full_like(base_bound, np.inf)
-        )
+        return replace(self.unlimited(self.friction), coefficient=np.zeros_like(self.coefficient))
+
+    def unlimited(self, where: npt.NDArray[np.bool_]) -> Reactions:
+        """The same with unlimited given friction at some nodes, and none at the others."""
+        bound = np.where(where, np.inf, 0.0)
+        return replace(self, given=bound, cap=np.full_like(bound, np.inf))
 
     def against(self, motion: Nodal, unit_of_force: float) -> tuple[Nodal, Nodal, npt.NDArray[np.int64], Nodal]:
         """The tractions that do most work on a motion of shape (k,).
@@ -133,12 +135,11 @@ def reactions(
     """
     points, k, tangents = motions.points, motions.count, motions.points.dimension - 1
     zero = np.zeros(points.size)
-    law = as_given(zero) if law is None else law
+    law = as_given(zero) if law is None else law.forces(points.weight)
     sides = zero if bilateral is None else bilateral
     able = np.ones(points.size) if pressing is None else pressing
-    largest = law.envelope_cap
-    cap = np.full(points.size, np.inf) if largest is None else points.weight * largest
-    laws = (points.weight * law.given, law.coefficient, cap, sides, able, motions.of_point)
+    cap = np.full(points.size, np.inf) if law.cap is None else law.cap
+    laws = (law.given, law.coefficient, cap, sides, able, motions.of_point)
     flat = motions.relative.reshape(points.size, (1 + tangents) * k)
     table = parallel.gather_rows(points.comm, np.column_stack((flat, *laws)))
     base_bound, share, cap, sides, able, assembly = table[:, (1 + tangents) * k :].T

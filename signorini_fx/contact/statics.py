@@ -58,8 +58,8 @@ def no_balance(
 ) -> Escape | None:
     """A proof that a contact problem has no solution, to be asked before anything is tried; collective.
 
-    It holds for any number of contacts, for frictionless contact, Tresca and Coulomb friction with or without a cap, in
-    the plane and in space, and whatever the gaps and the stiffness are: all contact nodes may press.  None proves
+    It holds for any number of contacts, for frictionless contact, any friction below its envelope, in the plane
+    and in space, and whatever the gaps and the stiffness are: all contact nodes may press.  None proves
     nothing: where the law lets the pressure choose, an equilibrium of rigid bodies need not be one of elastic bodies.
 
     Args:
@@ -147,13 +147,10 @@ def separable(contact: Reactions) -> bool:
     if contact.bilateral.any():
         return False
     zero = np.zeros_like(contact.given)
-    base_bound = np.where(contact.given > 0, np.inf, 0.0)
     with_distance = replace(
-        contact,
+        contact.unlimited(contact.given > 0),
         normal=np.column_stack((contact.normal, zero + 1.0)),
         tangential=np.concatenate((contact.tangential, np.zeros_like(contact.tangential[:, :, :1])), axis=2),
-        given=base_bound,
-        cap=np.full_like(base_bound, np.inf),
     )
     return nearest(with_distance, np.eye(contact.normal.shape[1] + 1)[-1], unlimited=True).unbalanced
 

@@ -6,8 +6,9 @@ contact forces, so that S v = -r with the condensed stiffness S.  At every point
     r_N v_N >= 0        and        r_T . v_T >= -F |r_N| |v_T|,
 
 the second one because the bound of a point is Lipschitz continuous in its pressure with the constant F, and the shear
-is monotone in the slip at a fixed bound.  Both hold with and without regularisation, for a cap, for bilateral contact
-and for an increment of a load step.  With weights nu_i > 0, tau_i = 1 and F |r_N| |v_T| <= F (d r_N^2 + v_T^2 / d) / 2,
+is monotone in the slip at a fixed bound.  Both hold with and without regularisation, for bounds with a limit, for
+bilateral contact and for an increment of a load step.  With weights nu_i > 0, tau_i = 1 and
+F |r_N| |v_T| <= F (d r_N^2 + v_T^2 / d) / 2,
 
     v^T D S v <= F / 2 (sum d_i (S v)_N,i^2 + |v_T,i|^2 / d_i),        D = diag(nu, tau).
 
@@ -313,9 +314,7 @@ class _Law:
     Attributes:
         gap: of the normal components, length, shape (n,).
         origin: of the slip of the tangential ones, length, shape (t,).
-        given: bound without pressure, force, shape (t,).
-        coefficient: F, shape (t,).
-        cap: largest bound, force, shape (t,).
+        friction: of the tangential ones, with forces for stresses.
         bilateral: normal components that cannot open, shape (n,).
         load: S v + r, force, shape (n + t,).
         size: of displacements, length.
@@ -323,9 +322,7 @@ class _Law:
 
     gap: Nodal
     origin: Nodal
-    given: Nodal
-    coefficient: Nodal
-    cap: Nodal
+    friction: PointFriction
     bilateral: npt.NDArray[np.bool_]
     load: Nodal
     size: float
@@ -341,9 +338,7 @@ def _other_solutions(rough: _Rough, law: PointFriction, state: PointState) -> tu
     data = _Law(
         gap=state.gap[rough.normal],
         origin=(state.u_t - state.slip_length)[at, 0],
-        given=(weight * law.given)[at],
-        coefficient=law.coefficient[at],
-        cap=np.full(at.size, np.inf) if law.cap is None else (weight * law.cap)[at],
+        friction=law.forces(weight).at(at),
         bilateral=state.bilateral[rough.normal],
         load=load,
         size=float(max(np.abs(part).max() for part in (alone, v, state.gap))),
@@ -382,7 +377,7 @@ def _along_path(rough: _Rough, data: _Law, factors: npt.NDArray[np.floating[Any]
     """The sets of solutions with other multiples of the friction coefficient, each begun from the one before."""
     sets: _Sets = np.ones(rough.normal.size, dtype=bool), np.zeros(rough.tangential.size)
     for factor in factors:
-        changed = replace(data, coefficient=factor * data.coefficient)
+        changed = replace(data, friction=replace(data.friction, coefficient=factor * data.friction.coefficient))
         solution = _newton(rough, changed, *sets)
         if solution is not None:
             sets = solution[1], solution[2]
@@ -393,11 +388,11 @@ def _newton(
     rough: _Rough, data: _Law, contact: npt.NDArray[np.bool_], side: Nodal
 ) -> tuple[Nodal, npt.NDArray[np.bool_], Nodal] | None:
     """An active set method; the solution with its sets if all conditions hold, None if it ends elsewhere."""
-    n, stiffness = rough.normal.size, rough.stiffness
+    n, stiffness, friction = rough.normal.size, rough.stiffness, data.friction
     seen: set[bytes] = set()
     for _ in range(_SOLVES):
         contact = contact | data.bilateral
-        pressed = contact[rough.beside] | (data.given > 0)
+        pressed = contact[rough.beside] | (friction.given > 0)
         key = contact.tobytes() + side.tobytes()
         if key in seen:
             return None
@@ -407,9 +402,9 @@ def _newton(
         matrix[:n][contact], right[:n][contact] = np.eye(n, len(matrix))[contact], data.gap[contact]
         slips = side != 0
         stick = pressed & ~slips
-        coefficient = np.where(pressed & slips, side * data.coefficient, 0.0)
+        coefficient = np.where(pressed & slips, side * friction.coefficient, 0.0)
         matrix[n:] -= coefficient[:, None] * stiffness[rough.beside]
-        right[n:] -= coefficient * data.load[rough.beside] + np.where(pressed & slips, side * data.given, 0.0)
+        right[n:] -= coefficient * data.load[rough.beside] + np.where(pressed & slips, side * friction.given, 0.0)
         matrix[n:][stick], right[n:][stick] = np.eye(len(matrix))[n:][stick], data.origin[stick]
         try:
             v: Nodal = np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
@@ -420,7 +415,7 @@ def _newton(
         if np.abs(v).max() > _DIVERGED * size:  # of a matrix that is singular but for round-off
             return None
         away = np.where(contact, force[:n] < -_EXACT * scale, v[:n] <= data.gap + _EXACT * size) & ~data.bilateral
-        bound = np.minimum(data.given + data.coefficient * np.abs(force[rough.beside]), data.cap)
+        bound = friction.bound(force[rough.beside])
         slip = v[n:] - data.origin
         turned = np.where(
             stick, np.abs(force[n:]) > bound + _EXACT * scale, slips & pressed & (side * slip < -_EXACT * size)
@@ -428,7 +423,7 @@ def _newton(
         new_side = np.where(stick & turned, np.sign(force[n:]), np.where(turned, 0.0, side))
         new_contact = ~away
         if (new_contact == contact).all() and not turned.any():
-            capped = pressed & slips & (data.given + data.coefficient * np.abs(force[rough.beside]) > data.cap)
-            return None if capped.any() else (v, contact, side)
+            line = friction.given + friction.coefficient * np.abs(force[rough.beside])
+            return None if (pressed & slips & (line > bound)).any() else (v, contact, side)
         contact, side = new_contact, new_side
     return None
