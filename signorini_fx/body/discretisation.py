@@ -241,7 +241,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         shapes = foundations.shapes()
         rests = at_rest(space, supports.conditions, turned, fixed) if scene.sides[1] is not None else None
         boundary = foundations.boundary(shapes, fixed, turned, rests) if on else None
-        tools = RigidTools.of(scene.contact, kinematics, tagged.size)
+        tools = RigidTools.of([contact.tool for contact in scene.contact], kinematics, tagged.size)
         if boundary is not None and tools is not None:
             boundary = tools.on(boundary)
             applied += [tool_load(tools, number, scene, space) for number in range(tools.parts.size)]

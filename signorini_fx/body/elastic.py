@@ -163,7 +163,7 @@ class ElasticBody:
 
     @shared_in("of_body")
     def _assembled(self) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
-        """``stiffness`` and ``rotation``, and this without tools."""
+        """``stiffness`` and ``rotation``, and this without rigid bodies."""
         self.inventory.matrices.append("stiffness")
         owned, turned, boundary = self.space.dofmap.index_map.size_local, self.turned, self.boundary
         frames = [] if turned is None else [(turned.nodes[on_rank := turned.nodes < owned], turned.frames[on_rank])]
@@ -196,7 +196,7 @@ class ElasticBody:
 
     @property
     def _rigid(self) -> int:
-        """How many unknowns of this rank are those of tools."""
+        """How many unknowns of this rank are those of rigid bodies."""
         return self._held.size - self.fixed.size
 
     @property
@@ -208,8 +208,8 @@ class ElasticBody:
 
     @property
     def prescribed(self) -> npt.NDArray[np.bool_]:
-        """Which unknowns of the stiffness this rank has prescribed: ``fixed``, on the last one those of tools, and of a
-        pressure none.
+        """Which unknowns of the stiffness this rank has prescribed: ``fixed``, on the last one those of rigid bodies,
+        and of a pressure none.
         """
         pressure = np.zeros(0 if self.mixed is None else self.mixed.count, dtype=bool)
         return np.concatenate((self._held, pressure)) if pressure.size else self._held
@@ -226,8 +226,8 @@ class ElasticBody:
 
     @property
     def rotation(self) -> PETSc.Mat | None:
-        """Q from the unknowns of the stiffness to displacements, with more columns than rows where there are tools;
-        None: they are the same.
+        """Q from the unknowns of the stiffness to displacements, with more columns than rows where there are rigid
+        bodies; None: they are the same.
         """
         return self._assembled[1]
 
@@ -276,7 +276,7 @@ class ElasticBody:
         Args:
             forces: L at the owned dofs, shape (owned dofs,).
             prescribed: zero, with the prescribed displacements put in.
-            driven: what drives tools; None: nothing.
+            driven: what drives rigid bodies; None: nothing.
             pushing: those of the forces that may do work on rigid motions; None: all of them.
             swelling: see ``AppliedLoad``.
         """
@@ -294,8 +294,8 @@ class ElasticBody:
         if self.mixed is not None:
             load.getArray()[self._held.size :] = self.mixed.lifted(prescribed, swelling)
         if driven is not None:
-            tools = slice(self.fixed.size, self._held.size)
-            start.getArray()[tools], load.getArray()[tools] = driven.motion[: self._rigid], driven.forces[: self._rigid]
+            rigid = slice(self.fixed.size, self._held.size)
+            start.getArray()[rigid], load.getArray()[rigid] = driven.motion[: self._rigid], driven.forces[: self._rigid]
         diagonal = self.stiffness.getDiagonal().getArray(readonly=True)
         load.getArray()[fixed] = (diagonal * start.getArray(readonly=True))[fixed]
         working = forces if pushing is None else pushing
@@ -375,7 +375,7 @@ class ElasticBody:
         return function
 
     def driven(self, x: PETSc.Vec, resting: RestingMotion | None) -> Array:
-        """The unknowns of tools in a displacement that is counted from the resting place, shape (k,); collective."""
+        """The unknowns of rigid bodies in a displacement counted from the resting place, shape (k,); collective."""
         assert self.boundary is not None
         count = 0 if self.boundary.moving is None else self.boundary.moving.fixed.size
         local = np.array(x.getArray(readonly=True)[self.fixed.size : self._held.size])
@@ -386,7 +386,7 @@ class ElasticBody:
         return unknowns
 
     def begin_driven(self, x: PETSc.Vec, driven: Array, resting: RestingMotion | None) -> None:
-        """Put the unknowns of tools into x, the inverse of ``driven``."""
+        """Put the unknowns of rigid bodies into x, the inverse of ``driven``."""
         if resting is not None:
             assert self.motions.foundations is not None
             driven = driven - self.motions.foundations @ resting.motion

@@ -20,14 +20,14 @@ def names_of(moved: _Rows, motions: RigidMotions, members: npt.NDArray[np.int64]
     """Names of motions of an assembly, combinations as in ``RigidMotions.of_all``, one per column."""
     descriptions = []
     moved = moved / np.abs(moved).max()  # the size of a motion means nothing
-    rows, tools, pieces = moved.reshape(-1, motions.each, moved.shape[1]), motions.moving, motions.pieces
+    rows, rigid, pieces = moved.reshape(-1, motions.each, moved.shape[1]), motions.moving, motions.pieces
     things = [
         (motions.pieces.called(int(member)), rows[member], motions.centre[member], motions.length[member])
         for member in members
     ]
-    if tools is not None:
-        of = [f"the foundation of contact[{part}]" for part in tools.parts]
-        things += [(*row, tools.length) for row in zip(of, rows[pieces.count :], tools.centre, strict=True)]
+    if rigid is not None:
+        of = [f"the foundation of contact[{part}]" for part in rigid.parts]
+        things += [(*row, rigid.length) for row in zip(of, rows[pieces.count :], rigid.centre, strict=True)]
     for name, modes, centre, length in things:
         vectors, values, _ = np.linalg.svd(modes, full_matrices=False)
         independent = modes if len(things) == 1 else vectors[:, values > _SLIGHT]

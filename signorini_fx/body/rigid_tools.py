@@ -77,11 +77,11 @@ class RigidTools:
 
     @classmethod
     def of(cls, contacts: Sequence[Any], kinematics: Kinematics, length: float) -> RigidTools | None:
-        """Those among the contacts of a scene; None: there are none."""
-        parts = [number for number, contact in enumerate(contacts) if contact.tool is not None]
+        """Those among the shapes of contacts, None for a contact that is with none of them; None: there are none."""
+        parts = [number for number, shape in enumerate(contacts) if shape is not None]
         if not parts:
             return None
-        shapes = [contacts[number].tool for number in parts]
+        shapes = [contacts[number] for number in parts]
         centre = np.array([shape.reference(kinematics.dimension) for shape in shapes])
         return cls(np.array(parts), shapes, centre, length, kinematics)
 

@@ -41,7 +41,7 @@ class Cost:
     """A rough estimate, good to a factor of about three, for one core of a machine of the 2020s.
 
     Attributes:
-        unknowns: displacement components that are not prescribed, of the body and of rigid tools.
+        unknowns: displacement components that are not prescribed, of the body and of rigid ones.
         contact_nodes: nodes of all contact boundaries.
         linear_algebra: ``full``, ``krylov`` or ``condensed``, and why.
         linear_solves: from and to, of all load steps.

@@ -53,7 +53,7 @@ class SolvedStep:
         methods: whose factors may serve.
         state: the contact points.
         displacement: y, from the initial position.
-        driven: the unknowns of tools, shape (k,).
+        driven: the unknowns of rigid bodies, shape (k,).
         compliance: 1 / gamma_2, length per stress; zero without regularisation.
     """
 
@@ -177,7 +177,7 @@ class ChangedStep:
         boundary: the contact points.
         gap: d from the initial position, length, shape (n,).
         law: of friction; None: there is none.
-        driven: what drives tools; None: there are none.
+        driven: what drives rigid bodies; None: there are none.
         drift: how far foundations have moved in this load step, length, shape (n, d); None: they have not.
         usual: the same at the solution, whose objects are these where the datum changes nothing; None: that is not
             known.

@@ -9,7 +9,6 @@ direction and measure at the nodes.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,12 +20,12 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.foundation import Foundation, Pair
 from signorini_fx.body.foundations import FoundationData
 from signorini_fx.results.certificate import Certificate, judged
-from signorini_fx.results.contact_nodes import ContactNodes, ContactSide
+from signorini_fx.results.contact_nodes import ContactSide
 from signorini_fx.results.equilibrium import Balance
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
-from signorini_fx.results.tools import Driving, unbalanced
+from signorini_fx.results.tools import Driving
 from signorini_fx.scales import Scales
 
 Nodal = npt.NDArray[np.float64]
@@ -81,13 +80,7 @@ def certify(
         _side(contact_data, entry, facets, named[1].get(k), space)
         for k, (contact_data, entry, facets) in enumerate(zip(data, contact, named[0], strict=True))
     ]
-    tractions = Tractions.of(state)
-    moved = tuple(tool for tool, _ in tools)
-    certificate = judged(displacement, balance, sides, tractions, law=law, before=before, tools=moved)
-    if not tools:
-        return certificate
-    imbalance = unbalanced(ContactNodes.of(balance.surface, sides, tractions), tools)
-    return replace(certificate, equilibrium=max(certificate.equilibrium, imbalance))
+    return judged(displacement, balance, sides, Tractions.of(state), law=law, before=before, tools=tools)
 
 
 def _side(

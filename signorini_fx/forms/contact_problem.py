@@ -43,7 +43,7 @@ from signorini_fx.forms.elasticity import Array, case_of, digest, elastic_body, 
 from signorini_fx.forms.fields import ContactFields
 from signorini_fx.forms.gradient import Gradient, checked, gradient, quantity_of
 from signorini_fx.forms.levels import errors_of
-from signorini_fx.forms.rigid_tools import driven_by, driving_of, motions_of, tools_of, values_of
+from signorini_fx.forms.rigid_tools import driven_by, driving_of, tools_of, values_of
 from signorini_fx.forms.steps import Clock, FormSteps, SolvedPath, StepBeginning
 from signorini_fx.forms.stress import law_of, stresses_of
 from signorini_fx.linalg.elasticity import LoadCase
@@ -56,7 +56,7 @@ from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.solution import ConvergenceError, StepResult
 from signorini_fx.results.step_frames import LastSolution, StepEnd, relative_to
 from signorini_fx.results.stresses import RawStresses
-from signorini_fx.results.tool_motion import ToolMotion
+from signorini_fx.results.tool_motion import ToolMotion, motions_of
 from signorini_fx.scales import Scales
 from signorini_fx.scene.load_steps import LoadPath
 from signorini_fx.solving.load_path import Increments

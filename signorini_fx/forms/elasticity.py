@@ -75,8 +75,8 @@ def elastic_body(
 
 
 def case_of(elastic: ElasticBody, L: fem.Form, values: Array, driven: Driven | None) -> LoadCase:
-    """The right-hand side of L, of prescribed displacements, ghosts included, shape (dofs,), and of what drives tools;
-    collective.
+    """The right-hand side of L, of prescribed displacements, ghosts included, shape (dofs,), and of what drives rigid
+    bodies; collective.
 
     Raises:
         FormError: one of them is not finite.
@@ -94,7 +94,7 @@ def check_energy(matrix: PETSc.Mat, owned: int) -> None:
 
     Args:
         matrix: of the form.
-        owned: its unknowns on this rank, before those of rigid tools.
+        owned: its unknowns on this rank, before those of rigid bodies.
 
     Raises:
         FormError: the form is not symmetric, not positive, or not finite.

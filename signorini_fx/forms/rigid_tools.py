@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from dolfinx import mesh as dmesh
-from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.rigid_tools import Driven, RigidTools
-from signorini_fx.contact.resting_place import RestingMotion
 from signorini_fx.kinematics import CARTESIAN
 from signorini_fx.results.tool_motion import ToolMotion
 from signorini_fx.results.tools import Driving
@@ -31,8 +27,7 @@ def tools_of(shapes: Sequence[Any], mesh: dmesh.Mesh) -> RigidTools | None:
     """
     dim = mesh.geometry.dim
     bounds = parallel.global_bounds(mesh.comm, mesh.geometry.x[:, :dim].astype(np.float64))
-    contacts = [SimpleNamespace(tool=shape) for shape in shapes]
-    return RigidTools.of(contacts, CARTESIAN[dim], float(np.linalg.norm(np.ptp(bounds, axis=0))))
+    return RigidTools.of(shapes, CARTESIAN[dim], float(np.linalg.norm(np.ptp(bounds, axis=0))))
 
 
 def driven_by(tools: RigidTools | None) -> Driven | None:
@@ -45,27 +40,6 @@ def values_of(tools: RigidTools | None) -> tuple[list[npt.NDArray[Any]], list[np
     """What decides about the matrix, and about its right-hand side."""
     driven = driven_by(tools)
     return ([], []) if tools is None or driven is None else ([tools.fixed], [driven.forces, driven.motion])
-
-
-def motions_of(
-    tools: RigidTools | None, names: Sequence[str], elastic: ElasticBody, x: PETSc.Vec, resting: RestingMotion | None
-) -> tuple[ToolMotion, ...]:
-    """How they have moved in a displacement that is counted from the resting place; collective.
-
-    Args:
-        tools: None: there are none.
-        names: of the contacts.
-        elastic: the body.
-        x: the displacement.
-        resting: see ``ElasticBody.driven``.
-    """
-    if tools is None:
-        return ()
-    dim, motions = tools.dimension, tools.motions(elastic.driven(x, resting))
-    return tuple(
-        ToolMotion(part, names[part], tools.centre[k], motions[k, :dim], motions[k, dim:])
-        for k, part in enumerate(map(int, tools.parts))
-    )
 
 
 def driving_of(tools: RigidTools | None, motions: Sequence[ToolMotion]) -> list[Driving]:

@@ -47,7 +47,7 @@ from signorini_fx.results.promised_law import UNREGULARISED, Law, PreviousStep, 
 from signorini_fx.results.rigid_part import RigidPart
 from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.tool_motion import ToolMotion
-from signorini_fx.results.tools import given_in, unbalanced
+from signorini_fx.results.tools import Driving, given_in, unbalanced
 from signorini_fx.scales import Scales
 from signorini_fx.scene.model import Scene
 
@@ -185,26 +185,21 @@ def certify(
 
         within = forces_entered(forces, sides, tractions, step, before)
         balance = replace(balance, external=balance.external + within)
-    certificate = judged(displacement, balance, sides, tractions, law=law, before=before, tools=tools)
-    if tools and tractions is not None:
-        nodes, drives = ContactNodes.of(forces, sides, tractions), given_in(scene, tools, step, scale)
-        faint = _faint_forces(balance, nodes, nodal_displacements[: forces.owned], tools)
-        unbalanced_stress = unbalanced(nodes, drives, faint)
-        certificate = replace(certificate, equilibrium=max(certificate.equilibrium, unbalanced_stress))
-    return certificate
+    drives = given_in(scene, tools, step, scale)
+    return judged(displacement, balance, sides, tractions, law=law, before=before, tools=drives)
 
 
-def _faint_forces(balance: Balance, nodes: ContactNodes, y: Nodal, tools: tuple[ToolMotion, ...]) -> Nodal:
+def _faint_forces(nodes: ContactNodes, piece: npt.NDArray[Any], mean: Nodal, tools: Sequence[ToolMotion]) -> Nodal:
     """Forces at each tool that are round-off of the stress in the pieces of the body that it touches, and of the joint
     system, shape (tools,); collective.
+
+    Args:
+        nodes: the contact points.
+        piece: the one that each of them is on.
+        mean: stress in each piece.
+        tools: how they have moved.
     """
-    comm, at_nodes = balance.surface.space.mesh.comm, balance.surface.at_nodes[: balance.surface.owned]
-    pieces = RigidPart(balance.surface.space, at_nodes[:, : y.shape[1]])
-    halves = pieces.works(balance.internal * y)[:, 0] / 2
-    scales = balance.of_pieces(pieces)[0]
-    mean = np.array([part.stress(max(half, 0.0)) for part, half in zip(scales, halves, strict=True)])
-    piece, _ = nodes.pieces(pieces.piece)
-    forces = []
+    comm, forces = nodes.evaluation.space.mesh.comm, []
     for tool in tools:
         points = nodes.part(tool.part)
         stress = parallel.largest(comm, mean[piece[points]])
@@ -221,7 +216,7 @@ def judged(
     *,
     law: Law = UNREGULARISED,
     before: PreviousStep | None = None,
-    tools: tuple[ToolMotion, ...] = (),
+    tools: Sequence[Driving] = (),
 ) -> Certificate:
     """Check equilibrium and contact conditions of a problem; collective.
 
@@ -232,7 +227,7 @@ def judged(
         tractions: pressure and shear at the contact points; None: there are none.
         law: see ``certify``.
         before: see ``certify``.
-        tools: see ``certify``.
+        tools: how rigid tools have moved, and what drives them.
 
     Raises:
         ValueError: the tractions are not those of the contact points.
@@ -275,8 +270,8 @@ def judged(
         """Of the points of each piece, from either side."""
         return np.max([pieces.largest(values, side) for side in at], axis=0)
 
-    drawn = np.zeros(len(nodes.nodes))
-    for tool in tools:
+    drawn, moved = np.zeros(len(nodes.nodes)), [tool for tool, _ in tools]
+    for tool in moved:
         drawn[nodes.part(tool.part)] = np.linalg.norm(tool.translation)
     length = np.maximum(length, ROUND_OFF * largest(drawn))
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
@@ -287,7 +282,7 @@ def judged(
     # What supports take of a traction leaves its round-off in the directions that are free, and in the penetration.
     stress = np.maximum(stress, ROUND_OFF * largest(np.linalg.norm(nodes.traction, axis=1)))
     length = np.maximum(length, ROUND_OFF * largest(np.abs(nodes.pressure)) / law.gamma_n)
-    (u_n, slip), origin = nodes.traces(nodal_displacements, tools), np.zeros_like(nodes.shear)
+    (u_n, slip), origin = nodes.traces(nodal_displacements, moved), np.zeros_like(nodes.shear)
     if before is not None:  # what is added to it has its round-off
         last = ContactNodes.of(forces, sides, before.tractions)
         so_far = before.displacement.x.array.reshape(-1, dim)
@@ -318,6 +313,8 @@ def judged(
     points = units.between(*at)
     figures |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, supports, points)
     left, unjudged = equilibrium(balance, pieces, y, nodes, units)
+    if tools:
+        left = max(left, unbalanced(nodes, tools, _faint_forces(nodes, at[0], mean, moved)))
     return Certificate(equilibrium=max(left, volume), unjudged=unjudged, **figures)
 
 

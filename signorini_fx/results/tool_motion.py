@@ -5,19 +5,22 @@ The motion is that of ``body.rigid_tools`` in components of its own: v + w x (x 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from petsc4py import PETSc
 from scipy.spatial.transform import Rotation
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.rigid_tools import RigidTools
+from signorini_fx.contact.resting_place import RestingMotion
 from signorini_fx.display import clean
 from signorini_fx.kinematics.cartesian import Kinematics
-from signorini_fx.scene.model import Scene
 
 Array = npt.NDArray[np.float64]
 
@@ -106,10 +109,22 @@ class ToolMotion:
         }
 
 
-def motions_of(tools: RigidTools, scene: Scene, unknowns: Array) -> tuple[ToolMotion, ...]:
-    """The motions of the tools of a scene from their unknowns."""
-    dim, motions = tools.dimension, tools.motions(unknowns)
+def motions_of(
+    tools: RigidTools | None, names: Sequence[str], body: ElasticBody, x: PETSc.Vec, resting: RestingMotion | None
+) -> tuple[ToolMotion, ...]:
+    """How they have moved in a displacement that is counted from the resting place; collective.
+
+    Args:
+        tools: None: there are none.
+        names: of the contacts.
+        body: the elastic body.
+        x: the displacement.
+        resting: see ``ElasticBody.driven``.
+    """
+    if tools is None:
+        return ()
+    dim, motions = tools.dimension, tools.motions(body.driven(x, resting))
     return tuple(
-        ToolMotion(part, scene.contact[part].boundary, tools.centre[k], motions[k, :dim], motions[k, dim:])
+        ToolMotion(part, names[part], tools.centre[k], motions[k, :dim], motions[k, dim:])
         for k, part in enumerate(map(int, tools.parts))
     )

@@ -21,7 +21,7 @@ from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import carried, relative_to
-from signorini_fx.results.tool_motion import ToolMotion, motions_of
+from signorini_fx.results.tool_motion import motions_of
 from signorini_fx.scene.load_steps import LoadPath
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving.load_steps import step_result
@@ -93,10 +93,8 @@ class SceneSteps:
         with self.timings.phase("certify"):
             displacement = discretisation.from_rest(task.rest, outcome.displacement())
             contact = replace(discretisation.state(task, outcome, start), joint=joint)
-            tools: tuple[ToolMotion, ...] = ()
-            if discretisation.tools is not None:
-                unknowns = discretisation.driven(outcome.displacement(), task.rest)
-                tools = motions_of(discretisation.tools, scene, unknowns)
+            names, unknowns = scene.sides[0], outcome.displacement()
+            tools = motions_of(discretisation.tools, names, discretisation, unknowns, task.rest)
             certificate = certify(
                 scene,
                 discretisation.tagged,

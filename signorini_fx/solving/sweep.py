@@ -80,11 +80,9 @@ class SweepPoint:
     def tools(self) -> tuple[ToolMotion, ...]:
         """How rigid tools have moved; collective."""
         d = self._discretisation
-        return (
-            ()
-            if d.tools is None
-            else motions_of(d.tools, self._scene, d.driven(self._unknowns(), self._resting_motion))
-        )
+        if d.tools is None:
+            return ()
+        return motions_of(d.tools, self._scene.sides[0], d, self._unknowns(), self._resting_motion)
 
     def preloads(self) -> list[SectionForce]:
         """The forces through sections that are tightened; collective."""
