@@ -28,9 +28,9 @@ from signorini_fx.mesh.hierarchy import scene_on
 from signorini_fx.mesh.tagged import generate_mesh
 from signorini_fx.records import History
 from signorini_fx.scene.settings import Accuracy
-from signorini_fx.solving.finer_meshes import SolvedMesh
-from signorini_fx.solving.solver import solve_level
-from signorini_fx.solving.to_accuracy import solve_to_accuracy
+from signorini_fx.solving.meshed_problem import SolvedMesh
+from signorini_fx.solving.scene_meshes import SceneMesh, meshes_of
+from signorini_fx.solving.to_accuracy import Budget, solve_to_accuracy
 
 # Sizes of the cells, relative to those of the scene.
 MESHES = (8, 4, 2, 1, 0.5)
@@ -46,20 +46,23 @@ def one_after_the_other(scenes) -> list[SolvedMesh]:
     """Nested iteration: each mesh from the contact state of the one before."""
     history, state, found = History(), None, []
     for number, scene in enumerate(scenes):
-        found.append(solve_level(scene, MPI.COMM_SELF, history, state, number))
+        found.append(SceneMesh(scene, MPI.COMM_SELF, history).solved(number, state, None))
         state = found[-1].solution.contact
     return found
 
 
 def as_asked(scene, target: float, **goal) -> tuple[list[SolvedMesh], list]:
     """The meshes that an asked-for accuracy takes, and their price list."""
-    history, found = History(), []
+    history, found, goal = History(), [], Accuracy(target=target, **goal)
+    meshes = meshes_of(scene, goal, MPI.COMM_SELF, history)
+    solve = meshes.solve
 
-    def solve_on(scene, state, number):
-        found.append(solve_level(scene, MPI.COMM_SELF, history, state, number))
+    def noted(state, number):
+        found.append(solve(state, number))
         return found[-1]
 
-    solution = solve_to_accuracy(scene, Accuracy(target=target, **goal), MPI.COMM_SELF, solve_on)
+    meshes.solve = noted
+    solution = solve_to_accuracy(meshes, Budget.begins(goal, MPI.COMM_SELF, history), history)
     assert len(found) == len(solution.levels)
     return found, list(solution.price_list)
 

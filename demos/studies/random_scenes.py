@@ -23,7 +23,8 @@ from signorini_fx.records import History
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.scene.model import MeshGenerator, Scene
 from signorini_fx.scene.settings import SolverSettings
-from signorini_fx.solving.solver import solve, solve_level
+from signorini_fx.solving.scene_meshes import SceneMesh
+from signorini_fx.solving.solver import solve
 from signorini_fx.studies.reference import EXACT, Reference
 from signorini_fx.studies.work_precision import work_of
 
@@ -292,7 +293,9 @@ def reference(one: RandomScene, halvings: int = 30, unknowns: int = 60_000) -> t
         tagged = refine(tagged, touching(tagged.mesh, one.points))
     scene, found, history = on(one, 1.0, 2), [], History()
     while not found or found[-1].discretisation.dofs < unknowns:
-        solved = solve_level(scene.model_copy(update={"mesh": tagged}), MPI.COMM_SELF, history, None, len(found))
+        solved = SceneMesh(scene.model_copy(update={"mesh": tagged}), MPI.COMM_SELF, history).solved(
+            len(found), None, None
+        )
         if solved.errors is None:
             raise ConvergenceError(solved.solution)
         found.append(solved.solution)
@@ -334,7 +337,9 @@ def _divided(one: RandomScene, fine: Reference, degree: int, of: str) -> list[di
     history, work, seconds, found = History(), 0.0, 0.0, []
     for number in range(MESHES):
         begin = time.process_time()
-        solved = solve_level(scene.model_copy(update={"mesh": tagged}), MPI.COMM_SELF, history, state, number)
+        solved = SceneMesh(scene.model_copy(update={"mesh": tagged}), MPI.COMM_SELF, history).solved(
+            number, state, None
+        )
         if solved.errors is None:
             break
         solution, state = solved.solution, solved.solution.contact

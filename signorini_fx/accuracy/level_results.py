@@ -45,7 +45,7 @@ def level_result(
     body: ElasticBody,
     task: Task,
     outcome: Outcome,
-    energy: float,
+    size: float,
     errors: Errors,
     table: ContactTable,
     *,
@@ -60,14 +60,14 @@ def level_result(
         body: on this mesh.
         task: its contact problem.
         outcome: how the solve ended.
-        energy: strain energy of the solution.
+        size: energy norm of the solution.
         errors: the estimated errors on it.
         table: the contact boundary.
         own: the linear solves on this mesh.
         cost: seconds on this rank, and peak memory so far of all ranks, MB.
         contacts: the contact points after each load step.
     """
-    size, data = np.sqrt(2 * energy), outcome.problem.data
+    data = outcome.problem.data
     regularisation = pressure_regularisation = 0.0
     if compliance_of(outcome, body.comm) > 0 and size > 0:
         iterate = task.iterate

@@ -216,13 +216,14 @@ class ContactProblem:
         """The errors and the cost of the last solve; collective."""
         if self._outcome is None or self.status is not Status.CONVERGED:
             raise RuntimeError("there is no solution: a price list needs one on each mesh")
+        errors = self.errors
         return level_result(
             number,
             self._elastic,
             self._task,
             self._outcome,
-            self.stress.energy(),
-            self.errors,
+            errors.size,
+            errors,
             contact_table(self.state, self._names),
             own=self.history.iterations[self._marks :],
             cost=self._cost,

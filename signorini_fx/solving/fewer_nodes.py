@@ -23,7 +23,7 @@ from signorini_fx.algorithms.task import Start, Task
 from signorini_fx.body.contact_boundary import ContactBoundary, chains
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import with_points
-from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.points import ContactPoints
 from signorini_fx.linalg.condensed import CondensedSystem, DenseSystem, dense_matrix
@@ -36,17 +36,17 @@ _ALGORITHMS = ("auto", "ssn", "exact")
 Indices = npt.NDArray[np.int64]
 
 
-def worthwhile(task: Task, discretisation: Discretisation) -> bool:
+def worthwhile(task: Task, body: ElasticBody) -> bool:
     """Whether a task has a dense matrix large enough, whose unknowns are the displacements of contact nodes along a
     boundary in the plane, or relative ones of two bodies, no prescribed start, and an algorithm that would use
     another one; collective.
     """
-    boundary, system = discretisation.boundary, task.system
+    boundary, system = body.boundary, task.system
     if (
         not isinstance(system, CondensedSystem)
         or boundary is None
-        or discretisation.rotation is not None
-        or discretisation.scene.solver.initial_contact != "auto"
+        or body.rotation is not None
+        or body.settings.initial_contact != "auto"
         or task.settings.algorithm not in _ALGORITHMS
     ):
         return False

@@ -6,14 +6,71 @@ starts in the set of its coarse neighbours.  On every mesh but the coarsest only
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
 import numpy as np
+from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx import parallel
+from signorini_fx.accuracy.forecast import seconds_to_come
+from signorini_fx.accuracy.mesh_level import LevelResult
+from signorini_fx.accuracy.price_list import peak_memory, price_list
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.contact.laws import ActiveSets, Nodal, length, unit
+from signorini_fx.records import History
+from signorini_fx.solving.meshed_problem import MeshedProblem, S
 from signorini_fx.tuned import MIDDLE_RATIO
+
+
+def solve_nested(
+    problems: Sequence[MeshedProblem[S]],
+    comm: MPI.Comm,
+    history: History,
+    on_level: Callable[[S], object] = lambda solution: None,
+) -> S:
+    """Solve on one mesh after the other, each starting from the contact state of the previous one; collective.
+
+    Args:
+        problems: on all meshes, the coarsest first.
+        comm: the ranks that share the work.
+        history: of all meshes.
+        on_level: called with the solution on each mesh but the last.
+    """
+    base_memory = peak_memory(comm)
+    state: ContactState | None = None
+    coarser: MeshLevel | None = None
+    levels: list[LevelResult] = []
+    sides = None
+    for number, problem in enumerate(problems):
+        history.move(mesh=number + 1, meshes=len(problems), dofs=0)
+        if levels:
+            last = levels[-1]
+            solved_so_far = [(level.dofs, level.seconds) for level in levels]
+            to_come = seconds_to_come(solved_so_far, len(problems) - number, last.dimension, last.krylov_from)
+            history.move(end=time.perf_counter() + to_come)
+        solved = problem.solved(number, state, coarser)
+        solution, state = solved.solution, None
+        if levels and solved.sides != sides:
+            history.add("the price list begins here: on the coarser meshes the contact points are on other boundaries")
+            levels.clear()
+        sides = solved.sides
+        coarser = solved.body.level(coarser, solution.displacement)
+        if solution.converged:
+            state = solved.state
+            if number + 1 < len(problems):
+                on_level(solution)
+        if solved.level is not None:
+            if levels and levels[-1].dofs >= solved.level.dofs:  # there is no coarser mesh
+                levels.pop()
+            levels.append(solved.level)
+    if len(levels) < 2 or not solution.converged:
+        return replace(solution, levels=tuple(levels))
+    return replace(solution, levels=tuple(levels), price_list=tuple(price_list(levels, base_memory)))
 
 
 def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets, tuple[Nodal, Nodal]]:

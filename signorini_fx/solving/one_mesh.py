@@ -34,10 +34,9 @@ from signorini_fx.results.certificate import certify
 from signorini_fx.results.functionals import functionals
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.scene.model import Scene
-from signorini_fx.solving import fewer_nodes
+from signorini_fx.solving.first_start import first_start
 from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.load_steps import all_load_steps, step_result
-from signorini_fx.solving.nested import carry_over
 from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.scene_steps import SceneSteps, judged
 from signorini_fx.solving.stepped_problem import LoadStep
@@ -81,28 +80,8 @@ def solve_mesh(
         return _solve_linear(discretisation, history, timings), None, None
     with timings.phase("condense"):
         task = contact_task(discretisation, history, coarser)
-    start = task.start
-    if state is not None:
-        start = start.begin_from(*carry_over(state, discretisation.boundary))
-        if coarser is not None and not scene.several_steps:
-            begin_at_coarse(task, coarser, discretisation)
-    elif fewer_nodes.worthwhile(task, discretisation):
-        with timings.phase("iterate"):
-            start = fewer_nodes.start_from_fewer_nodes(task, discretisation.boundary)
+    start = first_start(task, discretisation, timings, state, None if scene.several_steps else coarser)
     return solve_contact(discretisation, task, start, timings, on_step, kept)
-
-
-def begin_at_coarse(task: Task, coarser: MeshLevel, discretisation: Discretisation) -> None:
-    """Begin with the displacement of the coarser mesh, where solves are not exact and gain by it; collective."""
-    system, free = task.system, ~discretisation.fixed
-    if not isinstance(system, KrylovSystem) or discretisation.turned is not None:
-        return
-    level = system.elasticity.level
-    start = level.start() if isinstance(level, MeshLevel) and level.coarser is coarser else None
-    if start is not None:
-        if task.rest is not None:
-            start.getArray()[:] -= discretisation.motions.displacement(task.rest.motion).ravel()[: free.size]
-        task.iterate.x.getArray()[: free.size][free] = start.getArray(readonly=True)[free]
 
 
 def solve_contact(

@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 
-from signorini_fx import parallel
-from signorini_fx.accuracy.error_estimates import Errors, estimate_errors, worst_of
-from signorini_fx.accuracy.forecast import seconds_to_come
-from signorini_fx.accuracy.level_results import compliance_of, level_result
-from signorini_fx.accuracy.mesh_level import LevelResult
-from signorini_fx.accuracy.price_list import peak_memory, price_list
 from signorini_fx.algorithms.task import Task
 from signorini_fx.attempts import METHOD, for_mesh, step_limit, tried
-from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.contact_table import contact_table
-from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.check.petsc_options import refuse_mistyped
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import signals
@@ -31,12 +20,11 @@ from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import as_scene
 from signorini_fx.scene.values import kind_of
-from signorini_fx.solving.finer_meshes import SolvedMesh
+from signorini_fx.solving.nested import solve_nested
 from signorini_fx.solving.one_mesh import solve_mesh
 from signorini_fx.solving.restart import MeshCheckpoint, open_checkpoint
-from signorini_fx.solving.scene_steps import SceneSteps
-from signorini_fx.solving.stepped_problem import LoadStep
-from signorini_fx.solving.to_accuracy import solve_to_accuracy
+from signorini_fx.solving.scene_meshes import SceneMesh, meshes_of
+from signorini_fx.solving.to_accuracy import Budget, solve_to_accuracy
 from signorini_fx.tuned import HELPING_MESHES
 
 
@@ -104,20 +92,9 @@ def _solved(
     """The solution, or the last iterate; arguments as for ``solve``."""
     coarse = coarser_scenes(scene, scene.solver.levels)
     stored = _checkpoint(scene, comm, history, checkpoint, restart=restart)
-    if scene.accuracy is not None:
-        coarser: MeshLevel | None = None
-        begin, allowed = parallel.clock(comm), scene.accuracy.seconds
-        if allowed is not None:
-            history.is_late = lambda: parallel.clock(comm) - begin >= allowed
-
-        def solve_on(scene: Scene, state: ContactState | None, level: int) -> SolvedMesh:
-            nonlocal coarser
-            history.move(mesh=level + 1, meshes=None, dofs=0)
-            solved = solve_level(scene, comm, history, state, level, coarser)
-            coarser = solved.solution.discretisation.level(coarser)
-            return solved
-
-        return solve_to_accuracy(scene, scene.accuracy, comm, solve_on, on_level, history.add)
+    if (goal := scene.accuracy) is not None:
+        budget = Budget.begins(goal, comm, history)
+        return solve_to_accuracy(meshes_of(scene, goal, comm, history), budget, history, on_level)
     if not coarse:
         return _solve_alone(scene, comm, history, None if stored is None else MeshCheckpoint(stored, 0))
     return _solve_nested([*coarse, scene], comm, history, on_level, stored)
@@ -164,80 +141,8 @@ def _solve_nested(
     on_level: Callable[[Solution], object] = lambda solution: None,
     stored: Checkpoint | None = None,
 ) -> Solution:
-    """Solve on one mesh after the other, each starting from the contact state of the previous one."""
-    base_memory = peak_memory(comm)
-    state: ContactState | None = None
-    coarser: MeshLevel | None = None
-    levels: list[LevelResult] = []
-    sides: tuple[list[str], list[str | None] | None] | None = None
-    for number, scene in enumerate(scenes):
-        history.move(mesh=number + 1, meshes=len(scenes), dofs=0)
-        if levels:
-            last = levels[-1]
-            solved_so_far = [(level.dofs, level.seconds) for level in levels]
-            to_come = seconds_to_come(solved_so_far, len(scenes) - number, last.dimension, last.krylov_from)
-            history.move(end=time.perf_counter() + to_come)
-        level_checkpoint = None if stored is None else MeshCheckpoint(stored, number)
-        solved = solve_level(scene, comm, history, state, number, coarser, level_checkpoint)
-        solution, state = solved.solution, None
-        if levels and solution.scene.sides != sides:
-            history.add("the price list begins here: on the coarser meshes the contact points are on other boundaries")
-            levels.clear()
-        sides = solution.scene.sides
-        coarser = solution.discretisation.level(coarser, solution.displacement)
-        if solution.converged:
-            state = solution.steps[0].contact  # the next mesh begins with the same load step
-            if number + 1 < len(scenes):
-                on_level(solution)
-        if solved.level is not None:
-            if levels and levels[-1].dofs >= solved.level.dofs:  # the generator cannot make a coarser mesh
-                levels.pop()
-            levels.append(solved.level)
-    if len(levels) < 2 or not solution.converged:
-        return replace(solution, levels=tuple(levels))
-    return replace(solution, levels=tuple(levels), price_list=tuple(price_list(levels, base_memory)))
-
-
-def solve_level(
-    scene: Scene,
-    comm: MPI.Comm,
-    history: History,
-    state: ContactState | None,
-    number: int,
-    coarser: MeshLevel | None = None,
-    level_checkpoint: MeshCheckpoint | None = None,
-) -> SolvedMesh:
-    """Solve on one of several meshes, and estimate its errors; collective."""
-    signals.agree(comm)
-    history.add(f"level {number}")
-    solves_before = history.linear_solves
-    step_errors: list[Errors] = []
-
-    def estimate(step: LoadStep[SceneSteps]) -> None:
-        d, outcome, result = step.problem.body, step.outcome, step.result
-        assert result.contact is not None
-        table = contact_table(result.contact, *d.scene.sides)
-        displacement, compliance = d.function(outcome.displacement()), compliance_of(outcome, comm)
-        step_errors.append(estimate_errors(d, displacement, result.strain_energy, table, result.place, compliance))
-
-    solution, task, outcome = solve_mesh(scene, comm, history, state, estimate, coarser, level_checkpoint)
-    if not solution.converged or task is None or outcome is None or not step_errors:
-        return SolvedMesh(solution, task)
-    errors = worst_of(step_errors)
-    level = level_result(
-        number,
-        solution.discretisation,
-        task,
-        outcome,
-        solution.last_step.strain_energy,
-        errors,
-        solution.table,
-        own=history.iterations[solves_before:],
-        cost=(sum(solution.timings.total.values()), peak_memory(comm)),
-        # Of the load steps that all meshes have in common.
-        contacts=[step.contact for step in solution.steps if step.contact and step.place.is_integer()],
-    )
-    return SolvedMesh(solution, task, outcome, level, errors)
+    """See ``solve_nested``."""
+    return solve_nested([SceneMesh(scene, comm, history, stored) for scene in scenes], comm, history, on_level)
 
 
 def _solve_alone(scene: Scene, comm: MPI.Comm, history: History, level_checkpoint: MeshCheckpoint | None) -> Solution:

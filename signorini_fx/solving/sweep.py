@@ -34,8 +34,9 @@ from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.features import refuse
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import as_scene
+from signorini_fx.solving.first_start import begin_at_coarse
 from signorini_fx.solving.nested import carry_over
-from signorini_fx.solving.one_mesh import begin_at_coarse, contact_task
+from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.solver import refuse_other_than_comm
 
 if TYPE_CHECKING:

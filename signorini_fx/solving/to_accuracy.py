@@ -17,7 +17,6 @@ from mpi4py import MPI
 from signorini_fx import parallel
 from signorini_fx.accuracy.mesh_level import LevelResult
 from signorini_fx.accuracy.plan import LOCAL
-from signorini_fx.accuracy.pressure_error import polygon_error
 from signorini_fx.accuracy.price_list import (
     Price,
     expected_rates,
@@ -31,12 +30,11 @@ from signorini_fx.accuracy.price_list import (
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.display import duration
 from signorini_fx.errors import SceneError
-from signorini_fx.records import Status
+from signorini_fx.records import History, Status
 from signorini_fx.results.afterthoughts import failure_in_words
-from signorini_fx.results.solution import Solution
-from signorini_fx.scene.model import Scene
 from signorini_fx.scene.settings import Accuracy
-from signorini_fx.solving.finer_meshes import Meshes, SolvedMesh
+from signorini_fx.solving.finer_meshes import Meshes
+from signorini_fx.solving.meshed_problem import S, SolvedMesh
 from signorini_fx.tuned import (
     FEWEST_MESHES,
     LARGEST_GAMMA,
@@ -59,56 +57,49 @@ _TOO_FINE = (Status.NOT_CERTIFIED, Status.ROUND_OFF, Status.SINGULAR, Status.NOT
 
 
 def solve_to_accuracy(
-    scene: Scene,
-    goal: Accuracy,
-    comm: MPI.Comm,
-    solve_on: Callable[[Scene, ContactState | None, int], SolvedMesh],
-    on_level: Callable[[Solution], object],
-    notify: Callable[[str], object],
-) -> Solution:
-    """Refine the mesh, and increase gamma, until the estimated error meets the target or the budget ends.
+    meshes: Meshes[S],
+    budget: Budget,
+    history: History,
+    on_level: Callable[[S], object] = lambda solution: None,
+) -> S:
+    """Refine the mesh, and increase gamma, until the estimated error meets the target or the budget ends; collective.
 
     A refinement that would exceed the budget is not begun, and one that takes longer than predicted is given up, after
     the linear solve in which the time ends.  If it ends on the first mesh there is no solution.
 
     Args:
-        scene: with the mesh and the gamma to begin from.
-        goal: the requested accuracy.
-        comm: the ranks that share the work.
-        solve_on: solves a scene on its mesh from a contact state, as the level of that number; collective.
-        on_level: called with the solution on each mesh but the last; collective.
-        notify: called with messages for the user, such as that other elements than the scene's are used.
+        meshes: of the problem, with the gamma to begin from.
+        budget: with the requested accuracy.
+        history: of all meshes, which messages for the user are added to.
+        on_level: called with the solution on each mesh but the last.
     """
-    budget = _Budget(goal, comm, peak_memory(comm), parallel.clock(comm))
-    meshes = Meshes(scene, goal, comm)
-    if meshes.replaced:
-        notify(f"elements: {meshes.replaced}; accuracy.refinement = 'uniform' or 'adaptive' keeps those of the scene")
-    rates = expected_rates(meshes.degree if meshes.adaptive else 1)
+    goal, comm, notify = budget.goal, budget.comm, history.add
+    rates = expected_rates(meshes.problem.degree if meshes.adaptive else 1)
     levels: list[LevelResult] = []
     state: ContactState | None = None
-    last: Solution | None = None
-    polygon = 0.0
+    last: S | None = None
+    polygon: float | None = None
     while True:
         started = parallel.clock(comm)
-        solved = meshes.solve(solve_on, state, len(levels))
+        history.move(mesh=len(levels) + 1, meshes=None, dofs=0)
+        solved = meshes.solve(state, len(levels))
         solution, task, outcome, level = solved.solution, solved.task, solved.outcome, solved.level
-        late = solution.history.overdue()
+        late = history.overdue()
         if late and level is None:
             notify(f"accuracy: {goal.seconds:g} s have ended before mesh {len(levels) + 1} was solved")
         if last is not None and level is None and late:
             return replace(last, status=Status.BUDGET)
         if last is not None and solution.status in _TOO_FINE:
             # The coordinates of tiny cells have no digits left: the previous mesh is the last that has a solution.
-            tiny = "; it is too fine for double precision" * _is_tiny(levels[-1], solution.discretisation.tagged.size)
+            tiny = "; it is too fine for double precision" * _is_tiny(levels[-1], solved.tagged.size)
             notify(f"accuracy: the next mesh ends with: {solution.status.value}{tiny}")
             return replace(last, status=Status.OUT_OF_REACH)
         if level is None or task is None or outcome is None:
             return replace(solution, levels=tuple(levels))
         if not levels:
-            meshes.keep_sides(solution.scene)
-        if meshes.polygonal and (not levels or scene.body):  # with several bodies, some may be made anew on true arcs
-            polygon = polygon_error(level.table, max(material.plane_modulus for material in scene.material))
-        state = solution.steps[0].contact
+            meshes.keep(solved)
+        polygon = meshes.problem.polygon_error(level, polygon)
+        state = solved.state
         seconds = parallel.clock(comm) - started + meshes.seconds
         meshes.seconds = 0.0
         same_mesh = bool(levels) and levels[-1].dofs == level.dofs
@@ -119,7 +110,7 @@ def solve_to_accuracy(
         solution = last = replace(solution, levels=tuple(levels), price_list=tuple(rows))
         regularisation = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
         estimate = getattr(rows[-2], goal.of) if rows else _estimate_on_one(levels[0], goal)
-        margin = MARGIN.get((goal.of, meshes.degree), MARGIN_OF_OTHERS)
+        margin = MARGIN.get((goal.of, meshes.problem.degree), MARGIN_OF_OTHERS)
         error = inf if estimate is None else estimate * margin
         enough = len(levels) >= FEWEST_MESHES[level.dimension].get(goal.of, 3)
         certified = goal.certified and (len(levels) == 1 or error + regularisation <= goal.target)
@@ -131,7 +122,7 @@ def solve_to_accuracy(
             error, margin = max(certain - regularisation, 0.0), 1.0  # the bound includes the regularisation
         if (enough or certified) and error + regularisation <= goal.target:
             return solution
-        hopeless = _out_of_reach(goal, levels, margin, solution.discretisation.tagged.size)
+        hopeless = _out_of_reach(goal, levels, margin, solved.tagged.size)
         if hopeless:
             notify(f"accuracy: {hopeless}")
             return replace(solution, status=Status.OUT_OF_REACH)
@@ -156,7 +147,7 @@ def solve_to_accuracy(
             return replace(solution, status=Status.BUDGET)
 
 
-def _certified(solved: SolvedMesh, *, first: bool) -> tuple[SolvedMesh, float, str]:
+def _certified(solved: SolvedMesh[S], *, first: bool) -> tuple[SolvedMesh[S], float, str]:
     """The mesh with the shares of the guaranteed bound in place of the estimated ones, the bound of the relative error,
     and why there is none, else "".
 
@@ -208,13 +199,22 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size
 
 
 @dataclass(frozen=True)
-class _Budget:
-    """Time and memory of a request, with the memory before it, MB, and the clock when it began, seconds."""
+class Budget:
+    """A requested accuracy, with the memory before it, MB, and the clock when it began, seconds."""
 
     goal: Accuracy
     comm: MPI.Comm
     base_memory: float
     begin: float
+
+    @classmethod
+    def begins(cls, goal: Accuracy, comm: MPI.Comm, history: History) -> Budget:
+        """Its time begins now, and ends all methods when it has passed; collective."""
+        budget = cls(goal, comm, peak_memory(comm), parallel.clock(comm))
+        allowed = goal.seconds
+        if allowed is not None:
+            history.is_late = lambda: parallel.clock(comm) - budget.begin >= allowed
+        return budget
 
     def affordable(self, rows: list[Price], jump: float, last: LevelResult, *, any_jump: bool) -> tuple[float, str]:
         """The jump, or if there may be any a smaller one that keeps to the budget; and why the next mesh would exceed

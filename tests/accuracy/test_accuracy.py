@@ -16,12 +16,12 @@ from signorini_fx.check.checks import check_scene
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.formats import read_file, write_file
 from signorini_fx.mesh.tagged import generate_mesh
-from signorini_fx.records import IterationRecord, Status
+from signorini_fx.records import History, IterationRecord, Status
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene.reading import parse_scene, read_scene
 from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving import to_accuracy
-from signorini_fx.solving.finer_meshes import Meshes
+from signorini_fx.solving.scene_meshes import meshes_of
 from signorini_fx.solving.solver import solve
 from signorini_fx.studies.reference import Reference, divided
 
@@ -82,9 +82,9 @@ def test_nodes_where_loads_jump_are_kept():
     """The first mesh is part of the scene's own; one that cannot be halved is where it begins."""
     for (nx, ny), (coarse_nx, coarse_ny) in (((120, 40), (15, 5)), ((60, 20), (15, 5)), ((45, 15), (45, 15))):
         scene = example1(bound=1.5, nx=nx, ny=ny)
-        meshes = Meshes(scene, Accuracy(target=0.1), MPI.COMM_SELF)
-        assert meshes.scene.mesh.parameters["nx"] == coarse_nx
-        assert meshes.scene.mesh.parameters["ny"] == coarse_ny
+        first = meshes_of(scene, Accuracy(target=0.1), MPI.COMM_SELF, History()).problem.scene
+        assert first.mesh.parameters["nx"] == coarse_nx
+        assert first.mesh.parameters["ny"] == coarse_ny
 
 
 def test_supports_begin_where_the_scene_says():

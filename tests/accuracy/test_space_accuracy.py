@@ -29,7 +29,8 @@ from signorini_fx.records import History, Status
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.scene.rigid_shape import Distance
 from signorini_fx.scene.settings import Accuracy
-from signorini_fx.solving.solver import _solve_nested, solve, solve_level
+from signorini_fx.solving.scene_meshes import SceneMesh
+from signorini_fx.solving.solver import _solve_nested, solve
 from signorini_fx.studies.reference import Reference
 from signorini_fx.tuned import CORNER_SHARE, KINK_SHARE
 
@@ -188,7 +189,7 @@ def true_energy_error(solution):
 def test_energy_of_a_known_solution(cells):
     """Within a tenth of the truth, on two meshes: nu = 0, and the stress is smooth but for the rim of the disc."""
     for n in (4, 8):
-        solved = solve_level(made_up(cells, n), MPI.COMM_SELF, History(), None, 0)
+        solved = SceneMesh(made_up(cells, n), MPI.COMM_SELF, History()).solved(0, None, None)
         assert solved.level.energy == pytest.approx(true_energy_error(solved.solution), rel=0.1)
 
 
@@ -237,7 +238,7 @@ def hertz(cells, n):
 def test_pressure_of_hertz(cells):
     """With the margin not below 0.7 of the error against Hertz' pressure for the force, at the nodes."""
     for n in (6, 10):
-        solved = solve_level(hertz(cells, n), MPI.COMM_SELF, History(), None, 0)
+        solved = SceneMesh(hertz(cells, n), MPI.COMM_SELF, History()).solved(0, None, None)
         force, c = 4 * solved.solution.contact.forces[0][2], table_of(solved.solution).columns
         a = (3 * force * (1 - 0.3**2) / (4 * 1000.0)) ** (1 / 3)
         square = np.maximum(1 - (c["x"] ** 2 + c["y"] ** 2) / a**2, 0.0)

@@ -16,7 +16,8 @@ from signorini_fx.linalg import multigrid
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Timings
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.one_mesh import begin_at_coarse, contact_task
+from signorini_fx.solving.first_start import begin_at_coarse
+from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.solver import _solve_nested, solve
 from signorini_fx.solving.sweep import _coarser, sweep
 

@@ -31,7 +31,7 @@ from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.files import write_results
 from signorini_fx.results.folder import CHECKPOINT
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving import one_mesh
+from signorini_fx.solving import first_start
 from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.restart import MeshCheckpoint
@@ -503,14 +503,14 @@ def test_load_steps_on_several_meshes(tmp_path):
             solve(given, MPI.COMM_SELF, checkpoint=folder, observers=[until(1)])  # where the second mesh begins
     MPI.COMM_WORLD.barrier()
     states = []
-    plain = one_mesh.carry_over
+    plain = first_start.carry_over
 
     def watched(state, boundary):
         states.append(state)
         return plain(state, boundary)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(one_mesh, "carry_over", watched)
+        patch.setattr(first_start, "carry_over", watched)
         solution = solve(given, checkpoint=folder, restart=True)
     (begun,) = states
     normal, tangential = begun.forces

@@ -1,0 +1,48 @@
+"""Where the first load step starts: from a coarser mesh, or from fewer contact nodes; else contact is everywhere."""
+
+from __future__ import annotations
+
+from signorini_fx.algorithms.task import Start, Task
+from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.elastic import ElasticBody
+from signorini_fx.body.mesh_levels import MeshLevel
+from signorini_fx.linalg.krylov import KrylovSystem
+from signorini_fx.records import Timings
+from signorini_fx.solving import fewer_nodes
+from signorini_fx.solving.nested import carry_over
+
+
+def first_start(
+    task: Task, body: ElasticBody, timings: Timings, state: ContactState | None, coarser: MeshLevel | None
+) -> Start:
+    """Where the first load step of a task starts; collective.
+
+    Args:
+        task: with its start without all this.
+        body: its elastic body.
+        timings: of the mesh.
+        state: the contact state of a coarser mesh; None: there is none.
+        coarser: the coarser mesh with the displacement to begin with; None: there is none.
+    """
+    assert body.boundary is not None
+    if state is not None:
+        if coarser is not None:
+            begin_at_coarse(task, coarser, body)
+        return task.start.begin_from(*carry_over(state, body.boundary))
+    if fewer_nodes.worthwhile(task, body):
+        with timings.phase("iterate"):
+            return fewer_nodes.start_from_fewer_nodes(task, body.boundary)
+    return task.start
+
+
+def begin_at_coarse(task: Task, coarser: MeshLevel, body: ElasticBody) -> None:
+    """Begin with the displacement of the coarser mesh, where solves are not exact and gain by it; collective."""
+    system, free = task.system, ~body.fixed
+    if not isinstance(system, KrylovSystem) or body.turned is not None:
+        return
+    level = system.elasticity.level
+    start = level.start() if isinstance(level, MeshLevel) and level.coarser is coarser else None
+    if start is not None:
+        if task.rest is not None:
+            start.getArray()[:] -= body.motions.displacement(task.rest.motion).ravel()[: free.size]
+        task.iterate.x.getArray()[: free.size][free] = start.getArray(readonly=True)[free]
