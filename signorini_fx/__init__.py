@@ -40,6 +40,7 @@ _PUBLIC = {
         "SignoriniError",
     ),
     "forms.contact_problem": ("ContactProblem",),
+    "forms.meshes": ("solve_nested", "solve_to_accuracy"),
     "mesh.section": ("section_in_space",),
     "body.foundation": ("Foundation", "Pair"),
     "laws.coulomb": ("Coulomb",),

@@ -55,6 +55,17 @@ LOCAL = ("energy", "pressure", "force")
 _SIMPLEX = {"quadrilateral": "triangle", "hexahedron": "tetrahedron"}
 
 
+def refuse_adaptive_peak(goal: Accuracy) -> None:
+    """Refuse a request for the largest pressure on adaptive meshes.
+
+    Raises:
+        SceneError: that is what is asked for.
+    """
+    if goal.refinement == "adaptive" and goal.of == "peak":
+        message = "the largest pressure has no estimate on meshes that are divided in some places only: use 'uniform'"
+        raise SceneError([("accuracy.refinement", message)])
+
+
 def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
     """How to refine the mesh of a scene.
 
@@ -63,9 +74,7 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
             has no estimate on the meshes that are asked for.
         MeshError: the mesh cannot be refined.
     """
-    if goal.refinement == "adaptive" and goal.of == "peak":
-        message = "the largest pressure has no estimate on meshes that are divided in some places only: use 'uniform'"
-        raise SceneError([("accuracy.refinement", message)])
+    refuse_adaptive_peak(goal)
     requested = goal
     if any("local refinement" in refused for refused in refusals(scene)):
         goal = goal.model_copy(update={"refinement": "uniform"})

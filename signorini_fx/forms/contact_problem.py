@@ -52,6 +52,7 @@ from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.method import Settings
 from signorini_fx.records import History, Inventory, Status, Timings
 from signorini_fx.results.certificate import Certificate
+from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.solution import ConvergenceError, StepResult
 from signorini_fx.results.step_frames import LastSolution, StepEnd, relative_to
@@ -59,6 +60,7 @@ from signorini_fx.results.stresses import RawStresses
 from signorini_fx.results.tool_motion import ToolMotion, motions_of
 from signorini_fx.scales import Scales
 from signorini_fx.scene.load_steps import LoadPath
+from signorini_fx.solving.first_start import CoarserMesh, first_start
 from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.load_steps import all_load_steps
 from signorini_fx.solving.restart import MeshCheckpoint, open_checkpoint
@@ -162,6 +164,8 @@ class ContactProblem:
         self._solution: LastSolution | None = None  # from which the next solve may begin
         self._outcome: Outcome | None = None
         self._state: ContactState | None = None
+        self._coarser = CoarserMesh()
+        self._first: Start | None = None  # where the first step starts, in these frames
 
     @property
     def _degree(self) -> int:
@@ -277,7 +281,7 @@ class ContactProblem:
         begun = self._start
         data = data if (resting := self._task.rest) is None else resting.data_from(data)
         if begun is None:
-            begun = Start(data, law, ActiveSets.all_in_contact(*data.mu_hat.shape), 0)
+            begun = self._first_start(Start(data, law, ActiveSets.all_in_contact(*data.mu_hat.shape), 0))
         else:  # friction is that of the pressure with which the last step has ended
             assert begun.multipliers is not None
             assert self._last is not None
@@ -290,6 +294,16 @@ class ContactProblem:
         begun = replace(begun, factors=np.ones(1))
         self._checkpoint = self._task.iterate.newton.checkpoint()
         return begun if self._solution is None else self._solution.begins(begun, self._boundary)
+
+    def _first_start(self, start: Start) -> Start:
+        """From a coarser mesh or from fewer contact nodes, as long as there is no solution; collective."""
+        if self._solution is not None:
+            return start
+        first = self._first
+        if first is None:
+            coarser = self._coarser
+            first = self._first = first_start(self._task, start, self._elastic, coarser.state, coarser.displaced)
+        return replace(start, sets=first.sets, iteration=first.iteration, multipliers=first.multipliers)
 
     def _beginning(self) -> StepBeginning:
         last, start, previous, solution = self._last, self._start, self._previous_step, self._solution
@@ -342,22 +356,29 @@ class ContactProblem:
         clock, path = Clock(at), path if isinstance(path, LoadPath) else LoadPath(tuple(path))
         if restart and folder is None:
             raise FormError([("restart", "needs the folder of the checkpoint")])
-        begin, self._marks, timings = time.perf_counter(), len(self.history.iterations), Timings()
-        follows = any(getattr(contact.friction, "follows_pressure", False) for contact in self.contact)
-        increments = Increments(path, self.settings, has_coulomb=follows)
-        stored = None if folder is None else self._checkpoint_in(folder, path, restart=restart)
-        with options.applied(*self._options):
-            clock.turn(path.time_at(increments.next))
-            start = self._begin()
-            steps = FormSteps(self, path, clock, timings, self._beginning())
-            progress = all_load_steps(steps, self._task, start, increments, lambda step: on_step(step.result), stored)
-        self._cost = time.perf_counter() - begin, peak_memory(self._space.mesh.comm)
-        solved = SolvedPath(path, tuple(progress.results), self.history, timings, increments.bracket)
+        stored = None if folder is None else MeshCheckpoint(self._checkpoint_in(folder, path, restart=restart), 0)
+        solved = self._run(path, clock, on_step, stored)
         if not solved.converged:
             raise ConvergenceError(solved, solved.outcome())
         return solved
 
-    def _checkpoint_in(self, folder: str | Path, path: LoadPath, *, restart: bool) -> MeshCheckpoint:
+    def _run(
+        self, path: LoadPath, clock: Clock, on_step: Callable[[StepResult], object], stored: MeshCheckpoint | None
+    ) -> SolvedPath:
+        """See ``run``."""
+        begin, self._marks, timings = time.perf_counter(), len(self.history.iterations), Timings()
+        follows = any(getattr(contact.friction, "follows_pressure", False) for contact in self.contact)
+        increments = Increments(path, self.settings, has_coulomb=follows)
+        with options.applied(*self._options):
+            clock.turn(path.time_at(increments.next))
+            with timings.phase("assemble"):
+                start = self._begin()
+            steps = FormSteps(self, path, clock, timings, self._beginning())
+            progress = all_load_steps(steps, self._task, start, increments, lambda step: on_step(step.result), stored)
+        self._cost = time.perf_counter() - begin, peak_memory(self._space.mesh.comm)
+        return SolvedPath(path, tuple(progress.results), self.history, timings, increments.bracket)
+
+    def _checkpoint_in(self, folder: str | Path, path: LoadPath, *, restart: bool) -> Checkpoint:
         comm, mesh, dofmap = self._space.mesh.comm, self._space.mesh, self._space.dofmap
         described = {
             "path": asdict(path),
@@ -368,7 +389,7 @@ class ContactProblem:
         }
         opening = comm, folder, described, self.history
         try:
-            return MeshCheckpoint(open_checkpoint(*opening, restart=restart, several_steps=True), 0)
+            return open_checkpoint(*opening, restart=restart, several_steps=path.several)
         except SceneError as error:
             raise FormError(error.problems, "run") from None
 
@@ -513,13 +534,14 @@ class ContactProblem:
             # A body that has fallen may have been taken hold of since: then it is counted from the initial position.
             fallen = self._last.rest is not None and bool(self._fallen[fixed].any())
             self._start, resting = self._last.seen_from(boundary, held=parallel.any_rank(space.mesh.comm, fallen))
-        self._boundary = boundary
+        self._boundary, self._first = boundary, None
         elastic = self._elastic = elastic_body(space, self._a, self.bcs, fixed[:owned], boundary, self.settings)
         self._scales = scales_of(elastic, boundary, self._foundations.facets)
         task = elastic.task(
             [self._case(values)],
             np.ones(1),
             *self._point_data(shapes),
+            coarser=self._coarser.level,
             natural_gamma=self._scales.gamma,
             history=self.history,
             has_coulomb=any(

@@ -2,25 +2,41 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 from signorini_fx.algorithms.task import Start, Task
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.linalg.krylov import KrylovSystem
-from signorini_fx.records import Timings
 from signorini_fx.solving import fewer_nodes
 from signorini_fx.solving.nested import carry_over
 
 
+@dataclass(frozen=True)
+class CoarserMesh:
+    """What a coarser mesh gives to a finer one.
+
+    Attributes:
+        level: the coarser meshes as levels of multigrid; None: there are none.
+        state: the contact points of the coarser mesh; None: there is none.
+        displaced: the level with a displacement to begin with; None: there is none.
+    """
+
+    level: MeshLevel | None = None
+    state: ContactState | None = None
+    displaced: MeshLevel | None = None
+
+
 def first_start(
-    task: Task, body: ElasticBody, timings: Timings, state: ContactState | None, coarser: MeshLevel | None
+    task: Task, start: Start, body: ElasticBody, state: ContactState | None, coarser: MeshLevel | None
 ) -> Start:
     """Where the first load step of a task starts; collective.
 
     Args:
-        task: with its start without all this.
+        task: the contact problem.
+        start: where it starts without all this.
         body: its elastic body.
-        timings: of the mesh.
         state: the contact state of a coarser mesh; None: there is none.
         coarser: the coarser mesh with the displacement to begin with; None: there is none.
     """
@@ -28,11 +44,10 @@ def first_start(
     if state is not None:
         if coarser is not None:
             begin_at_coarse(task, coarser, body)
-        return task.start.begin_from(*carry_over(state, body.boundary))
+        return start.begin_from(*carry_over(state, body.boundary))
     if fewer_nodes.worthwhile(task, body):
-        with timings.phase("iterate"):
-            return fewer_nodes.start_from_fewer_nodes(task, body.boundary)
-    return task.start
+        return fewer_nodes.start_from_fewer_nodes(replace(task, start=start), body.boundary)
+    return start
 
 
 def begin_at_coarse(task: Task, coarser: MeshLevel, body: ElasticBody) -> None:

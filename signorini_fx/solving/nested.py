@@ -7,7 +7,7 @@ starts in the set of its coarse neighbours.  On every mesh but the coarsest only
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from signorini_fx import parallel
 from signorini_fx.accuracy.forecast import seconds_to_come
 from signorini_fx.accuracy.mesh_level import LevelResult
-from signorini_fx.accuracy.price_list import peak_memory, price_list
+from signorini_fx.accuracy.price_list import peak_memory, price_list, with_polygon
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.mesh_levels import MeshLevel
@@ -28,7 +28,8 @@ from signorini_fx.tuned import MIDDLE_RATIO
 
 
 def solve_nested(
-    problems: Sequence[MeshedProblem[S]],
+    problems: Iterable[MeshedProblem[S]],
+    count: int,
     comm: MPI.Comm,
     history: History,
     on_level: Callable[[S], object] = lambda solution: None,
@@ -37,6 +38,7 @@ def solve_nested(
 
     Args:
         problems: on all meshes, the coarsest first.
+        count: how many there are.
         comm: the ranks that share the work.
         history: of all meshes.
         on_level: called with the solution on each mesh but the last.
@@ -45,13 +47,13 @@ def solve_nested(
     state: ContactState | None = None
     coarser: MeshLevel | None = None
     levels: list[LevelResult] = []
-    sides = None
+    sides, polygon = None, None
     for number, problem in enumerate(problems):
-        history.move(mesh=number + 1, meshes=len(problems), dofs=0)
+        history.move(mesh=number + 1, meshes=count, dofs=0)
         if levels:
             last = levels[-1]
             solved_so_far = [(level.dofs, level.seconds) for level in levels]
-            to_come = seconds_to_come(solved_so_far, len(problems) - number, last.dimension, last.krylov_from)
+            to_come = seconds_to_come(solved_so_far, count - number, last.dimension, last.krylov_from)
             history.move(end=time.perf_counter() + to_come)
         solved = problem.solved(number, state, coarser)
         solution, state = solved.solution, None
@@ -62,12 +64,13 @@ def solve_nested(
         coarser = solved.body.level(coarser, solution.displacement)
         if solution.converged:
             state = solved.state
-            if number + 1 < len(problems):
+            if number + 1 < count:
                 on_level(solution)
         if solved.level is not None:
             if levels and levels[-1].dofs >= solved.level.dofs:  # there is no coarser mesh
                 levels.pop()
-            levels.append(solved.level)
+            polygon = problem.polygon_error(solved.level, polygon)
+            levels.append(with_polygon(solved.level, polygon))
     if len(levels) < 2 or not solution.converged:
         return replace(solution, levels=tuple(levels))
     return replace(solution, levels=tuple(levels), price_list=tuple(price_list(levels, base_memory)))

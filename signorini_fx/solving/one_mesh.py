@@ -80,7 +80,8 @@ def solve_mesh(
         return _solve_linear(discretisation, history, timings), None, None
     with timings.phase("condense"):
         task = contact_task(discretisation, history, coarser)
-    start = first_start(task, discretisation, timings, state, None if scene.several_steps else coarser)
+    with timings.phase("iterate"):
+        start = first_start(task, task.start, discretisation, state, None if scene.several_steps else coarser)
     return solve_contact(discretisation, task, start, timings, on_step, kept)
 
 

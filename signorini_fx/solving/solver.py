@@ -142,7 +142,8 @@ def _solve_nested(
     stored: Checkpoint | None = None,
 ) -> Solution:
     """See ``solve_nested``."""
-    return solve_nested([SceneMesh(scene, comm, history, stored) for scene in scenes], comm, history, on_level)
+    meshes = [SceneMesh(scene, comm, history, stored) for scene in scenes]
+    return solve_nested(meshes, len(meshes), comm, history, on_level)
 
 
 def _solve_alone(scene: Scene, comm: MPI.Comm, history: History, level_checkpoint: MeshCheckpoint | None) -> Solution:

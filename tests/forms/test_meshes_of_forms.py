@@ -1,0 +1,278 @@
+"""Nested meshes and a requested accuracy for forms of the user's own, by the algorithms of scenes."""
+
+import forms
+import numpy as np
+import pytest
+import test_load_steps_of_forms as load_steps
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from test_hertz import POISSON, RADIUS, YOUNG, half_disk, load, peak
+
+from signorini_fx import (
+    Accuracy,
+    ContactProblem,
+    ConvergenceError,
+    Coulomb,
+    FormError,
+    Foundation,
+    LoadPath,
+    MeshError,
+    TaggedMesh,
+    Tresca,
+    generate_mesh,
+    solve,
+    solve_nested,
+    solve_to_accuracy,
+)
+from signorini_fx.records import Status, StepRecord
+from signorini_fx.scene.reading import parse_scene
+
+COMM = MPI.COMM_WORLD
+
+
+def stress_of(young, poisson, dim):
+    """Hooke's law, plane strain or space, as a function of the displacement."""
+
+    def stress(y):
+        e = ufl.sym(ufl.grad(y))
+        return young / (1 + poisson) * (e + poisson / (1 - 2 * poisson) * ufl.tr(e) * ufl.Identity(dim))
+
+    return stress
+
+
+def disks(size, cell="triangle"):
+    """Half disks with smaller and smaller cells, and their named boundaries."""
+
+    def disk(n, comm=COMM):
+        sizes = {"radius": RADIUS, "contact_size": size / n, "contact_zone": 0.6, "symmetric": True, "cell": cell}
+        return generate_mesh("half_disk", {**sizes, "size": 1.0 / n}, comm)
+
+    return disk
+
+
+def hertz(degree=1, friction=0.0, **settings):
+    """Half a disk on a plane, Hertz's contact, by UFL, as a function of the mesh."""
+
+    def make(disk):
+        V = fem.functionspace(disk.mesh, ("Lagrange", degree, (2,)))
+        u, v, x = ufl.TrialFunction(V), ufl.TestFunction(V), ufl.SpatialCoordinate(disk.mesh)
+        stress = stress_of(YOUNG, POISSON, 2)
+        top, axis, arc = (disk.facets(name) for name in ("top", "symmetry", "arc"))
+        ds = ufl.ds(domain=disk.mesh, subdomain_data=dmesh.meshtags(disk.mesh, 1, top, np.full(top.size, 1, np.int32)))
+        L = -load(0.4) / (2 * RADIUS) * v[1] * ds(1)
+        held = fem.dirichletbc(0.0, fem.locate_dofs_topological(V.sub(0), 1, axis), V.sub(0))
+        gap = RADIUS - ufl.sqrt(ufl.max_value(0.0, RADIUS**2 - x[0] ** 2))
+        plane = Foundation(arc, gap=gap, direction=(0.0, -1.0), friction=Coulomb(friction) if friction else None)
+        a = ufl.inner(stress(u), ufl.grad(v)) * ufl.dx
+        return ContactProblem(a, L, [held], plane, stress=stress, **settings)
+
+    return make
+
+
+GAMMA = {"gamma_n": 1e5, "gamma_t": 1e5}
+# Of the half disk itself, from quadratic elements on finer and finer meshes: (a/R)^2 = .0025 below no formula's peak.
+PEAK_OF_DISK = 5.4906
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("degree", "size"), [(1, 0.3), (2, 0.24)])
+def test_hertz_to_one_per_cent_of_the_peak(degree, size):
+    """The peak is Hertz's within what was asked for, and its estimated error is right within a factor of two."""
+    solution = solve_to_accuracy(hertz(degree), disks(size), Accuracy(target="1%", of="peak"))
+    largest = solution.table.columns["pressure"].max()
+    assert largest == pytest.approx(peak(0.4), rel=0.01)
+    assert len(solution.levels) == 3
+    assert solution.problem.certificate.holds
+    estimate, true = solution.price_list[-2].peak, abs(largest / PEAK_OF_DISK - 1)
+    assert 0.5 <= estimate / true <= 2.0
+    assert solution.price_list[-1].predicted
+    assert solution.price_list[-1].peak < estimate
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_as_many_solves_as_the_scene(friction):
+    """On three nested meshes, with the same errors and the same pressure; the finer ones begin with the coarser."""
+    ours = solve_nested(hertz(friction=friction, **GAMMA), disks(0.16))
+    scene = half_disk(size=0.04, friction=friction, solver={"levels": 3, **GAMMA})
+    parameters = {**scene.mesh.parameters, "size": 0.25}
+    theirs = solve(scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"parameters": parameters})}))
+    for level, known in zip(ours.levels, theirs.levels, strict=True):
+        assert (level.dofs, level.linear_solves) == (known.dofs, known.linear_solves)
+        for name in ("energy", "pressure", "inside", "data", "force"):
+            assert getattr(level, name) == pytest.approx(getattr(known, name), rel=1e-6, abs=1e-9), name
+    assert [level.linear_solves for level in ours.levels[1:]] <= [3, 3]
+    assert ours.history.linear_solves == theirs.history.linear_solves
+    for row, known in zip(ours.price_list, theirs.price_list, strict=True):
+        for name in ("pressure", "force", "zone", "peak"):
+            figure = getattr(known, name)
+            assert getattr(row, name) == (figure and pytest.approx(figure, rel=1e-4, abs=1e-9)), name
+    pressure, known = (solution.table.columns["pressure"] for solution in (ours, theirs))
+    np.testing.assert_allclose(pressure, known, rtol=0, atol=1e-8 * peak(0.4))
+
+
+def block(degree=1, friction=None, **settings):
+    """A block held at its left end and pressed on a rigid floor, in the plane or in space."""
+
+    def make(mesh):
+        mesh = mesh.mesh if isinstance(mesh, TaggedMesh) else mesh
+        dim = mesh.topology.dim
+        V = fem.functionspace(mesh, ("Lagrange", degree, (dim,)))
+        u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+        stress = stress_of(1000.0, 0.3, dim)
+        held = fem.dirichletbc(np.zeros(dim), fem.locate_dofs_topological(V, dim - 1, forms.side(mesh, 0, 0.0)), V)
+        floor = Foundation(forms.side(mesh, dim - 1, 0.0), gap=0.002, friction=friction)
+        a, L = ufl.inner(stress(u), ufl.grad(v)) * ufl.dx, -8.0 * v[dim - 1] * ufl.dx
+        return ContactProblem(a, L, [held], floor, stress=stress, **settings)
+
+    return make
+
+
+@pytest.mark.mpi
+def test_tetrahedra_are_divided():
+    """In space, from a mesh of dolfinx: the finest solution is that of its mesh alone, from fewer solves."""
+    make = block(friction=Coulomb(0.3))
+    nested = solve_nested(make, forms.box((3.0, 1.0, 1.0), (6, 2, 2)), 2)
+    alone = make(nested.problem.u.function_space.mesh)
+    alone.solve()
+    np.testing.assert_allclose(nested.displacement.x.array, alone.u.x.array, rtol=0, atol=1e-7)
+    assert nested.levels[1].linear_solves < alone.history.linear_solves
+    assert nested.levels[1].dofs == 3 * 13 * 5 * 5
+    assert nested.history is nested.problem.history
+
+
+@pytest.mark.mpi
+def test_tetrahedra_to_an_accuracy():
+    """Divided where the error is."""
+    goal = Accuracy(target=0.35, of="energy", refinement="adaptive")
+    solution = solve_to_accuracy(block(), forms.box((3.0, 1.0, 1.0), (3, 1, 1)), goal)
+    assert solution.price_list[-2].energy <= 0.35
+    assert solution.levels[-1].dofs < 8 * solution.levels[-2].dofs
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("of", ["energy", "pressure"])
+def test_adaptive_meshes_are_those_of_the_scene(of):
+    """The same triangles are divided, and gamma is left to the program alike."""
+    goal = Accuracy(target=0.15, of=of, refinement="adaptive")
+    coarsest = generate_mesh("rectangle", {"length": 3.0, "height": 1.0, "nx": 6, "ny": 2, "cell": "triangle"}, COMM)
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 3.0, "nx": 6, "ny": 2}},
+            "element": {"degree": 2},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}],
+            "body_force": {"y": -8.0},
+            "contact": {"boundary": "bottom", "gap": 0.002, "friction": {"law": "tresca", "bound": 0.5}},
+            "solver": {} if of == "pressure" else GAMMA,
+        }
+    )
+    theirs = solve(scene.model_copy(update={"mesh": coarsest, "accuracy": goal}), COMM)
+    ours = solve_to_accuracy(block(2, Tresca(0.5), **({} if of == "pressure" else GAMMA)), coarsest, goal)
+    assert [level.dofs for level in ours.levels] == [level.dofs for level in theirs.levels]
+    assert ours.price_list[-2].pressure == pytest.approx(theirs.price_list[-2].pressure, rel=1e-6)
+    assert ours.price_list[-2].energy == pytest.approx(theirs.price_list[-2].energy, rel=1e-6)
+    assert ours.history.linear_solves == theirs.history.linear_solves
+
+
+def pushed(mesh):
+    """The block of ``test_load_steps_of_forms``, and the force that pushes it."""
+    return load_steps.block(mesh, **{"stress": stress_of(5000.0, 0.3, 2)})
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("path", [LoadPath((0.0, 6.0, 12.0)), LoadPath((0.0, 15.0), steps=3)], ids=["steps", "ramp"])
+def test_load_steps_on_each_mesh(path):
+    """The finest mesh has the load steps of that mesh alone; its first one begins with that of the coarser mesh."""
+    nested = solve_nested(pushed, forms.box((3.0, 1.0), (9, 3)), 2, path=path)
+    problem, push = pushed(nested.problem.u.function_space.mesh)
+    alone = problem.run(path, push)
+    assert [step.time for step in nested.steps] == [step.time for step in alone.steps]
+    for step, known in zip(nested.steps, alone.steps, strict=True):
+        scale = np.abs(known.displacement.x.array).max()
+        np.testing.assert_allclose(step.displacement.x.array, known.displacement.x.array, rtol=0, atol=1e-7 * scale)
+    assert nested.steps[0].linear_solves < alone.steps[0].linear_solves
+    assert len(nested.price_list) == 3
+    assert nested.levels[1].force.size == 4 * len([step for step in nested.steps if step.place.is_integer()])
+
+
+def test_restart_on_a_finer_mesh(tmp_path):
+    """A run that was killed on its second mesh goes on there."""
+    coarsest, path = forms.box((3.0, 1.0), (9, 3), comm=MPI.COMM_SELF), LoadPath((0.0, 6.0, 12.0))
+    seen = []
+
+    def killed(record):
+        seen.append(record)
+        if seen.count("level 1") and sum(isinstance(entry, StepRecord) for entry in seen) == 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        solve_nested(pushed, coarsest, 2, path=path, folder=tmp_path, observers=[killed])
+    begun = solve_nested(pushed, coarsest, 2, path=path, folder=tmp_path, restart=True)
+    whole = solve_nested(pushed, coarsest, 2, path=path)
+    assert begun.history.events[0].startswith("restart: 4 complete load steps")
+    assert begun.history.linear_solves == whole.history.linear_solves
+    np.testing.assert_allclose(begun.displacement.x.array, whole.displacement.x.array, rtol=0, atol=1e-12)
+
+
+def test_gamma_is_raised():
+    """A given regularisation error that is in the way is brought below the target."""
+    goal = Accuracy(target=0.05, of="force")
+    solution = solve_to_accuracy(
+        block(gamma_n=1e3, gamma_t=1e3), forms.box((3.0, 1.0), (6, 2), comm=MPI.COMM_SELF), goal
+    )
+    assert solution.problem.settings.gamma_n > 1e3
+    assert solution.levels[-1].regularisation < 0.05
+
+
+def test_budget_ends_by_name():
+    """The answer is that of the last mesh, in the error."""
+    goal = Accuracy(target=1e-6, memory=1e-3)
+    with pytest.raises(ConvergenceError, match="budget ends before the accuracy") as error:
+        solve_to_accuracy(block(), forms.box((3.0, 1.0), (6, 2), comm=MPI.COMM_SELF), goal)
+    assert error.value.solution.status is Status.BUDGET
+    assert error.value.solution.problem.certificate.holds
+
+
+def test_what_is_refused():
+    """Before anything is solved."""
+    mesh, family = forms.box((3.0, 1.0), (3, 1), comm=MPI.COMM_SELF), disks(0.5)
+    squares = forms.box((3.0, 1.0), (3, 1), dmesh.CellType.quadrilateral, MPI.COMM_SELF)
+    adaptive = {"target": 0.1, "refinement": "adaptive"}
+
+    def without_stress(mesh):
+        problem = block()(mesh)
+        problem._law = None
+        return problem
+
+    with pytest.raises(MeshError, match="only triangles can be refined"):
+        solve_nested(block(), squares)
+    for wrong, reason in (
+        (lambda: solve_nested(block(), 3), "mesh: must be a mesh"),
+        (lambda: solve_nested(block(), mesh, 0), "levels: must be a whole number from 1, got 0"),
+        (lambda: solve_nested(block(), mesh, restart=True), "restart: needs the folder"),
+        (lambda: solve_nested(lambda mesh: None, mesh), "make: must return a ContactProblem, not"),
+        (lambda: solve_nested(block(), mesh, path=[0.0, 1.0]), r"make: must return \(problem, at\)"),
+        (lambda: solve_nested(pushed, mesh), "make: must return the problem alone"),
+        (lambda: solve_to_accuracy(without_stress, mesh, Accuracy(target=0.1)), "stress: is needed"),
+        (lambda: solve_to_accuracy(block(), mesh, Accuracy(target=0.1, certified=True)), "certified: is for scenes"),
+        (lambda: solve_to_accuracy(hertz(), family, Accuracy(**adaptive)), "give the coarsest mesh, not a function"),
+        (lambda: solve_to_accuracy(block(), mesh, Accuracy(**adaptive, of="peak")), "the largest pressure has no"),
+    ):
+        with pytest.raises(FormError, match=reason):
+            wrong()
+
+
+def test_without_stress_there_is_no_estimate():
+    """The meshes are nested all the same."""
+
+    def make(mesh):
+        problem = block()(mesh)
+        problem._law = None
+        return problem
+
+    solution = solve_nested(make, forms.box((3.0, 1.0), (6, 2), comm=MPI.COMM_SELF), 2)
+    assert solution.converged
+    assert (solution.levels, solution.price_list) == ((), ())
