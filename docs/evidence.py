@@ -148,11 +148,11 @@ def main() -> None:
     from matplotlib import pyplot as plt
 
     PAGE.write_text(page(), encoding="utf-8")
-    plt.rcParams |= {"font.size": 13, "axes.spines.top": False, "axes.spines.right": False}
+    plt.rcParams |= {"font.size": 11, "axes.spines.top": False, "axes.spines.right": False}
     for draw in PICTURES:
-        figure, axes = plt.subplots(figsize=(7.5, 4), layout="constrained")
+        figure, axes = plt.subplots(figsize=(5.6, 3.8), layout="constrained")
         draw(axes)
-        figure.savefig(DOCS / "images" / f"evidence_{draw.__name__}.png", dpi=110, metadata={"Software": None})
+        figure.savefig(DOCS / "images" / f"evidence_{draw.__name__}.png", dpi=150, metadata={"Software": None})
         plt.close(figure)
 
 

@@ -22,8 +22,8 @@ def guide() -> list[Path]:
 
 
 def words(page: Path) -> int:
-    """All words of the file, tables, code and formulas included."""
-    return len(page.read_text(encoding="utf-8").split())
+    """All words of the file, tables, code and formulas included; marks without a letter or digit are none."""
+    return sum(bool(re.search(r"\w", word)) for word in page.read_text(encoding="utf-8").split())
 
 
 def sentences(page: Path) -> list[str]:
