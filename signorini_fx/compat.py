@@ -13,11 +13,11 @@ import numpy.typing as npt
 import ufl
 from dolfinx import __version__, common, cpp, fem, mesh
 
-from signorini_fx.errors import InstallationError
+from signorini_fx.errors import needs_fenicsx
 
 VERSION = tuple(int(part) for part in __version__.split(".")[:2])
 if VERSION < (0, 9):
-    raise InstallationError(f"dolfinx is {__version__}")
+    raise needs_fenicsx(f"dolfinx is {__version__}")
 
 
 def share_cells() -> None:

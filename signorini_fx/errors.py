@@ -116,7 +116,9 @@ _CHANNELS = """FEniCSx with dolfinx >= 0.9 is needed; pip does not have it. Inst
 
 
 class InstallationError(SignoriniError, ImportError):
-    """FEniCSx is missing or too old."""
+    """What is installed lacks something, or cannot be used."""
 
-    def __init__(self, message: str) -> None:
-        super().__init__(f"{message}: {_CHANNELS}")
+
+def needs_fenicsx(message: str) -> InstallationError:
+    """The error of an installation whose FEniCSx is missing, too old, or lacks something; it says where to get it."""
+    return InstallationError(f"{message}: {_CHANNELS}")

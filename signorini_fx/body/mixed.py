@@ -34,7 +34,7 @@ from signorini_fx.body.moduli import isotropic
 from signorini_fx.body.pieces import BodyPieces
 from signorini_fx.body.quadrature import strain_degree
 from signorini_fx.effects.material import mixed_forms
-from signorini_fx.errors import InstallationError
+from signorini_fx.errors import needs_fenicsx
 from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.linalg.factorisation import has_package
 from signorini_fx.mesh.tagged import TaggedMesh
@@ -264,7 +264,7 @@ class MixedPressure:
             InstallationError: PETSc has no MUMPS.
         """
         if not has_package("mumps"):
-            raise InstallationError("PETSc has no MUMPS, which a mixed element needs: its matrix is indefinite")
+            raise needs_fenicsx("PETSc has no MUMPS, which a mixed element needs: its matrix is indefinite")
         divergence = self.divergence.copy() if rotation is None else self.divergence.matMult(rotation)
         free = divergence.createVecRight()
         free.getArray()[:] = ~fixed

@@ -5,7 +5,7 @@ from __future__ import annotations
 import resource
 from importlib.util import find_spec
 
-from signorini_fx.errors import InstallationError, MachineError
+from signorini_fx.errors import MachineError, needs_fenicsx
 
 FENICSX = ("mpi4py", "petsc4py", "ufl", "basix", "dolfinx")
 # FEniCSx with its libraries takes 0.6 GB of address space before it computes anything, of which 0.25 GB are data; with
@@ -17,7 +17,7 @@ def check_fenicsx() -> None:
     """Raise ``InstallationError`` if a part of FEniCSx is not installed; ``compat`` checks its version."""
     missing = [name for name in FENICSX if find_spec(name) is None]
     if missing:
-        raise InstallationError(f"{', '.join(missing)} cannot be imported")
+        raise needs_fenicsx(f"{', '.join(missing)} cannot be imported")
 
 
 def check_machine() -> None:

@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 from mpi4py import MPI
 from pydantic import TypeAdapter
 
+from signorini_fx.quantities.kinds import Number
 from signorini_fx.quantities.quantity import Quantity
 from signorini_fx.quantities.registry import has, of_package, quantities
 from signorini_fx.records import Finding
@@ -113,12 +114,15 @@ def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]
 def columns_of(quantity: Quantity, solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]:
     """The entries of a quantity in a row of the load steps; collective.
 
-    One that is not of this package may fail, which is told once.
+    One that is not of this package may fail, or have other values than numbers, which is told once.
     """
     if quantity in of_package():
         return quantity.columns(solution)
     rows = list[dict[str, Any]]()
-    columns = afterthought(solution.comm, quantity.key, rows, lambda: quantity.columns(solution))
+    numbers: TypeAdapter[dict[str, Any]] = TypeAdapter(dict[str, Number])
+    columns = afterthought(
+        solution.comm, quantity.key, rows, lambda: numbers.validate_python(quantity.columns(solution))
+    )
     findings += [row for row in rows if row not in findings]
     return columns or {}
 

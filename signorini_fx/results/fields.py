@@ -13,7 +13,7 @@ from dolfinx import fem, io
 from dolfinx.plot import vtk_mesh
 
 from signorini_fx import compat, parallel
-from signorini_fx.errors import InstallationError
+from signorini_fx.errors import needs_fenicsx
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.vtu import bytes_of, write_vtu
 
@@ -42,7 +42,7 @@ def chosen_format(fields: bool | str) -> str | None:
     if fields not in FORMATS:
         raise ValueError(f"fields: True, False, {' or '.join(map(repr, FORMATS))} is expected, got {fields!r}")
     if fields == "vtx" and not compat.has_vtx():
-        raise InstallationError("this dolfinx has no ADIOS2, which fields in the format vtx need; take vtu")
+        raise needs_fenicsx("this dolfinx has no ADIOS2, which fields in the format vtx need; take vtu")
     return fields
 
 
