@@ -180,14 +180,14 @@ def test_length_of_the_readme():
 
 def test_length_of_the_guide():
     """What a user meets, and the theory, for those who want to know more."""
-    assert sum(map(words.words, words.guide())) <= 20_000
+    assert sum(map(words.words, words.guide())) <= 15_000
     assert words.words(THEORY) <= 12_000
 
 
 def test_readability():
-    """Few sentences have more than 30 words, with formulas and code as one; docs/words.py --long shows them."""
+    """No sentence of the guide has more than 30 words; formulas and code count as one (docs/words.py --long)."""
     for page in words.guide():
-        assert words.readability(page)[1] <= 0.06, page
+        assert words.readability(page)[1] == 0, page
     assert words.readability(THEORY)[1] <= 0.15
 
 
