@@ -338,7 +338,8 @@ class ContactProblem:
     ) -> SolvedPath:
         """Solve load steps, with ``advance`` between them; collective.
 
-        A ramp takes smaller increments where there is no solution.  The problem is left at the last load step.
+        A ramp takes smaller increments where there is no solution.  The problem is left at the last load step, from
+        which another run goes on after ``advance``.
 
         Args:
             path: the times, one load step each, or a ``LoadPath``, which may be a ramp.
