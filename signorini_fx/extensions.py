@@ -5,6 +5,7 @@ A group of entry points holds objects of one kind, and its page of the documenta
 
 from __future__ import annotations
 
+import sys
 from functools import cache
 from importlib.metadata import entry_points
 from typing import Any
@@ -14,6 +15,8 @@ from signorini_fx.errors import InstallationError
 LAWS = "signorini_fx.laws"
 LINEAR_SOLVERS = "signorini_fx.linear_solvers"
 QUANTITIES = "signorini_fx.quantities"
+GENERATORS = "signorini_fx.generators"
+GROUPS = (GENERATORS, LAWS, LINEAR_SOLVERS, QUANTITIES)
 _registered: dict[str, dict[str, Any]] = {}
 
 
@@ -24,13 +27,18 @@ def register(group: str, name: str, extension: Any) -> None:
         group: such as ``"signorini_fx.linear_solvers"``.
         name: by which scenes and settings name it; an older one of the same name is replaced.
         extension: the object.
+
+    Raises:
+        InstallationError: there is no such group.
     """
+    if group not in GROUPS:
+        raise InstallationError(f"{group!r} is no group of extensions; these are: {', '.join(GROUPS)}")
     _registered.setdefault(group, {})[name] = extension
 
 
 def names_of(group: str) -> tuple[str, ...]:
     """The names in a group, ascending."""
-    return tuple(sorted({*_installed(group), *_registered.get(group, {})}))
+    return tuple(sorted({*_installed(group, tuple(sys.path)), *_registered.get(group, {})}))
 
 
 def load(group: str, name: str) -> Any:
@@ -41,7 +49,7 @@ def load(group: str, name: str) -> Any:
     """
     if name in _registered.get(group, {}):
         return _registered[group][name]
-    entry = _installed(group)[name]
+    entry = _installed(group, tuple(sys.path))[name]
     try:
         return entry.load()
     except Exception as error:
@@ -50,6 +58,6 @@ def load(group: str, name: str) -> Any:
 
 
 @cache
-def _installed(group: str) -> dict[str, Any]:
-    """To look through all packages takes milliseconds, once."""
+def _installed(group: str, _path: tuple[str, ...]) -> dict[str, Any]:
+    """To look through all packages on the path of Python takes milliseconds, once."""
     return {entry.name: entry for entry in entry_points(group=group)}

@@ -40,6 +40,7 @@ class Contact(Effect):
             raise refused(type(self).__name__, wrong)
         return self
 
+    opens: ClassVar[bool] = True
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
         "contact of two bodies": {
             "exact": "exact needs one unknown for each constraint, and contact of two bodies ties several",
@@ -66,7 +67,7 @@ class Contact(Effect):
     def features(self) -> Features:
         """See ``Effect``."""
         listed = (
-            ("contact that cannot open", ("kind",), self.kind != "unilateral"),
+            ("contact that cannot open", ("kind",), not self.opens),
             ("contact of two bodies", ("against",), self.against is not None),
             ("driven foundation", ("foundation",), self.tool is not None),
             ("moving foundation", ("foundation",), self.moves),
@@ -184,6 +185,7 @@ class BondedContact(Contact):
         kind: its name.
     """
 
+    opens: ClassVar[bool] = False
     kind: Literal["bonded"]
 
     def contradictions(self, scene: Any, number: int) -> Contradictions:
@@ -221,6 +223,7 @@ class BilateralContact(Contact):
         kind: its name.
     """
 
+    opens: ClassVar[bool] = False
     kind: Literal["bilateral"]
 
 

@@ -326,10 +326,10 @@ def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:
     if name not in generators:
         raise SceneError([("mesh.generator", f"no generator {name!r}; there are: {', '.join(generators)}")])
     try:
-        generate: Callable[..., Any] = generators[name].load()
+        generate: Callable[..., Any] = generators[name]()
         types = get_type_hints(inspect.unwrap(generate), include_extras=True)
     except Exception as error:  # of the code of the user
-        message = f"{name!r} cannot be imported from {generators[name].value}: {type(error).__name__}: {error}"
+        message = f"{name!r} cannot be imported: {type(error).__name__}: {error}"
         raise SceneError([("mesh.generator", message)]) from error
     names = [key for key, p in inspect.signature(generate).parameters.items() if p.kind is p.KEYWORD_ONLY]
     problems: list[tuple[str, str]] = []

@@ -5,13 +5,15 @@ from __future__ import annotations
 import inspect
 import pkgutil
 from collections.abc import Callable, Mapping, Sequence
-from importlib.metadata import EntryPoint, entry_points
+from functools import partial
+from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar, cast
 
 from pydantic import AfterValidator, ConfigDict, validate_call
 
 from signorini_fx.errors import SceneError
+from signorini_fx.extensions import GENERATORS, load, names_of
 from signorini_fx.scene.magnitudes import LARGEST, SMALLEST
 
 if TYPE_CHECKING:
@@ -30,22 +32,26 @@ _BYTES_PER_CELL = 1000.0
 
 
 GENERATORS_PACKAGE = "signorini_fx.meshes"  # the package of this one's
-# Entry points of other packages.
-GROUP = "signorini_fx.generators"
 Generate = TypeVar("Generate", bound=Callable[..., Any])
 
 
-def known_generators(name: str | None = None) -> dict[str, EntryPoint]:
-    """The generators that a scene can name, in the order of their names; of two of one name that of this package.
+def known_generators(name: str | None = None) -> dict[str, Callable[[], Any]]:
+    """What gives the generators that a scene can name, in the order of their names; of two of one name that of this
+    package.
 
     To look through all packages takes milliseconds: if ``name`` is in this one, only its own are returned.
     """
     package = find_spec(GENERATORS_PACKAGE)
     assert package is not None
     own_names = [module.name for module in pkgutil.iter_modules(package.submodule_search_locations)]
-    generators = {} if name in own_names else {entry.name: entry for entry in entry_points(group=GROUP)}
-    generators |= {key: EntryPoint(key, f"{GENERATORS_PACKAGE}.{key}:generate", GROUP) for key in own_names}
+    others = () if name in own_names else names_of(GENERATORS)
+    generators: dict[str, Callable[[], Any]] = {key: partial(load, GENERATORS, key) for key in others}
+    generators |= {key: partial(_of_this_package, key) for key in own_names}
     return dict(sorted(generators.items()))
+
+
+def _of_this_package(name: str) -> Any:
+    return import_module(f"{GENERATORS_PACKAGE}.{name}").generate
 
 
 # Made here, because pydantic keeps the frame that makes it where that is one of a function: if a solve imports a

@@ -19,7 +19,6 @@ from signorini_fx import (
     FrictionLaw,
     Pair,
     SceneError,
-    extensions,
     sweep,
 )
 from signorini_fx.contact.laws import ActiveSets, RegularisedData, linearised, multipliers, tangent
@@ -157,9 +156,6 @@ def installed(tmp_path, monkeypatch):
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: own_package\nVersion: 1\n")
     (about / "entry_points.txt").write_text("[signorini_fx.laws]\nsaturating = own_package:Saturating\n")
     monkeypatch.syspath_prepend(tmp_path)
-    extensions._installed.cache_clear()
-    yield
-    extensions._installed.cache_clear()
 
 
 @pytest.mark.usefixtures("installed")

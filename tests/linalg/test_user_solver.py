@@ -95,9 +95,7 @@ def test_names(register, tmp_path, monkeypatch):
     (data / "METADATA").write_text("Name: theirs\nVersion: 1\n", encoding="utf-8")
     (data / "entry_points.txt").write_text(f"[{LINEAR_SOLVERS}]\ntheirs = no_such_module:Solver\n", encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path)
-    extensions._installed.cache_clear()
-    try:
-        with pytest.raises(InstallationError, match=r"'theirs', no_such_module:Solver of theirs, cannot be imported"):
-            solve(example1(nx=12, ny=4, linear_algebra="theirs"))
-    finally:
-        extensions._installed.cache_clear()
+    with pytest.raises(InstallationError, match=r"'theirs', no_such_module:Solver of theirs, cannot be imported"):
+        solve(example1(nx=12, ny=4, linear_algebra="theirs"))
+    with pytest.raises(InstallationError, match=r"is no group of extensions; these are: .*linear_solvers"):
+        extensions.register("signorini_fx.solvers", "mine", None)

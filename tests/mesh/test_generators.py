@@ -175,7 +175,7 @@ LENGTHS |= {"size", "contact_size", "contact_zone", "depth", "lower"}
 @pytest.mark.parametrize("name", sorted(set(SMALL) - {"block", "rectangle", "notched_sides"}))
 def test_the_same_mesh_in_all_units(name, unit):
     """A body of nanometres or of kilometres has the same cells."""
-    generate = known_generators()[name].load()
+    generate = known_generators()[name]()
     defaults = {key: p.default for key, p in inspect.signature(generate).parameters.items() if key in LENGTHS}
     lengths = {key: unit * value for key, value in (defaults | SMALL[name][0]).items() if key in LENGTHS}
     first, second = make(name), make(name, **lengths)
@@ -292,7 +292,7 @@ def test_more_cells_than_there_could_be(name, changes):
 @each
 def test_documented(name):
     """A sketch in the docstring, all parameters under Args, and names under Returns."""
-    generate = known_generators()[name].load()
+    generate = known_generators()[name]()
     assert "::\n" in inspect.getmodule(inspect.unwrap(generate)).__doc__
     doc = inspect.getdoc(generate)
     for boundary in SMALL[name][2]:

@@ -213,7 +213,7 @@ NO_LENGTHS = {"angle", "nx", "ny", "nz", "nr", "nt", "cell", "order", "part", "s
 @each
 def test_the_same_mesh_in_all_units(name, unit):
     """A body of nanometres or of kilometres has the same cells."""
-    generate = known_generators()[name].load()
+    generate = known_generators()[name]()
     defaults = {key: p.default for key, p in inspect.signature(generate).parameters.items() if key != "comm"}
     lengths = {key: unit * value for key, value in (defaults | SMALL[name][0]).items() if key not in NO_LENGTHS}
     first, second = make(name), make(name, **lengths)
@@ -346,7 +346,7 @@ def test_cells_too_large_for_their_arcs():
 @each
 def test_documented(name):
     """A sketch in the docstring, all parameters under Args, and names under Returns."""
-    generate = known_generators()[name].load()
+    generate = known_generators()[name]()
     assert "::\n" in inspect.getmodule(inspect.unwrap(generate)).__doc__
     doc = inspect.getdoc(generate)
     for boundary in SMALL[name][2]:

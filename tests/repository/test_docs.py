@@ -547,7 +547,7 @@ def test_generators():
     assert sorted(re.match(r"\[(\w+)\]", row[0])[1] for row in rows) == list(known)
     for link, _body, boundaries in rows:
         name = re.match(r"\[(\w+)\]", link)[1]
-        returns = inspect.getdoc(known[name].load()).partition("Returns:")[2]
+        returns = inspect.getdoc(known[name]()).partition("Returns:")[2]
         assert set(boundaries.split(", ")) - set(re.findall(r"\w+", returns)) == set(), name
 
 
