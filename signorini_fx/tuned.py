@@ -291,3 +291,14 @@ HARD_STEP = 4 * EASY_STEP
 # factor (a limit load is wanted to 1 %), or, if nothing was reached, this share of the increment that was asked for.
 ENCLOSED = 0.005
 SMALLEST_INCREMENT = 1e-5
+
+# --- what is the same but for round-off ------------------------------------------------------------------------------
+
+# Component of a unit vector along a direction below which it has none: the root of the unit of round-off, so that the
+# square of what is neglected is round-off.  Choice.
+SAME_DIRECTION = 1e-8
+# Distance, as a share of the size of the body, below which two places are one; cells are larger, and coordinates in
+# files have as many digits.  Choice.
+SAME_POSITION = 1e-8
+# Resistance to a rigid motion, relative to that to the best held one, below which it counts as not held.  Choice.
+NOT_HELD = 1e-8

@@ -2385,7 +2385,7 @@ MUTANTS = (
     ),
     Mutant(
         "body/turned_supports",
-        "size > _DEPENDENT",
+        "size > SAME_DIRECTION",
         "size > -1.0",
         "walls that meet: the same direction twice",
         tests=("turned_supports::test_where_supports_meet",),

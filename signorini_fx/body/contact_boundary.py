@@ -33,9 +33,8 @@ from signorini_fx.kinematics import of_components
 from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.kinematics.space import SPACE
 from signorini_fx.laws.directed import FrictionAxes
+from signorini_fx.tuned import SAME_DIRECTION
 
-# A direction has a component along an axis if it is larger than this.
-_ALONG = 1e-8
 # A direction that differs from an axis by less is along it.
 _ALONG_AXIS = 1e-12
 
@@ -158,7 +157,7 @@ class ContactBoundary:
         if self.normal.shape[1] == 2:
             return tangents
         for axis in range(3):
-            held_across = ~self.free[:, axis] & self.free.any(axis=1) & (self._components[:, axis] <= _ALONG)
+            held_across = ~self.free[:, axis] & self.free.any(axis=1) & (self._components[:, axis] <= SAME_DIRECTION)
             along = np.broadcast_to(np.eye(3)[axis], (np.count_nonzero(held_across), 3))
             if self.axes is not None:
                 along = self.axes[held_across, :, axis]

@@ -29,11 +29,10 @@ from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.scene.effect import Load
 from signorini_fx.scene.model import Scene
+from signorini_fx.tuned import SAME_DIRECTION
 
 _Floats = npt.NDArray[np.float64]
 _Flags = npt.NDArray[np.bool_]
-# A direction has a component along the axis if it is larger than this.
-_ALONG = 1e-8
 
 
 @dataclass(frozen=True)
@@ -138,7 +137,7 @@ def holds(
     dim = jump.axis.size
     nodes = np.flatnonzero(jump.nodes[: fixed.size // dim])
     frames = np.eye(dim)[None] if turned is None else turned.frames_at(nodes)
-    along = np.abs(np.einsum("nij,i->nj", frames, jump.axis)) > _ALONG
+    along = np.abs(np.einsum("nij,i->nj", frames, jump.axis)) > SAME_DIRECTION
     held = bool((fixed.reshape(-1, dim)[nodes] & along).any())
     if boundary is None:
         return held
@@ -146,7 +145,7 @@ def holds(
     if (averages := boundary.averages) is not None:  # points see other nodes than their own, and the other body's
         owned_flags = jump.nodes[: fixed.size // dim, None].astype(np.float64)
         of_points = abs(averages.shares) @ from_owners(owned_flags, averages.nodes, boundary.comm)[:, 0] > 0
-    holding = (np.abs(boundary.normal @ jump.axis) > _ALONG) | np.isin(boundary.part, bonded)
+    holding = (np.abs(boundary.normal @ jump.axis) > SAME_DIRECTION) | np.isin(boundary.part, bonded)
     return held or bool((of_points & holding).any())
 
 

@@ -23,12 +23,10 @@ from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.errors import FormError
 from signorini_fx.pairs.coupling import Coupling, PairingError, couple
 from signorini_fx.pairs.surface import Lagrange, PairSurface
+from signorini_fx.tuned import SAME_DIRECTION
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
-
-# A normal has a component along an axis if it is larger than this.
-_ALONG = 1e-8
 
 
 @dataclass(frozen=True)
@@ -164,7 +162,7 @@ class PairedSides:
             for side, planes in zip((slave, master), across, strict=True)
         )
         normals = np.abs(np.einsum("nij,ni->nj", frames, slave.surface.nodal_normals))
-        unable = np.where(entries[:, :dim], 0.0, normals).max(axis=1) <= _ALONG
+        unable = np.where(entries[:, :dim], 0.0, normals).max(axis=1) <= SAME_DIRECTION
         unable[~normals.any(axis=1)] = False  # nodes that no point belongs to
         unable |= entries[:, -1]
         first, last = space.dofmap.index_map.local_range

@@ -29,9 +29,8 @@ from signorini_fx.contact.groups import PointGroups
 from signorini_fx.contact.motions import FreeMotions, RigidLoad
 from signorini_fx.kinematics import CARTESIAN
 from signorini_fx.kinematics.cartesian import Kinematics
+from signorini_fx.tuned import NOT_HELD
 
-# Resistance to a motion, relative to that to the best held one, below which it counts as not held at all.
-_HELD = 1e-8
 # A motion whose energy is below this share of what the diagonal of the stiffness alone would give all has no strain.
 _NO_STRAIN = 1e-11
 
@@ -270,7 +269,7 @@ def without_strain(motions: RigidMotions, kinematics: Kinematics) -> RigidMotion
             along = np.einsum("pm,pmk->pk", allowed, rows)
             strained = (rows - allowed[:, :, None] * along[:, None]).reshape(-1, free_modes.shape[1])
             _, sizes, ways = np.linalg.svd(strained)
-            combinations = ways[np.count_nonzero(sizes > _HELD) :].T
+            combinations = ways[np.count_nonzero(sizes > NOT_HELD) :].T
             columns.append(free_modes @ combinations * np.sign((along @ combinations).sum(axis=0)))
             numbers.append(np.full(combinations.shape[1], number))
     no_modes = motions.free[:, :0]
@@ -341,7 +340,7 @@ def _nearest(motions: RigidMotions, supported: _Floats, moved: _Floats) -> _Floa
     """
     # Not by the assemblies: bodies in contact are one, and move on their own all the same.
     alone = ~np.isin(np.arange(motions.pieces.count), motions.pieces.pins)
-    nearest = np.einsum("pij,pj->pi", np.linalg.pinv(supported, rcond=_HELD, hermitian=True), moved)
+    nearest = np.einsum("pij,pj->pi", np.linalg.pinv(supported, rcond=NOT_HELD, hermitian=True), moved)
     return np.where(alone[:, None], nearest, 0.0).ravel()
 
 
@@ -393,7 +392,7 @@ def _null_space(supported: _Floats, motions: RigidMotions) -> tuple[_Floats, npt
                 rows = apart.reshape(len(apart), -1)
                 gram += rows.T @ rows
         values, vectors = np.linalg.eigh(gram)
-        null_vectors = vectors[:, values <= _HELD * max(values[-1], 1e-300)]
+        null_vectors = vectors[:, values <= NOT_HELD * max(values[-1], 1e-300)]
         modes = np.zeros((m * pieces.count, null_vectors.shape[1]))
         modes[(m * members[:, None] + np.arange(m)).ravel()] = null_vectors
         columns.append(modes)

@@ -22,9 +22,7 @@ from signorini_fx.kinematics import KINDS
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.scene.expressions import in_space, sample
 from signorini_fx.scene.model import Scene
-
-# A node is at a point within this share of the size of the body.
-_SAME_POINT = 1e-8
+from signorini_fx.tuned import SAME_POSITION
 
 Conditions = list[tuple[PrescribedDisplacement, fem.DirichletBC]]
 
@@ -117,7 +115,7 @@ _ON_AXIS = {
 
 def on_axis(x: npt.NDArray[np.float64], tagged: TaggedMesh) -> npt.NDArray[np.bool_]:
     """Which of some points of shape (n, 3) or (n, 2) are on the axis of revolution, shape (n,)."""
-    return np.asarray(np.abs(x[:, 0]) <= _SAME_POINT * tagged.size)
+    return np.asarray(np.abs(x[:, 0]) <= SAME_POSITION * tagged.size)
 
 
 def node_at(
@@ -141,7 +139,7 @@ def node_at(
     """
     point, x = np.array(effect.at), node_positions(space)[:, : tagged.dimension]
     away = np.linalg.norm(x - point, axis=1)
-    candidates = np.flatnonzero(away <= _SAME_POINT * tagged.size)
+    candidates = np.flatnonzero(away <= SAME_POSITION * tagged.size)
     if not parallel.any_rank(tagged.mesh.comm, candidates.size > 0):
         nearest = parallel.gather_rows(tagged.mesh.comm, np.column_stack((away, x))[np.argsort(away)[:1]])
         nearest_point = np.round(nearest[np.argmin(nearest[:, 0]), 1:] / tagged.size, 9) * tagged.size

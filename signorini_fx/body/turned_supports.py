@@ -17,10 +17,9 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.effects.displacement import PrescribedDisplacement
+from signorini_fx.tuned import SAME_DIRECTION
 
 _Floats = npt.NDArray[np.float64]
-# A direction of which less than this is perpendicular to others adds nothing to them.
-_DEPENDENT = 1e-8
 
 
 @dataclass(frozen=True)
@@ -147,7 +146,7 @@ def _frame(directions: _Floats, prescribes: npt.NDArray[np.int64]) -> tuple[_Flo
         if free.shape[1] == 0:
             break
         left_vectors, size, along = np.linalg.svd(directions[selected] @ free)
-        count = int(np.count_nonzero(size > _DEPENDENT))
+        count = int(np.count_nonzero(size > SAME_DIRECTION))
         added, free = free @ along[:count].T, free @ along[count:].T
         matrix += added @ (
             left_vectors[:, :count].T @ (identity[selected] - directions[selected] @ matrix) / size[:count, None]

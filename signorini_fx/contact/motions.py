@@ -19,9 +19,8 @@ from signorini_fx.contact.groups import PointGroups
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.points import ContactPoints
+from signorini_fx.tuned import NOT_HELD
 
-# Resistance to a motion, relative to that to the best held one, below which it counts as not held at all.
-_HELD = 1e-8
 # Share of the sum of the magnitudes of all forces below which their resultant is round-off.
 _NO_LOAD = 1e-8
 # Share of a motion that is only round-off.
@@ -150,7 +149,7 @@ class FreeMotions:
             values = np.linalg.eigvalsh(gram[:-1][np.ix_(columns, columns)])
             # The resistance relative to the motion of the points: below this it is the round-off of their positions.
             real = values[-1] > _ROUND_OFF**2 * gram[-1][columns].max()
-            unresisted[number] = not (real and values[0] > _HELD * values[-1] > 0)
+            unresisted[number] = not (real and values[0] > NOT_HELD * values[-1] > 0)
         return unresisted
 
     def held_by(

@@ -14,9 +14,8 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.contact.laws import Nodal, length
+from signorini_fx.tuned import SAME_DIRECTION
 
-# A direction has a component along another one if it is larger than this.
-_ALONG = 1e-8
 # Slip below this share of the displacement of its node is round-off.
 STILL = 1e-9
 
@@ -75,7 +74,7 @@ class ContactPoints:
 
         The support takes the normal contact force at these points.
         """
-        return np.asarray(np.linalg.norm(self.movable[:, 0], axis=1) <= _ALONG)
+        return np.asarray(np.linalg.norm(self.movable[:, 0], axis=1) <= SAME_DIRECTION)
 
     @cached_property
     def still(self) -> Nodal:
@@ -113,7 +112,7 @@ class ContactPoints:
             return projections, moved
         across = self.shared.normal[:, 1:]
         size = np.linalg.norm(across, axis=1)
-        use = contact[self.shared.here] & contact[self.shared.beside] & (size > _ALONG)
+        use = contact[self.shared.here] & contact[self.shared.beside] & (size > SAME_DIRECTION)
         point, beside, size = self.shared.here[use], self.shared.beside[use], size[use]
         aligned, across = self.shared.normal[use, 0], across[use] / size[:, None]
         np.add.at(projections, point, across[:, :, None] * across[:, None, :])
@@ -155,4 +154,4 @@ class ContactPoints:
 def onto_range(matrices: Nodal) -> Nodal:
     """Orthogonal projectors onto the ranges of symmetric matrices of order one, shape (n, k, k)."""
     values, vectors = np.linalg.eigh(matrices)
-    return np.asarray(np.einsum("nik,nk,njk->nij", vectors, np.where(values > _ALONG, 1.0, 0.0), vectors))
+    return np.asarray(np.einsum("nik,nk,njk->nij", vectors, np.where(values > SAME_DIRECTION, 1.0, 0.0), vectors))

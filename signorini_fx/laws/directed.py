@@ -27,13 +27,12 @@ from signorini_fx.scene.base import refused
 from signorini_fx.scene.effect import text
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.values import SampledValue, value
+from signorini_fx.tuned import SAME_DIRECTION
 
 # The part of a vector in the tangent plane below this share of the longest vector is round-off.
 _NO_DIRECTION = 1e-6
 # Ratios beyond this, or below its inverse, leave no digits.
 LARGEST_RATIO = 1e3
-# What supports leave free is told along the axes if its other components are below this.
-_ALONG = 1e-8
 
 Ratio = Annotated[Any, BeforeValidator(value), WithJsonSchema({"type": ["number", "string"]})]
 VectorField = Annotated[
@@ -100,7 +99,7 @@ class FrictionAxes:
         if parallel.any_rank(comm, not (across > _NO_DIRECTION * longest).all()):
             reason = "is zero or along the normal somewhere: it must have a part along the foundation"
             raise FormError([(f"{path}.along", reason)])
-        if parallel.any_rank(comm, bool((np.abs(movable() * (1 - np.eye(3))) > _ALONG).any())):
+        if parallel.any_rank(comm, bool((np.abs(movable() * (1 - np.eye(3))) > SAME_DIRECTION).any())):
             why = "a support prescribes the displacement there neither along nor across it, nor along the normal"
             raise FormError([(f"{path}.along", f"{why}, which is not possible yet with a ratio")])
 

@@ -15,14 +15,13 @@ from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.tool_motion import ToolMotion
+from signorini_fx.tuned import SAME_DIRECTION
 
 if TYPE_CHECKING:
     from signorini_fx.results.paired_claim import Claim
 
 Nodal = npt.NDArray[np.float64]
 
-# A direction has a component along an axis if it is larger than this.
-_ALONG = 1e-8
 # A share of a sum below this is round-off, and so is a weight below this share of the largest one, on an axis.
 _ROUND_OFF = 1e-12
 # Share of a distance by which one that round-off has made larger is still the same.
@@ -287,7 +286,7 @@ class ContactNodes:
 
     def immovable(self, supports: PrescribedNodes) -> npt.NDArray[np.bool_]:
         """Points that cannot move along their normal, because what is free at them is across it."""
-        return np.asarray(np.max(np.abs(self._movable(self.normal, supports)), axis=1, initial=0.0) <= _ALONG)
+        return np.asarray(np.max(np.abs(self._movable(self.normal, supports)), axis=1, initial=0.0) <= SAME_DIRECTION)
 
     def _movable(self, vectors: Nodal, supports: PrescribedNodes) -> Nodal:
         """The part of vectors at the points that is along directions in which something can move, shape (n, d)."""

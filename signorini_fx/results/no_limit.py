@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.results.near_place import BESIDE, BoundaryFacet, cells_near, facets_near
-from signorini_fx.tuned import CORNER_ANGLE
+from signorini_fx.tuned import CORNER_ANGLE, SAME_POSITION
 
 Array = npt.NDArray[np.float64]
 
@@ -39,8 +39,6 @@ _BOUNDED = {
 _CURVED, _ROUND_OFF = np.degrees(CORNER_ANGLE), 1.0
 # Share of a load that is a jump.
 _JUMP = 1e-3
-# Vertices at a distance below this share of the size of the body are at one place.
-_SAME_POSITION = 1e-8
 # Share of an angle around a vertex that is round-off.
 _SAME_ANGLE = 1e-6
 
@@ -65,7 +63,7 @@ def why_no_limit(body: Discretisation, point: tuple[float, ...], step: float = 0
         if facet_a.piece != facet_b.piece:
             continue
         distance = np.linalg.norm(facet_a.vertices[:, None] - facet_b.vertices[None], axis=2)
-        first, second = np.nonzero(distance <= _SAME_POSITION * body.tagged.size)
+        first, second = np.nonzero(distance <= SAME_POSITION * body.tagged.size)
         size = min(facet_a.size, facet_b.size)
         near = np.linalg.norm(facet_a.vertices[first] - point, axis=1) <= BESIDE * size
         if len(first) == body.tagged.dimension - 1 and near.any():
@@ -167,7 +165,7 @@ def _where_materials_meet(body: Discretisation, point: Array, boundary: list[Bou
         cells_at_vertex = [
             cell
             for cell in cells
-            if cell.joined == joined and np.linalg.norm(cell.vertex - vertex) <= _SAME_POSITION * body.tagged.size
+            if cell.joined == joined and np.linalg.norm(cell.vertex - vertex) <= SAME_POSITION * body.tagged.size
         ]
         angles = {
             kind: sum(cell.angle for cell in cells_at_vertex if cell.kind == kind)
@@ -180,7 +178,7 @@ def _where_materials_meet(body: Discretisation, point: Array, boundary: list[Bou
             facet
             for facet in boundary
             if facet.paired != "bonded"
-            and (np.linalg.norm(facet.vertices - vertex, axis=1) <= _SAME_POSITION * body.tagged.size).any()
+            and (np.linalg.norm(facet.vertices - vertex, axis=1) <= SAME_POSITION * body.tagged.size).any()
         ]
         # A flat boundary that only guides is a mirror.
         mirror = (

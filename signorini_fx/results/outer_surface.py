@@ -16,11 +16,11 @@ from signorini_fx.pictures.body import DrawnBody, Volume
 from signorini_fx.pictures.tiling import tiling
 from signorini_fx.results import sampling
 from signorini_fx.results.solution import Solution
+from signorini_fx.tuned import SAME_POSITION
 
 Floats = npt.NDArray[np.float64]
 # Corners of a cell as basix numbers them, in the order of VTK.
 _ORDER_OF_VTK = {"tetrahedron": [0, 1, 2, 3], "hexahedron": [0, 1, 3, 2, 4, 5, 7, 6]}
-_SAME_POSITION = 1e-8  # of the size of the body: points that are closer are one
 
 
 def outer_facets(solution: Solution) -> int:
@@ -76,7 +76,7 @@ def gather_outer_surface(solution: Solution, fields: Sequence[str] = (), *, reco
     gathered = parallel.rows_on_root(comm, np.concatenate((x, u, of_piece), axis=2).reshape(-1, 7))
     size = float(np.ptp(gathered[:, :3], axis=0).max()) if len(gathered) else 1.0
     # Bodies that touch have points of their own.
-    grid = np.round(np.column_stack((gathered[:, :3] / (_SAME_POSITION * size), gathered[:, 6]))).astype(np.int64)
+    grid = np.round(np.column_stack((gathered[:, :3] / (SAME_POSITION * size), gathered[:, 6]))).astype(np.int64)
     _, first, number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
     return DrawnBody(
         gathered[first, :3],
@@ -110,7 +110,7 @@ def gather_volume(solution: Solution) -> Volume | None:
     of_piece = _repeated(solution.discretisation.motions.pieces.of_cell[cells], x)
     rows = parallel.rows_on_root(comm, np.concatenate((x, u, values[..., None], of_piece), axis=2).reshape(-1, 8))
     size, top = (float(np.ptp(part, axis=0).max()) or 1.0 if len(rows) else 1.0 for part in (rows[:, :3], rows[:, 6:7]))
-    places = np.column_stack((rows[:, :3] / size, rows[:, 6] / top)) / _SAME_POSITION
+    places = np.column_stack((rows[:, :3] / size, rows[:, 6] / top)) / SAME_POSITION
     grid = np.round(np.column_stack((places, rows[:, 7]))).astype(np.int64)
     _, first, number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
     number = number.reshape(-1, len(corners)).astype(np.int64)

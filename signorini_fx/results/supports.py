@@ -12,11 +12,9 @@ from dolfinx import fem
 from signorini_fx import parallel
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.scene.expressions import sample
+from signorini_fx.tuned import SAME_DIRECTION
 
 Nodal = npt.NDArray[np.float64]
-
-# Two directions are one, and a normal is along an axis, within this.
-_SAME_DIRECTION = 1e-8
 
 
 @dataclass(frozen=True)
@@ -59,7 +57,7 @@ class PrescribedNodes:
                 nodes = fem.locate_dofs_topological(space, dim, tagged.facets(effect.boundary))
             else:
                 away = np.linalg.norm(x[:, : len(effect.at)] - np.array(effect.at), axis=1)
-                nodes = np.flatnonzero(away <= _SAME_DIRECTION * tagged.size)
+                nodes = np.flatnonzero(away <= SAME_DIRECTION * tagged.size)
             nodes = nodes[nodes < owned]
             step_factor, effect = scene.now(effect, step)
             factor = scale * step_factor
@@ -67,7 +65,7 @@ class PrescribedNodes:
             if effect.normal is not None:
                 outward = parallel.global_sum(tagged.mesh.comm, forces.moments(effect.boundary).sum(axis=0))
                 axis = int(np.argmax(np.abs(outward)))
-                if np.linalg.norm(np.delete(outward, axis)) > _SAME_DIRECTION * abs(outward[axis]):
+                if np.linalg.norm(np.delete(outward, axis)) > SAME_DIRECTION * abs(outward[axis]):
                     along = factor * sample(effect.normal, x[nodes].T)
                     askew.append((nodes.astype(np.int64), outward / np.linalg.norm(outward), along, position))
                     continue
@@ -78,7 +76,7 @@ class PrescribedNodes:
                     by[nodes, component] = position
                     value[nodes, component] = sign * factor * sample(imposed, x[nodes].T)
         if (turning := forces.kinematics.third_column) is not None:  # over x[0] it is finite only where it is zero
-            middle = np.abs(x[:owned, 0]) <= _SAME_DIRECTION * tagged.size
+            middle = np.abs(x[:owned, 0]) <= SAME_DIRECTION * tagged.size
             for axis in np.flatnonzero(turning.any(axis=0)):
                 fixed[middle, axis], value[middle, axis], by[middle, axis] = True, 0.0, len(scene.displacement)
         no_nodes = np.zeros(0, dtype=np.int64)
@@ -140,7 +138,7 @@ class PrescribedNodes:
         """Components in which a node can move, shape (owned nodes, d)."""
         movable, nodes = ~self.fixed, np.unique(self.askew)
         ways = [self.left(np.tile(axis, (nodes.size, 1)), nodes) for axis in np.eye(movable.shape[1])]
-        movable[nodes] = np.max(np.abs(ways), axis=0) > _SAME_DIRECTION
+        movable[nodes] = np.max(np.abs(ways), axis=0) > SAME_DIRECTION
         return movable
 
 
@@ -162,7 +160,7 @@ def _in_turn(directions: Nodal, imposed: Nodal, whose: npt.NDArray[np.int64]) ->
     for position in map(int, np.unique(whose[whose >= 0])[::-1]):
         effect_directions = directions[whose == position]
         _, sizes, ways = np.linalg.svd(effect_directions - effect_directions @ taken.T @ taken)
-        new = ways[: np.count_nonzero(sizes > _SAME_DIRECTION)]
+        new = ways[: np.count_nonzero(sizes > SAME_DIRECTION)]
         if not len(new):
             continue
         y += (
