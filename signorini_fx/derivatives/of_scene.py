@@ -50,7 +50,7 @@ Array = npt.NDArray[np.float64]
 REFUSES = {
     "mixed element": "derivatives are not possible yet with a pressure of its own: leave 'mixed' out",
     "entering load": "derivatives are not possible yet where it enters contact",
-    "shortening by force": "derivatives are not possible yet with a preload by force",
+    "shortening by force": "derivatives are not possible yet where a force shortens a section",
     "requested accuracy": "derivatives are those of one mesh, and meshes of a requested accuracy jump with the data: "
     "leave it out",
 }

@@ -54,6 +54,7 @@ class Quantity(Protocol):
         report: the label of its card in the report; "": it has none.
         steps: whether steps.csv has it as a number, or as several columns by axis and boundary.
         first: whether the terminal shows it before what was done.
+        brief: whether the short answer has its lines.
         request: how its derivative and its bounds are asked for; "": by its key.
     """
 
@@ -67,6 +68,7 @@ class Quantity(Protocol):
     report: str = ""
     steps: Literal["", "number", "components"] = ""
     first: bool = False
+    brief: bool = False
     request: str = ""
 
     def value(self, solution: Any) -> Any:

@@ -22,7 +22,7 @@ class Preloads(Quantity):
     """Their forces."""
 
     key, kind, stage = "preloads", list[PreloadedSection], "results"
-    terminal = "preload"
+    terminal, brief = "preload", True
     title = "Sections that are tightened."
 
     def value(self, solution: Any) -> Any:

@@ -29,7 +29,7 @@ class Tools(Quantity):
     """How they have moved."""
 
     key, kind, stage = "tools", list[Tool], "results"
-    terminal = "foundation"
+    terminal, brief = "foundation", True
     title = "Foundations that forces move: how they have moved, and what the body does to them."
 
     def value(self, solution: Any) -> Any:
