@@ -14,7 +14,6 @@ from dolfinx import fem
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import stiffness_form
-from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.elastic_terms import ELASTIC_FORMS, elastic_terms
 from signorini_fx.body.foundations import Foundations
 from signorini_fx.body.initial_strains import check_strains
@@ -32,6 +31,7 @@ from signorini_fx.body.loads import (
 )
 from signorini_fx.body.mixed import MIXED_FORMS, MixedPressure
 from signorini_fx.body.moduli import check_covers, lame_coefficients, reduced_degree
+from signorini_fx.body.named_body import NamedBody
 from signorini_fx.body.pieces import BodyPieces, find_pieces
 from signorini_fx.body.rigid_tools import RigidTools
 from signorini_fx.body.scene_contact import foundations_of
@@ -56,38 +56,24 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Discretisation(ElasticBody):
+class Discretisation(NamedBody):
     """A scene on its mesh: the elastic body that its effects make, and all data of it.
 
     Attributes:
-        scene: the scene.
-        tagged: the mesh; where displacements have a component out of it a section in space.
-        lame: Lame parameters as coefficients of the forms.
-        moduli: stiffness of each cell where a material is orthotropic, see ``body.orthotropic``; None: none is.
         reduced: quadrature degree of the volumetric term where it is reduced, else None.
         supports: the prescribed displacements, one component each; ``bcs`` with their effects.
         applied: the loads, by their load factors.
         data: the regularised problem at the contact points, without shifts; None for a scene without contact.
-        law: the friction law; None where no law can act.
         resisting: name of the form ``resists``; empty without.
         coefficients: of the forms of loads and resistances.
-        pairs: both sides of each contact of two bodies, by its place in ``scene.contact``.
-        tools: the foundations whose motion is an unknown; None: there are none.
     """
 
-    scene: Scene
-    tagged: TaggedMesh
-    lame: tuple[Any, Any]
-    moduli: fem.Function | None
     reduced: int | None
     supports: Conditions
     applied: tuple[AppliedLoad, ...]
     data: RegularisedData | None
-    law: PointFriction | None
     resisting: str
     coefficients: FormCoefficients
-    pairs: Mapping[int, PairedSides]
-    tools: RigidTools | None = None
 
     @property
     def scales(self) -> Scales:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx import compat
-from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.named_body import NamedBody
 from signorini_fx.bounds.arrays import Array
 from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.effects.contact import UnilateralContact
@@ -97,7 +97,7 @@ class BoundPoints:
         return np.stack([self.value(value) for value in values[: self.x.shape[2]]], axis=2)
 
 
-def lame_of(d: Discretisation, owner: npt.NDArray[np.int64]) -> Array:
+def lame_of(d: NamedBody, owner: npt.NDArray[np.int64]) -> Array:
     """The parameters of Lamé, lambda and mu, of the cells ``owner``, stress, shape (n, 2)."""
     columns = []
     for part in d.lame:
@@ -106,7 +106,7 @@ def lame_of(d: Discretisation, owner: npt.NDArray[np.int64]) -> Array:
     return np.column_stack(columns)
 
 
-def refuse_unknown(d: Discretisation) -> None:
+def refuse_unknown(d: NamedBody) -> None:
     """Raise where the scene has something that the proof does not know.
 
     Raises:
@@ -157,7 +157,7 @@ class Grounds:
         return estimate + "; ".join(filter(None, (statement, self.assumed)))
 
 
-def _data(d: Discretisation) -> Iterator[tuple[str, str, Any, float]]:
+def _data(d: NamedBody) -> Iterator[tuple[str, str, Any, float]]:
     """What a bound looks at between nodes: a kind, a name, a value, and the degree up to which its points tell all of a
     polynomial.
     """
@@ -173,7 +173,7 @@ def _data(d: Discretisation) -> Iterator[tuple[str, str, Any, float]]:
                 yield entry.label, name, value, 1 if entry.where is None and not plane else 5
 
 
-def why_estimated(d: Discretisation) -> str:
+def why_estimated(d: NamedBody) -> str:
     """Why what is computed as a bound is an estimate, as data are known at points alone; "": it is a bound."""
     reasons = []
     for kind, name, value, _ in _data(d):
@@ -185,7 +185,7 @@ def why_estimated(d: Discretisation) -> str:
     return " and ".join(dict.fromkeys(reasons))
 
 
-def grounds(d: Discretisation, *, coulomb: bool, unknown: float) -> Grounds:
+def grounds(d: NamedBody, *, coulomb: bool, unknown: float) -> Grounds:
     """What a bound rests on.
 
     Args:

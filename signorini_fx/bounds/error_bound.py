@@ -29,6 +29,7 @@ from dolfinx import fem
 
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.named_body import NamedBody
 from signorini_fx.bounds.arrays import Array, Ints
 from signorini_fx.bounds.bounded_error import (
     ROUND_OFF,
@@ -147,9 +148,7 @@ class Enclosure:
         return float(np.sqrt((self.gap - contact) / 4 + contact / 2 + self.missed * self.distance))
 
 
-def error_bound(
-    d: Discretisation, y: fem.Function, contact: ContactState | None, step: float = 0.0
-) -> ErrorBound | str:
+def error_bound(d: NamedBody, y: fem.Function, contact: ContactState | None, step: float = 0.0) -> ErrorBound | str:
     """The bound for a solution; or why there is none.
 
     Args:

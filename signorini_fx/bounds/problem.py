@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from signorini_fx import compat
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.named_body import NamedBody
 from signorini_fx.bounds.applied_loads import LinearLoads, PlaneLoads
 from signorini_fx.bounds.arrays import Array, Ints
 from signorini_fx.bounds.bounded_error import SAME_LENGTH
@@ -84,7 +84,7 @@ class PlainProblem:
         contacts: the contacts of the scene.
     """
 
-    def __init__(self, d: Discretisation, y: fem.Function, contact: ContactState | None, step: float) -> None:
+    def __init__(self, d: NamedBody, y: fem.Function, contact: ContactState | None, step: float) -> None:
         self._d, self._position, self._dimension = d, step, d.tagged.dimension
         refuse_unknown(d)
         self._divide(y)

@@ -23,7 +23,7 @@ import numpy as np
 from dolfinx import fem
 
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.named_body import NamedBody
 from signorini_fx.bounds.arrays import Array, Ints
 from signorini_fx.bounds.bounded_error import ROUND_OFF, SAME_LENGTH, Interval
 from signorini_fx.bounds.bounded_scene import Refused
@@ -36,7 +36,7 @@ from signorini_fx.scene.effect import Force
 
 
 def mean_displacement(
-    d: Discretisation,
+    d: NamedBody,
     y: fem.Function,
     contact: ContactState | None,
     boundary: str,
@@ -62,7 +62,7 @@ def mean_displacement(
 
 
 def force(
-    d: Discretisation,
+    d: NamedBody,
     y: fem.Function,
     contact: ContactState | None,
     boundary: str,
@@ -90,7 +90,7 @@ def force(
 class _Quantity(Bounded):
     """A problem with what bounds quantities of its solution."""
 
-    def __init__(self, d: Discretisation, y: fem.Function, contact: ContactState | None, step: float) -> None:
+    def __init__(self, d: NamedBody, y: fem.Function, contact: ContactState | None, step: float) -> None:
         if d.tagged.dimension != 2:
             raise Refused("in space the error alone has a guaranteed bound")
         super().__init__(d, y, contact, step)

@@ -1,4 +1,4 @@
-"""The certificate of a ``ContactProblem``.
+"""What the certificate of a ``ContactProblem`` judges.
 
 Equilibrium is that of the user's forms: the action of ``a`` on the displacement and ``L`` are assembled anew, without
 the matrix.  Contact conditions, weights, normals and the forces of contact tractions come from the independent code of
@@ -16,55 +16,35 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.body.assembly import action, assemble
-from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.foundation import Foundation, Pair
 from signorini_fx.body.foundations import FoundationData
-from signorini_fx.results.certificate import Certificate, judged
 from signorini_fx.results.contact_nodes import ContactSide
 from signorini_fx.results.equilibrium import Balance
-from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
-from signorini_fx.results.tools import Driving
 from signorini_fx.scales import Scales
 
 Nodal = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
 
 
-def certify(
-    a: fem.Form,
-    L: fem.Form,
+def balance_of(
+    forms: tuple[fem.Form, fem.Form],
     displacement: fem.Function,
     fixed: npt.NDArray[np.bool_],
     values: Nodal,
-    data: Sequence[FoundationData],
     scales: Scales,
-    state: ContactState,
-    law: Law,
-    before: PreviousStep | None,
-    tools: Sequence[Driving],
-    contact: Sequence[Foundation | Pair],
-    named: tuple[Sequence[Indices], Mapping[int, Indices]],
-) -> Certificate:
-    """Check the conditions of a problem from the displacement and the contact tractions alone; collective.
+) -> Balance:
+    """The forces on the body without contact; collective.
 
     Args:
-        a: compiled.
-        L: compiled.
+        forms: a and L, compiled.
         displacement: y.
         fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
         values: to what, shape (dofs,).
-        data: of the foundations at the nodes.
         scales: of lengths and stresses.
-        state: the contact tractions.
-        law: the contact law that the method promises.
-        before: the end of the previous step; None: there is none.
-        tools: how rigid tools have moved, and what drives them.
-        contact: the foundations and pairs as the user gave them.
-        named: their facets, and those of the other side of each pair by its number, see ``facets_of``.
     """
-    space = displacement.function_space
+    (a, L), space = forms, displacement.function_space
     dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
     nodes = np.arange(values.size // dim, dtype=np.int32)
     internal = action((a,), displacement, nodes).reshape(-1, dim)
@@ -75,12 +55,27 @@ def certify(
         prescribed, values.reshape(-1, dim)[:owned], nowhere, no_vectors, np.zeros(0), by, nowhere.astype(np.int64)
     )
     external, nothing = assemble(L).reshape(-1, dim), np.zeros_like(internal)
-    balance = Balance(SurfaceQuadrature(space), internal, external, supports, scales, scales, nothing)
-    sides = [
+    return Balance(SurfaceQuadrature(space), internal, external, supports, scales, scales, nothing)
+
+
+def sides_of(
+    data: Sequence[FoundationData],
+    contact: Sequence[Foundation | Pair],
+    named: tuple[Sequence[Indices], Mapping[int, Indices]],
+    space: fem.FunctionSpace,
+) -> list[ContactSide]:
+    """The parts of the boundary with contact.
+
+    Args:
+        data: of the foundations at the nodes.
+        contact: the foundations and pairs as the user gave them.
+        named: their facets, and those of the other side of each pair by its number, see ``facets_of``.
+        space: the displacements.
+    """
+    return [
         _side(contact_data, entry, facets, named[1].get(k), space)
         for k, (contact_data, entry, facets) in enumerate(zip(data, contact, named[0], strict=True))
     ]
-    return judged(displacement, balance, sides, Tractions.of(state), law=law, before=before, tools=tools)
 
 
 def _side(

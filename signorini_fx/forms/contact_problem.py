@@ -38,12 +38,14 @@ from signorini_fx.derivatives.gradient import SolvedStep
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, facets_of, foundations_of, parts_of, settings_of, space_of
-from signorini_fx.forms.certificate import certify
+from signorini_fx.forms.certificate import balance_of, sides_of
 from signorini_fx.forms.elasticity import Array, case_of, digest, elastic_body, scales_of
 from signorini_fx.forms.fields import ContactFields
 from signorini_fx.forms.gradient import Gradient, checked, gradient, quantity_of
 from signorini_fx.forms.levels import errors_of
+from signorini_fx.forms.named_parts import boundaries_of, named_body
 from signorini_fx.forms.rigid_tools import driven_by, driving_of, tools_of, values_of
+from signorini_fx.forms.solved_problem import SolvedProblem
 from signorini_fx.forms.steps import Clock, FormSteps, SolvedPath, StepBeginning
 from signorini_fx.forms.stress import law_of, stresses_of
 from signorini_fx.linalg.elasticity import LoadCase
@@ -51,7 +53,7 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.method import Settings
 from signorini_fx.records import History, Inventory, Status, Timings
-from signorini_fx.results.certificate import Certificate
+from signorini_fx.results.certificate import Certificate, judged
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.solution import ConvergenceError, StepResult
@@ -66,7 +68,7 @@ from signorini_fx.solving.load_steps import all_load_steps
 from signorini_fx.solving.restart import MeshCheckpoint, open_checkpoint
 
 
-class ContactProblem:
+class ContactProblem(SolvedProblem):
     """Find y with a(y, z) = L(z) for all z, and contact with rigid foundations on parts of the boundary.
 
         problem = ContactProblem(a, L, bcs, contact=[Foundation(facets, gap=0.01, friction=Coulomb(0.3))])
@@ -89,6 +91,7 @@ class ContactProblem:
         stress: of the displacement, linear in its strain: a function of it that returns UFL, or UFL of ``u`` or of
             the trial function, shape (d, d), or in the plane (3, 3); None: there are no stresses.
         materials: tags on all cells; the stress may jump where they change.  None: it does not jump.
+        boundaries: names of parts of the boundary for results, each with its facets, as a ``Foundation`` takes them.
         settings: algorithm, coulomb, gamma_n, ..., see ``SolverSettings``.
 
     Attributes:
@@ -120,6 +123,7 @@ class ContactProblem:
         jit_options: dict[str, Any] | None = None,
         stress: Any = None,
         materials: MeshTags | None = None,
+        boundaries: Mapping[str, Any] | None = None,
         **settings: Any,
     ) -> None:
         space = self._space = space_of(a, L, u)
@@ -138,6 +142,7 @@ class ContactProblem:
         self._options = petsc_options_prefix, dict(petsc_options or {})
         self._forms, self._named = (a, L), (facets, masters)
         self._law, self._parts = law_of(stress, self.u), parts_of(materials, space.mesh)
+        self._boundaries = boundaries_of(boundaries, space.mesh)
         self._stresses: RawStresses | None = None
         self._names = [f"contact {k}" for k in range(len(facets))]
         self._foundations = Foundations(space, self.contact, facets, self._names, Inventory(), masters)
@@ -162,6 +167,7 @@ class ContactProblem:
         self._start: Start | None = None  # of the present step, in the frames of the present foundations
         self._previous_step: PreviousStep | None = None  # the end of the last step, as the present foundations see it
         self._solution: LastSolution | None = None  # from which the next solve may begin
+        self._path: SolvedPath | None = None  # of the last ``run``, until the next solve
         self._outcome: Outcome | None = None
         self._state: ContactState | None = None
         self._coarser = CoarserMesh()
@@ -265,8 +271,9 @@ class ContactProblem:
             ConvergenceError: no solution was reached; ``status`` says why, and ``u`` is the last iterate.
             FormError: a value is not finite, or cannot be evaluated.
         """
-        begin, self._marks = time.perf_counter(), len(self.history.iterations)
-        with options.applied(*self._options):
+        begin, self._marks, self._path = time.perf_counter(), len(self.history.iterations), None
+        self._timings = Timings()
+        with options.applied(*self._options), self._timings.phase("solve"):
             self._begun = self._begin()
             self._take(solve_task(self._task, self._begun))
         self._cost = time.perf_counter() - begin, peak_memory(self._space.mesh.comm)
@@ -377,7 +384,8 @@ class ContactProblem:
             steps = FormSteps(self, path, clock, timings, self._beginning())
             progress = all_load_steps(steps, self._task, start, increments, lambda step: on_step(step.result), stored)
         self._cost = time.perf_counter() - begin, peak_memory(self._space.mesh.comm)
-        return SolvedPath(path, tuple(progress.results), self.history, timings, increments.bracket)
+        self._path = SolvedPath(path, tuple(progress.results), self.history, timings, increments.bracket)
+        return self._path
 
     def _checkpoint_in(self, folder: str | Path, path: LoadPath, *, restart: bool) -> Checkpoint:
         comm, mesh, dofmap = self._space.mesh.comm, self._space.mesh, self._space.dofmap
@@ -417,8 +425,8 @@ class ContactProblem:
             problem.gradient(of=u[1] * ds(top), by=[young, friction])
 
         Args:
-            of: a UFL form of ``u`` without arguments; or of the contact with a number ``"force 0 y"`` and ``"moment
-                0"`` (in space ``"moment 0 z"``) on the body, ``"pressure 0 8"`` and ``"area 0 2"``, see ``quantities``.
+            of: a UFL form of ``u`` without arguments; or a quantity as scenes have it, of a contact by name or number:
+                ``"force 0 y"``, ``"moment 0 z"``, ``"pressure 0 8"``, ``"area 0 2"``, ``"mean top y"``.
             by: Constants with one value in the forms, the conditions, or the foundations.
 
         Raises:
@@ -429,7 +437,7 @@ class ContactProblem:
             raise RuntimeError("there is no solution to differentiate")
         if self.tools:
             raise RuntimeError("derivatives by what moves a foundation are those of scenes")
-        quantity, constants = quantity_of(of, self.u, len(self.contact)), checked(by)
+        quantity, constants = quantity_of(of, self.u, lambda: named_body(self)), checked(by)
         _, law = self._point_data(self._foundations.shapes())
         return gradient(
             SolvedStep.of(self._elastic, self._task, self._outcome, self._begun, self.state, self.u, law),
@@ -475,19 +483,14 @@ class ContactProblem:
         self.tools = motions_of(self._tools, self._names, self._elastic, outcome.displacement(), self._task.rest)
         state = self._state = self._elastic.state(self._task, outcome, self._begun)
         self._fields.take(self._space, state)
-        self.certificate = certify(
-            self._a,
-            self._L,
+        self.certificate = judged(
             self.u,
-            *self._prescribed,
-            self._data,
-            self._scales,
-            state,
-            Law(*self._task.promised(outcome)),
-            self._previous_step,
-            driving_of(self._tools, self.tools),
-            self.contact,
-            self._named,
+            balance_of((self._a, self._L), self.u, *self._prescribed, self._scales),
+            sides_of(self._data, self.contact, self._named, self._space),
+            Tractions.of(state),
+            law=Law(*self._task.promised(outcome)),
+            before=self._previous_step,
+            tools=driving_of(self._tools, self.tools),
         )
         self.status = outcome.status
         if outcome.status is Status.CONVERGED and not self.certificate.holds:

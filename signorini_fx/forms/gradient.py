@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,11 +15,12 @@ from dolfinx import fem
 from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble
 from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.named_body import NamedBody
 from signorini_fx.contact.laws import Nodal, length
 from signorini_fx.derivatives.gradient import By, ChangedStep, SolvedStep, adjoints_of, central, derivatives, explicit
-from signorini_fx.errors import FormError
+from signorini_fx.errors import FormError, SceneError
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.quantities.differentiable import ContactArea, ContactForce, LargestPressure
+from signorini_fx.quantities.differentiable import functional_of
 from signorini_fx.quantities.functional import Functional
 
 Array = npt.NDArray[np.float64]
@@ -26,10 +28,6 @@ Array = npt.NDArray[np.float64]
 _STEP = 1e-5
 # What a result owes to where points were before is round-off up to this share of it.
 _NOTHING = 1e-9
-_RESULTS = (
-    "a UFL form of u without arguments, 'force NUMBER AXIS' or 'moment NUMBER [AXIS]' of a contact, or "
-    "'pressure NUMBER [POWER]' or 'area NUMBER [POWER]'"
-)
 
 
 @dataclass(frozen=True)
@@ -81,42 +79,33 @@ class OfForm:
         return np.zeros((pressure.size, 1 + shear.shape[1]))
 
 
-def quantity_of(wanted: Any, u: fem.Function, contacts: int) -> Functional:
-    """A result as ``ContactProblem.gradient`` takes it.
+def quantity_of(wanted: Any, u: fem.Function, body: Callable[[], NamedBody]) -> Functional:
+    """A result as ``ContactProblem.gradient`` takes it; collective.
+
+    Args:
+        wanted: a form, or a request of a quantity, with the name of a contact or its number.
+        u: the displacement.
+        body: gives the body.
 
     Raises:
         FormError: it is none.
     """
-    dimension = u.function_space.mesh.geometry.dim
     if isinstance(wanted, ufl.Form):
         if wanted.arguments():
             raise FormError([("of", "has arguments: a number is expected, a form of u alone")])
         with compiling():
             test = ufl.TestFunction(u.function_space)
             return OfForm(fem.form(wanted), fem.form(ufl.derivative(wanted, u, test)), u)
+    named, words = body(), str(wanted).split()
+    contacts = [effect.boundary for effect in named.scene.contact]
+    if len(words) > 1 and words[1].isdigit() and int(words[1]) < len(contacts):
+        words[1] = shlex.quote(contacts[int(words[1])])
     try:
-        kind, number, *words = str(wanted).split()
-        part = int(number)
-        if not 0 <= part < contacts:
-            raise ValueError(number)
-        if kind == "force":
-            (axis,) = words
-            return ContactForce(part, ("x", "y", "z")[:dimension].index(axis))
-        if kind == "moment" and dimension == 2 and not words:
-            return ContactForce(part, 0, moment=True)
-        if kind == "moment":
-            (axis,) = words
-            return ContactForce(part, ("x", "y", "z")[: 3 if dimension == 3 else 0].index(axis), moment=True)
-        if kind in ("pressure", "area") and len(words) < 2:
-            kinds: dict[str, tuple[type[LargestPressure | ContactArea], float]]
-            kinds = {"pressure": (LargestPressure, 8.0), "area": (ContactArea, 2.0)}
-            made, usual = kinds[kind]
-            power = float(*words) if words else usual
-            if 1 < power <= 1000:
-                return made(part, power)
-    except ValueError:
-        pass
-    raise FormError([("of", f"{wanted!r} is no result; there are: {_RESULTS}")])
+        return functional_of(named, " ".join(words))
+    except SceneError as error:
+        raise FormError(
+            [*error.problems, ("of", f"{wanted!r} is no result; a UFL form of u without arguments is one, too")]
+        ) from None
 
 
 def checked(by: Sequence[Any]) -> list[fem.Constant]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cache, partial
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,10 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
+from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+from ufl.algorithms.apply_derivatives import apply_derivatives
 
+from signorini_fx import parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery, squared_residual
 from signorini_fx.body.assembly import facet_nodes
 from signorini_fx.body.element_stress import ElementStress, anisotropic_stress
@@ -25,6 +29,8 @@ from signorini_fx.results.stresses import RawStresses
 Cells = npt.NDArray[np.int32]
 Facets = npt.NDArray[np.int32]
 Law = Callable[[Any], Any]
+# Moduli that differ by less than this share of the largest one from those of an isotropic body are isotropic.
+_ISOTROPIC = 1e-10
 
 
 def law_of(stress: Any, u: fem.Function) -> Law | None:
@@ -47,6 +53,7 @@ def stresses_of(
     forms: Sequence[Any],
     contact: Sequence[Facets],
     fixed: npt.NDArray[np.bool_],
+    shared: dict[str, StressRecovery] | None = None,
 ) -> RawStresses:
     """The stress of a displacement, raw and recovered, with the estimate of its error; collective.
 
@@ -57,10 +64,16 @@ def stresses_of(
         forms: a(., .) and L; of compiled ones the traction is not known.
         contact: facets that are in contact, of pairs on both sides.
         fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
+        shared: where what projects is kept for other displacements; None: nowhere else.
     """
+    kept: dict[str, StressRecovery] = {} if shared is None else shared
 
-    @cache
     def recovery() -> StressRecovery:
+        if "recovery" not in kept:
+            kept["recovery"] = made()
+        return kept["recovery"]
+
+    def made() -> StressRecovery:
         stress = stress_of(law, fem.Function(y.function_space), parts)
         all_ufl = all(isinstance(form, ufl.Form) for form in forms)
         residual = partial(residual_of, stress, forms, contact, fixed) if all_ufl else lambda z: None
@@ -83,26 +96,85 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStres
         FormError: the law has another shape, or some strain has no stress.
     """
     mesh = y.function_space.mesh
-    kinematics, x, full_stress = CARTESIAN[mesh.geometry.dim], ufl.SpatialCoordinate(mesh), law(y)
-    dim, pairs = kinematics.dimension, kinematics.pairs
+    kinematics, full_stress = CARTESIAN[mesh.geometry.dim], law(y)
+    dim = kinematics.dimension
     if not hasattr(full_stress, "ufl_shape") or full_stress.ufl_shape not in ((dim, dim), (3, 3)):
         shape = getattr(full_stress, "ufl_shape", "none")
         raise FormError([("stress", f"has the shape {shape}; ({dim}, {dim}) or (3, 3) is needed")])
     outward = full_stress[2, 2] if full_stress.ufl_shape[0] > dim else None
-    axes = [ufl.unit_vector(k, dim) for k in range(dim)]
-    strained = [(x[i] * axes[j] + x[j] * axes[i]) / 2 for i, j in pairs]  # with one strain, or one twice a shear
-    at_rest = law(fem.Function(y.function_space))
-    columns = [law(field) - at_rest for field in strained]
-    rows = [*pairs, *([(2, 2)] if outward is not None else [])]
-    moduli = ufl.as_vector([column[i, j] for i, j in rows for column in columns])
-    cellwise = interpolated(moduli, fem.functionspace(mesh, ("DG", 0, (len(moduli),))))
-    at_cells = cellwise.x.array.reshape(-1, len(rows), len(pairs))
+    moduli = cellwise_moduli(law, y.function_space)
     sigma = ufl.as_matrix([[full_stress[i, j] for j in range(dim)] for i in range(dim)])
     try:
-        numbers = cellwise.function_space.dofmap.list[:, 0]
-        return anisotropic_stress(y, sigma, outward, (at_cells, numbers), parts, kinematics)
+        lame = isotropic_moduli(moduli.values, dim, mesh)
+        return anisotropic_stress(
+            y,
+            sigma,
+            outward,
+            (moduli.values, moduli.cells),
+            parts,
+            kinematics,
+            shear_modulus=None if lame is None else lame[1],
+        )
     except np.linalg.LinAlgError:
         raise FormError([("stress", "is zero for some strain: nothing can be measured in its energy")]) from None
+
+
+@dataclass(frozen=True)
+class CellwiseModuli:
+    """The components of the stress over those of the strain, at the middle of each cell.
+
+    Attributes:
+        values: see ``anisotropic_stress``, shape (cells, rows, m).
+        cells: the number of each cell among them.
+        varies: whether they, or a stress without a strain, may vary within a cell.
+    """
+
+    values: npt.NDArray[np.float64]
+    cells: Cells
+    varies: bool
+
+
+def cellwise_moduli(law: Law, space: fem.FunctionSpace) -> CellwiseModuli:
+    """Those of a law on a space of displacements, from its stresses of fields with one strain each; collective."""
+    mesh, kinematics = space.mesh, CARTESIAN[space.mesh.geometry.dim]
+    dim, pairs, x = kinematics.dimension, kinematics.pairs, ufl.SpatialCoordinate(mesh)
+    axes = [ufl.unit_vector(k, dim) for k in range(dim)]
+    strained = [(x[i] * axes[j] + x[j] * axes[i]) / 2 for i, j in pairs]  # with one strain, or one twice a shear
+    at_rest = law(fem.Function(space))
+    stresses = [law(field) for field in strained]
+    rows = [*pairs, *([(2, 2)] if at_rest.ufl_shape[0] > dim else [])]
+    moduli = ufl.as_vector([(stress - at_rest)[i, j] for i, j in rows for stress in stresses])
+    cellwise = interpolated(moduli, fem.functionspace(mesh, ("DG", 0, (len(moduli),))))
+    values = cellwise.x.array.reshape(-1, len(rows), len(pairs))
+    lowered = (apply_derivatives(apply_algebra_lowering(stress)) for stress in stresses)
+    varies = any(ufl.algorithms.estimate_total_polynomial_degree(stress) > 0 for stress in lowered)
+    return CellwiseModuli(values, cellwise.function_space.dofmap.list[:, 0], varies)
+
+
+def isotropic_moduli(
+    moduli: npt.NDArray[np.float64], dim: int, mesh: dmesh.Mesh
+) -> tuple[fem.Function, fem.Function] | None:
+    """Both parameters of Lame in each cell; None: some cell of some rank is not isotropic; collective.
+
+    Args:
+        moduli: see ``CellwiseModuli.values``.
+        dim: of the displacement.
+        mesh: of the body.
+    """
+    within = moduli[:, : moduli.shape[2]]
+    mu, lame = within[:, -1, -1], within[:, 0, 1]
+    isotropic = np.zeros_like(within)
+    isotropic[:, :dim, :dim] = lame[:, None, None]
+    diagonal = np.arange(within.shape[2])
+    isotropic[:, diagonal, diagonal] += np.where(diagonal < dim, 2.0, 1.0) * mu[:, None]
+    apart = np.abs(within - isotropic).max(initial=0.0) > _ISOTROPIC * np.abs(within).max(initial=0.0)
+    if parallel.any_rank(mesh.comm, bool(apart)):
+        return None
+    functions = []
+    for values in (lame, mu):
+        functions.append(fem.Function(fem.functionspace(mesh, ("DG", 0))))
+        functions[-1].x.array[:] = values
+    return functions[0], functions[1]
 
 
 def residual_of(
@@ -128,7 +200,7 @@ def residual_of(
     integrals = [
         integral for form in forms for integral in form.integrals() if integral.integral_type() == "exterior_facet"
     ]
-    on = [np.isin(traction_facets, _facets_of(integral, mesh)) for integral in integrals]
+    on = [np.isin(traction_facets, exterior_facets(integral, mesh)) for integral in integrals]
 
     def of(numbers: npt.NDArray[np.int64], residual: Any) -> tuple[Any, list[Any], bool]:
         varies = False
@@ -155,7 +227,7 @@ def _arguments(expression: Any) -> list[Any]:
     return list(ufl.algorithms.extract_arguments(expression))
 
 
-def _facets_of(integral: Any, mesh: dmesh.Mesh) -> Facets:
+def exterior_facets(integral: Any, mesh: dmesh.Mesh) -> Facets:
     """The exterior facets of this rank that an integral is over."""
     data, wanted = integral.subdomain_data(), integral.subdomain_id()
     wanted = wanted if isinstance(wanted, tuple) else (wanted,)

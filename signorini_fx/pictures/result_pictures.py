@@ -30,7 +30,7 @@ class ResultPictures:
     Attributes:
         title: above each of the large ones, a text of the user.
         dimension: 2 or 3.
-        fields: names of the fields that are drawn on the body, the von Mises stress first.
+        fields: names of the fields that are drawn on the body, the von Mises stress first, where it is known.
         body: None if it has too many facets.
         moments: the body at each of several load steps, for an animation.
         history: one mapping per linear solve, the columns of history.csv.
@@ -103,7 +103,7 @@ class ResultPictures:
         elif self.body is not None:
             foundations = [] if contact is None or facets is None else foundations_of(contact, facets, self.tools)
             self._draw_in_space(self.body, foundations, folder, title)
-            if contact is not None and not _grounded(contact).all():
+            if contact is not None and not _grounded(contact).all() and "von_mises" in self.fields:
                 from signorini_fx.pictures.exploded import exploded
                 from signorini_fx.pictures.solid_body import Skin
 
@@ -127,7 +127,7 @@ class ResultPictures:
             foundation = DrawnFoundation(nodes, offset, contact["state"] != "open", ~_grounded(contact))
         for name in self.fields:
             deformed_mesh(
-                folder / _stem(name),
+                folder / self._stem(name),
                 body.points,
                 body.polygons,
                 body.displacement,
@@ -150,12 +150,12 @@ class ResultPictures:
         from signorini_fx.pictures.solid_body import Skin, deformed_solid, telling_view
         from signorini_fx.pictures.turning import write_turning
 
-        skin = Skin.of(body, "von_mises")
+        skin = Skin.of(body, self.fields[0])
         seen = telling_view(skin)
-        write_turning(folder / TURNING, skin, foundations, seen)
+        write_turning(folder / TURNING, skin, foundations, seen, FIELDS[self.fields[0]])
         for name in self.fields:
             deformed_solid(
-                folder / _stem(name),
+                folder / self._stem(name),
                 Skin.of(body, name),
                 field=FIELDS[name],
                 stress=body.stress_in_the_middle() if name == "principal" else None,
@@ -166,6 +166,9 @@ class ResultPictures:
             )
         if self.moments:
             moving_solid(folder / "deformed.gif", body, self.moments, foundations=foundations, title=title)
+
+    def _stem(self, field: str) -> str:
+        return "deformed" if field == self.fields[0] else f"field_{field}"
 
     def _draw_section(
         self,
@@ -203,10 +206,6 @@ class ResultPictures:
 def _grounded(contact: Table) -> npt.NDArray[np.bool_]:
     """Which rows of contact.csv are on a rigid foundation."""
     return np.asarray(contact["against"] == "") if "against" in contact else np.full(len(contact["boundary"]), True)
-
-
-def _stem(field: str) -> str:
-    return "deformed" if field == "von_mises" else f"field_{field}"
 
 
 def foundations_of(

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from signorini_fx.pictures import view
 from signorini_fx.pictures.deformed_body import magnification
-from signorini_fx.pictures.fields import FIELDS
+from signorini_fx.pictures.fields import FIELDS, Field
 from signorini_fx.pictures.foundation import FoundationSurface
 from signorini_fx.pictures.solid_body import Skin, tones_of
 from signorini_fx.units import bracketed, unit
@@ -22,17 +22,24 @@ from signorini_fx.units import bracketed, unit
 Floats = npt.NDArray[np.float64]
 
 
-def write_turning(file: Path, skin: Skin, foundations: Sequence[FoundationSurface], seen: view.View) -> None:
-    """Write the surface of a body with the von Mises stress, its displacement, and the foundations.
+def write_turning(
+    file: Path,
+    skin: Skin,
+    foundations: Sequence[FoundationSurface],
+    seen: view.View,
+    field: Field = FIELDS["von_mises"],
+) -> None:
+    """Write the surface of a body with a field, its displacement, and the foundations.
 
     Args:
         file: JSON; arrays are written as the bytes of 32-bit numbers, little end first, in base64.
         skin: the body.
         foundations: of each contact boundary.
         seen: the view at first.
+        field: what is drawn.
     """
     factor = magnification(skin.points, skin.displacement)
-    tones = tones_of(skin, seen, FIELDS["von_mises"])
+    tones = tones_of(skin, seen, field)
     pairs = np.column_stack((skin.triangles.ravel(), np.nan_to_num(skin.values.astype(np.float32)).ravel()))
     distinct, corner = np.unique(pairs, axis=0, return_inverse=True)  # where the field jumps, a point for each value
     row = distinct[:, 0].astype(np.int64)

@@ -11,7 +11,7 @@ from dolfinx import fem, la
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.named_body import NamedBody
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.mesh.points import cells_of_points
 from signorini_fx.quantities.functional import Functional
@@ -194,11 +194,11 @@ class ContactArea:
         return slopes
 
 
-def functional_of(d: Discretisation, text: str) -> Functional:
+def functional_of(d: NamedBody, text: str) -> Functional:
     """A result with its derivatives by its name; collective.
 
     Args:
-        d: the scene on its mesh.
+        d: the body of a scene, or of forms.
         text: ``force BOUNDARY AXIS`` and ``moment BOUNDARY [AXIS]`` on the body at a contact boundary, a moment about
             the origin, in space about an axis; ``pressure BOUNDARY [POWER]``, see ``LargestPressure``; ``area BOUNDARY
             [POWER]``, see ``ContactArea``; ``mean BOUNDARY AXIS``, the mean displacement; ``displacement X,Y[,Z] AXIS``

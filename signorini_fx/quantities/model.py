@@ -52,7 +52,8 @@ def summary_schema() -> dict[str, Any]:
     definitions = raw.pop("$defs")
     schema: dict[str, Any] = _plain(raw, definitions)
     schema["properties"]["scene"] |= {
-        "properties": {name: {} for name in Scene.model_fields},
+        "properties": {name: {} for name in Scene.model_fields}
+        | {"forms": {"description": "Of a `ContactProblem` the forms that it was given, in place of what they hold."}},
         "additionalProperties": False,
     }
     components = "|".join(sorted(quantity.key for quantity in quantities() if quantity.steps == "components"))

@@ -12,7 +12,7 @@ from signorini_fx.quantities.text import digits, row
 from signorini_fx.units import with_unit
 
 if TYPE_CHECKING:
-    from signorini_fx.body.discretisation import Discretisation
+    from signorini_fx.body.named_body import NamedBody
     from signorini_fx.bounds.bounded_error import Interval
     from signorini_fx.quantities.functional import Functional
 
@@ -113,7 +113,7 @@ class Quantity(Protocol):
         error = self.error(summary)
         return [Card(self.report, with_unit(figure(summary[self.key], error), self.unit), error)]
 
-    def functional(self, d: Discretisation, *words: str) -> Functional | None:
+    def functional(self, d: NamedBody, *words: str) -> Functional | None:
         """It with its derivatives by displacement and tractions; None: it has none; collective.
 
         Args:

@@ -45,7 +45,7 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
     elif contact and "steps" not in summary:
         mean = (summary.get("stress") or {}).get("error")
         stress_error = "" if mean is None else f" (that of the stress is about {percent(mean)} in the mean)"
-        if not in_space(summary):
+        if not in_space(summary) and "forms" not in summary["scene"]:
             cure = "solve with --levels 3 (a mesh from a generator), or ask for an accuracy, as with --accuracy 0.05"
         elif all({"generator", "file"} & set(mesh or ()) for mesh in _meshes(summary["scene"])):
             cure = "ask for an accuracy, as with --accuracy 0.2"

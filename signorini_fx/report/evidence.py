@@ -79,13 +79,27 @@ def certificate(summary: dict[str, Any]) -> Markup:
 
 
 # What a scene holds besides effects that have a row each.
-_TOLD_APART = ("title", "incomplete", "mesh", "body", "element", "contact", "load_steps", "solver", "accuracy", "units")
+_TOLD_APART = (
+    *(
+        "title",
+        "incomplete",
+        "forms",
+        "mesh",
+        "body",
+        "element",
+        "contact",
+        "load_steps",
+        "solver",
+        "accuracy",
+        "units",
+    ),
+)
 
 
 def scene(summary: dict[str, Any]) -> Markup:
     """The effects of the scene, the method, and the scene as JSON."""
     scene = summary["scene"]
-    rows: list[tuple[str, str]] = []
+    rows: list[tuple[str, str]] = [("forms", ", ".join(scene["forms"]))] if "forms" in scene else []
     bodies = scene.get("body") or ()
     for body in bodies:
         generator, data = _mesh(body["mesh"])

@@ -50,7 +50,12 @@ def page(folder: Path) -> str:
 def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     solid = in_space(summary)
     contact = folder.columns("contact.csv", summary["contact_nodes"]) if "contact_nodes" in summary else {}
-    chapters = {"Outcome": sections.outcome(summary), "Deformed body": sections.deformed(folder, solid=solid)}
+    chapters = {
+        "Outcome": sections.outcome(summary),
+        "Deformed body": sections.deformed(
+            folder, solid=solid, stressed="stress" in summary["scene"].get("forms", ["stress"])
+        ),
+    }
     if contact and solid:
         from signorini_fx.report import sections_in_space
 

@@ -90,13 +90,14 @@ _COLOURS = (
     "Colour: von Mises stress; recovered, it is continuous in each material and smooths peaks that are narrower than a "
     "cell. "
 )
+_DISPLACEMENT = "Colour: size of the displacement; the stress is not known. "
 _PLANE_BODY = (
-    f"{_COLOURS}Hatched lines: the foundation. The title says what is magnified; where a magnified gap would bend the "
+    "Hatched lines: the foundation. The title says what is magnified; where a magnified gap would bend the "
     "foundation it is drawn beside, with the body as it is."
 )
 _SECTION = "Von Mises stress within the body, which is cut through the centre of the contact pressure."
 _SOLID_BODY = (
-    f"{_COLOURS}Gray lines: undeformed body; arrows: how long it is along each axis; gray surface: the foundation. The "
+    "Gray lines: undeformed body; arrows: how long it is along each axis; gray surface: the foundation. The "
     "title says what is magnified; where a magnified gap would bend the foundation it is drawn beside, with the body "
     "as it is."
 )
@@ -107,8 +108,14 @@ _APART = (
 )
 
 
-def deformed(folder: ResultFiles, *, solid: bool = False) -> Markup:
-    """The picture of the deformed body, and those of the other fields that were asked for."""
+def deformed(folder: ResultFiles, *, solid: bool = False, stressed: bool = True) -> Markup:
+    """The picture of the deformed body, and those of the other fields that were asked for.
+
+    Args:
+        folder: of the result.
+        solid: whether the body is in space.
+        stressed: whether its stress is known.
+    """
     data = folder.picture("deformed.png")
     turned = turning(folder) if solid else []
     if data is None:
@@ -116,7 +123,7 @@ def deformed(folder: ResultFiles, *, solid: bool = False) -> Markup:
         if solid:
             reason += f", or has too many facets to be drawn, or without {PYVISTA}"
         return joined([*turned, tag("p", f"No picture: {reason}.", class_="note")])
-    caption = _SOLID_BODY if solid else _PLANE_BODY
+    caption = (_COLOURS if stressed else _DISPLACEMENT) + (_SOLID_BODY if solid else _PLANE_BODY)
     overview = picture(data, "png", "deformed body on its foundation", caption)
     cut, apart = folder.picture("section.png"), folder.picture("exploded.png")
     inside = [] if cut is None else [picture(cut, "png", "section through the body", _SECTION)]

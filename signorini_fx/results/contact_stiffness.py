@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from petsc4py import PETSc
 
-from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.named_body import NamedBody
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.linalg.schur import SchurComplement
 from signorini_fx.scene.features import refused_by
@@ -16,7 +16,7 @@ REFUSES = {"driven foundation": "not tried where a force moves a foundation"}
 _MOST_COMPONENTS = 1200
 
 
-def contact_stiffness(d: Discretisation, step: float | None = None) -> tuple[Nodal, Nodal] | str:
+def contact_stiffness(d: NamedBody, step: float | None = None) -> tuple[Nodal, Nodal] | str:
     """The stiffness and the contact map for ``uniqueness_of``, with Coulomb friction; or why there is no proof.
 
     Args:

@@ -114,7 +114,7 @@ def _write_vtu(solution: Solution, moments: Sequence[Solution], folder: Path) ->
 def _grid(moment: Solution) -> tuple[Array, Array, int, dict[str, Array]]:
     """Points, cells, their kind, and the fields at the points of the cells that this rank owns, see ``write_vtu``."""
     fields = fields_in_cells(moment)
-    space = fields["von_mises"].function_space
+    space = fields["von_mises" if "von_mises" in fields else "displacement"].function_space
     cells, kinds, points = vtk_mesh(space)
     cells = cells.reshape(len(kinds), -1)[:, 1:] if len(kinds) else np.zeros((0, space.dofmap.list.shape[1]), dtype=int)
     # In the order of the cells: each field has degrees of freedom of its own.
@@ -133,21 +133,19 @@ def _grid(moment: Solution) -> tuple[Array, Array, int, dict[str, Array]]:
 
 def _fields(solution: Solution) -> dict[str, fem.Function]:
     """Every field under its name; in functions of their own, which may be overwritten; collective."""
+    displacement = fem.Function(solution.displacement.function_space, name=solution.displacement.name)
+    displacement.x.array[:] = values = solution.displacement.x.array
+    fields = {"displacement": displacement}
+    if not solution.has_stress:
+        return fields
     stress = solution.stress
-    fields = {
-        "displacement": solution.displacement,
-        "stress": stress.tensor,
-        "von_mises": stress.von_mises,
-        "principal_stresses": stress.principal,
-        "density": stress.shear_energy_density,
-    }
+    fields |= {"stress": stress.tensor, "von_mises": stress.von_mises, "principal_stresses": stress.principal}
+    if stress.stress.shear_modulus is not None:
+        fields["density"] = stress.shear_energy_density
     # The same fields in all load steps: those of recovery need finite values, which only a failed first step lacks.
-    values = solution.displacement.x.array
     if not parallel.any_rank(solution.comm, not np.isfinite(values).all()):
         fields |= {"recovered_stress": stress.recovered.tensor, "recovered_von_mises": stress.recovered.von_mises}
-    displacement = fem.Function(solution.displacement.function_space, name=solution.displacement.name)
-    displacement.x.array[:] = values
-    return fields | {"displacement": displacement}
+    return fields
 
 
 def fields_in_cells(solution: Solution) -> dict[str, fem.Function]:
@@ -158,7 +156,7 @@ def fields_in_cells(solution: Solution) -> dict[str, fem.Function]:
 def _in_cells(solution: Solution, function: fem.Function, name: str) -> fem.Function:
     """A field in the discontinuous functions of the degree of the element, which all fields of a data set share."""
     d = solution.discretisation
-    degree, shape = max(solution.scene.element.degree, 1), function.ufl_shape
+    degree, shape = d.space.element.basix_element.degree, function.ufl_shape
     element = ("DG", degree, shape) if shape else ("DG", degree)
     interpolated = fem.Function(fem.functionspace(d.tagged.mesh, element), name=name)
     interpolated.interpolate(function)

@@ -150,7 +150,7 @@ class _Written:
         summary = summary_of(solution)
         plane = solution.discretisation.tagged.dimension == 2
         # Keys that a scene in the plane, or one in space, does not have.
-        summary["scene"] = describe(solution.scene, ("z",) if plane else ("hypothesis",))
+        summary["scene"] = describe(solution.scene, (*solution.scene.unstated, "z" if plane else "hypothesis"))
         summary["finished"] = parallel.on_root(comm, lambda: datetime.now(UTC).isoformat(timespec="seconds"))
         steps = summary.get("steps", [])
         if fields is not None:

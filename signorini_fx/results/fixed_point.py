@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.named_body import NamedBody
 from signorini_fx.bounds.bounded_error import ErrorBound
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.results.contact_stiffness import contact_stiffness
@@ -71,7 +71,7 @@ class FixedPoint:
         )
 
 
-def fixed_point(d: Discretisation, contact: ContactState, step: float | None = None) -> FixedPoint:
+def fixed_point(d: NamedBody, contact: ContactState, step: float | None = None) -> FixedPoint:
     """The distance of a solution with Coulomb friction from the fixed point.
 
     Args:

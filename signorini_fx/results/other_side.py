@@ -10,7 +10,6 @@ import numpy.typing as npt
 from signorini_fx import parallel
 from signorini_fx.body.averages import to_owners
 from signorini_fx.body.node_positions import node_positions
-from signorini_fx.results.contact_sides import sides_of
 from signorini_fx.results.solution import Solution
 
 Array = npt.NDArray[np.float64]
@@ -33,7 +32,7 @@ def other_side(solution: Solution) -> dict[str, npt.NDArray[Any]]:
     dim, owned = tagged.dimension, space.dofmap.index_map.size_local
     x = np.array(node_positions(space)[:owned, :dim], dtype=np.float64)
     blocks = []
-    for part, side in enumerate(sides_of(scene, tagged, space, solution.discretisation.pairs)):
+    for part, side in enumerate(solution.sides):
         if (claim := side.claim) is None:
             continue
         points = np.flatnonzero(boundary.part == part)

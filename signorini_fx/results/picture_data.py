@@ -15,8 +15,11 @@ MOST_CELLS = 200_000  # of a section: they take seconds, and 100 MB on the first
 
 
 def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool = False) -> ResultPictures:
-    """Of a solution, with fields beside the von Mises stress and, out of a section, ``around``; collective."""
-    usual = ("von_mises", "around") if solution.scene.kinematics.out_of_section else ("von_mises",)
+    """Of a solution, with fields beside the von Mises stress, or the displacement where that is not known, and out of
+    a section ``around``; collective.
+    """
+    usual: tuple[str, ...] = ("von_mises",) if solution.has_stress else ("displacement",)
+    usual += ("around",) * bool(solution.scene.kinematics.out_of_section)
     fields = tuple(dict.fromkeys((*usual, *asked)))
     dimension = solution.discretisation.tagged.dimension
     gather = _gatherer(solution)
@@ -28,7 +31,7 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
         () if gather is None else _moments(solution, gather),
         as_rows(solution.history.iterations),
         as_rows(solution.price_list),
-        _volume(solution) if dimension == 3 and gather is not None else None,
+        _volume(solution) if dimension == 3 and gather is not None and solution.has_stress else None,
         names_of(solution.scene.model_dump(include={"units", "material"}), dimension),
         {tool.boundary: tool.at for tool in solution.last_step.tools},
         (".png", ".pdf") if pdf else (".png",),
@@ -62,9 +65,9 @@ def _gatherer(solution: Solution) -> Callable[..., DrawnBody] | None:
 
 
 def _moments(solution: Solution, gather: Callable[..., DrawnBody]) -> list[Moment]:
-    """The body at the load steps that an animation shows, none if there is only one; collective."""
+    """The body at the load steps that an animation of the stress shows, none if there is only one; collective."""
     steps = solution.shown_steps
-    if len(steps) < 2:
+    if len(steps) < 2 or not solution.has_stress:
         return []
     from signorini_fx.pictures.moving_body import shown
 

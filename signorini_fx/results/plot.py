@@ -91,7 +91,7 @@ def pyvista_grid(solution: Solution) -> Any:
     from dolfinx.plot import vtk_mesh
 
     fields = fields_in_cells(solution)
-    grid = pyvista.UnstructuredGrid(*vtk_mesh(fields["von_mises"].function_space))
+    grid = pyvista.UnstructuredGrid(*vtk_mesh(fields["displacement"].function_space))
     for name, function in fields.items():
         values: Any = function.x.array.reshape(grid.n_points, -1)
         if name == "displacement":  # in space, as PyVista expects of a vector

@@ -23,6 +23,7 @@ from signorini_fx.results.contact_sides import sides_of
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.supports import PrescribedNodes
+from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.scene.effect import Force, Resistance
 from signorini_fx.scene.model import Scene
 
@@ -86,7 +87,7 @@ class Resultant:
 
 
 @dataclass(frozen=True)
-class _Forces:
+class NodalForcesAt:
     """Forces at points of this rank, shapes (n, d)."""
 
     points: Array
@@ -97,25 +98,17 @@ class _Forces:
 class Resultants:
     """The resultants of one load step, from nodal forces: exact for the discrete solution, so that they are in balance.
 
-    Reactions are what the stresses in the body leave at the nodes of supports (at a node of two supported boundaries,
-    a component belongs to the one that prescribes it), those of tractions are integrals, those of contact come from the
-    tractions of the contact.
-
     Attributes:
         scene: the scene.
         tagged: its mesh.
         displacement: y, length.
         contact: the contact boundary of this rank; None without contact.
-        place: of the load step in the lists of factors, see ``scene.load_steps``.
-        pairs: bodies in contact as the solver has paired them, see ``sides_of``.
     """
 
     scene: Scene
     tagged: TaggedMesh
     displacement: fem.Function
     contact: ContactState | None
-    place: float
-    pairs: Mapping[int, PairedSides] | None = None
 
     def __repr__(self) -> str:
         return f"<Resultants: {', '.join(self._names)}; of(boundary), body_force(), every()>"
@@ -163,6 +156,106 @@ class Resultants:
     @property
     def _names(self) -> list[str]:
         """The boundaries through which something acts."""
+        raise NotImplementedError
+
+    @property
+    def _points(self) -> dict[str, tuple[float, ...]]:
+        """The points with supports, by their names."""
+        return {}
+
+    @cached_property
+    def _nodal(self) -> SurfaceQuadrature:
+        raise NotImplementedError
+
+    @cached_property
+    def _x(self) -> Array:
+        """Positions of the owned nodes."""
+        space = self.displacement.function_space
+        return node_positions(space)[: self._nodal.owned, : self.tagged.mesh.geometry.dim]
+
+    def _through(self, boundary: str) -> dict[str, NodalForcesAt]:
+        """The forces on the body at the nodes of a boundary, by what exerts them."""
+        by_cause = self._of_supports(boundary) | self._of_effects(boundary)
+        for sign, key in ((-1.0, "boundary"), (1.0, "against")):  # on the other body they are opposite
+            parts = [k for k, effect in enumerate(self.scene.contact) if getattr(effect, key) == boundary]
+            if parts and self.contact is not None:
+                state = self.contact
+                on_boundary = np.isin(state.boundary.part, parts)
+                forces = sign * state.boundary.nodal_forces(state.pressure, state.shear)
+                by_cause["contact"] = NodalForcesAt(state.boundary.centre[on_boundary], forces[on_boundary])
+                if state.joint is not None:
+                    forces = sign * state.boundary.nodal_forces(state.joint.pressure, np.zeros_like(state.shear))
+                    label = next(iter(self.scene.joint_loads.values())).label
+                    cause = f"{label} in contact"
+                    by_cause[cause] = NodalForcesAt(state.boundary.centre[on_boundary], forces[on_boundary])
+        return by_cause
+
+    def _of_supports(self, boundary: str) -> dict[str, NodalForcesAt]:
+        """Those of supports."""
+        raise NotImplementedError
+
+    def _of_effects(self, boundary: str | None) -> dict[str, NodalForcesAt]:
+        """Those of loads and of what resists the displacement, by their kinds; None: in the body."""
+        raise NotImplementedError
+
+    def _sum(self, boundary: str | None, forces: dict[str, NodalForcesAt], about: npt.ArrayLike | None) -> Resultant:
+        """The resultant of what acts through a boundary."""
+        dim, comm = self.tagged.mesh.geometry.dim, self.tagged.mesh.comm
+        point = np.zeros(dim) if about is None else np.asarray(about, dtype=np.float64)
+        if point.shape != (dim,):
+            raise ValueError(f"about: a point with {dim} coordinates is expected, got {about!r}")
+        total: Array = np.zeros(self._kinematics.motions + 2)
+        for nodal in forces.values():
+            turning = moments(nodal.points - point, nodal.values).sum(axis=0) * self._kinematics.unbalanced[dim:]
+            sizes = np.linalg.norm(nodal.values, axis=1)
+            arms = np.linalg.norm(nodal.points - point, axis=1)
+            total += np.concatenate((nodal.values.sum(axis=0), turning, [sizes.sum(), arms @ sizes]))
+        total = parallel.global_sum(comm, total)
+        force, moment, size = total[:dim], total[dim:-2], (float(total[-2]), float(total[-1]))
+        acts_at: Array | None = None
+        if np.linalg.norm(force) > _ROUND_OFF * size[0] and self._kinematics.unbalanced.all():
+            middle, normal = (point, None) if boundary is None else self._middle(boundary)
+            shifted = moment + moments(point - middle, force)
+            acts_at = middle + arm(shifted, force, normal)
+        return Resultant(boundary, tuple(forces), force, _plain(moment), point, acts_at, size)
+
+    @property
+    def _kinematics(self) -> Kinematics:
+        """Of the body, by which some moments cancel."""
+        return self.scene.kinematics_in(self.tagged.dimension)
+
+    def _middle(self, boundary: str) -> tuple[Array, Array | None]:
+        """The middle of a boundary, and its normal if it is flat; a point itself."""
+        if boundary in self._points:
+            return np.array(self._points[boundary]), None
+        areas = self._nodal.moments(self.tagged.facets(boundary))
+        weights = np.linalg.norm(areas, axis=1)
+        sums = np.concatenate((weights @ self._x, areas.sum(axis=0), [weights.sum()]))
+        sums = parallel.global_sum(self.tagged.mesh.comm, sums)
+        dim, total = self.tagged.mesh.geometry.dim, sums[-1]
+        normal = sums[dim:-1] / total
+        return sums[:dim] / total, normal if np.linalg.norm(normal) > 1 - _FLAT else None
+
+
+@dataclass(frozen=True, repr=False)
+class SceneResultants(Resultants):
+    """The resultants of one load step of a scene.
+
+    Reactions are what the stresses in the body leave at the nodes of supports (at a node of two supported boundaries,
+    a component belongs to the one that prescribes it), those of tractions are integrals, those of contact come from the
+    tractions of the contact.
+
+    Attributes:
+        place: of the load step in the lists of factors, see ``scene.load_steps``.
+        pairs: bodies in contact as the solver has paired them, see ``sides_of``.
+    """
+
+    place: float
+    pairs: Mapping[int, PairedSides] | None = None
+
+    @property
+    def _names(self) -> list[str]:
+        """The boundaries through which something acts."""
         boundaries = [effect.where for _, effect in self.scene.listed()]
         boundaries += [effect.against for effect in self.scene.contact]
         return list(dict.fromkeys(name for name in [*boundaries, *self._points] if name is not None))
@@ -175,12 +268,6 @@ class Resultants:
     @cached_property
     def _nodal(self) -> NodalForces:
         return NodalForces(self.scene, self.tagged, self.displacement.function_space)
-
-    @cached_property
-    def _x(self) -> Array:
-        """Positions of the owned nodes."""
-        space = self.displacement.function_space
-        return node_positions(space)[: self._nodal.owned, : self.tagged.mesh.geometry.dim]
 
     @cached_property
     def _supports(self) -> PrescribedNodes:
@@ -209,80 +296,26 @@ class Resultants:
                 unbalanced -= forces_of_joint_loads(nodal, sides, tractions)
         return unbalanced
 
-    def _through(self, boundary: str) -> dict[str, _Forces]:
-        """The forces on the body at the nodes of a boundary, by what exerts them."""
-        scene, by_cause = self.scene, {}
-        held = [k for k, effect in enumerate(scene.displacement) if effect.place == boundary]
-        if held:
-            taken = sum(
-                (self._supports.taken(self._forces_of_supports, k) for k in held),
-                np.zeros_like(self._forces_of_supports),
-            )
-            by_cause["support"] = _Forces(self._x, taken)
-        by_cause |= self._of_effects(boundary)
-        for sign, key in ((-1.0, "boundary"), (1.0, "against")):  # on the other body they are opposite
-            parts = [k for k, effect in enumerate(scene.contact) if getattr(effect, key) == boundary]
-            if parts and self.contact is not None:
-                state = self.contact
-                on_boundary = np.isin(state.boundary.part, parts)
-                forces = sign * state.boundary.nodal_forces(state.pressure, state.shear)
-                by_cause["contact"] = _Forces(state.boundary.centre[on_boundary], forces[on_boundary])
-                if state.joint is not None:
-                    forces = sign * state.boundary.nodal_forces(state.joint.pressure, np.zeros_like(state.shear))
-                    label = next(iter(scene.joint_loads.values())).label
-                    by_cause[f"{label} in contact"] = _Forces(state.boundary.centre[on_boundary], forces[on_boundary])
-        return by_cause
+    def _of_supports(self, boundary: str) -> dict[str, NodalForcesAt]:
+        """See ``Resultants``."""
+        held = [k for k, effect in enumerate(self.scene.displacement) if effect.place == boundary]
+        if not held:
+            return {}
+        taken = (self._supports.taken(self._forces_of_supports, k) for k in held)
+        return {"support": NodalForcesAt(self._x, sum(taken, np.zeros_like(self._forces_of_supports)))}
 
-    def _of_effects(self, boundary: str | None) -> dict[str, _Forces]:
-        """Those of loads and of what resists the displacement, by their kinds; None: in the body."""
+    def _of_effects(self, boundary: str | None) -> dict[str, NodalForcesAt]:
+        """See ``Resultants``."""
         nodal, displacements = self._nodal, self.displacement.x.array.reshape(-1, self.tagged.mesh.geometry.dim)
-        by_cause: dict[str, _Forces] = {}
+        by_cause: dict[str, NodalForcesAt] = {}
         for kind in self.scene.effects.values():
             effects = [effect for effect in kind if effect.where == boundary]
             forces = [effect for effect in effects if isinstance(effect, Force)]
             resisting = [effect for effect in effects if isinstance(effect, Resistance)]
             if forces or resisting:
                 values = nodal.external(self.place, some=forces) - nodal.resisted(displacements, resisting)
-                by_cause[effects[0].label] = _Forces(self._x, values)
+                by_cause[effects[0].label] = NodalForcesAt(self._x, values)
         return by_cause
-
-    def _sum(self, boundary: str | None, forces: dict[str, _Forces], about: npt.ArrayLike | None) -> Resultant:
-        """The resultant of what acts through a boundary."""
-        dim, comm = self.tagged.mesh.geometry.dim, self.tagged.mesh.comm
-        point = np.zeros(dim) if about is None else np.asarray(about, dtype=np.float64)
-        if point.shape != (dim,):
-            raise ValueError(f"about: a point with {dim} coordinates is expected, got {about!r}")
-        total: Array = np.zeros(self._kinematics.motions + 2)
-        for nodal in forces.values():
-            turning = moments(nodal.points - point, nodal.values).sum(axis=0) * self._kinematics.unbalanced[dim:]
-            sizes = np.linalg.norm(nodal.values, axis=1)
-            arms = np.linalg.norm(nodal.points - point, axis=1)
-            total += np.concatenate((nodal.values.sum(axis=0), turning, [sizes.sum(), arms @ sizes]))
-        total = parallel.global_sum(comm, total)
-        force, moment, size = total[:dim], total[dim:-2], (float(total[-2]), float(total[-1]))
-        acts_at: Array | None = None
-        if np.linalg.norm(force) > _ROUND_OFF * size[0] and self._kinematics.unbalanced.all():
-            middle, normal = (point, None) if boundary is None else self._middle(boundary)
-            shifted = moment + moments(point - middle, force)
-            acts_at = middle + arm(shifted, force, normal)
-        return Resultant(boundary, tuple(forces), force, _plain(moment), point, acts_at, size)
-
-    @property
-    def _kinematics(self) -> Kinematics:
-        """Of the body, by which some moments cancel."""
-        return self._nodal.kinematics
-
-    def _middle(self, boundary: str) -> tuple[Array, Array | None]:
-        """The middle of a boundary, and its normal if it is flat; a point itself."""
-        if boundary in self._points:
-            return np.array(self._points[boundary]), None
-        areas = self._nodal.moments(boundary)
-        weights = np.linalg.norm(areas, axis=1)
-        sums = np.concatenate((weights @ self._x, areas.sum(axis=0), [weights.sum()]))
-        sums = parallel.global_sum(self.tagged.mesh.comm, sums)
-        dim, total = self.tagged.mesh.geometry.dim, sums[-1]
-        normal = sums[dim:-1] / total
-        return sums[:dim] / total, normal if np.linalg.norm(normal) > 1 - _FLAT else None
 
 
 def moments(arms: Array, forces: Array) -> Array:

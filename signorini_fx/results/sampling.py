@@ -13,7 +13,6 @@ import ufl
 from dolfinx import fem
 
 from signorini_fx import compat, parallel
-from signorini_fx.body.element_stress import element_stress
 from signorini_fx.pictures.fields import FROM_STRESS
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.solution import Solution
@@ -34,7 +33,7 @@ def pieces(solution: Solution, polygons: int = 1) -> int:
         polygons: how many are drawn; of very many none is so large that its sides look curved.
     """
     d = solution.discretisation
-    curved = compat.geometry_degree(d.tagged.mesh) > 1 or d.scene.element.degree > 1
+    curved = compat.geometry_degree(d.tagged.mesh) > 1 or d.space.element.basix_element.degree > 1
     return max(1, min(_PIECES, math.isqrt(_MOST_POINTS // max(polygons, 1)))) if curved else 1
 
 
@@ -113,12 +112,18 @@ def cell_values(solution: Solution, cells: npt.NDArray[np.int32], fields: Sequen
     """
     d = solution.discretisation
     mesh = d.tagged.mesh
-    deviator = ufl.dev(element_stress(d, solution.displacement, solution.last_step.place).in_space)
-    density = ufl.inner(deviator, deviator) / (4 * d.lame[1])  # the gray tones of Figures 2 and 6 of the paper
-    combined = ufl.as_vector((density, ufl.sqrt(6 * d.lame[1] * density)))
-    constant = interpolated(combined, fem.functionspace(mesh, ("DG", 0, (2,))))
-    rows = constant.x.array.reshape(-1, 2)[constant.function_space.dofmap.list[cells, 0]]
-    values: dict[str, Floats] = {"density": rows[:, 0], "von_mises": rows[:, 1]}
+    values: dict[str, Floats] = {}
+    if solution.has_stress:
+        stress = solution.stress.stress
+        deviator = ufl.dev(stress.in_space)
+        square, mu = ufl.inner(deviator, deviator), stress.shear_modulus
+        # The density has the gray tones of Figures 2 and 6 of the paper.
+        densities = {} if mu is None else {"density": square / (4 * mu)}
+        wanted = densities | {"von_mises": ufl.sqrt(1.5 * square)}
+        space = fem.functionspace(mesh, ("DG", 0, (len(wanted),)))
+        constant = interpolated(ufl.as_vector(list(wanted.values())), space)
+        rows = constant.x.array.reshape(-1, len(wanted))[constant.function_space.dofmap.list[cells, 0]]
+        values |= dict(zip(wanted, rows.T, strict=True))
     middle = basix.geometry(getattr(basix.CellType, mesh.topology.cell_name())).mean(axis=0)[None]
     for name in ("displacement", "around"):
         if name in fields:

@@ -17,6 +17,7 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import ContactTable, contact_table
 from signorini_fx.body.deformation import Deformation
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.named_body import NamedBody
 from signorini_fx.display import html_table
 from signorini_fx.errors import SignoriniError
 from signorini_fx.quantities.registry import requested
@@ -24,8 +25,10 @@ from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.closed_boundaries import Turning, turning_of
 from signorini_fx.results.contact_boundaries import ContactFigures, contact_figures
+from signorini_fx.results.contact_nodes import ContactSide
+from signorini_fx.results.contact_sides import sides_of
 from signorini_fx.results.functionals import Functionals
-from signorini_fx.results.resultants import Resultants
+from signorini_fx.results.resultants import Resultants, SceneResultants
 from signorini_fx.results.safety import Safety, safety_of
 from signorini_fx.results.stresses import Stresses
 from signorini_fx.results.tool_motion import ToolMotion
@@ -184,6 +187,11 @@ class Solution:
         return self.status.advice
 
     @property
+    def has_stress(self) -> bool:
+        """Whether its stresses are known."""
+        return True
+
+    @property
     def last_step(self) -> StepResult:
         """The load step that the results are of: the last one with a solution, or the first one if it has none."""
         return self.shown_steps[-1]
@@ -217,6 +225,12 @@ class Solution:
         return contact_table(self.contact, *self.scene.sides)
 
     @cached_property
+    def sides(self) -> list[ContactSide]:
+        """The parts of the boundary with contact, for second opinions."""
+        d = self.discretisation
+        return sides_of(self.scene, d.tagged, self.displacement.function_space, d.pairs)
+
+    @cached_property
     def stress(self) -> Stresses:
         """The stress in the body, raw and recovered: tensor, von Mises stress, principal stresses and their extremes;
         with load steps, of the last one.
@@ -227,7 +241,7 @@ class Solution:
     def resultants(self) -> Resultants:
         """Forces and moments on the body through each boundary; with load steps, of the last one."""
         d = self.discretisation
-        return Resultants(self.scene, d.tagged, self.displacement, self.contact, self._position, d.pairs)
+        return SceneResultants(self.scene, d.tagged, self.displacement, self.contact, self._position, d.pairs)
 
     @cached_property
     def preloads(self) -> list[SectionForce]:
@@ -270,6 +284,11 @@ class Solution:
             return None
         return uniqueness(self.discretisation, self.contact, place=self._position)
 
+    @property
+    def stated_body(self) -> NamedBody | str:
+        """The body with all that acts on it, as bounds look at it; or why there are none."""
+        return self.discretisation
+
     @cached_property
     def error_bound(self) -> ErrorBound | str | None:
         """A guaranteed bound of the error, or why there is none; None if this is no solution; collective."""
@@ -277,7 +296,9 @@ class Solution:
 
         if not self.converged:
             return None
-        return error_bound(self.discretisation, self.displacement, self.contact, self._position)
+        if isinstance(body := self.stated_body, str):
+            return body
+        return error_bound(body, self.displacement, self.contact, self._position)
 
     @cached_property
     def fixed_point(self) -> FixedPoint | None:
@@ -302,9 +323,9 @@ class Solution:
 
         if not self.converged:
             return "there is no solution"
-        return mean_displacement(
-            self.discretisation, self.displacement, self.contact, boundary, direction, self._position
-        )
+        if isinstance(body := self.stated_body, str):
+            return body
+        return mean_displacement(body, self.displacement, self.contact, boundary, direction, self._position)
 
     def force_bounds(self, boundary: str, direction: tuple[float, float]) -> Interval | str:
         """Guaranteed bounds of the force of a support or contact on the body, per thickness; or why there are none.
@@ -319,7 +340,9 @@ class Solution:
 
         if not self.converged:
             return "there is no solution"
-        return force(self.discretisation, self.displacement, self.contact, boundary, direction, self._position)
+        if isinstance(body := self.stated_body, str):
+            return body
+        return force(body, self.displacement, self.contact, boundary, direction, self._position)
 
     @cached_property
     def safety(self) -> Safety | None:

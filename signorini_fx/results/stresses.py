@@ -224,6 +224,38 @@ class RawStresses(StressFields):
         squares = self.recovery().squares(stress.displacement.x.array, self.place, stress.hydrostatic).sum()
         return float(np.sqrt(parallel.global_sum(self.comm, squares) / (2 * energy)))
 
+    def as_dict(self) -> dict[str, Any]:
+        """Extremes of the raw stress and those of the recovered one, with the estimated error, JSON-safe; collective.
+
+        Those of a scene have each why it has no limit, if it is known to have none, see ``no_limit``, and the name of
+        its body or of the region of its material, if there are several.  The stress out of the plane is among them in
+        plane strain.
+        """
+        finite = not parallel.any_rank(self.comm, not np.isfinite(self.stress.displacement.x.array).all())
+        raw, recovered = self._extremes(), self.recovered._extremes() if finite else {}
+        remarks = self._remarks([*raw.values(), *recovered.values()], finite=finite)
+
+        def rows(extremes: dict[str, Extreme]) -> dict[str, Any]:
+            return {
+                name: {"value": entry.value, "place": list(entry.place), **remarks[entry]}
+                for name, entry in extremes.items()
+            }
+
+        return {
+            **rows(raw),
+            "recovered": rows(recovered) if finite else None,
+            "error": self.error if finite else None,
+        }
+
+    def _remarks(self, extremes: Sequence[Extreme], *, finite: bool) -> dict[Extreme, dict[str, Any]]:
+        """What is said of each extreme; nothing where the forms alone are known; collective.
+
+        Args:
+            extremes: of the raw and of the recovered stress.
+            finite: whether the displacement is.
+        """
+        return {extreme: {} for extreme in extremes}
+
 
 @dataclass(frozen=True, repr=False)
 class Stresses(RawStresses):
@@ -250,29 +282,19 @@ class Stresses(RawStresses):
         energy = partial(NodalForces(d.scene, d.tagged, d.space).stored, displacement, step)
         return cls(element_stress(d, displacement, step), recovery, energy, step, discretisation=d)
 
-    def as_dict(self) -> dict[str, Any]:
-        """Extremes of the raw stress and those of the recovered one, with the estimated error, JSON-safe; collective.
-
-        With each why it has no limit, if it is known to have none, see ``no_limit``, and the name of its body or of the
-        region of its material, if there are several.  The stress out of the plane is among them in plane strain.
-        """
-        d, extremes, recovered = self.discretisation, self._extremes(), None
-        finite = not parallel.any_rank(d.comm, not np.isfinite(self.stress.displacement.x.array).all())
-        reasons: dict[tuple[float, ...], str | None] = {}
+    def _remarks(self, extremes: Sequence[Extreme], *, finite: bool) -> dict[Extreme, dict[str, Any]]:
+        """See ``RawStresses``: the part of the body, and why there is no limit."""
+        d, reasons = self.discretisation, dict[tuple[float, ...], str | None]()
         if finite:
-            recovered = self.recovered._extremes()
-            places = dict.fromkeys(entry.place for entry in (*extremes.values(), *recovered.values()))
+            places = dict.fromkeys(entry.place for entry in extremes)
             reasons = {point: why_no_limit(d, point, self.place) for point in places}
         parts = [body.name for body in d.scene.body] or [entry.region for entry in d.scene.material]
 
-        def row(extreme: Extreme) -> dict[str, Any]:
+        def remark(extreme: Extreme) -> dict[str, Any]:
             named = {"region": _part_of(d, extreme.cell, parts)} if len(parts) > 1 else {}
-            limit = {"no_limit": reasons[extreme.place]} if finite else {}
-            return {"value": extreme.value, "place": list(extreme.place), **named, **limit}
+            return named | ({"no_limit": reasons[extreme.place]} if finite else {})
 
-        rows = {name: row(entry) for name, entry in extremes.items()}
-        recovered_rows = None if recovered is None else {name: row(entry) for name, entry in recovered.items()}
-        return {**rows, "recovered": recovered_rows, "error": self.error if finite else None}
+        return {extreme: remark(extreme) for extreme in extremes}
 
 
 def _part_of(d: Discretisation, cell: int, parts: Sequence[str | None]) -> str | None:

@@ -29,7 +29,7 @@ from scipy.linalg import LinAlgError, cholesky, eigh
 from scipy.optimize import minimize
 
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.named_body import NamedBody
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.state import PointState
@@ -124,7 +124,7 @@ class _Rough:
 
 
 def uniqueness(
-    d: Discretisation, contact: ContactState | None, *, place: float | None = None, search: bool | None = None
+    d: NamedBody, contact: ContactState | None, *, place: float | None = None, search: bool | None = None
 ) -> Uniqueness:
     """The statement for a load step with a solution, given the ones before it.
 

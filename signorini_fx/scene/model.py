@@ -238,6 +238,11 @@ class Scene(Table):
         return described(cls)
 
     @property
+    def unstated(self) -> tuple[str, ...]:
+        """Keys of which nothing is known, so that results do not list them: none of a scene."""
+        return ()
+
+    @property
     def effects(self) -> dict[str, tuple[Any, ...]]:
         """All entries by their keys, in the order of the keys of a scene; a key without entries is there as well."""
         fields = ((key, getattr(self, key)) for key in type(self).model_fields if key in keys())

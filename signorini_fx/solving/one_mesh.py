@@ -121,9 +121,9 @@ def solve_contact(
         values = functionals(shown.certificate.potential_energy, shown.contact, replace(data, gap=shown.contact.gap))
     solution = replace(
         _solution(discretisation, progress.results, history, timings),
-        algorithm=_algorithm_name(discretisation.scene, ended),
+        algorithm=algorithm_name(discretisation.scene, ended),
         functionals=values,
-        parameters=_parameters(ended, data, shown.strain_energy),
+        parameters=used_parameters(ended, data, shown.strain_energy),
         linear_algebra=task.linear_algebra,
     )
     return solution, task, ended
@@ -246,7 +246,7 @@ def contact_task(d: Discretisation, history: History, coarser: MeshLevel | None 
     return replace(task, start=replace(task.start, sets=sets, iteration=iteration, factors=factors))
 
 
-def _parameters(outcome: Outcome, data: RegularisedData, energy: float) -> dict[str, float]:
+def used_parameters(outcome: Outcome, data: RegularisedData, energy: float) -> dict[str, float]:
     """The parameters of the regularisation for the summary."""
     parameters = {"gamma_n": data.gamma_n, "gamma_t": data.gamma_t, "sigma": data.sigma}
     if outcome.regularisation_error is not None:
@@ -255,7 +255,7 @@ def _parameters(outcome: Outcome, data: RegularisedData, energy: float) -> dict[
     return parameters
 
 
-def _algorithm_name(scene: Scene, ended: Outcome) -> str:
+def algorithm_name(scene: Scene, ended: Outcome) -> str:
     """The algorithms that are used, in the paper's abbreviations."""
     settings = scene.solver
     outer = "ssn" if settings.algorithm == "auto" or ended.regularised else settings.algorithm

@@ -27,7 +27,7 @@ from signorini_fx import (
 )
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.forms import contact_problem
-from signorini_fx.forms.stress import _facets_of
+from signorini_fx.forms.stress import exterior_facets
 from signorini_fx.linalg import condensed, multigrid
 from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
 from signorini_fx.records import Status
@@ -406,7 +406,7 @@ def test_path_following_reaches_the_error_asked_for():
 
 def test_what_is_not_certified_is_no_solution(monkeypatch):
     block = Block()
-    monkeypatch.setattr(contact_problem, "certify", lambda *given: Certificate(equilibrium=1e-3))
+    monkeypatch.setattr(contact_problem, "judged", lambda *given, **law: Certificate(equilibrium=1e-3))
     with pytest.raises(ConvergenceError, match="certificate does not hold"):
         block.problem.solve()
     assert block.problem.status is Status.NOT_CERTIFIED
@@ -422,13 +422,13 @@ def test_after_a_solve_without_a_solution_the_next_one_begins_where_it_began(mon
         if fails:
             block.down.value, block.aside.value, block.load.value = -0.002, 0.01, -50.0
 
-            def refused(*_, block=block):
+            def refused(*_, block=block, **law):
                 """As after an iteration that has diverged."""
                 block.problem._task.iterate.x.set(np.nan)
                 return Certificate(equilibrium=1e-3)
 
             with monkeypatch.context() as patch:
-                patch.setattr(contact_problem, "certify", refused)
+                patch.setattr(contact_problem, "judged", refused)
                 with pytest.raises(ConvergenceError):
                     block.problem.solve()
             assert np.abs(block.problem.u.x.array - exact).max() > 1e-3
@@ -562,10 +562,20 @@ def test_stress_is_that_of_the_form():
             assert np.abs(one.tensor.x.array.reshape(-1, 3, 3) - expected).max() < 1e-4  # it is projected to 1e-6
         assert problem.stress.error < 1e-6
         assert problem.stress.smallest("yy").value == pytest.approx(expected[1, 1])
-        with pytest.raises(ValueError, match="shear modulus"):
-            problem.stress.shear_energy_density  # noqa: B018
+        density = (2 / 3) * expected[1, 1] ** 2 / (4 * 500.0)  # |dev sigma|^2 / (4 mu)
+        assert problem.stress.shear_energy_density.x.array == pytest.approx(density)
     with pytest.raises(RuntimeError, match="give stress="):
         block.problem.stress  # noqa: B018
+    along = ContactProblem(
+        a,
+        block.L,
+        block.bcs,
+        Foundation(block.bottom),
+        stress=lambda y: ufl.dot(stress(y), ufl.diag(ufl.as_vector((1, 2)))),
+    )
+    along.solve()
+    with pytest.raises(ValueError, match="shear modulus"):
+        along.stress.shear_energy_density  # noqa: B018
     for wrong, words in ((ufl.div, "shape"), (lambda y: ufl.grad(y)[0, 0] * ufl.Identity(2), "zero for some strain")):
         problem = ContactProblem(a, block.L, block.bcs, Foundation(block.bottom), stress=wrong)
         problem.solve()
@@ -692,7 +702,7 @@ def test_facets_of_an_integral():
     for data in (tags, pairs):
         ds = ufl.Measure("ds", domain=mesh, subdomain_data=data)
         for on, expected in ((ds(1), left), (ds(2), right), (ds((1, 2)), listed), (ds, every)):
-            found = np.concatenate([_facets_of(one, mesh) for one in (v * on).integrals()])
+            found = np.concatenate([exterior_facets(one, mesh) for one in (v * on).integrals()])
             assert sorted(found) == sorted(expected)
 
 

@@ -12,7 +12,7 @@ from signorini_fx.quantities.requests import axis_of
 from signorini_fx.quantities.step_columns import by_axis, of_boundaries
 
 if TYPE_CHECKING:
-    from signorini_fx.body.discretisation import Discretisation
+    from signorini_fx.body.named_body import NamedBody
     from signorini_fx.bounds.bounded_error import Interval
     from signorini_fx.quantities.functional import Functional
 
@@ -39,7 +39,7 @@ class Mean(Quantity):
     title = "Mean displacement of a boundary along an axis."
     request = "mean BOUNDARY AXIS"
 
-    def functional(self, d: Discretisation, *words: str) -> Functional | None:
+    def functional(self, d: NamedBody, *words: str) -> Functional | None:
         """See ``Quantity``."""
         import ufl
         from dolfinx import fem
@@ -55,7 +55,8 @@ class Mean(Quantity):
         except MeshError as error:
             raise SceneError([(f"of mean {boundary}", str(error))]) from None
         ds = measure(d.space.mesh, [facets], {})(1)
-        form = d.inventory.compile(f"mean of {boundary}", lambda: fem.form(z[component] * d.coefficients.around * ds))
+        around = d.kinematics.measure(ufl.SpatialCoordinate(d.space.mesh))
+        form = d.inventory.compile(f"mean of {boundary}", lambda: fem.form(z[component] * around * ds))
         weights = assemble(form)
         area = float(parallel.global_sum(d.comm, weights.sum()))
         if area == 0:
@@ -78,7 +79,7 @@ class AtPoint(Quantity):
     title = "Displacement of a point along an axis."
     request = "displacement X,Y[,Z] AXIS"
 
-    def functional(self, d: Discretisation, *words: str) -> Functional | None:
+    def functional(self, d: NamedBody, *words: str) -> Functional | None:
         """See ``Quantity``."""
         from signorini_fx.quantities.differentiable import OfDisplacement
 

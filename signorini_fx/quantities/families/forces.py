@@ -18,7 +18,7 @@ from signorini_fx.quantities.text import force_lines
 from signorini_fx.units import with_unit
 
 if TYPE_CHECKING:
-    from signorini_fx.body.discretisation import Discretisation
+    from signorini_fx.body.named_body import NamedBody
     from signorini_fx.bounds.bounded_error import Interval
     from signorini_fx.quantities.functional import Functional
 
@@ -85,7 +85,7 @@ class TotalContactForce(_Force):
             error *= max(1.0, math.hypot(*components) / math.hypot(contact, friction))
         return error
 
-    def functional(self, d: Discretisation, *words: str) -> Functional | None:
+    def functional(self, d: NamedBody, *words: str) -> Functional | None:
         """See ``Quantity``: with friction, at one boundary."""
         from signorini_fx.quantities.differentiable import ContactForce
 

@@ -12,7 +12,7 @@ from signorini_fx.quantities.requests import contact_of, power_of
 from signorini_fx.quantities.step_columns import by_axis, turnings
 
 if TYPE_CHECKING:
-    from signorini_fx.body.discretisation import Discretisation
+    from signorini_fx.body.named_body import NamedBody
     from signorini_fx.quantities.functional import Functional
 
 
@@ -61,7 +61,7 @@ class PeakPressure(Quantity):
         """See ``Quantity``."""
         return solved_prices(summary).get("peak")
 
-    def functional(self, d: Discretisation, *words: str) -> Functional | None:
+    def functional(self, d: NamedBody, *words: str) -> Functional | None:
         """See ``Quantity``: a smooth approximation, see ``differentiable.LargestPressure``."""
         from signorini_fx.quantities.differentiable import LargestPressure
 

@@ -40,7 +40,7 @@ class Stress(Quantity):
 
     def value(self, solution: Any) -> Any:
         """See ``Quantity``."""
-        return solution.stress.as_dict()
+        return solution.stress.as_dict() if solution.has_stress else None
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
         """See ``Quantity``: the largest value with the digits that raw and recovered stress both have; or why it has no

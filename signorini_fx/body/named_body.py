@@ -1,0 +1,42 @@
+"""An elastic body with the names of its parts: what results, bounds and proofs read, of scenes and of forms alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from dolfinx import fem
+
+from signorini_fx.body.elastic import ElasticBody
+from signorini_fx.body.rigid_tools import RigidTools
+from signorini_fx.contact.friction import PointFriction
+from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.scene.model import Scene
+
+if TYPE_CHECKING:
+    from signorini_fx.body.paired_points import PairedSides
+
+
+@dataclass(frozen=True, kw_only=True)
+class NamedBody(ElasticBody):
+    """An elastic body with the names of its parts.
+
+    Attributes:
+        scene: what is known of contact, loads and supports by name, and the settings; of forms of a user's own this is
+            less than all that acts.
+        tagged: the mesh; where displacements have a component out of it a section in space.
+        lame: Lame parameters as coefficients of the forms; None: they are not known.
+        moduli: stiffness of each cell where a material is orthotropic, see ``body.orthotropic``; None: none is.
+        law: the friction law; None where no law can act.
+        pairs: both sides of each contact of two bodies, by its place in ``scene.contact``.
+        tools: the foundations whose motion is an unknown; None: there are none.
+    """
+
+    scene: Scene
+    tagged: TaggedMesh
+    lame: tuple[Any, Any]
+    moduli: fem.Function | None
+    law: PointFriction | None
+    pairs: Mapping[int, PairedSides]
+    tools: RigidTools | None = None

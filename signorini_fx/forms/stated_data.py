@@ -1,0 +1,179 @@
+"""The data of forms as a scene states them, for guaranteed bounds, which have to know them between points.
+
+Loads are read off the integrals of L, supports off the prescribed dofs, and the moduli off the stress, of which it is
+checked that a is its energy.  What cannot be read is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from ufl.corealg.traversal import unique_pre_traversal
+
+from signorini_fx.body.assembly import action, facet_nodes
+from signorini_fx.body.named_body import NamedBody
+from signorini_fx.bounds.bounded_scene import Refused
+from signorini_fx.effects.body_force import BodyForce
+from signorini_fx.effects.displacement import PrescribedDisplacement
+from signorini_fx.effects.traction import SurfaceTraction
+from signorini_fx.forms.named_parts import tagged_mesh
+from signorini_fx.forms.parts import ProblemParts
+from signorini_fx.forms.stated_values import stated
+from signorini_fx.forms.stress import cellwise_moduli, exterior_facets, isotropic_moduli
+from signorini_fx.machine.compilation import compiling
+
+Facets = npt.NDArray[np.int32]
+# The energy of the stress and the form differ by round-off up to this share of their forces.
+_SAME_FORM = 1e-10
+
+
+def stated_body(problem: ProblemParts, body: NamedBody) -> NamedBody:
+    """The body of a problem with its loads, supports and moduli as a scene states them.
+
+    Args:
+        problem: solved.
+        body: with its contact.
+
+    Raises:
+        Refused: something of the data cannot be stated.
+    """
+    if body.comm.size > 1:
+        raise Refused("a guaranteed bound is computed on one rank")
+    if problem._begun.step > 0:
+        raise Refused("a guaranteed bound is for one load step")
+    if not all(isinstance(form, ufl.Form) for form in problem._forms):
+        raise Refused("compiled forms do not say what their loads are between points of quadrature: give UFL")
+    contact = [_contact(entry, given) for entry, given in zip(body.scene.contact, problem.contact, strict=True)]
+    parts: dict[str, Facets] = {name: body.tagged.facets(name) for name in body.tagged.boundaries}
+    loads = {"traction": [], "body_force": []}  # type: dict[str, list[Any]]
+    for key, load in _loads(problem._forms[1], problem.u, body, parts):
+        loads[key].append(load)
+    effects = {
+        "contact": tuple(contact),
+        "displacement": tuple(_supports(problem, parts)),
+        "traction": tuple(loads["traction"]),
+        "body_force": loads["body_force"][0] if loads["body_force"] else None,
+    }
+    tagged = tagged_mesh(body.tagged.mesh, parts)
+    scene = body.scene.model_copy(update={"mesh": tagged, **effects})
+    return replace(body, scene=scene, tagged=tagged, lame=_lame(problem, body), of_body={}, of_contact={})
+
+
+def _stated(value: Any, what: str) -> Any:
+    try:
+        return stated(value)
+    except ValueError as error:
+        raise Refused(f"{what} is not known between points of quadrature: {error}") from None
+
+
+def _contact(entry: Any, given: Any) -> Any:
+    """An entry with its values as numbers and expressions."""
+    if getattr(given, "measure", None) is not None:
+        raise Refused("forms that are multiplied by a measure have no guaranteed bound")
+    if getattr(given, "shape", None) is not None:
+        raise Refused("a guaranteed bound is for a gap along given directions, not for a foundation with a shape")
+    direction = entry.direction
+    if direction is not None:
+        if not isinstance(direction, tuple | list | np.ndarray):
+            raise Refused("a guaranteed bound is for a direction that is the same everywhere")
+        direction = tuple(map(float, direction))
+    law = entry.friction
+    parameters = {
+        key: _stated(value, f"{key} of {entry.boundary!r}")
+        for key, value in law.parameters.items()
+        if hasattr(value, "ufl_shape")
+    }
+    gap = _stated(entry.gap, f"the gap of {entry.boundary!r}")
+    return entry.model_copy(
+        update={
+            "gap": gap,
+            "direction": direction,
+            "friction": law.model_copy(update=parameters) if parameters else law,
+        }
+    )
+
+
+def _loads(
+    L: ufl.Form, u: fem.Function, body: NamedBody, parts: dict[str, Facets]
+) -> Iterator[tuple[str, BodyForce | SurfaceTraction]]:
+    """The loads with their keys; the parts of the boundary that they act on are added to ``parts``."""
+    dim, force = body.dimension, [ufl.as_ufl(0.0)] * body.dimension
+    (test,) = L.arguments()
+    for number, integral in enumerate(L.integrals()):
+        kind, integrand = integral.integral_type(), integral.integrand()
+        if any(
+            isinstance(node, ufl.differentiation.Derivative) and test in ufl.algorithms.extract_arguments(node)
+            for node in unique_pre_traversal(integrand)
+        ):
+            raise Refused("a load that works on strains has no guaranteed bound")
+        components = [ufl.replace(integrand, {test: ufl.unit_vector(k, dim)}) for k in range(dim)]
+        if kind == "cell" and integral.subdomain_id() in ("everywhere", ("everywhere",)):
+            force = [total + component for total, component in zip(force, components, strict=True)]
+        elif kind == "exterior_facet":
+            name = f"load {number}"
+            parts[name] = exterior_facets(integral, body.space.mesh)
+            values = [_stated(component, "a traction") for component in components]
+            yield "traction", SurfaceTraction(boundary=name, **dict(zip("xyz", values, strict=False)))
+        else:
+            raise Refused(f"a load that is an integral over a part of the body, or of the kind {kind!r}, has no bound")
+    values = [_stated(component, "the body force") for component in force]
+    if any(value != 0.0 for value in values):
+        yield "body_force", BodyForce(**dict(zip("xyz", values, strict=False)))
+
+
+def _supports(problem: ProblemParts, parts: dict[str, Facets]) -> Iterator[PrescribedDisplacement]:
+    """The supports, one for each component and value; the facets that they hold are added to ``parts``."""
+    space = problem._space
+    mesh, dim = space.mesh, space.mesh.geometry.dim
+    fixed, values = (array.reshape(-1, dim) for array in problem._prescribed)
+    facets = dmesh.exterior_facet_indices(mesh.topology)
+    nodes = facet_nodes(space, facets)
+    for k in range(dim):
+        held = fixed[nodes, k].all(axis=1)
+        reached = np.zeros(len(fixed), dtype=bool)
+        reached[nodes[held]] = True
+        if (fixed[:, k] & ~reached).any():
+            raise Refused("a displacement at a point, or a rotation, has no guaranteed bound")
+        if (np.ptp(values[nodes[held], k], axis=1) != 0).any():
+            raise Refused("a prescribed displacement that varies is known at the nodes alone")
+        at_facets = values[nodes[held][:, 0], k]
+        for number, value in enumerate(np.unique(at_facets)):
+            name = f"support {'xyz'[k]} {number}"
+            parts[name] = facets[held][at_facets == value]
+            yield PrescribedDisplacement(boundary=name, **{"xyz"[k]: float(value)})
+
+
+def _lame(problem: ProblemParts, body: NamedBody) -> tuple[fem.Function, fem.Function]:
+    """Both parameters of Lame in each cell, of a stress whose energy the form is."""
+    law = problem._law
+    if law is None:
+        raise Refused("the forms do not say what the stress is: give stress=")
+    moduli = cellwise_moduli(law, body.space)
+    if moduli.varies:
+        raise Refused("graded moduli have no guaranteed bound")
+    lame = isotropic_moduli(moduli.values, body.dimension, body.space.mesh)
+    if lame is None:
+        raise Refused("an orthotropic material has no guaranteed bound")
+    at_rest = law(fem.Function(body.space))
+    with compiling():
+        if fem.assemble_scalar(fem.form(ufl.inner(at_rest, at_rest) * ufl.dx(body.space.mesh))) > 0:
+            raise Refused("a stress without a strain has no guaranteed bound")
+    trial, test = problem._forms[0].arguments()[::-1]
+    sigma, d = law(trial), body.dimension
+    within = ufl.as_matrix([[sigma[i, j] for j in range(d)] for i in range(d)])
+    with compiling():
+        energy = fem.form(ufl.inner(within, ufl.sym(ufl.grad(test))) * ufl.dx(body.space.mesh))
+    y = fem.Function(body.space)
+    y.x.array[:] = np.random.default_rng(0).standard_normal(y.x.array.size)
+    nodes = np.arange(y.x.array.size // d, dtype=np.int32)
+    forces, of_stress = (action((form,), y, nodes) for form in (problem._a, energy))
+    if np.abs(forces - of_stress).max() > _SAME_FORM * np.abs(forces).max():
+        raise Refused("a is not the energy of the stress: springs, or another law, have no guaranteed bound")
+    return lame

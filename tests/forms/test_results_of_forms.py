@@ -1,0 +1,309 @@
+"""Results of a ``ContactProblem``: the same problem as a scene and as UFL has the same folder, figures and proofs."""
+
+import json
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scenes import example1
+from two_bodies import stress_of
+
+from signorini_fx import ContactProblem, Coulomb, Foundation, Pair, read_results, write_results
+from signorini_fx.bounds.bounded_error import ErrorBound
+from signorini_fx.quantities.model import summary_schema
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
+
+COMM = MPI.COMM_WORLD
+# What a run says of itself, of which two runs have their own.
+OF_THE_RUN = {"compiled", "finished", "timings", "scene", "findings", "versions", "fields"}
+
+
+def as_forms(scene, tagged, **arguments):
+    """A scene with one material as forms on its mesh, and the Constant that multiplies its loads."""
+    mesh, (material,), gdim = tagged.mesh, scene.material, tagged.dimension
+    V = fem.functionspace(mesh, ("Lagrange", scene.element.degree, (gdim,)))
+    u, v, x = ufl.TrialFunction(V), ufl.TestFunction(V), ufl.SpatialCoordinate(mesh)
+
+    def stress(y):
+        sigma, lame = stress_of(y, material.young, material.poisson), 0.0
+        if gdim == 3:
+            return sigma
+        lame = material.young * material.poisson / (1 + material.poisson) / (1 - 2 * material.poisson)
+        return ufl.as_tensor([[sigma[0, 0], sigma[0, 1], 0], [sigma[1, 0], sigma[1, 1], 0], [0, 0, lame * ufl.div(y)]])
+
+    factor = fem.Constant(mesh, 1.0)
+    a = ufl.inner(stress_of(u, material.young, material.poisson), ufl.sym(ufl.grad(v))) * ufl.dx
+    L = ufl.inner(fem.Constant(mesh, np.zeros(gdim)), v) * ufl.dx
+    for load in scene.traction:
+        ds = on(tagged, load.boundary)
+        components = [
+            ufl.conditional(ufl.And(ufl.ge(x[0], 1), ufl.le(x[0], 2)), -20.0, 0.0) if hasattr(value, "text") else value
+            for value in load.components[:gdim]
+        ]
+        L += factor * ufl.inner(ufl.as_vector(components), v) * ds(metadata={"quadrature_degree": 20})
+    bcs = []
+    for effect in scene.displacement:
+        for k, value in enumerate(effect.components[:gdim]):
+            if value is not None:
+                dofs = fem.locate_dofs_topological(V.sub(k), gdim - 1, tagged.facets(effect.boundary))
+                bcs.append(fem.dirichletbc(float(value), dofs, V.sub(k)))
+    names = {name: tagged.facets(name) for name in tagged.boundaries}
+    contact = []
+    for effect in scene.contact:
+        laws = {"friction": effect.friction if effect.friction.acts else None}
+        if effect.against is None:
+            contact.append(Foundation(tagged.facets(effect.boundary), effect.gap, **laws))
+        else:
+            contact.append(Pair(tagged.facets(effect.boundary), tagged.facets(effect.against), **laws))
+    settings = scene.solver.model_dump(include={"gamma_n", "gamma_t", "error_bound", "uniqueness", "coulomb"})
+    arguments = {"stress": stress, "boundaries": names} | arguments
+    return ContactProblem(a, L, bcs, contact, **arguments, **settings), factor
+
+
+def on(tagged, name):
+    """The measure of a boundary."""
+    facets = tagged.facets(name)
+    tags = dmesh.meshtags(tagged.mesh, tagged.dimension - 1, facets, np.full(facets.size, 1, dtype=np.int32))
+    return ufl.ds(domain=tagged.mesh, subdomain_data=tags)(1)
+
+
+def block(**changes):
+    """A block in space on a rough foundation."""
+    data = {
+        "mesh": {"generator": "box", "parameters": {"nx": 3, "ny": 2, "nz": 2, "cell": "tetrahedron"}},
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "displacement": {"boundary": "top", "x": 0.002, "y": 0.0, "z": -0.01},
+        "traction": {"boundary": "right", "x": 2.0},
+        "contact": {"boundary": "bottom", "gap": 0.002, "friction": {"law": "coulomb", "coefficient": 0.3}},
+        "solver": {"gamma_n": 1e7, "gamma_t": 1e7},
+    }
+    return parse_scene(data | changes)
+
+
+def two_blocks():
+    """A block on another one, which is held."""
+    low = {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 5, "ny": 3}}
+    high = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 3, "ny": 3}}
+    return parse_scene(
+        {
+            "body": [{"name": "low", "mesh": low}, {"name": "high", "mesh": high, "shift": [0.5, 1.0]}],
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [
+                {"boundary": "low.bottom", "x": 0.0, "y": 0.0},
+                {"boundary": "high.top", "x": 0.001, "y": -0.01},
+            ],
+            "traction": {"boundary": "high.left", "x": 1.0},
+            "contact": {
+                "boundary": "high.bottom",
+                "against": "low.top",
+                "points": "boundary",
+                "friction": {"law": "coulomb", "coefficient": 0.3},
+            },
+            "solver": {"gamma_n": 1e7, "gamma_t": 1e7},
+        }
+    )
+
+
+def numbers(value, path=""):
+    """All numbers of a value with their paths but places, which may lie where two extremes are equal."""
+    if isinstance(value, dict | list):
+        entries = value.items() if isinstance(value, dict) else enumerate(value)
+        return {k: v for key, entry in entries for k, v in numbers(entry, f"{path}/{key}").items()}
+    is_number = isinstance(value, int | float) and not isinstance(value, bool) and "/place" not in path
+    return {path: float(value)} if is_number else {}
+
+
+def differences(scene, forms):
+    """What two summaries differ in: keys of one alone, and figures that are further apart than round-off."""
+    apart = []
+    for summary in (scene, forms):
+        summary["resultants"] = {str(row["boundary"]): row for row in summary["resultants"]}
+    for key in sorted((scene.keys() & forms.keys()) - OF_THE_RUN):
+        ours, theirs = numbers(scene[key], key), numbers(forms[key], key)
+        beside = numbers(scene[key.replace("friction", "contact")]) if key.startswith("friction_") else {}
+        size = 1.0 if key == "certificate" else max(map(abs, [*ours.values(), *beside.values()]), default=1.0)
+        common = ours.keys() & theirs.keys() - {"certificate/displacement"}  # relative to another size of the body
+        apart += [(k, ours[k], theirs[k]) for k in common if not abs(ours[k] - theirs[k]) <= 1e-12 * max(size, 1e-300)]
+        apart += [(k, "not in both") for k in ours.keys() ^ theirs.keys()]
+    return apart
+
+
+def files_in(folder):
+    return sorted(str(path.relative_to(folder)) for path in Path(folder).rglob("*") if path.is_file())
+
+
+def shared_folder(tmp_path):
+    """The same on all ranks."""
+    return COMM.bcast(tmp_path)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "scene",
+    [example1(coefficient=0.3, nx=12, ny=4, poisson=0.3), block(), two_blocks()],
+    ids=["Example 1", "space", "pair"],
+)
+def test_a_problem_of_forms_has_the_results_of_its_scene(scene, tmp_path):
+    """Figures, files and tables of the same problem as a scene and as UFL; what forms cannot say is absent by name."""
+    folder, solution = shared_folder(tmp_path), solve(scene)
+    problem, _ = as_forms(solution.scene, solution.discretisation.tagged)
+    problem.solve()
+    of_scene = write_results(solution, folder / "scene", pictures=False)
+    of_forms = problem.write(folder / "forms", title=scene.title, pictures=False)
+    assert differences(of_scene, of_forms) == []
+    assert of_scene.keys() - of_forms.keys() <= {"safety"}
+    assert of_forms.keys() <= of_scene.keys()
+    assert not {"material", "traction", "displacement", "units"} & of_forms["scene"].keys()
+    assert of_forms["scene"]["forms"] == ["a", "L", "stress"]
+    if COMM.rank == 0:
+        written = files_in(folder / "scene")
+        assert files_in(folder / "forms") == written
+        assert {"summary.json", "contact.csv", "fields.vtu", "history.csv"} < set(written)
+        read, expected = (read_results(folder / name) for name in ("forms", "scene"))
+        assert read.tables == expected.tables
+        ours, theirs = read.table("contact"), expected.table("contact")
+        assert ours.keys() == theirs.keys()
+        assert (ours["boundary"] == theirs["boundary"]).all()
+        np.testing.assert_allclose(ours["pressure"], theirs["pressure"], atol=1e-12 * theirs["pressure"].max(), rtol=0)
+        summary = json.loads((folder / "forms/summary.json").read_text())
+        jsonschema.Draft202012Validator(summary_schema()).validate(summary)
+
+
+def test_load_steps_of_forms_have_the_results_of_those_of_scenes(tmp_path):
+    """With a table of load steps, the contact in each, and the fields in a folder."""
+    scene = example1(coefficient=0.3, nx=12, ny=4, poisson=0.3)
+    loads = [load.model_copy(update={"factors": (0.5, 1.0)}) for load in scene.traction]
+    scene = scene.model_copy(update={"traction": tuple(loads)})
+    solution = solve(scene)
+    problem, factor = as_forms(scene, solution.discretisation.tagged)
+
+    def at(time):
+        factor.value = time / 2
+
+    problem.run((1.0, 2.0), at)
+    of_scene = write_results(solution, tmp_path / "scene", pictures=False)
+    of_forms = problem.write(tmp_path / "forms", pictures=False)
+    assert differences(of_scene, of_forms) == []
+    assert files_in(tmp_path / "scene") == files_in(tmp_path / "forms")
+    assert [step["step"] for step in of_forms["steps"]] == [1, 2]
+    assert of_forms["steps"][0].keys() == of_scene["steps"][0].keys()
+    problem.solve()
+    problem.advance()
+    factor.value = 1.2
+    problem.solve()
+    assert problem.solution.last_step.step == 3
+    assert "one load step" in problem.error_bound
+
+
+@pytest.mark.parametrize("law", [{"coefficient": 0.3}, {"bound": 3.0}], ids=str)
+def test_bounds_and_uniqueness_are_those_of_the_scene(law):
+    """The loads are read off L, the supports off the prescribed dofs, the moduli off the stress."""
+    scene = example1(nx=12, ny=4, poisson=0.3, error_bound=True, uniqueness=True, **law)
+    solution = solve(scene)
+    problem, _ = as_forms(scene, solution.discretisation.tagged)
+    problem.solve()
+    bound, expected = problem.error_bound, solution.error_bound
+    assert isinstance(bound, ErrorBound)
+    assert bound.error == pytest.approx(expected.error, rel=1e-9)  # its share of round-off is one
+    assert bound.squares == pytest.approx(expected.squares, rel=1e-9, abs=1e-9 * expected.squares.max())
+    assert bound.grounds.estimated == ""
+    ours, theirs = (one.bounds("force bottom y") for one in (problem, solution))
+    assert tuple(ours) == pytest.approx(tuple(theirs), rel=1e-9)
+    unique, expected = problem.uniqueness, solution.uniqueness
+    assert unique.proved
+    assert unique.multiple == pytest.approx(expected.multiple, rel=1e-9)
+    assert str(unique) == str(expected)
+
+
+def test_forces_of_springs():
+    """Springs, loads, supports and contact through parts of the boundary with names balance each other."""
+    solution = solve(example1(coefficient=0.3, nx=6, ny=2, poisson=0.3))
+    tagged = solution.discretisation.tagged
+    problem, _ = as_forms(solution.scene, tagged)
+    (a, L), space = problem._forms, problem.u.function_space
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    a += 100.0 * ufl.inner(u, v) * on(tagged, "right")
+    contact = Foundation(tagged.facets("bottom"), 0.001, friction=Coulomb(0.3))
+    names = {name: tagged.facets(name) for name in ("left", "right", "top", "bottom")}
+    problem = ContactProblem(a, L, problem.bcs[:1], contact, boundaries=names)
+    y = problem.solve()
+    rows = problem.solution.resultants.every()
+    assert [(row.boundary, row.acts) for row in rows] == [
+        ("left", ("support",)),
+        ("right", ("springs",)),
+        ("top", ("traction",)),
+        ("bottom", ("contact",)),
+    ]
+    stretched = [fem.assemble_scalar(fem.form(-100.0 * y[k] * on(tagged, "right"))) for k in range(2)]
+    assert rows[1].force == pytest.approx(stretched, rel=1e-10)
+    assert sum(row.force for row in rows) == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert sum(row.moment for row in rows) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_derivatives_of_quantities_of_scenes():
+    """A mean displacement by name, and a force by the name of its contact or its number."""
+    solution = solve(example1(coefficient=0.3, nx=12, ny=4, poisson=0.3))
+    tagged = solution.discretisation.tagged
+    problem, factor = as_forms(solution.scene, tagged)
+    u = problem.solve()
+    mean, form = (problem.gradient(of, factor) for of in ("mean top y", u[1] / 3 * on(tagged, "top")))
+    assert (mean.value, mean.derivatives[0]) == pytest.approx((form.value, form.derivatives[0]), rel=1e-9)
+    force, same = (problem.gradient(f"force {name} y", factor) for name in ("bottom", "0"))
+    assert force.derivatives == pytest.approx([20.0], rel=1e-6)
+    assert force.derivatives == pytest.approx(same.derivatives)
+
+
+def test_forms_alone(tmp_path):
+    """Without stress and names there is a folder with what is known, and no bound, which says what is missing."""
+    solution = solve(example1(coefficient=0.3, nx=12, ny=4, poisson=0.3))
+    problem, _ = as_forms(solution.scene, solution.discretisation.tagged, stress=None, boundaries=None)
+    problem.solve()
+    summary = problem.write(tmp_path, pictures=False, report=True)
+    assert "stress" not in summary
+    assert summary["scene"]["forms"] == ["a", "L"]
+    assert [row["boundary"] for row in summary["resultants"]] == ["contact 0"]
+    jsonschema.Draft202012Validator(summary_schema()).validate(json.loads((tmp_path / "summary.json").read_text()))
+    assert "the stress is not known" not in (tmp_path / "report.html").read_text()  # there is no picture
+    assert summary["contact_force"] == pytest.approx(solution.contact.forces[0], abs=1e-10)
+    assert problem.error_bound == "the forms do not say what the stress is: give stress="
+    assert problem.uniqueness.proved
+
+
+def test_what_bounds_refuse():
+    """Loads that are known at points of quadrature alone, springs in a, and supports that vary."""
+    solution = solve(example1(coefficient=0.3, nx=6, ny=2, poisson=0.3))
+    tagged = solution.discretisation.tagged
+    problem, _ = as_forms(solution.scene, tagged)
+    (a, L), bcs, stress = problem._forms, problem.bcs, problem._law
+    space = problem.u.function_space
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    bottom = Foundation(tagged.facets("bottom"), 0.001, friction=Coulomb(0.3))
+    load = fem.Function(space)
+    load.x.array[:] = 1e-3
+    strain = ufl.inner(ufl.grad(v), ufl.Identity(2)) * ufl.dx
+    for forms, reason in (
+        ((a, L + ufl.inner(load, v) * ufl.dx), "the body force is not known between points of quadrature"),
+        ((a, L + fem.Constant(tagged.mesh, 1e-3) * strain), "works on strains"),
+        ((a + ufl.inner(u, v) * on(tagged, "top"), L), "springs, or another law"),
+    ):
+        other = ContactProblem(*forms, bcs, bottom, stress=stress)
+        other.solve()
+        assert reason in other.error_bound
+
+
+@pytest.mark.parametrize("scene", [example1(bound=3.0, nx=12, ny=4), block()], ids=["plane", "space"])
+def test_pictures_of_forms_alone(scene, tmp_path):
+    """Where the stress is not known the body has the colours of its displacement, and the report says so."""
+    solution = solve(scene)
+    problem, _ = as_forms(scene, solution.discretisation.tagged, stress=None)
+    problem.solve()
+    problem.write(tmp_path, report=True)
+    body = {"body.json", "contact.vtu", "contact_surface.png"} if solution.discretisation.dimension == 3 else set()
+    assert body | {"deformed.png", "history.png", "report.html"} < set(files_in(tmp_path))
+    assert "the stress is not known" in (tmp_path / "report.html").read_text()
