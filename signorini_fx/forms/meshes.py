@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from dolfinx import fem
 from dolfinx import mesh as dmesh
@@ -37,7 +37,7 @@ from signorini_fx.solving.first_start import CoarserMesh
 from signorini_fx.solving.meshed_problem import SolvedMesh, measured
 from signorini_fx.solving.restart import MeshCheckpoint
 
-AnyMesh = dmesh.Mesh | TaggedMesh
+AnyMesh: TypeAlias = "dmesh.Mesh | TaggedMesh"
 Make = Callable[[Any], Any]
 
 
