@@ -1059,7 +1059,7 @@ MUTANTS = (
         tests=("augmentation::test_what_is_left_after_one_problem",),
     ),
     Mutant(
-        "contact/groups",
+        "contact/points",
         "self.points.comm.Allreduce(found, total, op=MPI.MAX)",
         "total[:] = found",
         "groups: the largest of the points of this rank",
@@ -1067,21 +1067,21 @@ MUTANTS = (
         tests=("augmentation::test_every_rank_judges_alike",),
     ),
     Mutant(
-        "contact/groups",
+        "contact/points",
         "len(every) < 2",
         "True",
         "groups: one body stops the iteration of another one",
         tests=("unequal_bodies",),
     ),
     Mutant(
-        "contact/groups",
+        "contact/points",
         "np.maximum(scales, ROUND_OFF * sizes.max())",
         "scales",
         "groups: round-off of the joint system is a scale",
         tests=("unequal_bodies::test_groups",),
     ),
     Mutant(
-        "contact/groups",
+        "contact/points",
         "counting.max(axis=1) if lengths else counting.min(axis=1)",
         "of_pieces.max() + 0 * counting[:, 0]",
         "groups: forces elsewhere are a scale of every contact",
@@ -4660,7 +4660,7 @@ MUTANTS = (
         tests=("augmentation::test_what_is_left_after_one_problem",),
     ),
     Mutant(
-        "problem/problem",
+        "contact/holding_sets",
         "not (np.isfinite(pressure).all() and np.isfinite(shear).all())",
         "False",
         "sets chosen by what is not a number",

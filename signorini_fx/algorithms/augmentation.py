@@ -18,9 +18,9 @@ from typing import TypeVar
 import numpy as np
 
 from signorini_fx.algorithms.ssn import SemismoothNewton
-from signorini_fx.contact.groups import shares
 from signorini_fx.contact.laws import Nodal, RegularisedData, inner, slip_of, unit
 from signorini_fx.contact.laws import length as length_of
+from signorini_fx.contact.points import shares
 from signorini_fx.tuned import ENOUGH_GAMMA, FAINT_DISPLACEMENT, GAMMA_GROWTH, LARGEST_AUGMENTED_GAMMA, SLOW_SHARE
 
 T = TypeVar("T")

@@ -55,7 +55,7 @@ def proved(task: Task, problem: Problem, law: PointFriction, status: Status) -> 
         return status
     motions, resultant = task.motions, task.system.resultant
     lost = no_balance(law, data.bilateral, motions, resultant)
-    if lost is None and not all(resultant[columns].any() for _, columns in motions.assemblies()):
+    if lost is None and not all(resultant[columns].any() for _, columns in motions.assemblies):
         free = free_state(task, data)
         lost = None if free is None else no_balance(law, data.bilateral, motions, resultant, free[0])
     if lost is not None:
@@ -73,7 +73,7 @@ def _share_of_loads(task: Task, data: RegularisedData) -> float:
     motions, load = task.motions, task.system.resultant
     allowed = reactions(motions, as_given(data.bound), data.bilateral)
     shares = [np.inf]
-    for number, columns in motions.assemblies():
+    for number, columns in motions.assemblies:
         if load[columns].any():
             limit = largest_multiple(allowed.of(number, columns), 0 * load[columns], load[columns])
             shares.append(0.0 if limit is None else limit.factor)

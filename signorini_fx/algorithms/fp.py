@@ -11,8 +11,8 @@ from signorini_fx import parallel
 from signorini_fx.algorithms.augmentation import Augmentation
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.contact.friction import PointFriction
-from signorini_fx.contact.groups import shares
 from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData
+from signorini_fx.contact.points import shares
 from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
 
 # A bound that differs from the last but one by less than this share of its change has come back: an error that

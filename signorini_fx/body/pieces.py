@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -50,7 +51,7 @@ class BodyPieces:
     assembly: _Labels
     bodies: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def count(self) -> int:
         """Number of pieces."""
         return int(self.cells.size)

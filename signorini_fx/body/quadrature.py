@@ -32,15 +32,15 @@ def has_affine_parts(mesh: dmesh.Mesh, *, in_body: bool) -> bool:
     """
     plane = mesh.topology.dim == 2 and not in_body
     straight = plane or mesh.topology.cell_name() in ("triangle", "tetrahedron")
-    return parallelepipeds(mesh) or (straight and compat.geometry_degree(mesh) == 1)
+    return (straight and compat.geometry_degree(mesh) == 1) or parallelepipeds(mesh)
 
 
 def parallelepipeds(mesh: dmesh.Mesh) -> bool:
     """Whether all cells of all ranks are quadrilaterals or hexahedra with affine maps: parallelograms in the plane."""
     dim = mesh.topology.dim
-    cells, x = compat.geometry_cells(mesh), mesh.geometry.x[:, :dim]
     if mesh.topology.cell_name() not in ("quadrilateral", "hexahedron") or compat.geometry_degree(mesh) > 1:
         return False
+    cells, x = compat.geometry_cells(mesh), mesh.geometry.x[:, :dim]
     first = x[cells[:, 0]]
     edges = [x[cells[:, 2**k]] - first for k in range(dim)]  # vertices in the order of basix: along x[0] first
     shortest = np.min([np.einsum("ci,ci->c", edge, edge) for edge in edges], axis=0)

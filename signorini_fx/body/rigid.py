@@ -25,8 +25,8 @@ from signorini_fx.body.contact_boundary import ContactBoundary, MovingFoundation
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.body.pieces import BodyPieces
 from signorini_fx.body.turned_supports import TurnedNodes
-from signorini_fx.contact.groups import PointGroups
 from signorini_fx.contact.motions import FreeMotions, RigidLoad
+from signorini_fx.contact.points import PointGroups
 from signorini_fx.kinematics import CARTESIAN
 from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.tuned import NOT_HELD

@@ -29,6 +29,7 @@ class SharedValue(Generic[Value]):
         if name not in values:
             values[name] = self._compute(instance)
         value: Value = values[name]
+        instance.__dict__[name] = value  # found there from now on
         return value
 
 

@@ -107,11 +107,13 @@ def _missed(d: Discretisation, every: Indices, value: Any, load: Force) -> Array
     reference = basix.geometry(kind)
     ends_of_axes = [1, 2, 4 if len(reference) == 8 else 3][: reference.shape[1]]
     for side, corners in enumerate(sides):
+        on_side = entities[entities[:, 1] == side, 0]
+        if not len(on_side):
+            continue
         # A facet in the reference cell is an affine image of its own reference, whose axes are at these corners.
         axes = corners[ends_of_axes] - corners[0]
         coarse, *finer = (_Rule(corners[0] + points @ axes, weights, axes) for points, weights in rules)
-        on_side = entities[entities[:, 1] == side, 0]
-        for cells in np.array_split(on_side, -(-len(on_side) // _TOGETHER) or 1):
+        for cells in np.array_split(on_side, -(-len(on_side) // _TOGETHER)):
             nodes = mesh.geometry.x[compat.geometry_cells(mesh)[cells]]
             known = _forces(d, value, coarse, nodes, interpolated=not isinstance(value, Expression)).sum(axis=1)
             row = np.zeros((len(cells), 2))

@@ -83,7 +83,7 @@ def solve(options: argparse.Namespace) -> int:
         line.erase()
         parallel.log_on_root(comm, table_row(record))
 
-    observers: list[Callable[[Any], None]] = [progress]
+    observers: list[Callable[[Any], None]] = [progress.records.append]
     if options.verbose:
         observers.append(show)
     # Watched on all ranks or on none, shown by the first.
@@ -120,33 +120,29 @@ def solve(options: argparse.Namespace) -> int:
 
 
 class _SolveProgress:
-    """The progress of a solve: an observer of its history, and the text of an interruption."""
+    """The progress of a solve: the records of its history, and the text of an interruption."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self.solves = self.meshes = 0
+        self.records: list[Any] = []
         self.solved = False
         self.is_written: Callable[[], bool] = lambda: False
         self.last_level: Path | None = None
-
-    def __call__(self, record: Any) -> None:
-        if isinstance(record, str):
-            self.meshes += record.startswith("level ")
-        elif hasattr(record, "solve"):
-            self.solves += 1
 
     def __str__(self) -> str:
         if self.is_written():
             return f" while statements or pictures were added: the results are in {self._folder}/"
         if self.solved:
             return " while the results were written: they are not kept"
-        mesh = f" on mesh {self.meshes}" if self.meshes else ""
+        meshes = sum(isinstance(record, str) and record.startswith("level ") for record in self.records)
+        solves = sum(hasattr(record, "solve") for record in self.records)
+        mesh = f" on mesh {meshes}" if meshes else ""
         saved = f": the previous mesh is in {self.last_level}/" if self.last_level else ": no result is complete yet"
         from signorini_fx.results.folder import CHECKPOINT
 
         begun = (self._folder / CHECKPOINT).is_dir()
         advice = "; --restart goes on from what is complete" if begun else ""
-        return f" after {self.solves} linear solves,{mesh}{saved}{advice}".replace(",:", ":")
+        return f" after {solves} linear solves,{mesh}{saved}{advice}".replace(",:", ":")
 
 
 def work_precision(options: argparse.Namespace) -> int:

@@ -47,6 +47,9 @@ def hold(
     unresisted = motions.unheld(following.contact, _stick(following, data))
     if not unresisted.any():
         return following, None, False
+    # The convergence test ends the iteration: such numbers have no order to choose sets by.
+    if parallel.any_rank(motions.points.comm, not (np.isfinite(pressure).all() and np.isfinite(shear).all())):
+        return following, None, False
     bound = data.friction_bound(pressure)
     points, everywhere = motions.points, motions.points.everywhere
     able = (bound > 0) if data.bound is not None else ~everywhere

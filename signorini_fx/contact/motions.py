@@ -6,8 +6,9 @@ motion moves one of them only, and a contact point belongs to one of them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,9 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.contact.groups import PointGroups
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.map import ContactMap
-from signorini_fx.contact.points import ContactPoints
+from signorini_fx.contact.points import ContactPoints, PointGroups
 from signorini_fx.tuned import NOT_HELD
 
 # Share of the sum of the magnitudes of all forces below which their resultant is round-off.
@@ -100,7 +100,7 @@ class FreeMotions:
         groups = self.groups.some(points, rows)
         return FreeMotions(points, self.relative[rows], self.assembly, self.of_point[rows], groups)
 
-    @property
+    @cached_property
     def count(self) -> int:
         """Number of motions, k."""
         return int(self.assembly.size)
@@ -115,10 +115,10 @@ class FreeMotions:
         """The motions along its tangents, shape (n, d - 1, k)."""
         return self.relative[:, 1:]
 
-    def assemblies(self) -> Iterator[tuple[int, npt.NDArray[np.bool_]]]:
+    @cached_property
+    def assemblies(self) -> list[tuple[int, npt.NDArray[np.bool_]]]:
         """The assemblies that can move: number, and which motions are theirs, shape (k,)."""
-        for number in np.unique(self.assembly):
-            yield int(number), self.assembly == number
+        return [(int(number), self.assembly == number) for number in np.unique(self.assembly)]
 
     def unheld(
         self, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_], directions: Nodal | None = None
@@ -145,7 +145,7 @@ class FreeMotions:
         rows = np.concatenate(resisted)
         moved = np.square(self.relative).sum(axis=(0, 1))
         gram = parallel.global_sum(self.points.comm, np.vstack((rows.T @ rows, moved)))
-        for number, columns in self.assemblies():
+        for number, columns in self.assemblies:
             values = np.linalg.eigvalsh(gram[:-1][np.ix_(columns, columns)])
             # The resistance relative to the motion of the points: below this it is the round-off of their positions.
             real = values[-1] > _ROUND_OFF**2 * gram[-1][columns].max()

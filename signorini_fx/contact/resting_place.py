@@ -61,7 +61,7 @@ def resting_place(
     sides = np.zeros(motions.points.size) if bilateral is None else bilateral
     table = parallel.gather_rows(comm, np.column_stack((motions.normal, gap, sides, motions.of_point)))
     motion = np.zeros(motions.count)
-    for number, columns in motions.assemblies():
+    for number, columns in motions.assemblies:
         rows = table[table[:, -1] == number]
         if len(rows) and not rows[:, -2].any():
             moved = _rest_of(rows[:, :-3][:, columns], rows[:, -3], resultant[columns])

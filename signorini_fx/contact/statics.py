@@ -82,7 +82,7 @@ def no_balance(
     unheld = motions.unheld(everywhere, able)
     all_reactions = reactions(motions, law, bilateral)
     gaps = None if gap is None else parallel.gather_rows(motions.points.comm, gap[:, None])[:, 0]
-    for number, columns in motions.assemblies():
+    for number, columns in motions.assemblies:
         contact, work = all_reactions.of(number, columns), load[columns]
         escaping: tuple[Status, Nodal] | None = None
         if unheld[number] or not contact.given.size:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Discriminator, Tag, model_validator
@@ -123,7 +124,7 @@ class Contact(Effect):
         """Whether its foundation moves with the time."""
         return self.foundation is not None and self.foundation.timed
 
-    @property
+    @cached_property
     def timed(self) -> bool:
         """Whether its foundation or its friction depends on the time."""
         return self.moves or self.friction.timed

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -99,7 +100,7 @@ class Fluid(JointLoad):
         """See ``Effect``."""
         return self.weight > 0
 
-    @property
+    @cached_property
     def varies(self) -> bool:
         """See ``Effect``."""
         return True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 from signorini_fx.scene.effect import Array, Coefficients, Points, VectorForce
@@ -24,7 +25,7 @@ class TotalForce(VectorForce):
     boundary: str
     spread: SampledValue = 1.0
 
-    @property
+    @cached_property
     def varies(self) -> bool:
         """The components are those of the total, see ``Effect``."""
         return not isinstance(self.spread, float)

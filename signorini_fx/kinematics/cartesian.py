@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import combinations
 from typing import Any
 
@@ -52,7 +53,7 @@ class Kinematics:
     least_x: float = -np.inf
     refuses: Mapping[str, str] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def motions(self) -> int:
         """Number of rigid motions: d translations and the rotations."""
         return self.dimension + len(self.rotations)
@@ -85,7 +86,7 @@ class Kinematics:
         pairs = ((arms[..., i] * vectors[..., j], arms[..., j] * vectors[..., i]) for i, j in self.rotations)
         return np.stack([positive - negative for positive, negative in pairs], axis=-1)
 
-    @property
+    @cached_property
     def unbalanced(self) -> npt.NDArray[np.bool_]:
         """Along which rigid motions forces on the whole body do not cancel by symmetry, shape (motions,)."""
         return np.array(self.motions_without_strain or (True,) * self.motions)

@@ -64,7 +64,7 @@ class TaggedMesh(TaggedMeshBase):
         names = ", ".join(self.boundaries) or "none"
         return f"<TaggedMesh: {cells:,} cells ({self.mesh.topology.cell_name()}), boundaries {names}>"
 
-    @property
+    @cached_property
     def dimension(self) -> int:
         """D, 2 or 3, the dimension of the points and of the cells."""
         return int(self.mesh.topology.dim)

@@ -12,12 +12,11 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.contact.friction import as_given
-from signorini_fx.contact.groups import ROUND_OFF, shares
 from signorini_fx.contact.holding_sets import hold, holds
 from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, length, release
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.motions import FreeMotions
-from signorini_fx.contact.points import ContactPoints
+from signorini_fx.contact.points import ROUND_OFF, ContactPoints, shares
 from signorini_fx.contact.statics import Escape, no_balance
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.records import Status
@@ -222,10 +221,6 @@ class Problem(ABC):
     def _hold(self, trial: ActiveSets, pressure: Nodal, shear: Nodal) -> None:
         """Choose next sets that hold the body, or note that it moves away."""
         points, motions, resultant = self.points, self._motions, self.system.resultant
-        # Not finite: the convergence test ends the iteration, and such numbers have no order to choose sets by.
-        if parallel.any_rank(points.comm, not (np.isfinite(pressure).all() and np.isfinite(shear).all())):
-            self.next = NextSets(trial, trial)
-            return
 
         def escaping() -> Status | None:
             if self._escaping is None:  # until the data change

@@ -125,7 +125,7 @@ def safety_of(d: Discretisation, contact: ContactState, step: float) -> Safety |
     worst: tuple[Limit, str] | None = None
     used: list[float] = []
     sliding = overturning = np.inf
-    for number, columns in at_contact.assemblies():
+    for number, columns in at_contact.assemblies:
         if not live[columns].any():
             continue
         loads, here = (dead[columns], live[columns]), allowed.of(number, columns)

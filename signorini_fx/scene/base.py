@@ -72,7 +72,10 @@ class Table(BaseModel, metaclass=_OwnErrors):
         for key, value in changes.items():
             if get_origin(fields[key].annotation) is tuple and isinstance(value, list | BaseModel):
                 changes[key] = tuple(value) if isinstance(value, list) else (value,)
-        return super().model_copy(update=changes, deep=deep)
+        copy = super().model_copy(update=changes, deep=deep)
+        for name in copy.__dict__.keys() - fields.keys():  # what a cached property has made of the old values
+            del copy.__dict__[name]
+        return copy
 
 
 def refused(table: str, problems: Iterable[tuple[tuple[str | int, ...], str]]) -> ValidationError:

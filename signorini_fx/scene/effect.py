@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import pkgutil
 from collections.abc import Iterator, Mapping
-from functools import cache
+from functools import cache, cached_property
 from importlib import import_module
 from inspect import cleandoc
 from types import GenericAlias
@@ -111,7 +111,7 @@ class Effect(Table):
         """What it is, in words: the name of its file."""
         return type(self).__module__.rpartition(".")[2].replace("_", " ")
 
-    @property
+    @cached_property
     def where(self) -> str | None:
         """The boundary that it acts on; None: it acts in the body."""
         return getattr(self, "boundary", None)
@@ -131,12 +131,12 @@ class Effect(Table):
         """Whether it does anything; numbers that are zero do not."""
         return not is_zero(*self.given.values())
 
-    @property
+    @cached_property
     def varies(self) -> bool:
         """Whether it is more than constants."""
         return not all(isinstance(value, float) for value in self.given.values())
 
-    @property
+    @cached_property
     def timed(self) -> bool:
         """Whether it depends on the time t in an expression."""
         return any(getattr(value, "timed", False) for value in self.given.values())
@@ -248,7 +248,7 @@ class Force(Load):
 
     live: bool = True
 
-    @property
+    @cached_property
     def jumps(self) -> tuple[Expression, ...]:
         """Its expressions that may jump; none if a value is neither a number nor an expression."""
         values = [value for value in (*self.given.values(), self.weighting) if value is not None]

@@ -13,7 +13,7 @@ import math
 import operator
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import reduce
+from functools import cached_property, reduce
 from itertools import combinations, pairwise
 from typing import Any, Literal, Self
 
@@ -319,7 +319,7 @@ class Expression:
         if len(self.text) > _MAX_LENGTH:
             raise ValueError(f"expression of {len(self.text)} characters: at most {_MAX_LENGTH} are allowed")
         try:
-            _check(self._tree())
+            _check(self._tree)
             if self.timed and not self.allows_time:
                 raise ValueError("t, the time, is for loads, prescribed displacements and friction")
         except SyntaxError as error:
@@ -327,13 +327,14 @@ class Expression:
         except (ValueError, MemoryError, RecursionError) as error:
             raise ValueError(f"{self.text!r}: {str(error) or 'nested too deeply'}. {_ALLOWED}") from None
 
+    @cached_property
     def _tree(self) -> ast.expr:
         return ast.parse(self.text.strip(), mode="eval").body
 
-    @property
+    @cached_property
     def timed(self) -> bool:
         """Whether it depends on the time t."""
-        return any(isinstance(node, ast.Name) and node.id == "t" for node in ast.walk(self._tree()))
+        return any(isinstance(node, ast.Name) and node.id == "t" for node in ast.walk(self._tree))
 
     def at(self, time: float) -> Self:
         """The same function at a time."""
@@ -342,13 +343,13 @@ class Expression:
     @property
     def coordinates(self) -> int:
         """How many coordinates a point must have: the largest i of the x[i] in it, plus one; 0 if there is none."""
-        nodes = [node.slice for node in ast.walk(self._tree()) if isinstance(node, ast.Subscript)]
+        nodes = [node.slice for node in ast.walk(self._tree) if isinstance(node, ast.Subscript)]
         return max((int(node.value) + 1 for node in nodes if isinstance(node, ast.Constant)), default=0)
 
     def __call__(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Values at points ``x`` of shape (dim or 3, n), shape (n,); inf or nan where it is not defined."""
         with np.errstate(all="ignore"):
-            value = _Evaluator(_NUMPY, x, self._present_time).value(self._tree())
+            value = _Evaluator(_NUMPY, x, self._present_time).value(self._tree)
         return np.broadcast_to(np.asarray(value, dtype=float), x.shape[1:]).copy()
 
     def switches(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -362,7 +363,7 @@ class Expression:
         """
         evaluator, differences = _Evaluator(_NUMPY, x, self._present_time), []
         with np.errstate(all="ignore"):
-            for pair in _switches(self._tree()):
+            for pair in _switches(self._tree):
                 first, *second = (np.asarray(evaluator.value(node), dtype=float) for node in pair)
                 differences.append(np.broadcast_to(first - second[0] if second else first, x.shape[1:]))
         return np.array(differences).reshape(len(differences), x.shape[1])
@@ -371,27 +372,27 @@ class Expression:
     def _present_time(self) -> Any:
         return np.float64(math.nan if self.time is None else self.time)
 
-    @property
+    @cached_property
     def jumps(self) -> bool:
         """Whether it may jump: it compares numbers, or takes their sign."""
-        return _jumps(self._tree())
+        return _jumps(self._tree)
 
     @property
     def degree(self) -> float:
         """Of the polynomials that it consists of between its ``switches``; infinite: it does not consist of such."""
-        return _degree(self._tree())
+        return _degree(self._tree)
 
     @property
     def is_smooth(self) -> bool:
         """Whether it has no ``switches``."""
-        return not _switches(self._tree())
+        return not _switches(self._tree)
 
     @property
     def cuts_exactly(self) -> bool:
         """Whether all of its ``switches`` are affine and do not jump themselves, so that the places are known where it
         jumps or has a kink.
         """
-        return all(_degree(node) <= 1 and not _jumps(node) for pair in _switches(self._tree()) for node in pair)
+        return all(_degree(node) <= 1 and not _jumps(node) for pair in _switches(self._tree) for node in pair)
 
     def ufl(self, mesh: Any, time: Any = None) -> Any:
         """The same function as a UFL expression of ``SpatialCoordinate(mesh)``, with a ``Constant`` for t if it is
@@ -401,8 +402,8 @@ class Expression:
 
         backend = _ufl_backend(mesh)
         instant = backend.number(float(self._present_time)) if time is None else time
-        value = _Evaluator(backend, ufl.SpatialCoordinate(mesh), instant).value(self._tree())
-        return ufl.conditional(value, 1.0, 0.0) if _check(self._tree()) == "condition" else ufl.as_ufl(value)
+        value = _Evaluator(backend, ufl.SpatialCoordinate(mesh), instant).value(self._tree)
+        return ufl.conditional(value, 1.0, 0.0) if _check(self._tree) == "condition" else ufl.as_ufl(value)
 
 
 def sample(value: Any, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

@@ -12,6 +12,7 @@ Any consistent units may be used: forces, lengths and stresses of one system.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar, get_origin
@@ -20,6 +21,7 @@ from pydantic import BaseModel, BeforeValidator, Field, InstanceOf, field_valida
 
 from signorini_fx.kinematics import of_materials
 from signorini_fx.kinematics.cartesian import Kinematics
+from signorini_fx.kinematics.space import SPACE
 from signorini_fx.scene.base import Table, refused
 from signorini_fx.scene.effect import (
     Effect,
@@ -242,7 +244,7 @@ class Scene(Table):
         """Keys of which nothing is known, so that results do not list them: none of a scene."""
         return ()
 
-    @property
+    @cached_property
     def effects(self) -> dict[str, tuple[Any, ...]]:
         """All entries by their keys, in the order of the keys of a scene; a key without entries is there as well."""
         fields = ((key, getattr(self, key)) for key in type(self).model_fields if key in keys())
@@ -265,9 +267,9 @@ class Scene(Table):
 
     def of(self, kind: type[_Effect]) -> tuple[_Effect, ...]:
         """All entries of a kind, such as ``scene.effect.Force``."""
-        return tuple(effect for _, effect in self.listed() if isinstance(effect, kind))
+        return tuple(effect for entries in self.effects.values() for effect in entries if isinstance(effect, kind))
 
-    @property
+    @cached_property
     def loads(self) -> tuple[Load, ...]:
         """All that load steps multiply."""
         return self.of(Load)
@@ -284,7 +286,7 @@ class Scene(Table):
         meshes: list[Any] = [body.mesh for body in self.body] or [self.mesh]
         return all(isinstance(mesh, MeshGenerator) for mesh in meshes)
 
-    @property
+    @cached_property
     def steps(self) -> int:
         """Number of factors of each load; that of the load steps, unless there is a ramp between them.
 
@@ -370,9 +372,10 @@ class Scene(Table):
 
         What depends on the time and has no factors does not grow with the other loads of a ramp.
         """
-        if effect.timed and getattr(effect, "factors", None) is None:
-            return 1.0, effect.at_time(self.time_at(step))
-        return factor_at(self.factors_of(effect), step), effect.at_time(self.time_at(step))
+        if not effect.timed:
+            return factor_at(self.factors_of(effect), step), effect
+        factors = getattr(effect, "factors", None)
+        return 1.0 if factors is None else factor_at(factors, step), effect.at_time(self.time_at(step))
 
     def placed(self, step: float) -> Self:
         """The scene with foundations and friction of a place in the lists of factors; itself if no time is in them."""
@@ -386,7 +389,7 @@ class Scene(Table):
         """The time of a place in the lists of factors, see ``scene.load_steps``."""
         return time_at(self._times, step)
 
-    @property
+    @cached_property
     def _times(self) -> tuple[float, ...]:
         return self.load_steps.times or tuple(map(float, range(1, self.steps + 1)))
 
@@ -412,21 +415,21 @@ class Scene(Table):
         """Young's modulus of the stiffest material, the natural unit of stress."""
         return max(material.young for material in self.material)
 
-    @property
+    @cached_property
     def kinematics(self) -> Kinematics:
         """That of its body, if the mesh is plane."""
-        return self.kinematics_in(2)
+        return of_materials((material.hypothesis, material.torsion) for material in self.material)
 
     def kinematics_in(self, dimension: int) -> Kinematics:
         """That of its body on a mesh of this dimension."""
-        return of_materials(((material.hypothesis, material.torsion) for material in self.material), dimension)
+        return self.kinematics if dimension == 2 else SPACE
 
-    @property
+    @cached_property
     def has_friction(self) -> bool:
         """Whether any contact boundary has a friction law that can act; a law with bound or coefficient 0 cannot."""
         return any(effect.friction.acts for effect in self.contact)
 
-    @property
+    @cached_property
     def has_coulomb(self) -> bool:
         """Whether any friction bound depends on the contact pressure."""
         return any(effect.coulomb for effect in self.contact)

@@ -75,7 +75,7 @@ def loose_assembly(task: Task, data: RegularisedData, law: PointFriction | None)
         law: the friction law itself, not the bound of an iterate; None without friction.
     """
     motions, load = task.motions, task.system.resultant
-    idle = [(number, columns) for number, columns in motions.assemblies() if not load[columns].any()]
+    idle = [(number, columns) for number, columns in motions.assemblies if not load[columns].any()]
     if not idle or (law is not None and law.ends_open is not None):
         return None
     free = free_state(task, data)

@@ -8,8 +8,7 @@ import pytest
 from mpi4py import MPI
 from scenes import alone
 
-from signorini_fx.contact.groups import PointGroups, shares
-from signorini_fx.contact.points import ContactPoints
+from signorini_fx.contact.points import ContactPoints, PointGroups, shares
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.scene.reading import parse_scene
