@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -46,12 +46,12 @@ class FormScene(Scene):
         """See ``Scene``."""
         return ("body", "accuracy", "units", "volumetric", *(key for key in keys() if key != "contact"))
 
-    @property
+    @cached_property
     def steps(self) -> int:
         """One for each time."""
         return len(self.load_steps.times or (1.0,))
 
-    @property
+    @cached_property
     def kinematics(self) -> Kinematics:
         """That of the components of its displacement."""
         assert isinstance(self.mesh, TaggedMesh)
