@@ -39,6 +39,7 @@ LAYERS = (
     "shapes",
     "mesh",
     "effects",
+    "materials",
     "laws",
     "scene",
     "algorithms",

@@ -11,13 +11,14 @@ import pkgutil
 import sys
 from collections.abc import Iterator, Mapping
 from importlib import import_module
+from itertools import chain
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "refusals.md"
 sys.path.insert(0, str(ROOT))
 
-from signorini_fx import effects  # noqa: E402
+from signorini_fx import effects, materials  # noqa: E402
 from signorini_fx.body import limits  # noqa: E402
 from signorini_fx.bounds import bounded_scene  # noqa: E402
 from signorini_fx.derivatives import of_scene  # noqa: E402
@@ -50,7 +51,8 @@ def declared() -> Iterator[tuple[str, Mapping[str, str]]]:
     """Each feature that refuses others, and these with the reasons."""
     yield from REFUSED_BY_SETTINGS.items()
     yield from ((kind.words, kind.refuses) for kind in KINDS)
-    for module in pkgutil.iter_modules(effects.__path__, f"{effects.__name__}."):
+    rooms = (pkgutil.iter_modules(room.__path__, f"{room.__name__}.") for room in (effects, materials))
+    for module in chain.from_iterable(rooms):
         for item in vars(import_module(module.name)).values():
             if isinstance(item, type) and issubclass(item, Effect) and item.__module__ == module.name:
                 yield from vars(item).get("refuses", {}).items()

@@ -14,9 +14,10 @@ from signorini_fx.errors import InstallationError
 
 LAWS = "signorini_fx.laws"
 LINEAR_SOLVERS = "signorini_fx.linear_solvers"
+MATERIALS = "signorini_fx.materials"
 QUANTITIES = "signorini_fx.quantities"
 GENERATORS = "signorini_fx.generators"
-GROUPS = (GENERATORS, LAWS, LINEAR_SOLVERS, QUANTITIES)
+GROUPS = (GENERATORS, LAWS, LINEAR_SOLVERS, MATERIALS, QUANTITIES)
 _registered: dict[str, dict[str, Any]] = {}
 
 

@@ -14,6 +14,7 @@ from dolfinx import fem
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import stiffness_form
+from signorini_fx.body.cellwise_stiffness import cellwise_stiffness
 from signorini_fx.body.elastic_terms import ELASTIC_FORMS, elastic_terms
 from signorini_fx.body.foundations import Foundations
 from signorini_fx.body.initial_strains import check_strains
@@ -194,7 +195,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
     facets, lame, stiffness, reduced, *_ = together(
         partial(boundary_facets, scene, tagged),
         partial(lame_coefficients, scene, tagged),
-        partial(_stiffness, scene, tagged),
+        partial(cellwise_stiffness, scene, tagged),
         partial(reduced_degree, scene, tagged.mesh),
         partial(check_fits, scene, tagged),
         partial(check_strains, scene, tagged),
@@ -274,7 +275,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         settings=scene.solver,
         inventory=inventory,
         kinematics=kinematics,
-        compressible=max(material.poisson for material in scene.material) <= LARGEST_MULTIGRID_POISSON,
+        compressible=max(material.mean_poisson for material in scene.material) <= LARGEST_MULTIGRID_POISSON,
         mixed=mixed,
         scene=scene,
         tagged=tagged,
@@ -294,14 +295,6 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
 
 def _no_supports(step: float) -> tuple[Conditions, None]:
     return [], None
-
-
-def _stiffness(scene: Scene, tagged: TaggedMesh) -> fem.Function | None:
-    if all(material.orthotropic is None for material in scene.material):
-        return None
-    from signorini_fx.body.orthotropic import cellwise_stiffness
-
-    return cellwise_stiffness(scene, tagged)
 
 
 def _mixed(

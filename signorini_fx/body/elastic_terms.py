@@ -6,9 +6,10 @@ from typing import Any
 
 from dolfinx import fem
 
+from signorini_fx.body.cellwise_stiffness import CellwiseStiffness, cellwise_form
 from signorini_fx.body.quadrature import strain_degree
-from signorini_fx.effects.material import elastic_forms
 from signorini_fx.kinematics.cartesian import Kinematics
+from signorini_fx.materials.isotropic import elastic_forms
 
 # Their names.
 ELASTIC_FORMS = ("elasticity", "reduced volumetric elasticity")
@@ -20,7 +21,7 @@ def elastic_terms(
     z: Any,
     *,
     lame: tuple[Any, Any],
-    stiffness: fem.Function | None,
+    stiffness: CellwiseStiffness | None,
     reduced: int | None,
     kinematics: Kinematics,
 ) -> tuple[Any, ...]:
@@ -31,13 +32,11 @@ def elastic_terms(
         y: trial function, or any displacement.
         z: test function.
         lame: Lame parameters as coefficients.
-        stiffness: of orthotropic materials, see ``body.orthotropic``; None: there are none.
+        stiffness: of materials that are not isotropic; None: all are.
         reduced: quadrature degree of the volumetric term where it is reduced, else None.
         kinematics: of the body.
     """
     degree = strain_degree(space, kinematics)
     if stiffness is not None:
-        from signorini_fx.body.orthotropic import orthotropic_form
-
-        return (orthotropic_form(y, z, stiffness, degree, kinematics),)
+        return (cellwise_form(y, z, stiffness, degree, kinematics),)
     return elastic_forms(y, z, *lame, degree, reduced, kinematics=kinematics)

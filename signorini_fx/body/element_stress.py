@@ -14,6 +14,7 @@ import ufl
 from dolfinx import default_scalar_type, fem
 
 from signorini_fx import compat, parallel
+from signorini_fx.body.cellwise_stiffness import CellwiseStiffness, strain_components
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.initial_strains import initial_strain
 from signorini_fx.body.jumps import total_jump
@@ -96,7 +97,7 @@ def element_stress(body: Discretisation, displacement: fem.Function, step: float
     if body.mixed is not None:
         return _mixed_stress(body, displacement, step)
     if body.moduli is not None:
-        return _orthotropic_stress(body, displacement, body.moduli, step)
+        return _cellwise_stress(body, displacement, body.moduli, step)
     (lame, mu), materials, mesh, kinematics = body.lame, body.scene.material, body.tagged.mesh, body.kinematics
     initial, move_to = initial_strain(body.scene, body.tagged, body.space, step)
     moved, jump_to = _moved(body, displacement, step)
@@ -223,25 +224,49 @@ def _moved(body: Discretisation, y: fem.Function, step: float) -> tuple[Any, Cal
     return y if jump is None else y + jump, move_to
 
 
-def _orthotropic_stress(body: Discretisation, y: fem.Function, moduli: fem.Function, step: float) -> ElementStress:
-    """By the stiffness of each cell, see ``body.orthotropic``."""
-    from signorini_fx.body.orthotropic import strain_components
-
+def _cellwise_stress(body: Discretisation, y: fem.Function, moduli: CellwiseStiffness, step: float) -> ElementStress:
+    """By the stiffness of each cell."""
     kinematics, dim = body.kinematics, len(y)
+    initial, move_to = initial_strain(body.scene, body.tagged, body.space, step)
     moved, jump_to = _moved(body, y, step)
-    components = moduli * strain_components(moved, kinematics, on_axis=True)
+    components = moduli.stress(strain_components(moved, kinematics, on_axis=True), initial)
     pairs = [*kinematics.pairs, *([(2, 2)] if kinematics.prevented else [])]
     at = {pair: k for k, (i, j) in enumerate(pairs) for pair in ((i, j), (j, i))}
+    of_cells = np.arange(len(moduli.at_cells), dtype=np.int32)
     stress = anisotropic_stress(
         y,
         ufl.as_matrix([[components[at[i, j]] for j in range(dim)] for i in range(dim)]),
         components[at[2, 2]] if dim == 2 and (2, 2) in at else None,
-        (moduli.x.array.reshape(-1, *moduli.ufl_shape), moduli.function_space.dofmap.list[:, 0]),
+        (moduli.at_cells, of_cells),
         _materials(body),
         kinematics,
         shear_modulus=body.lame[1],
     )
-    return replace(stress, refresh=jump_to)
+    prevented, parts, m = None, stress.parts, len(kinematics.pairs)
+    if initial is not None and kinematics.prevented:  # what of it the stress out of the plane has beside the others
+        ratios = moduli.at_cells[:, m:] @ np.linalg.inv(moduli.at_cells[:, :m])
+        free = moduli.of_free_strain
+        values = free.x.array.reshape(-1, m + 1)[free.function_space.dofmap.list[:, 0]]
+        share = fem.Function(fem.functionspace(body.tagged.mesh, ("DG", 0)))
+        share.x.array[share.function_space.dofmap.list[:, 0]] = values[:, m] - np.einsum(
+            "ck,ck->c", ratios[:, 0], values[:, :m]
+        )
+        prevented = _interpolation(share * initial, fem.functionspace(body.tagged.mesh, ("DG", 1)))
+
+    def refresh(step: float) -> None:
+        move_to(step)
+        jump_to(step)
+        if prevented is not None:
+            prevented[0].interpolate(prevented[1])
+
+    def outward_of(part: int, tau: _Floats) -> _Floats:
+        out_of_plane = stress.outward_of(part, tau)
+        if prevented is not None:
+            out_of_plane = out_of_plane - prevented[0].x.array[prevented[0].function_space.dofmap.list[parts[part]]]
+        return out_of_plane
+
+    refresh(step)
+    return replace(stress, refresh=refresh, outward_of=outward_of)
 
 
 def anisotropic_stress(

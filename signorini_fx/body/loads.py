@@ -16,15 +16,16 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble, facet_vertices, measure
+from signorini_fx.body.cellwise_stiffness import cellwise_stiffness, free_strain_form
 from signorini_fx.body.cut_loads import CutRule, cut_rule
-from signorini_fx.body.mixed import PressureSpace
+from signorini_fx.body.mixed import PressureSpace, mixed_strain_form
 from signorini_fx.body.moduli import isotropic, lame_coefficients, of_materials, reduced_degree
 from signorini_fx.body.rigid_tools import Driven, RigidTools
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.effects.displacement import PrescribedDisplacement
-from signorini_fx.effects.material import initial_strain_forms, mixed_strain_form
 from signorini_fx.errors import SceneError
 from signorini_fx.kinematics.cartesian import Kinematics
+from signorini_fx.materials.isotropic import initial_strain_forms
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.scales import Scales
@@ -339,7 +340,7 @@ def compile_loads(
     loads: Sequence[Load], on: FormCoefficients, z: Any, cuts: Cuts = NO_CUTS
 ) -> tuple[tuple[str, ...], tuple[fem.Form, ...]]:
     """The terms of L of section 2.1 that the loads list, (f, z) and (h, z), compiled together, without what jumps cut,
-    or those of initial strains, see ``effects.material.initial_strain_forms``, and their names.
+    or those of initial strains, see ``materials.isotropic.initial_strain_forms``, and their names.
     """
     if strains := [load for load in loads if isinstance(load, InitialStrain)]:
         return _compiled_strains(strains, on, z)
@@ -360,15 +361,18 @@ def _compiled_strains(
         (swelling,) = isotropic(on.scene, on.tagged, lambda _, poisson: ((1 + poisson) / poisson,))
         form = mixed_strain_form(q, total_strain, swelling, degree, kinematics=on.kinematics)
         return (name,), (on.inventory.compile(name, partial(fem.form, form)),)
-    terms = initial_strain_forms(
-        z,
-        total_strain,
-        *lame_coefficients(on.scene, on.tagged),
-        degree,
-        reduced_degree(on.scene, mesh),
-        directions=on.scene.material[0].directions,
-        kinematics=on.kinematics,
-    )
+    if (moduli := cellwise_stiffness(on.scene, on.tagged)) is not None:
+        terms: tuple[Any, ...] = (free_strain_form(z, total_strain, moduli, degree, on.kinematics),)
+    else:
+        terms = initial_strain_forms(
+            z,
+            total_strain,
+            *lame_coefficients(on.scene, on.tagged),
+            degree,
+            reduced_degree(on.scene, mesh),
+            directions=on.scene.material[0].directions,
+            kinematics=on.kinematics,
+        )
     names = (name, f"reduced volumetric {name}")[: len(terms)]
     return names, tuple(
         on.inventory.compile(name, partial(fem.form, term)) for name, term in zip(names, terms, strict=True)

@@ -3,7 +3,7 @@
 It is continuous within each material, and jumps between them.  With several materials it has one component for each,
 which counts in the cells of this material alone; those of nodes elsewhere are zero.
 
-With the form of ``effects.material.mixed_forms`` the unknowns (y, p) of the body have
+With the form ``mixed_forms`` the unknowns (y, p) of the body have
 
     K = [A B^T; B -C],   b = [f; -B y_D - s],
 
@@ -33,9 +33,9 @@ from signorini_fx import compat, parallel
 from signorini_fx.body.moduli import isotropic
 from signorini_fx.body.pieces import BodyPieces
 from signorini_fx.body.quadrature import strain_degree
-from signorini_fx.effects.material import mixed_forms
 from signorini_fx.errors import needs_fenicsx
-from signorini_fx.kinematics.cartesian import Kinematics
+from signorini_fx.kinematics.cartesian import Kinematics, position
+from signorini_fx.kinematics.space import SPACE
 from signorini_fx.linalg.factorisation import has_package
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
@@ -54,7 +54,7 @@ class MixedDisplacement(fem.Function):
     Attributes:
         hydrostatic: p = -lambda tr(epsilon), for nu = 1/2 minus the mean stress; a stress, positive in compression;
             of several materials discontinuous between cells.  With initial strains see
-            ``effects.material.mixed_strain_form``.
+            ``mixed_strain_form``.
     """
 
     def __init__(self, space: fem.FunctionSpace, hydrostatic: fem.Function, name: str = "displacement") -> None:
@@ -347,3 +347,56 @@ class MixedPressure:
         triangles = parallel.gather_rows(comm, triangle)
         square = np.vstack((triangles, np.zeros((len(forces), len(forces)))))
         return bool(np.linalg.svd(square, compute_uv=False)[-1] <= _ROUND_OFF)
+
+
+def mixed_strain_form(q: Any, strain: Any, swelling: Any, degree: int, *, kinematics: Kinematics = SPACE) -> Any:
+    """The work of an initial strain e I in the constraint of the mixed element, ((3 + 2 mu / lambda) e, q).
+
+    With the pressure p = 2 mu e - lambda (tr(epsilon) - 3 e) the stress is 2 mu epsilon - p I, as without the strain,
+    which enters the constraint alone: div y + p / lambda = (3 + 2 mu / lambda) e.
+
+    Args:
+        q: test function of the pressure.
+        strain: e, a number.
+        swelling: 3 + 2 mu / lambda = (1 + nu) / nu.
+        degree: quadrature degree.
+        kinematics: see ``materials.isotropic.elastic_forms``.
+    """
+    return swelling * strain * q * kinematics.measure(position(q)) * ufl.dx(metadata={"quadrature_degree": degree})
+
+
+def mixed_forms(
+    unknowns: tuple[Any, Any],
+    tests: tuple[Any, Any],
+    mu: Any,
+    unit: Any,
+    compressibility: Any,
+    degree: int,
+    *,
+    kinematics: Kinematics = SPACE,
+) -> tuple[Any, ...]:
+    """The mixed form with the pressure p = -lambda tr(epsilon) as an unknown, in multiples of a unit.
+
+        2 mu (epsilon(y), epsilon(z)) - (p, div z),    -(div y, q) - (p, q) / lambda
+
+    (L. R. Herrmann, AIAA J. 3 (1965) 1896-1900).  With a continuous pressure of one degree less than the displacement
+    it is the element of C. Taylor and P. Hood, Comput. Fluids 1 (1973) 73-100, which is stable for nu = 1/2 too.
+
+    Args:
+        unknowns: trial functions of displacement and pressure.
+        tests: test functions of both.
+        mu: second Lame parameter.
+        unit: of the pressure, stress.
+        compressibility: 1 / lambda.
+        degree: quadrature degree.
+        kinematics: see ``materials.isotropic.elastic_forms``.
+
+    Returns:
+        The form of (y, z), that of (y, q), and that of (p, q).
+    """
+    (y, p), (z, q) = unknowns, tests
+    trial_strain, around = kinematics.strain(y), kinematics.measure(position(z))
+    shearing, dilation = ufl.inner(trial_strain, kinematics.strain(z)), ufl.tr(trial_strain)
+    dx = ufl.dx(metadata={"quadrature_degree": degree})
+    densities = 2 * mu * shearing, -unit * dilation * q, -(unit**2) * compressibility * p * q
+    return tuple(density * around * dx for density in densities)

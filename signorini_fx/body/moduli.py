@@ -12,7 +12,6 @@ from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 
 from signorini_fx import compat, parallel
-from signorini_fx.effects.material import LinearElastic
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.scene.expressions import sample
@@ -85,7 +84,7 @@ def lame_coefficients(scene: Scene, tagged: TaggedMesh) -> tuple[Any, Any]:
     Raises:
         SceneError: see ``of_materials``; a grading is not between 0 and 1.
     """
-    if any(material.poisson_grading is not None for material in scene.material):
+    if any(_grading(material, "poisson_grading") is not None for material in scene.material):
         with np.errstate(divide="ignore"):  # lambda is infinite for nu = 1/2, which a mixed element does not use
             first, second = isotropic(scene, tagged, scene.material[0].lame_of)
         return first, second
@@ -122,11 +121,16 @@ def isotropic(scene: Scene, tagged: TaggedMesh, numbers: Callable[[Any, Any], tu
     return functions
 
 
-def poisson_of(material: LinearElastic, tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> Any:
+def poisson_of(material: Any, tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> Any:
     """Poisson's ratio of cells of a material: a number, or one of each where it varies, shape (cells,)."""
-    if material.poisson_grading is None:
+    if (grading := _grading(material, "poisson_grading")) is None:
         return material.poisson
-    return material.poisson * _in_the_middle(material.poisson_grading, tagged, cells)
+    return material.poisson * _in_the_middle(grading, tagged, cells)
+
+
+def _grading(material: Any, key: str) -> Any:
+    """That of a modulus, which materials that are not isotropic may not have."""
+    return getattr(material, key, None)
 
 
 def middles(tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
@@ -144,12 +148,12 @@ def _in_the_middle(value: Any, tagged: TaggedMesh, cells: npt.NDArray[np.int32])
 def graded(scene: Scene, tagged: TaggedMesh, key: str) -> fem.Function | None:
     """By what a modulus is multiplied in each cell; None: by nothing."""
     problems, mesh = [], tagged.mesh
-    if all(getattr(material, key) is None for material in scene.material):
+    if all(_grading(material, key) is None for material in scene.material):
         return None
     grading = fem.Function(fem.functionspace(mesh, ("DG", 0)))
     grading.x.array[:] = 1.0
     for index, material in enumerate(scene.material):
-        value = getattr(material, key)
+        value = _grading(material, key)
         if value is None or (material.region is not None and material.region not in tagged.regions):
             continue  # the latter is reported elsewhere
         count = len(grading.function_space.dofmap.list)
@@ -187,7 +191,7 @@ def reduced_degree(scene: Scene, mesh: dmesh.Mesh) -> int | None:
         message = f"linear {'triangles' if plane else 'tetrahedra'} have no reduced form: {cure}"
         raise SceneError([("element.volumetric", message)])
     nearly = any(material.locks for material in scene.material)
-    turned = any(material.orthotropic is not None for material in scene.material)
-    if requested in ("full", "mixed") or not has_form or turned or (requested == "auto" and not nearly):
+    apart = all(material.isotropic for material in scene.material)
+    if requested in ("full", "mixed") or not has_form or not apart or (requested == "auto" and not nearly):
         return None
     return 3 if degree == 2 and kind in ("quadrilateral", "hexahedron") else 1

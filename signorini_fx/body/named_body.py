@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from dolfinx import fem
-
+from signorini_fx.body.cellwise_stiffness import CellwiseStiffness
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.rigid_tools import RigidTools
 from signorini_fx.contact.friction import PointFriction
@@ -27,7 +26,7 @@ class NamedBody(ElasticBody):
             less than all that acts.
         tagged: the mesh; where displacements have a component out of it a section in space.
         lame: Lame parameters as coefficients of the forms; None: they are not known.
-        moduli: stiffness of each cell where a material is orthotropic, see ``body.orthotropic``; None: none is.
+        moduli: stiffness of each cell where a material is not isotropic; None: all are.
         law: the friction law; None where no law can act.
         pairs: both sides of each contact of two bodies, by its place in ``scene.contact``.
         tools: the foundations whose motion is an unknown; None: there are none.
@@ -36,7 +35,7 @@ class NamedBody(ElasticBody):
     scene: Scene
     tagged: TaggedMesh
     lame: tuple[Any, Any]
-    moduli: fem.Function | None
+    moduli: CellwiseStiffness | None
     law: PointFriction | None
     pairs: Mapping[int, PairedSides]
     tools: RigidTools | None = None

@@ -7,9 +7,9 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from signorini_fx import compat, parallel
-from signorini_fx.effects.material import elastic_degree
 from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.kinematics.space import SPACE
+from signorini_fx.materials.isotropic import elastic_degree
 
 # Difference of opposite edges, as a share of the shortest edge, below which the map of a cell counts as affine.  What
 # the rule with fewer points neglects is of the order of its square.

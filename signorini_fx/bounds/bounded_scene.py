@@ -13,18 +13,19 @@ from dolfinx import fem
 from signorini_fx import compat
 from signorini_fx.body.named_body import NamedBody
 from signorini_fx.bounds.arrays import Array
+from signorini_fx.bounds.simplices import COLUMNS, ROWS, TWICE, IsotropicModuli, MatrixModuli, Moduli
 from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.effects.contact import UnilateralContact
 from signorini_fx.effects.displacement import PrescribedDisplacement
-from signorini_fx.effects.material import LinearElastic
 from signorini_fx.effects.traction import SurfaceTraction
+from signorini_fx.materials.protocol import Material
 from signorini_fx.scene.effect import Effect
 from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.features import refused_by
 from signorini_fx.scene.stated import STRAIGHT_CELLS, may_have_arcs
 
 # Entries of a scene that are looked at; any other one could act on the body unseen.
-_KNOWN_EFFECTS = (LinearElastic, BodyForce, SurfaceTraction, PrescribedDisplacement, UnilateralContact)
+_KNOWN_EFFECTS = (BodyForce, SurfaceTraction, PrescribedDisplacement, UnilateralContact)
 
 # Of these what expressions compare cuts facets and cells.
 _CUT = ("traction", "body force")
@@ -37,8 +38,7 @@ _UNILATERAL = "a guaranteed bound is for unilateral contact with a rigid foundat
 REFUSES = {
     "driven foundation": "a guaranteed bound is for foundations that no force moves so far",
     "mixed element": "a guaranteed bound is for elements without a pressure of their own so far",
-    "orthotropic material": "an orthotropic material has no guaranteed bound yet",
-    "graded material": "graded moduli have no guaranteed bound yet",
+    "graded material": "moduli or axes that vary have no guaranteed bound yet",
     "several load steps": "a guaranteed bound is for one load step so far",
     "load in time": "loads that depend on the time have no guaranteed bound yet",
     "support of a point": "a displacement at a point has no guaranteed bound: a point has none in the energy norm",
@@ -97,13 +97,27 @@ class BoundPoints:
         return np.stack([self.value(value) for value in values[: self.x.shape[2]]], axis=2)
 
 
-def lame_of(d: NamedBody, owner: npt.NDArray[np.int64]) -> Array:
-    """The parameters of Lamé, lambda and mu, of the cells ``owner``, stress, shape (n, 2)."""
-    columns = []
-    for part in d.lame:
-        by_cell = part.x.array[part.function_space.dofmap.list[:, 0]] if isinstance(part, fem.Function) else None
-        columns.append(np.full(len(owner), float(part.value)) if by_cell is None else by_cell[owner])
-    return np.column_stack(columns)
+def moduli_of(d: NamedBody, owner: npt.NDArray[np.int64]) -> Moduli:
+    """Of the cells ``owner``."""
+    dim = d.tagged.dimension
+    ordered = np.minimum(ROWS[dim], COLUMNS[dim]), np.maximum(ROWS[dim], COLUMNS[dim])
+    axes = [d.kinematics.pairs.index(pair) for pair in zip(*map(np.ndarray.tolist, ordered), strict=True)]
+    if d.moduli is not None:
+        stiffness = d.moduli.at_cells[owner][:, axes][:, :, axes]
+        softest = np.empty(len(owner))
+        for material in d.scene.material:
+            cells = slice(None) if material.region is None else np.isin(owner, d.tagged.cells(material.region))
+            softest[cells] = material.moduli[0]
+        return MatrixModuli(stiffness * TWICE[dim], np.linalg.inv(stiffness) / TWICE[dim][:, None], softest)
+    lame, mu = (values_of(part, owner) for part in d.lame)
+    return IsotropicModuli(lame, mu, dim)
+
+
+def values_of(part: Any, owner: npt.NDArray[np.int64]) -> Array:
+    """Of a coefficient in the cells ``owner``, shape (n,)."""
+    if isinstance(part, fem.Function):
+        return np.asarray(part.x.array[part.function_space.dofmap.list[owner, 0]])
+    return np.full(len(owner), float(part.value))
 
 
 def refuse_unknown(d: NamedBody) -> None:
@@ -133,6 +147,7 @@ def refuse_unknown(d: NamedBody) -> None:
         *(
             (type(entry) not in _KNOWN_EFFECTS, f"{entry.label} has no guaranteed bound yet")
             for _, entry in d.scene.listed()
+            if not isinstance(entry, Material)
         ),
     ):
         if wrong:

@@ -119,4 +119,4 @@ class Equilibration:
         if d == 3:
             return np.asarray(self._local.energy * (36 * forces) ** 2)
         shape = np.linalg.norm(t.jacobian, axis=(1, 2)) ** 2 / (2 * t.volume)
-        return np.asarray((np.linalg.norm(reference(2)[0], 2) * shape**2 * forces) ** 2 / t.softest)
+        return np.asarray((np.linalg.norm(reference(2)[0], 2) * shape**2 * forces) ** 2 / t.moduli.softest)

@@ -89,11 +89,9 @@ class LocalStress:
     def _conjugate(self, stress: Array, chunk: slice) -> Array:
         """The matrix of the integral of sigma : C^-1 tau times stresses, shape (n, d + 1, d + 1, 3 or 6, k)."""
         t, d = self._t, self._t.dimension
-        first, second = (t.lame[chunk, i, None, None, None, None] for i in (0, 1))
-        strain = stress.copy()
-        strain[:, :, :, :d] -= first / (d * first + 2 * second) * stress[:, :, :, :d].sum(axis=3, keepdims=True)
-        strain *= TWICE[d][:, None]
-        weight = t.volume[chunk, None, None, None, None] / (2 * (d + 1) ** 2 * (d + 2) * second)
+        scaled, unit = t.moduli.scaled_strain(np.moveaxis(stress, 3, -1), chunk)
+        strain = np.moveaxis(scaled, -1, 3) * TWICE[d][:, None]
+        weight = (t.volume[chunk] / ((d + 1) ** 2 * (d + 2) * unit))[:, None, None, None, None]
         return np.asarray(weight * (strain + strain.sum(axis=2, keepdims=True)))
 
     def alone(self, body: Array) -> Array:

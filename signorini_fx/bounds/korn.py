@@ -45,4 +45,4 @@ def missed_squares(t: Simplices, inside: Array, on_facets: Array) -> Array:
     constants = korn(t)
     edges = np.sqrt(on_facets)[t.facets_of]
     bounds = constants[0] * np.sqrt(inside) + (on_edges(t, *constants) * edges).sum(axis=1)
-    return np.asarray(bounds**2 / t.softest)
+    return np.asarray(bounds**2 / t.moduli.softest)

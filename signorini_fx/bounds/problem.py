@@ -16,7 +16,7 @@ from signorini_fx.body.named_body import NamedBody
 from signorini_fx.bounds.applied_loads import LinearLoads, PlaneLoads
 from signorini_fx.bounds.arrays import Array, Ints
 from signorini_fx.bounds.bounded_error import SAME_LENGTH
-from signorini_fx.bounds.bounded_scene import BoundPoints, Grounds, Refused, grounds, lame_of, refuse_unknown
+from signorini_fx.bounds.bounded_scene import BoundPoints, Grounds, Refused, grounds, moduli_of, refuse_unknown
 from signorini_fx.bounds.facets import NODES, POINTS, SEEN, bernstein, coefficients
 from signorini_fx.bounds.simplices import Simplices, divide
 from signorini_fx.effects.contact import UnilateralContact
@@ -125,7 +125,7 @@ class PlainProblem:
         owner = np.arange(len(corners)) % len(cells)
         turned = np.linalg.det(x[corners][:, 1:] - x[corners][:, :1]) < 0
         corners = np.where(turned[:, None], corners[:, [*range(d - 1), d, d - 1]], corners)
-        t = Simplices(x, corners, lame_of(self._d, owner))
+        t = Simplices(x, corners, moduli_of(self._d, owner))
         middle: Array = at[t.edges].mean(axis=1)
 
         def numbers(ends: Ints) -> Ints:

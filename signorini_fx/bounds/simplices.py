@@ -6,10 +6,12 @@ and volumes and areas are areas and lengths in the plane.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
 from math import factorial
+from typing import Protocol
 
 import numpy as np
 
@@ -30,6 +32,93 @@ COLUMNS: dict[int, Ints] = {2: np.array([0, 1, 1]), 3: np.array([0, 1, 2, 2, 2, 
 TWICE: dict[int, Array] = {d: np.where(ROWS[d] == COLUMNS[d], 1.0, 2.0) for d in (2, 3)}
 
 
+class Moduli(Protocol):
+    """Hooke's law of n cells, in the components ``ROWS`` and ``COLUMNS`` of epsilon and sigma, m of them."""
+
+    @property
+    def softest(self) -> Array:
+        """Alpha with sigma(w) : eps(w) >= alpha |eps(w)|^2, stress, shape (n,)."""
+
+    def stress(self, strain: Array) -> Array:
+        """Of strains, shape (n, ..., m)."""
+
+    def scaled_strain(self, stress: Array, cells: slice = slice(None)) -> tuple[Array, Array]:
+        """Of stresses of some of the cells, shape (n, ..., m), times a modulus of each, shape (n,), and that."""
+
+    def repeated(self, times: int) -> Moduli:
+        """Of so many times the cells."""
+
+
+@dataclass(frozen=True)
+class IsotropicModuli:
+    """Those of lambda and mu, stresses, shape (n,).
+
+    Attributes:
+        lame: lambda.
+        mu: mu.
+        dimension: d.
+    """
+
+    lame: Array
+    mu: Array
+    dimension: int
+
+    @property
+    def softest(self) -> Array:
+        """See ``Moduli``."""
+        return np.minimum(2 * self.mu, self.dimension * self.lame + 2 * self.mu)
+
+    def stress(self, strain: Array) -> Array:
+        """See ``Moduli``."""
+        d, (first, second) = self.dimension, self._of_axes(strain.ndim, slice(None))
+        stress = 2 * second * strain
+        stress[..., :d] += first * strain[..., :d].sum(axis=-1, keepdims=True)
+        return np.asarray(stress)
+
+    def scaled_strain(self, stress: Array, cells: slice = slice(None)) -> tuple[Array, Array]:
+        """See ``Moduli``: times 2 mu."""
+        d, (first, second) = self.dimension, self._of_axes(stress.ndim, cells)
+        strain = stress.copy()
+        strain[..., :d] -= first / (d * first + 2 * second) * stress[..., :d].sum(axis=-1, keepdims=True)
+        return strain, 2 * self.mu[cells]
+
+    def _of_axes(self, axes: int, cells: slice) -> Iterator[Array]:
+        """Lambda and mu, to be multiplied with arrays of so many axes."""
+        return (values[cells].reshape(-1, *[1] * (axes - 1)) for values in (self.lame, self.mu))
+
+    def repeated(self, times: int) -> IsotropicModuli:
+        """See ``Moduli``."""
+        return IsotropicModuli(np.tile(self.lame, times), np.tile(self.mu, times), self.dimension)
+
+
+@dataclass(frozen=True)
+class MatrixModuli:
+    """Those of matrices.
+
+    Attributes:
+        stiffness: stresses from strains, shape (n, m, m).
+        compliance: its inverse.
+        softest: see ``Moduli``.
+    """
+
+    stiffness: Array
+    compliance: Array
+    softest: Array
+
+    def stress(self, strain: Array) -> Array:
+        """See ``Moduli``."""
+        return _times(self.stiffness, strain)
+
+    def scaled_strain(self, stress: Array, cells: slice = slice(None)) -> tuple[Array, Array]:
+        """See ``Moduli``: times one."""
+        return _times(self.compliance[cells], stress), np.ones(len(stress))
+
+    def repeated(self, times: int) -> MatrixModuli:
+        """See ``Moduli``."""
+        stiffness, compliance = (np.tile(matrix, (times, 1, 1)) for matrix in (self.stiffness, self.compliance))
+        return MatrixModuli(stiffness, compliance, np.tile(self.softest, times))
+
+
 @dataclass(frozen=True)
 class Simplices:
     """A body of straight triangles or tetrahedra.
@@ -37,14 +126,14 @@ class Simplices:
     Attributes:
         x: vertices, length, shape (v, d).
         corners: of each cell, with positive determinants, shape (n, d + 1).
-        lame: lambda and mu of each cell, stresses, shape (n, 2).
+        moduli: of each cell.
         parts: how many similar triangles a cell of the mesh is divided into, 1 or 4: those of the i-th of m cells are
             i, i + m and so on, with corners in the order of its own, the last one between the others.
     """
 
     x: Array
     corners: Ints
-    lame: Array
+    moduli: Moduli
     parts: int = 1
 
     @property
@@ -168,29 +257,14 @@ class Simplices:
         inverse = np.linalg.inv(self.jacobian)
         return np.concatenate((-inverse.sum(axis=1, keepdims=True), inverse), axis=1)
 
-    @property
-    def softest(self) -> Array:
-        """Alpha with sigma(w) : eps(w) >= alpha |eps(w)|^2, stress, shape (n,)."""
-        return np.minimum(2 * self.lame[:, 1], self.dimension * self.lame[:, 0] + 2 * self.lame[:, 1])
-
-    def _moduli(self, axes: int) -> tuple[Array, Array]:
-        """Lambda and mu, to be multiplied with arrays of so many axes."""
-        first, second = (self.lame[:, k].reshape(-1, *[1] * (axes - 1)) for k in (0, 1))
-        return first, second
-
     def stress(self, strain: Array) -> Array:
         """Of strains, shape (n, ..., 3 or 6)."""
-        d, (first, second) = self.dimension, self._moduli(strain.ndim)
-        stress = 2 * second * strain
-        stress[..., :d] += first * strain[..., :d].sum(axis=-1, keepdims=True)
-        return np.asarray(stress)
+        return self.moduli.stress(strain)
 
     def strain(self, stress: Array) -> Array:
         """Of stresses, shape (n, ..., 3 or 6)."""
-        d, (first, second) = self.dimension, self._moduli(stress.ndim)
-        strain = stress.copy()
-        strain[..., :d] -= first / (d * first + 2 * second) * stress[..., :d].sum(axis=-1, keepdims=True)
-        return np.asarray(strain / (2 * second))
+        strain, unit = self.moduli.scaled_strain(stress)
+        return np.asarray(strain / unit.reshape(-1, *[1] * (stress.ndim - 1)))
 
     def strain_at_corners(self, y: Array, middle: Array) -> Array:
         """Strains of a displacement of degree 2 at the corners of the cells, shape (n, d + 1, 3 or 6).
@@ -208,6 +282,12 @@ class Simplices:
                 gradient[:, b] += 4 * bubble[:, k, :, None] * g[:, a, None]
         rows, columns = ROWS[d], COLUMNS[d]
         return np.asarray((gradient[..., rows, columns] + gradient[..., columns, rows]) / 2)
+
+
+def _times(matrix: Array, components: Array) -> Array:
+    """Of each cell, shape (n, ..., m)."""
+    count, m = components.shape[0], components.shape[-1]
+    return np.asarray((components.reshape(count, -1, m) @ matrix.swapaxes(1, 2)).reshape(components.shape))
 
 
 def moments_of(t: Simplices, traction: Array) -> Array:
@@ -233,7 +313,7 @@ def divide(t: Simplices, y: Array, middle: Array) -> tuple[Simplices, Array, Arr
     first, m = len(t.x), t.facets_of + len(t.x)
     corners = [np.column_stack([t.corners[:, i] if j == i else m[:, 3 - i - j] for j in range(3)]) for i in range(3)]
     x = np.concatenate((t.x, t.x[t.edges].mean(axis=1)))
-    divided = Simplices(x, np.concatenate((*corners, m)), np.tile(t.lame, (4, 1)), 4)
+    divided = Simplices(x, np.concatenate((*corners, m)), t.moduli.repeated(4), 4)
     keys = divided.keys(divided.edges)
     between = np.zeros((len(divided.edges), 2))
     middles = first + np.arange(len(t.edges))

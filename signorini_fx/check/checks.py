@@ -26,7 +26,7 @@ from signorini_fx.check.planned import attempts_for
 from signorini_fx.check.refusals import refuse_beforehand
 from signorini_fx.contact.reactions import ZERO
 from signorini_fx.effects.displacement import PrescribedDisplacement
-from signorini_fx.effects.material import LOCKING_POISSON
+from signorini_fx.materials.isotropic import LOCKING_POISSON
 from signorini_fx.mesh.hierarchy import coarser_scenes, scene_on
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, Timings
@@ -152,7 +152,7 @@ def _forms(d: Discretisation) -> tuple[str, ...]:
 
 def _effects(d: Discretisation) -> list[ListedEffect]:
     scene = d.scene
-    effects = [_elasticity(d), *_materials(scene), *_orthotropic(scene), _reduced(d), *_mixed(d), *_displacements(d)]
+    effects = [_elasticity(d), *_materials(scene), _reduced(d), *_mixed(d), *_displacements(d)]
 
     names = dict(zip(load_groups(scene), (load.names for load in d.applied), strict=False))
 
@@ -193,16 +193,12 @@ def _elasticity(d: Discretisation) -> ListedEffect:
 
 
 def _materials(scene: Scene) -> list[ListedEffect]:
-    if len(scene.material) == 1:
-        return [ListedEffect("several materials", False, "one [[material]]")]
-    return [ListedEffect("several materials", True, ", ".join(str(m.region) for m in scene.material))]
-
-
-def _orthotropic(scene: Scene) -> list[ListedEffect]:
-    return [
-        ListedEffect("orthotropic material", True, f"{material.region or 'everywhere'}: {material.orthotropic.said}")
+    several = len(scene.material) > 1
+    why = ", ".join(str(m.region) for m in scene.material) if several else "one [[material]]"
+    return [ListedEffect("several materials", several, why)] + [
+        ListedEffect(material.words, True, f"{material.region or 'everywhere'}: {material.said}")
         for material in scene.material
-        if material.orthotropic is not None
+        if material.said
     ]
 
 

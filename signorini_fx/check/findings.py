@@ -53,7 +53,7 @@ def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Find
     # Without an estimate it only matters whether anything acts at all; it is that of a beam in the plane or in space.
     unsolved = estimates
     estimates = estimates and not scene.of(Resistance) and "bending" not in scene.kinematics.refuses
-    moduli = [material.young for material in scene.material]
+    moduli = [material.natural_modulus for material in scene.material]
     moved = _displacement_scale(body, min(moduli)) if estimates else float(_acts(body))
     if estimates:
         # A layer of the softest material is not what bends: only what the stiffest one would do is certainly too much.
@@ -402,7 +402,7 @@ def _regularisation(scene: Scene, data: RegularisedData, natural: float) -> list
     """Gamma and sigma compared with E over the size of the body."""
     settings, findings = scene.solver, []
     # The pressures of the softest body are the smallest, and the round-off of gamma is as large at each.
-    softest = min(material.young for material in scene.material) / scene.young
+    softest = min(material.natural_modulus for material in scene.material) / scene.young
     gammas = {"gamma_n": data.gamma_n, "gamma_t": data.gamma_t}
     if not scene.has_friction:
         del gammas["gamma_t"]

@@ -26,7 +26,7 @@ def default_entries(scene: Scene) -> list[str]:
         if effect.friction.acts:
             entries += [f"contact[{number}].friction.{key}" for key in effect.friction.required]
         entries.append(f"contact[{number}].gap")
-    isotropic = [number for number, material in enumerate(scene.material) if material.orthotropic is None]
+    isotropic = [number for number, material in enumerate(scene.material) if material.isotropic]
     entries += [f"material[{number}].{key}" for number in isotropic for key in ("young", "poisson")]
     loads = [(path, effect) for path, effect in scene.listed() if isinstance(effect, Load) and effect.acts]
     return entries + [path for path, effect in loads if not is_zero(*effect.given.values())]
@@ -44,8 +44,8 @@ def entry_of(scene: Scene, path: str, extent: float, dimension: int) -> tuple[fl
     Raises:
         SceneError: there is no such entry, or none that a derivative can be taken by.
     """
-    if path.startswith("material") and any(material.orthotropic is not None for material in scene.material):
-        raise SceneError([(path, "is not possible yet where a material is orthotropic")])
+    if path.startswith("material") and not all(material.isotropic for material in scene.material):
+        raise SceneError([(path, "is possible where all materials are isotropic")])
     if ".friction.ratio" in path or ".friction.along" in path:
         raise SceneError([(path, "is none that a derivative can be taken by")])
     if path.endswith("grading"):

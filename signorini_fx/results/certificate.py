@@ -83,6 +83,8 @@ class Certificate:
             bound.
         coupling: largest error of the map that joins pairs of bodies, in its identities and in integrals at some of its
             points.
+        moduli: by how much the stress of a material leaves the bounds of its moduli, or has no energy; isotropic ones
+            are not asked.
         displacement: largest displacement, relative to the size of the body.
         penetration: largest tau_N y - d; lambda / gamma by the regularisation.
         complementarity: largest |lambda (tau_N y - d)|.
@@ -102,6 +104,7 @@ class Certificate:
     pressure_at_distance: float = 0.0
     slip_below_bound: float = 0.0
     coupling: float = 0.0
+    moduli: float = 0.0
     displacement: float = 0.0
     penetration: float = 0.0
     complementarity: float = 0.0
@@ -167,7 +170,7 @@ def certify(
     nodal_displacements = displacement.x.array.reshape(-1, tagged.mesh.geometry.dim)
     scales = Scales(tagged.dimension, scene.young, tagged.size, forces.kinematics.depth(tagged.size))
     mixed = scene.element.volumetric == "mixed"  # whose forces are not those of a change of volume
-    stiffest = replace(scales, modulus=max(material.stiffest(mixed=mixed) for material in scene.material))
+    stiffest = replace(scales, modulus=max(material.stiffest(pressed=mixed) for material in scene.material))
     balance = Balance(
         forces,
         forces.internal(displacement),
@@ -186,7 +189,9 @@ def certify(
         within = forces_entered(forces, sides, tractions, step, before)
         balance = replace(balance, external=balance.external + within)
     drives = given_in(scene, tools, step, scale)
-    return judged(displacement, balance, sides, tractions, law=law, before=before, tools=drives)
+    certificate = judged(displacement, balance, sides, tractions, law=law, before=before, tools=drives)
+    missed = [material.missed() for material in scene.material if not material.isotropic]
+    return replace(certificate, moduli=max(missed)) if missed else certificate
 
 
 def _faint_forces(nodes: ContactNodes, piece: npt.NDArray[Any], mean: Nodal, tools: Sequence[ToolMotion]) -> Nodal:

@@ -163,13 +163,7 @@ def cells_near(body: Discretisation, point: Array) -> list[CellAtVertex]:
     strained = bool(body.scene.of(InitialStrain))
 
     def kind_of(material: Any) -> tuple[Any, ...]:
-        return (
-            material.orthotropic,
-            material.lame,
-            material.grading,
-            material.poisson_grading,
-            strained and material.expansion,
-        )
+        return *material.kind, strained and material.expansion
 
     kinds = [kind_of(material) for material in body.scene.material]
     (number,) = of_materials(body.scene, body.tagged, lambda entry: (float(kinds.index(kind_of(entry))),))

@@ -39,6 +39,9 @@ Indices = npt.NDArray[np.int32]
 
 # Cells processed at a time: few enough for the caches, and enough to make the overhead of the loop negligible.
 _CHUNK = 4096
+# From cells, the gradient of the displacement, shape (k, k, f, q), and initial strains, shape (f, q), to the stress,
+# shape (k, k, f, q), and the energy density of the initial strains alone.
+_Law = Callable[[Indices, Array, Array | None], tuple[Array, Array | float]]
 # A share of the energy of the strains below this is what free expansion leaves of it.
 _ROUND_OFF = 1e-12
 
@@ -89,7 +92,7 @@ class NodalForces(SurfaceQuadrature):
 
     def dilation(self, displacement: fem.Function, step: float, scale: float = 1.0) -> tuple[Array, Array]:
         """The weak form of tr(epsilon) + p / lambda = 0 of a mixed element, with the initial strains of a load step
-        times ``scale``, see ``effects.material.mixed_strain_form``.
+        times ``scale``, see ``body.mixed.mixed_strain_form``.
 
         Returns:
             The residual with the functions of the pressure, and their integrals, volumes, both with shape (owned
@@ -262,14 +265,15 @@ class NodalForces(SurfaceQuadrature):
 
     def grading(self, key: str) -> Array:
         """By what a modulus of the materials is multiplied, of all cells alike, shape (1,), or cell by cell."""
-        if all(getattr(material, key) is None for material in self.scene.material):
+        gradings = [(material.region, getattr(material, key, None)) for material in self.scene.material]
+        if all(grading is None for _, grading in gradings):
             return np.ones(1)
-        middle, found = self.middles(slice(None)), np.ones(len(self._corners))
-        for material in self.scene.material:
-            if getattr(material, key) is not None:
-                here = slice(None) if material.region is None else self.tagged.cells(material.region)
-                found[here] = sample(getattr(material, key), middle[:, here])
-        return found
+        middle, shares = self.middles(slice(None)), np.ones(len(self._corners))
+        for region, grading in gradings:
+            if grading is not None:
+                cells = slice(None) if region is None else self.tagged.cells(region)
+                shares[cells] = sample(grading, middle[:, cells])
+        return shares
 
     # --- how ---------------------------------------------------------------------------------------------------------
 
@@ -339,34 +343,24 @@ class NodalForces(SurfaceQuadrature):
         Returns:
             Both on this rank alone, forces with shape (nodes, d).
         """
-        reduced = reduced_degree(self.scene, self.tagged.mesh)
-        if any(material.orthotropic is not None for material in self.scene.material):
-            from signorini_fx.results.orthotropic_law import in_axes
-
-            return self._part_of_work(u, degree, np.zeros(1), np.zeros(1), initial, partial(in_axes, self))
+        if not all(material.isotropic for material in self.scene.material):
+            return self._part_of_work(u, degree, self._stress_of_materials, initial)
         a, b = self._hooke()
+        reduced = reduced_degree(self.scene, self.tagged.mesh)
         if reduced is None:
-            return self._part_of_work(u, degree, a, b, initial)
-        first = self._part_of_work(u, degree, a, np.zeros(1), initial)
-        second = self._part_of_work(u, reduced, np.zeros(1), b, initial)
+            return self._part_of_work(u, degree, partial(self._stress, a, b), initial)
+        first = self._part_of_work(u, degree, partial(self._stress, a, np.zeros(1)), initial)
+        second = self._part_of_work(u, reduced, partial(self._stress, np.zeros(1), b), initial)
         return first[0] + second[0], first[1] + second[1]
 
     def _part_of_work(
-        self,
-        u: Array,
-        degree: int,
-        a: Array,
-        b: Array,
-        initial: Callable[[QuadratureFacets], Array] | None,
-        law: Callable[[Indices, Array], Array] | None = None,
+        self, u: Array, degree: int, law: _Law, initial: Callable[[QuadratureFacets], Array] | None
     ) -> tuple[Array, float]:
-        """That of the stress a epsilon + b tr(epsilon) I, or by another ``law``, see ``_stress_work``."""
-        turning = self.kinematics.third_column
-        axis_count, energy = self.scene.material[0].directions, 0.0
+        """That of the stress by a law, see ``_stress_work``."""
+        turning, energy = self.kinematics.third_column, 0.0
         points, weight = basix.make_quadrature(self._cell, degree)
         table, total, axes = self._table(points), self._zero(), range(self.dimension)
         for cells in self._chunks():
-            first, second = (m[:, None] if m.size == 1 else m[cells, None] for m in (a, b))
             inverse, determinant = adjugates(self._jacobian(cells, table))
             inverse /= determinant  # dX_k / dx_j
             nodes = self._nodes[cells]
@@ -379,18 +373,8 @@ class NodalForces(SurfaceQuadrature):
                 gradient = np.pad(gradient, [(0, 3 - length) for length in gradient.shape[:2]] + [(0, 0)] * 2)
                 gradient[:, 2] = np.einsum("ik,cnk,qn->icq", turning, nodal, table.shape) / radius
             size, forces = weight * np.abs(determinant) * self._around(part), np.zeros_like(nodal)
-            stress = first * (gradient + gradient.swapaxes(0, 1)) / 2
-            initial_strain: Array = np.zeros(1)
-            dilation = np.einsum("iicq->cq", gradient)
-            if initial is not None:
-                initial_strain = initial(part)
-                dilation = dilation - axis_count * initial_strain
-                energy += float(np.sum(size * (first + axis_count * second) * axis_count * initial_strain**2)) / 2
-            mean = second * dilation - first * initial_strain
-            for i in range(len(stress)):
-                stress[i, i] += mean
-            if law is not None:
-                stress = law(cells, gradient)
+            stress, density = law(cells, gradient, None if initial is None else initial(part))
+            energy += float(np.sum(size * density)) if initial is not None else 0.0
             if turning is not None:
                 forces += np.einsum("ik,icq,qn->cnk", turning, size / radius * stress[:, 2], table.shape)
             flux = size * np.einsum("ijcq,kjcq->ikcq", stress[: len(axes), : self.across], inverse)
@@ -401,6 +385,43 @@ class NodalForces(SurfaceQuadrature):
                 added = np.bincount((nodes - lowest).ravel(), forces[:, :, i].ravel())
                 total[lowest : lowest + added.size, i] += added
         return total, energy
+
+    def _stress(
+        self, a: Array, b: Array, cells: Indices, gradient: Array, initial: Array | None
+    ) -> tuple[Array, Array | float]:
+        """The stress a epsilon + b tr(epsilon) I, see ``_Law``."""
+        directions, density = self.scene.material[0].directions, 0.0
+        first, second = (m[:, None] if m.size == 1 else m[cells, None] for m in (a, b))
+        stress = first * (gradient + gradient.swapaxes(0, 1)) / 2
+        dilation, initial_strain = np.einsum("iicq->cq", gradient), np.zeros(1) if initial is None else initial
+        if initial is not None:
+            dilation = dilation - directions * initial_strain
+            density = (first + directions * second) * directions * initial_strain**2 / 2
+        mean = second * dilation - first * initial_strain
+        for i in range(len(stress)):
+            stress[i, i] += mean
+        return stress, density
+
+    def _stress_of_materials(
+        self, cells: Indices, gradient: Array, initial: Array | None
+    ) -> tuple[Array, Array | float]:
+        """The stress by ``Material.stress_at``, see ``_Law``."""
+        dim, strain, materials = len(gradient), np.zeros((*gradient.shape[2:], 3, 3)), self.scene.material
+        strain[..., :dim, :dim] = np.moveaxis(gradient + gradient.swapaxes(0, 1), (0, 1), (2, 3)) / 2
+        middle, stress, density = self.middles(cells), np.zeros_like(strain), np.zeros(strain.shape[:2])
+        for material in materials:
+            single = len(materials) == 1
+            inside = np.ones(len(cells), bool) if single else np.isin(cells, self.tagged.cells(str(material.region)))
+            x, free = middle[:, inside], np.zeros(1)
+            if initial is not None:
+                amount = np.broadcast_to(initial, density.shape)[inside]
+                free = amount[..., None, None] * material.free_strain_in_space(x)[:, None]
+                density[inside] = np.sum(material.stress_in_space(x, free) * free, axis=(2, 3)) / 2
+            stress[inside] = material.stress_in_space(x, strain[inside] - free)
+        share = self.grading("grading")
+        share = share[:, None] if share.size == 1 else share[cells, None]
+        stress *= share[..., None, None]
+        return np.moveaxis(stress[..., :dim, :dim], (2, 3), (0, 1)), share * density
 
     def middles(self, cells: Indices | slice) -> Array:
         """The middles of the corners of cells, shape (3, n)."""

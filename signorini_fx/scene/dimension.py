@@ -34,9 +34,8 @@ def _everywhere(scene: Scene, dimension: int) -> Iterator[tuple[str, str]]:
             if vector is not None and len(vector) != dimension:
                 yield f"{path}.{key}", f"{where}: give {dimension} numbers, not {len(vector)}"
     for index, material in enumerate(scene.material):
-        if material.orthotropic is not None:
-            for key, reason in material.orthotropic.problems(dimension):
-                yield f"material[{index}].orthotropic.{key}", reason
+        for path, reason in material.dimension_problems(dimension):
+            yield ".".join((f"material[{index}]", *map(str, path))), reason
     for index, effect in enumerate(scene.contact):
         if effect.foundation is not None:
             turns = scene.kinematics.unbalanced[-1]

@@ -413,7 +413,7 @@ class Scene(Table):
     @property
     def young(self) -> float:
         """Young's modulus of the stiffest material, the natural unit of stress."""
-        return max(material.young for material in self.material)
+        return max(material.natural_modulus for material in self.material)
 
     @cached_property
     def kinematics(self) -> Kinematics:

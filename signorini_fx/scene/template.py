@@ -33,8 +33,6 @@ def scene_schema() -> dict[str, Any]:
     for name in ("NoFriction", "Tresca", "Coulomb"):
         definition = schema["$defs"][name]
         definition["required"] = ["law", *definition.get("required", [])]
-    material = schema["$defs"]["LinearElastic"]
-    material["anyOf"] = [{"required": ["young", "poisson"]}, {"required": ["orthotropic"]}]
     schema["$defs"]["MeshGenerator"]["properties"]["generator"]["enum"] = list(known_generators())
     schema["$defs"]["SolverSettings"]["properties"]["linear_algebra"]["enum"] = list(known_linear_algebra())
     schema["required"].remove("mesh")  # where there are bodies

@@ -46,7 +46,7 @@ _OUTSIDE = 1.0
 # Features of a scene that a study does not know.
 REFUSES = {
     "mixed element": "a study compares elements without a pressure: leave 'mixed' out",
-    "orthotropic material": "a study is not possible yet with an orthotropic material",
+    "anisotropic material": "a study is not possible yet with an anisotropic material",
     "mesh that no generator makes": "a study needs a mesh from a generator, which can make coarser and finer ones",
     "several bodies": "a study is not possible yet with several [[body]]",
 }

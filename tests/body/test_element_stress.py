@@ -10,8 +10,8 @@ from test_stresses import INNER, OUTER, PRESSURE, cylinder
 
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.body.element_stress import element_stress
-from signorini_fx.effects.material import elastic_forms
 from signorini_fx.kinematics.plane_strain import PLANE_STRAIN
+from signorini_fx.materials.isotropic import elastic_forms
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Timings
 from signorini_fx.results.sampling import cell_values

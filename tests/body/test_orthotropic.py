@@ -1,6 +1,5 @@
 """Orthotropic materials: uniform states by formulas, a tube, isotropic constants, turned scenes, products."""
 
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +17,8 @@ from signorini_fx.body.assembly import action
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.body.moduli import middles
 from signorini_fx.check.checks import check_scene
+from signorini_fx.materials.isotropic import LinearElastic
+from signorini_fx.materials.protocol import Material
 from signorini_fx.records import Timings
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.scene.reading import parse_scene
@@ -398,12 +399,20 @@ def test_parallel_vectors():
     [
         (
             {"element": {"degree": 2, "volumetric": "mixed"}},
-            "element.volumetric: is not possible yet with an orthotropic",
+            "element.volumetric: must be 'full' with an anisotropic",
         ),
-        ({"element": {"volumetric": "reduced"}}, "element.volumetric: is not possible yet with an orthotropic"),
-        ({"temperature": {"change": 1.0}}, "temperature.*is not possible yet with an orthotropic"),
-        ({"material": {**wood(), "young": 1.0}}, "material.young: is one of the constants in orthotropic"),
-        ({"material": {**wood(), "poisson_grading": 0.5}}, "where a material has a poisson_grading"),
+        ({"element": {"volumetric": "reduced"}}, "element.volumetric: must be 'full' with an anisotropic"),
+        ({"temperature": {"change": 1.0}}, "material: has no expansion"),
+        ({"material": {**wood(), "young": 1.0}}, "material.young: unknown key"),
+        (
+            {
+                "material": [
+                    {**wood(), "region": "a"},
+                    {"young": 1.0, "poisson": 0.3, "poisson_grading": 0.5, "region": "b"},
+                ]
+            },
+            "is not possible yet where another material is anisotropic",
+        ),
         ({"material": {"poisson": 0.3}}, "material.young: is missing"),
     ],
 )
@@ -418,7 +427,7 @@ def test_derivatives_by_constants_are_refused():
     found = sensitivity(given, "force bottom y", comm=MPI.COMM_SELF)
     assert found.by == ("contact[0].friction.coefficient", "contact[0].gap", "traction[0]")
     assert found.derivatives[2] == pytest.approx(found.value, rel=1e-6)  # of a load as a whole: statics
-    with pytest.raises(SceneError, match=r"material.* is not possible yet where a material is orthotropic"):
+    with pytest.raises(SceneError, match=r"material.* is possible where all materials are isotropic"):
         sensitivity(given, "force bottom y", ["material[0].young"], MPI.COMM_SELF)
 
 
@@ -426,7 +435,62 @@ def test_check_says_so_and_others_have_nothing_of_it(monkeypatch):
     report = check_scene(pressed(body(comm=MPI.COMM_SELF), wood()), MPI.COMM_SELF)
     assert "orthotropic material" in str(report)
     assert "E = 12000, 900, 500; nu = 0.37, 0.42, 0.5; G = 800, 700, 60" in str(report)
-    for module in ("body.orthotropic", "results.orthotropic_law"):
-        monkeypatch.setitem(sys.modules, f"signorini_fx.{module}", None)  # so that its import fails
+    for kind, needed in ((LinearElastic, "stress_at"), (Material, "axes"), (Material, "stiffness")):
+        monkeypatch.setattr(kind, needed, None)
     solution = alone(pressed(body(comm=MPI.COMM_SELF), {"young": 5000.0, "poisson": 0.3}))
     assert solution.certificate.holds
+
+
+@pytest.mark.mpi
+def test_free_expansion_and_prevented_expansion():
+    """Heat strains a free bar without stress; held along its length it has the stress of E along it."""
+    turned = {"direction": [1.0, 0.0]}
+    for hypothesis in ("plane strain", "plane stress"):
+        material = wood(hypothesis=hypothesis, **turned) | {"expansion": 1e-4}
+        heated = {"mesh": body(), "material": material, "temperature": {"change": 20.0}}
+        heated["displacement"] = [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}]
+        solution = solve(parse_scene(heated), COMM)
+        assert solution.certificate.holds
+        out = 0.0 if hypothesis == "plane stress" else -E3 * 2e-3
+        tensor = solution.stress.recovered.tensor.x.array.reshape(-1, 3, 3)
+        assert np.abs(tensor - np.diag([0.0, 0.0, out])).max() <= 1e-9 * E1
+        heated["displacement"].append({"boundary": "right", "x": 0.0})
+        normal, _ = compliance()
+        held = [0] if hypothesis == "plane stress" else [0, 2]
+        stress = np.zeros(3)
+        stress[held] = np.linalg.solve(normal[np.ix_(held, held)], np.full(len(held), -2e-3))
+        solution = solve(parse_scene(heated), COMM)
+        tensor = solution.stress.recovered.tensor.x.array.reshape(-1, 3, 3)
+        assert np.abs(tensor - np.diag(stress)).max() <= 1e-9 * E1
+        assert solution.certificate.holds
+        strained = -2e-3 * stress[held].sum() / 2 * 2.0  # of a bar of area 2
+        assert solution.certificate.strain_energy == pytest.approx(strained, rel=1e-9)
+
+
+@pytest.mark.mpi
+def test_torsion():
+    """Constants that are alike in all directions: those of an isotropic shaft."""
+    results = []
+    for constants in (
+        {"young": 1000.0, "poisson": 0.3},
+        {
+            "orthotropic": {
+                "young": [1000.0] * 3,
+                "poisson": [0.3] * 3,
+                "shear": [1000 / 2.6] * 3,
+                "direction": [0.6, 0.8],
+            }
+        },
+    ):
+        shaft = {
+            "mesh": section(),
+            "material": constants | {"hypothesis": "axisymmetric", "torsion": True},
+            "displacement": [{"boundary": "bottom", "x": 0.0, "y": 0.0, "z": 0.0}],
+            "traction": {"boundary": "top", "z": "x[0]", "y": -1.0},
+        }
+        results.append(solve(parse_scene(shaft), COMM))
+    assert all(result.certificate.holds for result in results)
+    first, second = (result.displacement.x.array for result in results)
+    np.testing.assert_allclose(second, first, atol=1e-9 * np.abs(first).max())
+    tensors = [result.stress.recovered.tensor.x.array for result in results]
+    np.testing.assert_allclose(tensors[1], tensors[0], atol=1e-8 * np.abs(tensors[0]).max())

@@ -14,8 +14,8 @@ from signorini_fx.accuracy import stress_recovery
 from signorini_fx.body.assembly import stiffness_form
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.body.quadrature import parallelepipeds, strain_degree
-from signorini_fx.effects.material import elastic_forms
 from signorini_fx.kinematics import AXISYMMETRIC
+from signorini_fx.materials.isotropic import elastic_forms
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Timings
 

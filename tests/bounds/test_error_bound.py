@@ -14,7 +14,7 @@ from signorini_fx.bounds.facets import bernstein
 from signorini_fx.bounds.johnson_mercier import constant_forces
 from signorini_fx.bounds.korn import korn
 from signorini_fx.bounds.quantity_bounds import mean_displacement
-from signorini_fx.bounds.simplices import FACETS, Simplices, divide
+from signorini_fx.bounds.simplices import FACETS, IsotropicModuli, Simplices, divide
 from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.errors import SceneError
 from signorini_fx.results.summary import lines_of, summarise
@@ -34,7 +34,7 @@ def grid(n, chance):
         [np.column_stack((first, first + 1, first + n + 2)), np.column_stack((first, first + n + 2, first + n + 1))]
     )
     lame = np.where(x[corners].mean(axis=1)[:, :1] < 0.5, [[1.3, 0.7]], [[20.0, 2.0]])
-    return Simplices(x, corners, lame)
+    return Simplices(x, corners, IsotropicModuli(*lame.T, 2))
 
 
 def held_by(t, kind):
@@ -123,7 +123,9 @@ def test_constants_of_korn():
     """They hold for random displacements of degree 2 on flat and on round triangles."""
     chance = np.random.default_rng(2)
     for corners in ([[0, 0], [1, 0], [0.5, 0.8]], [[0, 0], [1, 0], [0.2, 0.05]], [[0, 0], [3, 0], [0, 1]]):
-        t = Simplices(np.array(corners, dtype=float), np.array([[0, 1, 2]]), np.array([[0.0, 0.5]]))
+        t = Simplices(
+            np.array(corners, dtype=float), np.array([[0, 1, 2]]), IsotropicModuli(np.zeros(1), np.full(1, 0.5), 2)
+        )
         inside, gradient = korn(t)
         local = chance.dirichlet(np.ones(3), 4000)
         x = local @ t.x
@@ -163,7 +165,7 @@ def test_a_displacement_on_four_triangles_is_the_same():
     np.testing.assert_allclose(middle, value(fine.x[fine.edges].mean(axis=1)), atol=1e-12)
     assert (fine.volume > 0).all()
     np.testing.assert_allclose(fine.volume, np.tile(t.volume, 4) / 4)
-    np.testing.assert_array_equal(fine.lame, np.tile(t.lame, (4, 1)))
+    np.testing.assert_array_equal(fine.moduli.mu, np.tile(t.moduli.mu, 4))
     for k in (0, 1):
         both = fine.x[fine.edges[halves[:, k]]].mean(axis=1)
         np.testing.assert_allclose(both, (3 * t.x[t.edges[:, k]] + t.x[t.edges[:, 1 - k]]) / 4)
@@ -268,7 +270,7 @@ def test_many_nodes_enter_a_little():
     depth = contact.pressure / 1e6
     low = t.x[:, 1] < 1e-9
     # A hat of height 1 at the boundary has more than half of its energy from its slope across, on half a cell each.
-    hats = np.sqrt((t.lame[0] @ [1, 2]) * (depth[contact.pressure > 0] ** 2).sum() / 2)
+    hats = np.sqrt((t.moduli.lame[0] + 2 * t.moduli.mu[0]) * (depth[contact.pressure > 0] ** 2).sum() / 2)
     assert low.sum() == len(depth)
     assert 0 < bound.moved < 0.5 * hats
 
@@ -505,7 +507,7 @@ def test_every_part_counts(monkeypatch):
     (t, found) = stresses[-1]
     s = found.stress
     nodal = np.einsum("ab,ntbk->ntak", np.eye(3) + 1, s)  # the mass matrix of a third is this over 12 times its area
-    first, second = t.lame[0]
+    first, second = (part.value for part in solution.discretisation.lame)
     hooke = np.array([[first + 2 * second, first, 0], [first, first + 2 * second, 0], [0, 0, second]])
     energy = np.einsum("n,ntak,kl,ntal", t.volume / 36, s, np.linalg.inv(hooke), nodal)
     low = t.outer[t.x[t.edges[t.outer]][:, :, 1].max(axis=1) < 1e-9]

@@ -21,11 +21,12 @@ from signorini_fx import cli, parallel
 from signorini_fx.body.motion_names import names_of_piece as rigid_motion_names
 from signorini_fx.check.checks import check_scene
 from signorini_fx.effects import contact as contact_of
-from signorini_fx.effects import displacement, material
-from signorini_fx.effects.material import LinearElastic
+from signorini_fx.effects import displacement
 from signorini_fx.errors import SceneError
 from signorini_fx.laws.coulomb import Coulomb
 from signorini_fx.laws.tresca import Tresca
+from signorini_fx.materials.isotropic import LinearElastic
+from signorini_fx.materials.orthotropic import OrthotropicElastic
 from signorini_fx.records import Status
 from signorini_fx.results.files import write_results
 from signorini_fx.results.summary import render, summarise
@@ -683,7 +684,7 @@ def keys_by_table():
 MODELS = {
     ".accuracy": [settings.Accuracy],
     "element": [scene.Discretised],
-    "material": [material.LinearElastic],
+    "material": [LinearElastic, OrthotropicElastic],
     "displacement": [displacement.PrescribedDisplacement],
     **{key: [import_module(f"{PACKAGE}.{key}").Entry] for key in LISTED},
     "contact": [contact_of.UnilateralContact],

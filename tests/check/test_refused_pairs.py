@@ -64,7 +64,7 @@ WITH = {
     "friction axes": {"contact": {"friction": {"ratio": 2.0, "along": [1.0, 0.0, 0.0]}}},
     "contact in time": {"contact": {"friction": {"coefficient": "0.3*t"}}, "load_steps": {"times": [1.0, 2.0]}},
     "contact that cannot open": {"contact": {"kind": "bilateral"}},
-    "orthotropic material": {"material": {"orthotropic": ORTHOTROPIC, "young": None, "poisson": None}},
+    "anisotropic material": {"material": {"orthotropic": ORTHOTROPIC, "young": None, "poisson": None}},
     "graded material": {"material": {"grading": "1 - 0.1*x[1]"}},
     "graded Poisson's ratio": {"material": {"poisson_grading": "1 - 0.1*x[1]"}},
     "initial strain": {"material": {"expansion": 1e-5}, "temperature": {"change": 1.0}},
@@ -168,12 +168,13 @@ def compatible(one, other):
 
 
 # A foundation is driven or moved, what cannot open lets no fluid in, a body with torsion turns about its axis
-# alone, and the mesh has quadrilaterals, which are not divided one by one.
+# alone, one material is of one kind, and the mesh has quadrilaterals, which are not divided one by one.
 ONE_OF_BOTH = {
     ("contact that cannot open", "entering load"),
     ("local refinement", "mesh that no generator makes"),
     ("driven foundation", "moving foundation"),
     ("axisymmetric, torsion", "prescribed rotation"),
+    ("anisotropic material", "graded Poisson's ratio"),
 }
 PAIRS = [pair for pair in combinations(WITH, 2) if compatible(*pair) and pair not in ONE_OF_BOTH]
 

@@ -36,7 +36,6 @@ from signorini_fx.effects import (
     fluid,
     force,
     gravity,
-    material,
     preload,
     rotation,
     springs,
@@ -46,6 +45,8 @@ from signorini_fx.effects import (
 from signorini_fx.laws.coulomb import Coulomb
 from signorini_fx.laws.none import NoFriction
 from signorini_fx.laws.tresca import Tresca
+from signorini_fx.materials.isotropic import LinearElastic
+from signorini_fx.materials.orthotropic import Orthotropic, OrthotropicElastic
 from signorini_fx.quantities.table import markdown
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import JUDGED, REPORTED
@@ -54,7 +55,6 @@ from signorini_fx.scene import model as scene
 from signorini_fx.scene import settings
 from signorini_fx.scene.generators import known_generators
 from signorini_fx.scene.load_steps import LoadSteps
-from signorini_fx.scene.orthotropic import Orthotropic
 from signorini_fx.scene.reading import parse_scene, read_scene
 from signorini_fx.scene.template import starting_scene
 
@@ -466,7 +466,7 @@ MODELS = {
     ("`[mesh]` from a generator", "key"): [scene.MeshGenerator],
     ("`[mesh]` from a file", "key"): [scene.MeshFile],
     ("`[element]`", "key"): [scene.Discretised],
-    ("`[[material]]`", "key"): [material.LinearElastic],
+    ("`[[material]]`", "key"): [LinearElastic, OrthotropicElastic],
     ("`[[material]]`", "key of `orthotropic`"): [Orthotropic],
     ("`[[displacement]]`", "key"): [displacement.PrescribedDisplacement],
     ("Loads", "key"): [

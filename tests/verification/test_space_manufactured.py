@@ -17,8 +17,8 @@ from spaces import box
 from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.effects.contact import UnilateralContact
 from signorini_fx.effects.displacement import PrescribedDisplacement
-from signorini_fx.effects.material import LinearElastic
 from signorini_fx.laws.tresca import Tresca
+from signorini_fx.materials.isotropic import LinearElastic
 from signorini_fx.scene.model import Scene, SolverSettings
 
 YOUNG, BOUND, FAR, PRESSED = 100.0, 2.0, 0.05, 0.1

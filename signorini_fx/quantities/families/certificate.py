@@ -21,6 +21,7 @@ JUDGED = (
     "pressure_at_distance",
     "slip_below_bound",
     "coupling",
+    "moduli",
 )
 # The others give the regularisation error, and how far the body moves.
 REPORTED = ("displacement", "penetration", "complementarity", "stick_slip")
@@ -38,6 +39,7 @@ class CertificateFigures(Row):
     pressure_at_distance: Number
     slip_below_bound: Number
     coupling: Number
+    moduli: Number
     displacement: Number = described("Largest displacement, relative to the size of the body.")
     penetration: Number
     complementarity: Number
