@@ -10,7 +10,6 @@ from __future__ import annotations
 import gc
 import time
 from collections.abc import Iterator
-from importlib.metadata import EntryPoint
 from typing import Any
 
 import basix.ufl
@@ -26,11 +25,11 @@ from space import Run
 
 from signorini_fx import solve
 from signorini_fx.body import paired_points
+from signorini_fx.extensions import GENERATORS, register
 from signorini_fx.mesh import tagged as meshes
 from signorini_fx.mesh.cuts import partitioner, shares
 from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
 from signorini_fx.meshes import generator
-from signorini_fx.scene.generators import GROUP, known_generators
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import parse_scene
 
@@ -71,13 +70,7 @@ def generate(comm: MPI.Comm, /, *, nx: int = 30, other: int = 24, dimension: int
     return tag_boundaries(mesh, marks)
 
 
-def _known(name: str | None = None) -> dict[str, EntryPoint]:
-    """The generators with this one."""
-    own = {_NAME: EntryPoint(_NAME, f"{__name__}:generate", GROUP)}
-    return own if name == _NAME else {**known_generators(name), **own}
-
-
-meshes.known_generators = _known
+register(GENERATORS, _NAME, generate)
 
 
 def scene(

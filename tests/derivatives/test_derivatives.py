@@ -207,11 +207,15 @@ def test_no_derivative_of_half_an_iteration(monkeypatch):
 
 
 def test_scenes_without_derivatives():
-    """Several meshes, and without contact."""
-    scene = plane(TRESCA)
-    for update in ({"solver": scene.solver.model_copy(update={"levels": 2})}, {"contact": ()}):
-        with pytest.raises(SceneError):
-            sensitivity(scene.model_copy(update=update), "mean top y")
+    """Without contact."""
+    with pytest.raises(SceneError):
+        sensitivity(plane(TRESCA).model_copy(update={"contact": ()}), "mean top y")
+
+
+def test_nested_meshes():
+    """The derivatives are those of the finest mesh, however it was reached."""
+    nested, alone = (sensitivity(plane(TRESCA, levels=levels), "mean top y", ["traction[0]"]) for levels in (2, 1))
+    assert nested.derivatives == pytest.approx(alone.derivatives, rel=1e-8)
 
 
 def test_the_command(tmp_path, capsys):

@@ -313,13 +313,13 @@ def test_bodies_carried_away_together(kind, friction, monkeypatch):
     problem = ContactProblem(a, nothing(mesh, v), bcs, contact=Pair(*both, gap=0.0, friction=friction))
     problem.solve()
     np.testing.assert_allclose(problem.u.x.array.reshape(-1, dim), np.tile(carried, (problem.u.x.array.size // dim, 1)))
-    certify = contact_problem.certify
+    judged = contact_problem.judged
 
-    def spoiled(*given):
-        state, law = given[7:9]
-        return certify(*given[:7], replace(state, pressure=state.pressure + 1e-13 * law.gamma_n), *given[8:])
+    def spoiled(u, balance, sides, tractions, *, law, **others):
+        raised = replace(tractions, pressure=tractions.pressure + 1e-13 * law.gamma_n)
+        return judged(u, balance, sides, raised, law=law, **others)
 
-    monkeypatch.setattr(contact_problem, "certify", spoiled)
+    monkeypatch.setattr(contact_problem, "judged", spoiled)
     with pytest.raises(ConvergenceError):
         problem.solve()
     assert problem.certificate.equilibrium > 1e-6

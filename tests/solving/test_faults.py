@@ -155,7 +155,7 @@ friction = { law = "coulomb", coefficient = 0.3 }
 def start(tmp_path, *arguments, cells=200, **options):
     """Start the command line on a scene that takes a while; its output unbuffered."""
     (tmp_path / "scene.toml").write_text(SCENE.replace("NX", str(cells)))
-    command = [sys.executable, "-m", "signorini_fx", "solve", str(tmp_path / "scene.toml"), "--out"]
+    command = [sys.executable, "-m", "signorini_fx", "solve", str(tmp_path / "scene.toml"), "--verbose", "--out"]
     return subprocess.Popen(
         [*command, str(tmp_path / "out"), "--no-pictures", *arguments],
         stdout=options.get("stdout", subprocess.PIPE),
