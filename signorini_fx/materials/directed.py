@@ -60,7 +60,12 @@ class Axes(Table):
 
 
 class DirectedMaterial(Axes, Material):
-    """A material with axes; a user's own derives from it."""
+    """A material with axes; a user's own derives from it.
+
+    Attributes:
+        direction, second: see ``Axes``.
+        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
+    """
 
     @property
     def varies(self) -> bool:

@@ -22,6 +22,7 @@ class LinearElastic(Material):
         young: Young's modulus E > 0, stress, which ``grading`` multiplies.
         poisson: Poisson's ratio nu in (-1, 0.5); 0.5 too in plane stress, and where ``element.volumetric`` is mixed.
         poisson_grading: from 0 to 1, by which ``poisson``, the largest, is multiplied, likewise.
+        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
     """
 
     isotropic: ClassVar[bool] = True

@@ -62,6 +62,7 @@ class OrthotropicElastic(Material):
 
     Attributes:
         orthotropic: its constants and the directions of its axes.
+        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
     """
 
     orthotropic: Orthotropic

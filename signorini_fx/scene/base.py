@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Generator, Iterable, Mapping
 from inspect import Parameter, Signature
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast, get_origin
 
@@ -25,7 +25,7 @@ class _OwnErrors(_ModelMetaclass):
         table = cast("type[Table]", cls)
         named = dict(zip(table.positional, positional, strict=False))
         if len(positional) > len(table.positional) or named.keys() & data:
-            raise TypeError(f"{cls.__name__} takes keyword arguments: {', '.join(cls.model_fields)}")
+            raise TypeError(f"{cls.__name__} takes keyword arguments: {', '.join(table.__signature__.parameters)}")
         try:
             return super().__call__(**named, **data)
         except ValidationError as error:
@@ -57,7 +57,12 @@ class Table(BaseModel, metaclass=_OwnErrors):
             Parameter(name, Parameter.KEYWORD_ONLY, default=Parameter.empty if field.is_required() else field.default)
             for name, field in cls.model_fields.items()
         )
-        cls.__signature__ = Signature(list(parameters))
+        # What must be given comes first, also where a base class has the other keys.
+        cls.__signature__ = Signature(sorted(parameters, key=lambda key: key.default is not Parameter.empty))
+
+    def __iter__(self) -> Generator[tuple[str, Any], None, None]:
+        """The keys with their values, without what is kept of what follows from them."""
+        yield from ((name, getattr(self, name)) for name in type(self).model_fields)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """A changed copy, whose new values are not validated; a single table stands for a list of one.

@@ -856,7 +856,8 @@ def test_the_schema_knows_the_generators():
 def test_the_schema_knows_every_class():
     """Each table of a scene is defined in it."""
     laws = (import_module(f"signorini_fx.laws.{name}") for name in ("none", "tresca", "coulomb"))
-    files = [scene, settings, *laws, *(import_module(f"signorini_fx.effects.{key}") for key in keys())]
+    materials = (import_module(f"signorini_fx.materials.{name}") for name in ("isotropic", "orthotropic"))
+    files = [scene, settings, *laws, *materials, *(import_module(f"signorini_fx.effects.{key}") for key in keys())]
     classes = [thing for file in files for thing in vars(file).values()]
     models = {m.__name__ for m in classes if isinstance(m, type) and issubclass(m, BaseModel)}
     internal = {
@@ -873,6 +874,8 @@ def test_the_schema_knows_every_class():
         "Contact",
         "FrictionLaw",
         "DirectedLaw",
+        "Material",
+        "Axes",
     }
     assert models - internal == set(template.scene_schema()["$defs"])
 

@@ -782,7 +782,7 @@ def test_killed(tmp_path, uninterrupted, before, after):
     assert code == -signal.SIGKILL if before == 1 else code != 0
     assert sum(path.name.startswith("0-") for path in (out / CHECKPOINT).iterdir()) == 3
     command = ("-m", "signorini_fx", "solve", file, "--no-pictures", "--no-fields", "--out")
-    code, output, errors = run(after, *command, out, "--restart")
+    code, output, errors = run(after, *command, out, "--restart", "--verbose")
     assert code == 0, errors
     assert f"restart 3 complete load steps in {out / CHECKPOINT}" in " ".join(output.split())  # lines are wrapped
     assert not (out / CHECKPOINT).exists()
