@@ -23,7 +23,7 @@ test:       ## run the quick tests on one rank, side by side, and those marked m
 	$(SIDE_BY_SIDE) tests
 	for n in 2 3; do $(ON_RANKS) -m "mpi and not slow and not long" || exit; done
 
-test-slow:  ## run the slow tests, which repeat at other parameters what the quick ones show (tests/tiers.py)
+test-slow:  ## run the slow tests, which run no line of the package that the quick ones do not run (tests/tiers.py)
 	$(SIDE_BY_SIDE) -m "slow and not long" tests
 	for n in 2 3; do $(ON_RANKS) -m "mpi and slow and not long" || exit; done
 

@@ -4,9 +4,9 @@
     ./env python3 tests/tiers.py choose                # lists the slow tests of the files that were measured
 
 A test is slow if it takes more than ``DEAR`` seconds, or what stays of its function more than ``TOGETHER``, if another
-set of parameters of its function stays, and if the tests that stay run every line of the package that it runs.  What
-notices a mistake of docs/evidence/mutants.csv stays, and so do the tables of the paper.  ``REPEATED`` names what is
-slow because a test of another function shows the same.
+set of parameters of its function stays or it takes more than ``ALONE`` seconds, and if the tests that stay run every
+line of the package that it runs.  What notices a mistake of docs/evidence/mutants.csv stays, and so do the tables of
+the paper.  ``REPEATED`` names what is slow because a test of another function shows the same.
 
 On several ranks stays what notices a mistake there; of the functions that take at most ``COSTLY`` seconds on one rank
 also, on two, the first set of parameters, and on three the last test of each file, and the last set of parameters of
@@ -31,8 +31,9 @@ ROOT = Path(__file__).parent.parent
 LIST = ROOT / "tests" / "slow_tests.txt"
 MEASURED = ROOT / "build" / "tiers"
 PACKAGE = f"{ROOT / 'signorini_fx'}/"
-# CPU seconds above which a test may be slow, and above which one of a function with many sets of parameters may be.
-DEAR, TOGETHER = 0.3, 1.0
+# CPU seconds above which a test may be slow, above which one of a function with many sets of parameters may be, and
+# above which all of a function may be.
+DEAR, TOGETHER, ALONE = 0.3, 1.0, 1.0
 # CPU seconds on one rank above which a function is slow on several; it is listed behind this mark.
 COSTLY, ON_SEVERAL = 0.7, "on several ranks: "
 # What is never slow, beside what notices a mistake.
@@ -123,9 +124,11 @@ def chosen(tests: list[Test], noticing: set[tuple[int, str]]) -> list[str]:
     for test in tests:
         seconds[test.function] += test.seconds
     for test in sorted(tests, key=lambda test: -test.seconds):
-        spare = of[test.function] > 1 and all(runs[line] > 1 for line in test.lines)
         stays = {test.name, test.function, test.name.partition("::")[0]} & kept
-        if (test.seconds > DEAR or seconds[test.function] > TOGETHER) and spare and not stays:
+        dear = of[test.function] > 1 and (test.seconds > DEAR or seconds[test.function] > TOGETHER)
+        # What runs in processes of its own has no lines, so that nothing says that others show the same.
+        dear |= test.seconds > ALONE and len(test.lines) > 0
+        if dear and not stays and all(runs[line] > 1 for line in test.lines):
             slow.append(test.name)
             of[test.function] -= 1
             seconds[test.function] -= test.seconds
@@ -204,10 +207,10 @@ def main(command: str, *files: str) -> int:
             subprocess.run([sys.executable, __file__, command, file], cwd=ROOT, check=True)
         return 0
     tests = measured()
-    files = {test.name.partition("::")[0] for test in tests}
-    slow = set(chosen(tests, noticing())) | (REPEATED & {test.name for test in tests})
+    files, names = {test.name.partition("::")[0] for test in tests}, {test.name for test in tests}
+    slow = set(chosen(tests, noticing())) | (REPEATED & names)
     head = [line for line in LIST.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
-    every = sorted(slow | {name for name in listed() if name.partition("::")[0] not in files})
+    every = sorted(slow | (listed() - names))
     on_several = {test.function for test in tests if test.on_ranks and test.seconds > COSTLY and test.name not in slow}
     on_several |= {name for name in costly() if name.partition("::")[0] not in files}
     LIST.write_text(

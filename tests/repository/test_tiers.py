@@ -67,13 +67,16 @@ def test_the_rule():
         Test("test_a.py::test_f[2]", 3.0, frozenset({1, 2}), True),
         Test("test_a.py::test_f[3]", 2.0, frozenset({1, 2, 3}), True),
         Test("test_a.py::test_f[4]", 2.5, frozenset({2}), True),
-        Test("test_a.py::test_g", 9.0, frozenset({1}), True),
+        Test("test_a.py::test_g", 9.0, frozenset({1, 4}), True),
         Test("test_a.py::test_h[1]", 0.1, frozenset({1}), False),
         Test("test_a.py::test_h[2]", 0.2, frozenset({1}), False),
     ]
     assert tiers.chosen(tests, {(2, "test_a.py::test_f[4]")}) == ["test_a.py::test_f[1]", "test_a.py::test_f[2]"]
     assert tiers.chosen(tests, {(2, "test_a.py::test_f")}) == []
     assert tiers.chosen(tests, {(1, "test_a.py")}) == []
+    # What takes more than a second may be the last of its function, if it has lines by which it can be judged.
+    lone = [Test("test_a.py::test_k", 1.1, frozenset({1}), False), Test("test_a.py::test_m", 1.2, frozenset(), False)]
+    assert tiers.chosen([tests[-2], *lone], set()) == [lone[0].name]
     # Many cheap sets of parameters: those that stay take a second together.
     many = [Test(f"test_a.py::test_f[{k}]", 0.2, frozenset({1, 9 if k == 0 else 2}), False) for k in range(12)]
     slow = tiers.chosen(many, {(1, many[1].name)})
