@@ -22,6 +22,7 @@ class LinearElastic(Material):
         young: Young's modulus E > 0, stress, which ``grading`` multiplies.
         poisson: Poisson's ratio nu in (-1, 0.5); 0.5 too in plane stress, and where ``element.volumetric`` is mixed.
         poisson_grading: from 0 to 1, by which ``poisson``, the largest, is multiplied, likewise.
+        yield_stress: by von Mises, a stress, which gives ``utilisation`` and changes nothing else; None: not known.
         hypothesis, torsion, grading, density, expansion, region: see ``Material``.
     """
 
@@ -30,6 +31,7 @@ class LinearElastic(Material):
     young: Positive
     poisson: Annotated[float, Field(gt=-1, le=0.5, allow_inf_nan=False, strict=True)]
     poisson_grading: SampledValue | None = None
+    yield_stress: Positive | None = None
 
     def stress(self, strain: Any) -> Any:
         """See ``Material``."""
@@ -55,6 +57,11 @@ class LinearElastic(Material):
         """See ``Effect``."""
         graded = self.poisson_grading is not None
         return (*super().features, *((("graded Poisson's ratio", ("poisson_grading",)),) if graded else ()))
+
+    @property
+    def yields_at(self) -> float:
+        """See ``Material``."""
+        return math.inf if self.yield_stress is None else self.yield_stress
 
     @property
     def varies(self) -> bool:

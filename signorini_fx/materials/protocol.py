@@ -103,6 +103,11 @@ class Material(Effect):
         return self.grading is not None
 
     @property
+    def yields_at(self) -> float:
+        """The von Mises stress at which it yields; infinite: it is not known."""
+        return math.inf
+
+    @property
     def said(self) -> str:
         """Its constants in words; "": ``check`` does not list it."""
         return ""
@@ -179,7 +184,7 @@ class Material(Effect):
     @property
     def kind(self) -> tuple[Any, ...]:
         """What two regions of the same material have in common."""
-        apart = ("region", "density", "expansion")
+        apart = ("region", "density", "expansion", "yield_stress")
         return type(self), *(getattr(self, key) for key in type(self).model_fields if key not in apart)
 
     def contradictions(self, scene: Any, number: int) -> Contradictions:

@@ -9,6 +9,7 @@ from typing import Any
 from signorini_fx.display import clean, effort_in_words, results_of, status_in_words, touch_each_other
 from signorini_fx.machine.terminal import COLUMNS, TerminalLine, printable
 from signorini_fx.quantities.digits import between, figure, percent, solved_prices
+from signorini_fx.quantities.families.stress import share_in_words
 from signorini_fx.quantities.registry import error_of, of_package, quantities
 from signorini_fx.quantities.text import point_in_words
 from signorini_fx.records import CERTIFICATE_TOLERANCE
@@ -144,12 +145,17 @@ def _safety(summary: dict[str, Any]) -> list[TerminalLine]:
 
 
 def _stress(summary: dict[str, Any]) -> list[TerminalLine]:
-    raw = (summary.get("stress") or {}).get("von_mises")
-    if raw is None or raw["value"] is None:
+    """The larger one of the raw and the recovered von Mises stress, how much of the yield stress it uses, and where."""
+    stress = summary.get("stress") or {}
+    entries = [entry for each in (stress, stress.get("recovered")) if (entry := (each or {}).get("von_mises"))]
+    entries = [entry for entry in entries if entry["value"] is not None]
+    if not entries:
         return []
-    value = figure(raw["value"], between(summary["stress"]))
-    limit = ", without limit there" if raw.get("no_limit") else ""
-    return [_row("stress", f"von Mises {value} at {point_in_words(raw['place'])}{limit}")]
+    largest = max(entries, key=lambda entry: entry["value"])
+    limit = " (no limit there)" if largest.get("no_limit") else ""
+    used = f", {share_in_words(summary)} of yield" if "utilisation" in summary else ""
+    text = f"von Mises {figure(largest['value'], between(stress))}{limit}{used}, at {point_in_words(largest['place'])}"
+    return [_row("stress", text)]
 
 
 def _error(summary: dict[str, Any]) -> TerminalLine:

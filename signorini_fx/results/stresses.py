@@ -6,6 +6,7 @@ difference says what both are worth.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -20,6 +21,7 @@ from signorini_fx import parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.element_stress import ElementStress, element_stress
+from signorini_fx.body.moduli import of_materials
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.records import Inventory
 from signorini_fx.results.interpolation import interpolated
@@ -149,8 +151,10 @@ class StressFields:
                 f"{field!r} is no field with extremes: take 'von_mises', 'principal' or one of {components}"
             )
         function: fem.Function = self.component(field) if field in _COMPONENTS else getattr(self, field)
+        return self._extreme_of(function, min(component, function.function_space.dofmap.bs - 1), sign=sign)
+
+    def _extreme_of(self, function: fem.Function, component: int = 0, *, sign: float = 1.0) -> Extreme:
         comm, space = self.comm, function.function_space
-        component = min(component, space.dofmap.bs - 1)
         values = sign * function.x.array.reshape(-1, space.dofmap.bs)[: space.dofmap.index_map.size_local, component]
         x = node_positions(space)[:, : space.mesh.topology.dim]
         values = np.where(np.isfinite(values), values, -np.inf)
@@ -162,6 +166,19 @@ class StressFields:
             cell = np.flatnonzero((space.dofmap.list == at).any(axis=1))[:1].astype(np.int32)
             where = tuple(map(float, x[at])), int(space.mesh.topology.index_map(x.shape[1]).local_to_global(cell)[0])
         return Extreme(sign * best, *comm.bcast(where, root=-rank))
+
+    def utilised(self, limit: fem.Function) -> Extreme:
+        """Where the von Mises stress is the largest share of a limit; collective.
+
+        Args:
+            limit: a stress of each cell, a function of degree 0; infinite where there is none.
+        """
+        stress = self.von_mises
+        share = fem.Function(stress.function_space)
+        cells = stress.function_space.dofmap.list
+        of_each_cell = limit.x.array[limit.function_space.dofmap.list[:, 0]]
+        share.x.array[cells] = stress.x.array[cells] / of_each_cell[:, None]
+        return self._extreme_of(share)
 
     def _nodal(self) -> Nodal:
         """The tensor at the points of its function space on this rank, shape (n, 3, 3)."""
@@ -247,6 +264,10 @@ class RawStresses(StressFields):
             "error": self.error if finite else None,
         }
 
+    def utilisation(self) -> dict[str, Any] | None:
+        """The largest share of the yield stress, JSON-safe; None: no yield stress is known; collective."""
+        return None
+
     def _remarks(self, extremes: Sequence[Extreme], *, finite: bool) -> dict[Extreme, dict[str, Any]]:
         """What is said of each extreme; nothing where the forms alone are known; collective.
 
@@ -281,6 +302,27 @@ class Stresses(RawStresses):
 
         energy = partial(NodalForces(d.scene, d.tagged, d.space).stored, displacement, step)
         return cls(element_stress(d, displacement, step), recovery, energy, step, discretisation=d)
+
+    def utilisation(self) -> dict[str, Any] | None:
+        """See ``RawStresses``: of raw and recovered stress the one that uses more, and where."""
+        d = self.discretisation
+        if all(math.isinf(material.yields_at) for material in d.scene.material):
+            return None
+        (limits,) = of_materials(d.scene, d.tagged, lambda material: (material.yields_at,))
+        if isinstance(limits, fem.Constant):
+            limit = fem.Function(fem.functionspace(d.tagged.mesh, ("DG", 0)))
+            limit.x.array[:] = limits.value
+        else:
+            limit = limits
+        finite = not parallel.any_rank(self.comm, not np.isfinite(self.stress.displacement.x.array).all())
+        if not finite:
+            return {"value": math.nan, "place": []}
+        largest = max((fields.utilised(limit) for fields in (self, self.recovered)), key=lambda entry: entry.value)
+        return {
+            "value": largest.value,
+            "place": list(largest.place),
+            **self._remarks([largest], finite=finite)[largest],
+        }
 
     def _remarks(self, extremes: Sequence[Extreme], *, finite: bool) -> dict[Extreme, dict[str, Any]]:
         """See ``RawStresses``: the part of the body, and why there is no limit."""

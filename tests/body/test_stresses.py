@@ -174,8 +174,12 @@ def test_made_up_displacement(degree):
 
 
 @pytest.mark.mpi
-def test_two_materials():
-    """A constant state in each of two layers: the recovered stress keeps the jump along them, and nothing is missed."""
+@pytest.mark.parametrize("stiff_yield", [{}, {"yield_stress": 1.0}], ids=["soft may yield", "both may yield"])
+def test_two_materials(stiff_yield):
+    """A constant state in each of two layers: the recovered stress keeps the jump along them, and nothing is missed.
+
+    The stress is larger in the stiff layer, the share of the yield stress in the soft one.
+    """
     from dolfinx import mesh as dmesh
 
     from signorini_fx.mesh.tagged import TaggedMesh, tag_boundaries
@@ -193,13 +197,19 @@ def test_two_materials():
         {
             "mesh": tagged,
             "material": [
-                {"young": 100.0, "poisson": POISSON, "region": "soft"},
-                {"young": 300.0, "poisson": POISSON, "region": "stiff"},
+                {"young": 100.0, "poisson": POISSON, "region": "soft", "yield_stress": 0.1},
+                {"young": 300.0, "poisson": POISSON, "region": "stiff", **stiff_yield},
             ],
             "displacement": [{"boundary": "ends", "x": f"{strain} * x[0]"}, {"boundary": "bottom", "y": 0.0}],
         }
     )
     found = solve(scene, COMM).stress
+    # Plane strain without stress across the layers: the von Mises stress is sqrt(1 - nu + nu^2) times that along them.
+    used = np.sqrt(1 - POISSON + POISSON**2) * strain / (1 - POISSON**2) * 100.0 / 0.1
+    utilisation = found.utilisation()
+    assert utilisation["value"] == pytest.approx(used, rel=1e-6)
+    assert utilisation["region"] == "soft"
+    assert utilisation["place"][1] <= 0.5
     for one in (found, found.recovered):
         assert one.largest("xx").value == pytest.approx(300.0 * strain / (1 - POISSON**2), rel=1e-6)
         assert one.smallest("xx").value == pytest.approx(100.0 * strain / (1 - POISSON**2), rel=1e-6)
@@ -248,6 +258,7 @@ def test_summary(tmp_path):
     solution = solve(cylinder(1, 0.4), MPI.COMM_SELF)
     summary = write_results(solution, tmp_path / "with", pictures=False)
     stress = summary["stress"]
+    assert "utilisation" not in summary
     assert set(stress["recovered"]) == set(stress) - {"recovered", "error"}
     assert stress["von_mises"]["no_limit"] is None
     assert stress["largest_zz"]["value"] == solution.stress.largest("zz").value

@@ -72,7 +72,7 @@ def tool(dimension=2):
     return parse_scene(
         {
             "mesh": {"generator": "rectangle" if dimension == 2 else "box", "parameters": {"nx": 3, "ny": 2}},
-            "material": {"young": 1000.0, "poisson": 0.3},
+            "material": {"young": 1000.0, "poisson": 0.3, "yield_stress": 10.0},
             "displacement": {"boundary": "bottom", **dict.fromkeys("xyz"[:dimension], 0.0)},
             "contact": {"boundary": "top", "foundation": {**shape, "force": down}, "friction": COULOMB},
         }

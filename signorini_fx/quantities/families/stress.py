@@ -76,4 +76,39 @@ class Stress(Quantity):
         return [Card(self.report, shown[max(values, key=lambda name: values[name] or 0.0)], remark=remark)]
 
 
-QUANTITIES = (Stress(),)
+class Utilisation(Quantity):
+    """Of the raw and the recovered stress that which uses more."""
+
+    key, kind, stage = "utilisation", ExtremeOfStress, "fields"
+    title = "Largest von Mises stress over the yield stress, and where; absent if no material has a yield stress."
+    terminal, report = "yield stress used", "yield stress used"
+
+    def value(self, solution: Any) -> Any:
+        """See ``Quantity``."""
+        return solution.stress.utilisation() if solution.has_stress else None
+
+    def lines(self, summary: Summary) -> list[TerminalLine]:
+        """See ``Quantity``."""
+        return [row(self.terminal, f"{card.text} {card.remark}") for card in self.cards(summary)]
+
+    def cards(self, summary: Summary) -> list[Card]:
+        """See ``Quantity``: the share, where it is reached, and what follows if it is above 1."""
+        if self.key not in summary:
+            return []
+        largest = summary[self.key]
+        region = f" in {largest['region']}" if largest.get("region") else ""
+        text = f"at {point_in_words(largest['place'])}{region}"
+        if largest["value"] is not None and largest["value"] > 1:
+            text += "; it would yield, which linear elasticity does not know"
+        if why := largest.get("no_limit"):
+            text += f"; no limit as the mesh is refined: {why}"
+        return [Card(self.report, share_in_words(summary), remark=text)]
+
+
+def share_in_words(summary: Summary) -> str:
+    """The share of the yield stress that is used, such as 41 %, with the digits that the stress has."""
+    share = summary["utilisation"]["value"]
+    return f"{figure(None if share is None else 100 * share, between(summary['stress']))} %"
+
+
+QUANTITIES = (Stress(), Utilisation())
