@@ -1,7 +1,7 @@
 # Everything runs through ./env: on this machine if it has dolfinx, otherwise in the image of the Dockerfile.
 # DEBIAN=sid make TARGET uses the image of that release.
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow test-long test-wheel test-report lint format paper bench stability oracle mutants docs dist clean
+.PHONY: help demo test test-slow test-long test-wheel test-report lint format paper bench stability oracle mutants mutants-drawn docs dist clean
 DEMOS := example1_tresca example1_coulomb
 REPORTS := $(addprefix demos/scenes/,example1_coulomb press_and_slide bracket) tests/data/three_feet
 SIDE_BY_SIDE := ./env python3 -m pytest -q -n auto --maxprocesses 8 --dist worksteal
@@ -9,6 +9,8 @@ ON_RANKS := ./env mpirun -n $$n python3 -m pytest -q --color=no $$(grep -l mark.
 RUFF := build/ruff-0.17.5
 SPHINX := build/sphinx-9.0.4
 BUILD := build/build-1.6.1
+COSMIC_RAY := build/cosmic-ray-8.7.0
+SINCE := HEAD~1
 
 # A registry that does not answer at once is asked for minutes.
 PIP := python3 -m pip install --retries 9
@@ -62,6 +64,9 @@ oracle:     ## check 5,000 random scenes with a program that shares no code with
 mutants:    ## put small mistakes into copies of the package, and report which of them no test notices (docs/evidence/mutants.csv)
 	./env python3 -m stability.mutants
 
+mutants-drawn: $(COSMIC_RAY)  ## put mistakes drawn by cosmic-ray on the lines that changed since SINCE, and print those that no test notices
+	git diff -U0 $(SINCE) -- signorini_fx | ./env python3 -m stability.drawn
+
 docs: $(SPHINX)  ## build README, docs/, demos and docstrings as a site; warnings are errors (build/docs/docs/index.html)
 	PYTHONPATH=$(SPHINX) python3 -m sphinx -q -E -n -W --keep-going -c docs . build/docs
 
@@ -84,6 +89,11 @@ $(RUFF):
 	$(PIP) -qq --no-deps --target $@.d ruff==$(@:build/ruff-%=%)
 	mv $@.d/bin/ruff $@
 	rm -rf $@.d
+
+$(COSMIC_RAY):
+	rm -rf $@.d
+	$(PIP) -qq --no-deps --target $@.d cosmic-ray==$(@:build/cosmic-ray-%=%)
+	mv $@.d $@
 
 $(SPHINX):
 	rm -rf $@.d

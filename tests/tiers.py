@@ -15,27 +15,25 @@ each function of the files that are about ranks.
 
 from __future__ import annotations
 
-import pickle
 import re
-import resource
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(ROOT))
 LIST = ROOT / "tests" / "slow_tests.txt"
 MEASURED = ROOT / "build" / "tiers"
-PACKAGE = f"{ROOT / 'signorini_fx'}/"
 # CPU seconds above which a test may be slow, above which one of a function with many sets of parameters may be, and
 # above which all of a function may be.
 DEAR, TOGETHER, ALONE = 0.3, 1.0, 1.0
 # CPU seconds on one rank above which a function is slow on several; it is listed behind this mark.
-COSTLY, ON_SEVERAL = 0.7, "on several ranks: "
+COSTLY, ON_SEVERAL = 0.3, "on several ranks: "
 # What is never slow, beside what notices a mistake.
 ALWAYS = {"test_paper.py"}
 # What is slow although no other set of parameters stays: what other tests show is named behind it.
@@ -43,7 +41,6 @@ REPEATED = {
     "test_demos.py::test_sphere_under_tangential_load",  # test_space_known.py, test_two_bodies_scenes.py
     "test_paper_tables.py::test_table_1",  # test_paper.py, by the command of the demo
 }
-_IN_A_FUNCTION = 1  # CO_OPTIMIZED: not the lines of modules and classes, which run when they are imported
 
 
 @dataclass(frozen=True)
@@ -53,7 +50,7 @@ class Test:
     Attributes:
         name: its node, without folders.
         seconds: CPU time, its fixtures included.
-        lines: of the package, as numbers.
+        lines: of the package.
         on_ranks: whether it is marked mpi.
     """
 
@@ -61,7 +58,7 @@ class Test:
 
     name: str
     seconds: float
-    lines: frozenset[int]
+    lines: frozenset[Hashable]
     on_ranks: bool
 
     @property
@@ -107,7 +104,6 @@ def node_of(item: pytest.Item) -> str:
 
 def noticing() -> set[tuple[int, str]]:
     """Ranks and tests, or functions or files of them, that notice the mistakes of docs/evidence/mutants.csv."""
-    sys.path.insert(0, str(ROOT))
     from stability.mistakes import MUTANTS
     from stability.mutants import recorded_tests
 
@@ -138,73 +134,22 @@ def chosen(tests: list[Test], noticing: set[tuple[int, str]]) -> list[str]:
 
 def measured() -> list[Test]:
     """What ``measure`` has left, from all of its processes."""
-    found, number = [], {}
-    for file in sorted(MEASURED.glob("*.pickle")):
-        known: list[int] = []
-        with file.open("rb") as stream:
-            while True:
-                try:
-                    name, seconds, on_ranks, new, lines = pickle.load(stream)
-                except EOFError:
-                    break
-                known += [number.setdefault(line, len(number)) for line in new]
-                found.append(Test(name, seconds, frozenset(known[k] for k in lines), on_ranks))
-    return found
+    from stability.lines import recorded
 
-
-class Recorder:
-    """A plugin of pytest that writes the CPU time and the lines of each test."""
-
-    def __init__(self, file: Path) -> None:
-        self._file, self._number, self._new = file, {}, []
-        self._run: set[int] = set()
-        sys.monitoring.use_tool_id(sys.monitoring.COVERAGE_ID, "tiers")
-        sys.monitoring.register_callback(sys.monitoring.COVERAGE_ID, sys.monitoring.events.LINE, self._line)
-        sys.monitoring.set_events(sys.monitoring.COVERAGE_ID, sys.monitoring.events.LINE)
-
-    def _line(self, code, line):
-        if code.co_flags & _IN_A_FUNCTION and code.co_filename.startswith(PACKAGE):
-            key = code.co_filename.removeprefix(PACKAGE), line
-            if key not in self._number:
-                self._number[key] = len(self._number)
-                self._new.append(key)
-            self._run.add(self._number[key])
-        return sys.monitoring.DISABLE  # until the next test
-
-    def pytest_unconfigure(self):
-        """What the interpreter does at its end is no test."""
-        sys.monitoring.register_callback(sys.monitoring.COVERAGE_ID, sys.monitoring.events.LINE, None)
-
-    @pytest.hookimpl(wrapper=True, tryfirst=True)
-    def pytest_runtest_protocol(self, item):
-        """One test with its fixtures."""
-        self._run.clear()
-        sys.monitoring.restart_events()
-        begin = _seconds()
-        try:
-            return (yield)
-        finally:
-            name, on_ranks = node_of(item), item.get_closest_marker("mpi") is not None
-            with self._file.open("ab") as stream:
-                pickle.dump((name, _seconds() - begin, on_ranks, self._new, sorted(self._run)), stream)
-            self._new = []
-
-
-def _seconds() -> float:
-    every = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return sum(usage.ru_utime + usage.ru_stime for usage in every)
+    return [
+        Test(re.sub("^tests/([a-z_]+/)?", "", node), seconds, lines, on_ranks)
+        for file in sorted(MEASURED.glob("*.pickle"))
+        for node, seconds, on_ranks, lines in recorded(file)
+    ]
 
 
 def main(command: str, *files: str) -> int:
     """Measure, in a process for each file, or choose."""
-    if command == "measure" and len(files) == 1:
-        name = Path(files[0]).stem
-        (MEASURED / f"{name}.pickle").unlink(missing_ok=True)
-        return pytest.main(["-q", "-m", "not long", *files], [Recorder(MEASURED / f"{name}.pickle")])
     if command == "measure":
         MEASURED.mkdir(parents=True, exist_ok=True)
         for file in files or sorted(map(str, (ROOT / "tests").rglob("test_*.py"))):
-            subprocess.run([sys.executable, __file__, command, file], cwd=ROOT, check=True)
+            record = ["-p", "stability.lines", "--lines", str(MEASURED / f"{Path(file).stem}.pickle")]
+            subprocess.run([sys.executable, "-m", "pytest", "-qm", "not long", *record, file], cwd=ROOT, check=True)
         return 0
     tests = measured()
     files, names = {test.name.partition("::")[0] for test in tests}, {test.name for test in tests}

@@ -11,7 +11,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from stability import mutants, syntax
+from stability import drawn, mutants, syntax
 from stability.mistakes import MUTANTS, QUICK, ROOT
 from stability.mutants import LIMIT, NOTICED, SURVIVES, Fate
 
@@ -195,3 +195,46 @@ def test_a_mutant_with_a_name_that_is_not_there():
     mutant = replace(MUTANTS[0], new=f"{MUTANTS[0].old} + nothing_of_that_name")
     with pytest.raises(ValueError, match="the module knows no nothing_of_that_name"):
         mutant.spoilt(ROOT / "signorini_fx")
+
+
+DIFF = """\
+--- a/signorini_fx/contact/laws.py
++++ b/signorini_fx/contact/laws.py
+@@ -3,0 +4,2 @@ def f
++one
++two
+@@ -9 +12 @@
+-old
++new
+@@ -20,2 +22,0 @@
+--- a/signorini_fx/notes.txt
++++ b/signorini_fx/notes.txt
+@@ -1 +1 @@
+"""
+
+
+class Negated:
+    """An operator as cosmic-ray has them: names get a sign."""
+
+    def mutation_positions(self, node):
+        return [(node.start_pos, node.end_pos)] if node.type == "name" else []
+
+    def mutate(self, node, index):
+        node.value = f"-{node.value}"
+        return node
+
+
+def test_drawn_mutants():
+    """On the lines of a change, one for each expression, and none where mutants show nothing."""
+    assert drawn.touched(DIFF) == {"signorini_fx/contact/laws.py": {4, 5, 12}}
+    source = "a = b\ndef f(c: d) -> e:\n    if c < g:\n        raise k(m)\n    return c\n"
+    found = drawn.mutants("x.py", source, {1, 2, 3, 4}, {"negated": Negated()}, drawn.random.Random(0))
+    assert [(m.line, m.in_function) for m in found] == [(1, False)] * 2 + [(2, False)] * 2 + [(3, True)] * 2
+    assert found[-1].source == source.replace("g:", "-g:")
+    assert found[-1].change == "-     if c < g:\n+     if c < -g:"
+    assert drawn.rooms(["signorini_fx/contact/laws.py", "signorini_fx/scales.py"]) == [
+        "tests/contact",
+        "tests/verification",
+    ]
+    assert drawn.cheapest([("a", 9.0), ("b", 1.0), ("c", 4.0)], 6.0) == ["b", "c"]
+    assert drawn.cheapest([("a", 9.0)], 6.0) == ["a"]
