@@ -2864,7 +2864,7 @@ MUTANTS = (
     ),
     Mutant(
         "results/certificate",
-        "last.traces(so_far, before.tools)[1]",
+        "last.traces(so_far, before.rigid)[1]",
         "0.0",
         "certificate: slip from zero",
         tests=("certificate", "load_steps"),
@@ -3405,7 +3405,7 @@ MUTANTS = (
         tests=("statics::test_a_block_slides_or_tips",),
     ),
     Mutant(
-        "results/tools",
+        "body/rigid_bodies",
         "load + taken / lever",
         "load * 0.0",
         "certificate: the forces on a tool are not looked at",
@@ -3604,7 +3604,7 @@ MUTANTS = (
         tests=("tools_in_forms::test_steps_with_friction",),
     ),
     Mutant(
-        "results/tools",
+        "body/rigid_bodies",
         "prescribed * lever",
         "prescribed",
         "certificate: a rotation of tools is a length",
@@ -4902,7 +4902,7 @@ MUTANTS = (
         tests=("loads::test_rotation_about_any_axis_in_space",),
     ),
     Mutant(
-        "results/tool_motion",
+        "body/rigid_bodies",
         "(x - self.reference - self.translation) @ turn",
         "(x - self.reference - self.translation) @ turn.T",
         "tools: the gap error is that of the opposite turn",

@@ -8,6 +8,7 @@ Where the nodes have no such rule the contact points are the vertices, at which 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, permutations
@@ -33,6 +34,7 @@ from signorini_fx.kinematics import of_components
 from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.kinematics.space import SPACE
 from signorini_fx.laws.directed import FrictionAxes
+from signorini_fx.scene.rigid_motion import RigidBody
 from signorini_fx.tuned import SAME_DIRECTION
 
 # A direction that differs from an axis by less is along it.
@@ -41,22 +43,20 @@ _ALONG_AXIS = 1e-12
 
 @dataclass(frozen=True)
 class MovingFoundation:
-    """The motion of rigid foundations at n contact points, where it is an unknown, see ``rigid_tools``.
+    """The motion of rigid foundations at n contact points, where it is an unknown, see ``rigid_bodies``.
 
     Attributes:
         modes: displacement of the foundation of each point for each of the k unknowns, shape (n, d, k).
         fixed: which unknowns are prescribed, shape (k,).
         number: of the foundation of each unknown, from 0, shape (k,).
-        parts: positions of the effects of these foundations in ``scene.contact``, shape (t,).
-        centre: their reference points, length, shape (t, d).
+        bodies: these foundations, shape (t,).
         length: at which a rotation moves by one.
     """
 
     modes: Nodal
     fixed: npt.NDArray[np.bool_]
     number: npt.NDArray[np.int64]
-    parts: npt.NDArray[np.int64]
-    centre: Nodal
+    bodies: Sequence[RigidBody]
     length: float
 
 
@@ -188,9 +188,9 @@ class ContactBoundary:
         movable = np.einsum("nki,nk,nkj->nij", frames, self.free.astype(np.float64), frames)
         if self.moving is not None:
             moves = np.einsum("nij,nik->njk", self.frames, self.moving.modes[:, :, ~self.moving.fixed])
-            on_tools = moves.any(axis=(1, 2))
-            movable[on_tools] = onto_range(
-                movable[on_tools] + np.einsum("nik,njk->nij", moves[on_tools], moves[on_tools])
+            on_moving = moves.any(axis=(1, 2))
+            movable[on_moving] = onto_range(
+                movable[on_moving] + np.einsum("nik,njk->nij", moves[on_moving], moves[on_moving])
             )
         return ContactPoints(self.comm, self.weight, movable, self.x, self._shared)
 

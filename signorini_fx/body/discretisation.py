@@ -26,15 +26,15 @@ from signorini_fx.body.loads import (
     check_finite,
     check_resistances,
     compile_resistance,
+    driving_load,
     group_of,
     load_groups,
-    tool_load,
 )
 from signorini_fx.body.mixed import MIXED_FORMS, MixedPressure
 from signorini_fx.body.moduli import check_covers, lame_coefficients, reduced_degree
 from signorini_fx.body.named_body import NamedBody
 from signorini_fx.body.pieces import BodyPieces, find_pieces
-from signorini_fx.body.rigid_tools import RigidTools
+from signorini_fx.body.rigid_bodies import RigidBodies
 from signorini_fx.body.scene_contact import foundations_of
 from signorini_fx.body.shared_values import shared_in
 from signorini_fx.body.supports import Conditions, Supports, at_rest, check_overlap
@@ -228,10 +228,10 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         shapes = foundations.shapes()
         rests = at_rest(space, supports.conditions, turned, fixed) if scene.sides[1] is not None else None
         boundary = foundations.boundary(shapes, fixed, turned, rests) if on else None
-        tools = RigidTools.of([contact.tool for contact in scene.contact], kinematics, tagged.size)
-        if boundary is not None and tools is not None:
-            boundary = tools.on(boundary)
-            applied += [tool_load(tools, number, scene, space) for number in range(tools.parts.size)]
+        rigid = RigidBodies(scene.rigid_bodies, kinematics, tagged.size)
+        if boundary is not None:
+            boundary = rigid.on(boundary)
+            applied += [driving_load(rigid, number, scene, space) for number in range(len(rigid.bodies))]
         if jumps := jumps_in(scene, tagged, space):
             bonded = [k for k, contact in enumerate(scene.contact) if contact.kind == "bonded"]
             held = partial(holds, fixed=fixed, turned=turned, boundary=boundary, bonded=bonded)
@@ -289,7 +289,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         resisting=resisting,
         coefficients=on_mesh,
         pairs=foundations.pairs,
-        tools=tools,
+        rigid=rigid,
     )
 
 

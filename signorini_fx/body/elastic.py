@@ -27,7 +27,7 @@ from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.body.mixed import MixedPressure
 from signorini_fx.body.pieces import BodyPieces
 from signorini_fx.body.rigid import RigidMotions, nearest_motion, rigid_motions, without_energy, without_strain
-from signorini_fx.body.rigid_tools import Driven, with_more_unknowns, without_more
+from signorini_fx.body.rigid_bodies import Driven, with_more_unknowns, without_more
 from signorini_fx.body.shared_values import shared_in
 from signorini_fx.body.turned_supports import TurnedNodes, block_rotation
 from signorini_fx.contact.friction import PointFriction
@@ -376,11 +376,11 @@ class ElasticBody:
 
     def driven(self, x: PETSc.Vec, resting: RestingMotion | None) -> Array:
         """The unknowns of rigid bodies in a displacement counted from the resting place, shape (k,); collective."""
-        assert self.boundary is not None
-        count = 0 if self.boundary.moving is None else self.boundary.moving.fixed.size
+        if self.boundary is None or self.boundary.moving is None:
+            return np.zeros(0)
         local = np.array(x.getArray(readonly=True)[self.fixed.size : self._held.size])
         unknowns: Array = self.comm.bcast(local, root=self.comm.size - 1)
-        if resting is not None and count:
+        if resting is not None:
             assert self.motions.foundations is not None
             unknowns = unknowns + self.motions.foundations @ resting.motion
         return unknowns

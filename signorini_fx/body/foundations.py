@@ -16,17 +16,19 @@ from signorini_fx import parallel
 from signorini_fx.body.averages import averaging, averaging_forms, from_owners
 from signorini_fx.body.contact_boundary import ContactBoundary, contact_part, join, unit_contact_form
 from signorini_fx.body.foundation import Foundation, Pair
+from signorini_fx.body.rigid_bodies import RigidBodies
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.body.values import NodalValues
 from signorini_fx.contact.friction import PointFriction, joined, stuck
 from signorini_fx.contact.laws import RegularisedData
 from signorini_fx.errors import FormError, SceneError
+from signorini_fx.kinematics import CARTESIAN
 from signorini_fx.laws.at_points import fault_of, friction_of
 from signorini_fx.laws.directed import FrictionAxes
 from signorini_fx.laws.protocol import FrictionLaw
 from signorini_fx.method import Settings
 from signorini_fx.records import Inventory
-from signorini_fx.scene.rigid_motion import RigidMotion
+from signorini_fx.scene.rigid_motion import RigidBody, RigidMotion
 from signorini_fx.scene.rigid_shape import Distance, distance_from
 
 if TYPE_CHECKING:
@@ -142,6 +144,16 @@ class Foundations:
         shapes = [getattr(self._distances.get(k), "shape", None) for k in range(len(self._contact))]
         return [shape if getattr(shape, "driven", False) else None for shape in shapes]
 
+    @property
+    def rigid_bodies(self) -> RigidBodies:
+        """Those that forces move."""
+        bodies = [RigidBody(self._names[k], shape, (k,)) for k, shape in enumerate(self.driven) if shape is not None]
+        mesh, dim, length = self._space.mesh, self._dimension, 1.0
+        if bodies:
+            bounds = parallel.global_bounds(mesh.comm, mesh.geometry.x[:, :dim].astype(np.float64))
+            length = float(np.linalg.norm(np.ptp(bounds, axis=0)))
+        return RigidBodies(bodies, CARTESIAN[dim], length)
+
     def check_driven(self, algorithm: str) -> None:
         """Refuse what foundations that forces move are not possible with, and bonds to others.
 
@@ -152,11 +164,11 @@ class Foundations:
         for k, (contact, shape) in enumerate(zip(self._contact, self.driven, strict=True)):
             if isinstance(contact, Pair):
                 continue
-            tool = "where a force moves the foundation"
+            driven = "where a force moves the foundation"
             for wrong, key, reason in (
                 (contact.bonded and not shape, "bonded", "needs a shape that force, moment or prescribed moves"),
-                (shape and contact.measure is not None, "measure", f"is not possible yet {tool}"),
-                (shape and algorithm == "exact", "shape", f"exact ties one unknown, not several {tool}: take 'alm'"),
+                (shape and contact.measure is not None, "measure", f"is not possible yet {driven}"),
+                (shape and algorithm == "exact", "shape", f"exact ties one unknown, not several {driven}: take 'alm'"),
                 (shape and (shape.timed or shape.driven_in_time), "shape", "depends on t: give numbers, and place()"),
             ):
                 problems += [(f"contact[{k}].{key}", reason)] if wrong else []

@@ -20,7 +20,7 @@ from signorini_fx.body.cellwise_stiffness import cellwise_stiffness, free_strain
 from signorini_fx.body.cut_loads import CutRule, cut_rule
 from signorini_fx.body.mixed import PressureSpace, mixed_strain_form
 from signorini_fx.body.moduli import isotropic, lame_coefficients, of_materials, reduced_degree
-from signorini_fx.body.rigid_tools import Driven, RigidTools
+from signorini_fx.body.rigid_bodies import Driven, RigidBodies
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import SceneError
@@ -55,7 +55,7 @@ class AppliedLoad:
         grows: whether its factors multiply it in a ramp from nothing.
         again: from a place in the lists of factors to the same at the time of that place, collective; None: it does not
             depend on the time.
-        driven: what drives tools; None: nothing.
+        driven: what drives rigid bodies; None: nothing.
         balanced: whether its forces balance each other in each cell, as those of initial strains do.
         entry: the entry of the scene that it is of alone; None: of several.
         amount: what multiplies it in place of factors, at a place in the lists of these; None: factors do.
@@ -88,7 +88,7 @@ class AppliedLoad:
 
     @property
     def drives(self) -> bool:
-        """Whether it drives tools."""
+        """Whether it drives rigid bodies."""
         return self.driven is not None and bool(self.driven.forces.any() or self.driven.motion.any())
 
     @property
@@ -321,9 +321,11 @@ def _assembled(
     )
 
 
-def tool_load(tools: RigidTools, number: int, scene: Scene, space: fem.FunctionSpace, step: float = 0) -> AppliedLoad:
-    """What drives one of the tools, at the time of a place in the lists of factors; collective."""
-    timed = tools.shapes[number].driven_in_time
+def driving_load(
+    rigid: RigidBodies, number: int, scene: Scene, space: fem.FunctionSpace, step: float = 0
+) -> AppliedLoad:
+    """What drives one of the rigid bodies, at the time of a place in the lists of factors; collective."""
+    timed = rigid.bodies[number].motion.driven_in_time
     return AppliedLoad(
         (1.0,) * scene.steps,
         (),
@@ -331,8 +333,8 @@ def tool_load(tools: RigidTools, number: int, scene: Scene, space: fem.FunctionS
         np.zeros(space.dofmap.index_map.size_local * space.dofmap.index_map_bs),
         fem.Function(space),
         not timed,
-        partial(tool_load, tools, number, scene, space) if timed else None,
-        tools.driven(number, scene.time_at(step)),
+        partial(driving_load, rigid, number, scene, space) if timed else None,
+        rigid.driven(number, scene.time_at(step)),
     )
 
 

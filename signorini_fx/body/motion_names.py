@@ -26,8 +26,10 @@ def names_of(moved: _Rows, motions: RigidMotions, members: npt.NDArray[np.int64]
         for member in members
     ]
     if rigid is not None:
-        of = [f"the foundation of contact[{part}]" for part in rigid.parts]
-        things += [(*row, rigid.length) for row in zip(of, rows[pieces.count :], rigid.centre, strict=True)]
+        things += [
+            (body.called, row, body.pivot(motions.x.shape[1]), rigid.length)
+            for body, row in zip(rigid.bodies, rows[pieces.count :], strict=True)
+        ]
     for name, modes, centre, length in things:
         vectors, values, _ = np.linalg.svd(modes, full_matrices=False)
         independent = modes if len(things) == 1 else vectors[:, values > _SLIGHT]

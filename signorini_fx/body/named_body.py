@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from signorini_fx.body.cellwise_stiffness import CellwiseStiffness
 from signorini_fx.body.elastic import ElasticBody
-from signorini_fx.body.rigid_tools import RigidTools
+from signorini_fx.body.rigid_bodies import RigidBodies
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.scene.model import Scene
@@ -29,7 +29,7 @@ class NamedBody(ElasticBody):
         moduli: stiffness of each cell where a material is not isotropic; None: all are.
         law: the friction law; None where no law can act.
         pairs: both sides of each contact of two bodies, by its place in ``scene.contact``.
-        tools: the foundations whose motion is an unknown; None: there are none.
+        rigid: the rigid bodies whose motion is an unknown.
     """
 
     scene: Scene
@@ -38,4 +38,4 @@ class NamedBody(ElasticBody):
     moduli: CellwiseStiffness | None
     law: PointFriction | None
     pairs: Mapping[int, PairedSides]
-    tools: RigidTools | None = None
+    rigid: RigidBodies

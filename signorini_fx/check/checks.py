@@ -256,7 +256,8 @@ def _contacts(d: Discretisation) -> list[ListedEffect]:
             description += f"; {effect.foundation.said}; at a distance from {_gaps(d, index)}"
         moving, added = d.boundary.moving, 0
         if effect.tool is not None and moving is not None:
-            added = int(np.count_nonzero(~moving.fixed & (moving.parts[moving.number] == index)))
+            first = np.array([body.parts[0] for body in moving.bodies])
+            added = int(np.count_nonzero(~moving.fixed & (first[moving.number] == index)))
             description += "; gap and normals stay where it is given"
         effects.append(ListedEffect(name, True, description, forms, unknowns=added, solves=_minus(total, previous)))
         previous = total

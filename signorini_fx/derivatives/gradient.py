@@ -28,7 +28,7 @@ from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_map import contact_map
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.elastic import ElasticBody
-from signorini_fx.body.rigid_tools import Driven
+from signorini_fx.body.rigid_bodies import Driven
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.map import ContactMap
@@ -98,7 +98,7 @@ class SolvedStep:
             [outcome.newton, vars(task.iterate).get("unsymmetric_newton")],  # if it was used
             state,
             displacement,
-            body.driven(outcome.displacement(), task.rest) if state.boundary.moving is not None else np.zeros(0),
+            body.driven(outcome.displacement(), task.rest),
             0.0 if exact else 1 / data.gamma_t,
         )
 

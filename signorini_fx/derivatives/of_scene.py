@@ -20,7 +20,7 @@ from signorini_fx import parallel
 from signorini_fx.body.discretisation import Discretisation, prepare
 from signorini_fx.body.elastic import sum_of
 from signorini_fx.body.moduli import lame_coefficients
-from signorini_fx.body.rigid_tools import Driven
+from signorini_fx.body.rigid_bodies import Driven
 from signorini_fx.derivatives.entries import default_entries, entry_of, load_of, varied
 from signorini_fx.derivatives.gradient import (
     By,
@@ -321,7 +321,7 @@ def _by_load(above: Scene, below: Scene, step: float, steps: list[_Step], path: 
 def _data(scene: Scene, steps: list[_Step], path: str) -> Callable[[int], ChangedStep]:
     """The data of each load step of a scene that differs in contact, loads, or supports."""
     of_contact, of_friction = path.startswith("contact"), path.startswith("contact") and ".friction." in path
-    changed = None if of_contact and not scene.tools else prepare(scene, steps[0].d.tagged, Timings())
+    changed = None if of_contact and not scene.rigid_bodies else prepare(scene, steps[0].d.tagged, Timings())
     placed = [scene.placed(step.place) for step in steps]
 
     @cache

@@ -29,7 +29,7 @@ from signorini_fx.body.contact_table import contact_table
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.foundation import Foundation, Pair
 from signorini_fx.body.foundations import Foundations, ShapeDistances
-from signorini_fx.body.rigid_tools import RigidTools
+from signorini_fx.body.rigid_bodies import RigidBodies, RigidBodyMotion
 from signorini_fx.body.supports import prescribed
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import ActiveSets, RegularisedData
@@ -44,7 +44,6 @@ from signorini_fx.forms.fields import ContactFields
 from signorini_fx.forms.gradient import Gradient, checked, gradient, quantity_of
 from signorini_fx.forms.levels import errors_of
 from signorini_fx.forms.named_parts import boundaries_of, named_body
-from signorini_fx.forms.rigid_tools import driven_by, driving_of, tools_of, values_of
 from signorini_fx.forms.solved_problem import SolvedProblem
 from signorini_fx.forms.steps import Clock, FormSteps, SolvedPath, StepBeginning
 from signorini_fx.forms.stress import law_of, stresses_of
@@ -59,7 +58,6 @@ from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.solution import ConvergenceError, StepResult
 from signorini_fx.results.step_frames import LastSolution, StepEnd, relative_to
 from signorini_fx.results.stresses import RawStresses
-from signorini_fx.results.tool_motion import ToolMotion, motions_of
 from signorini_fx.scales import Scales
 from signorini_fx.scene.load_steps import LoadPath
 from signorini_fx.solving.first_start import CoarserMesh, first_start
@@ -147,8 +145,8 @@ class ContactProblem(SolvedProblem):
         self._names = [f"contact {k}" for k in range(len(facets))]
         self._foundations = Foundations(space, self.contact, facets, self._names, Inventory(), masters)
         self._foundations.check_driven(self.settings.algorithm)
-        self._tools: RigidTools | None = None
-        self.tools: tuple[ToolMotion, ...] = ()
+        self._rigid: RigidBodies
+        self.tools: tuple[RigidBodyMotion, ...] = ()
         self._memory, self._marks, self._cost = peak_memory(space.mesh.comm), 0, (0.0, 0.0)
         fields = self._fields = ContactFields.on(space, self._degree)
         self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
@@ -327,9 +325,9 @@ class ContactProblem(SolvedProblem):
         """Give the present contact problem the loads and prescribed displacements of now; collective."""
         assert self._last_pattern is not None
         self._prescribed = _, values = prescribed(self._space, conditions_of(self.bcs, self._space))
-        self._tools = tools_of(self._foundations.driven, self._space.mesh)
+        self._rigid = self._foundations.rigid_bodies
         pattern, last = self._last_pattern
-        fingerprint = digest(self._L, values, *values_of(self._tools)[1])
+        fingerprint = digest(self._L, values, *self._rigid.driven_by)
         if parallel.any_rank(self._space.mesh.comm, fingerprint != last):
             self._task.system.set_case(0, self._case(values))
             self._last_pattern = pattern, fingerprint
@@ -480,7 +478,7 @@ class ContactProblem(SolvedProblem):
         if self._task.rest is not None:
             self.u.x.array[:] += self._fallen
         self._outcome, self._stresses = outcome, None
-        self.tools = motions_of(self._tools, self._names, self._elastic, outcome.displacement(), self._task.rest)
+        self.tools = self._rigid.moved(self._elastic.driven(outcome.displacement(), self._task.rest))
         state = self._state = self._elastic.state(self._task, outcome, self._begun)
         self._fields.take(self._space, state)
         self.certificate = judged(
@@ -490,7 +488,7 @@ class ContactProblem(SolvedProblem):
             Tractions.of(state),
             law=Law(*self._task.promised(outcome)),
             before=self._previous_step,
-            tools=driving_of(self._tools, self.tools),
+            rigid=[*zip(self.tools, self._rigid.drives(), strict=True)],
         )
         self.status = outcome.status
         if outcome.status is Status.CONVERGED and not self.certificate.holds:
@@ -507,9 +505,11 @@ class ContactProblem(SolvedProblem):
         shapes = self._foundations.shapes()
         geometry = [values for shape in shapes for values in (shape.factor, shape.direction) if values is not None]
         at_rest = self._foundations.at_rest(fixed, values)
-        self._tools = tools_of(self._foundations.driven, space.mesh)
-        held, driven = values_of(self._tools)
-        fingerprints = digest(self._a, fixed, at_rest, *geometry, *held), digest(self._L, values, *driven)
+        rigid = self._rigid = self._foundations.rigid_bodies
+        fingerprints = (
+            digest(self._a, fixed, at_rest, *geometry, rigid.fixed),
+            digest(self._L, values, *rigid.driven_by),
+        )
         last, self._last_pattern = self._last_pattern, None  # until all that follows has gone well
         if last is None or parallel.any_rank(comm, fingerprints[0] != last[0]):
             self._set_up(shapes)
@@ -526,8 +526,7 @@ class ContactProblem(SolvedProblem):
         free_unused(space.mesh)
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         at_rest = self._foundations.at_rest(fixed, values)
-        boundary = self._foundations.boundary(shapes, fixed[:owned], at_rest=at_rest)
-        boundary = boundary if self._tools is None else self._tools.on(boundary)
+        boundary = self._rigid.on(self._foundations.boundary(shapes, fixed[:owned], at_rest=at_rest))
         counts = np.bincount(boundary.part[~boundary.points.immovable], minlength=len(shapes))
         for k, count in enumerate(parallel.global_sum(space.mesh.comm, counts)):
             if count == 0:
@@ -559,7 +558,7 @@ class ContactProblem(SolvedProblem):
 
     def _case(self, values: Array) -> LoadCase:
         """See ``case_of``."""
-        return case_of(self._elastic, self._L, values, driven_by(self._tools))
+        return case_of(self._elastic, self._L, values, self._rigid.driven_together)
 
     def _point_data(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
         """Gap, friction and regularisation at the contact points, as they are now; collective."""

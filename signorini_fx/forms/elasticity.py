@@ -17,7 +17,7 @@ from signorini_fx.body.assembly import assemble, facet_entities
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.pieces import find_pieces
-from signorini_fx.body.rigid_tools import Driven
+from signorini_fx.body.rigid_bodies import Driven
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.kinematics import CARTESIAN
 from signorini_fx.linalg.elasticity import LoadCase

@@ -165,5 +165,5 @@ def named_body(problem: ProblemParts, title: str = "") -> NamedBody:
         moduli=None,
         law=problem._begun.law,
         pairs=problem._foundations.pairs,
-        tools=problem._tools,
+        rigid=problem._rigid,
     )

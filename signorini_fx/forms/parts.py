@@ -14,12 +14,11 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.foundation import Foundation, Pair
 from signorini_fx.body.foundations import FoundationData, Foundations
-from signorini_fx.body.rigid_tools import RigidTools
+from signorini_fx.body.rigid_bodies import RigidBodies, RigidBodyMotion
 from signorini_fx.forms.steps import SolvedPath
 from signorini_fx.forms.stress import Law
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import Certificate
-from signorini_fx.results.tool_motion import ToolMotion
 from signorini_fx.scales import Scales
 from signorini_fx.scene.settings import SolverSettings
 
@@ -36,7 +35,7 @@ class ProblemParts:
     history: History
     status: Status | None
     certificate: Certificate | None
-    tools: tuple[ToolMotion, ...]
+    tools: tuple[RigidBodyMotion, ...]
     _space: fem.FunctionSpace
     _forms: tuple[Any, Any]
     _a: fem.Form
@@ -50,7 +49,7 @@ class ProblemParts:
     _elastic: ElasticBody
     _scales: Scales
     _task: Task
-    _tools: RigidTools | None
+    _rigid: RigidBodies
     _prescribed: tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]
     _begun: Start
     _outcome: Outcome | None

@@ -16,6 +16,7 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.deformation import deformation_of
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.joint_pressure import JointPressure
+from signorini_fx.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.errors import FormError
 from signorini_fx.linalg import ElasticSystem
@@ -24,7 +25,6 @@ from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.promised_law import PreviousStep
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import LastSolution, StepEnd
-from signorini_fx.results.tool_motion import ToolMotion
 from signorini_fx.scales import Scales
 from signorini_fx.scene.load_steps import LoadPath
 from signorini_fx.scene.values import kind_of
@@ -59,7 +59,7 @@ class LoopedForms(Protocol):
     u: fem.Function
     status: Status | None
     certificate: Certificate | None
-    tools: tuple[ToolMotion, ...]
+    tools: tuple[RigidBodyMotion, ...]
     _elastic: ElasticBody
     _task: Task
     _scales: Scales

@@ -27,6 +27,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx import parallel
+from signorini_fx.body.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.quantities.families.certificate import JUDGED, REPORTED
 from signorini_fx.records import CERTIFICATE_TOLERANCE
@@ -46,8 +47,6 @@ from signorini_fx.results.nodal_forces import NodalForces, left_over
 from signorini_fx.results.promised_law import UNREGULARISED, Law, PreviousStep, Tractions
 from signorini_fx.results.rigid_part import RigidPart
 from signorini_fx.results.supports import PrescribedNodes
-from signorini_fx.results.tool_motion import ToolMotion
-from signorini_fx.results.tools import Driving, given_in, unbalanced
 from signorini_fx.scales import Scales
 from signorini_fx.scene.model import Scene
 
@@ -145,7 +144,7 @@ def certify(
     scale: float = 1.0,
     before: PreviousStep | None = None,
     pairs: Mapping[int, PairedSides] | None = None,
-    tools: tuple[ToolMotion, ...] = (),
+    rigid: tuple[RigidBodyMotion, ...] = (),
 ) -> Certificate:
     """Check the conditions of a load step from the displacement and the contact tractions alone; collective.
 
@@ -160,7 +159,7 @@ def certify(
         before: the end of the previous load step; None for the first one.  If that kept to the regularised law and this
             one does not, its elastic slip is removed.
         pairs: bodies in contact as the solver has paired them, see ``sides_of``.
-        tools: how rigid tools have moved.
+        rigid: how rigid bodies have moved.
 
     Raises:
         ValueError: the tractions are not those of the contact nodes of the scene.
@@ -188,25 +187,25 @@ def certify(
 
         within = forces_entered(forces, sides, tractions, step, before)
         balance = replace(balance, external=balance.external + within)
-    drives = given_in(scene, tools, step, scale)
-    certificate = judged(displacement, balance, sides, tractions, law=law, before=before, tools=drives)
+    drives = [*zip(rigid, scene.drives(tagged.dimension, step, scale), strict=bool(rigid))]
+    certificate = judged(displacement, balance, sides, tractions, law=law, before=before, rigid=drives)
     missed = [material.missed() for material in scene.material if not material.isotropic]
     return replace(certificate, moduli=max(missed)) if missed else certificate
 
 
-def _faint_forces(nodes: ContactNodes, piece: npt.NDArray[Any], mean: Nodal, tools: Sequence[ToolMotion]) -> Nodal:
-    """Forces at each tool that are round-off of the stress in the pieces of the body that it touches, and of the joint
-    system, shape (tools,); collective.
+def _faint_forces(nodes: ContactNodes, piece: npt.NDArray[Any], mean: Nodal, rigid: Sequence[RigidBodyMotion]) -> Nodal:
+    """Forces at each rigid body that are round-off of the stress in the pieces of the body that it touches, and of the
+    joint system, shape (t,); collective.
 
     Args:
         nodes: the contact points.
         piece: the one that each of them is on.
         mean: stress in each piece.
-        tools: how they have moved.
+        rigid: how they have moved.
     """
     comm, forces = nodes.evaluation.space.mesh.comm, []
-    for tool in tools:
-        points = nodes.part(tool.part)
+    for motion in rigid:
+        points = nodes.part(*motion.body.parts)
         stress = parallel.largest(comm, mean[piece[points]])
         area = float(parallel.global_sum(comm, np.array(nodes.weight[points].sum())))
         forces.append(max(FAINT * stress, ROUND_OFF * float(mean.max())) * area)
@@ -221,7 +220,7 @@ def judged(
     *,
     law: Law = UNREGULARISED,
     before: PreviousStep | None = None,
-    tools: Sequence[Driving] = (),
+    rigid: Sequence[tuple[RigidBodyMotion, Drive]] = (),
 ) -> Certificate:
     """Check equilibrium and contact conditions of a problem; collective.
 
@@ -232,7 +231,7 @@ def judged(
         tractions: pressure and shear at the contact points; None: there are none.
         law: see ``certify``.
         before: see ``certify``.
-        tools: how rigid tools have moved, and what drives them.
+        rigid: how rigid bodies have moved, and what drives them.
 
     Raises:
         ValueError: the tractions are not those of the contact points.
@@ -275,9 +274,9 @@ def judged(
         """Of the points of each piece, from either side."""
         return np.max([pieces.largest(values, side) for side in at], axis=0)
 
-    drawn, moved = np.zeros(len(nodes.nodes)), [tool for tool, _ in tools]
-    for tool in moved:
-        drawn[nodes.part(tool.part)] = np.linalg.norm(tool.translation)
+    drawn, moved = np.zeros(len(nodes.nodes)), [motion for motion, _ in rigid]
+    for motion in moved:
+        drawn[nodes.part(*motion.body.parts)] = np.linalg.norm(motion.translation)
     length = np.maximum(length, ROUND_OFF * largest(drawn))
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
     stress = np.maximum(largest(nodes.felt(supports)), FAINT * mean)
@@ -294,7 +293,7 @@ def judged(
         stress = np.maximum(stress, ROUND_OFF * largest(last.felt(supports)))
         common = largest(last.terms(so_far[: forces.owned]))
         length = np.maximum(length, ROUND_OFF * np.maximum(common, pieces.largest_beside(so_far[: forces.owned])))
-        slip, origin = slip - last.traces(so_far, before.tools)[1], last.shear
+        slip, origin = slip - last.traces(so_far, before.rigid)[1], last.shear
         if before.elastic_slip is not None and not np.isfinite(law.gamma_t):
             elastic = replace(before.tractions, shear=before.elastic_slip)
             slip = slip + nodes.rounded(ContactNodes.of(forces, sides, elastic).shear, power=-2)
@@ -318,8 +317,9 @@ def judged(
     points = units.between(*at)
     figures |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, supports, points)
     left, unjudged = equilibrium(balance, pieces, y, nodes, units)
-    if tools:
-        left = max(left, unbalanced(nodes, tools, _faint_forces(nodes, at[0], mean, moved)))
+    for (motion, drive), faint in zip(rigid, _faint_forces(nodes, at[0], mean, moved), strict=True):
+        resultant = nodes.resultant(motion.body.parts, motion.reference)
+        left = max(left, motion.unbalanced(drive, resultant, faint))
     return Certificate(equilibrium=max(left, volume), unjudged=unjudged, **figures)
 
 

@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx import parallel
+from signorini_fx.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
-from signorini_fx.results.tool_motion import ToolMotion
 from signorini_fx.tuned import SAME_DIRECTION
 
 if TYPE_CHECKING:
@@ -181,16 +181,16 @@ class ContactNodes:
         """Pressure and shear as one vector, stress, shape (n, d)."""
         return np.asarray(self.pressure[:, None] * self.normal + self.shear)
 
-    def traces(self, displacements: Nodal, tools: Sequence[ToolMotion] = ()) -> tuple[Nodal, Nodal]:
-        """(tau_N y, tau_T y) of displacements with ghosts, shape (nodes, d), relative to tools that have moved; the
-        latter as a vector, shape (n, d).
+    def traces(self, displacements: Nodal, rigid: Sequence[RigidBodyMotion] = ()) -> tuple[Nodal, Nodal]:
+        """(tau_N y, tau_T y) of displacements with ghosts, shape (nodes, d), relative to rigid bodies that have moved;
+        the latter as a vector, shape (n, d).
         """
-        relative, moved = self._at(displacements), {tool.part: tool for tool in tools}
+        relative = self._at(displacements)
         for claim, part in self._paired():
             relative[part] = claim.relative(displacements[: self.evaluation.owned])
-        for number, part in enumerate(self._parts()):
-            if number in moved:
-                relative[part] -= self._at(moved[number].at(self._x))[part]
+        for motion in rigid:
+            points = self.part(*motion.body.parts)
+            relative[points] -= self._at(motion.at(self._x))[points]
         return np.sum(relative * self.normal, axis=1), self.along(relative)
 
     @property
@@ -220,20 +220,20 @@ class ContactNodes:
             opposite[part] = claim.on_other_side(of_node)
         return of_node[self.nodes], opposite
 
-    def part(self, number: int) -> slice:
-        """The points of one contact boundary."""
-        return self._parts()[number]
+    def part(self, *numbers: int) -> npt.NDArray[np.int64]:
+        """The points of some contact boundaries."""
+        return np.concatenate([np.arange(self.nodes.size)[self._parts()[number]] for number in numbers])
 
     @property
     def area(self) -> float:
         """Of all contact boundaries; collective."""
         return float(parallel.global_sum(self.evaluation.space.mesh.comm, np.array(self.weight.sum())))
 
-    def resultant(self, number: int, about: Nodal) -> tuple[Nodal, float, float]:
-        """What the tractions of one contact boundary do to its foundation: force and moment about a point, shape (m,),
-        the sum of the magnitudes of forces, and how far from the point they act; collective.
+    def resultant(self, numbers: Sequence[int], about: Nodal) -> tuple[Nodal, float, float]:
+        """What the tractions of some contact boundaries do to their foundation: force and moment about a point, shape
+        (m,), the sum of the magnitudes of forces, and how far from the point they act; collective.
         """
-        part, comm = self._parts()[number], self.evaluation.space.mesh.comm
+        part, comm = self.part(*numbers), self.evaluation.space.mesh.comm
         force, arm = self.weight[part, None] * self.traction[part], self._at(self._x)[part] - about
         plane = arm.shape[1] == 2
         moment = (arm[:, :1] * force[:, 1:] - arm[:, 1:] * force[:, :1]) if plane else np.cross(arm, force)

@@ -22,7 +22,7 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
     usual += ("around",) * bool(solution.scene.kinematics.out_of_section)
     fields = tuple(dict.fromkeys((*usual, *asked)))
     dimension = solution.discretisation.tagged.dimension
-    gather = _gatherer(solution)
+    gather, contacts = _gatherer(solution), solution.scene.contact
     return ResultPictures(
         solution.scene.title,
         dimension,
@@ -33,7 +33,7 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
         as_rows(solution.price_list),
         _volume(solution) if dimension == 3 and gather is not None and solution.has_stress else None,
         names_of(solution.scene.model_dump(include={"units", "material"}), dimension),
-        {tool.boundary: tool.at for tool in solution.last_step.tools},
+        {contacts[part].boundary: motion.at for motion in solution.last_step.tools for part in motion.body.parts},
         (".png", ".pdf") if pdf else (".png",),
     )
 

@@ -12,8 +12,8 @@ from dolfinx import fem
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.joint_pressure import JointPressure
+from signorini_fx.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.contact.laws import Nodal
-from signorini_fx.results.tool_motion import ToolMotion
 
 
 @dataclass(frozen=True)
@@ -87,14 +87,14 @@ class PreviousStep:
         elastic_slip: the part of its slip that is due to the regularised law, length, shape of the shear; None: none.
         moved: by how much the foundations have moved at the contact nodes since, length, of the same shape; None: they
             have not.
-        tools: how rigid tools had moved at its end.
+        rigid: how rigid bodies had moved at its end.
     """
 
     displacement: fem.Function
     tractions: Tractions
     elastic_slip: Nodal | None = None
     moved: Nodal | None = None
-    tools: tuple[ToolMotion, ...] = ()
+    rigid: tuple[RigidBodyMotion, ...] = ()
 
     @classmethod
     def of(
@@ -103,13 +103,13 @@ class PreviousStep:
         tractions: Tractions,
         law: Law,
         previous: PreviousStep | None,
-        tools: tuple[ToolMotion, ...] = (),
+        rigid: tuple[RigidBodyMotion, ...] = (),
     ) -> PreviousStep:
         """The end of a load step that kept to ``law`` and started from ``previous``."""
         if not np.isfinite(law.gamma_t):
-            return cls(displacement, tractions, tools=tools)
+            return cls(displacement, tractions, rigid=rigid)
         added = tractions.shear if previous is None else tractions.shear - previous.tractions.shear
         elastic: Nodal = np.asarray(added / law.gamma_t)
         if previous is not None and previous.elastic_slip is not None:
             elastic = previous.elastic_slip + elastic
-        return cls(displacement, tractions, elastic, tools=tools)
+        return cls(displacement, tractions, elastic, rigid=rigid)

@@ -189,7 +189,7 @@ def _effort(summary: dict[str, Any]) -> TerminalLine:
 
 
 def _asked(summary: dict[str, Any]) -> list[TerminalLine]:
-    """What only some scenes have: rigid tools, tightened sections, and the quantities of other packages."""
+    """What only some scenes have: rigid bodies, tightened sections, and the quantities of other packages."""
     ours = {quantity.key for quantity in of_package() if not quantity.brief}
     lines = [line for quantity in quantities() if quantity.key not in ours for line in quantity.lines(summary)]
     return [_row(line.begin.strip(), line.text, line.kind) for line in lines]

@@ -18,6 +18,7 @@ from signorini_fx.body.contact_table import ContactTable, contact_table
 from signorini_fx.body.deformation import Deformation
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.named_body import NamedBody
+from signorini_fx.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.display import html_table
 from signorini_fx.errors import SignoriniError
 from signorini_fx.quantities.registry import requested
@@ -31,7 +32,6 @@ from signorini_fx.results.functionals import Functionals
 from signorini_fx.results.resultants import Resultants, SceneResultants
 from signorini_fx.results.safety import Safety, safety_of
 from signorini_fx.results.stresses import Stresses
-from signorini_fx.results.tool_motion import ToolMotion
 from signorini_fx.scene.model import Scene
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ class StepResult:
         deformation: how much the body is deformed.
         strain_energy: a(y, y) / 2, an energy per thickness.
         linear_solves: linear solves of the step.
-        tools: how rigid tools have moved.
+        tools: how rigid bodies have moved.
         reason: why there is no solution; None: it is not known, or told by ``check``.
     """
 
@@ -75,7 +75,7 @@ class StepResult:
     deformation: Deformation
     strain_energy: float
     linear_solves: int
-    tools: tuple[ToolMotion, ...] = ()
+    tools: tuple[RigidBodyMotion, ...] = ()
     reason: Finding | None = None
 
     def __repr__(self) -> str:

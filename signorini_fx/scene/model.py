@@ -36,6 +36,7 @@ from signorini_fx.scene.effect import (
 )
 from signorini_fx.scene.features import refused_features
 from signorini_fx.scene.load_steps import LoadPath, LoadSteps, factor_at, time_at
+from signorini_fx.scene.rigid_motion import RigidBody
 from signorini_fx.scene.settings import Accuracy, SolverSettings, Units
 from signorini_fx.scene.values import Finite, Positive, Selection, kind_of
 
@@ -293,14 +294,15 @@ class Scene(Table):
         Loads that depend on the time need no factors: there is one for each of the times.
         """
         timed = self.load_steps.times is not None and any(entry.timed for entry in (*self.loads, *self.contact))
-        timed |= self.load_steps.times is not None and any(entry.driven_in_time for entry in self.tools)
+        timed |= self.load_steps.times is not None and any(body.motion.driven_in_time for body in self.rigid_bodies)
         count = len(self.load_steps.times or ()) if timed else 1
         return max((len(load.factors) for load in self.loads if load.factors is not None), default=count)
 
     @property
-    def tools(self) -> tuple[Any, ...]:
-        """The foundations whose motion is an unknown."""
-        return tuple(effect.tool for effect in self.contact if effect.tool is not None)
+    def rigid_bodies(self) -> tuple[RigidBody, ...]:
+        """Those whose motion is an unknown, with their contacts."""
+        driven = ((part, contact) for part, contact in enumerate(self.contact) if contact.tool is not None)
+        return tuple(RigidBody(contact.boundary, contact.tool, (part,)) for part, contact in driven)
 
     @property
     def joint_loads(self) -> dict[str, JointLoad]:
@@ -335,10 +337,17 @@ class Scene(Table):
         """What stays as it is in statements about a solution, in words, each once."""
         return [*dict.fromkeys(effect.assumed for _, effect in self.listed() if effect.assumed)]
 
-    def driving(self, tool: Any, step: float) -> tuple[float, float]:
-        """The factor of what drives a tool at a place in the lists of factors, see ``now``, and the time there."""
-        factor = 1.0 if tool.driven_in_time else factor_at((1.0,) * self.steps, step)
-        return factor, self.time_at(step)
+    def drives(self, dimension: int, step: float, scale: float) -> list[tuple[Any, Any]]:
+        """What drives each rigid body at a place in the lists of factors, see ``now``: forces and moments, and the
+        components that are prescribed, nan where they are free, shapes (m,); ``scale``: a factor more of all of it.
+        """
+        drives, given = [], ~self.kinematics_in(dimension).unbalanced
+        for body in self.rigid_bodies:
+            factor = scale * (1.0 if body.motion.driven_in_time else factor_at((1.0,) * self.steps, step))
+            load, prescribed = body.motion.drive(dimension, self.time_at(step))
+            prescribed[given] = 0.0
+            drives.append((factor * load, factor * prescribed))
+        return drives
 
     @property
     def automatic_steps(self) -> int | None:

@@ -7,6 +7,7 @@ counterclockwise; in space three of each kind, rotations about axes along x[0], 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
@@ -114,6 +115,30 @@ class RigidMotion(Table):
         for key in () if self.prescribed is None else type(self.prescribed).model_fields:
             if getattr(self.prescribed, key) is not None and key not in COMPONENTS[dimension]:
                 yield f"prescribed.{key}", f"{where}: the components are {', '.join(COMPONENTS[dimension])}"
+
+
+@dataclass(frozen=True)
+class RigidBody:
+    """A rigid body whose motion is an unknown, with any number of contacts.
+
+    Attributes:
+        name: in results.
+        motion: what drives it, and where its pivot is.
+        parts: the places of its contacts among all of the problem.
+    """
+
+    name: str
+    motion: Any
+    parts: tuple[int, ...]
+
+    def pivot(self, dimension: int) -> Array:
+        """The point that it turns about, length, shape (d,)."""
+        return np.asarray(self.motion.reference(dimension))
+
+    @property
+    def called(self) -> str:
+        """What messages call it."""
+        return f"the foundation of {' and '.join(f'contact[{part}]' for part in self.parts)}"
 
 
 def _tuple(value: Any) -> tuple[Any, ...]:

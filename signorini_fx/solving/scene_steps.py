@@ -21,7 +21,6 @@ from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import carried, relative_to
-from signorini_fx.results.tool_motion import motions_of
 from signorini_fx.scene.load_steps import LoadPath
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving.load_steps import step_result
@@ -93,8 +92,7 @@ class SceneSteps:
         with self.timings.phase("certify"):
             displacement = discretisation.from_rest(task.rest, outcome.displacement())
             contact = replace(discretisation.state(task, outcome, start), joint=joint)
-            names, unknowns = scene.sides[0], outcome.displacement()
-            tools = motions_of(discretisation.tools, names, discretisation, unknowns, task.rest)
+            rigid = discretisation.rigid.moved(discretisation.driven(outcome.displacement(), task.rest))
             certificate = certify(
                 scene,
                 discretisation.tagged,
@@ -104,14 +102,14 @@ class SceneSteps:
                 step=start.place,
                 before=begun.last,
                 pairs=discretisation.pairs,
-                tools=tools,
+                rigid=rigid,
             )
             deformation = deformation_of(discretisation, displacement, self.size)
             status = judged(outcome.status, certificate, deformation, scene)
         result = step_result(
             self.path, start.step, start.place, status, displacement, contact, certificate, deformation
         )
-        return replace(result, tools=tools)
+        return replace(result, tools=rigid)
 
     def ended(self, step: LoadStep[SceneSteps]) -> SceneSteps:
         """The next load step begins as this one has ended."""

@@ -17,6 +17,7 @@ from signorini_fx.algorithms.task import Start, Task
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation, discretise
 from signorini_fx.body.mesh_levels import MeshLevel
+from signorini_fx.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.check.refusals import refuse_beforehand
 from signorini_fx.contact.resting_place import RestingMotion
 from signorini_fx.errors import SceneError
@@ -29,7 +30,6 @@ from signorini_fx.problem.problem import Problem
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Law, Tractions
-from signorini_fx.results.tool_motion import ToolMotion, motions_of
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.features import refuse
 from signorini_fx.scene.model import Scene
@@ -78,12 +78,10 @@ class SweepPoint:
         """The displacement of the whole body; collective, one back substitution."""
         return self._discretisation.from_rest(self._resting_motion, self._unknowns())
 
-    def tools(self) -> tuple[ToolMotion, ...]:
-        """How rigid tools have moved; collective."""
+    def tools(self) -> tuple[RigidBodyMotion, ...]:
+        """How rigid bodies have moved; collective."""
         d = self._discretisation
-        if d.tools is None:
-            return ()
-        return motions_of(d.tools, self._scene.sides[0], d, self._unknowns(), self._resting_motion)
+        return d.rigid.moved(d.driven(self._unknowns(), self._resting_motion)) if d.rigid.bodies else ()
 
     def preloads(self) -> list[SectionForce]:
         """The forces through sections that are tightened; collective."""
@@ -99,9 +97,9 @@ class SweepPoint:
     def certificate(self) -> Certificate:
         """The check of the conditions of the problem on the whole body; collective."""
         d, displacement, tractions = self._discretisation, self.displacement(), Tractions.of(self.contact)
-        law, tools = self._law, self.tools()
+        law, rigid = self._law, self.tools()
         return certify(
-            self._scene, d.tagged, displacement, tractions, law=law, scale=self._load, pairs=d.pairs, tools=tools
+            self._scene, d.tagged, displacement, tractions, law=law, scale=self._load, pairs=d.pairs, rigid=rigid
         )
 
 
@@ -162,7 +160,7 @@ def sweep(
         scene: the scene, or the path of its file, with one load step.
         comm: the ranks that share the work; the call is collective.
         coefficients: values that replace all coefficients of Coulomb friction in the scene.
-        loads: factors for all tractions, body forces, prescribed displacements, and what drives rigid tools.
+        loads: factors for all tractions, body forces, prescribed displacements, and what drives rigid bodies.
 
     Raises:
         TypeError: an argument is of the wrong kind.

@@ -12,6 +12,7 @@ from mpi4py import MPI
 from scipy.linalg import expm
 
 from signorini_fx import ConvergenceError, SceneError, solve
+from signorini_fx.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.check.checks import check_scene
 from signorini_fx.check.text import render
 from signorini_fx.derivatives.of_scene import sensitivity
@@ -21,12 +22,12 @@ from signorini_fx.quantities.differentiable import functional_of
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Tractions
-from signorini_fx.results.tool_motion import ToolMotion
-from signorini_fx.results.tools import given_in, unbalanced
 from signorini_fx.scene.reading import parse_scene, read_scene
+from signorini_fx.scene.rigid_motion import RigidBody
 from signorini_fx.solving.sweep import sweep
 
 COMM = MPI.COMM_WORLD
+TOP = RigidBody("top", None, (0,))
 HERE = Path(__file__).parents[1]
 LAWS = {
     "none": {"law": "none"},
@@ -147,7 +148,7 @@ WAYS = [
 def test_a_force_and_the_motion_that_it_causes_give_the_same(dimension, law, algebra, element):
     forced = solve(block(dimension, law, algebra, **element, **pressed(dimension, law)))
     (tool,) = forced.last_step.tools
-    row = tool.as_dict(forced.contact, forced.scene.contact[0], forced.discretisation.kinematics)
+    row = tool.as_dict(forced.contact, forced.scene.contact, forced.discretisation.kinematics)
     given = np.array(pressed(dimension, law)["force"])
     free = np.arange(dimension) if law != "none" else [dimension - 1]
     assert np.abs(np.array(row["force"]) + given)[free].max() < 1e-9 * np.abs(given).max()
@@ -175,7 +176,7 @@ def test_an_incompressible_body_under_a_tool(dimension, algebra, poisson):
     given = pressed(dimension, "coulomb")
     forced = solve(made(**given))
     (tool,) = forced.last_step.tools
-    row = tool.as_dict(forced.contact, forced.scene.contact[0], forced.discretisation.kinematics)
+    row = tool.as_dict(forced.contact, forced.scene.contact, forced.discretisation.kinematics)
     assert np.allclose(row["force"], -np.array(given["force"]), atol=1e-9 * 20.0)
     assert forced.certificate.worst < 1e-9
     driven = solve(made(**prescribed(tool)))
@@ -377,7 +378,7 @@ def test_how_far_the_linearised_gap_is_off(turn):
     step = np.array([0.1, -0.01])
     solution = solve(block(prescribed={"x": step[0], "y": step[1], "rotation": turn}))
     (tool,), contact = solution.last_step.tools, solution.contact
-    row = tool.as_dict(contact, solution.scene.contact[0], solution.discretisation.kinematics)
+    row = tool.as_dict(contact, solution.scene.contact, solution.discretisation.kinematics)
     away = contact.boundary.centre[contact.pressure > 0] - [0.45, 2.5]
     far = np.linalg.norm(away, axis=1)
     off = np.linalg.norm(away - step, axis=1) - far + away @ step / far
@@ -404,7 +405,7 @@ def test_how_far_the_gap_of_a_plane_that_turns_is_off(dim):
     shape = SimpleNamespace(distance=lambda x: ((x - point) @ normal, np.tile(normal, (len(x), 1))))
     boundary = SimpleNamespace(centre=x, part=np.zeros(7, dtype=int), comm=MPI.COMM_SELF)
     contact = SimpleNamespace(boundary=boundary, pressure=np.array([1.0] * 6 + [0.0]))
-    found = ToolMotion(0, "top", centre, step, turn).gap_error(contact, shape)
+    found = RigidBodyMotion(TOP, centre, step, turn).gap_error(contact, {0: shape})
     assert np.isclose(found, np.abs(moved - linear)[:6].max(), rtol=1e-12)
     assert found < 0.5 * np.abs(moved - linear)[6]
 
@@ -448,7 +449,7 @@ def test_the_certificate_knows_the_force():
 
     def judged(scene=solution.scene, tools=(tool,)):
         tagged, tractions = solution.discretisation.tagged, Tractions.of(solution.contact)
-        return certify(scene, tagged, solution.displacement, tractions, law=solution.certificate.law, tools=tools)
+        return certify(scene, tagged, solution.displacement, tractions, law=solution.certificate.law, rigid=tools)
 
     assert judged().worst < 1e-9
     for force in ([1.0, -20.1], [1.01, -20.0]):
@@ -477,7 +478,7 @@ def test_the_certificate_knows_a_small_force():
         entry = contact.model_copy(update={"foundation": contact.foundation.model_copy(update={"force": force})})
         other, tagged = scene.model_copy(update={"contact": (entry,)}), solution.discretisation.tagged
         tractions, law = Tractions.of(solution.contact), solution.certificate.law
-        return certify(other, tagged, solution.displacement, tractions, law=law, tools=tools)
+        return certify(other, tagged, solution.displacement, tractions, law=law, rigid=tools)
 
     assert judged((0.0, -0.02)).holds
     assert not judged((0.0, -0.02 * (1 + 1e-4))).holds
@@ -498,7 +499,7 @@ def test_the_certificate_knows_each_component_in_any_unit(unit):
     def judged(**changed):
         scene = block(2, "coulomb", unit=unit, pivot=[0.4 * length, 0.5 * length], prescribed=motion | changed)
         law = solution.certificate.law
-        return certify(scene, tagged, solution.displacement, tractions, law=law, tools=tools).equilibrium
+        return certify(scene, tagged, solution.displacement, tractions, law=law, rigid=tools).equilibrium
 
     assert judged() < 1e-9
     for name, value in motion.items():
@@ -506,9 +507,9 @@ def test_the_certificate_knows_each_component_in_any_unit(unit):
 
 
 def test_the_certificate_knows_a_moment_that_nothing_balances():
-    nothing = SimpleNamespace(resultant=lambda *_: (np.zeros(3), 0.0, 1.0))
-    tool = ToolMotion(0, "top", np.zeros(2), np.zeros(2), np.zeros(1))
-    assert unbalanced(nothing, given_in(block(moment=1e-3), [tool], 0, 1.0)) == 1.0
+    (drive,) = block(moment=1e-3).drives(2, 0, 1.0)
+    tool = RigidBodyMotion(TOP, np.zeros(2), np.zeros(2), np.zeros(1))
+    assert tool.unbalanced(drive, (np.zeros(3), 0.0, 1.0)) == 1.0
 
 
 def test_motions_are_rigid():
@@ -516,7 +517,7 @@ def test_motions_are_rigid():
     rng = np.random.default_rng(3)
     for dim, turns in ((2, 1), (3, 3)):
         x, centre = rng.normal(size=(5, dim)), rng.normal(size=dim)
-        tool = ToolMotion(0, "top", centre, rng.normal(size=dim), rng.normal(size=turns))
+        tool = RigidBodyMotion(TOP, centre, rng.normal(size=dim), rng.normal(size=turns))
         moved, arm = tool.at(x), x[:, None] - x[None]
         assert np.abs(np.einsum("ijk,ijk->ij", arm, moved[:, None] - moved[None])).max() < 1e-12
         assert np.allclose(tool.at(centre[None]), tool.translation)
@@ -563,7 +564,7 @@ def two_plates(push, second=2.0):
 def test_two_tools_are_two_bodies():
     """Each post has a plate of its own: they sink on their own, and only the one that is pushed too hard slides."""
     tools = solve(two_plates(0.0)).last_step.tools
-    assert [tool.boundary for tool in tools] == ["top 1", "top 2"]
+    assert [tool.body.name for tool in tools] == ["top 1", "top 2"]
     assert np.allclose([tool.translation[1] for tool in tools], [-1e-3, -2e-3], rtol=1e-4)
     with pytest.raises(ConvergenceError) as raised:
         solve(two_plates(0.7))
@@ -579,7 +580,7 @@ def test_a_tool_is_judged_by_the_body_that_it_touches():
 
     def judged(second):
         law = solution.certificate.law
-        return certify(two_plates(0.0, second), tagged, solution.displacement, tractions, law=law, tools=tools)
+        return certify(two_plates(0.0, second), tagged, solution.displacement, tractions, law=law, rigid=tools)
 
     assert judged(3e-9).holds
     assert not judged(3.3e-9).holds
@@ -620,7 +621,7 @@ def test_rigid_coupling_bends_a_column_as_a_beam(algebra):
     solution = solve(scene)
     (moved,) = solution.last_step.tools
     turned = -pull * height / (young * (2 * half) ** 3 / 12)
-    row = moved.as_dict(solution.contact, scene.contact[0], solution.discretisation.kinematics)
+    row = moved.as_dict(solution.contact, scene.contact, solution.discretisation.kinematics)
     # What the body does to the rigid body balances what drives it.
     assert np.allclose([*row["force"], row["moment"]], [0.0, -push, -pull], atol=1e-9)
     assert row["gap_error"] is None  # there is no gap

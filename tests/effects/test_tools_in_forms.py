@@ -11,7 +11,7 @@ from mpi4py import MPI
 from test_tools import LAWS, block, pressed
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Foundation, Tresca, solve
-from signorini_fx.forms import contact_problem
+from signorini_fx.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.records import Status
 
 COMM = MPI.COMM_WORLD
@@ -115,12 +115,12 @@ def test_a_bond_to_a_tool():
 
 def test_the_certificate_knows_the_force(monkeypatch):
     solution = solve(block(2, "coulomb", **pressed(2, "coulomb")))
-    problem, right = same_as(solution, "coulomb"), contact_problem.driving_of
+    problem, right = same_as(solution, "coulomb"), RigidBodyMotion.unbalanced
 
-    def wrong(tools, motions):
-        return [(one, (1.01 * given, prescribed)) for one, (given, prescribed) in right(tools, motions)]
+    def wrong(motion, drive, *others):
+        return right(motion, (1.01 * drive[0], drive[1]), *others)
 
-    monkeypatch.setattr(contact_problem, "driving_of", wrong)
+    monkeypatch.setattr(RigidBodyMotion, "unbalanced", wrong)
     with pytest.raises(ConvergenceError):
         problem.solve()
     assert problem.status is Status.NOT_CERTIFIED

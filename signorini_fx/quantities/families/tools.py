@@ -38,8 +38,7 @@ class Tools(Quantity):
         if contact is None:
             return None
         kinematics = solution.discretisation.kinematics
-        tools = solution.last_step.tools
-        return [motion.as_dict(contact, effects[motion.part], kinematics) for motion in tools] or None
+        return [motion.as_dict(contact, effects, kinematics) for motion in solution.last_step.tools] or None
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
         """See ``Quantity``."""
