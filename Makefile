@@ -61,7 +61,7 @@ stability:  ## try to make the solver fail, and report the results (results/stab
 oracle:     ## check 5,000 random scenes with a program that shares no code with the package (results/oracle, half an hour)
 	./env python3 -m stability.oracle --jobs 2
 
-mutants:    ## put small mistakes into copies of the package, and report which of them no test notices (docs/evidence/mutants.csv)
+mutants:    ## put mistakes of mathematics into copies of the package, and report which of them no test notices (docs/evidence/mutants.csv)
 	./env python3 -m stability.mutants
 
 mutants-drawn: $(COSMIC_RAY)  ## put mistakes drawn by cosmic-ray on the lines that changed since SINCE, and print those that no test notices
