@@ -18,24 +18,30 @@ DOCS = Path(__file__).resolve().parent
 PACKAGE = DOCS.parent / "signorini_fx"
 PICTURE = DOCS / "images" / "architecture.svg"
 
+# What only looks at a solved problem, or only makes a mesh.  The others import none of them: they are entry points.
+ADD_ONS = (
+    "studies",
+    "derivatives",
+    "bounds",
+    "uniqueness",
+    "report",
+    "picture_data",
+    "pictures",
+    "meshes",
+)
 # From the top down.  A layer that is not a folder is a set of top-level modules; a folder may have some beside it.
 LAYERS = (
+    *ADD_ONS,
     "cli",
-    "studies",
     "forms",
-    "derivatives",
     "solving",
     "check",
     "interfaces",
     "results",
-    "report",
     "quantities",
-    "pictures",
     "accuracy",
-    "bounds",
     "body",
     "pairs",
-    "meshes",
     "shapes",
     "mesh",
     "effects",
@@ -67,13 +73,14 @@ TOP_LEVEL = {
             "parallel",
             "petsc_start",
             "records",
+            "result_files",
         ),
         *("scales", "tuned", "units"),
     ),
     "errors": ("errors",),
 }
 SAYS = {
-    "ground": "Outcomes, records, plan of attempts, ranks, manifests, start of PETSc, versions, tuned constants.",
+    "ground": "Outcomes, records, plan of attempts, ranks, files of results, start of PETSc, versions, constants.",
     "errors": "The ways in which a request can fail.",
 }
 # Packages of others, as the picture names them.

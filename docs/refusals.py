@@ -23,11 +23,11 @@ from signorini_fx.body import limits  # noqa: E402
 from signorini_fx.bounds import bounded_scene  # noqa: E402
 from signorini_fx.derivatives import of_scene  # noqa: E402
 from signorini_fx.kinematics import KINDS  # noqa: E402
-from signorini_fx.results import contact_stiffness  # noqa: E402
 from signorini_fx.scene.effect import Effect  # noqa: E402
 from signorini_fx.scene.features import REFUSED_BY_SETTINGS  # noqa: E402
 from signorini_fx.solving import sweep  # noqa: E402
 from signorini_fx.studies import reference  # noqa: E402
+from signorini_fx.uniqueness import contact_stiffness  # noqa: E402
 
 # What is computed of a scene, and the features that it does not know.
 COMPUTED = {

@@ -18,7 +18,6 @@ _PUBLIC = {
         "BondedContact",
         "UnilateralContact",
     ),
-    "derivatives.of_scene": ("sensitivity",),
     "effects.displacement": ("PrescribedDisplacement",),
     "effects.fluid": ("Fluid",),
     "effects.force": ("TotalForce",),
@@ -52,10 +51,9 @@ _PUBLIC = {
     "materials.protocol": ("Material",),
     "mesh.tagged": ("TaggedMesh", "generate_mesh", "read_mesh", "tag_boundaries"),
     "quantities.quantity": ("Quantity",),
+    "quantities.read_results": ("read_results",),
     "records": ("Status",),
-    "report.results": ("read_results",),
     "results.files": ("write_results",),
-    "results.plot": ("plot", "pyvista_grid"),
     "results.progress_line": ("ProgressLine",),
     "results.solution": ("ConvergenceError", "Solution"),
     "results.summary": ("print_progress",),
@@ -66,6 +64,8 @@ _PUBLIC = {
     "solving.solver": ("solve",),
     "solving.sweep": ("SweepPoint", "sweep"),
 }
+# Those of add-ons.
+_ADDED = ("plot", "pyvista_grid", "sensitivity")
 # Names of the last version, by the names of this one.
 _RENAMED = {"CoulombFriction": "Coulomb", "TrescaFriction": "Tresca"}
 _MODULE_OF = {name: module for module, names in _PUBLIC.items() for name in names}
@@ -74,15 +74,17 @@ if TYPE_CHECKING:
     from signorini_fx.results.solution import ConvergenceError as ConvergenceError
     from signorini_fx.solving.solver import solve as solve
 
-__all__ = sorted(_MODULE_OF)
+__all__ = sorted((*_MODULE_OF, *_ADDED))
 
 
 def __getattr__(name: str) -> Any:
     if name in _RENAMED:
         warnings.warn(f"{name} is called {_RENAMED[name]} now", DeprecationWarning, stacklevel=2)
         name = _RENAMED[name]
-    if name in _MODULE_OF:
+    if name in __all__:
         try:
+            if name in _ADDED:
+                return import_module("signorini_fx.extensions").add_on(name)
             return getattr(import_module(f"signorini_fx.{_MODULE_OF[name]}"), name)
         except ModuleNotFoundError as error:
             failure = error

@@ -1,23 +1,28 @@
 """What other packages add to this one: objects that they name as entry points, or that a program registers.
 
-A group of entry points holds objects of one kind, and its page of the documentation says what they must have.
+A group of entry points holds objects of one kind, and its page of the documentation says what they must have.  The
+add-ons of this package, which the rest of it works without, are such a group, too.
 """
 
 from __future__ import annotations
 
 import sys
+import tomllib
 from functools import cache
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 from typing import Any
 
 from signorini_fx.errors import InstallationError
 
+ADD_ONS = "signorini_fx.add_ons"
 LAWS = "signorini_fx.laws"
 LINEAR_SOLVERS = "signorini_fx.linear_solvers"
 MATERIALS = "signorini_fx.materials"
 QUANTITIES = "signorini_fx.quantities"
 GENERATORS = "signorini_fx.generators"
-GROUPS = (GENERATORS, LAWS, LINEAR_SOLVERS, MATERIALS, QUANTITIES)
+GROUPS = (ADD_ONS, GENERATORS, LAWS, LINEAR_SOLVERS, MATERIALS, QUANTITIES)
+_CHECKOUT = Path(__file__).parents[1] / "pyproject.toml"
 _registered: dict[str, dict[str, Any]] = {}
 
 
@@ -58,7 +63,32 @@ def load(group: str, name: str) -> Any:
         raise InstallationError(f"{name!r}, {entry.value}{package}, cannot be imported: {error}") from error
 
 
+def add_on(name: str) -> Any:
+    """What an add-on of this package does; its name is in pyproject.toml.
+
+    Raises:
+        InstallationError: it is not installed.
+    """
+    entry = _installed(ADD_ONS, tuple(sys.path)).get(name)
+    if entry is None:
+        raise InstallationError(f"{name!r} is an add-on of signorini_fx that is not installed")
+    try:
+        return entry.load()
+    except ModuleNotFoundError as error:
+        if not str(error.name).startswith("signorini_fx."):
+            raise
+        raise InstallationError(f"{name!r} needs {error.name}, an add-on that is not installed") from None
+
+
 @cache
 def _installed(group: str, _path: tuple[str, ...]) -> dict[str, Any]:
     """To look through all packages on the path of Python takes milliseconds, once."""
-    return {entry.name: entry for entry in entry_points(group=group)}
+    return _of_checkout(group) | {entry.name: entry for entry in entry_points(group=group)}
+
+
+def _of_checkout(group: str) -> dict[str, EntryPoint]:
+    """Those of this package where it is not installed."""
+    if not _CHECKOUT.is_file():
+        return {}
+    project = tomllib.loads(_CHECKOUT.read_text(encoding="utf-8"))["project"]
+    return {name: EntryPoint(name, value, group) for name, value in project["entry-points"].get(group, {}).items()}

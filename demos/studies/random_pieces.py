@@ -20,8 +20,8 @@ import numpy as np
 from mpi4py import MPI
 from matplotlib.tri import Triangulation
 
-from signorini_fx.bounds.bounded_error import ErrorBound
 from signorini_fx.bounds.error_bound import Bounded
+from signorini_fx.quantities.statements import ErrorBound
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.results.summary import summarise
 from signorini_fx.scene.reading import parse_scene

@@ -9,13 +9,14 @@ from __future__ import annotations
 import numpy as np
 
 from signorini_fx.bounds.arrays import Array, Ints
-from signorini_fx.bounds.bounded_scene import BoundPoints, Refused
+from signorini_fx.bounds.bounded_scene import BoundPoints
 from signorini_fx.bounds.equilibrated_stress import Loads
 from signorini_fx.bounds.facets import POINTS, WEIGHTS, bernstein, coefficients
 from signorini_fx.bounds.integrated_loads import in_triangles, on_edges
 from signorini_fx.bounds.johnson_mercier import constant_forces
 from signorini_fx.bounds.korn import missed_squares
 from signorini_fx.bounds.simplices import Simplices
+from signorini_fx.quantities.statements import Refused
 from signorini_fx.scene.cut_simplices import cut
 from signorini_fx.scene.effect import Force
 

@@ -19,6 +19,7 @@ from signorini_fx.effects.contact import UnilateralContact
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.traction import SurfaceTraction
 from signorini_fx.materials.protocol import Material
+from signorini_fx.quantities.statements import Grounds, Refused
 from signorini_fx.scene.effect import Effect
 from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.features import refused_by
@@ -49,10 +50,6 @@ REFUSES = {
     "shape so far",
     "friction axes": "friction that depends on the direction has no guaranteed bound yet",
 }
-
-
-class Refused(Exception):
-    """A problem that has no bound here, with the reason."""
 
 
 @dataclass(frozen=True)
@@ -152,24 +149,6 @@ def refuse_unknown(d: NamedBody) -> None:
     ):
         if wrong:
             raise Refused(reason)
-
-
-@dataclass(frozen=True)
-class Grounds:
-    """What a statement rests on, in words.
-
-    Attributes:
-        estimated: why it is an estimate and no guaranteed bound; "": it is one.
-        assumed: what else is assumed; "": nothing but the data.
-    """
-
-    estimated: str = ""
-    assumed: str = ""
-
-    def of(self, statement: str) -> str:
-        """The statement with its grounds."""
-        estimate = f"an estimate and no guaranteed bound, as {self.estimated}: " if self.estimated else ""
-        return estimate + "; ".join(filter(None, (statement, self.assumed)))
 
 
 def _data(d: NamedBody) -> Iterator[tuple[str, str, Any, float]]:

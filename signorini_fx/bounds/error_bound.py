@@ -31,16 +31,8 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.named_body import NamedBody
 from signorini_fx.bounds.arrays import Array, Ints
-from signorini_fx.bounds.bounded_error import (
-    ROUND_OFF,
-    SAME_LENGTH,
-    UNBALANCED,
-    ErrorBound,
-    out,
-    small_rests,
-    work_of_loads,
-)
-from signorini_fx.bounds.bounded_scene import Refused, refuse_unknown
+from signorini_fx.bounds.bounded_error import ROUND_OFF, SAME_LENGTH, UNBALANCED, out, small_rests, work_of_loads
+from signorini_fx.bounds.bounded_scene import refuse_unknown, why_estimated
 from signorini_fx.bounds.cell_pieces import free_motions, of_each_piece
 from signorini_fx.bounds.equilibrated_stress import EquilibratedStress, Equilibration, Loads
 from signorini_fx.bounds.facets import POINTS, WEIGHTS, bernstein
@@ -48,6 +40,7 @@ from signorini_fx.bounds.linear_displacement import PrescribedComponents, smalle
 from signorini_fx.bounds.problem import FacetsInContact, PlainProblem, onto_disc
 from signorini_fx.bounds.simplices import EDGES_OF_FACET, Simplices, moments_of
 from signorini_fx.bounds.stress_products import energy, from_strain, square
+from signorini_fx.quantities.statements import ErrorBound, Refused
 
 # Share of the square of the bound below which what is moved does not count.
 _LITTLE = 0.1
@@ -163,19 +156,21 @@ def error_bound(d: NamedBody, y: fem.Function, contact: ContactState | None, ste
         return str(refused)
 
 
-def refuse_unbounded(d: Discretisation) -> None:
-    """Raise where there is no bound, whatever the solution is.
+def why_unbounded(d: Discretisation) -> str:
+    """Why there is no guaranteed bound, whatever the solution is; "": there may be one.
 
     Args:
         d: the discretised scene, whose stiffness need not be assembled.
-
-    Raises:
-        Refused: with the reason.
     """
-    refuse_unknown(d)
-    prescribed = fem.Function(d.space)
-    prescribed.x.array[:] = sum(factor * load.prescribed.x.array for factor, load in d.applied_at(0.0))
-    PlainProblem(d, prescribed, None, 0.0)
+    try:
+        refuse_unknown(d)
+        prescribed = fem.Function(d.space)
+        prescribed.x.array[:] = sum(factor * load.prescribed.x.array for factor, load in d.applied_at(0.0))
+        PlainProblem(d, prescribed, None, 0.0)
+    except Refused as refused:
+        return str(refused)
+    why = why_estimated(d)
+    return why and f"there is no guaranteed bound, as {why}"
 
 
 class Bounded(PlainProblem):

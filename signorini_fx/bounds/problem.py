@@ -16,11 +16,12 @@ from signorini_fx.body.named_body import NamedBody
 from signorini_fx.bounds.applied_loads import LinearLoads, PlaneLoads
 from signorini_fx.bounds.arrays import Array, Ints
 from signorini_fx.bounds.bounded_error import SAME_LENGTH
-from signorini_fx.bounds.bounded_scene import BoundPoints, Grounds, Refused, grounds, moduli_of, refuse_unknown
+from signorini_fx.bounds.bounded_scene import BoundPoints, grounds, moduli_of, refuse_unknown
 from signorini_fx.bounds.facets import NODES, POINTS, SEEN, bernstein, coefficients
 from signorini_fx.bounds.simplices import Simplices, divide
 from signorini_fx.effects.contact import UnilateralContact
 from signorini_fx.effects.displacement import PrescribedDisplacement
+from signorini_fx.quantities.statements import Grounds, Refused
 from signorini_fx.scene.effect import Force
 from signorini_fx.scene.load_steps import factor_at
 

@@ -26,6 +26,7 @@ from signorini_fx.check.planned import attempts_for
 from signorini_fx.check.refusals import refuse_beforehand
 from signorini_fx.contact.reactions import ZERO
 from signorini_fx.effects.displacement import PrescribedDisplacement
+from signorini_fx.extensions import add_on
 from signorini_fx.materials.isotropic import LOCKING_POISSON
 from signorini_fx.mesh.hierarchy import coarser_scenes, scene_on
 from signorini_fx.mesh.tagged import load_mesh
@@ -109,9 +110,7 @@ def _uniqueness(d: Discretisation) -> list[Finding]:
     """Below which friction coefficient there is one solution, where the scene asks: it takes a factorisation."""
     if d.boundary is None or not d.scene.solver.uniqueness:
         return []
-    from signorini_fx.results.uniqueness import uniqueness
-
-    proof = uniqueness(d, None)
+    proof = add_on("uniqueness")(d, None)
     return [Finding("note" if proof.proved else "warning", "solver.uniqueness", str(proof))]
 
 

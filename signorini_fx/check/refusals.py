@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from signorini_fx.body import contact_data
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.bounds.bounded_scene import Refused, why_estimated
 from signorini_fx.errors import SceneError
+from signorini_fx.extensions import add_on
 
 
 def refuse_beforehand(d: Discretisation) -> None:
@@ -22,6 +22,7 @@ def refuse_beforehand(d: Discretisation) -> None:
         SceneError: the first sets of contact hold no node; ``exact`` has no unknown for a constraint; nothing
             determines the pressure of an incompressible body; a foundation moves although contact alone holds the body;
             a certified accuracy is asked for where there is no guaranteed bound.
+        InstallationError: the scene asks for a proof by an add-on that is not installed.
     """
     d.refuse_enclosed()
     if d.boundary is not None:
@@ -29,15 +30,11 @@ def refuse_beforehand(d: Discretisation) -> None:
         if d.scene.solver.algorithm == "exact":
             d.boundary.aligned()
         _refuse_moving(d)
-    if d.scene.accuracy is not None and d.scene.accuracy.certified:
-        from signorini_fx.bounds.error_bound import refuse_unbounded
-
-        try:
-            refuse_unbounded(d)
-        except Refused as refused:
-            raise SceneError([("accuracy.certified", str(refused))]) from None
-        if why := why_estimated(d):
-            raise SceneError([("accuracy.certified", f"there is no guaranteed bound, as {why}")])
+    for proof in ("error_bound", "uniqueness"):
+        if getattr(d.scene.solver, proof):
+            add_on(proof)  # not after hours
+    if d.scene.accuracy is not None and d.scene.accuracy.certified and (why := add_on("why_unbounded")(d)):
+        raise SceneError([("accuracy.certified", why)])
 
 
 def _refuse_moving(d: Discretisation) -> None:

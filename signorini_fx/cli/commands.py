@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from signorini_fx.cli.exit_codes import EXIT_INCOMPLETE, EXIT_NO_SOLUTION, EXIT_OK
 from signorini_fx.cli.options import changes
 from signorini_fx.errors import InstallationError, OutputError, SceneError, SignoriniError, cannot_be_written
+from signorini_fx.extensions import add_on
 from signorini_fx.machine import terminal
 
 if TYPE_CHECKING:
@@ -157,18 +158,16 @@ def work_precision(options: argparse.Namespace) -> int:
         raise SceneError([("work-precision", "compares methods on one rank: run it without mpirun")])
     scene = _read_scene(options)
     from signorini_fx.results.folder import ResultFolder
-    from signorini_fx.studies.conclusions import advice
-    from signorini_fx.studies.files import FILES, write_study
-    from signorini_fx.studies.work_precision import run_study
 
-    with ResultFolder(comm, path, FILES) as folder:  # fail early if it cannot be written
-        study = run_study(scene, quick=options.quick, report=partial(parallel.log_on_root, comm))
+    study = add_on("work_precision")
+    with ResultFolder(comm, path, study.FILES) as folder:  # fail early if it cannot be written
+        outcome = study.run_study(scene, quick=options.quick, report=partial(parallel.log_on_root, comm))
         try:
-            write_study(study, folder.part, pdf=options.pdf)
+            study.write_study(outcome, folder.part, pdf=options.pdf)
         except OSError as error:
             raise cannot_be_written(path, error) from None
         folder.commit()
-    lines = [textwrap.fill(line, width=110, subsequent_indent="  ") for line in advice(study).split("\n")]
+    lines = [textwrap.fill(line, width=110, subsequent_indent="  ") for line in study.advice(outcome).split("\n")]
     parallel.log_on_root(comm, "\n{}\n\nresults: {}/".format("\n".join(lines), path))
     return EXIT_OK
 
@@ -179,9 +178,8 @@ def sweep(options: argparse.Namespace) -> int:
 
     from signorini_fx import parallel
     from signorini_fx.results.folder import ResultFolder
-    from signorini_fx.studies import parameter_study as study
 
-    comm = MPI.COMM_WORLD
+    comm, study = MPI.COMM_WORLD, add_on("sweep")
     path = options.out or Path("results") / f"sweep_{options.scene.stem}"
     entry, values = study.several(changes(options))
     scenes = _read_scenes(options, lambda changed: [(value, {**changed, entry: value}) for value in values])
@@ -201,9 +199,7 @@ def sensitivity(options: argparse.Namespace) -> int:
     from signorini_fx import parallel
 
     scene = _read_scene(options)
-    from signorini_fx.derivatives.of_scene import sensitivity
-
-    sensitivities = sensitivity(scene, options.results, options.by, MPI.COMM_WORLD)
+    sensitivities = add_on("sensitivity")(scene, options.results, options.by, MPI.COMM_WORLD)
     for table in sensitivities if isinstance(sensitivities, list) else [sensitivities]:
         parallel.log_on_root(MPI.COMM_WORLD, str(table))
     return EXIT_OK
@@ -223,9 +219,7 @@ def check(options: argparse.Namespace) -> int:
 
         checked = check_scene(scene, comm)
         if options.picture is not None:
-            from signorini_fx.check.setup import draw_setup
-
-            draw_setup(scene, comm, options.picture)
+            add_on("draw_setup")(scene, comm, options.picture)
     except SignoriniError as error:
         if options.json:
             problems = error.problems if isinstance(error, SceneError) else [("mesh", str(error))]
@@ -272,27 +266,21 @@ def new(options: argparse.Namespace) -> str:
 
 def report(options: argparse.Namespace) -> str:
     """Write the report of a result folder."""
-    from signorini_fx.report.page import write_report
-
-    return str(write_report(options.folder, options.out))
+    return str(add_on("report")(options.folder, options.out))
 
 
 def show(options: argparse.Namespace) -> str:
     """Show the page of a result folder in the browser; it is made anew."""
     import webbrowser
 
-    from signorini_fx.report.page import write_report
-
-    page = write_report(options.folder, None).resolve()
+    page = add_on("report")(options.folder, None).resolve()
     opened = webbrowser.open(page.as_uri())
     return str(page) if opened else f"{page}: no browser was found, open it yourself"
 
 
 def compare(options: argparse.Namespace) -> str:
     """Put two result folders side by side."""
-    from signorini_fx.report.comparison import compare
-
-    return compare(options.one, options.other)
+    return str(add_on("compare")(options.one, options.other))
 
 
 def mesh_file(options: argparse.Namespace) -> str | tuple[str, int]:
@@ -313,10 +301,9 @@ def mesh_file(options: argparse.Namespace) -> str | tuple[str, int]:
     if options.picture is not None:
         from mpi4py import MPI
 
-        from signorini_fx.check.setup import draw_mesh
         from signorini_fx.scene.model import MeshFile
 
-        draw_mesh(MeshFile(file=options.file, size=options.size), MPI.COMM_SELF, options.picture)
+        add_on("draw_mesh")(MeshFile(file=options.file, size=options.size), MPI.COMM_SELF, options.picture)
     return json.dumps(info, indent=2) if options.json else render(info, str(options.file))
 
 

@@ -33,15 +33,13 @@ from signorini_fx.body.rigid_bodies import RigidBodies, RigidBodyMotion
 from signorini_fx.body.supports import prescribed
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import ActiveSets, RegularisedData
-from signorini_fx.derivatives.gradient import ChangedStep as ProblemData
-from signorini_fx.derivatives.gradient import SolvedStep
 from signorini_fx.errors import FormError, SceneError
+from signorini_fx.extensions import add_on
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, facets_of, foundations_of, parts_of, settings_of, space_of
 from signorini_fx.forms.certificate import balance_of, sides_of
 from signorini_fx.forms.elasticity import Array, case_of, digest, elastic_body, scales_of
 from signorini_fx.forms.fields import ContactFields
-from signorini_fx.forms.gradient import Gradient, checked, gradient, quantity_of
 from signorini_fx.forms.levels import errors_of
 from signorini_fx.forms.named_parts import boundaries_of, named_body
 from signorini_fx.forms.solved_problem import SolvedProblem
@@ -51,6 +49,7 @@ from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.method import Settings
+from signorini_fx.quantities.functional import Gradient
 from signorini_fx.records import History, Inventory, Status, Timings
 from signorini_fx.results.certificate import Certificate, judged
 from signorini_fx.results.checkpoint import Checkpoint
@@ -435,18 +434,12 @@ class ContactProblem(SolvedProblem):
             raise RuntimeError("there is no solution to differentiate")
         if self.tools:
             raise RuntimeError("derivatives by what moves a foundation are those of scenes")
-        quantity, constants = quantity_of(of, self.u, lambda: named_body(self)), checked(by)
         _, law = self._point_data(self._foundations.shapes())
-        return gradient(
-            SolvedStep.of(self._elastic, self._task, self._outcome, self._begun, self.state, self.u, law),
-            self._data_now,
-            quantity,
-            constants,
-            later=self._begun.step > 0,
-        )
+        solved = self._elastic, self._task, self._outcome, self._begun, self.state, self.u, law
+        return add_on("gradient")(of, by, lambda: named_body(self), solved, self._data_now)
 
-    def _data_now(self) -> ProblemData:
-        """The problem with the values that Constants have now; collective."""
+    def _data_now(self) -> tuple[Any, ...]:
+        """The problem with the values that Constants have now, as derivatives take it; collective."""
         shapes, fixed = self._foundations.shapes(), self._elastic.fixed
         boundary = self._boundary
         if any(shape.factor is not None or shape.direction is not None for shape in shapes):
@@ -454,7 +447,7 @@ class ContactProblem(SolvedProblem):
         settings, gamma = Settings.of(self.settings), self._scales.gamma
         data, law = self._foundations.problem(boundary, self._foundations.data(shapes), settings, gamma)
         values = prescribed(self._space, conditions_of(self.bcs, self._space))[1][: fixed.size]
-        return ProblemData([self._a], assemble(self._L), values, boundary, data.gap, law)
+        return [self._a], assemble(self._L), values, boundary, data.gap, law
 
     def place(self, number: int, **placement: Any) -> None:
         """Turn and move a foundation that has a shape, for the next solve and those after it.

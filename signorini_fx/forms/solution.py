@@ -14,7 +14,6 @@ from signorini_fx import parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.deformation import deformation_of
 from signorini_fx.body.named_body import NamedBody
-from signorini_fx.bounds.bounded_scene import Refused
 from signorini_fx.check.findings import result_findings
 from signorini_fx.forms.certificate import balance_of, sides_of
 from signorini_fx.forms.named_parts import named_body, path_of
@@ -22,6 +21,7 @@ from signorini_fx.forms.parts import ProblemParts
 from signorini_fx.forms.resultants import FormResultants, integrals_of
 from signorini_fx.forms.stated_data import stated_body
 from signorini_fx.forms.stress import stresses_of
+from signorini_fx.quantities.statements import Refused
 from signorini_fx.records import Status
 from signorini_fx.results.contact_nodes import ContactSide
 from signorini_fx.results.equilibrium import Balance

@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from signorini_fx import parallel
+from signorini_fx.extensions import add_on
 from signorini_fx.forms.parts import ProblemParts
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from signorini_fx.bounds.bounded_error import ErrorBound, Interval
     from signorini_fx.forms.solution import FormSolution
-    from signorini_fx.results.uniqueness import Uniqueness
+    from signorini_fx.quantities.statements import ErrorBound, Interval, Uniqueness
 
 
 class SolvedProblem(ProblemParts):
@@ -81,11 +81,10 @@ class SolvedProblem(ProblemParts):
             OutputError: see ``write_results``.
             RuntimeError: there is no solution so far.
         """
-        from signorini_fx.report.page import write_report
         from signorini_fx.results.files import write_results
 
         solution = self._titled(title)
         summary = write_results(solution, folder, fields=fields, pictures=pictures, pdf=pdf)
         if report:
-            parallel.on_root(solution.comm, lambda: write_report(folder))
+            parallel.on_root(solution.comm, lambda: add_on("report")(folder))
         return summary

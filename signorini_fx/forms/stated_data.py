@@ -19,7 +19,6 @@ from ufl.corealg.traversal import unique_pre_traversal
 
 from signorini_fx.body.assembly import action, facet_nodes
 from signorini_fx.body.named_body import NamedBody
-from signorini_fx.bounds.bounded_scene import Refused
 from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.traction import SurfaceTraction
@@ -28,6 +27,7 @@ from signorini_fx.forms.parts import ProblemParts
 from signorini_fx.forms.stated_values import stated
 from signorini_fx.forms.stress import cellwise_moduli, exterior_facets, isotropic_moduli
 from signorini_fx.machine.compilation import compiling
+from signorini_fx.quantities.statements import Refused
 
 Facets = npt.NDArray[np.int32]
 # The energy of the stress and the form differ by round-off up to this share of their forces.

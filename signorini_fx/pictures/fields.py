@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -88,8 +88,3 @@ def principal(stress: Floats) -> tuple[Floats, Floats]:
     values, vectors = np.linalg.eigh(np.where(finite[..., None, None], stress, 0.0))
     values[~finite] = np.nan
     return values, vectors
-
-
-def unknown(names: Sequence[str]) -> list[str]:
-    """Those of some names that are no field to ask for."""
-    return [name for name in names if name not in ("von_mises", *ON_DEMAND)]

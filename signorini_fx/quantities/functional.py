@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
@@ -26,3 +27,20 @@ class Functional(Protocol):
 
     def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
         """Derivative by (lambda, mu) at each point over its weight, shape (n, d); collective."""
+
+
+@dataclass(frozen=True)
+class Gradient:
+    """The derivatives of a result by Constants.
+
+    Attributes:
+        value: the result.
+        derivatives: by each Constant, shape (n,).
+        between: contact points that stand between two sets: there the derivatives are those of one side.
+        solves: linear solves that the adjoint problem took.
+    """
+
+    value: float
+    derivatives: Array
+    between: int
+    solves: int

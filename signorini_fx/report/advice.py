@@ -10,7 +10,7 @@ import numpy as np
 from signorini_fx.display import duration, storage
 from signorini_fx.quantities.digits import percent
 from signorini_fx.records import FEW_NODES, Status
-from signorini_fx.report.reading import SHORT_OF_ACCURACY, in_space
+from signorini_fx.result_files import SHORT_OF_ACCURACY, in_space
 
 
 def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:

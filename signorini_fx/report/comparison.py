@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from signorini_fx.csv_text import Table
 from signorini_fx.display import clean, on_several_bodies
-from signorini_fx.report.reading import ResultFiles, read_summary, seconds_of
+from signorini_fx.result_files import ResultFiles, read_summary, seconds_of
 
 Floats = npt.NDArray[np.float64]
 _WIDTH = 36  # of a column with a value

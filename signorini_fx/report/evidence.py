@@ -19,7 +19,7 @@ from signorini_fx.report.markup import (
     table,
     tag,
 )
-from signorini_fx.report.reading import ResultFiles
+from signorini_fx.result_files import ResultFiles
 
 _MOST_FACTORS = 8  # are listed in the table of the scene
 

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from signorini_fx.pictures.boundary_profiles import SIDES, STATES, Panel, PlaneBoundary, panels_of
 from signorini_fx.pictures.result_pictures import TURNING
 from signorini_fx.report.markup import Markup, script, tag
-from signorini_fx.report.reading import ResultFiles
+from signorini_fx.result_files import ResultFiles
 from signorini_fx.units import bracketed
 
 # Where Debian's libjs-dygraphs and others put it.

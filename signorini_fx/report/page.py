@@ -19,7 +19,7 @@ from signorini_fx.report import evidence, sections
 from signorini_fx.report.advice import next_steps
 from signorini_fx.report.interactive import head
 from signorini_fx.report.markup import Markup, joined, tag
-from signorini_fx.report.reading import ResultFiles, in_space, read_summary
+from signorini_fx.result_files import ResultFiles, in_space, read_summary
 from signorini_fx.units import labelled, names_of
 
 PAGE = "report.html"

@@ -19,7 +19,7 @@ from signorini_fx.quantities.registry import quantities
 from signorini_fx.records import Status
 from signorini_fx.report.interactive import plots, turning
 from signorini_fx.report.markup import Markup, drawn_by, joined, long_table, picture, table, tag
-from signorini_fx.report.reading import SHORT_OF_ACCURACY, ResultFiles, in_space, seconds_of
+from signorini_fx.result_files import SHORT_OF_ACCURACY, ResultFiles, in_space, seconds_of
 from signorini_fx.units import bracketed, unit, with_unit
 
 # Counts that are shown large behind the quantities.

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -17,18 +18,16 @@ from pydantic import BaseModel
 from signorini_fx import parallel
 from signorini_fx.body.contact_table import ContactTable, contact_table
 from signorini_fx.csv_text import Table, write_columns, write_csv
-from signorini_fx.errors import PictureError, cannot_be_written
+from signorini_fx.errors import InstallationError, PictureError, cannot_be_written
+from signorini_fx.extensions import add_on
 from signorini_fx.machine.terminal import printable, say
 from signorini_fx.mesh.tagged import TaggedMesh
-from signorini_fx.pictures.fields import FIELDS, ON_DEMAND, unknown
-from signorini_fx.pictures.result_pictures import TURNING
 from signorini_fx.quantities.registry import quantities
 from signorini_fx.records import as_columns
-from signorini_fx.report.reading import read_csv, read_facets
+from signorini_fx.result_files import read_csv, read_facets
 from signorini_fx.results import afterthoughts
 from signorini_fx.results.fields import FIELD_FILES, chosen_format, size_of_fields, write_fields
 from signorini_fx.results.folder import CHECKPOINT, SUMMARY, ResultFolder
-from signorini_fx.results.picture_data import gather_pictures
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import summary_of
 from signorini_fx.scene.values import kind_of
@@ -36,6 +35,8 @@ from signorini_fx.scene.values import kind_of
 T = TypeVar("T")
 # The result of the last completed mesh, while the next one is being solved.
 LAST_LEVEL = "last_level"
+# The fields that are drawn on the deformed body where they are asked for.
+ON_DEMAND = ("pressure", "principal", "displacement", "density")
 # All files of a result, although some are written by some runs only, and its report.
 FILES = (
     *(
@@ -55,8 +56,8 @@ FILES = (
         for kind in ("png", "pdf")
     ),
     "deformed.gif",
-    TURNING,
-    *(f"field_{name}.{kind}" for name in FIELDS for kind in ("png", "pdf")),
+    "body.json",
+    *(f"field_{name}.{kind}" for name in (*ON_DEMAND, "around") for kind in ("png", "pdf")),
     "report.html",
 )
 # Folders that a solve fills on its way, and removes at its end.
@@ -104,12 +105,29 @@ def write_results(
     kind = chosen_format(fields)
     if not isinstance(pictures, bool):
         pictures = [pictures] if isinstance(pictures, str) else list(pictures)
-        if wrong := unknown(pictures):
+        if wrong := [name for name in pictures if name not in ("von_mises", *ON_DEMAND)]:
             raise ValueError(
                 f"no picture of {', '.join(map(repr, wrong))}: there are {', '.join(('von_mises', *ON_DEMAND))}"
             )
+    gather = _gatherer(pictures)
     with folder if isinstance(folder, ResultFolder) else ResultFolder(solution.comm, folder, FILES) as claimed:
-        return _Written(solution, claimed).write(kind, pictures, pdf=pdf)
+        return _Written(solution, claimed).write(
+            kind, gather and partial(gather, asked=() if isinstance(pictures, bool) else pictures, pdf=pdf)
+        )
+
+
+def _gatherer(pictures: bool | Sequence[str]) -> Callable[..., Any] | None:
+    """What gathers the data of pictures; None: none are drawn, as nobody asked for one or the add-on is missing.
+
+    Raises:
+        InstallationError: pictures of certain fields are asked for, and the add-on is missing.
+    """
+    try:
+        return add_on("pictures") if pictures is not False else None
+    except InstallationError:
+        if isinstance(pictures, bool):
+            return None
+        raise
 
 
 @dataclass(frozen=True)
@@ -119,24 +137,23 @@ class _Written:
     solution: Solution
     folder: ResultFolder
 
-    def write(self, fields: str | None, pictures: bool | Sequence[str], *, pdf: bool) -> dict[str, Any]:
+    def write(self, fields: str | None, gather: Callable[[Solution], Any] | None) -> dict[str, Any]:
         """What stands first; then what is said about it, and the pictures, of which each may fail."""
         solution, folder = self.solution, self.folder
         table = solution.table if solution.contact is not None else None
         summary = self._stands(table, fields)
         findings = summary["findings"]
-        drawn = ["pictures"] if pictures is not False else []
+        drawn = ["pictures"] if gather is not None else []
         self._put(summary, [*afterthoughts.asked(solution), "tables", *drawn])
         folder.commit()
         afterthoughts.afterthought(solution.comm, "tables", findings, lambda: self._tables(table))
         summary |= afterthoughts.proved(solution, findings)
         self._put(summary, drawn)
         folder.add()
-        if drawn:
-            fields_asked = () if isinstance(pictures, bool) else tuple(pictures)
+        if gather is not None:
             count = len(findings)
             afterthoughts.afterthought(
-                solution.comm, "pictures", findings, lambda: self._pictures(table, fields_asked, pdf=pdf)
+                solution.comm, "pictures", findings, lambda: self._pictures(table, gather(solution))
             )
             if len(findings) > count:
                 parallel.on_root(solution.comm, folder.clear)  # a file may be truncated
@@ -198,10 +215,9 @@ class _Written:
 
         self._on_root(write)
 
-    def _pictures(self, table: ContactTable | None, fields: tuple[str, ...], *, pdf: bool) -> None:
+    def _pictures(self, table: ContactTable | None, gathered: Any) -> None:
         """All pictures, beside the tables that some of them are drawn from."""
         solution, folder = self.solution, self.folder
-        gathered = gather_pictures(solution, fields, pdf=pdf)
         contact = None if table is None else table.columns
         surface, steps = folder.path / "contact.vtu", folder.path / "steps.csv"
 

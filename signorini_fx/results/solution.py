@@ -21,6 +21,7 @@ from signorini_fx.body.named_body import NamedBody
 from signorini_fx.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.display import html_table
 from signorini_fx.errors import SignoriniError
+from signorini_fx.extensions import add_on
 from signorini_fx.quantities.registry import requested
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate import Certificate
@@ -35,10 +36,8 @@ from signorini_fx.results.stresses import Stresses
 from signorini_fx.scene.model import Scene
 
 if TYPE_CHECKING:
-    from signorini_fx.bounds.bounded_error import ErrorBound, Interval
-    from signorini_fx.results.fixed_point import FixedPoint
+    from signorini_fx.quantities.statements import ErrorBound, FixedPoint, Interval, Uniqueness
     from signorini_fx.results.sections import SectionForce
-    from signorini_fx.results.uniqueness import Uniqueness
 
 # A body that moves away although nothing would let it do so without a load.
 _LEAVES = (Status.OPEN, Status.TIPS, Status.SLIDES)
@@ -278,11 +277,9 @@ class Solution:
     @cached_property
     def uniqueness(self) -> Uniqueness | None:
         """Whether this is the only solution on its mesh; None without contact, or if it is none; collective."""
-        from signorini_fx.results.uniqueness import uniqueness
-
         if self.contact is None or not self.converged:
             return None
-        return uniqueness(self.discretisation, self.contact, place=self._position)
+        return add_on("uniqueness")(self.discretisation, self.contact, place=self._position)
 
     @property
     def stated_body(self) -> NamedBody | str:
@@ -292,24 +289,20 @@ class Solution:
     @cached_property
     def error_bound(self) -> ErrorBound | str | None:
         """A guaranteed bound of the error, or why there is none; None if this is no solution; collective."""
-        from signorini_fx.bounds.error_bound import error_bound
-
         if not self.converged:
             return None
         if isinstance(body := self.stated_body, str):
             return body
-        return error_bound(body, self.displacement, self.contact, self._position)
+        return add_on("error_bound")(body, self.displacement, self.contact, self._position)
 
     @cached_property
     def fixed_point(self) -> FixedPoint | None:
         """The proved distance from the solution with Coulomb friction on the same mesh; None without this friction, or
         if this is no solution; collective.
         """
-        from signorini_fx.results.fixed_point import fixed_point
-
         if self.contact is None or not self.converged or not self.scene.has_coulomb:
             return None
-        return fixed_point(self.discretisation, self.contact, self._position)
+        return add_on("fixed_point")(self.discretisation, self.contact, self._position)
 
     def mean_displacement_bounds(self, boundary: str, direction: tuple[float, float]) -> Interval | str:
         """Guaranteed bounds of the mean of u . direction over a boundary, a length, which print what they rest on; or
@@ -319,13 +312,7 @@ class Solution:
             boundary: its name.
             direction: any vector; a unit one gives a length.
         """
-        from signorini_fx.bounds.quantity_bounds import mean_displacement
-
-        if not self.converged:
-            return "there is no solution"
-        if isinstance(body := self.stated_body, str):
-            return body
-        return mean_displacement(body, self.displacement, self.contact, boundary, direction, self._position)
+        return self._interval("mean_displacement_bounds", boundary, direction)
 
     def force_bounds(self, boundary: str, direction: tuple[float, float]) -> Interval | str:
         """Guaranteed bounds of the force of a support or contact on the body, per thickness; or why there are none.
@@ -336,13 +323,17 @@ class Solution:
             boundary: its name.
             direction: any vector; a unit one gives the force along it.
         """
-        from signorini_fx.bounds.quantity_bounds import force
+        return self._interval("force_bounds", boundary, direction)
 
+    def _interval(self, bounds: str, boundary: str, direction: tuple[float, float]) -> Interval | str:
         if not self.converged:
             return "there is no solution"
         if isinstance(body := self.stated_body, str):
             return body
-        return force(body, self.displacement, self.contact, boundary, direction, self._position)
+        interval: Interval | str = add_on(bounds)(
+            body, self.displacement, self.contact, boundary, direction, self._position
+        )
+        return interval
 
     @cached_property
     def safety(self) -> Safety | None:

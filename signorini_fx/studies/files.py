@@ -14,8 +14,9 @@ from signorini_fx.csv_text import write_csv
 from signorini_fx.pictures.style import INK, PRINT, RULE, SCREEN, STYLE, finish
 from signorini_fx.studies.conclusions import advice, cheapest_front, coarseness, lasting_errors, quantities_with_errors
 from signorini_fx.studies.methods import FAMILIES
-from signorini_fx.studies.work_precision import QUANTITIES, Row, Study
+from signorini_fx.studies.work_precision import QUANTITIES, Row, Study, run_study
 
+__all__ = ["FILES", "advice", "draw", "run_study", "write_study"]
 # Everything that a study may write.
 FILES = (
     *("work_precision.csv", "reference.csv", "advice.txt"),

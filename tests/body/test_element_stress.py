@@ -13,8 +13,8 @@ from signorini_fx.body.element_stress import element_stress
 from signorini_fx.kinematics.plane_strain import PLANE_STRAIN
 from signorini_fx.materials.isotropic import elastic_forms
 from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.picture_data.sampling import cell_values
 from signorini_fx.records import Timings
-from signorini_fx.results.sampling import cell_values
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 

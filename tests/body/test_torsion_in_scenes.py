@@ -13,12 +13,12 @@ from signorini_fx.check.checks import check_scene
 from signorini_fx.derivatives.entries import varied
 from signorini_fx.kinematics import TORSION
 from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.picture_data.body_cells import gather_cells
+from signorini_fx.picture_data.of_solution import gather_pictures
 from signorini_fx.records import Status
 from signorini_fx.report.page import write_report
-from signorini_fx.report.reading import read_csv
-from signorini_fx.results.body_cells import gather_cells
+from signorini_fx.result_files import read_csv
 from signorini_fx.results.files import write_results
-from signorini_fx.results.picture_data import gather_pictures
 from signorini_fx.results.summary import render
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve

@@ -12,15 +12,16 @@ from mpi4py import MPI
 from signorini_fx import SceneError, sensitivity
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.body.limits import Unproved, surface_of
-from signorini_fx.bounds.bounded_scene import Refused, refuse_unknown
+from signorini_fx.bounds.bounded_scene import refuse_unknown
 from signorini_fx.check.checks import check_scene
 from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.quantities.statements import Refused
 from signorini_fx.records import Timings
-from signorini_fx.results.contact_stiffness import contact_stiffness
 from signorini_fx.scene.features import features
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.sweep import sweep
 from signorini_fx.studies.reference import on_mesh
+from signorini_fx.uniqueness.contact_stiffness import contact_stiffness
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "docs"))

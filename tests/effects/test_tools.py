@@ -588,8 +588,8 @@ def test_a_tool_is_judged_by_the_body_that_it_touches():
 
 def test_it_is_drawn_where_it_ends_up(tmp_path, monkeypatch):
     """The plate that tilts: below it the tops of the posts, which it presses down, and no picture of where it was."""
+    from signorini_fx.picture_data.of_solution import gather_pictures
     from signorini_fx.pictures import deformed_body
-    from signorini_fx.results.picture_data import gather_pictures
 
     solution = solve(on_posts())
     (tool,) = solution.last_step.tools

@@ -14,8 +14,8 @@ from scenes import example1
 from two_bodies import stress_of
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, Pair, read_results, write_results
-from signorini_fx.bounds.bounded_error import ErrorBound
 from signorini_fx.quantities.model import summary_schema
+from signorini_fx.quantities.statements import ErrorBound
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 

@@ -313,7 +313,7 @@ def test_an_expression_cannot_tell_both_sides():
 
 def test_pictures_of_nodes_that_coincide():
     """Nodes of two bodies at the same place are two points, and apart by the relative displacement of the contact."""
-    from signorini_fx.results.outer_surface import gather_outer_surface
+    from signorini_fx.picture_data.outer_surface import gather_outer_surface
 
     cube = {"generator": "box", "parameters": dict.fromkeys(("length", "width", "height"), 1.0)}
     cube["parameters"] |= dict.fromkeys(("nx", "ny", "nz"), 2)

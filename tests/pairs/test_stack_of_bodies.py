@@ -19,9 +19,9 @@ from signorini_fx.report import evidence, sections
 from signorini_fx.report.advice import next_steps
 from signorini_fx.report.comparison import compare
 from signorini_fx.report.markup import Markup, long_table
-from signorini_fx.report.reading import ResultFiles, read_csv
 from signorini_fx.report.sections import outcome
 from signorini_fx.report.sections_in_space import resultants
+from signorini_fx.result_files import ResultFiles, read_csv
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.studies.parameter_study import figures_of

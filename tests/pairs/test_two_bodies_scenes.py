@@ -191,8 +191,8 @@ def test_pictures_tell_bodies_from_foundations(cylinders):
     """Both sides have the colour of contact and no strokes of a foundation; curves are named for what they are."""
     from mpi4py import MPI
 
-    from signorini_fx.check.setup import gather_setup
     from signorini_fx.mesh.tagged import load_mesh
+    from signorini_fx.picture_data.of_setup import gather_setup
     from signorini_fx.pictures.boundary_profiles import boundaries_of, panels_of
 
     scene = read_scene(DEMO)
@@ -214,7 +214,7 @@ def test_pictures_tell_bodies_from_foundations(cylinders):
 def test_the_other_side(cylinders, tmp_path):
     """Pressures and distances are those of the side with the points, shear is the opposite; the file has them."""
     from signorini_fx import write_results
-    from signorini_fx.report.reading import read_csv
+    from signorini_fx.result_files import read_csv
 
     write_results(cylinders, tmp_path / "out", fields=False, pictures=False)
     other, table = read_csv(tmp_path / "out" / "contact_other_side.csv"), cylinders.table.columns

@@ -9,8 +9,8 @@ from mpi4py import MPI
 from scenes import example1
 
 from signorini_fx import cli
-from signorini_fx.check.setup import gather_setup
 from signorini_fx.mesh.tagged import generate_mesh, load_mesh, tag_boundaries
+from signorini_fx.picture_data.of_setup import gather_setup
 from signorini_fx.pictures import setup as setup_pictures
 from signorini_fx.scene.reading import parse_scene
 

@@ -26,6 +26,7 @@ from test_report import Page, pictures, rows_of, summary_of
 
 from signorini_fx import cli
 from signorini_fx.errors import ResultError
+from signorini_fx.picture_data import of_solution, outer_surface
 from signorini_fx.pictures import contact_surface, load_steps, offscreen, view
 from signorini_fx.pictures.boundary_profiles import STATES
 from signorini_fx.pictures.deformed_body import magnification
@@ -34,8 +35,7 @@ from signorini_fx.pictures.solid_body import Skin, solid_figure
 from signorini_fx.pictures.style import VALUES
 from signorini_fx.quantities.digits import figure
 from signorini_fx.report import page, sections_in_space
-from signorini_fx.report.reading import read_csv, read_facets
-from signorini_fx.results import outer_surface, picture_data
+from signorini_fx.result_files import read_csv, read_facets
 from signorini_fx.results.files import write_results
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
@@ -400,7 +400,7 @@ def test_too_many_facets(tmp_path, monkeypatch, capsys):
     """The body is left out with a line that says why and where to look, the rest is drawn; on any number of ranks."""
     comm = MPI.COMM_WORLD
     folder = comm.bcast(str(tmp_path / "out"))
-    monkeypatch.setattr(picture_data, "MOST_FACETS", 50)
+    monkeypatch.setattr(of_solution, "MOST_FACETS", 50)
     solution = solve(block(6, bound=1.5, comm=comm))
     write_results(solution, folder, fields=False)
     comm.Barrier()

@@ -34,7 +34,7 @@ from signorini_fx.quantities.registry import quantities
 from signorini_fx.records import Status
 from signorini_fx.report import advice, evidence, interactive, markup
 from signorini_fx.report import page as report
-from signorini_fx.report.reading import read_csv, read_summary, seconds_of
+from signorini_fx.result_files import read_csv, read_summary, seconds_of
 from signorini_fx.results.certificate import JUDGED, REPORTED, Certificate
 from signorini_fx.results.files import write_results
 from signorini_fx.solving.solver import solve

@@ -3,10 +3,14 @@
 import ast
 import subprocess
 import sys
+import tomllib
 from collections import Counter
 from pathlib import Path
 
 import pytest
+
+from signorini_fx import InstallationError, extensions
+from signorini_fx.extensions import ADD_ONS, add_on
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "signorini_fx"
@@ -132,17 +136,6 @@ def test_imports_point_down():
     assert not upward
 
 
-def assigned_names(tree):
-    """What a module gives a name to: variables, arguments, attributes, functions, classes."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Name | ast.Attribute) and isinstance(node.ctx, ast.Store):
-            yield node.id if isinstance(node, ast.Name) else node.attr
-        elif isinstance(node, ast.arg):
-            yield node.arg
-        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
-            yield node.name
-
-
 def test_names_say_what():
     """At most one name in a hundred only points at something."""
     names = [name for path in MODULES for name in assigned_names(ast.parse(path.read_text(encoding="utf-8")))]
@@ -156,6 +149,55 @@ def test_a_class_name_stands_once():
     trees = [ast.parse(path.read_text(encoding="utf-8")) for path in sorted(PACKAGE.rglob("*.py"))]
     names = Counter(node.name for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef))
     assert [name for name, count in names.items() if count > 1] == []
+
+
+def assigned_names(tree):
+    """What a module gives a name to: variables, arguments, attributes, functions, classes."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name | ast.Attribute) and isinstance(node.ctx, ast.Store):
+            yield node.id if isinstance(node, ast.Name) else node.attr
+        elif isinstance(node, ast.arg):
+            yield node.arg
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield node.name
+
+
+ADDED = tuple(f"signorini_fx.{room}" for room in architecture.ADD_ONS)
+
+
+def test_the_rest_imports_no_add_on():
+    """Anywhere in a file, also within functions: ``extensions.add_on`` finds them by their entry points."""
+    rest = {
+        module: path
+        for module, path in architecture.files().items()
+        if module.split(".")[0] not in architecture.ADD_ONS
+    }
+    assert len(rest) > 250
+    assert {module: used for module, path in rest.items() if (used := uses(path, *ADDED))} == {}
+    entries = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["entry-points"]
+    assert {value.split(".")[1] for value in entries[ADD_ONS].values()} < set(architecture.ADD_ONS)
+
+
+@pytest.mark.parametrize("room", architecture.ADD_ONS)
+def test_add_ons_use_no_private_names(room):
+    """Of the rest, or of each other."""
+    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in (PACKAGE / room).glob("*.py")}
+    names = {name for tree in trees.values() for name in assigned_names(tree) if name.startswith("_")}
+    for path, tree in trees.items():
+        assert {name for name in uses(path, "signorini_fx") if "._" in name.replace(".__version__", "")} == set(), path
+        attributes = (node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute))
+        assert {name for name in attributes if name.startswith("_") and not name.endswith("__")} <= names, path
+
+
+def test_a_missing_add_on_is_one_message(monkeypatch):
+    """Where somebody asks for it, and nothing where nobody does."""
+    monkeypatch.setitem(sys.modules, "signorini_fx.bounds", None)
+    monkeypatch.delitem(sys.modules, "signorini_fx.bounds.error_bound", raising=False)
+    with pytest.raises(InstallationError, match=r"'error_bound' needs signorini_fx\.bounds.*, an add-on that is not"):
+        add_on("error_bound")
+    monkeypatch.setattr(extensions, "_installed", lambda *_: {})
+    with pytest.raises(InstallationError, match="'report' is an add-on of signorini_fx that is not installed"):
+        add_on("report")
 
 
 def test_imports_run_in_no_circle():

@@ -52,7 +52,7 @@ def test_a_failure_is_one_of_all_ranks(rank, solution, tmp_path, monkeypatch):
         pytest.skip("there is no such rank")
     folder = COMM.bcast(tmp_path) / "results"
     monkeypatch.setattr(files._Written, "_tables", fails_on(rank, files._Written._tables))
-    monkeypatch.setattr(files._Written, "_pictures", fails_on(rank, lambda self, *fields, pdf: None))
+    monkeypatch.setattr(files._Written, "_pictures", fails_on(rank, lambda self, *tables: None))
     for name in ("safety", "uniqueness"):
         known = fails_on(rank, getattr(Solution, name).func)
         monkeypatch.setattr(Solution, name, property(known))
@@ -136,7 +136,7 @@ def test_ctrl_c_during_an_afterthought(tmp_path, monkeypatch, capfd):
     def interrupted(*ignored, **options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(files, "gather_pictures", interrupted)
+    monkeypatch.setattr(of_solution, "gather_pictures", interrupted)
     out = tmp_path / "out"
     assert cli.main(["solve", str(tmp_path / "scene.toml"), "--out", str(out), "--no-fields"]) == 130
     assert f"interrupted while statements or pictures were added: the results are in {out}/" in capfd.readouterr().err
@@ -158,7 +158,7 @@ def test_a_report_that_fails_costs_no_result(tmp_path, monkeypatch):
 
 def test_pictures_of_a_notebook_tell_their_failure(solution, monkeypatch):
     """They are all that is asked for there."""
-    monkeypatch.setattr(files, "gather_pictures", fails)
+    monkeypatch.setattr(of_solution, "gather_pictures", fails)
     with pytest.raises(PictureError, match="a factorisation broke down"):
         plot.plot(solution)
 

@@ -9,7 +9,7 @@ from scenes import alone, example1
 
 from signorini_fx.body import element_stress as estimators
 from signorini_fx.materials.isotropic import LinearElastic
-from signorini_fx.results.body_cells import gather_cells
+from signorini_fx.picture_data.body_cells import gather_cells
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 

@@ -13,7 +13,7 @@ from signorini_fx import cli
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.pictures import style
-from signorini_fx.report.reading import read_csv
+from signorini_fx.result_files import read_csv
 from signorini_fx.scene.reading import read_scene
 from signorini_fx.solving.solver import solve
 from signorini_fx.studies import conclusions, methods, work_precision

@@ -19,8 +19,8 @@ from signorini_fx.units import with_unit
 
 if TYPE_CHECKING:
     from signorini_fx.body.named_body import NamedBody
-    from signorini_fx.bounds.bounded_error import Interval
     from signorini_fx.quantities.functional import Functional
+    from signorini_fx.quantities.statements import Interval
 
 
 class _Force(Quantity):

@@ -13,38 +13,25 @@ import ufl
 from dolfinx import fem
 
 from signorini_fx import parallel
+from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.assembly import assemble
 from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.named_body import NamedBody
+from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import Nodal, length
 from signorini_fx.derivatives.gradient import By, ChangedStep, SolvedStep, adjoints_of, central, derivatives, explicit
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.quantities.differentiable import functional_of
-from signorini_fx.quantities.functional import Functional
+from signorini_fx.quantities.functional import Functional, Gradient
 
 Array = npt.NDArray[np.float64]
 # Change of a Constant for a difference of residuals, relative to it; of one that is zero, in its unit.
 _STEP = 1e-5
 # What a result owes to where points were before is round-off up to this share of it.
 _NOTHING = 1e-9
-
-
-@dataclass(frozen=True)
-class Gradient:
-    """The derivatives of a result by Constants.
-
-    Attributes:
-        value: the result.
-        derivatives: by each Constant, shape (n,).
-        between: contact points that stand between two sets: there the derivatives are those of one side.
-        solves: linear solves that the adjoint problem took.
-    """
-
-    value: float
-    derivatives: Array
-    between: int
-    solves: int
 
 
 @dataclass(frozen=True)
@@ -79,7 +66,7 @@ class OfForm:
         return np.zeros((pressure.size, 1 + shear.shape[1]))
 
 
-def quantity_of(wanted: Any, u: fem.Function, body: Callable[[], NamedBody]) -> Functional:
+def _quantity_of(wanted: Any, u: fem.Function, body: Callable[[], NamedBody]) -> Functional:
     """A result as ``ContactProblem.gradient`` takes it; collective.
 
     Args:
@@ -108,7 +95,7 @@ def quantity_of(wanted: Any, u: fem.Function, body: Callable[[], NamedBody]) -> 
         ) from None
 
 
-def checked(by: Sequence[Any]) -> list[fem.Constant]:
+def _checked(by: Sequence[Any]) -> list[fem.Constant]:
     """The Constants.
 
     Raises:
@@ -124,48 +111,52 @@ def checked(by: Sequence[Any]) -> list[fem.Constant]:
 
 
 def gradient(
-    solved: SolvedStep,
-    data: Callable[[], ChangedStep],
-    quantity: Functional,
-    by: Sequence[fem.Constant],
-    *,
-    later: bool,
+    of: Any,
+    by: Sequence[Any],
+    body: Callable[[], NamedBody],
+    step: tuple[ElasticBody, Task, Outcome, Start, ContactState, fem.Function, PointFriction | None],
+    data: Callable[[], tuple[Any, ...]],
 ) -> Gradient:
     """The derivatives of one result; collective.
 
     Args:
-        solved: the solution.
-        data: evaluates the problem with the values that the Constants have.
-        quantity: the result.
+        of: the result, see ``ContactProblem.gradient``.
         by: the Constants.
-        later: whether there was a step before.
+        body: gives the body.
+        step: the solution, see ``SolvedStep.of``.
+        data: evaluates the problem with the values that the Constants have: forms, forces, prescribed displacements,
+            contact points, gap, law, see ``ChangedStep``.
 
     Raises:
-        RuntimeError: the result depends on that step, whose Constants, Functions and conditions are not known any more.
+        FormError: an argument is wrong.
+        RuntimeError: the result depends on the step before, whose Constants, Functions and conditions are not known
+            any more.
     """
-    quantities = [(0, quantity)]
+    _, _, _, begun, _, u, _ = step
+    quantity, constants = _quantity_of(of, u, body), _checked(by)
+    solved, quantities = SolvedStep.of(*step), [(0, quantity)]
     adjoints, state = adjoints_of([solved], quantities), solved.state
     value = quantity.value(solved.displacement, state.boundary, state.pressure, state.shear)
     moved = state.points.weight * (length(state.u_t) + length(state.slip_length))
     owed = [np.sum(moved * length(adjoint.tied[:, 1:])) for adjoint in adjoints[0] if adjoint is not None]
-    if later and parallel.global_sum(solved.body.comm, np.sum(owed)) > _NOTHING * abs(value):
+    if begun.step > 0 and parallel.global_sum(solved.body.comm, np.sum(owed)) > _NOTHING * abs(value):
         raise RuntimeError(
             "after advance() the result depends on the slip and the shear of the step before, by points that stick or, "
             "in space, turn, and what that step was solved with is not kept: take a scene with load steps"
         )
     slopes = []
-    for constant in by:
+    for constant in constants:
         kept = constant.value.copy()
-        step = _STEP * (abs(float(kept.ravel()[0])) or 1.0)
+        width = _STEP * (abs(float(kept.ravel()[0])) or 1.0)
 
         def at(change: float, constant: fem.Constant = constant, initial: Array = kept) -> By:
             try:
                 constant.value[...] = initial + change
-                evaluated = explicit(solved, data(), [quantity])
+                evaluated = explicit(solved, ChangedStep(*data()), [quantity])
             finally:
                 constant.value[...] = initial
             return lambda k: evaluated
 
-        slopes += derivatives(adjoints, quantities, central(at(step), at(-step), step))
+        slopes += derivatives(adjoints, quantities, central(at(width), at(-width), width))
     solves = sum(adjoint.solves for adjoint in adjoints[0] if adjoint is not None)
     return Gradient(value, np.array(slopes), solved.law.between, solves)

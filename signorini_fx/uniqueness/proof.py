@@ -33,7 +33,8 @@ from signorini_fx.body.named_body import NamedBody
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.state import PointState
-from signorini_fx.results.contact_stiffness import contact_stiffness
+from signorini_fx.quantities.statements import Uniqueness
+from signorini_fx.uniqueness.contact_stiffness import contact_stiffness
 
 # Eigenvalues of the stiffness below this share of the largest one are free motions; smaller pivots are none.
 _FREE = 1e-10
@@ -51,57 +52,6 @@ _EXACT, _SAME_SOLUTION, _DIVERGED = 1e-9, 1e-3, 1e6
 
 # Which normal components are closed, and +1 or -1 where a tangential one slips, 0 where it sticks.
 _Sets = tuple[npt.NDArray[np.bool_], Nodal]
-
-
-@dataclass(frozen=True)
-class Uniqueness:
-    """Whether a discrete solution is the only one.
-
-    Attributes:
-        proved: that it is, up to free motions.
-        multiple: of the friction coefficients below which that is proved; infinite: for any; zero: for none.
-        coefficient: the same as a coefficient, where all points have the same one; None: they differ, or none has one.
-        others: different solutions that the search found.
-        starts: from which it searched; zero: it did not.
-        reason: why nothing is proved at any coefficient, or why no search was made; "": there is none.
-        assumed: what a proof rests on beside the mesh; "": nothing.
-    """
-
-    proved: bool
-    multiple: float
-    coefficient: float | None = None
-    others: tuple[Nodal, ...] = ()
-    starts: int = 0
-    reason: str = ""
-    assumed: str = ""
-
-    def __str__(self) -> str:
-        """One sentence."""
-        return self._said + (f"; {self.assumed}" if self.assumed and self.multiple > 0 else "")
-
-    @property
-    def _said(self) -> str:
-        if self.proved and self.multiple == np.inf:
-            return "the only solution on this mesh, up to free motions, whatever the loads are"
-        below = f"{self.multiple:.4g} times the coefficients" if self.coefficient is None else f"{self.coefficient:.4g}"
-        limit = f"with friction coefficients below {below} there is one solution on this mesh, whatever the loads are"
-        if self.proved:
-            return f"the only solution on this mesh: {limit}"
-        found = f"{len(self.others) or 'no'} other solution{'s' * (len(self.others) != 1)} found"
-        searched = f"{found} from {self.starts} starts" if self.starts else "none was searched for"
-        proof = limit if self.multiple > 0 else "it is proved for no coefficient"
-        return f"not proved to be the only one: {proof}{f' ({self.reason})' if self.reason else ''}; {searched}"
-
-    def as_dict(self) -> dict[str, object]:
-        """JSON-safe; null for a multiple without a limit."""
-        return {
-            "proved": self.proved,
-            "multiple": None if self.multiple == np.inf else self.multiple,
-            "coefficient": self.coefficient,
-            "others": len(self.others),
-            "starts": self.starts,
-            "statement": str(self),
-        }
 
 
 @dataclass(frozen=True)

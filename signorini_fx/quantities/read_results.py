@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from signorini_fx.errors import ResultError
 from signorini_fx.quantities.model import summary_model
 from signorini_fx.quantities.run import Run
-from signorini_fx.report.reading import read_csv, read_summary
+from signorini_fx.result_files import read_csv, read_summary
 
 
 @dataclass(frozen=True)

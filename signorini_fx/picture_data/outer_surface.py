@@ -12,9 +12,9 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities
+from signorini_fx.picture_data import sampling
 from signorini_fx.pictures.body import DrawnBody, Volume
 from signorini_fx.pictures.tiling import tiling
-from signorini_fx.results import sampling
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import SAME_POSITION
 

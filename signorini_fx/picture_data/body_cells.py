@@ -11,9 +11,9 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities
+from signorini_fx.picture_data import sampling
 from signorini_fx.pictures.body import DrawnBody
 from signorini_fx.pictures.tiling import tiling
-from signorini_fx.results import sampling
 from signorini_fx.results.solution import Solution
 
 Floats = npt.NDArray[np.float64]

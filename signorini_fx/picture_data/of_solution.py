@@ -40,7 +40,7 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
 
 def _volume(solution: Solution) -> Volume | None:
     """The cells of a body in space; None if there are too many; collective."""
-    from signorini_fx.results.outer_surface import gather_volume
+    from signorini_fx.picture_data.outer_surface import gather_volume
 
     topology = solution.discretisation.tagged.mesh.topology
     return gather_volume(solution) if topology.index_map(3).size_global <= MOST_CELLS else None
@@ -49,10 +49,10 @@ def _volume(solution: Solution) -> Volume | None:
 def _gatherer(solution: Solution) -> Callable[..., DrawnBody] | None:
     """What gathers the body; None if it is too large to be drawn; collective."""
     if solution.discretisation.tagged.dimension == 2:
-        from signorini_fx.results.body_cells import gather_cells
+        from signorini_fx.picture_data.body_cells import gather_cells
 
         return gather_cells
-    from signorini_fx.results.outer_surface import gather_outer_surface, outer_facets
+    from signorini_fx.picture_data.outer_surface import gather_outer_surface, outer_facets
 
     count = outer_facets(solution)
     if count <= MOST_FACETS:

@@ -14,61 +14,17 @@ whatever ended the iteration.  docs/theory.md derives it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.named_body import NamedBody
-from signorini_fx.bounds.bounded_error import ErrorBound
 from signorini_fx.contact.laws import Nodal
-from signorini_fx.results.contact_stiffness import contact_stiffness
-from signorini_fx.results.uniqueness import components, critical
+from signorini_fx.quantities.statements import FixedPoint
+from signorini_fx.uniqueness.contact_stiffness import contact_stiffness
+from signorini_fx.uniqueness.proof import components, critical
 
 # Eigenvalue problems that choose the weights; their work, a number of cubes of the size of the contact boundary.
 _EVALUATIONS, _WORK = 60, 2e9
-
-
-@dataclass(frozen=True)
-class FixedPoint:
-    """The distance from the solution with Coulomb friction on the same mesh.
-
-    Attributes:
-        contraction: factor by which the map from friction bound to friction bound is proved to contract; infinite where
-            nothing is proved.
-        distance: bound of the energy norm of the distance of the displacement; None: none is known.
-        bound: bound of the distance of the friction bound relative to its size, in the norm above; None: none is known.
-        reason: why nothing is proved; "": there is none.
-    """
-
-    contraction: float
-    distance: float | None = None
-    bound: float | None = None
-    reason: str = ""
-
-    def beside(self, bound: ErrorBound) -> dict[str, Any]:
-        """Entries for those of the bound of the error, JSON-safe."""
-        return {
-            "contraction": self.contraction if np.isfinite(self.contraction) else None,
-            "fixed_point": self.distance,
-            "statement": f"{bound}; {self.said(bound.size)}",
-        }
-
-    def said(self, size: float) -> str:
-        """A sentence without its end.
-
-        Args:
-            size: energy norm of the displacement.
-        """
-        if self.distance is None or self.bound is None:
-            why = self.reason or f"the contraction number is {self.contraction:.3g}, not below 1"
-            return f"how far the fixed point of this mesh is from it is not known: {why}"
-        displacement, friction = f"{100 * self.distance / size:.2g} %", f"{100 * self.bound:.2g} %"
-        return (
-            f"if linear systems are solved, the fixed point of this mesh is within {displacement} of the displacement "
-            f"in the energy norm and {friction} of the friction bound (contraction number {self.contraction:.3g})"
-        )
 
 
 def fixed_point(d: NamedBody, contact: ContactState, step: float | None = None) -> FixedPoint:
