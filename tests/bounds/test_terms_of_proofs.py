@@ -24,10 +24,10 @@ from signorini_fx.contact.friction import PointFriction
 from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.laws.none import NoFriction
 from signorini_fx.laws.tresca import Tresca
-from signorini_fx.results import uniqueness
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving import to_accuracy
+from signorini_fx.uniqueness import proof as uniqueness
 from signorini_fx.uniqueness.fixed_point import fixed_point
 from signorini_fx.uniqueness.proof import _definite, uniqueness_of
 

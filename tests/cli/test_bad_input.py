@@ -21,7 +21,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import example1
 
-from signorini_fx import cli, petsc_start
+from signorini_fx import cli, petsc_start, result_files
 from signorini_fx.check.petsc_options import refuse_mistyped
 from signorini_fx.cli.options import parsed_accuracy, parsed_budget
 from signorini_fx.csv_text import as_name, as_text, write_csv
@@ -32,7 +32,6 @@ from signorini_fx.machine import compilation, requirements, terminal
 from signorini_fx.mesh.files.formats import read_file
 from signorini_fx.pictures import deformed_body
 from signorini_fx.report import page
-from signorini_fx.report import reading as result_files
 from signorini_fx.results import files
 from signorini_fx.results.folder import ResultFolder
 from signorini_fx.scene import magnitudes

@@ -18,7 +18,7 @@ from spaces import block
 
 import signorini_fx as sfx
 from signorini_fx import SceneError, effects
-from signorini_fx.results import plot
+from signorini_fx.picture_data import plot
 
 COMM = MPI.COMM_SELF
 DOLFINX_MESH = mesh.create_rectangle(COMM, [[0, 0], [3, 1]], [6, 2])

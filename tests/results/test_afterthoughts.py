@@ -12,9 +12,10 @@ from scenes import alone, example1
 from signorini_fx import cli
 from signorini_fx.errors import PictureError, ResultError
 from signorini_fx.manifest import MANIFEST, PART
+from signorini_fx.picture_data import of_solution, plot
 from signorini_fx.records import Status
 from signorini_fx.report.page import write_report
-from signorini_fx.results import files, plot
+from signorini_fx.results import files
 from signorini_fx.results.files import write_results
 from signorini_fx.results.solution import Solution
 from signorini_fx.scene.settings import Accuracy
@@ -72,7 +73,8 @@ ALONE = """
 import os, signal, sys
 from mpi4py import MPI
 from signorini_fx import cli
-from signorini_fx.results import afterthoughts, files
+from signorini_fx.picture_data import of_solution
+from signorini_fx.results import afterthoughts
 from signorini_fx.results.solution import Solution
 
 afterthoughts.PATIENCE = 0.3
@@ -88,7 +90,7 @@ def fails(*arguments, **options):
 if what == "uniqueness":
     Solution.uniqueness = property(fails)
 else:
-    files.gather_pictures = fails
+    of_solution.gather_pictures = fails
 sys.exit(cli.main(sys.argv[4:]))
 """
 SCENE = """
