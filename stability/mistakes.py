@@ -713,7 +713,7 @@ MUTANTS = (
         "values[: self.space.mesh.geometry.dim]",
         "values[: self.space.mesh.geometry.dim][::-1]",
         "components of a load swapped",
-        tests=("patch", "patch_anywhere"),
+        tests=("patch_anywhere",),
     ),
     Mutant(
         "body/elastic",

@@ -42,8 +42,8 @@ NOTICED, SURVIVES, LIMIT = "noticed", "survives", "limit"
 _NOT_FOR_COPIES = ("tests/repository/test_mutants.py",)
 # The first tests of the suite: quick ones of all parts.
 _FIRST = (
-    "complementarity", "algorithms", "forms", "patch", "example1", "outcomes", "oracle", "fall_backs", "invariances",
-    "ranks", "effects", "parts", "nested", "inexact", "refinement", "load_steps", "fewer_nodes", "expressions",
+    "complementarity", "algorithms", "forms", "patch_anywhere", "example1", "outcomes", "oracle", "fall_backs",
+    "invariances", "ranks", "effects", "parts", "nested", "inexact", "refinement", "load_steps", "fewer_nodes", "expressions",
 )  # fmt: skip
 # CPU seconds of a process, and wall seconds, by how much is run: a mutant may run endlessly.
 _LIMITS = {"test": (120, 900), "files": (600, 2400), "suite": (3600, 7200)}

@@ -39,7 +39,6 @@ ALWAYS = {"test_paper.py"}
 # What is slow although no other set of parameters stays: what other tests show is named behind it.
 REPEATED = {
     "test_demos.py::test_sphere_under_tangential_load",  # test_space_known.py, test_two_bodies_scenes.py
-    "test_paper_tables.py::test_table_1",  # test_paper.py, by the command of the demo
 }
 
 

@@ -135,27 +135,6 @@ def test_a_constant_is_a_smaller_modulus(poisson):
     assert graded.stress.error == pytest.approx(plain.stress.error, rel=1e-6)
 
 
-@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
-def test_against_displacements(cell):
-    """Where nothing locks, forces under friction tend to those of displacements alone as the mesh is refined."""
-
-    def force(n, element):
-        given = {
-            "mesh": rectangle(MPI.COMM_SELF, length=2.0, height=1.0, nx=2 * n, ny=n, cell=cell),
-            "element": element,
-            "material": {"young": 10.0, "poisson": 0.35, "grading": "1 - 0.3*x[0]", "poisson_grading": "1 - 0.4*x[1]"},
-            "displacement": {"boundary": "top", "x": 0.02, "y": -0.05},
-            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.2}},
-        }
-        solution = alone(parse_scene(given))
-        assert solution.certificate.holds
-        return solution.resultants.of("bottom").force
-
-    off = [np.linalg.norm(force(n, MIXED) - force(n, {"degree": 2})) / np.linalg.norm(force(n, MIXED)) for n in (4, 8)]
-    assert off[1] < 2e-3
-    assert off[1] < 0.6 * off[0]
-
-
 def test_refused():
     """A Poisson's ratio of zero somewhere: its pressure is not one of the unknowns."""
     given = {

@@ -119,17 +119,6 @@ def test_two_columns(cell, heat):
     assert solution.stress.error < 1e-3
 
 
-@pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
-@pytest.mark.parametrize("unit", [1e-9, 1e9])
-def test_units(unit, linear_algebra):
-    """Forces in other units."""
-    left, right = ((young * unit, *rest) for young, *rest in (LEFT, RIGHT))
-    solution = alone(columns(halves("triangle", MPI.COMM_SELF), 2.0, left, right, linear_algebra=linear_algebra))
-    assert solution.certificate.worst < 1e-8
-    expected = -HALF * unit * sum(Column(one, 2.0).sigma for one in (LEFT, RIGHT))
-    assert solution.contact.forces[0][1] == pytest.approx(expected, rel=1e-8)
-
-
 def test_certificate():
     """It sees a pressure that is wrong in one material, and the materials in each other's place."""
     solution = alone(columns(halves("quadrilateral", MPI.COMM_SELF)))
@@ -171,16 +160,3 @@ def test_enclosed():
     solution = alone(held(0.3))
     assert solution.converged
     assert solution.certificate.worst < 1e-9
-
-
-def test_against_displacements():
-    """With friction and Poisson's ratios that do not lock: the forces of displacements alone on the same mesh."""
-    tagged = halves("quadrilateral", MPI.COMM_SELF)
-
-    def forces(**element):
-        scene = columns(tagged, left=(10.0, 0.35, 0.0), right=(4.0, 0.2, 0.0)).model_dump(exclude_unset=True)
-        friction = {"law": "coulomb", "coefficient": 0.3}
-        scene |= {"mesh": tagged, "element": element, "contact": {"boundary": "low1", "friction": friction}}
-        return np.add(*alone(parse_scene(scene)).contact.forces)
-
-    np.testing.assert_allclose(forces(**MIXED), forces(degree=2), rtol=3e-3)

@@ -14,8 +14,7 @@ from scipy.integrate import quad
 from scipy.optimize import fsolve
 from scipy.special import ellipe, ellipk
 
-from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Foundation, Pair, section_in_space
-from signorini_fx.records import Status
+from signorini_fx import ContactProblem, Coulomb, FormError, Foundation, Pair, section_in_space
 
 COMM = MPI.COMM_WORLD
 YOUNG, RADIUS, LENGTH, PRESSURE, FRICTION = 1000.0, 1.5, 2.0, 10.0, 0.3
@@ -62,49 +61,6 @@ class Cylinder:
     def limit(self):
         """Torque of the friction of a uniform pressure."""
         return 2 / 3 * float(self.friction.value) * PRESSURE * np.pi * RADIUS**3
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize(
-    ("kind", "degree", "settings"),
-    [
-        ("quadrilateral", 1, {"algorithm": "exact"}),
-        ("quadrilateral", 2, {"algorithm": "alm"}),
-        ("triangle", 2, {"algorithm": "alm", "linear_algebra": "full"}),
-    ],
-)
-def test_pressed_cylinder(kind, degree, settings):
-    """Below 3/4 of the largest torque all of it sticks, and the twist is that of a shaft; above, an outer ring slips;
-    above the largest one there is no equilibrium.
-    """
-    cylinder = Cylinder(kind, degree, **settings)
-    problem = cylinder.problem
-    cylinder.torque.value = torque = 0.6 * cylinder.limit
-    problem.solve()
-    state = problem.state
-    assert problem.certificate.holds
-    force, moment = (one + other for one, other in zip(state.forces, state.moments, strict=True))
-    assert moment[1] == pytest.approx(-torque, rel=1e-9)
-    assert force[1] == pytest.approx(PRESSURE * np.pi * RADIUS**2, rel=1e-9)
-    # of the nodes, by the formula: the twist T z / (G J) times the radius
-    turned = fem.Function(problem.u.function_space)
-    rigidity = YOUNG / 2 * np.pi / 2 * RADIUS**4
-    turned.interpolate(lambda x: np.stack((0 * x[0], -PRESSURE / YOUNG * x[1], -torque / rigidity * x[1] * x[0])))
-    assert (
-        np.abs(problem.u.x.array - turned.x.array).max() < (1e-9 if degree > 1 else 2e-3) * np.abs(turned.x.array).max()
-    )
-    cylinder.torque.value = torque = 0.9 * cylinder.limit
-    problem.solve()
-    state, r = problem.state, problem.state.boundary.x[:, 0]
-    assert problem.certificate.holds
-    assert (state.forces[1] + state.moments[1])[1] == pytest.approx(-torque, rel=1e-9)
-    slips = np.linalg.norm(state.shear, axis=1) >= (1 - 1e-9) * state.bound
-    assert slips[r > 0.95 * RADIUS].all()
-    assert not slips[r < 0.4 * RADIUS].any()
-    cylinder.torque.value = 1.02 * cylinder.limit
-    with pytest.raises(ConvergenceError) as failed:
-        problem.solve()
-    assert failed.value.solution.status in (Status.SLIDES, Status.SLIDES_AT_PRESSURES)
 
 
 def test_lubkin():

@@ -328,19 +328,6 @@ def test_safety_with_the_water_in(closed):
     assert "a fluid in contact stays where it is" in solution.safety.assumed
 
 
-def test_restart(tmp_path):
-    """What water that has fallen again had reached is there after a restart."""
-    level = "3 if 1.5 < t < 2.5 else 2"
-    scene = dam(75.0, level, load_steps={"times": [1.0, 2.0, 3.0]})
-    whole = solve(scene, COMM, checkpoint=tmp_path)
-    again = solve(scene, COMM, checkpoint=tmp_path, restart=True)
-    for step, other in zip(whole.steps, again.steps, strict=True):
-        assert other.certificate.holds
-        assert np.array_equal(step.contact.joint.reached, other.contact.joint.reached)
-        assert step.contact.pressure == pytest.approx(other.contact.pressure, rel=1e-9, abs=1e-9)
-    assert again.steps[-1].contact.joint.recalled
-
-
 @pytest.mark.mpi
 def test_restart_on_other_ranks(tmp_path):
     """Begun on one rank and ended on all of them the front is that of a whole run."""

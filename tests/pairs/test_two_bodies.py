@@ -446,35 +446,6 @@ def test_two_blocks_on_the_same_side_of_a_plate(linear_algebra):
         ContactProblem(a, load, bcs, contact=[Pair(slaves[0], plate), Pair(plate, slaves[1])])
 
 
-def test_two_equal_bodies_are_the_half_of_one_on_a_plane():
-    """Each has the pressures of one body that a rigid plane in the middle meets with half the gap."""
-
-    def pressure(rigid):
-        bodies = [grid("quadrilateral", (12, 6), (-1.0, 0.0), (1.0, 1.0))]
-        if not rigid:
-            bodies.append(grid("quadrilateral", (12, 6), (-1.0, -1.0), (1.0, 0.0)))
-        mesh = assembled("quadrilateral", *bodies)
-        space, a, v = forms(mesh, 1, per_cell(mesh, lambda x: 100.0))
-        both = [facets_of_piece(mesh, lambda x: np.isclose(x[1], 0.0), lambda x, s=s: s * x[1] > 0) for s in (1, -1)]
-        ends = facets(mesh, lambda x: np.isclose(abs(x[1]), 1.0))
-        pressed = fem.Function(space)
-        pressed.interpolate(lambda x: np.stack((0 * x[0], -0.02 * x[1])))
-        bcs = [fem.dirichletbc(pressed, fem.locate_dofs_topological(space, 1, ends))]
-
-        def gap(x):
-            return (1.0 if rigid else 2.0) * 0.03 * x[0] ** 2
-
-        contact = Foundation(both[0], gap=gap) if rigid else Pair(*both, gap=gap)
-        problem = ContactProblem(a, nothing(mesh, v), bcs, contact=contact, algorithm="alm", tolerance=1e-10)
-        problem.solve()
-        order = np.argsort(problem.state.boundary.x[:, 0])
-        return problem.state.pressure[order]
-
-    alone, pair = pressure(True), pressure(False)
-    assert 0 < np.count_nonzero(alone > 0) < alone.size
-    np.testing.assert_allclose(pair, alone, rtol=0, atol=1e-7 * alone.max())
-
-
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
 @pytest.mark.parametrize("friction", [None, Coulomb(0.3)], ids=["", "coulomb"])
 @pytest.mark.parametrize(

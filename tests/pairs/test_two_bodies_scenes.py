@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_summary_schema import VALIDATOR
 
-from signorini_fx import ConvergenceError, SceneError, Status, read_scene, solve, write_results
+from signorini_fx import ConvergenceError, SceneError, read_scene, solve, write_results
 from signorini_fx.check.checks import check_scene
 from signorini_fx.cli import main
 from signorini_fx.pictures import load_steps
@@ -23,25 +23,6 @@ DEMO = Path(__file__).parents[2] / "demos" / "scenes" / "two_cylinders.toml"
 def cylinders():
     """The demo."""
     return solve(read_scene(DEMO))
-
-
-def test_two_cylinders(cylinders):
-    """Hertz's pressure after pressing, a stick zone between slip zones after the push, and forces in balance."""
-    assert cylinders.status is Status.CONVERGED
-    pressed = cylinders.at(cylinders.steps[0])
-    force = -pressed.contact.forces[0][1]
-    stiffness, radius = 1 / ((1 - 0.3**2) / 200 + (1 - 0.2**2) / 600), 1 / (1 / 8 + 1 / 12)
-    half = np.sqrt(4 * abs(force) * radius / (np.pi * stiffness))
-    assert pressed.contact.pressure.max() == pytest.approx(2 * abs(force) / (np.pi * half), rel=0.03)
-    touching = pressed.contact.boundary.x[pressed.contact.pressure > 0, 0]
-    assert np.abs(touching).max() == pytest.approx(half, abs=0.08)
-    table = cylinders.table.columns
-    assert {"slip+", "stick", "open"} <= set(table["state"])
-    forces = {one.boundary: one for one in cylinders.resultants.every()}
-    assert forces["upper"].force + forces["lower"].force == pytest.approx([0, 0], abs=1e-9)
-    for one, other in (("top", "upper"), ("bottom", "lower")):
-        assert forces[one].force + forces[other].force == pytest.approx([0, 0], abs=1e-8 * abs(force))
-        assert forces[one].moment + forces[other].moment == pytest.approx(0, abs=1e-7 * abs(force))
 
 
 def altered(**changes):
@@ -290,20 +271,6 @@ def stacked(tmp_path, monkeypatch):
     return scene
 
 
-@pytest.mark.parametrize(("space", "kind"), [(False, "full"), (True, "krylov")])
-def test_a_sequence_of_meshes(stacked, space, kind):
-    """Coarser meshes of both bodies change nothing but the work; a node of one body is none of the other one's."""
-    n = 8 if space else 32
-    alone, levels = (solve(stacked(n, space, linear_algebra=kind, levels=k)) for k in (1, 3))
-    assert alone.converged
-    assert levels.converged
-    size = alone.contact.pressure.max()
-    np.testing.assert_allclose(levels.contact.pressure, alone.contact.pressure, rtol=0, atol=1e-6 * size)
-    np.testing.assert_allclose(levels.contact.shear, alone.contact.shear, rtol=0, atol=1e-6 * size)
-    assert levels.levels[-1].dofs == alone.discretisation.dofs
-    assert levels.levels[-1].linear_solves < alone.history.linear_solves
-
-
 def test_pieces_keep_their_nodes(stacked):
     """The interpolation from a coarser mesh moves no body with the other one."""
     from mpi4py import MPI
@@ -315,23 +282,6 @@ def test_pieces_keep_their_nodes(stacked):
     coarse, fine = (discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings()) for scene in map(stacked, (4, 8)))
     shares = fine.level(coarse.level())._shares(coarse.level()).tocoo()
     assert (fine.motions.piece[shares.row] == coarse.motions.piece[shares.col]).all()
-
-
-def test_a_requested_accuracy():
-    """All cells are divided; the forces come as near to those of a finer mesh as was asked for."""
-    scene = altered(accuracy={"target": 0.01, "of": "force"})
-    scene["displacement"] = [{"boundary": "bottom", "x": 0.0, "y": 0.0}, {"boundary": "top", "x": 0.02, "y": -0.08}]
-    scene.pop("load_steps")
-    found = solve(parse_scene(scene))
-    assert found.status is Status.CONVERGED
-    assert len(found.levels) >= 2
-    forces = [np.asarray(level.force) for level in found.levels]
-    assert np.linalg.norm(forces[-1][:2] - [-0.0062, 5.494]) < 0.01 * 5.494
-    errors = [level.energy for level in found.levels]
-    assert errors[1] < 0.6 * errors[0]
-    scene["accuracy"]["refinement"] = "adaptive"
-    with pytest.raises(SceneError, match=r"accuracy.refinement: contact of two bodies shows its error"):
-        parse_scene(scene)
 
 
 def in_balance(solution):
@@ -497,26 +447,6 @@ def test_bolted_joint():
     every = in_balance(solution)
     assert every["head"].force[1] - every["joint above"].force[1] == pytest.approx(5.0, rel=1e-6)
     assert every["head"].force[1] < 1.1 * before[0]
-
-
-def test_dovetail_in_a_disc():
-    """The disc carries the pull at every speed; on the way down friction is reversed and the normal force larger."""
-    solution = solve(read_scene(DEMO.parent / "dovetail.toml"))
-    angle, coefficient, normal = np.radians(50.0), 0.2, []
-    for step, pull in zip(solution.steps, (525.0, 1050.0, 525.0), strict=True):
-        found = solution.at(step)
-        every = in_balance(found)
-        assert every["slot"].force[1] == pytest.approx(pull, rel=1e-6)
-        assert every["bore"].force[1] == pytest.approx(-pull, rel=1e-6)
-        assert every["slot"].force[0] == pytest.approx(-every["flank"].force[0], rel=1e-9)
-        contact, weight = found.contact, found.contact.boundary.weight
-        normal.append(contact.pressure @ weight)
-        held = (pull - normal[-1] * np.cos(angle)) / np.sin(angle)  # by friction, along the flank
-        shear = contact.boundary.nodal_forces(0 * contact.pressure, contact.shear).sum(axis=0)
-        assert np.linalg.norm(shear) == pytest.approx(abs(held), rel=1e-6)
-        assert abs(held) < (1 + 1e-6) * coefficient * normal[-1]
-    assert normal[0] == pytest.approx(525.0 / (np.cos(angle) + coefficient * np.sin(angle)), rel=1e-4)
-    assert normal[2] > 1.2 * normal[0]
 
 
 def test_bonded_pad():

@@ -2,7 +2,6 @@
 
 import ast
 import copy
-import csv
 import os
 import sys
 from dataclasses import replace
@@ -544,14 +543,6 @@ def test_scenes_can_be_drawn_again():
 
 
 # ---- the command
-
-
-def test_the_command(tmp_path):
-    """Some scenes in two processes: exit code 0, a table, one row per scene."""
-    assert command.main(["--first", "2", "--plane", "3", "--jobs", "2", "--out", str(tmp_path)]) == 0
-    with (tmp_path / "oracle.csv").open(newline="", encoding="utf-8") as file:
-        assert [int(row["seed"]) for row in csv.DictReader(file)] == [2, 3, 4]
-    assert f"| {RIGHT} |" in (tmp_path / "oracle.txt").read_text(encoding="utf-8")
 
 
 def test_one_scene(tmp_path, capsys):

@@ -31,7 +31,7 @@ from stability.oracle.space import cones, statics  # noqa: E402
 from stability.oracle.space.body import Body  # noqa: E402
 from stability.oracle.space.conditions import contact_of  # noqa: E402
 from stability.oracle.space.judge import judge  # noqa: E402
-from stability.oracle.space.scenes import grid, trial  # noqa: E402
+from stability.oracle.space.scenes import grid  # noqa: E402
 from stability.oracle.units import Units, same  # noqa: E402
 from stability.oracle.worker import row_of  # noqa: E402
 
@@ -384,15 +384,6 @@ def test_units_are_taken_back():
     assert back["shear_x"] == pytest.approx([9e-14])
     assert back["n_x"] == pytest.approx([1.0])
     assert back["weight"] == pytest.approx([1.0])
-
-
-def test_scenes_can_be_drawn_again():
-    """A seed is a scene."""
-    for seed in (0, 7, 400):
-        one, two = trial(seed), trial(seed)
-        assert one.scene == two.scene
-        assert one.units == two.units
-        assert one.mesh is None or np.array_equal(one.mesh.points, two.mesh.points)
 
 
 def test_the_command(tmp_path):

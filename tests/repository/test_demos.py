@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from signorini_fx import Status
 from signorini_fx.results import files
 
 DEMOS = Path(__file__).parents[2] / "demos"
@@ -186,17 +185,6 @@ def test_bracket(run):
     assert found["above"].status.value == "slides at the contact pressures found"
     assert any(event.startswith("slides") for event in found["above"].history.events)
     pictures("bracket/foot")
-
-
-def test_tutorial(run):
-    """Its counts and its outcome; it is written for one process."""
-    if COMM.size > 1:
-        pytest.skip("for one process")
-    found = run("tutorial", 60)
-    assert found["solution"].history.linear_solves == 14
-    assert found["columns"]["pressure"].max() == pytest.approx(20.18, rel=5e-3)
-    assert found["outcome"] is Status.NOT_HELD
-    pictures("tutorial/stresses", "tutorial/deformed")
 
 
 def test_friction_from_slip(run):

@@ -37,18 +37,6 @@ def table_3(nx, ny, start, sigma):
     assert found == table[f"{nx}x{ny}"][start]
 
 
-def test_table_1():
-    """With the sigma of the program."""
-    table_1("auto")
-
-
-@pytest.mark.parametrize(("nx", "ny"), GRIDS)
-@pytest.mark.parametrize("start", STARTS)
-def test_table_3(nx, ny, start):
-    """With the sigma of the program."""
-    table_3(nx, ny, start, "auto")
-
-
 @pytest.mark.parametrize(
     "table",
     [partial(table_1, 1.0), *(partial(table_3, *g, s, 1.0) for g in GRIDS for s in STARTS)],
