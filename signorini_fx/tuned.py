@@ -1,8 +1,8 @@
 """Constants that were tuned: what each does, where it comes from, and what it was tuned on.
 
-Tolerances for round-off are next to their formulae, limits of memory and time of other processes and the thresholds of
-warnings where they are used.  No constant here is a length, a stress or a time: each is a share, a factor, a power or a
-count, except in the estimate of costs, which describes a machine.
+Coefficients of a formula are in the formula, limits of memory and time of other processes and the styles of lines where
+they are used.  No constant here is a length, a stress or a time: each is a share, a factor, a power or a count, except
+in the estimate of costs, which describes a machine, and where a unit is given.
 
 *Choice* means that a value follows from reasoning alone; *no record* means that it is not recorded what the value was
 compared with, so that whoever changes it has to measure.  Unless it says otherwise a constant was tuned in the plane,
@@ -302,3 +302,67 @@ SAME_DIRECTION = 1e-8
 SAME_POSITION = 1e-8
 # Resistance to a rigid motion, relative to that to the best held one, below which it counts as not held.  Choice.
 NOT_HELD = 1e-8
+
+# Sums, integrals, weights and components below this share of the largest one, or of the sum of the magnitudes, are the
+# round-off of zero.  Choice: a thousand units of round-off for each of a few terms.
+ZERO_SUM = 1e-12
+# Components of a unit vector and entries of a projection below this are round-off, without a sum.  Choice: 45 units.
+ZERO_COMPONENT = 1e-14
+# Numbers that differ by less than this share of their size are equal: in comparisons of a scene, a shear at its bound,
+# a grading at 1, a point on a surface.  Choice: as few units as a short calculation loses.
+SAME_NUMBER = 1e-12
+# Sine of the angle between directions, or volume that edges span over that of a cube, below which they are parallel.
+# Choice: as for numbers.
+PARALLEL = 1e-12
+# Moment of inertia about an axis, as a share of the largest one, below which forces have no arm there.  Choice: an arm
+# below the millionth part of the size.
+NO_ARM = 1e-12
+# Lengths and distances, as shares of the size of the body, the facet or the edge that they belong to, and places on a
+# load path, that are equal although they were computed in different ways.  Choice: far above the round-off of
+# coordinates, and below what meshes in files resolve.
+SAME_LENGTH = 1e-9
+# What is computed from a solution (forces, pressures, displacements, normals of facets) below this share of the largest
+# one is round-off.  Choice: solves leave up to 1e-10 of the forces.
+ZERO_IN_SOLUTION = 1e-9
+# What a function misses of an affine one, as a share of its size, so that it counts as affine.  Choice.
+AFFINE = 1e-9
+# Entries of assembled matrices and vectors that differ by less than this share of the largest one are equal.  Choice:
+# sums over quadrature points in another order leave 1e-14 to 1e-12.
+SAME_ENTRY = 1e-10
+# Eigenvalues and pivots below this share of the largest one are those of a singular matrix.  Choice: far above
+# round-off, far below the softest motion of a body that is held.
+SINGULAR = 1e-10
+# A part of a facet or of a cell with less than this share of its length, area or volume is none.  Choice; the
+# certificate, which cuts facets in another way, has the second.
+NO_PART, NO_PART_IN_CERTIFICATE = 1e-10, 1e-9
+# What a projection leaves of a motion or a load below this share of it is round-off.  Choice.
+NOTHING_LEFT = 1e-10
+# Entries of B, of which a selected unknown has one, differ by less than this from 1 or 0 by round-off.  Choice.
+SAME_TRACE = 1e-11
+# Forces are round-off below this share of all loads, of stiffness times displacement, or of those of the largest piece.
+# Choice: Newton's method ends at a residual as large.
+NO_FORCE = 1e-8
+# What the balance of forces may miss of the load in a proof, or for the tension of a bolt.  Choice: ten times what
+# direct solves leave.
+BALANCED = 1e-11
+# Gaps and slips below this share of the largest one are none.  Choice: a hundred times what solves leave.
+CLOSED_GAP = 1e-6
+# Nodes and pieces that move by less than this share of the others are at rest.  Choice: as for gaps.
+AT_REST = 1e-6
+# A place on a facet, in a cell or at a vertex may be off by this share of the facet, of the cell, of the distance or of
+# the angle.  Choice.
+SAME_PLACE_IN_CELL = 1e-6
+# Drawings and files have few digits: their points are one, their faces plane and their directions parallel within this
+# share of their size or this angle in radians.  Choice: single precision.
+DIGITS_OF_FILES = 1e-6
+# A vector field has no direction where it is below this share of its largest value, or parallel to the other one.
+# Choice.
+NO_DIRECTION = 1e-6
+# Steps in a reference cell or facet that end Newton's method: of points in cells; of overlaps, where the last one is
+# round-off and one below the second is the last but one, as errors are squared.  Choice.
+LAST_STEP_IN_CELL, LAST_STEP_IN_FACET, LAST_STEP_BUT_ONE = 1e-10, 1e-14, 1e-9
+# Resultants that are a smaller share of the integral of the pressure come from the mesh, not from the load.  Choice.
+RESULTANT_OF_MESH = 1e-3
+# Conditions hold to this share of loads and displacements for a second solution, which differs from the first by more
+# than the second share; one beyond the third multiple has diverged.  Choice.
+SECOND_SOLUTION_HOLDS, SECOND_SOLUTION_DIFFERS, SECOND_SOLUTION_DIVERGED = 1e-9, 1e-3, 1e6

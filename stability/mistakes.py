@@ -253,14 +253,14 @@ MUTANTS = (
     ),
     Mutant(
         "derivatives/of_form",
-        "begun.step > 0 and parallel.global_sum(solved.body.comm, np.sum(owed)) > _NOTHING * abs(value)",
+        "begun.step > 0 and parallel.global_sum(solved.body.comm, np.sum(owed)) > ZERO_IN_SOLUTION * abs(value)",
         "False",
         "derivatives after advance: without what the step before has left",
         tests=("derivatives::test_after_advance",),
     ),
     Mutant(
         "derivatives/of_form",
-        "_NOTHING * abs(value)",
+        "ZERO_IN_SOLUTION * abs(value)",
         "0.0",
         "derivatives after advance: round-off is what the step before has left",
         tests=("derivatives::test_after_advance_in_space",),
@@ -507,7 +507,7 @@ MUTANTS = (
     ),
     Mutant(
         "forms/stated_data",
-        "np.abs(forces - of_stress).max() > _SAME_FORM * np.abs(forces).max()",
+        "np.abs(forces - of_stress).max() > SAME_ENTRY * np.abs(forces).max()",
         "False",
         "bounds of forms with springs that they do not know",
         tests=("results_of_forms::test_what_bounds_refuse",),
@@ -1049,7 +1049,7 @@ MUTANTS = (
     ),
     Mutant(
         "contact/points",
-        "np.maximum(scales, ROUND_OFF * sizes.max())",
+        "np.maximum(scales, NO_FORCE * sizes.max())",
         "scales",
         "groups: round-off of the joint system is a scale",
         tests=("unequal_bodies::test_groups",),
@@ -1180,7 +1180,7 @@ MUTANTS = (
     ),
     Mutant(
         "solving/loose_bodies",
-        "np.abs(missing + rows @ back).max() > _NEGLIGIBLE * size",
+        "np.abs(missing + rows @ back).max() > CLOSED_GAP * size",
         "False",
         "given friction does not hold what slips on it",
         tests=("loose_bodies::test_what_is_proved",),
@@ -1673,8 +1673,8 @@ MUTANTS = (
     ),
     Mutant(
         "mesh/points",
-        "(_ROUND_OFF, outside)",
-        "(_ROUND_OFF,)",
+        "(LAST_STEP_IN_CELL, outside)",
+        "(LAST_STEP_IN_CELL,)",
         "no cell for points outside all bounding boxes",
         tests=("mesh_points",),
     ),
@@ -1868,7 +1868,7 @@ MUTANTS = (
     ),
     Mutant(
         "body/averages",
-        "product.sum(axis=2)[:, :, None] * (np.linalg.pinv(mass, rcond=_SINGULAR, hermitian=True) @ product)",
+        "product.sum(axis=2)[:, :, None] * (np.linalg.pinv(mass, rcond=SINGULAR, hermitian=True) @ product)",
         "product",
         "averages: hat functions in place of the dual ones",
         tests=("space_block::test_linear_solves_on_quadratic_tetrahedra",),
@@ -1938,8 +1938,8 @@ MUTANTS = (
     ),
     Mutant(
         "pairs/overlap_space",
-        "(mixed <= _PARALLEL * np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1)).all()",
-        "(mixed <= _PARALLEL * np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1)).any()",
+        "(mixed <= SAME_LENGTH * np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1)).all()",
+        "(mixed <= SAME_LENGTH * np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1)).any()",
         "two bodies: one parallelogram counts for all quadrilaterals",
         tests=("pairs::test_parallelograms_and_other_quadrilaterals",),
     ),
@@ -2050,8 +2050,8 @@ MUTANTS = (
     ),
     Mutant(
         "pairs/coupling",
-        "self.gap <= (1.0 + _ALIKE) * limit",
-        "np.abs(self.gap) <= (1.0 + _ALIKE) * limit",
+        "self.gap <= (1.0 + SAME_PLACE_IN_CELL) * limit",
+        "np.abs(self.gap) <= (1.0 + SAME_PLACE_IN_CELL) * limit",
         "two bodies: adjust closes gaps, but no deep overlaps",
         tests=("drafts::test_adjust",),
     ),
@@ -2289,7 +2289,7 @@ MUTANTS = (
     ),
     Mutant(
         "body/contact_map",
-        "mapping.operator.chop(_ROUND_OFF)",
+        "mapping.operator.chop(ZERO_COMPONENT)",
         "pass",
         "turned supports: round-off across a tangent is a shear",
         tests=("space_extruded::test_table_1",),
@@ -2477,8 +2477,8 @@ MUTANTS = (
     ),
     Mutant(
         "contact/statics",
-        "bool(np.linalg.norm(residual) <= ZERO)",
-        "bool(np.linalg.norm(residual) >= ZERO)",
+        "bool(np.linalg.norm(residual) <= NO_FORCE)",
+        "bool(np.linalg.norm(residual) >= NO_FORCE)",
         "interference where there is clearance",
         tests=("outcomes::test_nothing_presses",),
     ),
@@ -2513,7 +2513,7 @@ MUTANTS = (
     ),
     Mutant(
         "contact/resting_place",
-        "along > _SMALL * along.max(initial=0.0)",
+        "along > CLOSED_GAP * along.max(initial=0.0)",
         "along != 0",
         "round-off of a wall stops the body",
         tests=("fall_backs",),
@@ -3191,7 +3191,7 @@ MUTANTS = (
     ),
     Mutant(
         "contact/statics",
-        "np.abs(forces[len(columns) : -1]).sum() <= ZERO",
+        "np.abs(forces[len(columns) : -1]).sum() <= NO_FORCE",
         "forces.size",
         "largest multiple: found without tractions",
         tests=("statics::test_largest_multiple_against_linear_programmes",),
@@ -3205,14 +3205,14 @@ MUTANTS = (
     ),
     Mutant(
         "contact/motions",
-        "np.where(length > _NO_LOAD * size, work, 0.0)",
+        "np.where(length > NO_FORCE * size, work, 0.0)",
         "work",
         "a resultant of round-off is a load",
         tests=("outcomes::test_loads_that_balance_each_other",),
     ),
     Mutant(
         "contact/statics",
-        "sliding: Nodal = motion - np.linalg.lstsq(rows, rows @ motion, rcond=ZERO)[0] if len(rows) else motion",
+        "sliding: Nodal = motion - np.linalg.lstsq(rows, rows @ motion, rcond=NO_FORCE)[0] if len(rows) else motion",
         "sliding = motion",
         "a body that slides is said to lift off",
         tests=("statics::test_a_block_slides_or_tips",),
@@ -4008,7 +4008,7 @@ MUTANTS = (
     ),
     Mutant(
         "results/contact_boundaries",
-        "tangential <= _ROUND_OFF * max(abs(normal), limit if np.isfinite(limit) else 0.0)",
+        "tangential <= ZERO_IN_SOLUTION * max(abs(normal), limit if np.isfinite(limit) else 0.0)",
         "False",
         "values: round-off is a tangential force",
         tests=("resultants::test_where_nothing_can_be_said",),
@@ -4318,7 +4318,7 @@ MUTANTS = (
     ),
     Mutant(
         "results/certificate",
-        "max(FAINT * stress, ROUND_OFF * float(mean.max()))",
+        "max(FAINT * stress, NO_FORCE * float(mean.max()))",
         "float(mean.max())",
         "certificate: forces on tools count beside the stress of the body only",
         tests=("tools::test_the_certificate_knows_a_small_force",),
@@ -4534,7 +4534,7 @@ MUTANTS = (
     ),
     Mutant(
         "uniqueness/proof",
-        "np.abs(rough.free[normal:]).max(initial=0.0) > _FREE**0.5",
+        "np.abs(rough.free[normal:]).max(initial=0.0) > SINGULAR**0.5",
         "False",
         "uniqueness: a body that friction alone holds",
         tests=("terms_of_proofs::test_motions_that_nothing_but_friction_stops",),
@@ -4583,7 +4583,7 @@ MUTANTS = (
     ),
     Mutant(
         "results/equilibrium",
-        "slight = np.maximum(slight, ROUND_OFF * pieces.norms(pressed))",
+        "slight = np.maximum(slight, NO_FORCE * pieces.norms(pressed))",
         "pass",
         "certificate: contact forces that supports take have no round-off",
         tests=("certificate::test_pressure_that_supports_take_has_round_off",),

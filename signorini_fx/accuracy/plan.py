@@ -12,7 +12,6 @@ from mpi4py import MPI
 from signorini_fx import compat
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.gmsh_files import DRAWN
-from signorini_fx.mesh.files.shape import STRAIGHT
 from signorini_fx.mesh.refinement import check_divisible
 from signorini_fx.mesh.tagged import (
     TaggedMesh,
@@ -26,6 +25,7 @@ from signorini_fx.mesh.tagged import (
 from signorini_fx.scene.features import refusals
 from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene
 from signorini_fx.scene.settings import Accuracy
+from signorini_fx.tuned import SAME_LENGTH
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) 
     """Curved sides stay curved: all cells are divided then, because dolfinx bisects straight ones only."""
     drawn = file.file.suffix.lower() in DRAWN
     tagged = load_file(file, comm, 0, 2 if drawn else None, scene.sections, scene.touching)
-    curved = curvature(tagged) > STRAIGHT * tagged.size
+    curved = curvature(tagged) > SAME_LENGTH * tagged.size
     degree = compat.geometry_degree(tagged.mesh)
     simplices = tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")
     better = tagged.dimension == 2 and goal.refinement == "auto" and (goal.of in LOCAL or curved)

@@ -22,6 +22,7 @@ from signorini_fx.tuned import (
     JUMP_RATIO,
     KINK_SHARE,
     LARGEST_EXPONENT,
+    SAME_LENGTH,
     STEEP_EXPONENT,
 )
 
@@ -30,8 +31,6 @@ Ints = npt.NDArray[np.int64]
 
 # Smaller angles are round-off.
 _STRAIGHT = 1e-7
-# Distances that differ by this share are equal: on regular meshes many are multiples of the first.
-_EQUAL = 1e-9
 
 
 def interval_squares(table: ContactTable, *, corners: bool = True, blur: float = 0.0) -> list[Floats]:
@@ -110,14 +109,14 @@ def singular_square(r: Floats, pressure: Floats, blur: float) -> float:
     """
     # Neighbouring nodes of quadratic elements behave differently, every second one alike.
     even = np.arange(2, r.size, 2)
-    near = even[r[even] >= 2 * max(r[1], blur) * (1 - _EQUAL)]
+    near = even[r[even] >= 2 * max(r[1], blur) * (1 - SAME_LENGTH)]
     if near.size < 2 or not 0 < pressure[near[1]] < pressure[near[0]]:
         return 0.0
     first = near[0]
     if bends(r[near], pressure[near]):
         return 0.0
     falling = near[: 1 + int(np.argmin(np.append(np.diff(pressure[near]) < 0, False)))]
-    stretch = falling[(r[falling] <= FIT_STRETCH * r[first] * (1 + _EQUAL)) & (pressure[falling] > 0)]
+    stretch = falling[(r[falling] <= FIT_STRETCH * r[first] * (1 + SAME_LENGTH)) & (pressure[falling] > 0)]
 
     def growth(node: int) -> float:
         return float(np.log(pressure[first] / pressure[node]) / np.log(r[node] / r[first]))
@@ -147,7 +146,7 @@ def bends(r: Floats, pressure: Floats) -> bool:
         r: distance of nodes from the corner, ascending, at least two.
         pressure: at these nodes, falling from the first to the second.
     """
-    third = 1 + int(np.searchsorted(r[1:], r[1] ** 2 / r[0] * (1 - _EQUAL)))  # as many times farther as the second
+    third = 1 + int(np.searchsorted(r[1:], r[1] ** 2 / r[0] * (1 - SAME_LENGTH)))  # as many times farther as the second
     if third >= r.size:
         return False
     p, x = pressure[[0, 1, third]], np.log(r[[0, 1, third]])

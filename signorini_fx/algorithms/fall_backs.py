@@ -28,10 +28,7 @@ from signorini_fx.attempts import (
 )
 from signorini_fx.contact.laws import ActiveSets, RegularisedData
 from signorini_fx.records import Status
-from signorini_fx.tuned import FALL_BACK_FIRST_SHARE, FALL_BACK_GROWTH
-
-# A gap below this share of the largest one is closed.
-_CLOSED = 1e-6
+from signorini_fx.tuned import CLOSED_GAP, FALL_BACK_FIRST_SHARE, FALL_BACK_GROWTH
 
 
 class FallBacks:
@@ -104,7 +101,7 @@ def _touching(newton: SemismoothNewton, data: RegularisedData) -> ActiveSets | N
 def touching_nodes(comm: PETSc.Comm, data: RegularisedData) -> npt.NDArray[np.bool_]:
     """The nodes without a gap where displacements are counted from, shape (n,); collective."""
     gap = np.abs(data.gap)
-    closed: npt.NDArray[np.bool_] = gap <= _CLOSED * parallel.largest(comm, gap)
+    closed: npt.NDArray[np.bool_] = gap <= CLOSED_GAP * parallel.largest(comm, gap)
     return closed
 
 

@@ -33,10 +33,9 @@ from signorini_fx.body import forms
 from signorini_fx.body.assembly import assemble, facet_entities, measure
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.records import Inventory
+from signorini_fx.tuned import SINGULAR
 
 _Floats = npt.NDArray[np.float64]
-# A measure may vanish at a vertex, which then has no function.
-_SINGULAR = 1e-10
 
 
 @dataclass(frozen=True)
@@ -208,7 +207,7 @@ def _dual_products(space: fem.FunctionSpace, compiled: AveragingForms) -> PETSc.
         # The hat functions from their values at the nodes of the facet.
         values_there = hats.tabulate(0, element.points[closure])[0, :, vertices, 0]
         mass = product @ values_there.T
-        dual = product.sum(axis=2)[:, :, None] * (np.linalg.pinv(mass, rcond=_SINGULAR, hermitian=True) @ product)
+        dual = product.sum(axis=2)[:, :, None] * (np.linalg.pinv(mass, rcond=SINGULAR, hermitian=True) @ product)
         places = compiled.hats.dofmap.list[cells][:, vertices], facet_dofs
         indices = (np.ascontiguousarray(dofs, dtype=PETSc.IntType) for dofs in places)
         matrix.setValuesLocalRCV(*indices, np.ascontiguousarray(dual), PETSc.InsertMode.ADD_VALUES)

@@ -19,9 +19,7 @@ from signorini_fx.kinematics.cartesian import Kinematics, position
 from signorini_fx.materials.protocol import PAIRS, Array
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.scene.model import Scene
-
-# A share of the stiffness below this is round-off.
-_ROUND_OFF = 1e-9
+from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 
 @dataclass(frozen=True)
@@ -82,7 +80,7 @@ def cellwise_stiffness(scene: Scene, tagged: TaggedMesh) -> CellwiseStiffness | 
         turned = _turned(axes)
         whole = turned @ material.stiffness @ turned.swapaxes(1, 2)
         off = np.abs(whole[:, [4, 5], :4]).max(initial=0.0) if len(columns) < len(PAIRS) else 0.0
-        if parallel.any_rank(tagged.mesh.comm, bool(off > _ROUND_OFF * np.abs(whole).max(initial=0.0))):
+        if parallel.any_rank(tagged.mesh.comm, bool(off > ZERO_IN_SOLUTION * np.abs(whole).max(initial=0.0))):
             problems.append(
                 (f"material[{number}]", "a plane body needs a plane of symmetry: shear across it is not free")
             )

@@ -35,10 +35,7 @@ from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.kinematics.space import SPACE
 from signorini_fx.laws.directed import FrictionAxes
 from signorini_fx.scene.rigid_motion import RigidBody
-from signorini_fx.tuned import SAME_DIRECTION
-
-# A direction that differs from an axis by less is along it.
-_ALONG_AXIS = 1e-12
+from signorini_fx.tuned import PARALLEL, SAME_DIRECTION
 
 
 @dataclass(frozen=True)
@@ -205,7 +202,7 @@ class ContactBoundary:
                 neither its normal nor a tangent.
         """
         sizes, frames = np.abs(self.frames_in_axes), self.frames.copy()
-        across = 1.0 - sizes.max(axis=2) >= _ALONG_AXIS
+        across = 1.0 - sizes.max(axis=2) >= PARALLEL
         for reason, applies in (
             (
                 "contact of two bodies ties several unknowns to each other",

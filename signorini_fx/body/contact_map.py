@@ -13,9 +13,7 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary, MovingFoundation
 from signorini_fx.contact.map import ContactMap
-
-# Below it a component of a unit vector is round-off.
-_ROUND_OFF = 1e-14
+from signorini_fx.tuned import ZERO_COMPONENT
 
 
 def contact_map(
@@ -61,7 +59,7 @@ def contact_map(
         return mapping
     # What a tangent or a normal has of a component across it is round-off, and gamma makes a shear of it: it is zero.
     mapping = mapping.after(rotation, fixed)
-    mapping.operator.chop(_ROUND_OFF)
+    mapping.operator.chop(ZERO_COMPONENT)
     return mapping if boundary.moving is None else _relative_to_foundations(mapping, boundary, boundary.moving, behind)
 
 

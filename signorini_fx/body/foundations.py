@@ -30,13 +30,12 @@ from signorini_fx.method import Settings
 from signorini_fx.records import Inventory
 from signorini_fx.scene.rigid_motion import RigidBody, RigidMotion
 from signorini_fx.scene.rigid_shape import Distance, distance_from
+from signorini_fx.tuned import ZERO_SUM
 
 if TYPE_CHECKING:
     from signorini_fx.body.paired_points import PairedSides
 
 Array = npt.NDArray[np.float64]
-# A weight below this share of the largest one is the round-off of a measure that is zero there.
-_ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True)
@@ -253,7 +252,7 @@ class Foundations:
             if contact.measure is not None:
                 factor = at(contact.measure, f"contact[{k}].measure", minimum=0.0)
                 largest = parallel.largest(self._space.mesh.comm, np.nan_to_num(factor))
-                factor[factor <= _ROUND_OFF * largest] = 0.0
+                factor[factor <= ZERO_SUM * largest] = 0.0
             along: Any = self._distances[k].direction if k in self._distances else contact.direction
             if along is not None:
                 direction = at(along, f"contact[{k}].direction", self._dimension)
@@ -286,7 +285,7 @@ class Foundations:
                 continue
             if function is not None and shape.factor is not None:
                 function.x.array.reshape(-1, self._dimension)[:, 0] = np.nan_to_num(shape.factor)
-            least = 0.0 if shape.factor is None else _ROUND_OFF
+            least = 0.0 if shape.factor is None else ZERO_SUM
             part = contact_part(self._space, form, self.facets[k], k, fixed, turned, least)
             if shape.direction is not None:
                 part = replace(part, normal=shape.direction[part.nodes])

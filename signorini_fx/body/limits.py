@@ -25,15 +25,12 @@ from signorini_fx.body.rigid import rigid_modes
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.reactions import Reactions, nearest
 from signorini_fx.scene.features import refused_by
+from signorini_fx.tuned import BALANCED, SAME_LENGTH
 
-# Normals that differ by less are equal; lengths below this share of the body's size are zero.
-_FLAT = 1e-9
 # Share of a facet by which the mean of the normals at its ends may lean along it.
 _ARC = 1e-6
 # Round-off of a sum of products of frames, positions and motions, per unit of the sum of their magnitudes.
 _SUM = 64 * float(np.finfo(float).eps)
-# What the balance of tractions may miss, relative to the load.
-_MISSED = 1e-11
 # Shares by which a multiple of the load is lowered until its balance is proved.
 _LOWER = (1e-9, 5e-9, 1e-7, 1e-6)
 # Vertices of a facet in space.
@@ -186,9 +183,9 @@ def _surfaces(
     size = d.tagged.size
     turned = np.abs(normal[nodes] - normal[nodes[:, :1]]).max(axis=(1, 2))
     bent = np.abs(np.einsum("fjd,fd->fj", x[nodes] - x[nodes[:, :1]], normal[nodes[:, 0]])).max(axis=1)
-    along = bent <= _FLAT * size
+    along = bent <= SAME_LENGTH * size
     prescribed = np.array([getattr(contact, "direction", None) is not None for contact in d.scene.contact])
-    straight = (turned <= _FLAT) & (along | prescribed[rows[nodes[:, 0], 0].astype(np.int64)])
+    straight = (turned <= SAME_LENGTH) & (along | prescribed[rows[nodes[:, 0], 0].astype(np.int64)])
     if dim == 3 and not straight.all():
         raise Unproved("the contact surface is not flat")
     # Facets are straight wherever nodes are in line; what bends in between is not known.
@@ -196,7 +193,8 @@ def _surfaces(
         raise Unproved("the cells are curved")
     largest_bound, least = base_bound[nodes].max(axis=1), base_bound[nodes].min(axis=1)
     alike = bool(
-        (largest_bound - least <= _FLAT * largest_bound).all() and (np.ptp(share[nodes], axis=1) <= _FLAT).all()
+        (largest_bound - least <= SAME_LENGTH * largest_bound).all()
+        and (np.ptp(share[nodes], axis=1) <= SAME_LENGTH).all()
     )
     at, ways = x[corners], normal[corners]
     stretch: Nodal = np.ones(len(corners))
@@ -346,7 +344,7 @@ def _balanced(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> bo
     node = np.tile(np.arange(len(contact.normal)), len(cones) + len(pulls))
     two_ways = np.arange(len(rays)) >= len(contact.normal) * len(cones)
     lengths = np.linalg.norm(rays, axis=1)
-    able = (lengths > _FLAT) & (~two_ways | (contact.given > 0)[node])
+    able = (lengths > SAME_LENGTH) & (~two_ways | (contact.given > 0)[node])
     if np.count_nonzero(able) < k:
         return False
     rays, node, two_ways = rays[able] / lengths[able, None], node[able], two_ways[able]
@@ -354,7 +352,7 @@ def _balanced(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> bo
     independent = float(np.linalg.svd(rays[chosen], compute_uv=False)[-1])
     if independent <= 1e-3 / k:
         return False
-    spare = _MISSED * size / independent
+    spare = BALANCED * size / independent
     # A pressure gives way on one side, and is raised by what is spared; friction without pressure on both.
     pushed, rubbed = chosen[~two_ways[chosen]], chosen[two_ways[chosen]]
     base_bound = contact.given.copy()

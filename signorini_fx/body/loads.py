@@ -34,6 +34,7 @@ from signorini_fx.scene.expressions import Expression, sample
 from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.scene.magnitudes import LARGEST
 from signorini_fx.scene.model import Scene
+from signorini_fx.tuned import ZERO_SUM
 
 # The rules of loads that jumps cut, by the identity of the load: two of them may be equal.
 Cuts = Mapping[int, CutRule]
@@ -201,7 +202,7 @@ class FormCoefficients:
             largest = parallel.largest(mesh.comm, np.abs(sample(spread, corners.reshape(-1, 3).T)))
             size = self.tagged.size
             scales = Scales(self.tagged.dimension, self.scene.young, size, self.kinematics.depth(size))
-            if not abs(integral) > _ROUND_OFF * largest * scales.surface:
+            if not abs(integral) > ZERO_SUM * largest * scales.surface:
                 path = next(path for path, candidate in self.scene.listed() if candidate is effect)
                 raise SceneError(
                     [(f"{path}.spread", f"its integral over {boundary!r} is {integral:g}: it must not be 0")]
@@ -228,8 +229,6 @@ class FormCoefficients:
 
 
 Facets = Callable[[str], npt.NDArray[np.int32]]
-# An integral below this share of that of the magnitude is the round-off of zero.
-_ROUND_OFF = 1e-12
 
 
 def measures(space: fem.FunctionSpace, effects: Sequence[Effect], facets: Facets, cuts: Cuts = NO_CUTS) -> list[Any]:

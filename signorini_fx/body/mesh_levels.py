@@ -19,11 +19,11 @@ from petsc4py import PETSc
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.body.rigid import RigidMotions, rigid_modes
 from signorini_fx.mesh.points import at_points
+from signorini_fx.tuned import SAME_ENTRY
 
 Array = npt.NDArray[np.float64]
-# Nodes of the finer mesh are looked for this share of a coarse cell's size outside the coarser mesh; smaller shares of
-# a coarse node are round-off.
-_OUTSIDE, _ROUND_OFF = 0.25, 1e-10
+# Nodes of the finer mesh are looked for this share of a coarse cell's size outside the coarser mesh.
+_OUTSIDE = 0.25
 
 
 @dataclass(eq=False)
@@ -136,7 +136,7 @@ class MeshLevel:
 
         def numbers_and_shares(cells: npt.NDArray[np.int32], points: Array) -> Array:
             shares = shape.tabulate(0, points)[0].reshape(len(cells), -1)
-            shares[np.abs(shares) < _ROUND_OFF] = 0.0
+            shares[np.abs(shares) < SAME_ENTRY] = 0.0
             nodes = dofmap.list[cells]
             return np.hstack((dofmap.index_map.local_to_global(nodes.ravel()).reshape(nodes.shape), shares))
 

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from signorini_fx.pairs.surface import PairSurface
+from signorini_fx.tuned import DIGITS_OF_FILES
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -24,8 +25,6 @@ Flags = npt.NDArray[np.bool_]
 # Largest component across the plane of a normal that is the mean over the facets of one half of a smooth surface:
 # half of the angle between facets.  Surfaces that are more askew to the plane have an edge there.
 SMOOTH = 0.2
-# Directions are the same, and positions in a plane as a share of the size of a facet, within this.
-_SAME_POSITION = 1e-6
 
 
 def mirrored(
@@ -55,8 +54,8 @@ def mirrored(
         if abs(slave.nodal_normals[node] @ across) > SMOOTH:
             continue
         apart = master.x[holding] - slave.x[node]
-        in_plane = (np.abs(apart @ across) < _SAME_POSITION * size) & (
-            np.linalg.norm(projectors @ across - across, axis=1) < _SAME_POSITION
+        in_plane = (np.abs(apart @ across) < DIGITS_OF_FILES * size) & (
+            np.linalg.norm(projectors @ across - across, axis=1) < DIGITS_OF_FILES
         )
         reach = size + nearest.query(slave.x[node])[0]
         if (in_plane & (np.linalg.norm(apart, axis=1) <= reach)).any():

@@ -40,12 +40,11 @@ from signorini_fx.linalg.factorisation import has_package
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.scene.model import Scene
+from signorini_fx.tuned import SAME_ENTRY
 
 _Floats = npt.NDArray[np.float64]
 # What is compiled for it.
 MIXED_FORMS = ("elasticity", "divergence", "compressibility")
-# Forces of a constant pressure below this share of what its parts have are round-off.
-_ROUND_OFF = 1e-10
 
 
 class MixedDisplacement(fem.Function):
@@ -346,7 +345,7 @@ class MixedPressure:
         triangle: Any = np.linalg.qr(columns[~held], mode="r")  # whose singular values are those of all rows
         triangles = parallel.gather_rows(comm, triangle)
         square = np.vstack((triangles, np.zeros((len(forces), len(forces)))))
-        return bool(np.linalg.svd(square, compute_uv=False)[-1] <= _ROUND_OFF)
+        return bool(np.linalg.svd(square, compute_uv=False)[-1] <= SAME_ENTRY)
 
 
 def mixed_strain_form(q: Any, strain: Any, swelling: Any, degree: int, *, kinematics: Kinematics = SPACE) -> Any:

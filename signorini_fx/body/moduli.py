@@ -16,9 +16,8 @@ from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.model import Scene
+from signorini_fx.tuned import SAME_NUMBER
 
-# By so much a grading may be above 1.
-_ROUND_OFF = 1e-12
 _BOUNDS = {
     "grading": "must be above 0 and at most 1 in the middle of each cell: young is the largest Young's modulus",
     "poisson_grading": "must be from 0 to 1 in the middle of each cell: poisson is the largest Poisson's ratio",
@@ -161,7 +160,7 @@ def graded(scene: Scene, tagged: TaggedMesh, key: str) -> fem.Function | None:
         values = _in_the_middle(value, tagged, cells)
         mixed = scene.element.volumetric == "mixed"
         least = values > 0 if key == "grading" or mixed else values >= 0
-        if parallel.any_rank(mesh.comm, not (least & (values <= 1 + _ROUND_OFF)).all()):
+        if parallel.any_rank(mesh.comm, not (least & (values <= 1 + SAME_NUMBER)).all()):
             bounds = _BOUNDS[key].replace("from 0 to 1", "above 0 and at most 1") if mixed else _BOUNDS[key]
             problems.append((f"material[{index}].{key}", bounds))
         grading.x.array[grading.function_space.dofmap.list[cells, 0]] = values

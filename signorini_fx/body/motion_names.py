@@ -6,12 +6,11 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.body.rigid import RigidMotions
+from signorini_fx.tuned import AT_REST
 
 _Rows = npt.NDArray[np.float64]
 # Number of pieces that a message lists.
 MOST_LISTED = 4
-# A piece that moves by less than this share of another one is at rest.
-_SLIGHT = 1e-6
 # A rotation about a point that is so many lengths of the piece away moves it like a translation.
 _FAR_AXIS = 30.0
 
@@ -32,7 +31,7 @@ def names_of(moved: _Rows, motions: RigidMotions, members: npt.NDArray[np.int64]
         ]
     for name, modes, centre, length in things:
         vectors, values, _ = np.linalg.svd(modes, full_matrices=False)
-        independent = modes if len(things) == 1 else vectors[:, values > _SLIGHT]
+        independent = modes if len(things) == 1 else vectors[:, values > AT_REST]
         if independent.shape[1]:
             names = names_of_piece(independent, centre, float(length))
             descriptions.append(names if len(things) == 1 else f"{name} in {names}")

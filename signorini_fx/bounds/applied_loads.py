@@ -19,12 +19,11 @@ from signorini_fx.bounds.simplices import Simplices
 from signorini_fx.quantities.statements import Refused
 from signorini_fx.scene.cut_simplices import cut
 from signorini_fx.scene.effect import Force
+from signorini_fx.tuned import ZERO_SUM
 
 # A load with its factor, and the facets that it acts on; None: in the body.
 Acting = tuple[float, Force, Ints | None]
 
-# Share of the largest load up to which polynomials hold one.
-_LOADED = 1e-12
 # Points in a tetrahedron at which a body force has to be constant.
 _INSIDE: Array = (np.ones((4, 4)) + 12 * np.eye(4)) / 16
 _INSIDE = np.concatenate((_INSIDE, np.eye(4) * 0.94 + 0.015, np.full((1, 4), 0.25)))
@@ -180,7 +179,7 @@ class LinearLoads:
         inside, owner, corners = _in_parts(t.x[t.facets[faces]], t.normal[faces], load)
         away = factor * load.density_at(corners) - inside @ linear[owner]
         size = np.abs(tractions).max(initial=0.0)
-        if max(np.abs(tractions - points @ linear).max(initial=0.0), np.abs(away).max(initial=0.0)) > _LOADED * size:
+        if max(np.abs(tractions - points @ linear).max(initial=0.0), np.abs(away).max(initial=0.0)) > ZERO_SUM * size:
             raise Refused(
                 f"in space a guaranteed bound is for tractions that are linear on each facet: that of {load.where!r} "
                 "is not"
@@ -195,7 +194,7 @@ class LinearLoads:
         means = densities.mean(axis=1)
         _, owner, points = _in_parts(corners, np.zeros((len(corners), 3)), load)
         away = factor * np.broadcast_to(load.density_at(points), points.x.shape) - means[owner][:, None]
-        if max(np.ptp(densities, axis=1).max(), np.abs(away).max()) > _LOADED * np.abs(densities).max():
+        if max(np.ptp(densities, axis=1).max(), np.abs(away).max()) > ZERO_SUM * np.abs(densities).max():
             raise Refused("in space a guaranteed bound is for body forces that are constant in each cell")
         return np.asarray(means)
 

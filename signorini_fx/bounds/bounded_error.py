@@ -6,14 +6,13 @@ import numpy as np
 
 from signorini_fx.bounds.arrays import Array, Ints
 from signorini_fx.quantities.statements import Refused
+from signorini_fx.tuned import SAME_LENGTH
 
 _EPS = float(np.finfo(float).eps)
 # Share of displacements and forces below which they are round-off.
 ROUND_OFF = 64 * _EPS
 # Why contact tractions are not known for a part of the body that moves freely without them.
 UNBALANCED = "no admissible tractions near the nodal ones balance the loads"
-# Lengths below this share of the size of the body are equal.
-SAME_LENGTH = 1e-9
 
 
 def small_rests(loads: Array, tractions: Array, pieces: list[tuple[int, Ints]]) -> Array:

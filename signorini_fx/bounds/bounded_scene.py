@@ -24,14 +24,13 @@ from signorini_fx.scene.effect import Effect
 from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.features import refused_by
 from signorini_fx.scene.stated import STRAIGHT_CELLS, may_have_arcs
+from signorini_fx.tuned import SAME_ENTRY
 
 # Entries of a scene that are looked at; any other one could act on the body unseen.
 _KNOWN_EFFECTS = (BodyForce, SurfaceTraction, PrescribedDisplacement, UnilateralContact)
 
 # Of these what expressions compare cuts facets and cells.
 _CUT = ("traction", "body force")
-# Share of the loads below which quadrature knows them.
-_UNKNOWN = 1e-10
 
 
 # Features of a scene that the proof does not know.
@@ -198,7 +197,7 @@ def grounds(d: NamedBody, *, coulomb: bool, unknown: float) -> Grounds:
         if seen
         else "",
         f"quadrature of the loads, two rules of which differ by {unknown:.1e} of them, is counted"
-        if unknown > _UNKNOWN
+        if unknown > SAME_ENTRY
         else "",
         STRAIGHT_CELLS if may_have_arcs(d.scene) else "",
         "of the Tresca problem with the computed friction bound, converged or not: that this is the bound of the exact "

@@ -14,9 +14,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from signorini_fx.bounds.arrays import Array, Ints
-
-# Pivots of motions that are free, relative.
-FREE = 1e-10
+from signorini_fx.tuned import SINGULAR
 
 
 class Cells(Protocol):
@@ -104,7 +102,7 @@ def free_motions(t: Cells, held: Array) -> Array:
         facets = held_facets[of_facet == piece]
         rows = np.einsum("fij,fajk->faik", held[facets], modes[t.facets[facets]]).reshape(-1, modes.shape[2])
         values, vectors = np.linalg.eigh(rows.T @ rows / max(len(rows), 1))
-        free = vectors[:, values <= FREE * max(values[-1], 1.0)]
+        free = vectors[:, values <= SINGULAR * max(values[-1], 1.0)]
         bases.append(np.linalg.qr(modes.reshape(-1, modes.shape[2]) @ free)[0])
     return np.concatenate(bases, axis=1)
 

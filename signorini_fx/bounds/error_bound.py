@@ -31,7 +31,7 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.named_body import NamedBody
 from signorini_fx.bounds.arrays import Array, Ints
-from signorini_fx.bounds.bounded_error import ROUND_OFF, SAME_LENGTH, UNBALANCED, out, small_rests, work_of_loads
+from signorini_fx.bounds.bounded_error import ROUND_OFF, UNBALANCED, out, small_rests, work_of_loads
 from signorini_fx.bounds.bounded_scene import refuse_unknown, why_estimated
 from signorini_fx.bounds.cell_pieces import free_motions, of_each_piece
 from signorini_fx.bounds.equilibrated_stress import EquilibratedStress, Equilibration, Loads
@@ -41,13 +41,14 @@ from signorini_fx.bounds.problem import FacetsInContact, PlainProblem, onto_disc
 from signorini_fx.bounds.simplices import EDGES_OF_FACET, Simplices, moments_of
 from signorini_fx.bounds.stress_products import energy, from_strain, square
 from signorini_fx.quantities.statements import ErrorBound, Refused
+from signorini_fx.tuned import SAME_LENGTH
 
 # Share of the square of the bound below which what is moved does not count.
 _LITTLE = 0.1
 # Attempts to balance a body that supports do not hold.
 _BALANCES = 200
 # Linear functions on a facet with the moments of 4 l_a l_b: at a and b, and at the third vertex.
-_OF_BUBBLE = {2: (2 / 3, 0.0), 3: (0.6, -0.2)}
+_OF_BUBBLE = {2: (2 / 3, 0), 3: (3 / 5, -1 / 5)}
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from signorini_fx.bounds.arrays import Array
-from signorini_fx.bounds.cell_pieces import FREE, free_motions
+from signorini_fx.bounds.cell_pieces import free_motions
 from signorini_fx.bounds.definite_factor import Factor
 from signorini_fx.bounds.divided_cells import DividedCells
 from signorini_fx.bounds.johnson_mercier import LocalStress
 from signorini_fx.bounds.simplices import Simplices
+from signorini_fx.tuned import SINGULAR
 
 
 class FactorisedSystem:
@@ -31,7 +32,7 @@ class FactorisedSystem:
         self._turn, is_held = np.tile(np.eye(2), (len(held), 1, 1)), np.zeros((len(held), 2), dtype=bool)
         held_nodes = np.flatnonzero(held.any(axis=(1, 2)))
         values, vectors = np.linalg.eigh(held[held_nodes])
-        aligned = np.abs(held[held_nodes, 0, 1]) <= FREE
+        aligned = np.abs(held[held_nodes, 0, 1]) <= SINGULAR
         self._turn[held_nodes] = np.where(aligned[:, None, None], np.eye(2), vectors)
         is_held[held_nodes] = np.where(aligned[:, None], np.einsum("nii->ni", held[held_nodes]), values) > 0.5
         self._held_components = is_held

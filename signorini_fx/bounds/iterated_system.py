@@ -11,11 +11,12 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order
 
 from signorini_fx.bounds.arrays import Array
-from signorini_fx.bounds.cell_pieces import FREE, free_motions
+from signorini_fx.bounds.cell_pieces import free_motions
 from signorini_fx.bounds.definite_factor import Factor
 from signorini_fx.bounds.johnson_mercier import LocalStress
 from signorini_fx.bounds.linear_displacement import assembled, free_basis
 from signorini_fx.bounds.simplices import FACETS, Simplices, moments_of
+from signorini_fx.tuned import SINGULAR
 
 # Where conjugate gradients end: a share of the first residual, and a number of products.
 _ENOUGH, _MOST_PRODUCTS = 1e-7, 500
@@ -54,7 +55,7 @@ class IteratedSystem:
         for k in range(3):
             np.add.at(weight, t.facets[:, k], held)
         sizes, vectors = np.linalg.eigh(weight)
-        basis = free_basis(vectors, sizes > FREE)
+        basis = free_basis(vectors, sizes > SINGULAR)
         # As many tied unknowns as there are free motions: loads in balance cause no force there.
         remaining_modes = basis.T @ free_motions(t, held)
         pins, diagonal = np.zeros(basis.shape[1]), (basis.T @ matrix @ basis).diagonal()

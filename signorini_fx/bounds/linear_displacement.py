@@ -12,9 +12,7 @@ from signorini_fx.bounds.arrays import Array, Ints
 from signorini_fx.bounds.cell_pieces import rigid_motions
 from signorini_fx.bounds.definite_factor import Factor
 from signorini_fx.bounds.simplices import COLUMNS, ROWS, TWICE, Simplices
-
-# Components along directions that are closer are one and the same; given ones may differ by as much.
-_SAME_DIRECTION = 1e-9
+from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 
 @dataclass(frozen=True)
@@ -38,7 +36,7 @@ class PrescribedComponents:
             inside, rows = np.flatnonzero(t.piece_of_vertex == piece), of_row == piece
             indices = np.searchsorted(inside, self.vertex[rows])
             works = np.einsum("rdk,rd->rk", rigid_motions(t.x[inside])[indices], self.direction[rows])
-            if not float(np.linalg.eigvalsh(works.T @ works)[0]) > _SAME_DIRECTION * len(works):
+            if not float(np.linalg.eigvalsh(works.T @ works)[0]) > ZERO_IN_SOLUTION * len(works):
                 return False
         return True
 
@@ -106,7 +104,7 @@ def smallest_energy(t: Simplices, constraints: PrescribedComponents, load: Array
     turn, fixed, start = np.tile(np.eye(d), (count, 1, 1)), np.zeros((count, d), dtype=bool), np.zeros((count, d))
     constrained = np.unique(constraints.vertex)
     sizes, vectors = np.linalg.eigh(weight[constrained])
-    turn[constrained], fixed[constrained] = vectors, sizes > _SAME_DIRECTION
+    turn[constrained], fixed[constrained] = vectors, sizes > ZERO_IN_SOLUTION
     along = np.einsum("nik,ni->nk", vectors, value[constrained])
     start[constrained] = np.einsum(
         "nik,nk->ni", vectors, np.where(fixed[constrained], along / np.where(fixed[constrained], sizes, 1.0), 0.0)

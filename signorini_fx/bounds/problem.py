@@ -15,7 +15,6 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.named_body import NamedBody
 from signorini_fx.bounds.applied_loads import LinearLoads, PlaneLoads
 from signorini_fx.bounds.arrays import Array, Ints
-from signorini_fx.bounds.bounded_error import SAME_LENGTH
 from signorini_fx.bounds.bounded_scene import BoundPoints, grounds, moduli_of, refuse_unknown
 from signorini_fx.bounds.facets import NODES, POINTS, SEEN, bernstein, coefficients
 from signorini_fx.bounds.simplices import Simplices, divide
@@ -24,12 +23,11 @@ from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.quantities.statements import Grounds, Refused
 from signorini_fx.scene.effect import Force
 from signorini_fx.scene.load_steps import factor_at
+from signorini_fx.tuned import SAME_LENGTH, ZERO_IN_SOLUTION
 
 # Values at both ends and in the middle of the linear function whose moments with linear ones are those that Simpson's
 # rule has from nodal values.
-_LINEAR: Array = np.array([[2.0, 2.0, -1.0], [0.5, 2.0, 0.5], [-1.0, 2.0, 2.0]]) / 3
-# Share of the largest displacement up to which elements hold one.
-_HELD = 1e-9
+_LINEAR: Array = np.array([[4, 4, -2], [1, 4, 1], [-2, 4, 4]]) / 6
 
 
 @dataclass
@@ -180,7 +178,7 @@ class PlainProblem:
                 if value is None:
                     continue
                 component, prescribed = np.einsum("fqd,fd->fq", displacement, direction), factor * points.value(value)
-                if np.abs(component - prescribed).max(initial=0.0) > _HELD * max(
+                if np.abs(component - prescribed).max(initial=0.0) > ZERO_IN_SOLUTION * max(
                     size, np.abs(prescribed).max(initial=0.0)
                 ):
                     raise Refused(f"the displacement of {effect.boundary!r} is no polynomial of the elements")

@@ -25,7 +25,7 @@ from dolfinx import fem
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.named_body import NamedBody
 from signorini_fx.bounds.arrays import Array, Ints
-from signorini_fx.bounds.bounded_error import ROUND_OFF, SAME_LENGTH
+from signorini_fx.bounds.bounded_error import ROUND_OFF
 from signorini_fx.bounds.cell_pieces import free_motions, of_each_piece
 from signorini_fx.bounds.equilibrated_stress import Loads
 from signorini_fx.bounds.error_bound import Bounded
@@ -33,6 +33,7 @@ from signorini_fx.bounds.linear_displacement import PrescribedComponents, smalle
 from signorini_fx.bounds.stress_products import from_strain, product, square
 from signorini_fx.quantities.statements import Interval, Refused
 from signorini_fx.scene.effect import Force
+from signorini_fx.tuned import SAME_LENGTH
 
 
 def mean_displacement(

@@ -24,7 +24,6 @@ from signorini_fx.check.findings import scene_findings
 from signorini_fx.check.petsc_options import refuse_mistyped
 from signorini_fx.check.planned import attempts_for
 from signorini_fx.check.refusals import refuse_beforehand
-from signorini_fx.contact.reactions import ZERO
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.extensions import add_on
 from signorini_fx.materials.isotropic import LOCKING_POISSON
@@ -33,6 +32,7 @@ from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, Timings
 from signorini_fx.scene.effect import Force, Load
 from signorini_fx.scene.model import Scene
+from signorini_fx.tuned import NO_FORCE
 
 # What ``stress_recovery.StressRecovery`` compiles.
 _RECOVERY = ("stress moments", "stress recovery error", "stress mass", "boundary residual")
@@ -274,7 +274,7 @@ def _gaps(d: Discretisation, index: int) -> str:
     assert d.data is not None
     gaps = d.data.gap[d.boundary.part == index]
     low, high = (parallel.largest(d.comm, sign * gaps, -np.inf) for sign in (-1.0, 1.0))
-    extremes = (0.0 if abs(gap) < ZERO * d.tagged.size else gap for gap in (-low, high))
+    extremes = (0.0 if abs(gap) < NO_FORCE * d.tagged.size else gap for gap in (-low, high))
     return " to ".join(f"{gap:.4g}" for gap in extremes)
 
 

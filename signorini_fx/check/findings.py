@@ -26,12 +26,11 @@ from signorini_fx.check.jumping_loads import jumping_loads
 from signorini_fx.check.one_step import one_step, tilted_frames
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import RegularisedData
-from signorini_fx.contact.reactions import ZERO
 from signorini_fx.records import SMALL_DEFORMATION, Finding
 from signorini_fx.scene.effect import Force, Resistance, is_zero
 from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.model import Scene
-from signorini_fx.tuned import LARGEST_GAMMA, START_GAMMA
+from signorini_fx.tuned import LARGEST_GAMMA, NO_FORCE, START_GAMMA
 
 _Rows = npt.NDArray[np.float64]
 # There is a warning if the gap is this many times larger than the estimated displacements.
@@ -184,7 +183,7 @@ def _gaps(body: Discretisation, data: RegularisedData, moved: float, *, estimate
     unilateral = np.ones(boundary.size, dtype=bool) if data.bilateral is None else ~data.bilateral
     smallest = -parallel.largest(comm, -data.gap, -np.inf)
     findings = []
-    if smallest < -ZERO * size and not any(effect.moves for effect in body.scene.contact):
+    if smallest < -NO_FORCE * size and not any(effect.moves for effect in body.scene.contact):
         level: Literal["warning", "note"] = "warning" if -smallest > 0.01 * size else "note"
         overlap = "the body penetrates its foundation"
         if any(effect.against is not None for effect in body.scene.contact):
@@ -194,7 +193,7 @@ def _gaps(body: Discretisation, data: RegularisedData, moved: float, *, estimate
     two_sided = parallel.any_rank(comm, not unilateral.all())
     if body.motions.free.shape[1] > 0 or two_sided:
         return findings
-    if smallest >= -ZERO * size and moved == 0.0:
+    if smallest >= -NO_FORCE * size and moved == 0.0:
         message = "there is no load, and every prescribed displacement is 0: the solution is 0"
         findings.append(Finding("warning", "traction, body_force, displacement", message))
     elif estimates and smallest > _FAR * moved:

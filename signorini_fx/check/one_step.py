@@ -10,9 +10,8 @@ from signorini_fx import parallel
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.records import Finding
+from signorini_fx.tuned import CLOSED_GAP
 
-# Gaps of one contact that differ by less than this share of its extent are the same.
-_ALIKE = 1e-6
 # Shear of tilted frames over F P, as a multiple of the tilt at the end of contact over F: .46 to .73 (docs/theory.md).
 # It is said where it is more than a share, and where bodies first touch along one direction, up to the cosine of 26
 # degrees.
@@ -49,7 +48,7 @@ def tilted_frames(body: Discretisation, moved: float, contact: ContactState | No
         x, normal, gap = boundary.x[on_part], boundary.normal[on_part], data.gap[on_part]
         coefficient = np.zeros(len(x)) if law is None else law.coefficient[on_part]
         farther = gap + parallel.largest(body.comm, -gap, -np.inf)
-        first = farther <= _ALIKE * extent
+        first = farther <= CLOSED_GAP * extent
         dim = x.shape[1]
         sums = parallel.global_sum(body.comm, np.column_stack((normal, x, np.ones(len(x))))[first].sum(axis=0))
         approach, touch = sums[:dim] / sums[-1], sums[dim:-1] / sums[-1]
@@ -88,5 +87,5 @@ def _curved(body: Discretisation) -> Iterator[tuple[int, float]]:
         highest, lowest = (parallel.largest(body.comm, sign * data.gap[on_part], -np.inf) for sign in (1.0, -1.0))
         low, high = parallel.global_bounds(body.comm, boundary.x[on_part])
         extent = float(np.linalg.norm(high - low))
-        if highest + lowest > _ALIKE * extent:
+        if highest + lowest > CLOSED_GAP * extent:
             yield index, extent

@@ -24,12 +24,9 @@ import numpy.typing as npt
 
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.method import Settings
-from signorini_fx.tuned import AUTOMATIC_GAMMA
+from signorini_fx.tuned import AUTOMATIC_GAMMA, SAME_NUMBER
 
 Nodal = npt.NDArray[np.float64]
-
-# A shear within this share of its bound is at the bound, so that the slip decides and not round-off.
-_AT_BOUND = 1e-12
 
 
 def length(vectors: Nodal) -> Nodal:
@@ -289,7 +286,7 @@ def next_sets(u_n: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, data: RegularisedDat
     # sigma (|mu + xi / sigma|^2 - F^2 g^2) = sigma (|mu|^2 - F^2 g^2) + this.
     leaning = 2.0 * inner(mu, xi) + inner(xi, xi) / data.sigma
     if np.isinf(data.sigma):
-        slip = np.where(np.abs(over) <= _AT_BOUND * np.where(np.isfinite(bound), bound, 0.0), leaning > 0, over > 0)
+        slip = np.where(np.abs(over) <= SAME_NUMBER * np.where(np.isfinite(bound), bound, 0.0), leaning > 0, over > 0)
     else:
         slip = data.sigma * over * (size + bound) + leaning > 0
     return ActiveSets.of(contact, *_directed(slip, mu + xi / data.sigma, u_t, bound, data))

@@ -20,9 +20,7 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.points import ContactPoints
-
-# An entry of a row of B that differs from one by less is the only one.
-_SELECTED = 1e-11
+from signorini_fx.tuned import SAME_TRACE
 
 
 @dataclass(frozen=True)
@@ -146,7 +144,7 @@ class ContactMap:
         shape = self.points.movable.shape[:2]
         first, last = self.operator.getOwnershipRangeColumn()
         unknown = columns[largest].astype(np.int64) - first
-        mixed = (1.0 - np.abs(values[largest]) >= _SELECTED) | (unknown < 0) | (unknown >= last - first)
+        mixed = (1.0 - np.abs(values[largest]) >= SAME_TRACE) | (unknown < 0) | (unknown >= last - first)
         if parallel.any_rank(self.points.comm, bool(mixed.any() or np.unique(unknown).size < unknown.size)):
             raise ValueError("a component of the displacement at a contact point is no unknown: none can be tied")
         return unknown.reshape(shape), np.sign(values[largest]).reshape(shape)

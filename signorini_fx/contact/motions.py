@@ -19,12 +19,7 @@ from signorini_fx import parallel
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.points import ContactPoints, PointGroups
-from signorini_fx.tuned import NOT_HELD
-
-# Share of the sum of the magnitudes of all forces below which their resultant is round-off.
-_NO_LOAD = 1e-8
-# Share of a motion that is only round-off.
-_ROUND_OFF = 1e-10
+from signorini_fx.tuned import NO_FORCE, NOT_HELD, NOTHING_LEFT
 
 
 @dataclass(frozen=True)
@@ -64,7 +59,7 @@ def total_work(loads: Sequence[tuple[float, RigidLoad]], count: int) -> Nodal:
         return work
     assembly = loads[0][1].assembly
     length = np.sqrt(np.bincount(assembly, work**2))[assembly]
-    return np.where(length > _NO_LOAD * size, work, 0.0)
+    return np.where(length > NO_FORCE * size, work, 0.0)
 
 
 @dataclass(frozen=True)
@@ -148,7 +143,7 @@ class FreeMotions:
         for number, columns in self.assemblies:
             values = np.linalg.eigvalsh(gram[:-1][np.ix_(columns, columns)])
             # The resistance relative to the motion of the points: below this it is the round-off of their positions.
-            real = values[-1] > _ROUND_OFF**2 * gram[-1][columns].max()
+            real = values[-1] > NOTHING_LEFT**2 * gram[-1][columns].max()
             unresisted[number] = not (real and values[0] > NOT_HELD * values[-1] > 0)
         return unresisted
 

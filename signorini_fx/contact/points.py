@@ -16,12 +16,7 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.contact.laws import Nodal, length
-from signorini_fx.tuned import SAME_DIRECTION
-
-# What is below this share of the largest of all groups is round-off of the system that they are solved in together.
-ROUND_OFF = 1e-8
-# Slip below this share of the displacement of its node is round-off.
-STILL = 1e-9
+from signorini_fx.tuned import NO_FORCE, SAME_DIRECTION, ZERO_IN_SOLUTION
 
 
 @dataclass(frozen=True)
@@ -95,7 +90,7 @@ class ContactPoints:
             slip: the tangential displacement that friction opposes, length, shape (n, d - 1).
             motion: (tau_N y, tau_T y), length, shape (n, d).
         """
-        return np.asarray(length(np.einsum("nij,nj->ni", self.still, slip)) > STILL * length(motion))
+        return np.asarray(length(np.einsum("nij,nj->ni", self.still, slip)) > ZERO_IN_SOLUTION * length(motion))
 
     def closed(self, contact: npt.NDArray[np.bool_], entered: Nodal) -> tuple[Nodal, Nodal]:
         """``still`` and the direction that another contact of the same node closes, where one is left to slip in.
@@ -219,7 +214,7 @@ class PointGroups:
         of_pieces = np.where(self.pieces, sizes[:, None], 0.0).max(axis=0)
         counting = np.where(self.pieces, of_pieces, 0.0 if lengths else np.inf)
         scales = counting.max(axis=1) if lengths else counting.min(axis=1)
-        return np.asarray(np.maximum(scales, ROUND_OFF * sizes.max()))
+        return np.asarray(np.maximum(scales, NO_FORCE * sizes.max()))
 
 
 def shares(parts: Nodal, wholes: Nodal, of_nothing: float | Nodal = 0.0) -> Nodal:

@@ -21,17 +21,14 @@ from signorini_fx import parallel
 from signorini_fx.contact.friction import PointFriction, as_given
 from signorini_fx.contact.laws import Nodal, length, unit
 from signorini_fx.contact.motions import FreeMotions
+from signorini_fx.tuned import NO_FORCE, NOTHING_LEFT
 
-# Forces and motions below this share of their scale are round-off.
-ZERO = 1e-8
 # Coulomb friction above this is treated as unlimited.
 _ROUGH = 1e6
 # Contact forces beyond this multiple of the loads balance nothing.
 _LARGEST = 1e4
 # Work of a unit traction on a motion, relative to the load, below which the traction does not bring the point nearer.
 _STATIONARY = 1e-15
-# The same relative to what is left of the load: such a traction is parallel to those in use but for round-off.
-_SLIGHT = 1e-10
 # Columns that a motion adds, for each dimension; motions that are tried, and those without progress.
 _COLUMNS, _ROUNDS, _PATIENCE = 4, 400, 3
 
@@ -115,7 +112,7 @@ class Reactions:
         lift[away + self.coefficient * size <= 0] = 0.0
         bound = np.where(stick, 0.0, np.where(lift > 0, self.cap, self.given)) / unit_of_force
         lengths = np.linalg.norm(edges, axis=1)
-        real = lengths > ZERO
+        real = lengths > NO_FORCE
         return edges[real], lengths[real], node[real], bound @ pull + (lift / unit_of_force) @ self.normal
 
 
@@ -195,14 +192,14 @@ def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> Near
 
     def proves(motion: Nodal) -> bool:
         gained = motion @ target[:-1] - most_work(contact, motion, size, size, unlimited=unlimited)
-        return bool(gained > ZERO * np.linalg.norm(motion))
+        return bool(gained > NO_FORCE * np.linalg.norm(motion))
 
     for _ in range(_ROUNDS):
         passive, values, residual = combination(columns, target, passive)
         distance = float(np.linalg.norm(residual))
         stalled = stalled + 1 if distance > (1 - 1e-13) * previous else 0
         # Independent columns are no more than their components: the others differ by round-off.
-        if distance <= ZERO**1.5 or stalled > _PATIENCE or len(passive) > 4 * target.size:
+        if distance <= NO_FORCE**1.5 or stalled > _PATIENCE or len(passive) > 4 * target.size:
             break
         previous = distance
         if proves(residual[:-1]):
@@ -214,12 +211,12 @@ def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> Near
             rows[-1] /= np.linalg.norm(rows[-1])
         work = rows @ residual
         steepest = np.argsort(-work, kind="stable")[: _COLUMNS * target.size]
-        steepest = steepest[work[steepest] > max(_STATIONARY, _SLIGHT * distance)]
+        steepest = steepest[work[steepest] > max(_STATIONARY, NOTHING_LEFT * distance)]
         if not steepest.size:
             break
         columns, pressing = np.concatenate((columns, rows[steepest])), np.concatenate((pressing, node[steepest]))
     motion = residual[:-1]
-    balanced = bool(distance <= ZERO and values.sum() <= _LARGEST)
+    balanced = bool(distance <= NO_FORCE and values.sum() <= _LARGEST)
     # An earlier motion proves what a later one does not if round-off resists the latter by very large forces.
     unbalanced = not balanced and (proves(motion) or proof is not None)
     if unbalanced and not proves(motion) and proof is not None:
@@ -262,7 +259,7 @@ def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list
         gain = columns @ residual
         gain[passive + banned] = -np.inf
         best = int(np.argmax(gain)) if gain.size else -1
-        if best < 0 or gain[best] <= max(_STATIONARY, _SLIGHT * float(np.linalg.norm(residual))):
+        if best < 0 or gain[best] <= max(_STATIONARY, NOTHING_LEFT * float(np.linalg.norm(residual))):
             break
         passive, values = [*passive, best], np.append(values, 0.0)
         while True:

@@ -16,9 +16,7 @@ from scipy.optimize import linprog
 from signorini_fx import parallel
 from signorini_fx.contact.laws import Nodal, RegularisedData
 from signorini_fx.contact.motions import FreeMotions
-
-# Share of the largest one below which a motion is not resisted by the normals, and a gap is closed.
-_SMALL = 1e-6
+from signorini_fx.tuned import CLOSED_GAP
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,7 @@ def _rest_of(
         load: the work of the load on the motions, shape (k,).
     """
     values, vectors = np.linalg.eigh(normal_modes.T @ normal_modes)
-    resisted: npt.NDArray[np.float64] = vectors[:, values > _SMALL * values[-1]]
+    resisted: npt.NDArray[np.float64] = vectors[:, values > CLOSED_GAP * values[-1]]
     work = resisted.T @ load
     size, largest = float(np.abs(gap).max()), float(np.abs(work).max(initial=0.0))
     if size == 0 or largest == 0:
@@ -100,12 +98,12 @@ def _furthest(
     """The coefficients q with rows q <= gap for which work . q is largest; None where it has no bound."""
     if work.size == 1:
         along = rows[:, 0] * np.sign(work[0])
-        stops = along > _SMALL * along.max(initial=0.0)  # along a wall that it slides on there is only round-off
+        stops = along > CLOSED_GAP * along.max(initial=0.0)  # along a wall that it slides on there is only round-off
         return np.sign(work) * (gap[stops] / along[stops]).min() if stops.any() else None
     result = linprog(-work, A_ub=rows, b_ub=gap, bounds=[(None, None)] * work.size)
     if result.status != 0:
         return None
     # The programme is solved to its own tolerance; the gaps that it closes are closed exactly.
-    closed = rows @ result.x >= gap - _SMALL
+    closed = rows @ result.x >= gap - CLOSED_GAP
     coefficients: npt.NDArray[np.float64] = np.linalg.lstsq(rows[closed], gap[closed], rcond=None)[0]
     return coefficients

@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from signorini_fx import parallel
 from signorini_fx.contact.laws import ActiveSets, Nodal, inner
-from signorini_fx.contact.points import STILL, ContactPoints
+from signorini_fx.contact.points import ContactPoints
+from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 
 @dataclass(frozen=True, repr=False)
@@ -65,7 +66,9 @@ class PointState:
     def sliding_side(self) -> npt.NDArray[np.int8]:
         """``ActiveSets.side``; a node that transmits no shear moves freely, forward but for round-off."""
         side = ActiveSets.of(self.in_contact, self.direction).side
-        back = self.slip_length[:, 0] < -STILL * np.linalg.norm(np.column_stack((self.u_n, self.u_t)), axis=1)
+        back = self.slip_length[:, 0] < -ZERO_IN_SOLUTION * np.linalg.norm(
+            np.column_stack((self.u_n, self.u_t)), axis=1
+        )
         moving = np.where(back, -1, 1) if self.direction.shape[1] == 1 else np.ones(side.size)
         return np.where(self.bound > 0, side, moving).astype(np.int8)
 

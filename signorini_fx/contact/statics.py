@@ -20,11 +20,10 @@ from signorini_fx import parallel
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.motions import FreeMotions
-from signorini_fx.contact.reactions import ZERO, Reactions, combination, most_work, nearest, reactions
+from signorini_fx.contact.reactions import Reactions, combination, most_work, nearest, reactions
 from signorini_fx.records import Status
+from signorini_fx.tuned import AT_REST, NO_FORCE
 
-# A node that moves by less than this share of the others stays where it is.
-_STILL = 1e-6
 # Linear programmes for a multiple; how near its bounds are to each other in the end; programmes in a row that may gain
 # less.
 _PROGRAMMES, _CLOSE, _STALLED = 300, 1e-12, 5
@@ -124,7 +123,7 @@ def escape(contact: Reactions, load: Nodal) -> tuple[Status, Nodal] | None:
         return Status.OPEN, near.motion
     motion = along_contact(contact, near.motion, near.pressed)
     at_nodes = np.concatenate((contact.normal[:, None], contact.tangential), axis=1) @ motion
-    still = np.abs(at_nodes[near.pressed]).max() <= _STILL * np.abs(at_nodes).max()
+    still = np.abs(at_nodes[near.pressed]).max() <= AT_REST * np.abs(at_nodes).max()
     return (Status.TIPS if still else Status.OPEN), motion
 
 
@@ -135,8 +134,8 @@ def along_contact(contact: Reactions, motion: Nodal, pressed: npt.NDArray[np.int
     body does not.  The motion is returned as it is if nothing else is left of it.
     """
     rows = contact.normal[pressed]
-    sliding: Nodal = motion - np.linalg.lstsq(rows, rows @ motion, rcond=ZERO)[0] if len(rows) else motion
-    return sliding if np.linalg.norm(sliding) > ZERO * np.linalg.norm(motion) else motion
+    sliding: Nodal = motion - np.linalg.lstsq(rows, rows @ motion, rcond=NO_FORCE)[0] if len(rows) else motion
+    return sliding if np.linalg.norm(sliding) > NO_FORCE * np.linalg.norm(motion) else motion
 
 
 def separable(contact: Reactions) -> bool:
@@ -167,14 +166,14 @@ def squeezed(contact: Reactions, gap: Nodal) -> bool:
     size = float(np.abs(gap).max(initial=0.0))
     if size == 0.0:
         return False
-    rows = np.column_stack((contact.normal, gap / size + ZERO))
-    rows = np.concatenate((rows, -np.column_stack((contact.normal, gap / size - ZERO))[contact.bilateral]))
-    rows /= np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), ZERO)
+    rows = np.column_stack((contact.normal, gap / size + NO_FORCE))
+    rows = np.concatenate((rows, -np.column_stack((contact.normal, gap / size - NO_FORCE))[contact.bilateral]))
+    rows /= np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), NO_FORCE)
     *_, residual = combination(rows, -np.eye(rows.shape[1])[-1], [])
-    return bool(np.linalg.norm(residual) <= ZERO)
+    return bool(np.linalg.norm(residual) <= NO_FORCE)
 
 
-def null_space(rows: Nodal, share: float = ZERO) -> Nodal:
+def null_space(rows: Nodal, share: float = NO_FORCE) -> Nodal:
     """Directions, one per column, perpendicular to all rows but for a share of them, round-off.
 
     By singular values: the squares that the eigenvalues of a product are would be round-off below its own.
@@ -241,7 +240,7 @@ def largest_multiple(contact: Reactions, dead: Nodal, live: Nodal) -> Limit | No
         forces = solved.x
         forces[used] += np.linalg.lstsq(rows[used].T, target - forces @ rows, rcond=None)[0]
         motion = dual[:-1]
-        if np.abs(forces[len(columns) : -1]).sum() <= ZERO:
+        if np.abs(forces[len(columns) : -1]).sum() <= NO_FORCE:
             stalled = stalled + 1 if forces[-1] <= balanced_factor * (1 + _CLOSE) else 0
             balanced_factor = max(balanced_factor, float(forces[-1]))
         scale = float(np.linalg.norm(dead)) + max(balanced_factor, 1.0) * size

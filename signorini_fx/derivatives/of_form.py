@@ -26,12 +26,11 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.quantities.differentiable import functional_of
 from signorini_fx.quantities.functional import Functional, Gradient
+from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
 # Change of a Constant for a difference of residuals, relative to it; of one that is zero, in its unit.
 _STEP = 1e-5
-# What a result owes to where points were before is round-off up to this share of it.
-_NOTHING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -139,7 +138,7 @@ def gradient(
     value = quantity.value(solved.displacement, state.boundary, state.pressure, state.shear)
     moved = state.points.weight * (length(state.u_t) + length(state.slip_length))
     owed = [np.sum(moved * length(adjoint.tied[:, 1:])) for adjoint in adjoints[0] if adjoint is not None]
-    if begun.step > 0 and parallel.global_sum(solved.body.comm, np.sum(owed)) > _NOTHING * abs(value):
+    if begun.step > 0 and parallel.global_sum(solved.body.comm, np.sum(owed)) > ZERO_IN_SOLUTION * abs(value):
         raise RuntimeError(
             "after advance() the result depends on the slip and the shear of the step before, by points that stick or, "
             "in space, turn, and what that step was solved with is not kept: take a scene with load steps"

@@ -24,10 +24,9 @@ from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.records import Inventory
 from signorini_fx.scales import Scales
 from signorini_fx.scene.settings import SolverSettings
+from signorini_fx.tuned import SAME_ENTRY
 
 Array = npt.NDArray[np.float64]
-# The part of a form that is not symmetric is round-off below this share of it.
-_ASYMMETRY = 1e-10
 
 
 def digest(form: fem.Form, *arrays: npt.NDArray[Any]) -> bytes:
@@ -109,7 +108,7 @@ def check_energy(matrix: PETSc.Mat, owned: int) -> None:
     size = forces.norm()
     if not np.isfinite(size):
         raise FormError([("a", "its matrix is not finite: check its coefficients")])
-    if abs(forces.dot(y) - forces_of_y.dot(x)) > _ASYMMETRY * size:
+    if abs(forces.dot(y) - forces_of_y.dot(x)) > SAME_ENTRY * size:
         raise FormError([("a", "is not symmetric: a(y, z) and a(z, y) differ; friction is what contact= adds")])
     diagonal = matrix.getDiagonal().getArray(readonly=True)[:owned]
     if parallel.any_rank(matrix.comm.tompi4py(), bool((diagonal <= 0).any())):

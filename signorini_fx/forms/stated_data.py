@@ -28,10 +28,9 @@ from signorini_fx.forms.stated_values import stated
 from signorini_fx.forms.stress import cellwise_moduli, exterior_facets, isotropic_moduli
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.quantities.statements import Refused
+from signorini_fx.tuned import SAME_ENTRY
 
 Facets = npt.NDArray[np.int32]
-# The energy of the stress and the form differ by round-off up to this share of their forces.
-_SAME_FORM = 1e-10
 
 
 def stated_body(problem: ProblemParts, body: NamedBody) -> NamedBody:
@@ -174,6 +173,6 @@ def _lame(problem: ProblemParts, body: NamedBody) -> tuple[fem.Function, fem.Fun
     y.x.array[:] = np.random.default_rng(0).standard_normal(y.x.array.size)
     nodes = np.arange(y.x.array.size // d, dtype=np.int32)
     forces, of_stress = (action((form,), y, nodes) for form in (problem._a, energy))
-    if np.abs(forces - of_stress).max() > _SAME_FORM * np.abs(forces).max():
+    if np.abs(forces - of_stress).max() > SAME_ENTRY * np.abs(forces).max():
         raise Refused("a is not the energy of the stress: springs, or another law, have no guaranteed bound")
     return lame

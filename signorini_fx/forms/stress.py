@@ -25,12 +25,11 @@ from signorini_fx.mesh.section import is_section
 from signorini_fx.records import Inventory
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.stresses import RawStresses
+from signorini_fx.tuned import SAME_ENTRY
 
 Cells = npt.NDArray[np.int32]
 Facets = npt.NDArray[np.int32]
 Law = Callable[[Any], Any]
-# Moduli that differ by less than this share of the largest one from those of an isotropic body are isotropic.
-_ISOTROPIC = 1e-10
 
 
 def law_of(stress: Any, u: fem.Function) -> Law | None:
@@ -167,7 +166,7 @@ def isotropic_moduli(
     isotropic[:, :dim, :dim] = lame[:, None, None]
     diagonal = np.arange(within.shape[2])
     isotropic[:, diagonal, diagonal] += np.where(diagonal < dim, 2.0, 1.0) * mu[:, None]
-    apart = np.abs(within - isotropic).max(initial=0.0) > _ISOTROPIC * np.abs(within).max(initial=0.0)
+    apart = np.abs(within - isotropic).max(initial=0.0) > SAME_ENTRY * np.abs(within).max(initial=0.0)
     if parallel.any_rank(mesh.comm, bool(apart)):
         return None
     functions = []

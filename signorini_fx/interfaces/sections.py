@@ -35,14 +35,12 @@ from signorini_fx.interfaces.protocol import Interface, LoadStepEnd, LoadStepSta
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.sections import section_forces
+from signorini_fx.tuned import BALANCED, DIGITS_OF_FILES, SAME_LENGTH
 
 _Floats = npt.NDArray[np.float64]
 _Flags = npt.NDArray[np.bool_]
-# Cells whose middle is this share of the body before a plane lie on it, and count as beyond it, on all ranks alike; a
-# named section that is not flat to this share is no plane.
-_ON_PLANE, _FLAT = 1e-9, 1e-6
-# The share of the forces that they may miss: of round-off; and what friction, whose iteration ends before, may leave.
-_EXACT, _ENOUGH = 1e-11, 1e-6
+# The share of the forces that friction, whose iteration ends before that is balanced, may leave.
+_ENOUGH = 1e-6
 # Contact problems for one load step.
 _MOST_PROBLEMS = 30
 # Below this share of its force a section is loose, and is shortened by this factor, or at most by this one if not.
@@ -80,7 +78,7 @@ class Sections(Interface):
             task.history.add(
                 f"sections shortened by {', '.join(f'{entry:.6g}' for entry in s)}: forces miss {missing:.1e}"
             )
-            if missing <= _EXACT or best / 2 <= missing <= _ENOUGH:
+            if missing <= BALANCED or best / 2 <= missing <= _ENOUGH:
                 return LoadStepEnd(d, start, outcome)
             if outcome.status is Status.CONVERGED:
                 start = start.begin_from(outcome.problem.sets, outcome.newton.multipliers())
@@ -180,7 +178,7 @@ def _jump(path: str, effect: Preload, scene: Any, tagged: TaggedMesh, space: fem
         if effect.region is not None:
             inside[:] = False
             inside[tagged.cells(effect.region)] = True
-    beyond = (middle - point) @ axis > -_ON_PLANE * tagged.size
+    beyond = (middle - point) @ axis > -SAME_LENGTH * tagged.size
     if effect.section is None:
         nodes = _marked(space, of_cells[inside & beyond].ravel()) & _marked(space, of_cells[inside & ~beyond].ravel())
     touching = nodes[of_cells].any(axis=1)
@@ -224,7 +222,7 @@ def _plane(space: fem.FunctionSpace, nodes: _Flags, tagged: TaggedMesh, path: st
     sums = parallel.global_sum(comm, np.append(x.sum(axis=0), len(x)))
     point = sums[:-1] / sums[-1]
     spread, directions = np.linalg.eigh(parallel.global_sum(comm, (x - point).T @ (x - point)))
-    if np.sqrt(max(spread[0], 0.0) / sums[-1]) > _FLAT * tagged.size:
+    if np.sqrt(max(spread[0], 0.0) / sums[-1]) > DIGITS_OF_FILES * tagged.size:
         raise SceneError([(f"{path}.section", "its facets are not in one plane: give point and axis instead")])
     return point, directions[:, 0]
 

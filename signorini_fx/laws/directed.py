@@ -27,10 +27,8 @@ from signorini_fx.scene.base import refused
 from signorini_fx.scene.effect import text
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.values import SampledValue, value
-from signorini_fx.tuned import SAME_DIRECTION
+from signorini_fx.tuned import NO_DIRECTION, SAME_DIRECTION
 
-# The part of a vector in the tangent plane below this share of the longest vector is round-off.
-_NO_DIRECTION = 1e-6
 # Ratios beyond this, or below its inverse, leave no digits.
 LARGEST_RATIO = 1e3
 
@@ -96,7 +94,7 @@ class FrictionAxes:
 
         across = np.linalg.norm(np.cross(normal, self.along), axis=1)
         longest = parallel.largest(comm, np.linalg.norm(self.along, axis=1))
-        if parallel.any_rank(comm, not (across > _NO_DIRECTION * longest).all()):
+        if parallel.any_rank(comm, not (across > NO_DIRECTION * longest).all()):
             reason = "is zero or along the normal somewhere: it must have a part along the foundation"
             raise FormError([(f"{path}.along", reason)])
         if parallel.any_rank(comm, bool((np.abs(movable() * (1 - np.eye(3))) > SAME_DIRECTION).any())):

@@ -14,10 +14,9 @@ from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.motions import FreeMotions, RigidLoad
 from signorini_fx.contact.points import ContactPoints
 from signorini_fx.linalg.elasticity import Elasticity, LoadCase
+from signorini_fx.tuned import ZERO_SUM
 
 _Floats = npt.NDArray[np.float64]
-# Of a relative displacement, what the free unknowns can move by less than this share is prescribed.
-_FIXED = 1e-12
 
 
 def from_scipy(
@@ -52,7 +51,7 @@ def from_scipy(
     d, moving = rows.shape[0] // points, sp.csr_array(rows @ free)
     gram = np.array([[moving[i::d].multiply(moving[j::d]).sum(axis=1) for j in range(d)] for i in range(d)])
     values, vectors = np.linalg.eigh(gram.transpose(2, 0, 1))
-    movable = np.einsum("nik,nk,njk->nij", vectors, values > _FIXED * values.max(initial=0.0), vectors)
+    movable = np.einsum("nik,nk,njk->nij", vectors, values > ZERO_SUM * values.max(initial=0.0), vectors)
     at = ContactPoints(MPI.COMM_SELF, weight, movable, np.arange(points)[:, None].astype(np.float64))
     contact = ContactMap(_matrix(rows), at, fixed)
     motions = [_vector(mode) for mode in (np.zeros((0, count)) if modes is None else modes.T)]

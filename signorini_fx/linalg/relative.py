@@ -23,11 +23,12 @@ from scipy.linalg import cholesky, solve_triangular
 
 from signorini_fx import parallel
 from signorini_fx.contact.map import ContactMap
+from signorini_fx.tuned import SAME_TRACE
 
 Array = npt.NDArray[np.float64]
 
-# What is round-off in B, and in S B among the unknowns k, where its condition is at most the second number.
-_ROUND_OFF, _REGULAR = 1e-11, 1e6
+# Largest condition of S B among the unknowns k.
+_REGULAR = 1e6
 
 
 @dataclass(frozen=True)
@@ -73,16 +74,16 @@ class RelativeUnknowns:
         lift.eliminate_zeros()
         points, fixed = np.diff(lift.indptr) > 0, parallel.gather_rows(comm, contact.fixed)
         # Across a plane of symmetry there is no relative displacement, see ``body.mirrored_points``.
-        movable = abs(operator).sum(axis=1) > _ROUND_OFF
+        movable = abs(operator).sum(axis=1) > SAME_TRACE
         moving = abs(lift) @ movable > 0
         at_points, free = (sp.diags_array(flags.astype(np.float64)) for flags in (moving, ~fixed))
         mapping = sp.csr_array(lift @ operator)
         square = (at_points @ mapping @ at_points + sp.eye_array(points.size) - at_points).toarray()
         if at_points.sum() != movable.sum() or not np.linalg.cond(square, 1) < _REGULAR:
             return None
-        if abs(square - np.eye(points.size)).max() > _ROUND_OFF:  # points turn with their own nodes
+        if abs(square - np.eye(points.size)).max() > SAME_TRACE:  # points turn with their own nodes
             divided = np.linalg.solve(square, (at_points @ mapping).toarray())
-            mapping = sp.csr_array(np.where(np.abs(divided) > _ROUND_OFF / 1000, divided, 0.0))
+            mapping = sp.csr_array(np.where(np.abs(divided) > SAME_TRACE / 1000, divided, 0.0))
         couplings = mapping - mapping @ at_points
         sums = sp.csr_array(free @ couplings)
         # A prescribed component of a node with a point cannot be replaced: there contact reaches what it did.

@@ -15,11 +15,9 @@ from signorini_fx.scene.base import Table
 from signorini_fx.scene.effect import Contradictions
 from signorini_fx.scene.expressions import Expression, sample
 from signorini_fx.scene.values import SampledValue
+from signorini_fx.tuned import NO_DIRECTION
 
 VectorField = Annotated[tuple[SampledValue, ...], Field(min_length=2, max_length=3)]
-
-# A vector below this share of the longest one is zero, or parallel to the other one.
-_NO_DIRECTION = 1e-6
 
 
 class Axes(Table):
@@ -86,5 +84,5 @@ def _vectors(components: tuple[object, ...] | None, axis: int, x: Array) -> Arra
 def _unit(vectors: Array, longest: float | None = None) -> Array:
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     longest = float(np.max(length, initial=0.0, where=np.isfinite(length))) if longest is None else longest
-    nothing = ~(length > _NO_DIRECTION * longest)
+    nothing = ~(length > NO_DIRECTION * longest)
     return np.where(nothing, np.nan, vectors / np.where(nothing, 1.0, length))

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from signorini_fx.errors import MeshError
 from signorini_fx.scene.generators import refuse
+from signorini_fx.tuned import DIGITS_OF_FILES
 
 # Of a body around the axis x[2]: all of it, x[1] >= 0, or x[0] >= 0 as well.
 Part = Literal["whole", "half", "quarter"]
@@ -20,8 +21,6 @@ Part = Literal["whole", "half", "quarter"]
 Surface = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.bool_]]
 # More facets than this along the zone of small cells, or along the body, are a mistake in the input.
 _MOST_FACETS = 5000
-# Points of a drawing that are closer than this to a surface are on it; drawings measure some units.
-_NEAR = 1e-6
 
 
 @dataclass(frozen=True)
@@ -260,7 +259,7 @@ def cut_to_part(drawing: Drawing, body: int, part: Part, extent: float) -> dict[
 
 def plane(axis: int, at: float) -> Surface:
     """The points where x[axis] is ``at``, in units of the drawing."""
-    return lambda x: np.abs(x[axis] - at) < _NEAR
+    return lambda x: np.abs(x[axis] - at) < DIGITS_OF_FILES
 
 
 def mesh_solid(

@@ -19,11 +19,12 @@ from dolfinx import geometry
 from dolfinx import mesh as dmesh
 
 from signorini_fx import compat, parallel
+from signorini_fx.tuned import LAST_STEP_IN_CELL
 
 Array = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.int32]
-# Newton's steps at most, and when they end, in the reference cell, whose points are sought between the bounds.
-_NEWTON_STEPS, _ROUND_OFF, _BOUNDS = 20, 1e-10, (-1.0, 2.0)
+# Newton's steps at most, and the bounds within which points are sought in the reference cell.
+_NEWTON_STEPS, _BOUNDS = 20, (-1.0, 2.0)
 _SIMPLICES = (basix.CellType.triangle, basix.CellType.tetrahedron)
 # So many pairs of a point and a cell are treated at once: they and their shape functions fit into 100 megabytes.
 _PAIRS = 100_000
@@ -116,8 +117,8 @@ def cells_of_points(
     cells, reference, gap = np.full(len(x), -1, dtype=np.int32), np.zeros((len(x), dim)), np.full(len(x), np.inf)
     # Cells that differ much in size are apart from each other, because a tree pads all its boxes alike.
     groups = np.floor(np.log2(size))
-    for share in (_ROUND_OFF, outside):
-        open_points = np.flatnonzero((cells < 0) | (gap > _ROUND_OFF * size[cells])) if len(size) else cells[:0]
+    for share in (LAST_STEP_IN_CELL, outside):
+        open_points = np.flatnonzero((cells < 0) | (gap > LAST_STEP_IN_CELL * size[cells])) if len(size) else cells[:0]
         for group in np.unique(groups) if len(open_points) else ():
             entities = np.flatnonzero(groups == group).astype(np.int32)
             if len(entities) == 1:  # of a tree with one box dolfinx 0.9 reads children, which are not there
@@ -186,7 +187,7 @@ def _pull_back(element: Any, corners: Array, reference: Array) -> Array:
         turned = _inverse(np.einsum("dnk,nkc->ncd", table[1:], corners[moving]))
         previous = reference[moving]
         reference[moving] = np.clip(previous - np.einsum("ncd,nd->nc", turned, away), *_BOUNDS)
-        moving = moving[np.abs(reference[moving] - previous).max(axis=1) >= _ROUND_OFF]
+        moving = moving[np.abs(reference[moving] - previous).max(axis=1) >= LAST_STEP_IN_CELL]
     return reference
 
 

@@ -28,13 +28,14 @@ from signorini_fx.mesh.files.cells import CELLS
 from signorini_fx.mesh.files.gmsh_files import DRAWN
 from signorini_fx.mesh.files.gmsh_session import disjoint_groups, gmsh_session, kinds_of_cells
 from signorini_fx.mesh.files.raw import rows_of
-from signorini_fx.mesh.files.shape import STRAIGHT, Ints
+from signorini_fx.mesh.files.shape import Ints
 from signorini_fx.scene.dimension import dimension_problems
 from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.generators import known_generators
 from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene, TaggedMeshBase
 from signorini_fx.scene.validation import plain_message
 from signorini_fx.scene.values import kind_of
+from signorini_fx.tuned import SAME_LENGTH
 
 
 @dataclass(frozen=True, repr=False)
@@ -152,9 +153,9 @@ def check_fits(scene: Scene, tagged: TaggedMesh) -> None:
     """
     problems = dimension_problems(scene, tagged.dimension)
     least_x = -parallel.largest(tagged.mesh.comm, -tagged.mesh.geometry.x[:, 0])
-    if least_x < scene.kinematics.least_x - STRAIGHT * tagged.size:
+    if least_x < scene.kinematics.least_x - SAME_LENGTH * tagged.size:
         problems.append(("mesh", f"has points with x[0] = {least_x:g}: it is the radius of a body of revolution"))
-    if scene.element.degree == 1 and curvature(tagged) > STRAIGHT * tagged.size:
+    if scene.element.degree == 1 and curvature(tagged) > SAME_LENGTH * tagged.size:
         # Such elements cannot even represent a rotation without strain: no refinement would help.
         message = "the mesh has curved cells: set degree = 2, or take straight cells (order = 1 of a generator)"
         problems.append(("element.degree", message))
@@ -176,7 +177,7 @@ def check_dimension(tagged: TaggedMesh) -> None:
     if (cells, points) != (2, 3):
         raise MeshError(f"the mesh has cells of dimension {cells} and points of dimension {points}: a body has 2 or 3")
     extent = np.ptp(parallel.global_bounds(tagged.mesh.comm, tagged.mesh.geometry.x.astype(np.float64)), axis=0)
-    flat = np.flatnonzero(extent <= STRAIGHT * extent.max())
+    flat = np.flatnonzero(extent <= SAME_LENGTH * extent.max())
     if flat.size and flat[-1] == 2:
         raise MeshError("the mesh is planar, but its points have three coordinates: give them two (gdim = 2)")
     if flat.size:

@@ -35,20 +35,13 @@ from signorini_fx.pairs.overlap_plane import plane_overlap, turned_in_plane
 from signorini_fx.pairs.overlap_space import space_overlap, turned_in_space
 from signorini_fx.pairs.search import default_reach
 from signorini_fx.pairs.surface import PairSurface
+from signorini_fx.tuned import NO_ARM, PARALLEL, SAME_PLACE_IN_CELL, ZERO_COMPONENT
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
-# Resistance of the seen nodes to a rotation, relative to the best resisted one, below which there is none.
-_NO_ARM = 1e-12
-# Shares below it are round-off.
-_ROUND_OFF = 1e-14
 # Share of the size of a side by which the bodies may overlap.
 _DEEP = 0.2
-# Share of a limit by which a gap that round-off puts beyond it is still within it.
-_ALIKE = 1e-6
-# Tangent of the angle between directions of projection below which they are the same but for round-off.
-_PARALLEL = 1e-12
 # Share of its area by which a facet may be covered too much by round-off.
 _TWICE = 1e-3
 
@@ -120,7 +113,7 @@ class Coupling:
 
     def adjusted(self, limit: float | None) -> Array:
         """The gap, zero where it is at most a limit; None: there is no such limit."""
-        return self.gap if limit is None else np.where(self.gap <= (1.0 + _ALIKE) * limit, 0.0, self.gap)
+        return self.gap if limit is None else np.where(self.gap <= (1.0 + SAME_PLACE_IN_CELL) * limit, 0.0, self.gap)
 
 
 @dataclass(frozen=True)
@@ -197,7 +190,7 @@ def couple(
     tested = _Tested.of(slave, master, overlap, comm, bonded=bonded)
     _check(slave, master, tested.area, reach)
     directions = None if nominal else _mean_normals(slave, master, tested, comm)
-    if directions is not None and turned(slave, directions) > _PARALLEL:
+    if directions is not None and turned(slave, directions) > PARALLEL:
         overlap = project(slave, master, reach, facets, directions).within(reach, slave, master)
         tested = _Tested.of(slave, master, overlap, comm, bonded=bonded)
         _check(slave, master, tested.area, reach)
@@ -343,7 +336,7 @@ def _over_ranks(comm: MPI.Comm, matrix: sp.csr_array) -> sp.csr_array:
 
 def _clean(matrix: sp.csr_array) -> sp.csr_array:
     """Without the round-off of what is zero; entries have no unit."""
-    matrix.data[np.abs(matrix.data) < _ROUND_OFF] = 0.0
+    matrix.data[np.abs(matrix.data) < ZERO_COMPONENT] = 0.0
     matrix.eliminate_zeros()
     return matrix
 
@@ -366,7 +359,7 @@ def _turning(arms: sp.csr_array, x: Array, distance: Array) -> sp.csr_array:
         inertia: Array = np.zeros((count, 3, 3))
         squares = np.einsum("ld,ld->l", r, r)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
         np.add.at(inertia, row, a[:, None, None] * squares)
-        inverse = np.asarray(np.linalg.pinv(inertia, rcond=_NO_ARM, hermitian=True), dtype=np.float64)
+        inverse = np.asarray(np.linalg.pinv(inertia, rcond=NO_ARM, hermitian=True), dtype=np.float64)
         blocks = -_crossing(d) @ inverse[row] @ (a[:, None, None] * _crossing(r))
     of_rows = row[:, None, None] * dim + np.arange(dim)[:, None]
     of_columns = arms.indices[:, None, None] * dim + np.arange(dim)

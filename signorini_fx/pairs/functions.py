@@ -14,12 +14,11 @@ import scipy.sparse as sp
 
 from signorini_fx.pairs.overlap import Overlap
 from signorini_fx.pairs.surface import PairSurface
+from signorini_fx.tuned import SINGULAR
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
-# Eigenvalues of the products of functions below this share of the largest one are those of functions that vanish.
-_SINGULAR = 1e-10
 # Share of its weight that a function must keep to carry a point.
 _KEPT_SHARE = 0.03
 
@@ -33,7 +32,7 @@ def dual_coefficients(side: PairSurface, overlap: Overlap) -> Array:
     covered = np.zeros(len(mass), dtype=bool)
     covered[overlap.slave] = True
     coefficients = np.zeros_like(mass)
-    inverse = np.linalg.pinv(mass[covered], rcond=_SINGULAR, hermitian=True)
+    inverse = np.linalg.pinv(mass[covered], rcond=SINGULAR, hermitian=True)
     coefficients[covered] = mass[covered].sum(axis=2)[:, :, None] * inverse
     return coefficients
 

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from signorini_fx.pairs.overlap import Overlap
 from signorini_fx.pairs.search import Patches, candidates
 from signorini_fx.pairs.surface import PairSurface
+from signorini_fx.tuned import NO_PART
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -22,8 +23,6 @@ _TURNING = 1.0
 _POINTS = 8
 # Bisections, then steps of Newton's method that polish the root.
 _BISECTIONS, _STEPS = 30, 3
-# Share of a facet below which an overlap is round-off.
-_NOTHING = 1e-10
 
 
 def plane_overlap(
@@ -48,7 +47,7 @@ def plane_overlap(
         [_under(slave, corners, normals, _end(master, master_facets, parameter)) for parameter in (0.0, 1.0)], axis=1
     )  # of each pair: the images of both ends
     ends.sort(axis=1)
-    meets = ends[:, 1] - ends[:, 0] > _NOTHING
+    meets = ends[:, 1] - ends[:, 0] > NO_PART
     slave_facets, master_facets = slave_facets[meets], master_facets[meets]
     ends, normals, corners = ends[meets], normals[meets], corners[meets]
     points, weights = np.polynomial.legendre.leggauss(_POINTS)

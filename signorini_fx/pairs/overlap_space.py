@@ -16,6 +16,7 @@ import numpy.typing as npt
 from signorini_fx.pairs.overlap import Overlap
 from signorini_fx.pairs.search import Patches, candidates
 from signorini_fx.pairs.surface import Lagrange, PairSurface
+from signorini_fx.tuned import LAST_STEP_BUT_ONE, LAST_STEP_IN_FACET, NO_PART, SAME_LENGTH
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -25,15 +26,8 @@ Indices = npt.NDArray[np.int64]
 _DEGREES = {1: 2, 2: 4}
 _RATIONAL = 12
 _PARALLELOGRAMS = 4
-# Difference of opposite edges, as a share of the size, below which a quadrilateral counts as a parallelogram, and
-# distance of a node from the middle of an edge below which it is straight.
-_PARALLEL = 1e-9
-# Share of the area of a part below which an overlap is round-off.
-_NOTHING = 1e-10
 # Steps of Newton's method that invert a map, at most.
 _STEPS = 12
-# A step of a place in a reference facet that is round-off, and one after which the next one is, as steps square errors.
-_ROUND_OFF, _LAST = 1e-14, 1e-9
 
 
 @dataclass(frozen=True)
@@ -89,7 +83,7 @@ def space_overlap(
         for corners in (slave_parts.patches.corners[slave_numbers], master_parts.patches.corners[master_numbers])
     )
     polygon, count = clip(_counterclockwise(flat_master), _counterclockwise(flat))
-    nonempty = _areas(polygon, count) > _NOTHING * np.abs(_areas(flat, np.full(len(flat), flat.shape[1])))
+    nonempty = _areas(polygon, count) > NO_PART * np.abs(_areas(flat, np.full(len(flat), flat.shape[1])))
     slave_numbers, master_numbers, count = slave_numbers[nonempty], master_numbers[nonempty], count[nonempty]
     flat, flat_master, polygon, centre, axes = (entry[nonempty] for entry in (flat, flat_master, polygon, centre, axes))
     triangles, pair = _fan(polygon, count)
@@ -141,7 +135,7 @@ def _curved(side: PairSurface, facets: Indices) -> bool:
         return False
     corners, places = side.corners[np.unique(facets)], side.functions.places
     away = np.linalg.norm(corners - Lagrange(places[:3]).values(places) @ corners[:, :3], axis=2)
-    return bool((away > _PARALLEL * np.linalg.norm(corners[:, 1:2] - corners[:, :1], axis=2)).any())
+    return bool((away > SAME_LENGTH * np.linalg.norm(corners[:, 1:2] - corners[:, :1], axis=2)).any())
 
 
 def _degree(functions: tuple[Lagrange, Lagrange], corners: tuple[Array, Array], *, curved: bool) -> int:
@@ -157,7 +151,7 @@ def _parallelograms(corners: Array) -> bool:
     if corners.shape[1] == 3:
         return True
     mixed = np.linalg.norm(corners[:, 0] - corners[:, 1] + corners[:, 2] - corners[:, 3], axis=1)
-    return bool((mixed <= _PARALLEL * np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1)).all())
+    return bool((mixed <= SAME_LENGTH * np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1)).all())
 
 
 def _projected(side: PairSurface, facets: Indices, at: Array, p: Array, centre: Array, axes: Array) -> Array:
@@ -168,7 +162,7 @@ def _projected(side: PairSurface, facets: Indices, at: Array, p: Array, centre: 
         first, second = np.einsum("smqd,mkd->smqk", along, axes)
         step = np.stack((_cross(residual, second), _cross(first, residual)), axis=-1) / _cross(first, second)[..., None]
         at = at + step
-        if np.abs(step).max(initial=0.0) < _ROUND_OFF:
+        if np.abs(step).max(initial=0.0) < LAST_STEP_IN_FACET:
             break
     return at
 
@@ -267,7 +261,7 @@ def _back(flat: Array, reference: Array, p: Array) -> tuple[Array, Array]:
         residual, determinant = p - image, _cross(first, second)
         step = np.stack((_cross(residual, second), _cross(first, residual)), axis=-1) / determinant[..., None]
         s = s + step
-        if np.abs(step).max(initial=0.0) < _LAST:
+        if np.abs(step).max(initial=0.0) < LAST_STEP_BUT_ONE:
             break
     _, first, second = maps(flat)
     inside, own_first, own_second = maps(reference)

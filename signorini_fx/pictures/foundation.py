@@ -10,10 +10,10 @@ import numpy.typing as npt
 from signorini_fx.pictures import view
 from signorini_fx.pictures.deformed_body import keeps_shape
 from signorini_fx.pictures.style import Floats
+from signorini_fx.tuned import SAME_LENGTH
 
 Rows = npt.NDArray[np.int64]
 
-_EQUAL = 1e-9  # gaps that differ by less are equal
 _MARGIN = 0.12  # of a plane around the contact boundary, over its longer side
 
 
@@ -50,7 +50,7 @@ class FoundationSurface:
     def moving(self) -> tuple[Floats, Floats, Rows]:
         """Points and polygons for any factor: where they are with a gap of nought, and how they move with the gap."""
         motion = self.gap[:, None] * self.normals
-        alike = np.ptp(motion, axis=0).max() <= _EQUAL * np.abs(motion).max()
+        alike = np.ptp(motion, axis=0).max() <= SAME_LENGTH * np.abs(motion).max()
         if alike and plane_of(self.nodes) is not None:
             points, polygons = self.shape(0.0)
             return points, np.broadcast_to(motion.mean(axis=0), points.shape), polygons

@@ -32,12 +32,12 @@ from signorini_fx.pictures.style import (
     unit_of,
 )
 from signorini_fx.records import Status
+from signorini_fx.tuned import RESULTANT_OF_MESH
 
 Floats = npt.NDArray[np.float64]
 
 _DOTS: dict[str, Any] = {"marker": "o", "markersize": 2.5}
 _COLOURS = (INK, BLUE, ORANGE, "#009e73", "#cc79a7", MUTED)  # of boundaries
-_BALANCED = 1e-3  # resultants on a boundary that closes around a body, over the integral of the pressure
 _ALIKE = 0.01  # curves whose distance is less, over the largest value
 _BETWEEN = 0.15  # names, over the length of the one before
 _ROW = 12.0  # height of a row of names, points
@@ -185,7 +185,7 @@ def _closed(steps: Table, behind: str, forces: Iterable[Floats]) -> tuple[Floats
     if f"pressure_integral{behind}" not in steps:
         return None
     pressing = np.asarray(steps[f"pressure_integral{behind}"], dtype=np.float64)
-    if largest_of(*forces) > _BALANCED * largest_of(pressing):
+    if largest_of(*forces) > RESULTANT_OF_MESH * largest_of(pressing):
         return None
     names = {axis: f"friction_moment{axis and '_'}{axis}{behind}" for axis in ("", "x", "y", "z")}
     moments = {axis: np.asarray(steps[name], dtype=np.float64) for axis, name in names.items() if name in steps}

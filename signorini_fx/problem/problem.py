@@ -16,10 +16,11 @@ from signorini_fx.contact.holding_sets import hold, holds
 from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, length, release
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.contact.motions import FreeMotions
-from signorini_fx.contact.points import ROUND_OFF, ContactPoints, shares
+from signorini_fx.contact.points import ContactPoints, shares
 from signorini_fx.contact.statics import Escape, no_balance
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.records import Status
+from signorini_fx.tuned import NO_FORCE
 
 # Share of the stiffness times the displacement of which a residual of 1e-8 is still above round-off.
 _ATTAINABLE = 1e-7
@@ -157,7 +158,7 @@ class Problem(ABC):
         rates = [gamma for gamma in (self.data.gamma_n, self.data.gamma_t) if np.isfinite(gamma)]
         rate = max(rates) if rates else self._point_stiffness
         terms = length(np.column_stack(self._unsigned.traces(unsigned)))
-        floors = ROUND_OFF * self.groups.largest(rate * terms)
+        floors = NO_FORCE * self.groups.largest(rate * terms)
         # Where no group carries more than that, nothing is pressed, and only a change tells round-off from convergence.
         return np.asarray(np.maximum(scales, floors)) if np.any(scales > floors) else scales
 

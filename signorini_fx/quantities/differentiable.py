@@ -16,10 +16,9 @@ from signorini_fx.contact.laws import Nodal
 from signorini_fx.mesh.points import cells_of_points
 from signorini_fx.quantities.functional import Functional
 from signorini_fx.quantities.registry import requested
+from signorini_fx.tuned import SAME_PLACE_IN_CELL
 
 Array = npt.NDArray[np.float64]
-# How far outside of its cell a point may be, in sizes of the cell.
-_OUTSIDE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,7 @@ class OfDisplacement:
         mesh, dim = space.mesh, space.mesh.geometry.dim
         x = np.zeros((1, 3))
         x[0, :dim] = point
-        cells, reference_points, gap = cells_of_points(mesh, x, _OUTSIDE)
+        cells, reference_points, gap = cells_of_points(mesh, x, SAME_PLACE_IN_CELL)
         gaps = mesh.comm.allgather(float(gap[0]))
         if np.isinf(min(gaps)):
             return None

@@ -36,7 +36,6 @@ from signorini_fx.results.contact_sides import sides_of
 from signorini_fx.results.equilibrium import (
     FAINT,
     LOST_UNITS,
-    ROUND_OFF,
     Balance,
     PieceScales,
     change_of_volume,
@@ -49,6 +48,7 @@ from signorini_fx.results.rigid_part import RigidPart
 from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.scales import Scales
 from signorini_fx.scene.model import Scene
+from signorini_fx.tuned import NO_FORCE
 
 if TYPE_CHECKING:
     from signorini_fx.body.paired_points import PairedSides
@@ -208,7 +208,7 @@ def _faint_forces(nodes: ContactNodes, piece: npt.NDArray[Any], mean: Nodal, rig
         points = nodes.part(*motion.body.parts)
         stress = parallel.largest(comm, mean[piece[points]])
         area = float(parallel.global_sum(comm, np.array(nodes.weight[points].sum())))
-        forces.append(max(FAINT * stress, ROUND_OFF * float(mean.max())) * area)
+        forces.append(max(FAINT * stress, NO_FORCE * float(mean.max())) * area)
     return np.array(forces)
 
 
@@ -253,7 +253,7 @@ def judged(
     mean = np.array([piece_scales.stress(max(half, 0.0)) for piece_scales, half in zip(scales, halves, strict=True)])
     far = pieces.largest(np.linalg.norm(y, axis=1))
     deformed = pieces.largest_beside(y)
-    length = np.maximum(deformed, ROUND_OFF * far.max())
+    length = np.maximum(deformed, NO_FORCE * far.max())
     figures: dict[str, Any] = {
         "supports": share(comm, supports.missed(y), length[supports.among(pieces.piece)]),
         "displacement": float(far.max()) / balance.scales.size,
@@ -277,22 +277,22 @@ def judged(
     drawn, moved = np.zeros(len(nodes.nodes)), [motion for motion, _ in rigid]
     for motion in moved:
         drawn[nodes.part(*motion.body.parts)] = np.linalg.norm(motion.translation)
-    length = np.maximum(length, ROUND_OFF * largest(drawn))
+    length = np.maximum(length, NO_FORCE * largest(drawn))
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
     stress = np.maximum(largest(nodes.felt(supports)), FAINT * mean)
     moduli, sizes = np.array([(piece_scales.modulus, piece_scales.size) for piece_scales in stiffest]).T
     fineness = largest(np.asarray(1.0 / balance.scales.side(nodes.weight)))
-    stress = np.maximum(stress, ROUND_OFF * moduli * far * fineness)
+    stress = np.maximum(stress, NO_FORCE * moduli * far * fineness)
     # What supports take of a traction leaves its round-off in the directions that are free, and in the penetration.
-    stress = np.maximum(stress, ROUND_OFF * largest(np.linalg.norm(nodes.traction, axis=1)))
-    length = np.maximum(length, ROUND_OFF * largest(np.abs(nodes.pressure)) / law.gamma_n)
+    stress = np.maximum(stress, NO_FORCE * largest(np.linalg.norm(nodes.traction, axis=1)))
+    length = np.maximum(length, NO_FORCE * largest(np.abs(nodes.pressure)) / law.gamma_n)
     (u_n, slip), origin = nodes.traces(nodal_displacements, moved), np.zeros_like(nodes.shear)
     if before is not None:  # what is added to it has its round-off
         last = ContactNodes.of(forces, sides, before.tractions)
         so_far = before.displacement.x.array.reshape(-1, dim)
-        stress = np.maximum(stress, ROUND_OFF * largest(last.felt(supports)))
+        stress = np.maximum(stress, NO_FORCE * largest(last.felt(supports)))
         common = largest(last.terms(so_far[: forces.owned]))
-        length = np.maximum(length, ROUND_OFF * np.maximum(common, pieces.largest_beside(so_far[: forces.owned])))
+        length = np.maximum(length, NO_FORCE * np.maximum(common, pieces.largest_beside(so_far[: forces.owned])))
         slip, origin = slip - last.traces(so_far, before.rigid)[1], last.shear
         if before.elastic_slip is not None and not np.isfinite(law.gamma_t):
             elastic = replace(before.tractions, shear=before.elastic_slip)
@@ -302,13 +302,13 @@ def judged(
         # Foundations may have turned since: what was along them then need not be along them now.
         slip, origin = nodes.along(slip), nodes.along(origin)
     # Most of the displacement that a relative one is the difference of may be common to two bodies.
-    terms = ROUND_OFF * largest(nodes.terms(y))
+    terms = NO_FORCE * largest(nodes.terms(y))
     penalty = terms * max((gamma for gamma in (law.gamma_n, law.gamma_t) if np.isfinite(gamma)), default=0.0)
     # With a larger gamma nothing is known of the tractions.
-    strains = mean > LOST_UNITS * ROUND_OFF * moduli * far.max() / sizes
+    strains = mean > LOST_UNITS * NO_FORCE * moduli * far.max() / sizes
     penalty = np.where(strains, np.minimum(penalty, _ABOVE_THE_MEAN * mean), penalty)
     length, stress = np.maximum(length, terms), np.maximum(stress, penalty)
-    stress = np.maximum(stress, ROUND_OFF * float(stress.max()))  # round-off of the joint system
+    stress = np.maximum(stress, NO_FORCE * float(stress.max()))  # round-off of the joint system
     # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
     still = FAINT * np.array(
         [piece_scales.deflection(largest_stress) for piece_scales, largest_stress in zip(scales, stress, strict=True)]

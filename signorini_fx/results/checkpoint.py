@@ -32,14 +32,13 @@ from signorini_fx.mesh.files.formats import files_of
 from signorini_fx.results.files import describe
 from signorini_fx.results.folder import CHECKPOINT, reserve
 from signorini_fx.scene.model import Scene
+from signorini_fx.tuned import SAME_LENGTH
 
 Nodal = npt.NDArray[np.float64]
 Figures = dict[str, Any]
 
 _FORMAT = 6
 _SCENE, _FIGURES, _NODES, _FIELD = "scene.json", "figures.json", "nodes.npz", "displacement.bin"
-# Nodes are the same if their positions agree to this share of the size of the body.
-_SAME_POSITION = 1e-9
 _ABSENT = "(absent)"
 
 
@@ -426,13 +425,11 @@ def _placed(
         on_part, stored_rows = boundary.part == number, np.flatnonzero(part == number)
         if not stored_rows.size:
             return None
-        tree = cKDTree(
-            np.column_stack((stored["x"][stored_rows] / size, _SAME_POSITION * stored["y"][stored_rows] / far))
-        )
+        tree = cKDTree(np.column_stack((stored["x"][stored_rows] / size, SAME_LENGTH * stored["y"][stored_rows] / far)))
         distance, nearest = tree.query(
-            np.column_stack((boundary.x[on_part] / size, _SAME_POSITION * moved[on_part] / far))
+            np.column_stack((boundary.x[on_part] / size, SAME_LENGTH * moved[on_part] / far))
         )
-        if (distance > _SAME_POSITION).any():
+        if (distance > SAME_LENGTH).any():
             return None
         row[on_part] = stored_rows[nearest]
     return {name: values[row] for name, values in stored.items() if name not in ("part", "x", "y")}

@@ -13,11 +13,9 @@ from signorini_fx import parallel
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.results.closed_boundaries import one_or_three, turning_of
 from signorini_fx.scene.model import Scene
+from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
-
-# Below this share of the forces a resultant is round-off.
-_ROUND_OFF = 1e-9
 
 
 @dataclass(frozen=True)
@@ -75,7 +73,7 @@ def contact_figures(scene: Scene, contact: ContactState) -> list[ContactFigures]
         total = parallel.global_sum(comm, np.concatenate((sums, shear[on_part].sum(axis=0))))
         area, touching, normal, limit = map(float, total[:4])
         tangential = float(np.linalg.norm(total[4:]))
-        if tangential <= _ROUND_OFF * max(abs(normal), limit if np.isfinite(limit) else 0.0):
+        if tangential <= ZERO_IN_SOLUTION * max(abs(normal), limit if np.isfinite(limit) else 0.0):
             tangential = 0.0
         if boundary.friction_axes is not None and 0 < limit < np.inf:
             reached = total[4:] if tangential else np.zeros(3)

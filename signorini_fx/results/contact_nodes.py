@@ -15,17 +15,12 @@ from signorini_fx.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
-from signorini_fx.tuned import SAME_DIRECTION
+from signorini_fx.tuned import SAME_DIRECTION, SAME_PLACE_IN_CELL, ZERO_SUM
 
 if TYPE_CHECKING:
     from signorini_fx.results.paired_claim import Claim
 
 Nodal = npt.NDArray[np.float64]
-
-# A share of a sum below this is round-off, and so is a weight below this share of the largest one, on an axis.
-_ROUND_OFF = 1e-12
-# Share of a distance by which one that round-off has made larger is still the same.
-_AT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -122,7 +117,7 @@ class ContactNodes:
                 weight = weight if spread[-1] is None else _sums(forces, spread[-1].sum(axis=1))
             least = 0.0
             if side.factor is not None:  # which may be zero at a node: on the axis of a body of revolution
-                least = _ROUND_OFF * parallel.largest(forces.space.mesh.comm, weight)
+                least = ZERO_SUM * parallel.largest(forces.space.mesh.comm, weight)
             nodes = np.flatnonzero(weight > least)
             normal = outward[nodes] if side.direction is None else side.direction(nodes)
             rows = np.flatnonzero(np.asarray(tractions.part) == part)
@@ -141,7 +136,11 @@ class ContactNodes:
                 normal = normal if unmatched else means
             if side.claim is not None and side.by_geometry:
                 apart = side.claim.gap(normal)
-                closed = np.zeros(nodes.size, bool) if side.adjust is None else apart - side.adjust <= _AT * side.adjust
+                closed = (
+                    np.zeros(nodes.size, bool)
+                    if side.adjust is None
+                    else apart - side.adjust <= SAME_PLACE_IN_CELL * side.adjust
+                )
                 gap = gap + (1.0 - closed) * apart
             bound, bilateral = side.bound(nodes, pressure), np.full(nodes.size, side.bilateral)
             columns.append((nodes, weight[nodes], normal, gap, bound, bilateral, pressure, shear))
@@ -342,7 +341,7 @@ class ContactNodes:
             for products in self.spread
         ]
         share = self._at_points(shares)
-        return np.asarray(share > _ROUND_OFF * self.weight[:, None])
+        return np.asarray(share > ZERO_SUM * self.weight[:, None])
 
     def _at_points(self, of_parts: list[Nodal]) -> Nodal:
         """What each contact boundary has at its own points."""

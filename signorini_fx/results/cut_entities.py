@@ -20,15 +20,12 @@ from signorini_fx import compat
 from signorini_fx.body.quadrature import has_affine_parts
 from signorini_fx.scene.effect import Effect
 from signorini_fx.scene.expressions import Expression, in_space
+from signorini_fx.tuned import AFFINE, NO_PART
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
 
 _SIMPLICES = {1: basix.CellType.interval, 2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}
-# A function below this share of its size is zero at a vertex; one that is further from an affine one is none.
-_ROUND_OFF = 1e-9
-# A share of the volume that parts may miss.
-_MISSED = 1e-10
 
 
 def cut_rules(mesh: Mesh, effect: Effect, every: Indices, degree: int) -> Iterator[tuple[int, tuple[Array, Array]]]:
@@ -68,7 +65,7 @@ def cut_entities(
             rules = [_rule(part, degree) for part in parts]
             points, weights = (np.concatenate([rule[k] for rule in rules]) for k in (0, 1))
             whole = basix.make_quadrature(_kind(corners), 1)[1].sum()
-            if abs(weights.sum() - whole) <= _MISSED * whole:
+            if abs(weights.sum() - whole) <= NO_PART * whole:
                 yield int(number), points, weights
 
 
@@ -111,9 +108,9 @@ def _parts(corners: Array, along: Array, jumps: Sequence[Expression]) -> list[Ar
             for part, here in zip(before, every, strict=True):
                 pairs = np.array(list(combinations(range(len(part)), 2)))
                 middle = sign(part[pairs].mean(axis=1))
-                if (np.abs(middle - here[pairs].mean(axis=1)) > _ROUND_OFF * most).any():
+                if (np.abs(middle - here[pairs].mean(axis=1)) > AFFINE * most).any():
                     return None
-                here = np.where(np.abs(here) <= _ROUND_OFF * np.abs(here).max(), 0.0, here)
+                here = np.where(np.abs(here) <= AFFINE * np.abs(here).max(), 0.0, here)
                 across = pairs[here[pairs[:, 0]] * here[pairs[:, 1]] < 0]
                 if not len(across):
                     parts.append(part)

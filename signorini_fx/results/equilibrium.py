@@ -16,13 +16,11 @@ from signorini_fx.results.rigid_part import RigidPart
 from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.scales import Scales
+from signorini_fx.tuned import NO_FORCE
 
 Nodal = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
-# Forces below this share of stiffness times displacement are round-off of a stress-free motion, as is what is below
-# this share of the largest of all pieces.
-ROUND_OFF = 1e-8
 # Units in the last place of displacements and loads that an evaluation of their nodal forces may lose.
 LOST_UNITS = 100.0
 # Contact stresses below this share of the mean stress in the body cannot be distinguished from zero, nor can forces
@@ -119,7 +117,7 @@ def equilibrium(
     firmness = np.array(
         [piece_scales.stiffness(distance) for piece_scales, distance in zip(stiffest, spacing, strict=True)]
     )
-    least = ROUND_OFF * firmness * pieces.norms(y)
+    least = NO_FORCE * firmness * pieces.norms(y)
     loads = balance.external + balance.initial
     acting = [supports.left(loads), supports.left(balance.resisted)]
     residual = balance.internal + balance.resisted - loads
@@ -131,15 +129,15 @@ def equilibrium(
         residual += pressed
         acting.append(supports.left(pressed))
         slight = np.maximum(slight, units.penalty * pieces.norms(area, pieces.piece[reached]))
-        slight = np.maximum(slight, ROUND_OFF * pieces.norms(pressed))  # also what supports take of it
+        slight = np.maximum(slight, NO_FORCE * pieces.norms(pressed))  # also what supports take of it
     force = np.max([least, slight, *(pieces.norms(part) for part in acting)], axis=0)
-    joint = ROUND_OFF * float(force.max())  # round-off of the joint system
+    joint = NO_FORCE * float(force.max())  # round-off of the joint system
     lost = (pieces.norms(loads) > 0) & (force < CERTIFICATE_TOLERANCE * joint)
     unjudged = tuple(map(int, np.flatnonzero(lost)))
     force = np.maximum(force, joint)
     residual = supports.left(residual)
     digits = LOST_UNITS * np.finfo(float).eps
-    missing = pieces.norms(residual) - digits * least / ROUND_OFF
+    missing = pieces.norms(residual) - digits * least / NO_FORCE
     residual_share = max(map(ratio, missing, force))
     if nodes is None:
         return residual_share, unjudged

@@ -17,12 +17,10 @@ from signorini_fx.body.joint_pressure import Flags
 from signorini_fx.results.contact_nodes import ContactNodes, ContactSide
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.promised_law import PreviousStep, Tractions
+from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
-
-# Pressures that differ by a smaller share are the same.
-_ROUND_OFF = 1e-9
 
 
 def forces_of_joint_loads(forces: NodalForces, sides: Sequence[ContactSide], tractions: Tractions) -> Array:
@@ -179,7 +177,7 @@ def _astray(forces: NodalForces, tractions: Tractions, step: float, part: int, p
         right |= at
     if loads and loads[0][1].closed == "linear":
         expected = line.conducted(expected, right & points, points, x)
-    return bool((np.abs(pressure - expected)[points] > _ROUND_OFF * np.abs(expected).max(initial=0.0)).any())
+    return bool((np.abs(pressure - expected)[points] > ZERO_IN_SOLUTION * np.abs(expected).max(initial=0.0)).any())
 
 
 def _facets(forces: NodalForces, boundary: str) -> Numbers:

@@ -17,6 +17,7 @@ from signorini_fx.body.moduli import of_materials
 from signorini_fx.body.sampled_points import SampledPoints
 from signorini_fx.body.supports import on_axis
 from signorini_fx.scene.effect import Force, InitialStrain
+from signorini_fx.tuned import SAME_PLACE_IN_CELL
 
 Array = npt.NDArray[np.float64]
 
@@ -24,8 +25,6 @@ Array = npt.NDArray[np.float64]
 BESIDE = 1.01
 # A gap or an overlap of bodies, or a step between their sides, that is less than this share of a facet is none.
 _NEAR = 0.1
-# Share of a facet by which the load beside a vertex is taken within it.
-_WITHIN = 1e-6
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,7 @@ def facets_near(body: Discretisation, point: Array, step: float) -> list[Boundar
     for k in np.flatnonzero(close):
         middle = x[nodes[k][: len(basix.geometry(cell_type))]].mean(axis=0)
         normal = _normal(vertices[k], middle)
-        beside = vertices[k] + _WITHIN * (vertices[k].mean(axis=0) - vertices[k])
+        beside = vertices[k] + SAME_PLACE_IN_CELL * (vertices[k].mean(axis=0) - vertices[k])
         traction, loaded = _traction(body, int(numbers[k]), beside, step)
         condition = _condition(body, int(numbers[k]), normal, vertices[k])
         piece = int(body.pieces.of_cell[entities[k, 0]])

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.results.near_place import BESIDE, BoundaryFacet, cells_near, facets_near
-from signorini_fx.tuned import CORNER_ANGLE, SAME_POSITION
+from signorini_fx.tuned import CORNER_ANGLE, SAME_PLACE_IN_CELL, SAME_POSITION
 
 Array = npt.NDArray[np.float64]
 
@@ -39,8 +39,6 @@ _BOUNDED = {
 _CURVED, _ROUND_OFF = np.degrees(CORNER_ANGLE), 1.0
 # Share of a load that is a jump.
 _JUMP = 1e-3
-# Share of an angle around a vertex that is round-off.
-_SAME_ANGLE = 1e-6
 
 
 def why_no_limit(body: Discretisation, point: tuple[float, ...], step: float = 0.0) -> str | None:
@@ -184,9 +182,9 @@ def _where_materials_meet(body: Discretisation, point: Array, boundary: list[Bou
         mirror = (
             bool(facets)
             and all(facet.kind == "guided" for facet in facets)
-            and abs(2 * total / full_angle - 1) < _SAME_ANGLE
+            and abs(2 * total / full_angle - 1) < SAME_PLACE_IN_CELL
         )
-        inside = mirror or abs(total / full_angle - 1) < _SAME_ANGLE
+        inside = mirror or abs(total / full_angle - 1) < SAME_PLACE_IN_CELL
         if inside and len(angles) == 2 and abs(2 * min(angles.values()) / total - 1) <= _CURVED / 180:
             continue
         reasons.append(

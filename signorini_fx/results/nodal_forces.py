@@ -33,6 +33,7 @@ from signorini_fx.results.surface_quadrature import QuadratureFacets, SurfaceQua
 from signorini_fx.scene.effect import Effect, Force, InitialStrain, Points, Resistance
 from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.model import Scene
+from signorini_fx.tuned import ZERO_SUM
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -42,8 +43,6 @@ _CHUNK = 4096
 # From cells, the gradient of the displacement, shape (k, k, f, q), and initial strains, shape (f, q), to the stress,
 # shape (k, k, f, q), and the energy density of the initial strains alone.
 _Law = Callable[[Indices, Array, Array | None], tuple[Array, Array | float]]
-# A share of the energy of the strains below this is what free expansion leaves of it.
-_ROUND_OFF = 1e-12
 
 
 class NodalForces(SurfaceQuadrature):
@@ -468,4 +467,4 @@ class NodalForces(SurfaceQuadrature):
 def left_over(strained: float, initial: float) -> float:
     """The energy of the stress from that of the strains and what initial strains take of it; round-off is none."""
     energy = strained + initial
-    return energy if energy > _ROUND_OFF * abs(strained) or initial == 0.0 else 0.0
+    return energy if energy > ZERO_SUM * abs(strained) or initial == 0.0 else 0.0

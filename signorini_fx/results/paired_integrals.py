@@ -30,6 +30,7 @@ from scipy.spatial import cKDTree
 from signorini_fx import parallel
 from signorini_fx.results.paired_claim import Claim
 from signorini_fx.results.paired_facets import Facet, OverlapPiece, PairFacets, mean_normals, pieces_of
+from signorini_fx.tuned import NO_ARM
 
 Array = npt.NDArray[np.float64]
 # A facet of the slave and the pieces of the other side over it.
@@ -41,8 +42,8 @@ _SAMPLED = {2: 16, 3: 6}
 _COVERED = 0.05
 # One that is covered by this share has no node without a function; nodes of such facets at which directions are tried.
 _WHOLLY_COVERED, _TRIED = 0.99, {2: 8, 3: 3}
-# Displacements on which rotations are tried, and share of the best resisted one below which nothing resists a rotation.
-_DISPLACEMENTS, _NO_ARM = 3, 1e-12
+# Displacements on which rotations are tried.
+_DISPLACEMENTS = 3
 
 
 def largest(values: Array) -> float:
@@ -249,7 +250,7 @@ def _turned(a: Any, x: Array, u: Array, way: Array) -> Array:
     arm, moved, along = deep
     arm = arm - a @ arm / a.sum()
     inertia = np.eye(3) * (a @ np.sum(arm**2, axis=1)) - np.einsum("l,li,lj->ij", a, arm, arm)
-    turn = np.linalg.pinv(inertia, rcond=_NO_ARM, hermitian=True) @ (a @ np.cross(arm, moved))
+    turn = np.linalg.pinv(inertia, rcond=NO_ARM, hermitian=True) @ (a @ np.cross(arm, moved))
     return np.asarray(np.cross(turn, along[0])[: x.shape[1]])
 
 

@@ -10,10 +10,12 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.tuned import LAST_STEP_IN_FACET
+
 Array = npt.NDArray[np.float64]
 
-# Steps of Newton's method at most, and a place in a reference facet that is round-off.
-STEPS, ROUND_OFF = 15, 1e-14
+# Steps of Newton's method at most.
+STEPS = 15
 
 
 @cache
@@ -87,7 +89,7 @@ def place_in(part: Array, flat: Array, p: Array) -> tuple[Array, Array]:
         jacobian = (slopes @ flat).swapaxes(1, 2)
         step = np.linalg.solve(jacobian, (p - (shares[:, None] @ flat)[:, 0])[:, :, None])[:, :, 0]
         s = s + step
-        if np.abs(step).max() < ROUND_OFF:
+        if np.abs(step).max() < LAST_STEP_IN_FACET:
             break
     shares, slopes = _bilinear(s)
     areas = [np.linalg.det(slopes @ corners) for corners in (flat, part)]

@@ -26,16 +26,12 @@ from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.scene.effect import Force, Resistance
 from signorini_fx.scene.model import Scene
+from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 if TYPE_CHECKING:
     from signorini_fx.body.paired_points import PairedSides
 
 Array = npt.NDArray[np.float64]
-
-# The normals of a flat boundary differ by less than this; a force whose share across it is smaller lies in it.
-_FLAT = 1e-9
-# Below this share of the sum of their magnitudes, forces balance each other.
-_ROUND_OFF = 1e-9
 
 
 @dataclass(frozen=True)
@@ -213,7 +209,7 @@ class Resultants:
         total = parallel.global_sum(comm, total)
         force, moment, size = total[:dim], total[dim:-2], (float(total[-2]), float(total[-1]))
         acts_at: Array | None = None
-        if np.linalg.norm(force) > _ROUND_OFF * size[0] and self._kinematics.unbalanced.all():
+        if np.linalg.norm(force) > ZERO_IN_SOLUTION * size[0] and self._kinematics.unbalanced.all():
             middle, normal = (point, None) if boundary is None else self._middle(boundary)
             shifted = moment + moments(point - middle, force)
             acts_at = middle + arm(shifted, force, normal)
@@ -234,7 +230,7 @@ class Resultants:
         sums = parallel.global_sum(self.tagged.mesh.comm, sums)
         dim, total = self.tagged.mesh.geometry.dim, sums[-1]
         normal = sums[dim:-1] / total
-        return sums[:dim] / total, normal if np.linalg.norm(normal) > 1 - _FLAT else None
+        return sums[:dim] / total, normal if np.linalg.norm(normal) > 1 - ZERO_IN_SOLUTION else None
 
 
 @dataclass(frozen=True, repr=False)
@@ -330,7 +326,7 @@ def arm(moment: Array, force: Array, normal: Array | None) -> Array:
     n x M / (n . F); without, or if the force lies in that plane, the nearest place: F x M / F^2.
     """
     axis = force
-    if normal is not None and abs(normal @ force) > _FLAT * np.linalg.norm(force):
+    if normal is not None and abs(normal @ force) > ZERO_IN_SOLUTION * np.linalg.norm(force):
         axis = normal
     if force.size == 2:
         return np.array([axis[1], -axis[0]]) * moment[0] / (axis @ force)

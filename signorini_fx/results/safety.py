@@ -24,9 +24,8 @@ from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.scene.effect import Force
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.stated import STRAIGHT_CELLS, may_have_arcs
+from signorini_fx.tuned import SAME_LENGTH
 
-# A node whose gap is below this share of the size of the body is closed.
-_CLOSED = 1e-9
 # Factors of the mesh and of the body that differ by less are equal.
 _SAME_FACTOR = 1e-8
 # Share of the largest normal motion at contact points below which a motion opens none: normals of meshes are not exact.
@@ -246,4 +245,4 @@ def _touching(
         return touching
     resting = resting_place(contact.gap, contact.bilateral, d.motions.at(contact.boundary), load)
     gap = contact.gap if resting is None else contact.gap - resting.u_n
-    return np.asarray(touching | (gap <= _CLOSED * d.tagged.size))
+    return np.asarray(touching | (gap <= SAME_LENGTH * d.tagged.size))

@@ -17,12 +17,10 @@ from signorini_fx import compat
 from signorini_fx.body import forms
 from signorini_fx.body.assembly import adjugates, facet_entities
 from signorini_fx.body.node_positions import node_positions
+from signorini_fx.tuned import ZERO_SUM
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
-
-# A basis function counts as zero below this; otherwise nodes beside a facet would get a part of it.
-_ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True)
@@ -158,7 +156,7 @@ class SurfaceQuadrature:
             if self.averaging:  # dual to the hats on this facet, the fourth of which is zero
                 mass = np.einsum("qi,cq,qk->cik", test, area, test)
                 values = values.sum(axis=2)[:, :, None] * (np.linalg.pinv(mass, rcond=1e-10, hermitian=True) @ values)
-                values[np.abs(values) <= _ROUND_OFF * np.abs(values).max(initial=0.0)] = 0.0
+                values[np.abs(values) <= ZERO_SUM * np.abs(values).max(initial=0.0)] = 0.0
             nodes = self._nodes[facets.cells]
             rows, columns = (np.broadcast_to(numbers, values.shape) for numbers in (nodes[:, :, None], nodes[:, None]))
             nonzero = values != 0
@@ -230,4 +228,4 @@ def over_ranks(values: Array, space: fem.FunctionSpace) -> Array:
 
 def _clean(functions: Array) -> Array:
     """Without the round-off of those that are zero."""
-    return np.where(np.abs(functions) < _ROUND_OFF, 0.0, functions)
+    return np.where(np.abs(functions) < ZERO_SUM, 0.0, functions)

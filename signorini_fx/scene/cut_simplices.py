@@ -10,14 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.scene.expressions import Expression, in_space
+from signorini_fx.tuned import AFFINE, SAME_LENGTH
 
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
-# A cut that is closer to a corner than this share of an edge is none: it is the round-off of a node.
-_AT_CORNER = 1e-9
-# What a function misses of an affine one, as a share of the function, that is round-off.
-_AFFINE = 1e-9
 # Halvings that find where an edge is cut, and cuts of one simplex by one function.
 _HALVINGS, _MOST_CUTS = 48, 12
 
@@ -60,7 +57,7 @@ def exactly_cut(x: Array, values: Iterable[Any]) -> tuple[Ints, Array, npt.NDArr
             np.maximum.at(most, owner, np.abs(corners).max(axis=1))
             for a, b in combinations(range(size), 2):
                 middle = np.nan_to_num(sign(owner, (parts[:, [a]] + parts[:, [b]]) / 2))[:, 0]
-                exact[owner[np.abs(middle - (corners[:, a] + corners[:, b]) / 2) > _AFFINE * most[owner]]] = False
+                exact[owner[np.abs(middle - (corners[:, a] + corners[:, b]) / 2) > AFFINE * most[owner]]] = False
             owner, parts = _cut(owner, parts, sign)
     return owner, parts, exact
 
@@ -70,13 +67,13 @@ def _cut(owner: Ints, parts: Array, sign: Callable[[Ints, Array], Array]) -> tup
     for _ in range(_MOST_CUTS):
         value = np.nan_to_num(sign(owner, parts))
         # A corner where a cut has been made is on neither side.
-        at = np.where(np.abs(value) <= _AT_CORNER * np.abs(value).max(axis=1, keepdims=True), 0.0, np.sign(value))
+        at = np.where(np.abs(value) <= SAME_LENGTH * np.abs(value).max(axis=1, keepdims=True), 0.0, np.sign(value))
         first, second = np.full(len(owner), -1), np.full(len(owner), -1)
         share: Array = np.zeros(len(owner))
         for a, b in combinations(range(parts.shape[1]), 2):
             rows = np.flatnonzero((first < 0) & (at[:, a] * at[:, b] < 0))
             root = _root(owner[rows], parts[rows, a], parts[rows, b], at[rows, a], sign)
-            inside = (root > _AT_CORNER) & (root < 1 - _AT_CORNER)
+            inside = (root > SAME_LENGTH) & (root < 1 - SAME_LENGTH)
             rows, root = rows[inside], root[inside]
             first[rows], second[rows], share[rows] = a, b, root
         rows = np.flatnonzero(first >= 0)

@@ -20,6 +20,8 @@ from typing import Any, Literal, Self
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.tuned import SAME_NUMBER
+
 _ONE_ARGUMENT = ("abs", "cos", "exp", "log", "sign", "sin", "sqrt", "tan", "tanh")
 _ARITHMETIC: dict[type, Callable[..., Any]] = {
     ast.Add: operator.add,
@@ -37,8 +39,6 @@ _ALLOWED = (
 )
 _MAX_LENGTH = 2000
 _MAX_EXPONENT = 100
-# Numbers that differ by less than this share of their size are equal in comparisons.
-_EQUAL = 1e-12
 Kind = Literal["number", "condition"]
 
 
@@ -240,7 +240,7 @@ class _Evaluator:
         size = absolute(a) + absolute(b)
         if isinstance(left_operand, ast.Subscript) or isinstance(right_operand, ast.Subscript):
             size = size + self._backend.reach(self._position)  # the round-off of a coordinate is that of the largest
-        room = self._backend.number(_EQUAL) * size
+        room = self._backend.number(SAME_NUMBER) * size
         return a <= b + room if isinstance(op, ast.LtE | ast.GtE) else a + room < b
 
 

@@ -9,9 +9,7 @@ from pydantic import Field, model_validator
 
 from signorini_fx.scene.rigid_shape import Array, Shape, unit
 from signorini_fx.scene.values import Direction, Finite, Vector
-
-# Faces that differ by less than this angle, radians, are one plane, or two sides of nothing.
-_FLAT = 1e-6
+from signorini_fx.tuned import DIGITS_OF_FILES
 
 
 class Edge(Shape):
@@ -33,7 +31,7 @@ class Edge(Shape):
         first, second = self.normals
         if len(first) != len(self.point) or len(second) != len(self.point):
             raise ValueError(f"normals: point has {len(self.point)} numbers, and each normal needs as many")
-        if abs(float(unit(first) @ unit(second))) > 1 - _FLAT**2 / 2:
+        if abs(float(unit(first) @ unit(second))) > 1 - DIGITS_OF_FILES**2 / 2:
             raise ValueError("normals: they are parallel: two faces that meet are expected")
         return self
 

@@ -11,11 +11,10 @@ from pydantic import Field, model_validator
 
 from signorini_fx.scene.rigid_shape import Array, Shape
 from signorini_fx.scene.values import Finite
+from signorini_fx.tuned import SAME_LENGTH
 
 # Products of points and pieces that are compared at a time, and pieces that are so few that all are.
 _AT_A_TIME, _FEW = 1_000_000, 256
-# By this share of a distance round-off may change it.
-_ROUND_OFF = 1e-9
 
 Rows = npt.NDArray[np.int64]
 
@@ -119,7 +118,7 @@ class NearestPiece:
         counts, within = np.full(len(x), self._compared.size), np.zeros(len(x))
         if self._tree is not None:
             # The closest point is in a part, half of whose length is the most that it is away from its middle.
-            within = (self._tree.query(x)[0] + self._part / 2) * (1 + _ROUND_OFF)
+            within = (self._tree.query(x)[0] + self._part / 2) * (1 + SAME_LENGTH)
             counts += self._tree.query_ball_point(x, within, return_length=True)
         for batch in np.split(np.arange(len(x)), np.flatnonzero(np.diff(np.cumsum(counts) // _AT_A_TIME)) + 1):
             rows, pieces = np.repeat(batch, self._compared.size), np.tile(self._compared, batch.size)

@@ -13,9 +13,7 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.scene.rigid_shape import Array, Shape
 from signorini_fx.scene.values import Positive
 from signorini_fx.shapes.polyline import Rows, StraightPieces
-
-# Of its distance from the surface, over the size of this, a point that is on it has less.
-_ON = 1e-12
+from signorini_fx.tuned import SAME_NUMBER
 
 
 class ClosedSurface(Shape):
@@ -208,7 +206,7 @@ class InSpace:
         closest, signed = np.zeros_like(x), np.zeros(len(x))
         for k, point in enumerate(x):
             signed[k] = self._distance.EvaluateFunctionAndGetClosestPoint(point, closest[k])
-        far = np.abs(signed) > _ON * self._size
+        far = np.abs(signed) > SAME_NUMBER * self._size
         normal = np.zeros_like(x)
         normal[far] = (x - closest)[far] / signed[far, None]
         for k in np.flatnonzero(~far):

@@ -17,6 +17,7 @@ from signorini_fx.tuned import (
     FAILED_STEP,
     HARD_STEP,
     LARGEST_INCREMENT,
+    SAME_LENGTH,
     SMALLEST_INCREMENT,
 )
 
@@ -27,8 +28,8 @@ _HOPELESS_AT_FIRST = (Status.NOT_HELD, Status.LINEAR_SOLVER)
 _PROVED = (Status.SLIDES, Status.TIPS, Status.OPEN)
 # A ramp that is asked for in fewer load steps may take as many linear solves for its end as one in so many.
 _FEW_STEPS = 5
-# Places are rounded to these digits, so that ten tenths are one; those that differ by less are the same.
-_DIGITS, _SAME_POSITION = 12, 1e-9
+# Places are rounded to these digits, so that ten tenths are one.
+_DIGITS = 12
 
 
 @dataclass(frozen=True)
@@ -120,10 +121,10 @@ class Increments:
         Below a limit it is halfway there, and the limit itself only once it is enclosed: it has failed before.
         """
         at = self.at
-        station = floor(at.reached + _SAME_POSITION) + 1.0
+        station = floor(at.reached + SAME_LENGTH) + 1.0
         step = round(at.reached + at.increment, _DIGITS)
-        step = station if step > station - _SAME_POSITION else step
-        if not at.limit or at.failed is None or step < at.failed - _SAME_POSITION:
+        step = station if step > station - SAME_LENGTH else step
+        if not at.limit or at.failed is None or step < at.failed - SAME_LENGTH:
             return step
         width = at.failed - at.reached
         return at.failed if width <= self._enclosed else round(at.reached + width / 2, _DIGITS)
@@ -135,13 +136,13 @@ class Increments:
     @property
     def halves(self) -> bool:
         """Whether the next load step is at a place of its own, between two factors."""
-        return self._divisible and abs(self.next - round(self.next)) > _SAME_POSITION
+        return self._divisible and abs(self.next - round(self.next)) > SAME_LENGTH
 
     @property
     def _enclosed(self) -> float:
         """The increment that is not divided any more."""
         reached = self.at.reached
-        begun = reached - floor(reached + _SAME_POSITION) if reached >= 0 else reached + 1.0
+        begun = reached - floor(reached + SAME_LENGTH) if reached >= 0 else reached + 1.0
         return max(ENCLOSED * begun, SMALLEST_INCREMENT * self._nominal)
 
     @property
@@ -184,7 +185,7 @@ class Increments:
         # where a hard load step made it begin again, the next one has not been tried.
         return (
             max(self._step, solve_budget - at.spent)
-            if at.begun > 1 and at.reached >= at.known - _SAME_POSITION
+            if at.begun > 1 and at.reached >= at.known - SAME_LENGTH
             else solve_budget
         )
 
@@ -219,7 +220,7 @@ class Increments:
     @property
     def falls_short(self) -> bool:
         """Whether augmentation has come less far than the ramp had without it, which is then to begin again so."""
-        return self.at.augmented and self.at.reached < self.at.known - _SAME_POSITION
+        return self.at.augmented and self.at.reached < self.at.known - SAME_LENGTH
 
     def begin_again(self, status: Status, linear_solves: int) -> None:
         """Go back to the first load step: first with augmentation, then without.
@@ -244,7 +245,7 @@ class Increments:
             done = replace(done, increment=2 * at.increment if grows else at.increment, easy=0 if grows else easy)
         if self._divisible and at.failed is not None and not self.without_fall_backs:
             done = replace(done, hard=True, increment=self._nominal)
-        if at.failed is not None and step >= at.failed - _SAME_POSITION:
+        if at.failed is not None and step >= at.failed - SAME_LENGTH:
             done = replace(done, failed=None, limit=False)
         self.at = done
 
@@ -266,7 +267,7 @@ class Increments:
         if not self._divisible:
             return False
         at, step, with_all = self.at, self.next, not self.without_fall_backs
-        fails_again = at.failed is not None and step >= at.failed - _SAME_POSITION
+        fails_again = at.failed is not None and step >= at.failed - SAME_LENGTH
         increment = step - at.reached
         self.at = at = replace(
             at, wasted=at.wasted + linear_solves, failed=step, limit=at.limit or fails_again or status in _PROVED

@@ -21,6 +21,7 @@ from signorini_fx.contact.laws import Nodal, RegularisedData, length
 from signorini_fx.contact.reactions import Reactions, reactions
 from signorini_fx.contact.statics import null_space, squeezed
 from signorini_fx.records import Finding, Status
+from signorini_fx.tuned import CLOSED_GAP
 
 # Outcomes that say how the methods have failed, and not why there is no solution, or not of which body.
 _UNEXPLAINED = (
@@ -33,8 +34,6 @@ _UNEXPLAINED = (
     Status.LINEAR_SOLVER,
     Status.ROUND_OFF,
 )
-# Share of the largest gap or slip below which there is none.
-_NEGLIGIBLE = 1e-6
 
 
 def explained(
@@ -109,9 +108,9 @@ def _movable(assembly_reactions: Reactions, gap: Nodal, slip: Nodal, shear: Noda
     back = np.linalg.lstsq(rows, -missing, rcond=None)[0]
     gap = gap - assembly_reactions.normal @ back
     size = max(float(np.abs(gap).max()), float(np.abs(missing).max()))
-    if not ways.shape[1] or shear[frictional].any() or np.abs(missing + rows @ back).max() > _NEGLIGIBLE * size:
+    if not ways.shape[1] or shear[frictional].any() or np.abs(missing + rows @ back).max() > CLOSED_GAP * size:
         return False
     return not squeezed(
         replace(assembly_reactions, normal=assembly_reactions.normal @ ways),
-        gap - np.where(assembly_reactions.bilateral, 0.0, _NEGLIGIBLE * size),
+        gap - np.where(assembly_reactions.bilateral, 0.0, CLOSED_GAP * size),
     )

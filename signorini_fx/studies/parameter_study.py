@@ -18,6 +18,7 @@ from signorini_fx.results.solution import Solution
 from signorini_fx.scene.changes import Changes, parsed_change
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving.solver import solve
+from signorini_fx.tuned import ZERO_IN_SOLUTION
 from signorini_fx.units import labelled, names_of
 
 # The figures of a row.
@@ -32,7 +33,6 @@ FIGURES = (
 )
 # Everything that a study may write.
 FILES = ("sweep.csv", "sweep.png", "sweep.pdf")
-_ROUND_OFF = 1e-9  # of the contact force
 _COMMA = re.compile(r",(?![^()]*\))")  # between values, and not between the arguments of a function
 _RANGE = re.compile(r"\s*([-+.\deE]+)\s*:\s*([-+.\deE]+)\s*:\s*(\d{1,5})\s*")
 
@@ -122,7 +122,10 @@ def figures_of(solution: Solution) -> dict[str, Any]:
         between = any(effect.against for effect in solution.scene.contact)
         forces = solution.contact.forces_of_each if between else np.array([solution.contact.forces])
         contact, friction = map(float, np.linalg.norm(forces, axis=2).sum(axis=0))
-        figures |= {"contact_force": contact, "friction_force": friction if friction > _ROUND_OFF * contact else 0.0}
+        figures |= {
+            "contact_force": contact,
+            "friction_force": friction if friction > ZERO_IN_SOLUTION * contact else 0.0,
+        }
         figures["max_pressure"] = float(columns["pressure"].max(initial=0.0))
         figures["max_shear"] = float(np.abs(columns["shear"]).max(initial=0.0))
         figures["contact_area"] = float(columns["weight"][touching].sum())

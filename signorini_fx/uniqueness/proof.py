@@ -34,10 +34,9 @@ from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.state import PointState
 from signorini_fx.quantities.statements import Uniqueness
+from signorini_fx.tuned import SECOND_SOLUTION_DIFFERS, SECOND_SOLUTION_DIVERGED, SECOND_SOLUTION_HOLDS, SINGULAR
 from signorini_fx.uniqueness.contact_stiffness import contact_stiffness
 
-# Eigenvalues of the stiffness below this share of the largest one are free motions; smaller pivots are none.
-_FREE = 1e-10
 # Exponent of the norm that replaces the largest eigenvalue, and how often it is evaluated.
 _SMOOTH, _EVALUATIONS = 60, 150
 # What it is where the weights prove nothing; a gain in its logarithm that is worth another search.
@@ -47,8 +46,6 @@ _PROVED = 1 - 1e-6
 # Random starts of the search, steps of the friction coefficient on the way from zero and from a rough contact, the
 # multiple of the coefficient that is rough, and linear solves from one start.
 _STARTS, _PATH, _ROUGH, _SOLVES = 24, 12, 8.0, 60
-# Conditions hold to this share of loads and displacements; solutions differ by more of them, and by less than that.
-_EXACT, _SAME_SOLUTION, _DIVERGED = 1e-9, 1e-3, 1e6
 
 # Which normal components are closed, and +1 or -1 where a tangential one slips, 0 where it sticks.
 _Sets = tuple[npt.NDArray[np.bool_], Nodal]
@@ -119,7 +116,7 @@ def uniqueness_of(
     multiple, why, _ = critical(rough, law.coefficient)
     acting = law.coefficient[np.unique(rough.tangential)]
     acting = acting[acting > 0]
-    uniform = acting.size and np.ptp(acting) <= _FREE * acting[0] and np.isfinite(multiple)
+    uniform = acting.size and np.ptp(acting) <= SINGULAR * acting[0] and np.isfinite(multiple)
     proved = multiple > 1
     other_solutions: list[Nodal] = []
     starts = 0
@@ -136,14 +133,14 @@ def uniqueness_of(
 def components(stiffness: Nodal, operator: Nodal, law: PointFriction) -> _Rough | str:
     """The stiffness of normal components and of tangential ones with friction; or why there is none."""
     coefficient, count = law.coefficient, law.coefficient.size
-    moves = np.linalg.norm(operator, axis=1) > _FREE
+    moves = np.linalg.norm(operator, axis=1) > SINGULAR
     by_point = moves.reshape(count, -1)
     if ((coefficient > 0) & ~by_point[:, 0] & by_point[:, 1:].any(axis=1)).any():
         return "a support takes the pressure at a point that friction acts on"
     rows = operator[moves]
     q, r = np.linalg.qr(rows.T, mode="complete")
     r = r[: len(rows)]
-    if len(rows) > len(stiffness) or np.abs(np.diag(r)).min(initial=np.inf) <= _FREE:
+    if len(rows) > len(stiffness) or np.abs(np.diag(r)).min(initial=np.inf) <= SINGULAR:
         return "some contact points share a node, or are held in a direction of their own"
     # x = q1 r^-T v + q2 z, of which z has no force.
     change = np.column_stack((np.linalg.solve(r, q[:, : len(rows)].T).T, q[:, len(rows) :]))
@@ -157,14 +154,14 @@ def components(stiffness: Nodal, operator: Nodal, law: PointFriction) -> _Rough 
     if eliminated.size:
         coupling = transformed[np.ix_(eliminated, order)]
         values, vectors = np.linalg.eigh(transformed[np.ix_(eliminated, eliminated)])
-        hard = values > _FREE * values[-1]
+        hard = values > SINGULAR * values[-1]
         inside = vectors[:, hard].T @ coupling
         schur = schur - inside.T @ (inside / values[hard, None])
     schur = (schur + schur.T) / 2
     normal = point[order[component[order] == 0]]
     tangential = point[order[component[order] > 0]]
     values, vectors = np.linalg.eigh(schur)
-    free = vectors[:, values <= _FREE * values[-1]]
+    free = vectors[:, values <= SINGULAR * values[-1]]
     beside = np.minimum(np.searchsorted(normal, tangential), max(normal.size - 1, 0))
     return _Rough(schur, normal, tangential, beside, free)
 
@@ -177,14 +174,14 @@ def critical(rough: _Rough, coefficient: Nodal, evaluations: int = _EVALUATIONS)
     unit_weights = np.ones(count - normal)
     if not (coefficient[rough.tangential] > 0).any():
         return np.inf, "", unit_weights
-    if np.abs(rough.free[normal:]).max(initial=0.0) > _FREE**0.5:
+    if np.abs(rough.free[normal:]).max(initial=0.0) > SINGULAR**0.5:
         return 0.0, "nothing but friction holds the body along its foundation", unit_weights
     unit = float(np.abs(rough.stiffness).max())
     # In units of the stiffness, so that nodal compliance is of order one.
     stiffness = rough.stiffness / unit
     rows, sizes = stiffness[rough.beside], coefficient[rough.tangential]
     basis = np.linalg.svd(rough.free, full_matrices=True)[0][:, rough.free.shape[1] :] if rough.free.size else None
-    compliance = np.diag(np.linalg.pinv(stiffness, rcond=_FREE, hermitian=True))[normal:]
+    compliance = np.diag(np.linalg.pinv(stiffness, rcond=SINGULAR, hermitian=True))[normal:]
     first = np.concatenate(([0.0], np.log(np.sqrt(compliance / np.diag(stiffness)[rough.beside]))))
 
     def matrices(weights: Nodal) -> tuple[Nodal, Nodal, Nodal]:
@@ -284,7 +281,7 @@ def _other_solutions(rough: _Rough, law: PointFriction, state: PointState) -> tu
     v = np.concatenate((state.u_n[rough.normal], state.u_t[rough.tangential, 0]))
     force = np.concatenate(((weight * state.pressure)[rough.normal], (weight * state.shear[:, 0])[rough.tangential]))
     at, load = rough.tangential, rough.stiffness @ v + force
-    alone = np.linalg.lstsq(rough.stiffness, load, rcond=_FREE)[0]
+    alone = np.linalg.lstsq(rough.stiffness, load, rcond=SINGULAR)[0]
     data = _Law(
         gap=state.gap[rough.normal],
         origin=(state.u_t - state.slip_length)[at, 0],
@@ -320,7 +317,7 @@ def _other_solutions(rough: _Rough, law: PointFriction, state: PointState) -> tu
 
 def _apart(a: Nodal, b: Nodal) -> bool:
     """Whether two displacements differ by more than what regularisation and round-off do."""
-    return bool(np.abs(a - b).max() > _SAME_SOLUTION * max(np.abs(a).max(), np.abs(b).max()))
+    return bool(np.abs(a - b).max() > SECOND_SOLUTION_DIFFERS * max(np.abs(a).max(), np.abs(b).max()))
 
 
 def _along_path(rough: _Rough, data: _Law, factors: npt.NDArray[np.floating[Any]]) -> Iterator[_Sets]:
@@ -362,13 +359,20 @@ def _newton(
             return None
         force = data.load - stiffness @ v
         scale, size = np.abs(data.load).max(), data.size
-        if np.abs(v).max() > _DIVERGED * size:  # of a matrix that is singular but for round-off
+        if np.abs(v).max() > SECOND_SOLUTION_DIVERGED * size:  # of a matrix that is singular but for round-off
             return None
-        away = np.where(contact, force[:n] < -_EXACT * scale, v[:n] <= data.gap + _EXACT * size) & ~data.bilateral
+        away = (
+            np.where(
+                contact, force[:n] < -SECOND_SOLUTION_HOLDS * scale, v[:n] <= data.gap + SECOND_SOLUTION_HOLDS * size
+            )
+            & ~data.bilateral
+        )
         bound = friction.bound(force[rough.beside])
         slip = v[n:] - data.origin
         turned = np.where(
-            stick, np.abs(force[n:]) > bound + _EXACT * scale, slips & pressed & (side * slip < -_EXACT * size)
+            stick,
+            np.abs(force[n:]) > bound + SECOND_SOLUTION_HOLDS * scale,
+            slips & pressed & (side * slip < -SECOND_SOLUTION_HOLDS * size),
         )
         new_side = np.where(stick & turned, np.sign(force[n:]), np.where(turned, 0.0, side))
         new_contact = ~away

@@ -8,8 +8,7 @@ from signorini_fx.mesh.files.abaqus_blocks import quoted, real
 from signorini_fx.mesh.files.abaqus_content import Deck, plain_name
 from signorini_fx.mesh.files.abaqus_tools import tool_keys
 from signorini_fx.mesh.files.shape import Floats, Ints
-
-_FLAT = 1e-6  # of its size: a rigid surface that deviates by less from a plane is one
+from signorini_fx.tuned import DIGITS_OF_FILES
 
 _STIFF = 1e4  # times E over the size of the body: contact that is stiffer is hard to four digits
 
@@ -170,7 +169,7 @@ def _gap(deck: Deck, where: str, rigid: str, tool: str) -> list[str]:
     middle, normal = plane
     side = float(np.mean(body, axis=0) @ normal - middle @ normal)
     toward = -normal if side > 0 else normal
-    if abs(side) <= _FLAT * float(np.ptp(deck.mesh.points, axis=0).max()):
+    if abs(side) <= DIGITS_OF_FILES * float(np.ptp(deck.mesh.points, axis=0).max()):
         toward = _outwards(deck, where, normal)
     if tool:
         shape = f'shape = "plane", point = {middle.tolist()}, normal = {(-toward + 0.0).tolist()}'
@@ -240,7 +239,11 @@ def _plane(points: Floats) -> tuple[Floats, Floats] | None:
     """A point and the unit normal of the plane (in the plane: of the line) through points; None: there is none."""
     middle = points.mean(axis=0)
     _, sizes, axes = np.linalg.svd(points - middle)
-    if len(points) < points.shape[1] or sizes[-2] <= _FLAT * sizes[0] or sizes[-1] > _FLAT * sizes[0]:
+    if (
+        len(points) < points.shape[1]
+        or sizes[-2] <= DIGITS_OF_FILES * sizes[0]
+        or sizes[-1] > DIGITS_OF_FILES * sizes[0]
+    ):
         return None
     normal = np.where(np.abs(axes[-1]) < 1e-12, 0.0, axes[-1])
     return middle, np.asarray(normal / np.linalg.norm(normal))

@@ -10,13 +10,12 @@ from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, quoted, real
 from signorini_fx.mesh.files.abaqus_content import Deck, DeckSection
 from signorini_fx.mesh.files.arrays import plain
 from signorini_fx.mesh.files.shape import Floats
+from signorini_fx.tuned import ZERO_SUM
 
 _SECTIONS = {"SHELLSECTION": "shells", "MEMBRANESECTION": "membranes", "BEAMSECTION": "beams"}
 # Where the first six constants of stiffness of *ELASTIC, TYPE=ORTHO belong; the others are shear moduli.
 _NORMAL = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 _CONSTANTS = 9
-# A component of a direction below this share of it is round-off.
-_ROUND_OFF = 1e-12
 
 
 def read_section(deck: Deck, block: DeckBlock) -> None:
@@ -101,7 +100,7 @@ def _axes_of(deck: Deck, name: str) -> list[str]:
     turn, angle = ([real(word) for word in block.rows[1]] + [0.0])[:2] if len(block.rows) > 1 else (1.0, 0.0)
     if system in ("CYLINDRICAL", "C"):
         along = (second - first) / np.linalg.norm(second - first)
-        if angle or (dim == 2 and abs(along[2]) < 1 - _ROUND_OFF):
+        if angle or (dim == 2 and abs(along[2]) < 1 - ZERO_SUM):
             deck.lose(block, "a cylindrical orientation that is turned about one of its axes")
         keep = np.eye(3) - np.outer(along, along)
         cross = np.array([np.cross(along, axis) for axis in np.eye(3)]).T @ keep
@@ -109,9 +108,9 @@ def _axes_of(deck: Deck, name: str) -> list[str]:
     elif system in ("RECTANGULAR", "R"):
         centre = np.array(words[6:9]) if len(words) == 9 else np.zeros(3)
         axes = _turned(frame(first - centre, second - centre), round(turn) - 1, np.radians(angle))
-        if dim == 2 and abs(axes[2, 2]) < 1 - _ROUND_OFF:
+        if dim == 2 and abs(axes[2, 2]) < 1 - ZERO_SUM:
             deck.lose(block, "an orientation whose axis 3 is not across the plane")
-        rows = [str((np.where(np.abs(axis) < _ROUND_OFF, 0.0, axis) + 0.0)[:dim].tolist()) for axis in axes[:2]]
+        rows = [str((np.where(np.abs(axis) < ZERO_SUM, 0.0, axis) + 0.0)[:dim].tolist()) for axis in axes[:2]]
     else:
         raise ValueError(f"*ORIENTATION {name!r}: its system is neither rectangular nor cylindrical")
     return [f"direction = {rows[0]}"] + ([f"second = {rows[1]}"] if dim == 3 else [])
@@ -141,7 +140,7 @@ def _linear(matrix: Floats, constant: Floats, dim: int) -> str:
     """A vector that is linear in the position, as values of a scene."""
     values = []
     for row, offset in zip(plain(matrix[:dim, :dim]), plain(constant[:dim]), strict=True):
-        terms = [f"{share!r}*x[{k}]" for k, share in enumerate(row) if abs(share) > _ROUND_OFF]
+        terms = [f"{share!r}*x[{k}]" for k, share in enumerate(row) if abs(share) > ZERO_SUM]
         text = " + ".join([*terms, repr(offset)]).replace("+ -", "- ")
         values.append(quoted(text) if terms else text)
     return f"[{', '.join(values)}]"

@@ -14,9 +14,7 @@ from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, real
 from signorini_fx.mesh.files.abaqus_content import Deck
 from signorini_fx.mesh.files.abaqus_loads import share_of
 from signorini_fx.mesh.files.shape import Floats
-
-# Temperatures that differ by less than this share of the largest change are the same.
-_ALIKE = 1e-9
+from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 
 def read_temperatures(deck: Deck, block: DeckBlock) -> None:
@@ -67,7 +65,7 @@ def temperature_changes(deck: Deck, steps: int) -> Iterator[tuple[float | None, 
             continue
         for field, factors in fields:
             factor = float(change @ field / (field @ field))
-            if np.abs(change - factor * field).max() <= _ALIKE * largest:
+            if np.abs(change - factor * field).max() <= ZERO_IN_SOLUTION * largest:
                 factors[step] = factor
                 break
         else:
@@ -75,5 +73,5 @@ def temperature_changes(deck: Deck, steps: int) -> Iterator[tuple[float | None, 
     for field, factors in fields:
         largest_factor = max(factors, key=abs)
         full_change: Floats = largest_factor * field
-        uniform = np.ptp(field) <= _ALIKE * np.abs(field).max()
+        uniform = np.ptp(field) <= ZERO_IN_SOLUTION * np.abs(field).max()
         yield float(full_change[0]) if uniform else None, full_change, [factor / largest_factor for factor in factors]

@@ -18,6 +18,7 @@ from signorini_fx.errors import MeshError
 from signorini_fx.mesh.files.cells import CELLS, Corners, completed
 from signorini_fx.mesh.files.raw import RawMesh, row_keys, rows_of
 from signorini_fx.mesh.files.shape import Floats, Ints
+from signorini_fx.tuned import PARALLEL
 
 # Corners along each face, in the order of VTK.
 _FACES: dict[str, tuple[tuple[int, ...], ...]] = {
@@ -39,7 +40,6 @@ BETWEEN: dict[str, tuple[Corners, ...]] = {
     "hexahedron": CELLS["hexahedron27"].nodes[8:],
 }
 CORNERS = {"triangle": 3, "quad": 4, "tetra": 4, "pyramid": 5, "wedge": 6, "hexahedron": 8}
-_FLAT = 1e-12  # of the volume of a cell: round-off
 WORDS = {
     **{"pyramid": "pyramids", "wedge": "wedges", "hexahedron": "hexahedra", "quad": "quadrilaterals"},
     **{"tetra": "tetrahedra", "triangle": "triangles"},
@@ -203,7 +203,7 @@ def _cells(points: Floats, cells: Ints, kind: str, name: str) -> Ints:
     volume = np.linalg.det(x[:, :, 1:] - x[:, :, :1])
     # Programs number wedges either way round.
     volume *= np.sign(volume.sum(axis=1, keepdims=True))
-    folded: npt.NDArray[np.bool_] = (volume < -_FLAT * volume.sum(axis=1, keepdims=True)).any(axis=1)
+    folded: npt.NDArray[np.bool_] = (volume < -PARALLEL * volume.sum(axis=1, keepdims=True)).any(axis=1)
     if folded.any():
         point = ", ".join(f"{x:g}" for x in np.asarray(points)[cells[np.argmax(folded)]].mean(axis=0))
         raise MeshError(f"{name}: {np.count_nonzero(folded)} {WORDS[kind]} are folded, the first at ({point})")

@@ -13,6 +13,7 @@ from signorini_fx.mesh.files.cells import CELLS
 from signorini_fx.mesh.files.cutting import BETWEEN, CORNERS, shape_of
 from signorini_fx.mesh.files.raw import RawMesh
 from signorini_fx.mesh.files.shape import Ints
+from signorini_fx.tuned import DIGITS_OF_FILES
 
 # Drawings of CAD programs, by what OpenCASCADE calls them.
 CAD = {".step": "step", ".stp": "step", ".brep": "brep"}
@@ -22,8 +23,8 @@ _CELLS_ALONG = 25
 _SHARE, _BYTES_PER_CELL = {1: 1.0, 2: 0.43, 3: 0.075}, 1000.0
 # Where the surface is curved, so many cells are a full turn.
 _TO_A_TURN = 16
-# More triangles or lines than this are many; faces in a plane vary by less than this share of their size in x[2].
-_FEW, _FLAT = 5_000, 1e-6
+# More triangles or lines than this are many.
+_FEW = 5_000
 # Elements by gmsh's number, in meshio's words.
 _TYPES = {1: "line", 2: "triangle", 3: "quad", 8: "line3", 9: "triangle6", 10: "quad9", 15: "vertex", 16: "quad8"}
 _TYPES |= {4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid", 11: "tetra10", 12: "hexahedron27"}
@@ -202,7 +203,7 @@ def _skin(gmsh: Any, file: str, form: str, size: float) -> RawMesh:
     """
     top, length, cells = _drawn(gmsh, file, form, size, 1)
     extents = np.diff(np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3)), axis=0)[0]
-    if top == 2 and extents[2] > _FLAT * max(extents):
+    if top == 2 and extents[2] > DIGITS_OF_FILES * max(extents):
         raise ValueError("it has no solids, and its faces are in no plane x[2] = constant")
     halvings = 0 if top == 2 else int(np.clip(np.log2(max(cells / _FEW, 1.0)) / 2, 0, 3))
     _set_sizes(gmsh, length, 2**halvings)

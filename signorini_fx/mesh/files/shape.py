@@ -9,15 +9,12 @@ import numpy.typing as npt
 
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh.files.cells import Cell
+from signorini_fx.tuned import PARALLEL, SAME_LENGTH
 
 Ints = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
 _Truths = npt.NDArray[np.bool_]
 
-# A corner whose sine is below this has no angle; the same holds for the volume that three sides span.
-_FLAT = 1e-12
-# Midside nodes farther off than this share of the body's size make a side curved.
-STRAIGHT = 1e-9
 # Gauss points on [0, 1], exact for degree 5: volumes of curved cells are integrated exactly.
 _GAUSS = np.polynomial.legendre.leggauss(3)
 # Number of cells that are processed at once.
@@ -78,7 +75,7 @@ def _jacobian(points: Floats, nodes: Ints, cell: Cell, x: Floats) -> Floats:
 
 def is_straight(points: Floats, cells: Ints, cell: Cell) -> bool:
     """Whether all nodes between corners are where those of straight cells would be."""
-    limit = STRAIGHT * float(np.linalg.norm(np.ptp(points, axis=0)))
+    limit = SAME_LENGTH * float(np.linalg.norm(np.ptp(points, axis=0)))
     return all(
         bool((np.abs(points[cells[:, k]] - points[cells[:, list(corners)]].mean(axis=1)) <= limit).all())
         for k, corners in enumerate(cell.nodes)
@@ -107,7 +104,7 @@ def check_shape(points: Floats, cells: Ints, cell: Cell, name: str) -> None:
 def _spoilt_in_plane(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, _Truths]:
     """Which cells are flat at a corner, and which have corners of both orientations."""
     cross, product = _corner_sides(points, cells[:, : len(cell.corners)])
-    flat = np.any(np.abs(cross) <= _FLAT * product, axis=1)
+    flat = np.any(np.abs(cross) <= PARALLEL * product, axis=1)
     return flat, np.logical_and(cross.min(axis=1) < 0, cross.max(axis=1) > 0)
 
 
@@ -117,7 +114,7 @@ def _spoilt(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, _Truths]:
     jacobian = _jacobian(points, cells, cell, x)
     size = np.linalg.det(jacobian)
     spanned = np.linalg.norm(jacobian, axis=2).prod(axis=2)
-    flat = np.any((np.abs(size) <= _FLAT * spanned)[:, : len(cell.corners)], axis=1)
+    flat = np.any((np.abs(size) <= PARALLEL * spanned)[:, : len(cell.corners)], axis=1)
     return flat, np.logical_and(size.min(axis=1) < 0, size.max(axis=1) > 0)
 
 

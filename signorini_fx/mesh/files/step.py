@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
+from signorini_fx.tuned import DIGITS_OF_FILES
+
 _ENTITY = re.compile(r"#(\d+)\s*=\s*([A-Z_0-9]+)\s*\(((?:[^;']|'(?:[^']|'')*')*)\)\s*;")
 _REFERENCE = re.compile(r"#(\d+)")
 _NAME = re.compile(r"\s*'((?:[^']|'')*)'")
 _NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?")
 # Entities between a face and its vertices: edges, not the curves and surfaces that they are on.
 _ON_THE_WAY = ("FACE_BOUND", "FACE_OUTER_BOUND", "EDGE_LOOP", "VERTEX_LOOP", "ORIENTED_EDGE", "EDGE_CURVE")
-# Vertices closer than this share of the body are the same.
-_NEAR = 1e-6
 
 
 def names_of_faces(file: Path, corners: Mapping[int, Sequence[Sequence[float]]]) -> dict[int, str]:
@@ -54,7 +54,9 @@ def names_of_faces(file: Path, corners: Mapping[int, Sequence[Sequence[float]]])
 
 
 def _rounded(places: Sequence[Sequence[float]], size: float) -> frozenset[tuple[int, ...]]:
-    return frozenset(tuple(int(value) for value in np.rint(np.array(x) / (_NEAR * (size or 1.0)))) for x in places)
+    return frozenset(
+        tuple(int(value) for value in np.rint(np.array(x) / (DIGITS_OF_FILES * (size or 1.0)))) for x in places
+    )
 
 
 def _vertices(entities: Mapping[int, tuple[str, str]], face: int) -> list[list[float]]:

@@ -10,9 +10,7 @@ from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.quantities.kinds import Number, Row, Vector, described
 from signorini_fx.quantities.quantity import Quantity, Summary
 from signorini_fx.quantities.text import MOST_ROWS, labelled
-
-# Resultants that are a smaller share of the integral of the pressure come from the mesh.
-_SLIGHT = 1e-3
+from signorini_fx.tuned import RESULTANT_OF_MESH
 
 
 class ContactBoundaryRow(Row):
@@ -61,7 +59,7 @@ def friction_in_words(row: dict[str, Any]) -> str:
     and the largest possible value.
     """
     force, limit = f"{row['tangential_force']:.6g}", row["friction_limit"]
-    if row["friction_moment"] is not None and row["tangential_force"] < _SLIGHT * row["pressure_integral"]:
+    if row["friction_moment"] is not None and row["tangential_force"] < RESULTANT_OF_MESH * row["pressure_integral"]:
         force = f"a moment of {np.linalg.norm(row['friction_moment']):.6g} about its middle"
         limit = row["moment_limit"]
     return f"{force} of at most {limit:.6g}" if np.isfinite(limit) else f"{force} in a bond"
