@@ -1,11 +1,12 @@
 """Mutants that cosmic-ray draws on the lines that a change touches, and which of them no test of their rooms notices.
 
-    git diff -U0 SINCE -- signorini_fx | ./env python3 -m stability.drawn [--number N] [--seed S] [--tests PATH ...]
+    git diff -U0 SINCE -- signorini_fx | ./env python3 -m stability.drawn [--number N] [--seed S] [--near]
 
 ``make mutants-drawn SINCE=...`` does it, with cosmic-ray in build/.  The tests of the rooms of the touched modules, and
 of ``verification``, are run once on the code as it is; a mutant is then tried by those that ran its line, cheapest
-first.  On each touched expression at most one mutant is drawn.  Some mutants change nothing that matters: who reads the
-survivors decides.  The mistakes of ``stability/mistakes.py`` are those of mathematics, written by hand.
+first; what survives is tried by the tests of all other rooms, unless ``--near`` is given.  On each touched expression
+at most one mutant is drawn.  Some mutants change nothing that matters: who reads the survivors decides.  The mistakes
+of ``stability/mistakes.py`` are those of mathematics, written by hand.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from stability.mutants import Copy, copied
 
 ROOT = Path(__file__).parent.parent
 TOOL = ROOT / "build" / "cosmic-ray-8.7.0"
-SECONDS = 60.0  # of the tests that try a mutant, as they took on the code as it is
+SECONDS = 30.0  # of the tests that try a mutant, as they took on the code as it is
 # What a programmer gets wrong; all other operators change a type, or give what any test notices.
 OPERATORS = re.compile(
     "Replace(BinaryOperator_(Add_Sub|Sub_Add|Mul_Div|Div_Mul|Pow_Mul|BitAnd_BitOr|BitOr_BitAnd)"
@@ -142,7 +143,7 @@ def rooms(files: Sequence[str]) -> list[str]:
 
 
 def cheapest(tests: Sequence[tuple[str, float]], budget: float = SECONDS) -> list[str]:
-    """As many tests, given with their seconds, as fit into a time, the cheapest first; one at least."""
+    """As many tests, given with their seconds, as fit into a time, the cheapest first, and the first one in any case."""
     chosen, left = [], budget
     for name, seconds in sorted(tests, key=lambda test: test[1]):
         if chosen and seconds > left:
@@ -163,11 +164,37 @@ def fate(original: Copy, mutant: Drawn, tests: Sequence[str]) -> str:
     return "" if code in (0, 5) else (failed or ["ERROR not collected"])[0].partition(" ")[2].partition(" - ")[0]
 
 
+def survivors(original: Copy, mutants: Sequence[Drawn], tests: Sequence[str]) -> list[Drawn]:
+    """The mutants that none of some tests notices; the others are printed.
+
+    Raises:
+        SystemExit: the tests do not pass on the code as it is.
+    """
+    record = original.folder / "lines"
+    quick = ["-p", "stability.lines", "--lines", str(record), "-m", "not slow and not long"]
+    code, text = original.pytest(1, [*quick, *tests], "suite")
+    if code != 0:
+        raise SystemExit(f"the tests do not pass on the code as it is:\n{text}")
+    run: dict[Line, list[tuple[str, float]]] = defaultdict(list)
+    for node, seconds, _, lines in recorded(record):
+        # Lines outside functions, which run at the import, are judged by what runs any of their module.
+        for line in lines | {(file, 0) for file, _ in lines}:
+            run[line].append((node, seconds))
+    left = []
+    for mutant in mutants:
+        able = cheapest(run[mutant.file, mutant.line if mutant.in_function else 0])
+        by = fate(original, mutant, able) if able else ""
+        left += [] if by else [mutant]
+        print(f"{mutant.file}:{mutant.line}: {by or f'passes {len(able)} tests'}\n{mutant.change}", flush=True)
+    return left
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Draw mutants, try them, and print those that survive."""
     parser = argparse.ArgumentParser(prog="python3 -m stability.drawn", description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("--number", type=int, default=20, metavar="N", help="mutants to try")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of what is drawn")
+    parser.add_argument("--near", action="store_true", help="leave out the tests of other rooms")
     parser.add_argument("--tests", nargs="+", metavar="PATH", help="in place of the rooms of the touched modules")
     given = parser.parse_args(arguments)
     changed = {file: lines for file, lines in touched(sys.stdin.read()).items() if (ROOT / file).exists()}
@@ -181,29 +208,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not chosen:
         print("no line that was touched can be mutated")
         return 0
-    tests = given.tests or rooms([mutant.file for mutant in chosen])
-    print(f"{len(every)} mutants on the lines touched, {len(chosen)} drawn; tests: {' '.join(tests)}", flush=True)
-    survivors = []
+    near = given.tests or rooms([mutant.file for mutant in chosen])
+    far = sorted({f"tests/{path.parent.name}" for path in (ROOT / "tests").glob("*/test_*.py")} - set(near))
+    print(f"{len(every)} mutants on the lines touched, {len(chosen)} drawn", flush=True)
+    left = chosen
     with copied() as original:
-        record = original.folder / "lines"
-        quick = ["-p", "stability.lines", "--lines", str(record), "-m", "not slow and not long"]
-        code, text = original.pytest(1, [*quick, *tests], "suite")
-        if code != 0:
-            raise SystemExit(f"the tests do not pass on the code as it is:\n{text}")
-        run: dict[Line, list[tuple[str, float]]] = defaultdict(list)
-        for node, seconds, _, lines in recorded(record):
-            # Lines outside functions, which run at the import, are judged by what runs any of their module.
-            for line in lines | {(file, 0) for file, _ in lines}:
-                run[line].append((node, seconds))
-        for mutant in chosen:
-            at = mutant.line if mutant.in_function else 0
-            able = cheapest(run[mutant.file, at])
-            by = fate(original, mutant, able) if able else ""
-            survivors += [] if by else [mutant]
-            told = by or (f"SURVIVES {len(able)} tests" if able else "NO TEST of these rooms runs it")
-            print(f"{mutant.file}:{mutant.line}: {told}\n{mutant.change}", flush=True)
-    print(f"{len(chosen)} mutants, {len(chosen) - len(survivors)} noticed, {len(survivors)} survive")
-    for mutant in survivors:
+        for tests in [near] if given.tests or given.near else [near, far]:
+            print(f"tests: {' '.join(tests)}", flush=True)
+            left = survivors(original, left, tests) if left else []
+    print(f"{len(chosen)} mutants, {len(chosen) - len(left)} noticed, {len(left)} survive")
+    for mutant in left:
         print(f"survives: {mutant.file}:{mutant.line}\n{mutant.change}")
     return 0
 

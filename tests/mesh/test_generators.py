@@ -1,6 +1,5 @@
 """Every generator: names, area, shape of the cells, the same mesh every time; parameters that do not go together."""
 
-import inspect
 import re
 import sys
 import tomllib
@@ -11,7 +10,6 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scenes import alone, table_of
-from test_meshes_in_space import SMALL as IN_SPACE
 
 from signorini_fx.check.checks import check_scene
 from signorini_fx.compat import geometry_cells, geometry_degree
@@ -19,7 +17,6 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.shape import quality
 from signorini_fx.mesh.refinement import refine
 from signorini_fx.mesh.tagged import coarser_parameters, generate_mesh, simplex_parameters
-from signorini_fx.scene.generators import known_generators
 from signorini_fx.scene.model import Discretised
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.scene.template import scene_schema
@@ -120,11 +117,6 @@ def length(tagged, name):
     return np.hypot(*(x[:, 1] - x[:, 0]).T).sum()
 
 
-def test_all_are_here():
-    """No generator is without these tests, or those in space."""
-    assert sorted([*SMALL, *IN_SPACE]) == list(known_generators())
-
-
 def check(tagged, whole, lengths, rel):
     """Names, lengths, area and shape of the cells."""
     assert set(tagged.boundaries) == set(lengths)
@@ -157,54 +149,6 @@ def test_symmetric_halves(name, cell):
     tagged = make(name, cell=cell, symmetric=True)
     check(tagged, *HALVES[name], 4e-3)
     assert quality(*corners(tagged)).min() > 0.3
-
-
-@each
-def test_the_same_mesh_every_time(name):
-    """Points and cells, bit by bit."""
-    first, second = make(name), make(name)
-    np.testing.assert_array_equal(first.mesh.geometry.x, second.mesh.geometry.x)
-    np.testing.assert_array_equal(geometry_cells(first.mesh), geometry_cells(second.mesh))
-
-
-LENGTHS = {"length", "height", "radius", "thickness", "width", "neck", "edge", "stem", "fillet", "tip", "rounding"}
-LENGTHS |= {"size", "contact_size", "contact_zone", "depth", "lower"}
-
-
-@pytest.mark.parametrize("unit", [1e-9, 1e6])
-@pytest.mark.parametrize("name", sorted(set(SMALL) - {"block", "rectangle", "notched_sides"}))
-def test_the_same_mesh_in_all_units(name, unit):
-    """A body of nanometres or of kilometres has the same cells."""
-    generate = known_generators()[name]()
-    defaults = {key: p.default for key, p in inspect.signature(generate).parameters.items() if key in LENGTHS}
-    lengths = {key: unit * value for key, value in (defaults | SMALL[name][0]).items() if key in LENGTHS}
-    first, second = make(name), make(name, **lengths)
-    np.testing.assert_array_equal(geometry_cells(first.mesh), geometry_cells(second.mesh))
-    size = np.abs(first.mesh.geometry.x).max()
-    np.testing.assert_allclose(second.mesh.geometry.x / unit, first.mesh.geometry.x, rtol=0, atol=1e-8 * size)
-
-
-@pytest.mark.mpi
-@each
-def test_on_ranks(name):
-    """The cells and facets are the same on any number of ranks."""
-    comm = MPI.COMM_WORLD
-    shared, own = make(name, comm), make(name)
-    cells = shared.mesh.topology.index_map(2)
-    assert cells.size_global == own.mesh.topology.index_map(2).size_global
-    for boundary in own.boundaries:
-        assert comm.allreduce(shared.facets(boundary).size) == own.facets(boundary).size, boundary
-
-
-@each
-def test_coarser(name):
-    """Facets twice as long: about a quarter of the cells, the same names."""
-    parameters = SMALL[name][0]
-    coarse = generate_mesh(name, coarser_parameters(name, parameters, 2.0), MPI.COMM_SELF)
-    fine = make(name)
-    assert set(coarse.boundaries) == set(fine.boundaries)
-    ratio = fine.mesh.topology.index_map(2).size_global / coarse.mesh.topology.index_map(2).size_global
-    assert 2.5 < ratio < 6
 
 
 @each
@@ -266,9 +210,6 @@ def test_curved_cells_are_not_refined():
         ("dovetail", {"stem": 0.1}, "fillet"),
         ("sawtooth", {"depth": 1.0}, "depth"),
         ("sawtooth", {"teeth": 0}, "teeth"),
-        *((name, {"order": 3}, "order") for name in CURVED),
-        *((name, {"cell": "hexagon"}, "cell") for name in SMALL),
-        *((name, {"colour": "red"}, "colour") for name in SMALL),
     ],
 )
 def test_parameters_that_are_refused(name, changes, path):
@@ -287,18 +228,6 @@ def test_more_cells_than_there_could_be(name, changes):
     if name in ("plate_with_hole", "dovetail", "block_on_cylinder"):
         with pytest.raises(SceneError, match=r"mesh\.parameters"):
             make(name, contact_size=1e-6, contact_zone=1e-9)
-
-
-@each
-def test_documented(name):
-    """A sketch in the docstring, all parameters under Args, and names under Returns."""
-    generate = known_generators()[name]()
-    assert "::\n" in inspect.getmodule(inspect.unwrap(generate)).__doc__
-    doc = inspect.getdoc(generate)
-    for boundary in SMALL[name][2]:
-        assert boundary in doc.partition("Returns:")[2]
-    for parameter in SMALL[name][0]:
-        assert f"\n    {parameter}: " in doc
 
 
 # --- generators of other packages ------------------------------------------------------------------------------------

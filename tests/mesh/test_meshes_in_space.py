@@ -1,6 +1,5 @@
 """Generators in space: names, volume, areas, shape of the cells; the same mesh every time, on ranks, in all units."""
 
-import inspect
 from math import cos, pi, radians, tan
 
 import numpy as np
@@ -16,8 +15,7 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.cells import CELLS
 from signorini_fx.mesh.files.shape import check_shape, quality
 from signorini_fx.mesh.refinement import cells_at, refine
-from signorini_fx.mesh.tagged import TaggedMesh, coarser_parameters, generate_mesh, simplex_parameters
-from signorini_fx.scene.generators import known_generators
+from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh, simplex_parameters
 from signorini_fx.scene.reading import parse_scene
 
 TAN, COS = tan(radians(15)), cos(radians(15))
@@ -198,55 +196,6 @@ def test_small_cells_where_contact_is(name):
     assert edges[away > 0.8 * away.max()].mean() > far
 
 
-@each
-def test_the_same_mesh_every_time(name):
-    """Points and cells, bit by bit."""
-    first, second = make(name), make(name)
-    np.testing.assert_array_equal(first.mesh.geometry.x, second.mesh.geometry.x)
-    np.testing.assert_array_equal(geometry_cells(first.mesh), geometry_cells(second.mesh))
-
-
-NO_LENGTHS = {"angle", "nx", "ny", "nz", "nr", "nt", "cell", "order", "part", "symmetric"}
-
-
-@pytest.mark.parametrize("unit", [1e-9, 1e6])
-@each
-def test_the_same_mesh_in_all_units(name, unit):
-    """A body of nanometres or of kilometres has the same cells."""
-    generate = known_generators()[name]()
-    defaults = {key: p.default for key, p in inspect.signature(generate).parameters.items() if key != "comm"}
-    lengths = {key: unit * value for key, value in (defaults | SMALL[name][0]).items() if key not in NO_LENGTHS}
-    first, second = make(name), make(name, **lengths)
-    np.testing.assert_array_equal(geometry_cells(first.mesh), geometry_cells(second.mesh))
-    size = np.abs(first.mesh.geometry.x).max()
-    np.testing.assert_allclose(second.mesh.geometry.x / unit, first.mesh.geometry.x, rtol=0, atol=1e-8 * size)
-
-
-@pytest.mark.mpi
-@each
-def test_on_ranks(name):
-    """The cells, the facets and the areas are the same on any number of ranks."""
-    comm = MPI.COMM_WORLD
-    order = {"order": 2} if name in CURVED else {}
-    shared, own = make(name, comm, **order), make(name, **order)
-    assert shared.mesh.topology.index_map(3).size_global == own.mesh.topology.index_map(3).size_global
-    for boundary in own.boundaries:
-        assert comm.allreduce(shared.facets(boundary).size) == own.facets(boundary).size, boundary
-        assert integral(shared, boundary) == pytest.approx(integral(own, boundary), rel=1e-12)
-    assert integral(shared) == pytest.approx(integral(own), rel=1e-12)
-
-
-@each
-def test_coarser(name):
-    """Edges twice as long: about an eighth of the cells, the same names."""
-    parameters = SMALL[name][0] | ({"contact_size": 1.5, "size": 3.0} if name == "bracket" else {})
-    coarse = generate_mesh(name, coarser_parameters(name, parameters, 2.0), MPI.COMM_SELF)
-    fine = generate_mesh(name, parameters, MPI.COMM_SELF)
-    assert set(coarse.boundaries) == set(fine.boundaries)
-    ratio = fine.mesh.topology.index_map(3).size_global / coarse.mesh.topology.index_map(3).size_global
-    assert 4 < ratio < 12
-
-
 @pytest.mark.mpi
 @pytest.mark.parametrize("everything", [True, False], ids=["all", "marked"])
 @pytest.mark.parametrize("name", ["box", "wedge_block"])
@@ -303,9 +252,6 @@ def test_cells_at_a_point():
         ("bracket", {"seat_radius": 23.0}, "seat_radius"),
         ("bracket", {"radius": 10.0}, "radius"),
         ("box", {"width": -1.0}, "width"),
-        *((name, {"order": 3}, "order") for name in CURVED),
-        *((name, {"cell": "quadrilateral"}, "cell") for name in SMALL),
-        *((name, {"colour": "red"}, "colour") for name in SMALL),
     ],
 )
 def test_parameters_that_are_refused(name, changes, path):
@@ -343,18 +289,6 @@ def test_cells_too_large_for_their_arcs():
         make("ring", MPI.COMM_WORLD, cell="tetrahedron", order=2, nt=2, inner_radius=1.95)
 
 
-@each
-def test_documented(name):
-    """A sketch in the docstring, all parameters under Args, and names under Returns."""
-    generate = known_generators()[name]()
-    assert "::\n" in inspect.getmodule(inspect.unwrap(generate)).__doc__
-    doc = inspect.getdoc(generate)
-    for boundary in SMALL[name][2]:
-        assert boundary in doc.partition("Returns:")[2]
-    for parameter in inspect.signature(generate).parameters:
-        assert parameter == "comm" or f"\n    {parameter}: " in doc
-
-
 # --- bodies in contact -----------------------------------------------------------------------------------------------
 
 STEEL = {"young": 210000.0, "poisson": 0.3}
@@ -376,27 +310,3 @@ def test_wedge_in_its_groove(friction):
     load = 100.0 * SMALL["wedge_block"][2]["top"]
     normal = np.dot(columns["weight"], columns["pressure"])
     assert normal == pytest.approx(load / (tan(radians(15)) * COS + friction * COS), rel=1e-5)
-
-
-@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
-def test_sphere_on_a_plane(cell):
-    """A quarter bears its load, and the pressure is that of Hertz as well as four cells along the radius can tell."""
-    radius, load = 8.0, 400.0
-    parameters = {"part": "quarter", "cell": cell, "contact_size": 0.06, "contact_zone": 0.35}
-    scene = {
-        "mesh": {"generator": "half_sphere", "parameters": parameters},
-        "material": STEEL,
-        "displacement": [{"boundary": f"symmetry_{axis}", "normal": 0.0} for axis in "xy"],
-        "traction": {"boundary": "top", "z": -load / (pi * radius**2)},
-        "contact": {"boundary": "sphere", "gap": "x[2]", "direction": [0.0, 0.0, -1.0]},
-    }
-    tagged = generate_mesh("half_sphere", parameters, MPI.COMM_SELF)
-    columns = table_of(alone(parse_scene(scene))).columns
-    top = integral(tagged, "top") / (pi * radius**2)  # a quarter, and straight facets do not have all of that
-    force = columns["weight"] * columns["pressure"]
-    assert force.sum() == pytest.approx(load * top, rel=1e-6)
-    contact = (3 * load * radius * (1 - 0.3**2) / (4 * 210000.0)) ** (1 / 3)
-    # The mean of r^2 under the pressure p0 sqrt(1 - r^2 / a^2) is 2/5 a^2; single nodes scatter on tetrahedra.
-    squares = columns["x"] ** 2 + columns["y"] ** 2
-    assert np.sqrt(2.5 * force @ squares / force.sum()) == pytest.approx(contact, rel=0.03)
-    assert columns["pressure"].max() == pytest.approx(1.5 * load / (pi * contact**2), rel=0.1)

@@ -151,20 +151,3 @@ def test_quadratic_tetrahedra_by_every_algorithm(name):
     """Contact points average over nodes of other ranks, which no algorithm may look for on its own."""
     given = {"coefficient": 0.3, "degree": 2, "gamma": "auto", **QUADRATIC[name]}
     agree(lambda comm: block(3, "tetrahedra", comm=comm, **given), counts="krylov" not in name)
-
-
-@pytest.mark.parametrize("more", [{"solver": {"levels": 2}}, {"accuracy": {"target": 0.5}}])
-def test_quadratic_tetrahedra_on_several_meshes(more):
-    """Nested iteration and a requested accuracy evaluate the path at the end of each mesh."""
-    cells = {"nx": 4, "ny": 2, "nz": 2, "cell": "tetrahedron"}
-    scene = parse_scene(
-        {
-            "mesh": {"generator": "box", "parameters": cells},
-            "element": {"degree": 2},
-            "material": {"young": 5000.0, "poisson": 0.3},
-            "displacement": {"boundary": "top", "x": 0.004, "y": "0.001 * x[0]", "z": "-0.01 - 0.002 * x[0]"},
-            "contact": {"boundary": "bottom", "friction": friction_of(coefficient=0.3)},
-            **more,
-        }
-    )
-    agree(lambda comm: scene)
