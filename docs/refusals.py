@@ -25,7 +25,6 @@ from signorini_fx.derivatives import of_scene  # noqa: E402
 from signorini_fx.kinematics import KINDS  # noqa: E402
 from signorini_fx.scene.effect import Effect  # noqa: E402
 from signorini_fx.scene.features import REFUSED_BY_SETTINGS  # noqa: E402
-from signorini_fx.solving import sweep  # noqa: E402
 from signorini_fx.studies import reference  # noqa: E402
 from signorini_fx.uniqueness import contact_stiffness  # noqa: E402
 
@@ -35,7 +34,6 @@ COMPUTED = {
     "proof by statics": limits.REFUSES,
     "proof of uniqueness": contact_stiffness.REFUSES,
     "derivatives": of_scene.REFUSES,
-    "sweep": sweep.REFUSES,
     "study of methods": reference.REFUSES,
 }
 YET = (" yet", " so far", "not tried")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -44,6 +44,10 @@ class JointPressure:
     stage: Stage | None = None
     settled: bool = True
     recalled: bool = False
+
+    def times(self, factor: float) -> JointPressure:
+        """That of loads that are so many times as large."""
+        return replace(self, pressure=np.asarray(factor * self.pressure))
 
 
 def work_on_motions(motions: FreeMotions, pressure: Nodal) -> RigidLoad:

@@ -59,9 +59,6 @@ class Contact(Effect):
         "friction axes": {
             "exact": "exact ties one unknown for each constraint, which friction with a ratio scales: take 'alm'",
         },
-        "contact in time": {
-            "shortening by force": "is not possible yet with contact that depends on the time: give shortening"
-        },
     }
 
     @property

@@ -32,9 +32,6 @@ class Fluid(JointLoad):
 
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
         "entering load": {
-            "exact": f"exact {_ENTERS}",
-            "nested iteration": f"a sequence of meshes {_ENTERS}",
-            "shortening by force": "is not possible yet with a load that enters a contact: give shortening",
             "requested accuracy": f"a requested accuracy {_ENTERS}",
         }
     }

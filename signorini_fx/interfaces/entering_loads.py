@@ -9,15 +9,15 @@ again: the region is the smallest one, and depends on nothing that the iteration
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import replace
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx import parallel
-from signorini_fx.algorithms.strategy import solve_task
-from signorini_fx.algorithms.task import Outcome, Task
+from signorini_fx.algorithms.task import Task
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
@@ -35,6 +35,9 @@ Array = npt.NDArray[np.float64]
 
 class EnteringLoads(Interface):
     """Those of a scene, see ``Interface``."""
+
+    # Each stage is an equilibrium with all else that is sought.
+    outer: ClassVar[bool] = True
 
     def loads(self, tagged: TaggedMesh, space: fem.FunctionSpace, boundary: ContactBoundary) -> list[AppliedLoad]:
         """See ``Interface``; raises a ``SceneError`` where a load does not meet a contact that it enters."""
@@ -57,25 +60,26 @@ class EnteringLoads(Interface):
         cold, begun = start, newton.checkpoint()
         stage: Stage | None = None
         pressure = solved = loads.pressure(reached)
-        outcome: Outcome | None = None
+        end: LoadStepEnd | None = None
         while True:
-            if outcome is None or parallel.any_rank(d.comm, not np.array_equal(pressure, solved)):
+            if end is None or parallel.any_rank(d.comm, not np.array_equal(pressure, solved)):
                 self._press(d, task, pressure)
-                outcome, solved = solve_task(task, start, step.max_iterations), pressure
-                if start is not cold and task.gave_up(outcome.status):
+                end, solved = step.solved(d, start), pressure
+                if start is not cold and task.gave_up(end.outcome.status):
                     task.history.add(
-                        f"{outcome.status.value}: from where the loads were in contact before: begun again"
+                        f"{end.outcome.status.value}: from where the loads were in contact before: begun again"
                     )
                     newton.restore(begun)
-                    outcome = solve_task(task, cold, step.max_iterations)
+                    end = step.solved(d, cold)
+                d, cold, outcome = end.d, replace(cold, factors=end.start.factors), end.outcome
             points = loads.at_points(reached)
             if outcome.status is not Status.CONVERGED:
-                return LoadStepEnd(d, cold, outcome, JointPressure(pressure, points, stage))
+                return LoadStepEnd(d, cold, outcome, JointPressure(pressure, points, stage), end.reason)
             multipliers = outcome.newton.multipliers()
             open_: Flags = np.asarray(multipliers[0] <= 0)
             grown = loads.grown(open_, reached)
             joint_pressure = JointPressure(pressure, points, stage, settled=not _differ(d, grown, reached))
-            if joint_pressure.settled or not step.holds(outcome, joint_pressure):
+            if joint_pressure.settled or not step.holds(d, outcome, joint_pressure):
                 return LoadStepEnd(d, cold, outcome, joint_pressure)
             stage, reached = Stage(points, open_), grown
             pressure = loads.pressure(reached)

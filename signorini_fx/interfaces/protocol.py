@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 from dolfinx import fem
 
@@ -34,6 +34,7 @@ class LoadStepStart:
         scale: factor of all loads, those of the interface included.
         earlier: the pressure of loads within the contact at the end of the last load step; None: there is none.
         holds: whether the certificate of a solution holds with such a pressure; collective.
+        inner: the interfaces that solve it within this one, the outer ones first.
     """
 
     d: Discretisation
@@ -42,7 +43,15 @@ class LoadStepStart:
     max_iterations: int | None = None
     scale: float = 1.0
     earlier: JointPressure | None = None
-    holds: Callable[[Outcome, JointPressure], bool] = lambda outcome, joint: True
+    holds: Callable[[Discretisation, Outcome, JointPressure], bool] = lambda d, outcome, joint: True
+    inner: tuple[Any, ...] = ()
+
+    def solved(self, d: Discretisation, start: Start) -> LoadStepEnd:
+        """By the inner interfaces, or as one contact problem, from here; collective."""
+        if self.inner:
+            end: LoadStepEnd = self.inner[0].solve(replace(self, d=d, start=start, inner=self.inner[1:]))
+            return end
+        return LoadStepEnd(d, start, solve_task(self.task, start, self.max_iterations))
 
 
 @dataclass(frozen=True)
@@ -75,6 +84,9 @@ class Interface:
 
     scene: Scene
     entries: Mapping[str, Any]
+    # Whether it is solved around those that this does not say: what they seek has no solution without what this one has
+    # found, or changes it at once.
+    outer: ClassVar[bool] = False
 
     def jumps(self, tagged: TaggedMesh, space: fem.FunctionSpace) -> list[Jump]:
         """The jumps of the displacement that it prescribes inside the body."""
@@ -102,11 +114,8 @@ class Interface:
 
 
 def solve_step(step: LoadStepStart) -> LoadStepEnd:
-    """Solve a load step: by the interface that something is sought of, or as one contact problem; collective."""
-    d = step.d
-    sought = d.scene.sought_at(step.start.place)
-    for interface in d.scene.interfaces if sought else ():
-        if sought.keys() & interface.entries.keys():
-            end: LoadStepEnd = interface.solve(step)
-            return end
-    return LoadStepEnd(d, step.start, solve_task(step.task, step.start, step.max_iterations))
+    """Solve a load step: by the interfaces that something is sought of, or as one contact problem; collective."""
+    sought = step.d.scene.sought_at(step.start.place)
+    seeking = [entry for entry in step.d.scene.interfaces if sought and sought.keys() & entry.entries.keys()]
+    inner = tuple(sorted(seeking, key=lambda interface: not interface.outer))
+    return replace(step, inner=inner).solved(step.d, step.start)

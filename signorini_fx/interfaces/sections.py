@@ -20,7 +20,6 @@ from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 
 from signorini_fx import compat, parallel
-from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.algorithms.task import Start, Task
 from signorini_fx.body.assembly import facet_nodes
 from signorini_fx.body.contact_state import ContactState
@@ -68,7 +67,7 @@ class Sections(Interface):
         for _ in range(_MOST_PROBLEMS):
             d = _with_shortenings(d, place, s / scale)
             start, begun = replace(start, factors=scale * d.factors(place)), newton.checkpoint()
-            outcome, force = solve_task(task, start, step.max_iterations), np.zeros_like(s)
+            outcome, force = step.solved(d, start).outcome, np.zeros_like(s)
             if outcome.status is Status.CONVERGED:
                 y = d.from_rest(task.rest, outcome.displacement())
                 force = np.array([row.force for row in section_forces(d.scene, d.tagged, y, place, scale)])[numbers]

@@ -185,7 +185,7 @@ def certify(
     if tractions is not None and tractions.joint is not None:
         from signorini_fx.results.joint_loads import forces_entered
 
-        within = forces_entered(forces, sides, tractions, step, before)
+        within = scale * forces_entered(forces, sides, tractions, step, before)
         balance = replace(balance, external=balance.external + within)
     drives = [*zip(rigid, scene.drives(tagged.dimension, step, scale), strict=bool(rigid))]
     certificate = judged(displacement, balance, sides, tractions, law=law, before=before, rigid=drives)

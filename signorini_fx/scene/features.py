@@ -16,7 +16,6 @@ from signorini_fx.scene.effect import Contradictions, Keys
 
 REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
     "mixed element": {
-        "exact": "'exact' is not possible yet where element.volumetric = 'mixed': take 'alm'",
         "krylov": "must not be 'krylov' where element.volumetric = 'mixed': multigrid needs a positive definite matrix",
     },
     "several bodies": {

@@ -76,8 +76,8 @@ class SceneSteps:
     def solved(self, begun: BegunStep[SceneSteps], allowed: int) -> UncertifiedStep[SceneSteps]:
         """See ``SteppedProblem``."""
 
-        def holds(outcome: Outcome, joint: JointPressure) -> bool:
-            return self.certified(begun, outcome, joint).status is Status.CONVERGED
+        def holds(body: Discretisation, outcome: Outcome, joint: JointPressure) -> bool:
+            return replace(self, body=body).certified(begun, outcome, joint).status is Status.CONVERGED
 
         earlier = None if begun.last is None else begun.last.tractions.joint
         end = solve_step(LoadStepStart(self.body, begun.task, begun.start, allowed, earlier=earlier, holds=holds))

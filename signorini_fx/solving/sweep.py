@@ -19,19 +19,16 @@ from signorini_fx.body.discretisation import Discretisation, discretise
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.check.refusals import refuse_beforehand
-from signorini_fx.contact.resting_place import RestingMotion
 from signorini_fx.errors import SceneError
 from signorini_fx.interfaces.protocol import LoadStepStart, solve_step
 from signorini_fx.laws.protocol import FrictionLaw
 from signorini_fx.linalg.choice import krylov_from
 from signorini_fx.mesh.hierarchy import coarser_scenes
 from signorini_fx.mesh.tagged import load_mesh
-from signorini_fx.problem.problem import Problem
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Law, Tractions
 from signorini_fx.scene.expressions import sample
-from signorini_fx.scene.features import refuse
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import as_scene
 from signorini_fx.solving.first_start import begin_at_coarse
@@ -41,9 +38,6 @@ from signorini_fx.solving.solver import refuse_other_than_comm
 
 if TYPE_CHECKING:
     from signorini_fx.results.sections import SectionForce
-
-# Features of a scene that a sweep does not know.
-REFUSES = {"entering load": "is not possible yet where a load enters contact: solve each scene"}
 
 
 @dataclass(frozen=True, repr=False)
@@ -66,22 +60,21 @@ class SweepPoint:
     _scene: Scene
     _law: Law
     _discretisation: Discretisation
-    _problem: Problem
+    _task: Task
     _x: PETSc.Vec
     _load: float
-    _resting_motion: RestingMotion | None
 
     def __repr__(self) -> str:
         return f"<SweepPoint {self.value:g}: {self.status.value}, {self.linear_solves} linear solves>"
 
     def displacement(self) -> fem.Function:
         """The displacement of the whole body; collective, one back substitution."""
-        return self._discretisation.from_rest(self._resting_motion, self._unknowns())
+        return self._discretisation.from_rest(self._task.rest, self._unknowns())
 
     def tools(self) -> tuple[RigidBodyMotion, ...]:
         """How rigid bodies have moved; collective."""
         d = self._discretisation
-        return d.rigid.moved(d.driven(self._unknowns(), self._resting_motion)) if d.rigid.bodies else ()
+        return d.rigid.moved(d.driven(self._unknowns(), self._task.rest)) if d.rigid.bodies else ()
 
     def preloads(self) -> list[SectionForce]:
         """The forces through sections that are tightened; collective."""
@@ -90,14 +83,18 @@ class SweepPoint:
         return section_forces(self._scene, self._discretisation.tagged, self.displacement(), 0, self._load)
 
     def _unknowns(self) -> PETSc.Vec:
-        system = self._problem.system
-        system.set_load(self._load * self._discretisation.factors(0))
+        d, system = self._discretisation, self._task.system
+        for interface in d.scene.interfaces:
+            interface.recalled(d, self._task, 0, *interface.stored(d, 0, self.contact))
+        system.set_load(self._load * d.factors(0))
         return system.displacement(self._x)
 
     def certificate(self) -> Certificate:
         """The check of the conditions of the problem on the whole body; collective."""
-        d, displacement, tractions = self._discretisation, self.displacement(), Tractions.of(self.contact)
-        law, rigid = self._law, self.tools()
+        d, displacement, contact = self._discretisation, self.displacement(), self.contact
+        if contact.joint is not None:  # what the loads of the scene, one by one, are judged by
+            contact = replace(contact, joint=contact.joint.times(1 / self._load))
+        law, rigid, tractions = self._law, self.tools(), Tractions.of(contact)
         return certify(
             self._scene, d.tagged, displacement, tractions, law=law, scale=self._load, pairs=d.pairs, rigid=rigid
         )
@@ -172,7 +169,6 @@ def sweep(
         raise SceneError([("sweep", "give either coefficients or loads")])
     if scene.several_steps or not scene.contact:
         raise SceneError([("sweep", "needs a scene with contact and one load step")])
-    refuse(scene, REFUSES)
     for clause in scene.sought_at(0).values():
         if loads is not None and min(loads, default=1.0) <= 0:
             raise SceneError([("sweep", f"loads must be positive where {clause}")])
@@ -195,15 +191,14 @@ def sweep(
         start = _start_at(begin, discretisation, value, of_loads=of_loads)
         end = solve_step(LoadStepStart(discretisation, task, start, scale=load))
         d, start, outcome = end.d, end.start, end.outcome
-        contact, promised = d.state(task, outcome, start), Law(*task.promised(outcome))
+        joint = None if end.joint is None else end.joint.times(load)
+        contact, promised = replace(d.state(task, outcome, start), joint=joint), Law(*task.promised(outcome))
         x = outcome.newton.x.copy()
-        solves, problem = history.linear_solves - solves_before, outcome.problem
+        solves = history.linear_solves - solves_before
         point_scene = d.scene if of_loads else _with_coefficient(d.scene, value)
-        points.append(
-            SweepPoint(value, outcome.status, contact, solves, point_scene, promised, d, problem, x, load, task.rest)
-        )
+        points.append(SweepPoint(value, outcome.status, contact, solves, point_scene, promised, d, task, x, load))
         if outcome.status is Status.CONVERGED:
-            begin = begin.begin_from(problem.sets, outcome.newton.multipliers())
+            begin = begin.begin_from(outcome.problem.sets, outcome.newton.multipliers())
     return points
 
 

@@ -19,7 +19,6 @@ from signorini_fx.quantities.statements import Refused
 from signorini_fx.records import Timings
 from signorini_fx.scene.features import features
 from signorini_fx.scene.reading import parse_scene
-from signorini_fx.solving.sweep import sweep
 from signorini_fx.studies.reference import on_mesh
 from signorini_fx.uniqueness.contact_stiffness import contact_stiffness
 
@@ -245,7 +244,6 @@ COMPUTED = {
     "proof by statics": problems_of_statics,
     "proof of uniqueness": lambda scene: contact_stiffness(discretise(scene, load_mesh(scene, COMM), Timings())),
     "derivatives": message_of(lambda scene: sensitivity(scene, "force bottom y", comm=COMM)),
-    "sweep": message_of(lambda scene: sweep(scene, COMM, loads=[1.0])),
     "study of methods": message_of(lambda scene: on_mesh(scene, 1.0, "Q1", {})),
 }
 SPACE = {

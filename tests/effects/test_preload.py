@@ -315,6 +315,25 @@ def seated(nx, **more):
     )
 
 
+def test_a_force_against_a_plane_that_moves():
+    """A plane presses the stiff head down as time goes on: by statics its way adds to the shortening that the force
+    needs, and takes from the force once that is locked.
+    """
+    way = 0.05
+    plane = {"shape": "plane", "point": [0.0, 5.0], "normal": [0.0, -1.0], "shift": [0.0, f"-{way}*t"]}
+    under = {"against": "bolt.under"}
+    contact = [{"boundary": f"{side}.top", **under} for side in ("left", "right")]
+    more = {"contact": [*contact, {"boundary": "bolt.over", "foundation": plane}], "force": []}
+    more["load_steps"] = {"times": [1.0, 2.0, 3.0]}
+    solution = solve(clamped(stiff=1e6, solver={"linear_algebra": "full"}, more=more, force=TIGHT, locked_after=2))
+    for step, force in enumerate((TIGHT, TIGHT, TIGHT - BOLT * way)):
+        bolt, all_of_it, shortening = figures(solution, step)
+        assert bolt == pytest.approx(force, rel=1e-4)
+        clamp = SLEEVE * way * (step + 1)
+        assert all_of_it == pytest.approx(clamp + clamp - force, rel=1e-4)  # on the sleeves, and of the plane
+        assert shortening == pytest.approx(TIGHT / BOLT + way * min(step + 1, 2), rel=1e-4)
+
+
 def test_all_sections_have_their_forces():
     """Of two bars that do not touch, the one that bends a gap closed needs more shortenings than the linear one."""
     size = {"length": 3.0, "height": 1.0, "nx": 6, "ny": 4}
