@@ -3425,8 +3425,8 @@ MUTANTS = (
     ),
     Mutant(
         "solving/sweep",
-        "system.set_load(self._load * self._discretisation.factors(0))",
-        "system.set_load(self._discretisation.factors(0))",
+        "system.set_load(self._load * d.factors(0))",
+        "system.set_load(d.factors(0))",
         "sweep: interior with the load of 1",
         tests=("linalg::test_scaled_loads",),
     ),
