@@ -60,6 +60,5 @@ TORSION = TwistedBody(
         **REFUSED,
         "driven foundation": "is not possible yet where material.torsion is true",
         "friction axes": "is not possible yet where material.torsion is true",
-        "local refinement": "is not possible yet where material.torsion is true: use 'uniform'",
     },
 )

@@ -29,6 +29,7 @@ from signorini_fx.mesh.files.gmsh_files import DRAWN
 from signorini_fx.mesh.files.gmsh_session import disjoint_groups, gmsh_session, kinds_of_cells
 from signorini_fx.mesh.files.raw import rows_of
 from signorini_fx.mesh.files.shape import Ints
+from signorini_fx.mesh.section import is_section
 from signorini_fx.scene.dimension import dimension_problems
 from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.generators import known_generators
@@ -141,7 +142,7 @@ def _load_one(scene: Scene, source: Any, comm: MPI.Comm, sections: Collection[st
             tagged = generate_mesh(name, parameters, comm)
         case _:
             raise TypeError(f"no mesh: {source!r}")
-    check_dimension(tagged)
+    check_dimension(tagged, section=bool(scene.kinematics.out_of_section))
     return tagged
 
 
@@ -163,8 +164,12 @@ def check_fits(scene: Scene, tagged: TaggedMesh) -> None:
         raise SceneError(problems)
 
 
-def check_dimension(tagged: TaggedMesh) -> None:
+def check_dimension(tagged: TaggedMesh, *, section: bool = False) -> None:
     """Check that positions are finite, and that cells and points have the same dimension, 2 or 3; collective.
+
+    Args:
+        tagged: the mesh.
+        section: whether it may be a plane section whose points move out of it, as that of a body with torsion.
 
     Raises:
         MeshError: they are not; the message says what the mesh is.
@@ -172,7 +177,7 @@ def check_dimension(tagged: TaggedMesh) -> None:
     if parallel.any_rank(tagged.mesh.comm, not np.isfinite(tagged.mesh.geometry.x).all()):
         raise MeshError("a node of the mesh has coordinates that are not finite")
     cells, points = int(tagged.mesh.topology.dim), int(tagged.mesh.geometry.dim)
-    if cells == points and cells in (2, 3):
+    if (cells == points and cells in (2, 3)) or (section and is_section(tagged.mesh)):
         return
     if (cells, points) != (2, 3):
         raise MeshError(f"the mesh has cells of dimension {cells} and points of dimension {points}: a body has 2 or 3")

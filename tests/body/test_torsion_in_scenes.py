@@ -384,7 +384,6 @@ def test_results(tmp_path):
     ("more", "path", "why"),
     [
         ({"material": {"hypothesis": "plane strain"}}, r"material\[0\].torsion", "needs hypothesis"),
-        ({"accuracy": {"target": 0.1, "refinement": "adaptive"}}, "accuracy.refinement", "is not possible yet"),
         ({"gravity": [{"z": 1.0}], "material": {"density": 1.0}}, r"gravity\[0\].z", "nothing of this kind"),
         ({"fluid": [{"boundary": "top", "level": 1.0, "weight": 1.0}]}, r"fluid\[0\]", "up = 'y'"),
         (
@@ -500,3 +499,54 @@ def test_accuracy():
     assert solution.levels[-1].energy <= 0.06
     assert solution.levels[0].energy > 0.06
     assert solution.certificate.holds
+
+
+def test_local_refinement():
+    """Without a torque the meshes are those of the body without torsion; with one the energy is that of a fine mesh."""
+    mesh = {"parameters": FINE["parameters"] | {"nx": 4, "ny": 3, "cell": "triangle"}}
+    press = {"mesh": FINE | mesh, "traction": [{"boundary": "top", "pressure": PRESSURE}]}
+    press |= {"accuracy": {"target": 0.15, "refinement": "adaptive"}}
+    plain = {"young": YOUNG, "poisson": 0.3, "torsion": False}
+    found = [solve(twisted(material, **press), MPI.COMM_SELF).levels for material in (plain, None)]
+    assert [3 * level.dofs for level in found[0]] == [2 * level.dofs for level in found[1]]
+    assert [level.energy for level in found[0]] == pytest.approx([level.energy for level in found[1]], rel=1e-6)
+    goal = {"target": 0.05, "refinement": "adaptive"}
+    solution = solve(twisted(mesh=FINE | mesh, accuracy=goal), MPI.COMM_SELF)
+    fine = solve(twisted(mesh=FINE, element={"degree": 2}), MPI.COMM_SELF)
+    energies = [one.last_step.certificate.potential_energy for one in (solution, fine)]
+    assert len(solution.levels) > 1
+    assert 0 < (energies[0] - energies[1]) / fine.last_step.strain_energy < goal["target"] ** 2
+
+
+def test_a_bolt_that_a_force_tightens():
+    """Its stiff head presses on a rigid ring without friction and is twisted: F L / (E A) and T L / (G J) by hand."""
+    force, torque, radius, height = 3.0, 0.2, 0.5, 4.0
+    whole = dmesh.create_rectangle(COMM, [[0.0, 0.0], [1.5, 5.0]], (6, 10), dmesh.CellType.quadrilateral)
+    middle = dmesh.compute_midpoints(whole, 2, np.arange(whole.topology.index_map(2).size_local, dtype=np.int32))
+    kept = (middle[:, 0] < radius) | (middle[:, 1] > height)
+    bolt = dmesh.create_submesh(whole, 2, np.flatnonzero(kept).astype(np.int32))[0]
+    named = {
+        "foot": lambda x: np.isclose(x[1], 0.0),
+        "under": lambda x: np.isclose(x[1], height) & (x[0] > radius - 1e-9),
+        "over": lambda x: np.isclose(x[1], 5.0),
+    }
+    given = scene(
+        tag_boundaries(bolt, named),
+        young=1e6 * YOUNG,
+        material={"grading": f"1e-6 if x[1] < {height} else 1"},
+        displacement={"boundary": "foot", "x": 0.0, "y": 0.0, "z": 0.0},
+        traction={"boundary": "over", "z": f"{torque / (np.pi / 2 * 1.5**4)} * x[0]"},
+        contact={"boundary": "under"},
+        preload={"point": [0.2, 1.8], "axis": [0.0, 1.0], "force": force},
+    )
+    solution = solve(given, COMM)
+    (tight,) = solution.preloads
+    assert solution.certificate.holds
+    assert tight.force == pytest.approx(force, rel=1e-9)
+    assert solution.contact.forces[0][1] == pytest.approx(force, rel=1e-7)
+    assert tight.shortening == pytest.approx(force * height / (YOUNG * np.pi * radius**2), rel=1e-4)
+    x, y = nodes(solution)
+    head = x[:, 1] > 4.9
+    # The shear of a twisted shaft is linear in the radius, and so is the displacement: no mesh makes an error.
+    angle = torque * height / (YOUNG / 2 * np.pi / 2 * radius**4)
+    assert y[head, 2] == pytest.approx(angle * x[head, 0], rel=1e-3)
