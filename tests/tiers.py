@@ -31,7 +31,7 @@ LIST = ROOT / "tests" / "slow_tests.txt"
 MEASURED = ROOT / "build" / "tiers"
 # CPU seconds above which a test may be slow, above which one of a function with many sets of parameters may be, and
 # above which all of a function may be.
-DEAR, TOGETHER, ALONE = 0.3, 1.0, 1.0
+DEAR, TOGETHER, ALONE = 0.3, 0.7, 0.7
 # CPU seconds on one rank above which a function is slow on several; it is listed behind this mark.
 COSTLY, ON_SEVERAL = 0.3, "on several ranks: "
 # What is never slow, beside what notices a mistake.

@@ -74,11 +74,11 @@ def test_the_rule():
     assert tiers.chosen(tests, {(2, "test_a.py::test_f[4]")}) == ["test_a.py::test_f[1]", "test_a.py::test_f[2]"]
     assert tiers.chosen(tests, {(2, "test_a.py::test_f")}) == []
     assert tiers.chosen(tests, {(1, "test_a.py")}) == []
-    # What takes more than a second may be the last of its function, if it has lines by which it can be judged.
+    # What takes more than 0.7 seconds may be the last of its function, if it has lines by which it can be judged.
     lone = [Test("test_a.py::test_k", 1.1, frozenset({1}), False), Test("test_a.py::test_m", 1.2, frozenset(), False)]
     assert tiers.chosen([tests[-2], *lone], set()) == [lone[0].name]
-    # Many cheap sets of parameters: those that stay take a second together.
+    # Many cheap sets of parameters: those that stay take 0.7 seconds together.
     many = [Test(f"test_a.py::test_f[{k}]", 0.2, frozenset({1, 9 if k == 0 else 2}), False) for k in range(12)]
     slow = tiers.chosen(many, {(1, many[1].name)})
-    assert len(slow) == 7
+    assert len(slow) == 9
     assert not {many[0].name, many[1].name} & set(slow)
