@@ -12,6 +12,7 @@ from signorini_fx.forms.parts import ProblemParts
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from signorini_fx.body.contact_table import ContactTable
     from signorini_fx.forms.solution import FormSolution
     from signorini_fx.quantities.statements import ErrorBound, Interval, Uniqueness
 
@@ -53,6 +54,29 @@ class SolvedProblem(ProblemParts):
             SceneError: it is not known, or has no bounds.
         """
         return self.solution.bounds(text)
+
+    def table(self) -> ContactTable:
+        """The contact boundary of all ranks, the same on each: positions, gaps, displacements, pressures,
+        shears, slips, and the states as words.
+
+        Raises:
+            RuntimeError: there is no solution so far.
+        """
+        return self.solution.table
+
+    def plot(self, *fields: str) -> Any:
+        """Pictures that a notebook displays: the deformed body, the contact boundary and the iteration.
+
+        Args:
+            fields: to draw on the body beside the von Mises stress: ``pressure``, ``principal``, ``displacement`` or
+                ``density``.
+
+        Raises:
+            ValueError: there is no such field.
+            RuntimeError: there is no solution so far.
+            PictureError: the pictures cannot be drawn.
+        """
+        return self.solution.plot(*fields)
 
     def write(
         self,

@@ -5,14 +5,17 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
-from signorini_fx.errors import ResultError
+from signorini_fx.errors import InstallationError, ResultError
 from signorini_fx.quantities.model import summary_model
 from signorini_fx.quantities.run import Run
 from signorini_fx.result_files import read_csv, read_summary
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,7 @@ class Results:
         return tuple(sorted(file.stem for file in self.path.glob("*.csv")))
 
     def table(self, name: str) -> dict[str, Any]:
-        """The columns of a table as arrays; a dictionary, as ``pandas.DataFrame`` takes it.
+        """The columns of a table as arrays.
 
         Raises:
             ResultError: there is no such table, or it cannot be read.
@@ -45,6 +48,21 @@ class Results:
             return read_csv(self.path / f"{name}.csv")
         except (OSError, ValueError) as error:
             raise ResultError(f"{self.path}: {name}.csv cannot be read: {error}") from None
+
+    def frame(self, name: str) -> DataFrame:
+        """A table as a frame of pandas.
+
+        Raises:
+            InstallationError: pandas is not installed.
+            ResultError: see ``table``.
+        """
+        columns = self.table(name)
+        try:
+            from pandas import DataFrame
+        except ImportError:
+            install = "pip install pandas; on Debian: python3-pandas"
+            raise InstallationError(f"a frame needs pandas ({install}); table() needs nothing") from None
+        return DataFrame(columns)
 
 
 def read_results(folder: str | os.PathLike[str]) -> Results:

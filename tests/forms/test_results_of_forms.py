@@ -273,6 +273,8 @@ def test_forms_alone(tmp_path):
     assert summary["contact_force"] == pytest.approx(solution.contact.forces[0], abs=1e-10)
     assert problem.error_bound == "the forms do not say what the stress is: give stress="
     assert problem.uniqueness.proved
+    np.testing.assert_array_equal(problem.table().columns["state"], solution.table.columns["state"])
+    assert set(problem.plot().png) == {"deformed", "profiles", "history"}
 
 
 def test_what_bounds_refuse():

@@ -153,6 +153,15 @@ def test_tables_that_are_not_there(tmp_path):
     results = read_results(tmp_path)
     assert results.summary.contact_boundaries[0].boundary == "bottom"
     assert set(results.table("contact")) >= {"x", "pressure"}
+    try:
+        import pandas
+    except ImportError:
+        with pytest.raises(InstallationError, match=r"table\(\) needs nothing"):
+            results.frame("contact")
+    else:
+        frame = results.frame("contact")
+        pandas.testing.assert_frame_equal(frame, pandas.DataFrame(results.table("contact")))
+        assert set(frame["state"]) <= {"open", "stick", "slip+", "slip-"}
     with pytest.raises(ResultError, match="has no table 'steps'; there are: contact, history, outer"):
         results.table("steps")
     file = tmp_path / "summary.json"
