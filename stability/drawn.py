@@ -143,7 +143,7 @@ def rooms(files: Sequence[str]) -> list[str]:
 
 
 def cheapest(tests: Sequence[tuple[str, float]], budget: float = SECONDS) -> list[str]:
-    """As many tests, given with their seconds, as fit into a time, the cheapest first, and the first one in any case."""
+    """As many tests, given with their seconds, as fit into a time, the cheapest first, and the first one anyway."""
     chosen, left = [], budget
     for name, seconds in sorted(tests, key=lambda test: test[1]):
         if chosen and seconds > left:
