@@ -1,7 +1,7 @@
 # Everything runs through ./env: on this machine if it has dolfinx, otherwise in the image of the Dockerfile.
 # DEBIAN=sid make TARGET uses the image of that release.
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow test-long test-wheel test-report lint format paper bench stability oracle mutants mutants-drawn docs dist clean
+.PHONY: help demo test test-core test-slow test-long test-wheel test-report lint format paper bench stability oracle mutants mutants-drawn docs dist clean
 DEMOS := example1_tresca example1_coulomb
 REPORTS := $(addprefix demos/scenes/,example1_coulomb press_and_slide bracket) tests/data/three_feet
 SIDE_BY_SIDE := ./env python3 -m pytest -q -n auto --maxprocesses 8 --dist worksteal
@@ -28,6 +28,9 @@ test:       ## run the quick tests on one rank, side by side, and those marked m
 test-slow:  ## run the slow tests, which run no line of the package that the quick ones do not run (tests/tiers.py)
 	$(SIDE_BY_SIDE) -m "slow and not long" tests
 	for n in 2 3; do $(ON_RANKS) -m "mpi and slow and not long" || exit; done
+
+test-core:  ## run the quick tests with no add-on installed; those that ask for one are skipped
+	SFX_WITHOUT_ADD_ONS=1 $(SIDE_BY_SIDE) tests
 
 test-long:  ## run the tests marked long
 	$(SIDE_BY_SIDE) -m long tests

@@ -28,6 +28,8 @@ from tiers import costly, node_of, slow_on
 
 from signorini_fx.mesh.files import reading
 
+if os.environ.get("SFX_WITHOUT_ADD_ONS"):
+    pytest_plugins = ["without_add_ons"]
 # Tests take bodies and scenes from the files of other rooms.
 sys.path += sorted(str(room) for room in Path(__file__).parent.iterdir() if room.is_dir())
 

@@ -1,7 +1,7 @@
 """Guaranteed bounds of the error of a displacement, of means and of forces, in the plane and in space.
 
 They look at a solved problem alone, whose scene they integrate on plain triangles or tetrahedra.  No other package
-imports more of them than a bound, its class and what refuses one.
+imports it: an add-on.
 """
 
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
