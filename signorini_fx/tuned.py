@@ -332,9 +332,8 @@ SAME_ENTRY = 1e-10
 # Eigenvalues and pivots below this share of the largest one are those of a singular matrix.  Choice: far above
 # round-off, far below the softest motion of a body that is held.
 SINGULAR = 1e-10
-# A part of a facet or of a cell with less than this share of its length, area or volume is none.  Choice; the
-# certificate, which cuts facets in another way, has the second.
-NO_PART, NO_PART_IN_CERTIFICATE = 1e-10, 1e-9
+# A part of a facet or of a cell with less than this share of its length, area or volume is none.  Choice.
+NO_PART = 1e-10
 # What a projection leaves of a motion or a load below this share of it is round-off.  Choice.
 NOTHING_LEFT = 1e-10
 # Entries of B, of which a selected unknown has one, differ by less than this from 1 or 0 by round-off.  Choice.

@@ -80,8 +80,7 @@ class Certificate:
         pressure_at_distance: the complementarity (3.3b): the smaller of pressure and distance.
         slip_below_bound: the complementarity (3.3c): the smaller of the slip and the distance of the shear from its
             bound.
-        coupling: largest error of the map that joins pairs of bodies, in its identities and in integrals at some of its
-            points.
+        coupling: largest error of the map that joins pairs of bodies, in its identities.
         moduli: by how much the stress of a material leaves the bounds of its moduli, or has no energy; isotropic ones
             are not asked.
         displacement: largest displacement, relative to the size of the body.

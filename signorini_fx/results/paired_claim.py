@@ -28,50 +28,44 @@ class Claim:
 
     Attributes:
         comm: the ranks; methods that take or give values at nodes are collective.
+        pair: both sides as the solver has paired them.
         slave: owned facets of the side with the points, local numbers, as the problem names them.
         master: those of the other side.
-        paired: the facets of both sides that the solver has paired.
         points: local node of each point, shape (n,).
-        weight: area (in the plane: length), shape (n,).
-        distance: d_i, length, shape (n, d).
         reached: global numbers of the m nodes, ascending.
         own: D, scipy sparse, shape (n, m).
         others: M, scipy sparse, shape (n, m).
         operator: the relative displacement from displacements of these nodes, scipy sparse, shape (n d, m d).
-        alone: points that have taken over no function of another node, shape (n,).
-        covered: area of the overlap, of all ranks.
-        hats: whether functions are the hats of the vertices themselves.
-        reach: distance beyond which facets were no partners, length.
-        allowed: the same as the problem names it; None: the usual one.
+        allowed: distance beyond which facets are no partners, as the problem names it, length; None: the usual one.
         across: projectors onto the directions across planes of symmetry, of which ``operator``, traction and normal
             have no component, shape (n, d, d).
         planes: the same by the global numbers of all nodes of both sides on such planes.
-        named: global numbers of all nodes of the slave, ascending, shape (N,).
-        directions: of projection at those with test functions, shape (N, d); None: the normals of the slave.
-        nominal: whether the problem says that the sides are nominally in contact, or tied: for which None is right.
+        nominal: whether the problem says that the sides are nominally in contact, or tied.
     """
 
     comm: MPI.Comm
+    pair: PairedSides
     slave: Indices
     master: Indices
-    paired: tuple[Indices, Indices]
     points: npt.NDArray[np.int64]
-    weight: Array
-    distance: Array
     reached: npt.NDArray[np.int64]
     own: Any
     others: Any
     operator: Any
-    alone: npt.NDArray[np.bool_]
-    covered: float
-    hats: bool
-    reach: float
     allowed: float | None
     across: Array
     planes: Mapping[int, Array]
-    named: npt.NDArray[np.int64]
-    directions: Array | None
     nominal: bool
+
+    @property
+    def weight(self) -> Array:
+        """Area (in the plane: length) of each point, shape (n,)."""
+        return self.pair.coupling.weight
+
+    @property
+    def distance(self) -> Array:
+        """The vectors d from one side to the other at the points, length, shape (n, d)."""
+        return self.pair.coupling.distance
 
     def in_planes(self, nodes: npt.NDArray[np.int64], vectors: Array) -> Array:
         """Vectors at nodes of either side, by global numbers, without what they have across planes of symmetry, and of
@@ -154,26 +148,18 @@ def claim_of(
     coupling, (slave_shares, master_shares, turning) = pair.coupling, pair.shares()
     return Claim(
         comm=space.mesh.comm,
+        pair=pair,
         slave=sides[0],
         master=sides[1],
-        paired=(pair.slave.facets, pair.master.facets),
         points=pair.slave.nodes[coupling.nodes] - space.dofmap.index_map.local_range[0],
-        weight=coupling.weight,
-        distance=coupling.distance,
         reached=pair.reached,
         own=slave_shares,
         others=master_shares,
         operator=sp.csr_array(
             sp.kron(slave_shares - master_shares, sp.eye_array(coupling.distance.shape[1])) + turning
         ),
-        alone=coupling.alone,
-        covered=coupling.covered,
-        hats=coupling.hats,
-        reach=coupling.reach,
         allowed=reach,
         across=pair.across,
         planes=pair.planes,
-        named=pair.slave.nodes,
-        directions=coupling.directions,
         nominal=nominal,
     )

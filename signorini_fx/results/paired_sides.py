@@ -1,27 +1,35 @@
-"""The second opinion on the map of a pair of bodies: identities at all points; ``paired_integrals``.
+"""The second opinion on the map of a pair of bodies: identities at all points.
 
 What the solver claims of a pair are weights, distances, and shares of the nodes of both sides.  At all points
 
     D 1 = M 1 = 1,   D x - M x + d = 0,   B R = 0 for every joint rigid motion R,
 
 and forces and moments balance because of the latter.  Both sides consist of the facets that the problem names, no fewer
-and no others.
+and no others.  The integrals that D and M are made of are not computed again here; tests do that.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
+from scipy.spatial import cKDTree
 
 from signorini_fx import parallel
 from signorini_fx.body.averages import from_owners
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.results.paired_claim import Claim
-from signorini_fx.results.paired_facets import PairFacets, usual_reach
-from signorini_fx.results.paired_integrals import largest, sampled
 
 Array = npt.NDArray[np.float64]
+# Beyond the smallest distance of both sides facets are partners within this share of the size of the smaller side.
+_REACH = 0.2
+
+
+def largest(values: Array) -> float:
+    """The largest magnitude."""
+    return float(np.max(np.abs(values), initial=0.0))
 
 
 def not_held(claim: Claim, held: Array, y: Array) -> float:
@@ -62,25 +70,36 @@ def not_held(claim: Claim, held: Array, y: Array) -> float:
 
 def defect(claim: Claim, space: fem.FunctionSpace) -> float:
     """The largest error of what is claimed, relative to one, to weights, or to sizes of facets; collective."""
-    dim, comm = space.mesh.geometry.dim, claim.comm
+    dim, comm, coupling = space.mesh.geometry.dim, claim.comm, claim.pair.coupling
     x = np.array(node_positions(space)[: space.dofmap.index_map.size_local, :dim], dtype=np.float64)
     used = from_owners(x, claim.reached, comm)
     low, high = parallel.global_bounds(comm, used)
     size, middle = float(np.linalg.norm(high - low)), (low + high) / 2
     arm = (used - middle) / size
     total = float(parallel.global_sum(comm, claim.weight.sum()))
-    errors = [abs(total / claim.covered - 1.0), parallel.local_max(-claim.weight, -np.inf) / claim.covered]
+    errors = [abs(total / coupling.covered - 1.0), parallel.local_max(-claim.weight, -np.inf) / coupling.covered]
     errors += [largest(shares @ np.ones(len(used)) - 1.0) for shares in (claim.own, claim.others)]
     errors.append(largest(claim.own @ arm - claim.others @ arm + claim.distance / size))
     for motion in _rigid((x - middle) / size):
         errors.append(largest(claim.relative(motion)))
-    named = claim.slave, claim.master
-    errors.append(float(any(np.setxor1d(*pair).size for pair in zip(claim.paired, named, strict=True))))
-    slave, master = (PairFacets(space, facets) for facets in named)
-    reach = usual_reach(slave, master) if claim.allowed is None else claim.allowed
-    errors.append(float(not np.isclose(claim.reach, reach, atol=0.0)))  # which may be zero, or infinite
-    errors.append(sampled(claim, space, slave, master, reach))
+    named, paired = (claim.slave, claim.master), (claim.pair.slave.facets, claim.pair.master.facets)
+    errors.append(float(any(np.setxor1d(*facets).size for facets in zip(paired, named, strict=True))))
+    reach = _usual_reach(space, named) if claim.allowed is None else claim.allowed
+    errors.append(float(not np.isclose(coupling.reach, reach, atol=0.0)))  # which may be zero, or infinite
     return parallel.global_max(comm, float(max(errors)))
+
+
+def _usual_reach(space: fem.FunctionSpace, sides: Iterable[npt.NDArray[np.int32]]) -> float:
+    """The distance beyond which facets are no partners where the problem names none, length; collective."""
+    dim = space.mesh.geometry.dim
+    slave, master = (
+        parallel.gather_rows(
+            space.mesh.comm, node_positions(space)[fem.locate_dofs_topological(space, dim - 1, facets), :dim]
+        )
+        for facets in sides
+    )
+    nearest = float(cKDTree(master).query(slave)[0].min())
+    return nearest + _REACH * min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in (slave, master))
 
 
 def _rigid(arm: Array) -> list[Array]:

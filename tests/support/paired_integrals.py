@@ -1,4 +1,4 @@
-"""The integrals of a pair of bodies, computed again at some points and nodes, for the certificate.
+"""An oracle: the integrals of a pair of bodies, computed again at some points and nodes.
 
 Points are drawn at random.  Other code than the solver's does it: facets of the mesh are evaluated by basix, in the
 plane rays from the slave find the master, in space the slave is cut by each master in turn, and polygons are integrated
@@ -25,12 +25,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
+from paired_facets import Facet, OverlapPiece, PairFacets, mean_normals, pieces_of, usual_reach
 from scipy.spatial import cKDTree
 
 from signorini_fx import parallel
+from signorini_fx.results import paired_sides
 from signorini_fx.results.paired_claim import Claim
-from signorini_fx.results.paired_facets import Facet, OverlapPiece, PairFacets, mean_normals, pieces_of
-from signorini_fx.tuned import NO_ARM
+from signorini_fx.results.paired_sides import largest
 
 Array = npt.NDArray[np.float64]
 # A facet of the slave and the pieces of the other side over it.
@@ -42,13 +43,21 @@ _SAMPLED = {2: 16, 3: 6}
 _COVERED = 0.05
 # One that is covered by this share has no node without a function; nodes of such facets at which directions are tried.
 _WHOLLY_COVERED, _TRIED = 0.99, {2: 8, 3: 3}
-# Displacements on which rotations are tried.
-_DISPLACEMENTS = 3
+# Displacements on which rotations are tried, and share of the best resisted one below which nothing resists a rotation.
+_DISPLACEMENTS, _NO_ARM = 3, 1e-12
 
 
-def largest(values: Array) -> float:
-    """The largest magnitude."""
-    return float(np.max(np.abs(values), initial=0.0))
+def tried_by(monkeypatch):
+    """Let certificates contain the largest error of these integrals, in ``coupling``, beside that of the identities."""
+    identities = paired_sides.defect
+
+    def defect(claim, space):
+        slave, master = (PairFacets(space, facets) for facets in (claim.slave, claim.master))
+        reach = usual_reach(slave, master) if claim.allowed is None else claim.allowed
+        integrated = parallel.global_max(claim.comm, sampled(claim, space, slave, master, reach))
+        return max(identities(claim, space), integrated)
+
+    monkeypatch.setattr(paired_sides, "defect", defect)
 
 
 def sampled(claim: Claim, space: fem.FunctionSpace, slave: PairFacets, master: PairFacets, reach: float) -> float:
@@ -59,7 +68,7 @@ def sampled(claim: Claim, space: fem.FunctionSpace, slave: PairFacets, master: P
     all_nodes = np.unique(np.concatenate((claim.reached, slave.nodes.ravel(), master.nodes.ravel())))
     sample_size = -(-_SAMPLED[space.mesh.geometry.dim] // claim.comm.size)
     draw = np.random.default_rng(len(claim.points))
-    choice = draw.permutation(np.flatnonzero(claim.alone))[:sample_size]
+    choice = draw.permutation(np.flatnonzero(claim.pair.coupling.alone))[:sample_size]
     bare, worst = _bare(claim, slave.points, names)
     bare = draw.permutation(bare)[:sample_size]
     nodes, areas = _areas(claim, slave, master)
@@ -68,14 +77,14 @@ def sampled(claim: Claim, space: fem.FunctionSpace, slave: PairFacets, master: P
     # Directions are claimed, and tried where they come from.
     claimed = np.unique(np.concatenate([bare, *around, *beside])).astype(np.int64)
     needed = np.unique(slave.points[claimed])
-    if claim.directions is None:
+    if claim.pair.coupling.directions is None:
         directions = _normals(claim, slave, needed) if slave.x.shape[1] == 2 else None
         worst = max(worst, float(not claim.nominal))
     else:
-        rows = np.searchsorted(claim.named, needed)
-        directions = dict(zip(needed.tolist(), claim.directions[rows], strict=True))
+        rows = np.searchsorted(claim.pair.slave.nodes, needed)
+        directions = dict(zip(needed.tolist(), claim.pair.coupling.directions[rows], strict=True))
         tried = draw.permutation(needed)[: -(-_TRIED[space.mesh.geometry.dim] // claim.comm.size)]
-        errors = [_error_of_direction(claim, claim.directions, int(node), slave, master, reach) for node in tried]
+        errors = [_error_of_direction(claim, int(node), slave, master, reach) for node in tried]
         worst = max([worst, float(claim.nominal), *errors])
     overlaps = _overlaps(slave, master, reach, claimed, directions)
     errors = [
@@ -123,14 +132,11 @@ def _interpolated(facet: Facet, normals: dict[int, Array], at: Array) -> Array:
     return np.asarray(facet.shape(at) @ at_nodes)
 
 
-def _error_of_direction(
-    claim: Claim, directions: Array, node: int, slave: PairFacets, master: PairFacets, reach: float
-) -> float:
+def _error_of_direction(claim: Claim, node: int, slave: PairFacets, master: PairFacets, reach: float) -> float:
     """The error of the direction of projection at a node of the slave; zero where some facet around it is not covered.
 
     Args:
         claim: what is claimed.
-        directions: the part of it that is tried.
         node: its global number.
         slave: facets of the slave.
         master: those of the other side.
@@ -145,13 +151,13 @@ def _error_of_direction(
     master_normals, total = _normals(claim, master, seen), np.zeros(slave.x.shape[1])
     for facet, pieces in overlaps:
         row = int(np.flatnonzero(facet.points == node)[0])
-        for piece, values in zip(pieces, _functions(facet, pieces, claim.hats), strict=True):
+        for piece, values in zip(pieces, _functions(facet, pieces, claim.pair.coupling.hats), strict=True):
             apart = _interpolated(facet, slave_normals, piece.at) - _interpolated(
                 piece.master, master_normals, piece.over
             )
             total += (values[:, row] * piece.weight) @ apart
     direction = claim.in_planes(np.array([node]), total[None])[0]
-    return largest(direction - directions[np.searchsorted(claim.named, node)])
+    return largest(direction - claim.pair.coupling.directions[np.searchsorted(claim.pair.slave.nodes, node)])
 
 
 def _is_covered(facet: Facet, pieces: list[OverlapPiece], share: float = _COVERED) -> bool:
@@ -189,7 +195,7 @@ def _error_at(
         if not pieces:
             continue
         clear &= _is_covered(facet, pieces)
-        psi = _functions(facet, pieces, claim.hats)
+        psi = _functions(facet, pieces, claim.pair.coupling.hats)
         row = int(np.flatnonzero(facet.points == node)[0])
         size = max(size, facet.size)
         for piece, values in zip(pieces, psi, strict=True):
@@ -250,7 +256,7 @@ def _turned(a: Any, x: Array, u: Array, way: Array) -> Array:
     arm, moved, along = deep
     arm = arm - a @ arm / a.sum()
     inertia = np.eye(3) * (a @ np.sum(arm**2, axis=1)) - np.einsum("l,li,lj->ij", a, arm, arm)
-    turn = np.linalg.pinv(inertia, rcond=NO_ARM, hermitian=True) @ (a @ np.cross(arm, moved))
+    turn = np.linalg.pinv(inertia, rcond=_NO_ARM, hermitian=True) @ (a @ np.cross(arm, moved))
     return np.asarray(np.cross(turn, along[0])[: x.shape[1]])
 
 
@@ -266,7 +272,9 @@ def _bare(claim: Claim, nodes: npt.NDArray[np.int64], names: npt.NDArray[np.int6
     Returns:
         The share of this rank of these facets, and 1 if a point has taken over functions where no node is without.
     """
-    pointed, alone = parallel.gather_rows(claim.comm, np.column_stack((names, claim.alone)).astype(np.int64)).T
+    pointed, alone = parallel.gather_rows(
+        claim.comm, np.column_stack((names, claim.pair.coupling.alone)).astype(np.int64)
+    ).T
     without = ~np.isin(nodes, pointed).all(axis=1)
     bare = np.flatnonzero(without & np.isin(nodes, pointed[alone > 0]).any(axis=1))
     needless = ~np.isin(pointed[alone == 0], nodes[without])
@@ -288,7 +296,7 @@ def _areas(claim: Claim, slave: PairFacets, master: PairFacets) -> tuple[npt.NDA
     comm, draw = claim.comm, np.random.default_rng(len(slave.nodes))
     nodes, first = np.unique(slave.nodes.ravel(), return_index=True)
     away = cKDTree(master.middle).query(slave.x[first])[0]
-    rows = claim.own, claim.own[~claim.alone]
+    rows = claim.own, claim.own[~claim.pair.coupling.alone]
     seen, taken = (claim.reached[np.unique(part.indices)] for part in rows)
     seen, taken = (np.unique(parallel.gather_rows(comm, part[:, None])) for part in (seen, taken))
     without = np.flatnonzero(~np.isin(nodes, seen))

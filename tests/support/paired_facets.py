@@ -1,4 +1,4 @@
-"""Facets of both sides of a pair, and their overlap, facet by facet, for the certificate; see ``paired_integrals``.
+"""Facets of both sides of a pair, and their overlap, facet by facet, for ``paired_integrals``.
 
 It shares no code with ``pairs``: shape functions are those of the cells, in the plane rays from points of the slave
 meet the master, in space polygons of the slave are cut by those of the master (see ``paired_polygons``).
@@ -17,14 +17,13 @@ import basix
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
+from paired_polygons import ROUND_OFF, STEPS, collapsed, cut, gauss, place_in, positive
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.node_positions import node_positions
-from signorini_fx.results.paired_polygons import STEPS, collapsed, cut, gauss, place_in, positive
-from signorini_fx.tuned import LAST_STEP_IN_FACET, NO_PART_IN_CERTIFICATE, SAME_LENGTH
 
 Array = npt.NDArray[np.float64]
 
@@ -35,8 +34,12 @@ _POINTS = {"interval": 10, "triangle": 4, "quadrilateral": 10}
 _TURNING = 1.0
 # Facets, in space their linear parts, whose normals have a larger product do not face each other.
 _FACING = -0.2
+# Distance from a parallelogram, relative to its diagonal, that is round-off.
+_PARALLEL = 1e-9
 # Beyond the smallest distance of both sides facets are partners within this share of the size of the smaller side.
 _REACH = 0.2
+# Share of a facet below which an overlap is round-off.
+_NOTHING = 1e-9
 # Of the quadrature of normals, exact where facets are straight.
 _DEGREE = 8
 
@@ -261,7 +264,7 @@ def _tested(nodes: npt.NDArray[np.int64], dim: int) -> npt.NDArray[np.int64]:
 
 def _is_parallelogram(x: Array) -> bool:
     """Whether four nodes, numbered along x first, are the corners of one, shape (4, d); False for more nodes."""
-    return len(x) == 4 and bool(np.linalg.norm(x[0] - x[1] - x[2] + x[3]) <= SAME_LENGTH * np.linalg.norm(x[3] - x[0]))
+    return len(x) == 4 and bool(np.linalg.norm(x[0] - x[1] - x[2] + x[3]) <= _PARALLEL * np.linalg.norm(x[3] - x[0]))
 
 
 @dataclass(frozen=True)
@@ -352,28 +355,26 @@ def _in_plane(facet: Facet, master: Facet, normals: Array) -> list[OverlapPiece]
             apart, along = master.place(parameters[:, None]) - x, master.tangents(parameters[:, None])[0]
             miss, slope = (u[:, 0] * normal[:, 1] - u[:, 1] * normal[:, 0] for u in (apart, along))
             parameters = parameters - miss / slope
-            if np.abs(miss / slope).max() < LAST_STEP_IN_FACET:
+            if np.abs(miss / slope).max() < ROUND_OFF:
                 break
         return parameters
 
     ends = met(np.array([0.0, 1.0]))
     lowest, highest = float(ends.min()), float(ends.max())
-    if lowest >= 1.0 - NO_PART_IN_CERTIFICATE or highest <= NO_PART_IN_CERTIFICATE:
+    if lowest >= 1.0 - _NOTHING or highest <= _NOTHING:
         return []
 
     def beyond(s: float, value: float) -> float:
         return float(met(np.array([s]))[0]) - value
 
-    passed = [
-        value for value in (0.0, 1.0) if lowest + NO_PART_IN_CERTIFICATE < value < highest - NO_PART_IN_CERTIFICATE
-    ]
-    cuts = sorted({0.0, 1.0, *(float(brentq(beyond, 0.0, 1.0, (value,), xtol=LAST_STEP_IN_FACET)) for value in passed)})
+    passed = [value for value in (0.0, 1.0) if lowest + _NOTHING < value < highest - _NOTHING]
+    cuts = sorted({0.0, 1.0, *(float(brentq(beyond, 0.0, 1.0, (value,), xtol=ROUND_OFF)) for value in passed)})
     nodes, weights = gauss(_POINTS["interval"])
     pieces = []
     for first, last in pairwise(cuts):
         at = first + (last - first) * (nodes + 1) / 2
         over = met(at)
-        if last - first > NO_PART_IN_CERTIFICATE and 0.0 <= over[len(over) // 2] <= 1.0:
+        if last - first > _NOTHING and 0.0 <= over[len(over) // 2] <= 1.0:
             weight = facet.areas(at[:, None]) * weights / 2 * (last - first)
             pieces.append(OverlapPiece(master, at[:, None], over[:, None], weight))
     return pieces
@@ -401,7 +402,7 @@ def _in_space(facet: Facet, masters: Sequence[Facet], directions: Array | None) 
                 if len(polygon) < 3:
                     continue
                 p, weight = collapsed(polygon, max(facet.rule, master.rule))
-                if weight.sum() > NO_PART_IN_CERTIFICATE * slave_part.size**2:
+                if weight.sum() > _NOTHING * slave_part.size**2:
                     shared.append((number, reference, window, p, weight))
         if not shared:
             continue
@@ -429,7 +430,7 @@ def _under(facet: Facet, at: Array, p: Array, centre: Array, axes: Array) -> Arr
         jacobian = np.einsum("sqd,kd->qks", facet.tangents(at), axes)
         step = np.linalg.solve(jacobian, residual[:, :, None])[:, :, 0]
         at = at + step
-        if np.abs(step).max() < LAST_STEP_IN_FACET:
+        if np.abs(step).max() < ROUND_OFF:
             break
     return at
 

@@ -1,6 +1,6 @@
 """Convex polygons in the plane of a facet: what two of them share, a quadrature on it, and places in reference facets.
 
-For the certificate of a pair, which shares no code with ``pairs``; see ``paired_facets``.
+It shares no code with ``pairs``; see ``paired_facets``.
 """
 
 from __future__ import annotations
@@ -10,12 +10,10 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.tuned import LAST_STEP_IN_FACET
-
 Array = npt.NDArray[np.float64]
 
-# Steps of Newton's method at most.
-STEPS = 15
+# Steps of Newton's method at most, and a place in a reference facet that is round-off.
+STEPS, ROUND_OFF = 15, 1e-14
 
 
 @cache
@@ -89,7 +87,7 @@ def place_in(part: Array, flat: Array, p: Array) -> tuple[Array, Array]:
         jacobian = (slopes @ flat).swapaxes(1, 2)
         step = np.linalg.solve(jacobian, (p - (shares[:, None] @ flat)[:, 0])[:, :, None])[:, :, 0]
         s = s + step
-        if np.abs(step).max() < LAST_STEP_IN_FACET:
+        if np.abs(step).max() < ROUND_OFF:
             break
     shares, slopes = _bilinear(s)
     areas = [np.linalg.det(slopes @ corners) for corners in (flat, part)]
