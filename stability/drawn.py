@@ -86,6 +86,12 @@ def idle(source: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
     return [((n.lineno, n.col_offset), (n.end_lineno, n.end_col_offset)) for n in nodes]  # type: ignore[attr-defined]
 
 
+def between_operands(source: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """From the end of the left to the beginning of the right operand: other signs ``*`` and ``**`` unpack arguments."""
+    sums = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.BinOp)]
+    return [((n.left.end_lineno or 0, n.left.end_col_offset or 0), (n.right.lineno, n.right.col_offset)) for n in sums]
+
+
 def operators() -> dict[str, Any]:
     """The operators of cosmic-ray that count.
 
@@ -111,13 +117,15 @@ def mutants(file: str, source: str, lines: set[int], known: Mapping[str, Any], c
     """One mutant for each expression, number or statement that begins on one of the lines of a file."""
     import parso
 
-    spared = idle(source)
+    spared, signs = idle(source), between_operands(source)
     functions = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.FunctionDef)]
     places: dict[tuple[int, int], list[tuple[str, int, int]]] = defaultdict(list)
     for name, operator in known.items():
         for number, node in enumerate(_nodes(parso.parse(source))):
             for index, (begin, _) in enumerate(operator.mutation_positions(node)):
-                if begin[0] in lines and not any(first <= begin < last for first, last in spared):
+                if begin[0] not in lines or any(first <= begin < last for first, last in spared):
+                    continue
+                if "BinaryOperator" not in name or any(first <= begin < last for first, last in signs):
                     places[begin].append((name, number, index))
     drawn = []
     for (line, _), ways in sorted(places.items()):
@@ -143,7 +151,7 @@ def rooms(files: Sequence[str]) -> list[str]:
 
 
 def cheapest(tests: Sequence[tuple[str, float]], budget: float = SECONDS) -> list[str]:
-    """As many tests, given with their seconds, as fit into a time, the cheapest first, and the first one anyway."""
+    """As many tests, given with their seconds, as fit into a time, the cheapest first; the first one in any case."""
     chosen, left = [], budget
     for name, seconds in sorted(tests, key=lambda test: test[1]):
         if chosen and seconds > left:

@@ -232,6 +232,7 @@ def test_drawn_mutants():
     assert [(m.line, m.in_function) for m in found] == [(1, False)] * 2 + [(2, False)] * 2 + [(3, True)] * 2
     assert found[-1].source == source.replace("g:", "-g:")
     assert found[-1].change == "-     if c < g:\n+     if c < -g:"
+    assert drawn.between_operands("def f(*, c):\n    return g(*c, a * b)") == [((2, 18), (2, 21))]
     assert drawn.rooms(["signorini_fx/contact/laws.py", "signorini_fx/scales.py"]) == [
         "tests/contact",
         "tests/verification",
