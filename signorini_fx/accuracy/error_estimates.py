@@ -17,7 +17,6 @@ from signorini_fx.accuracy.surface_pressure import piece_squares
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.body.mixed import hydrostatic_of
 from signorini_fx.tuned import POLLUTION
 
 Floats = npt.NDArray[np.float64]
@@ -64,8 +63,7 @@ def estimate_errors(
     missed = data_error(d, table, step)
     squares = np.zeros(missed.squares.shape)
     if energy > 0:
-        pressure = None if d.mixed is None else hydrostatic_of(displacement)
-        squares = StressRecovery.of(d).squares(displacement.x.array, step, pressure)
+        squares = StressRecovery.of(d).squares(displacement, step)
     return combined(d.boundary, table, contact_cells(d), squares, missed, energy, compliance * d.scene.young)
 
 

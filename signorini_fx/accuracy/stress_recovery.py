@@ -17,6 +17,7 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble, measure
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.elastic_law import fields_of
 from signorini_fx.body.element_stress import ElementStress, element_stress
 from signorini_fx.body.quadrature import parallelepipeds, strain_degree
 from signorini_fx.records import Inventory
@@ -80,11 +81,11 @@ class StressRecovery:
     @classmethod
     def of(cls, d: Discretisation, inventory: Inventory | None = None) -> StressRecovery:
         """That of a scene; ``inventory``: where it is recorded; None: that of the scene."""
-        empty = fem.Function(d.space) if d.mixed is None else d.mixed.displacement(np.zeros(d.mixed.count))
+        empty = d.elastic.displacement(d.space, np.zeros(d.elastic.count))
         stress, scene = element_stress(d, empty), d.scene
         # Without the radius, and expressions in the stress, all is a product of two polynomials like the strain.
         strained = any(effect.strains for _, effect in scene.listed())
-        plain = d.kinematics.uniform and not strained and d.mixed is None
+        plain = d.kinematics.uniform and not strained and not d.elastic.pressed
         degree = strain_degree(d.space) if plain and parallelepipeds(d.tagged.mesh) else None
         inventory = d.inventory if inventory is None else inventory
         return cls(stress, partial(boundary_residual, d, stress), inventory, degree)
@@ -110,9 +111,9 @@ class StressRecovery:
         ksp.setTolerances(rtol=_PROJECTION_TOLERANCE)
         return ksp
 
-    def energy(self, dofs: npt.NDArray[np.float64]) -> float:
+    def energy(self, y: fem.Function) -> float:
         """Strain energy of the stress of a displacement; collective."""
-        self._fill(dofs, 0)
+        self._fill(y, 0)
         self._recovered.x.array[:] = 0.0
         local_energy = 0.0
         for cells, _ in self._parts:
@@ -120,51 +121,42 @@ class StressRecovery:
             local_energy += assemble(self._squares).sum() / 2
         return float(parallel.global_sum(self._comm, local_energy))
 
-    def error(self, dofs: npt.NDArray[np.float64], step: float = 0, hydrostatic: fem.Function | None = None) -> float:
+    def error(self, y: fem.Function, step: float = 0) -> float:
         """Energy norm sqrt(a(e, e)) of the discretisation error of a displacement, see ``squares``; collective."""
-        return float(np.sqrt(parallel.global_sum(self._comm, self.squares(dofs, step, hydrostatic).sum())))
+        return float(np.sqrt(parallel.global_sum(self._comm, self.squares(y, step).sum())))
 
-    def squares(
-        self, dofs: npt.NDArray[np.float64], step: float = 0, hydrostatic: fem.Function | None = None
-    ) -> npt.NDArray[np.float64]:
+    def squares(self, y: fem.Function, step: float = 0) -> npt.NDArray[np.float64]:
         """Its square for each owned cell, shape (cells,); collective.
 
         Args:
-            dofs: those of the displacement, the owned ones first.
-            step: the load step that they belong to.
-            hydrostatic: the pressure of a mixed element.
+            y: the displacement.
+            step: the load step that it belongs to.
         """
-        self._fill(dofs, step, hydrostatic)
+        self._fill(y, step)
         total = sum(self._projected(*part) for part in self._parts)
         if self._residual is not None:
             self._move_to(step)
             total = total + assemble(self._residual)
         return np.maximum(total, 0.0)
 
-    def smoothed(
-        self, dofs: npt.NDArray[np.float64], step: float = 0, hydrostatic: fem.Function | None = None
-    ) -> list[tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]]:
+    def smoothed(self, y: fem.Function, step: float = 0) -> list[tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]]:
         """The projected stress of a displacement in each material, see ``squares``; collective.
 
         Returns:
             The cells (local numbers, ghosts included), shape (m,), and at their vertices the components of the
             stress, see ``Kinematics.pairs``, shape (m, vertices, components).
         """
-        self._fill(dofs, step, hydrostatic)
+        self._fill(y, step)
         space, stresses = self._recovered.function_space, []
         for cells, ksp in self._parts:
             self._project(cells, ksp)
             stresses.append((cells, self._recovered.x.array.reshape(-1, self._components)[space.dofmap.list[cells]]))
         return stresses
 
-    def _fill(self, dofs: npt.NDArray[np.float64], step: float, hydrostatic: fem.Function | None = None) -> None:
-        space = self._displacement.function_space
-        owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        self._displacement.x.array[:owned] = dofs[:owned]
+    def _fill(self, y: fem.Function, step: float) -> None:
+        for function, given in zip(fields_of(self._displacement), fields_of(y), strict=True):
+            function.x.array[:] = given.x.array
         self._displacement.x.scatter_forward()
-        if self._stress.hydrostatic is not None:
-            assert hydrostatic is not None
-            self._stress.hydrostatic.x.array[:] = hydrostatic.x.array
         self._stress.refresh(step)
 
     def _projected(self, cells: npt.NDArray[np.int32], ksp: PETSc.KSP) -> npt.NDArray[np.float64]:

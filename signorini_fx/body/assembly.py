@@ -93,6 +93,16 @@ def _summed(vector: la.Vector) -> npt.NDArray[np.float64]:
     return np.array(vector.array[: vector.index_map.size_local * vector.block_size])
 
 
+def over_ranks(values: npt.NDArray[np.float64], space: fem.FunctionSpace) -> npt.NDArray[np.float64]:
+    """What all ranks contribute to the unknowns of a space that this one owns; ``values`` are those of all that it has;
+    collective.
+    """
+    function = fem.Function(space)
+    function.x.array[:] = values
+    function.x.scatter_reverse(la.InsertMode.add)
+    return np.array(function.x.array[: space.dofmap.index_map.size_local * space.dofmap.index_map_bs])
+
+
 def adjugates(matrices: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """Adjugate (inverse times determinant) and determinant of many matrices, by hand, because there are many.
 

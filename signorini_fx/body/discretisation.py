@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -13,9 +13,8 @@ import ufl
 from dolfinx import fem
 
 from signorini_fx import parallel
-from signorini_fx.body.assembly import stiffness_form
 from signorini_fx.body.cellwise_stiffness import cellwise_stiffness
-from signorini_fx.body.elastic_terms import ELASTIC_FORMS, elastic_terms
+from signorini_fx.body.elastic_laws import elastic_law
 from signorini_fx.body.foundations import Foundations
 from signorini_fx.body.initial_strains import check_strains
 from signorini_fx.body.jumps import holds, jump_loads, jumps_in
@@ -30,10 +29,9 @@ from signorini_fx.body.loads import (
     group_of,
     load_groups,
 )
-from signorini_fx.body.mixed import MIXED_FORMS, MixedPressure
 from signorini_fx.body.moduli import check_covers, lame_coefficients, reduced_degree
 from signorini_fx.body.named_body import NamedBody
-from signorini_fx.body.pieces import BodyPieces, find_pieces
+from signorini_fx.body.pieces import find_pieces
 from signorini_fx.body.rigid_bodies import RigidBodies
 from signorini_fx.body.scene_contact import foundations_of
 from signorini_fx.body.shared_values import shared_in
@@ -61,7 +59,6 @@ class Discretisation(NamedBody):
     """A scene on its mesh: the elastic body that its effects make, and all data of it.
 
     Attributes:
-        reduced: quadrature degree of the volumetric term where it is reduced, else None.
         supports: the prescribed displacements, one component each; ``bcs`` with their effects.
         applied: the loads, by their load factors.
         data: the regularised problem at the contact points, without shifts; None for a scene without contact.
@@ -69,7 +66,6 @@ class Discretisation(NamedBody):
         coefficients: of the forms of loads and resistances.
     """
 
-    reduced: int | None
     supports: Conditions
     applied: tuple[AppliedLoad, ...]
     data: RegularisedData | None
@@ -209,11 +205,11 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
     if scene.body:
         pieces = pieces.of_bodies(tagged.mesh.comm, {body.name: tagged.cells(body.name) for body in scene.body})
     space = fem.functionspace(tagged.mesh, ("Lagrange", scene.element.degree, (tagged.mesh.geometry.dim,)))
-    names = MIXED_FORMS if scene.element.volumetric == "mixed" else ELASTIC_FORMS[: 1 if reduced is None else 2]
-    inventory = Inventory(list(names))
+    inventory = Inventory()
+    elastic = elastic_law(scene, tagged, space, inventory, pieces, (lame, stiffness, reduced))
+    inventory.forms.extend(elastic.names)
     z = ufl.TestFunction(space)
     kinematics = scene.kinematics_in(tagged.dimension)
-    terms = partial(elastic_terms, space, lame=lame, stiffness=stiffness, reduced=reduced, kinematics=kinematics)
     with timings.phase("compile"):
         supports = Supports.of(scene, space, facets, tagged)
         fixed, turned = supports.fixed, supports.turned
@@ -223,7 +219,6 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         on = [facets[effect.boundary] for effect in scene.contact]
         foundations = _foundations(scene, space, facets, inventory)
         assert len(foundations.forms) == len(on)
-    mixed = _mixed(scene, tagged, space, pieces, inventory)
     with timings.phase("assemble"):
         shapes = foundations.shapes()
         rests = at_rest(space, supports.conditions, turned, fixed) if scene.sides[1] is not None else None
@@ -235,7 +230,7 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         if jumps := jumps_in(scene, tagged, space):
             bonded = [k for k, contact in enumerate(scene.contact) if contact.kind == "bonded"]
             held = partial(holds, fixed=fixed, turned=turned, boundary=boundary, bonded=bonded)
-            applied += jump_loads(jumps, scene, space, terms, mixed, inventory, held)
+            applied += jump_loads(jumps, scene, space, elastic, inventory, held)
         if boundary is not None:
             applied += [load for interface in scene.interfaces for load in interface.loads(tagged, space, boundary)]
     together(
@@ -254,18 +249,9 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
             _foundations(scene.placed(step), space, facets, inventory).friction()
     resists = () if resistance is None else (resistance,)
 
-    def elastic() -> Sequence[fem.Form]:
-        if mixed is not None:
-            return mixed.forms[:1]
-        integrands = terms(ufl.TrialFunction(space), z)
-        return [
-            inventory.compile(name, partial(stiffness_form, integrand, tagged.dimension))
-            for name, integrand in zip(ELASTIC_FORMS, integrands, strict=False)
-        ]
-
     return Discretisation(
         space=space,
-        terms=lambda: (*elastic(), *resists),
+        terms=lambda: (*elastic.compiled(space, inventory), *resists),
         resists=resists,
         bcs=[support for _, support in supports.conditions],
         turned=turned,
@@ -276,12 +262,11 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         inventory=inventory,
         kinematics=kinematics,
         compressible=max(material.mean_poisson for material in scene.material) <= LARGEST_MULTIGRID_POISSON,
-        mixed=mixed,
+        elastic=elastic,
         scene=scene,
         tagged=tagged,
         lame=lame,
         moduli=stiffness,
-        reduced=reduced,
         supports=supports.conditions,
         applied=tuple(applied),
         data=data,
@@ -295,16 +280,6 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
 
 def _no_supports(step: float) -> tuple[Conditions, None]:
     return [], None
-
-
-def _mixed(
-    scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, pieces: BodyPieces, inventory: Inventory
-) -> MixedPressure | None:
-    """The pressure of the mixed element; None: the element has the displacement alone."""
-    if scene.element.volumetric != "mixed":
-        return None
-    spacing = Scales(tagged.dimension, scene.young, tagged.size).spacing(int(space.dofmap.index_map.size_global))
-    return MixedPressure.of(scene, tagged, space, pieces, scene.young / spacing, inventory)
 
 
 def _foundations(

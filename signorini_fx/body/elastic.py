@@ -23,8 +23,8 @@ from signorini_fx.body.assembly import action
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_map import contact_map
 from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.elastic_law import ElasticLaw
 from signorini_fx.body.mesh_levels import MeshLevel
-from signorini_fx.body.mixed import MixedPressure
 from signorini_fx.body.pieces import BodyPieces
 from signorini_fx.body.rigid import RigidMotions, nearest_motion, rigid_motions, without_energy, without_strain
 from signorini_fx.body.rigid_bodies import Driven, with_more_unknowns, without_more
@@ -68,7 +68,7 @@ class ElasticBody:
         inventory: what was compiled and assembled.
         kinematics: of the displacement; which motions have no strain in forms of a user's own, these say themselves.
         compressible: whether the material is far enough from incompressible for multigrid.
-        mixed: the pressure of a mixed element, of whose displacement ``terms`` then are; None: there is none.
+        elastic: the law that ``terms`` are of, and its unknowns beside the displacement.
         of_body: what has been computed of all these but ``boundary``, unless unknowns are along its normals.
         of_contact: what has been computed of the boundary too.
     """
@@ -85,7 +85,7 @@ class ElasticBody:
     inventory: Inventory
     kinematics: Kinematics
     compressible: bool = True
-    mixed: MixedPressure | None = None
+    elastic: ElasticLaw = field(default_factory=ElasticLaw)
     of_body: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     of_contact: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
@@ -148,18 +148,12 @@ class ElasticBody:
             retained = self.dimension * int(np.unique(reached).size)
             everywhere: Any = self.boundary.points.everywhere
             held = self.at_contact.held_by(everywhere, everywhere)
-        if self.mixed is None:
+        if not self.elastic.pressed:
             return SystemSize(self.comm, self.dofs, across, retained, held, self.compressible)
         touched = self.prescribed.copy()
         touched[_touched(self.contact)] = True
-        enclosed = retained > 0 and self._encloses(touched)
+        enclosed = retained > 0 and self.elastic.encloses(self.vector, touched)
         return SystemSize(self.comm, self.dofs, across, retained, held, False, definite=False, enclosed=enclosed)
-
-    def _encloses(self, held: npt.NDArray[np.bool_]) -> bool:
-        """Whether an incompressible body cannot change its volume if these unknowns of this rank are held."""
-        assert self.mixed is not None
-        forces = [np.array(self.vector(force).getArray(readonly=True)) for force in self.mixed.constant]
-        return self.mixed.encloses(forces, held)
 
     @shared_in("of_body")
     def _assembled(self) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
@@ -187,12 +181,7 @@ class ElasticBody:
         # In any unit it is neither small nor large beside the other entries.
         values[fixed] = parallel.largest(self.comm, values) or 1.0
         stiffness.setDiagonal(diagonal)
-        if self.mixed is not None:
-            joined = self.mixed.joined(stiffness, rotation, fixed)
-            embedding = self.mixed.embedding(stiffness, rotation, joined)
-            return joined, embedding, embedding
-        stiffness.setOption(PETSc.Mat.Option.SPD, True)
-        return stiffness, rotation, turning
+        return self.elastic.joined(stiffness, rotation, turning, fixed)
 
     @property
     def _rigid(self) -> int:
@@ -201,7 +190,7 @@ class ElasticBody:
 
     @property
     def _held(self) -> npt.NDArray[np.bool_]:
-        """``prescribed`` without the pressure of a mixed element."""
+        """``prescribed`` without a pressure."""
         if self.boundary is None or self.boundary.moving is None or self.comm.rank < self.comm.size - 1:
             return self.fixed
         return np.concatenate((self.fixed, self.boundary.moving.fixed))
@@ -211,7 +200,7 @@ class ElasticBody:
         """Which unknowns of the stiffness this rank has prescribed: ``fixed``, on the last one those of rigid bodies,
         and of a pressure none.
         """
-        pressure = np.zeros(0 if self.mixed is None else self.mixed.count, dtype=bool)
+        pressure = np.zeros(self.elastic.count, dtype=bool)
         return np.concatenate((self._held, pressure)) if pressure.size else self._held
 
     @property
@@ -234,7 +223,7 @@ class ElasticBody:
     @shared_in("of_contact")
     def contact(self) -> ContactMap:
         """B from the unknowns of the stiffness."""
-        behind = 0 if self.mixed is None else self.comm.bcast(self.mixed.count, root=self.comm.size - 1)
+        behind = self.comm.bcast(self.elastic.count, root=self.comm.size - 1) if self.elastic.pressed else 0
         return contact_map(self.boundary, self.prescribed, self.stiffness, self.rotation, self.dimension, behind)
 
     def level(self, coarser: MeshLevel | None = None, solved: fem.Function | None = None) -> MeshLevel:
@@ -253,7 +242,7 @@ class ElasticBody:
         Raises:
             SceneError: nothing determines its pressure.
         """
-        if self.mixed is not None and self._encloses(self.prescribed):
+        if self.elastic.encloses(self.vector, self.prescribed):
             reason = "nothing determines the pressure: supports hold the whole boundary of the incompressible body"
             raise SceneError([("displacement", reason)])
 
@@ -261,7 +250,7 @@ class ElasticBody:
         """What linear algebra needs to know of the body; ``coarser``: coarser meshes for multigrid."""
         free = self.motions.free.shape[1]
         of = self.stiffness, cases, self.contact, free, self.level(coarser)
-        return Elasticity(*of, definite=self.mixed is None, rigid=self._rigid)
+        return Elasticity(*of, definite=not self.elastic.pressed, rigid=self._rigid)
 
     def case(
         self,
@@ -291,8 +280,7 @@ class ElasticBody:
             free = self.vector(nearest).getArray(readonly=True)
             start.getArray()[~self.prescribed] = free[~self.prescribed]
         load, fixed = self.vector(lifted), self.prescribed
-        if self.mixed is not None:
-            load.getArray()[self._held.size :] = self.mixed.lifted(prescribed, swelling)
+        load.getArray()[self._held.size :] = self.elastic.lifted(prescribed, swelling)
         if driven is not None:
             rigid = slice(self.fixed.size, self._held.size)
             start.getArray()[rigid], load.getArray()[rigid] = driven.motion[: self._rigid], driven.forces[: self._rigid]
@@ -362,10 +350,7 @@ class ElasticBody:
 
     def function(self, x: PETSc.Vec, name: str = "displacement") -> fem.Function:
         """The finite element function with the unknowns ``x``."""
-        if self.mixed is not None:
-            function = self.mixed.displacement(x.getArray(readonly=True)[self._held.size :], name)
-        else:
-            function = fem.Function(self.space, name=name)
+        function = self.elastic.displacement(self.space, x.getArray(readonly=True)[self._held.size :], name)
         if self.rotation is not None:
             y = self.rotation.createVecLeft()
             self.rotation.mult(x, y)
@@ -396,16 +381,13 @@ class ElasticBody:
         """Sqrt(a(y, y)) of a displacement, with what is prescribed; collective."""
         y = self.function(x)
         forces = action(self.forms, y, np.arange(y.x.array.size // self.dimension, dtype=np.int32))
-        twice = float(parallel.global_sum(self.comm, forces @ y.x.array[: forces.size]))
-        if self.mixed is not None:
-            twice += self.mixed.energy(self.mixed.unknowns(y))
+        twice = float(parallel.global_sum(self.comm, forces @ y.x.array[: forces.size])) + self.elastic.energy(y)
         return float(np.sqrt(max(0.0, twice)))
 
     def unknowns(self, function: fem.Function) -> PETSc.Vec:
         """The unknowns x of a finite element function, the inverse of ``function``."""
         x = self.vector(function.x.array)
-        if self.mixed is not None:
-            x.getArray()[self._held.size :] = self.mixed.unknowns(function)
+        x.getArray()[self._held.size :] = self.elastic.unknowns(function)
         return x
 
     def vector(self, values: Array) -> PETSc.Vec:

@@ -18,11 +18,10 @@ import ufl
 from dolfinx import default_scalar_type, fem
 
 from signorini_fx import parallel
-from signorini_fx.body.assembly import assemble
 from signorini_fx.body.averages import from_owners
 from signorini_fx.body.contact_boundary import ContactBoundary
+from signorini_fx.body.elastic_law import ElasticLaw
 from signorini_fx.body.loads import AppliedLoad
-from signorini_fx.body.mixed import MixedPressure
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
@@ -78,8 +77,7 @@ def jump_loads(
     jumps: Sequence[Jump],
     scene: Scene,
     space: fem.FunctionSpace,
-    elastic: Callable[[Any, Any], tuple[Any, ...]],
-    mixed: MixedPressure | None,
+    elastic: ElasticLaw,
     inventory: Inventory,
     held: Callable[[Jump], bool],
 ) -> list[AppliedLoad]:
@@ -89,8 +87,7 @@ def jump_loads(
         jumps: J.
         scene: the scene.
         space: of the displacement.
-        elastic: the terms of a(., .).
-        mixed: the pressure of a mixed element, of which these are not.
+        elastic: what gives the terms of a(., .).
         inventory: where forms are compiled.
         held: whether something on this rank holds nodes of a jump along its axis, see ``holds``.
 
@@ -101,17 +98,13 @@ def jump_loads(
     for jump in jumps:
         if parallel.any_rank(space.mesh.comm, held(jump)):
             raise SceneError([(jump.path, "contact or a support holds nodes of the section along its axis: move it")])
-        displacement, swelling = jump.on(space), None
-        terms = elastic(displacement, z) if mixed is None else mixed.terms(displacement, fem.Function(mixed.own))[:2]
-        second = "reduced volumetric" if mixed is None else "divergence of"
-        names = (jump.entry.name, f"{second} {jump.entry.name}")[: len(terms)]
+        terms = elastic.jump_terms(jump.on(space), z)
+        names = elastic.names_of(jump.entry.name)[: len(terms)]
         forms = tuple(inventory.compile(name, partial(fem.form, term)) for name, term in zip(names, terms, strict=True))
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        if mixed is not None:  # the second one is of the change of volume
-            forms, swelling = forms[:1], np.asarray(assemble(forms[1]) / mixed.unit, dtype=np.float64)
-        forces = -sum((assemble(form) for form in forms), np.zeros(owned))
+        forces, swelling = elastic.work(forms, owned)
         ones, zero_displacement = (1.0,) * scene.steps, fem.Function(space)
-        load = AppliedLoad(ones, names, forms, forces, zero_displacement, balanced=True, swelling=swelling)
+        load = AppliedLoad(ones, names, forms, -forces, zero_displacement, balanced=True, swelling=swelling)
         loads.append(replace(load, entry=jump.entry, amount=jump.amount))
     return loads
 

@@ -16,16 +16,15 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble, facet_vertices, measure
-from signorini_fx.body.cellwise_stiffness import cellwise_stiffness, free_strain_form
 from signorini_fx.body.cut_loads import CutRule, cut_rule
-from signorini_fx.body.mixed import PressureSpace, mixed_strain_form
-from signorini_fx.body.moduli import isotropic, lame_coefficients, of_materials, reduced_degree
+from signorini_fx.body.elastic_law import SceneLaw
+from signorini_fx.body.elastic_laws import elastic_law
+from signorini_fx.body.moduli import of_materials
 from signorini_fx.body.rigid_bodies import Driven, RigidBodies
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import SceneError
 from signorini_fx.kinematics.cartesian import Kinematics
-from signorini_fx.materials.isotropic import initial_strain_forms
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.scales import Scales
@@ -60,8 +59,7 @@ class AppliedLoad:
         balanced: whether its forces balance each other in each cell, as those of initial strains do.
         entry: the entry of the scene that it is of alone; None: of several.
         amount: what multiplies it in place of factors, at a place in the lists of these; None: factors do.
-        swelling: of an initial strain its work at the owned unknowns of the pressure of a mixed element, volumes; None:
-            its forces say it.
+        swelling: of an initial strain its work at the owned unknowns of a pressure, volumes; None: its forces say it.
     """
 
     factors: tuple[float, ...]
@@ -154,6 +152,11 @@ class FormCoefficients:
         """Coefficient of thermal expansion: a constant, or a function that is constant in each cell."""
         (expansion,) = of_materials(self.scene, self.tagged, lambda material: (material.expansion or 0.0,))
         return expansion
+
+    @cached_property
+    def elastic(self) -> SceneLaw:
+        """The elastic law, with coefficients of its own."""
+        return elastic_law(self.scene, self.tagged, self.space, self.inventory)
 
     def inside(self, region: str | None) -> Any:
         """1 in the cells of a region, 0 in the others."""
@@ -306,13 +309,9 @@ def _assembled(
     if turned is not None:
         turned.place(prescribed.x.array.reshape(-1, space.mesh.geometry.dim), loads)
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-    swelling = None
-    if balanced and on.scene.element.volumetric == "mixed":
-        forces, swelling = np.zeros(owned), assemble(forms[0])
-    else:
-        forces = sum((assemble(form) for form in forms), np.zeros(owned))
-        for key, rule in cuts.items():
-            forces = forces + rule.integrals(now[key].density_at(rule), space)
+    forces, swelling = on.elastic.work(forms, owned) if balanced else (sum(map(assemble, forms), np.zeros(owned)), None)
+    for key, rule in cuts.items():
+        forces = forces + rule.integrals(now[key].density_at(rule), space)
     # No function that refers to itself: such a cycle keeps the mesh until the garbage collector comes.
     reassemble = partial(_assembled, group, loads, on, z, supports, None if cuts else compiled) if timed else None
     return AppliedLoad(
@@ -353,28 +352,9 @@ def compile_loads(
 def _compiled_strains(
     strains: Sequence[InitialStrain], on: FormCoefficients, z: Any
 ) -> tuple[tuple[str, ...], tuple[fem.Form, ...]]:
-    mesh, element = on.space.mesh, on.space.element.basix_element.degree
     name, total_strain = " + ".join(strain.name for strain in strains), sum(strain.strain(on) for strain in strains)
-    degree = strains[0].degree(element)
-    if on.scene.element.volumetric == "mixed":
-        pressures = PressureSpace.of(on.scene, on.tagged)
-        q = pressures.scalar(ufl.TestFunction(pressures.own))
-        (swelling,) = isotropic(on.scene, on.tagged, lambda _, poisson: ((1 + poisson) / poisson,))
-        form = mixed_strain_form(q, total_strain, swelling, degree, kinematics=on.kinematics)
-        return (name,), (on.inventory.compile(name, partial(fem.form, form)),)
-    if (moduli := cellwise_stiffness(on.scene, on.tagged)) is not None:
-        terms: tuple[Any, ...] = (free_strain_form(z, total_strain, moduli, degree, on.kinematics),)
-    else:
-        terms = initial_strain_forms(
-            z,
-            total_strain,
-            *lame_coefficients(on.scene, on.tagged),
-            degree,
-            reduced_degree(on.scene, mesh),
-            directions=on.scene.material[0].directions,
-            kinematics=on.kinematics,
-        )
-    names = (name, f"reduced volumetric {name}")[: len(terms)]
+    terms = on.elastic.strain_terms(z, total_strain, strains[0].degree(on.space.element.basix_element.degree))
+    names = on.elastic.names_of(name)[: len(terms)]
     return names, tuple(
         on.inventory.compile(name, partial(fem.form, term)) for name, term in zip(names, terms, strict=True)
     )

@@ -16,6 +16,7 @@ from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.model import Scene
+from signorini_fx.scene.volumetric import treatment_of
 from signorini_fx.tuned import SAME_NUMBER
 
 _BOUNDS = {
@@ -84,7 +85,7 @@ def lame_coefficients(scene: Scene, tagged: TaggedMesh) -> tuple[Any, Any]:
         SceneError: see ``of_materials``; a grading is not between 0 and 1.
     """
     if any(_grading(material, "poisson_grading") is not None for material in scene.material):
-        with np.errstate(divide="ignore"):  # lambda is infinite for nu = 1/2, which a mixed element does not use
+        with np.errstate(divide="ignore"):  # lambda is infinite for nu = 1/2, which a pressure does not use
             first, second = isotropic(scene, tagged, scene.material[0].lame_of)
         return first, second
     share = graded(scene, tagged, "grading")
@@ -158,10 +159,10 @@ def graded(scene: Scene, tagged: TaggedMesh, key: str) -> fem.Function | None:
         count = len(grading.function_space.dofmap.list)
         cells = np.arange(count, dtype=np.int32) if material.region is None else tagged.cells(material.region)
         values = _in_the_middle(value, tagged, cells)
-        mixed = scene.element.volumetric == "mixed"
-        least = values > 0 if key == "grading" or mixed else values >= 0
+        pressed = treatment_of(scene).pressed
+        least = values > 0 if key == "grading" or pressed else values >= 0
         if parallel.any_rank(mesh.comm, not (least & (values <= 1 + SAME_NUMBER)).all()):
-            bounds = _BOUNDS[key].replace("from 0 to 1", "above 0 and at most 1") if mixed else _BOUNDS[key]
+            bounds = _BOUNDS[key].replace("from 0 to 1", "above 0 and at most 1") if pressed else _BOUNDS[key]
             problems.append((f"material[{index}].{key}", bounds))
         grading.x.array[grading.function_space.dofmap.list[cells, 0]] = values
     if problems:
@@ -183,14 +184,14 @@ def reduced_degree(scene: Scene, mesh: dmesh.Mesh) -> int | None:
     """Quadrature degree of the volumetric term where it is reduced: Q1/P0, P2/P0, Q2 with two points per axis."""
     degree, kind = scene.element.degree, mesh.topology.cell_name()
     has_form = not (degree == 1 and kind in ("triangle", "tetrahedron"))
-    requested = scene.element.volumetric
-    if requested == "reduced" and not has_form:
+    requested = treatment_of(scene).reduced
+    if requested and not has_form:
         plane = kind == "triangle"
         cure = "use degree = 2, or quadrilaterals" if plane else "use hexahedra"
         message = f"linear {'triangles' if plane else 'tetrahedra'} have no reduced form: {cure}"
         raise SceneError([("element.volumetric", message)])
     nearly = any(material.locks for material in scene.material)
     apart = all(material.isotropic for material in scene.material)
-    if requested in ("full", "mixed") or not has_form or not apart or (requested == "auto" and not nearly):
+    if requested is False or not has_form or not apart or (requested is None and not nearly):
         return None
     return 3 if degree == 2 and kind in ("quadrilateral", "hexahedron") else 1

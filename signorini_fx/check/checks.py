@@ -18,7 +18,6 @@ from signorini_fx import parallel
 from signorini_fx.accuracy.plan import planned
 from signorini_fx.body.discretisation import Discretisation, prepare
 from signorini_fx.body.loads import group_of, load_groups
-from signorini_fx.body.mixed import MIXED_FORMS
 from signorini_fx.check.cost import Cost, contact_nodes, estimated_cost, friction_kind, linear_solves, memory_finding
 from signorini_fx.check.findings import scene_findings
 from signorini_fx.check.petsc_options import refuse_mistyped
@@ -151,7 +150,7 @@ def _forms(d: Discretisation) -> tuple[str, ...]:
 
 def _effects(d: Discretisation) -> list[ListedEffect]:
     scene = d.scene
-    effects = [_elasticity(d), *_materials(scene), _reduced(d), *_mixed(d), *_displacements(d)]
+    effects = [_elasticity(d), *_materials(scene), _reduced(d), *_pressure(d), *_displacements(d)]
 
     names = dict(zip(load_groups(scene), (load.names for load in d.applied), strict=False))
 
@@ -203,18 +202,18 @@ def _materials(scene: Scene) -> list[ListedEffect]:
 
 def _reduced(d: Discretisation) -> ListedEffect:
     setting = d.scene.element.volumetric
-    on = d.reduced is not None
+    on = d.elastic.reduced is not None
     why = f"volumetric = {setting!r}"
     if setting == "auto":
         why += f", some nu >= {LOCKING_POISSON:g}" if on else f", no nu >= {LOCKING_POISSON:g}, or linear triangles"
     return ListedEffect("reduced integration", on, why, tuple(d.inventory.forms[1:2]) if on else ())
 
 
-def _mixed(d: Discretisation) -> list[ListedEffect]:
-    if d.mixed is None:
+def _pressure(d: Discretisation) -> list[ListedEffect]:
+    if (listed := d.elastic.listed()) is None:
         return []
-    pressures = int(d.mixed.own.dofmap.index_map.size_global)
-    return [ListedEffect("pressure of the mixed element", True, "volumetric = 'mixed'", MIXED_FORMS[1:], pressures)]
+    name, forms, unknowns = listed
+    return [ListedEffect(name, True, f"volumetric = {d.scene.element.volumetric!r}", forms, unknowns)]
 
 
 def _displacements(d: Discretisation) -> list[ListedEffect]:

@@ -78,7 +78,7 @@ def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Find
 
 def _locking(body: Discretisation) -> list[Finding]:
     scene = body.scene
-    if body.reduced is not None or scene.element.degree > 1:
+    if body.elastic.reduced is not None or scene.element.degree > 1:
         return []
     cure = {
         "triangle": "set element.degree = 2, or use quadrilaterals with element.volumetric = 'reduced'",

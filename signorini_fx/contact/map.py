@@ -144,8 +144,8 @@ class ContactMap:
         shape = self.points.movable.shape[:2]
         first, last = self.operator.getOwnershipRangeColumn()
         unknown = columns[largest].astype(np.int64) - first
-        mixed = (1.0 - np.abs(values[largest]) >= SAME_TRACE) | (unknown < 0) | (unknown >= last - first)
-        if parallel.any_rank(self.points.comm, bool(mixed.any() or np.unique(unknown).size < unknown.size)):
+        several = (1.0 - np.abs(values[largest]) >= SAME_TRACE) | (unknown < 0) | (unknown >= last - first)
+        if parallel.any_rank(self.points.comm, bool(several.any() or np.unique(unknown).size < unknown.size)):
             raise ValueError("a component of the displacement at a contact point is no unknown: none can be tied")
         return unknown.reshape(shape), np.sign(values[largest]).reshape(shape)
 

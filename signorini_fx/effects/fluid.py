@@ -1,4 +1,4 @@
-"""Hydrostatic pressure of a fluid at rest up to a level."""
+"""The pressure of a fluid at rest up to a level."""
 
 from __future__ import annotations
 

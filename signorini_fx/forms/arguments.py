@@ -65,7 +65,7 @@ def _supported(space: fem.FunctionSpace) -> fem.FunctionSpace:
     try:
         element = space.element.basix_element
         fits = element.family == basix.ElementFamily.P and not element.discontinuous and element.degree in (1, 2)
-    except RuntimeError:  # a mixed element
+    except RuntimeError:  # one made of several
         fits = False
     if not fits or dim not in (2, 3) or space.dofmap.index_map_bs != mesh.geometry.dim:
         raise FormError([("a", f"its space is {space.ufl_element()}: {wanted}")])

@@ -32,7 +32,7 @@ def errors_of(
         modulus: by which the compliance of the contact law is made a length.
     """
     mesh = u.function_space.mesh
-    squares = stress.recovery().squares(u.x.array)
+    squares = stress.recovery().squares(u)
     zero = np.zeros(squares.size)
     cells = facet_entities(mesh, np.concatenate(facets))[:, 0]
     blur = compliance_of(outcome, mesh.comm) * modulus

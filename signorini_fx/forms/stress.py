@@ -18,7 +18,8 @@ from ufl.algorithms.apply_derivatives import apply_derivatives
 from signorini_fx import parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery, squared_residual
 from signorini_fx.body.assembly import facet_nodes
-from signorini_fx.body.element_stress import ElementStress, anisotropic_stress
+from signorini_fx.body.elastic_law import cellwise_stress
+from signorini_fx.body.element_stress import ElementStress, stress_by
 from signorini_fx.errors import FormError
 from signorini_fx.kinematics import CARTESIAN
 from signorini_fx.mesh.section import is_section
@@ -78,7 +79,7 @@ def stresses_of(
         residual = partial(residual_of, stress, forms, contact, fixed) if all_ufl else lambda z: None
         return StressRecovery(stress, lambda z: (lambda step: None, residual(z)), Inventory())
 
-    return RawStresses(stress_of(law, y, parts), recovery, lambda: recovery().energy(y.x.array))
+    return RawStresses(stress_of(law, y, parts), recovery, lambda: recovery().energy(y))
 
 
 def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStress:
@@ -105,15 +106,9 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStres
     sigma = ufl.as_matrix([[full_stress[i, j] for j in range(dim)] for i in range(dim)])
     try:
         lame = isotropic_moduli(moduli.values, dim, mesh)
-        return anisotropic_stress(
-            y,
-            sigma,
-            outward,
-            (moduli.values, moduli.cells),
-            parts,
-            kinematics,
-            shear_modulus=None if lame is None else lame[1],
-        )
+        shear_modulus = None if lame is None else lame[1]
+        of_law = cellwise_stress(y, sigma, outward, (moduli.values, moduli.cells), shear_modulus=shear_modulus)
+        return stress_by(of_law, y, parts, kinematics)
     except np.linalg.LinAlgError:
         raise FormError([("stress", "is zero for some strain: nothing can be measured in its energy")]) from None
 
@@ -123,7 +118,7 @@ class CellwiseModuli:
     """The components of the stress over those of the strain, at the middle of each cell.
 
     Attributes:
-        values: see ``anisotropic_stress``, shape (cells, rows, m).
+        values: see ``cellwise_stress``, shape (cells, rows, m).
         cells: the number of each cell among them.
         varies: whether they, or a stress without a strain, may vary within a cell.
     """

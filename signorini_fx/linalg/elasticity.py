@@ -70,7 +70,7 @@ class Elasticity:
         contact: B, from the unknowns to the relative displacement at the contact points.
         free: number of rigid motions that are free.
         level: for multigrid; None: it has smoothed aggregation alone, with the near null space of the matrix.
-        definite: whether the matrix is positive semi-definite; a mixed element has a symmetric indefinite one, whose
+        definite: whether the matrix is positive semi-definite; with a pressure it is symmetric and indefinite, whose
             Schur complement on the unknowns of contact is positive semi-definite.
         rigid: how many unknowns of this rank are motions of rigid bodies, the last ones of the last rank.
     """

@@ -64,7 +64,7 @@ class PartialFactor:
         self._count, inside = count, self.inner.size
         stay = places >= 0
         to = np.full(places.size, -1, dtype=rows.indices.dtype)
-        # Of an indefinite matrix, of a mixed element, minimum degree takes fewer operations.
+        # Of an indefinite matrix, with a pressure, minimum degree takes fewer operations.
         self._in_order = positions is not None and definite and _order_is_taken()
         usable_positions = positions if self._in_order else None
         to[nearest_first(rows, stay) if usable_positions is None else dissected(rows, self.inner, usable_positions)] = (

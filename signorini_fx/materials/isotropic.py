@@ -13,6 +13,7 @@ from signorini_fx.kinematics.space import SPACE
 from signorini_fx.materials.protocol import Array, Material
 from signorini_fx.scene.effect import Contradictions, Features
 from signorini_fx.scene.values import Positive, SampledValue
+from signorini_fx.scene.volumetric import treatment_of
 
 
 class LinearElastic(Material):
@@ -20,7 +21,7 @@ class LinearElastic(Material):
 
     Attributes:
         young: Young's modulus E > 0, stress, which ``grading`` multiplies.
-        poisson: Poisson's ratio nu in (-1, 0.5); 0.5 too in plane stress, and where ``element.volumetric`` is mixed.
+        poisson: Poisson's ratio nu in (-1, 0.5); 0.5 too in plane stress, and with a pressure as an unknown.
         poisson_grading: from 0 to 1, by which ``poisson``, the largest, is multiplied, likewise.
         yield_stress: by von Mises, a stress, which gives ``utilisation`` and changes nothing else; None: not known.
         hypothesis, torsion, grading, density, expansion, region: see ``Material``.
@@ -151,11 +152,12 @@ class LinearElastic(Material):
         if apart and self.poisson_grading is not None:
             reason = "is not possible yet where another material is anisotropic"
             yield ("material", number, "poisson_grading"), reason
-        if scene.element.volumetric == "mixed":
+        if treatment_of(scene).pressed:
+            setting = repr(scene.element.volumetric)
             if not self.poisson > 0:
-                yield ("material", number, "poisson"), "must be above 0 where element.volumetric = 'mixed'"
+                yield ("material", number, "poisson"), f"must be above 0 where element.volumetric = {setting}"
             if number == 0 and scene.element.degree != 2:
-                yield ("element", "degree"), "must be 2 for 'mixed', whose pressure has one degree less"
+                yield ("element", "degree"), f"must be 2 for {setting}, whose pressure has one degree less"
         elif self.poisson == 0.5 and (apart or self.hypothesis != "plane stress"):
             cure = 'element = { degree = 2, volumetric = "mixed" }, whose pressure is an unknown of its own'
             yield ("material", number, "poisson"), f"must be below 0.5: an incompressible body needs {cure}"

@@ -150,8 +150,8 @@ def _parallelograms(corners: Array) -> bool:
     """Whether maps from the reference part are affine; ``corners``: shape (m, c, 3)."""
     if corners.shape[1] == 3:
         return True
-    mixed = np.linalg.norm(corners[:, 0] - corners[:, 1] + corners[:, 2] - corners[:, 3], axis=1)
-    return bool((mixed <= SAME_LENGTH * np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1)).all())
+    twist = np.linalg.norm(corners[:, 0] - corners[:, 1] + corners[:, 2] - corners[:, 3], axis=1)
+    return bool((twist <= SAME_LENGTH * np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1)).all())
 
 
 def _projected(side: PairSurface, facets: Indices, at: Array, p: Array, centre: Array, axes: Array) -> Array:
@@ -250,11 +250,11 @@ def _back(flat: Array, reference: Array, p: Array) -> tuple[Array, Array]:
 
     def maps(corners: Array) -> tuple[Array, Array, Array]:
         first, second = corners[:, None, 1] - corners[:, None, 0], corners[:, None, -1] - corners[:, None, 0]
-        mixed = np.zeros_like(first)
+        twist = np.zeros_like(first)
         if corners.shape[1] == 4:
-            mixed = corners[:, None, 2] - corners[:, None, 1] - second
+            twist = corners[:, None, 2] - corners[:, None, 1] - second
         a, b = s[..., :1], s[..., 1:]
-        return corners[:, None, 0] + a * first + b * second + a * b * mixed, first + b * mixed, second + a * mixed
+        return corners[:, None, 0] + a * first + b * second + a * b * twist, first + b * twist, second + a * twist
 
     for _ in range(_STEPS if flat.shape[1] == 4 else 1):
         image, first, second = maps(flat)

@@ -70,7 +70,7 @@ class Certificate:
 
     Attributes:
         equilibrium: residual of (3.3a) in the free unknowns, of all together and of the worst contact node as a stress;
-            of a mixed element also that of its change of volume, relative to the mean strain.
+            with a pressure also that of the change of volume, relative to the mean strain.
         supports: largest difference from a prescribed displacement.
         negative_pressure: largest -lambda.
         friction_cone: largest |mu| - F g, or shear that is not tangential, or across a plane of symmetry of two bodies.
@@ -167,8 +167,8 @@ def certify(
     forces = NodalForces(scene, tagged, space)
     nodal_displacements = displacement.x.array.reshape(-1, tagged.mesh.geometry.dim)
     scales = Scales(tagged.dimension, scene.young, tagged.size, forces.kinematics.depth(tagged.size))
-    mixed = scene.element.volumetric == "mixed"  # whose forces are not those of a change of volume
-    stiffest = replace(scales, modulus=max(material.stiffest(pressed=mixed) for material in scene.material))
+    pressed = forces.volume.pressed  # then forces are not those of a change of volume
+    stiffest = replace(scales, modulus=max(material.stiffest(pressed=pressed) for material in scene.material))
     balance = Balance(
         forces,
         forces.internal(displacement),
@@ -178,7 +178,7 @@ def certify(
         stiffest,
         forces.resisted(nodal_displacements),
         *forces.initial(step, scale, displacement),
-        dilation=forces.dilation(displacement, step, scale) if mixed else None,
+        dilation=forces.volume.dilation(forces, displacement, step, scale),
     )
     sides = sides_of(scene, tagged, space, pairs)
     if tractions is not None and tractions.joint is not None:

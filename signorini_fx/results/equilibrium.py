@@ -152,7 +152,7 @@ def equilibrium(
 
 
 def change_of_volume(balance: Balance, far: float, strain_energy: float) -> float:
-    """How far the volume of a mixed element changes otherwise than its pressure says, relative to the mean strain, or
+    """How far the volume changes otherwise than a pressure that is an unknown says, relative to the mean strain, or
     to what loads may cause (in an enclosed body a pressure, and no strain); ``far``: largest displacement; collective.
     """
     if balance.dilation is None:

@@ -20,16 +20,16 @@ from dolfinx import fem
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import adjugates, assemble
+from signorini_fx.body.elastic_laws import volume_forces
 from signorini_fx.body.jumps import Jump, jumps_in
 from signorini_fx.body.loads import FormCoefficients, compile_loads
-from signorini_fx.body.mixed import MixedDisplacement, hydrostatic_of
 from signorini_fx.body.moduli import reduced_degree
 from signorini_fx.body.quadrature import strain_degree
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.results.cut_entities import cut_rules
 from signorini_fx.results.quadrature_points import QuadraturePoints
-from signorini_fx.results.surface_quadrature import QuadratureFacets, SurfaceQuadrature, over_ranks
+from signorini_fx.results.surface_quadrature import QuadratureFacets, SurfaceQuadrature
 from signorini_fx.scene.effect import Effect, Force, InitialStrain, Points, Resistance
 from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.model import Scene
@@ -63,7 +63,7 @@ class NodalForces(SurfaceQuadrature):
         self.tagged = tagged
         self.kinematics = scene.kinematics_in(tagged.dimension)
         owned = int(space.mesh.topology.index_map(self.across).size_local)
-        self._mixed = scene.element.volumetric == "mixed"
+        self.volume = volume_forces(scene)
         self._owned_cells = np.arange(owned, dtype=np.int32) if cells is None else cells[cells < owned]
 
     def facets(self, boundary: Any) -> Indices:
@@ -76,11 +76,11 @@ class NodalForces(SurfaceQuadrature):
         What resists them on the boundary is not in it, see ``resisted``.
         """
         forces = self.of_stress(displacement.x.array.reshape(-1, self.dimension))
-        return forces - self.over_ranks(self._pressed(displacement)[0]) if self._mixed else forces
+        return forces + self.over_ranks(self.volume.forces(self, displacement)) if self.volume.pressed else forces
 
     def of_stress(self, y: Array) -> Array:
-        """a(y, .) of nodal displacements with ghosts, shape (nodes, d), of a mixed element without its pressure;
-        forces, shape (owned nodes, d).
+        """a(y, .) of nodal displacements with ghosts, shape (nodes, d), without a pressure that is an unknown; forces,
+        shape (owned nodes, d).
         """
         return self.over_ranks(self._stress_work(y, self._degree)[0])
 
@@ -89,44 +89,18 @@ class NodalForces(SurfaceQuadrature):
         """Of the quadrature of the stress."""
         return strain_degree(self.space, self.kinematics)
 
-    def dilation(self, displacement: fem.Function, step: float, scale: float = 1.0) -> tuple[Array, Array]:
-        """The weak form of tr(epsilon) + p / lambda = 0 of a mixed element, with the initial strains of a load step
-        times ``scale``, see ``body.mixed.mixed_strain_form``.
-
-        Returns:
-            The residual with the functions of the pressure, and their integrals, volumes, both with shape (owned
-            vertices times materials,).
-        """
-        space, _ = self._dilating
-        _, residual, volume = self._pressed(displacement)
-        for jump, beyond in self.jumps():
-            moved = MixedDisplacement(self.space, fem.Function(hydrostatic_of(displacement).function_space))
-            moved.x.array[:] = (scale * jump.amount(step) * jump.at_nodes).ravel()
-            residual = residual + beyond._pressed(moved)[1]
-        return over_ranks(residual - self._swollen(displacement, step, scale)[0], space), over_ranks(volume, space)
-
-    @cached_property
-    def _dilating(self) -> tuple[fem.FunctionSpace, Indices]:
-        """The functions that the pressure is tested with, one of each material at each vertex, and those of each cell,
-        shape (cells, vertices).
-        """
-        m = len(self.scene.material)
-        space = fem.functionspace(self.tagged.mesh, ("Lagrange", 1, (m,)))
-        (number,) = self.of_materials(lambda material: (float(self.scene.material.index(material)),))
-        return space, space.dofmap.list * m + number[:, None].astype(np.int32)
-
     def initial(self, step: float, scale: float = 1.0, displacement: fem.Function | None = None) -> tuple[Array, float]:
         """Forces of the stress that initial strains and jumps of a load step times ``scale`` cause where
-        they are prevented, shape (owned nodes, d), and its energy; of a mixed element those of jumps alone, and what
-        both add to the energy of its ``displacement``.
+        they are prevented, shape (owned nodes, d), and its energy; with a pressure those of jumps alone, and what both
+        add to the energy of a ``displacement``.
         """
         forces, energy = self.strained(step, scale, displacement)
         for jump, beyond in self.jumps():
             moved = scale * jump.amount(step) * jump.at_nodes
             jump_forces = beyond.of_stress(moved)
             work = np.sum((jump_forces / 2 - beyond.strained(step, scale)[0]) * moved[: self.owned])
-            if self._mixed and displacement is not None:
-                work -= np.sum(beyond._pressed(displacement)[0] * moved) / 2
+            if displacement is not None:
+                work += np.sum(beyond.volume.forces(beyond, displacement) * moved) / 2
             forces, energy = (
                 forces - jump_forces,
                 energy + float(parallel.global_sum(self.tagged.mesh.comm, np.array(work))),
@@ -143,13 +117,9 @@ class NodalForces(SurfaceQuadrature):
     ) -> tuple[Array, float]:
         """``initial`` of initial strains alone."""
         strain, degree = self._strain(step, scale)
-        if self._mixed or strain is None:
-            added_energy = (
-                0.0 if displacement is None or strain is None else self._swollen(displacement, step, scale)[1]
-            )
-            zero_forces = np.zeros((self.owned, self.dimension))
-            return zero_forces, float(parallel.global_sum(self.tagged.mesh.comm, np.array(added_energy)))
-        forces, energy = self._stress_work(self._zero(), degree, strain)
+        forces, energy = (
+            (self._zero(), 0.0) if strain is None else self.volume.strained(self, strain, degree, displacement)
+        )
         return -self.over_ranks(forces), float(parallel.global_sum(self.tagged.mesh.comm, np.array(energy)))
 
     def _strain(self, step: float, scale: float) -> tuple[Callable[[QuadratureFacets], Array] | None, int]:
@@ -166,28 +136,6 @@ class NodalForces(SurfaceQuadrature):
             return sum((factor * current.strain_at(points) for factor, current in moved), np.zeros(1))
 
         return strain, strains[0].degree(self.scene.element.degree)
-
-    def _swollen(self, displacement: fem.Function, step: float, scale: float) -> tuple[Array, float]:
-        """The work of the initial strains e in the constraint of a mixed element, k (e, q), by all functions, and what
-        they add to a(y, y) / 2 for the energy of the stress, k (e, p) / 2 - mu k (e, e), on this rank alone.
-        """
-        pressure, (space, rows) = hydrostatic_of(displacement), self._dilating
-        p = pressure.x.array[pressure.function_space.dofmap.list]
-        work, energy, (strain, degree) = np.zeros_like(fem.Function(space).x.array), 0.0, self._strain(step, scale)
-        if strain is None:
-            return work, energy
-        hat = basix.create_element(basix.ElementFamily.P, self._cell, 1).tabulate(
-            0, basix.make_quadrature(self._cell, degree)[0]
-        )[0, ..., 0]
-        young, poisson = self._young_and_poisson()
-        numbers = (1 + poisson) / poisson, young / (2 * (1 + poisson))
-        for part, size in self._cells(degree):
-            initial_strain = strain(part)
-            swelling, mu = (m[:, None] if m.size == 1 else m[part.cells, None] for m in numbers)
-            weighted = swelling * size * self._around(part) * initial_strain
-            np.add.at(work, rows[part.cells], weighted @ hat)
-            energy += float(np.sum(weighted * (p[part.cells] @ hat.T / 2 - mu * initial_strain)))
-        return work, energy
 
     def resisted(self, displacement: Array, resistances: Sequence[Resistance] | None = None) -> Array:
         """What resists nodal displacements with ghosts, shape (nodes, d), on the boundary: all of it, or some; forces,
@@ -253,9 +201,9 @@ class NodalForces(SurfaceQuadrature):
         return list(cell_values)
 
     def _hooke(self) -> tuple[Array, Array]:
-        """Hooke's law, of a mixed element without its pressure, of all cells alike, shape (1,), or cell by cell."""
-        moduli = young, poisson = self._young_and_poisson()
-        return (young / (1 + poisson), np.zeros(1)) if self._mixed else self.scene.material[0].hooke_of(*moduli)
+        """Hooke's law, without a pressure that is an unknown, of all cells alike, shape (1,), or cell by cell."""
+        young, poisson = self._young_and_poisson()
+        return self.volume.hooke(self.scene.material[0], young, poisson)
 
     def _young_and_poisson(self) -> tuple[Array, Array]:
         """Both, of all cells alike, shape (1,), or cell by cell."""
@@ -425,34 +373,6 @@ class NodalForces(SurfaceQuadrature):
     def middles(self, cells: Indices | slice) -> Array:
         """The middles of the corners of cells, shape (3, n)."""
         return in_space(self._x[self._corners[cells, : len(basix.geometry(self._cell))]].mean(axis=1))
-
-    def _pressed(self, displacement: fem.Function) -> tuple[Array, Array, Array]:
-        """(p, div z) of a mixed element, shape (nodes, d), and the rest of ``dilation``, on this rank alone."""
-        pressure, (space, rows) = hydrostatic_of(displacement), self._dilating
-        p = pressure.x.array[pressure.function_space.dofmap.list]
-        hats, y = basix.create_element(basix.ElementFamily.P, self._cell, 1), displacement.x.array
-        y = y.reshape(-1, self.dimension)
-        young, poisson = self._young_and_poisson()
-        compressibility = (1 + poisson) * (1 - 2 * poisson) / (young * poisson)
-        forces, (residual, volume) = self._zero(), np.zeros((2, *fem.Function(space).x.array.shape))
-        points, _ = basix.make_quadrature(self._cell, self._degree)
-        hat, turning = hats.tabulate(0, points)[0, ..., 0], self.kinematics.third_column
-        for part, size in self._cells(self._degree):
-            cells, table = part.cells, part.table
-            inverse, determinant = adjugates(self._jacobian(cells, table))
-            slope = np.zeros((self.dimension, *size.shape, table.shape.shape[-1]))
-            slope[: len(inverse)] = np.einsum("kqn,kjcq->jcqn", table.slope, inverse / determinant)  # along x_j
-            for axis, share in enumerate(() if turning is None else turning[2]):
-                slope[axis] += share * table.shape / self.positions(part)[..., 0, None]
-            size = size * self._around(part)
-            inside = p[cells] @ hat.T
-            yields = compressibility[:, None] if compressibility.size == 1 else compressibility[cells, None]
-            work = np.einsum("cq,jcqn->cnj", size * inside, slope)
-            np.add.at(forces, self._nodes[cells], work)
-            dilation = np.einsum("jcqn,cnj->cq", slope, y[self._nodes[cells]])
-            np.add.at(residual, rows[cells], (size * (dilation + yields * inside)) @ hat)
-            np.add.at(volume, rows[cells], size @ hat)
-        return forces, residual, volume
 
     def _compiled(self, load: Force, step: float) -> Array:
         """A load with UFL expressions, by its own form."""

@@ -14,7 +14,6 @@ import numpy as np
 from dolfinx import fem
 
 from signorini_fx import parallel
-from signorini_fx.body.mixed import MixedDisplacement, hydrostatic_of
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.scene.effect import Force
@@ -46,12 +45,11 @@ def section_forces(
     """What goes through each section that a scene shortens, with all loads times ``scale``; collective."""
     if not scene.interfaces:
         return []
-    nodal, space = NodalForces(scene, tagged, displacement.function_space), displacement.function_space
-    mixed = scene.element.volumetric == "mixed"
+    nodal = NodalForces(scene, tagged, displacement.function_space)
     inside, forces = [load for load in scene.of(Force) if load.where is None], []
     for jump, beyond in nodal.jumps():
         shortening = scale * jump.amount(step)
-        moved = MixedDisplacement(space, hydrostatic_of(displacement)) if mixed else fem.Function(space)
+        moved = nodal.volume.moved(displacement)
         moved.x.array[:] = displacement.x.array + shortening * jump.at_nodes.ravel()
         residual = beyond.internal(moved)
         residual = residual - beyond.external(step, scale, inside) - beyond.strained(step, scale)[0]

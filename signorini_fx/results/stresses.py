@@ -238,7 +238,7 @@ class RawStresses(StressFields):
         if not energy > 0:
             return None
         stress = self.stress
-        squares = self.recovery().squares(stress.displacement.x.array, self.place, stress.hydrostatic).sum()
+        squares = self.recovery().squares(stress.displacement, self.place).sum()
         return float(np.sqrt(parallel.global_sum(self.comm, squares) / (2 * energy)))
 
     def as_dict(self) -> dict[str, Any]:
@@ -371,7 +371,7 @@ class RecoveredStresses(StressFields):
         mesh = stress.displacement.function_space.mesh
         function = fem.Function(fem.functionspace(mesh, ("DG", 1, (3, 3))), name="recovered_stress")
         values = function.x.array.reshape(-1, 3, 3)
-        smoothed = self.recovery.smoothed(stress.displacement.x.array, self.place, stress.hydrostatic)
+        smoothed = self.recovery.smoothed(stress.displacement, self.place)
         for part, (cells, components) in enumerate(smoothed):
             sigma = stress.kinematics.tensors(components)
             if stress.outward is not None:

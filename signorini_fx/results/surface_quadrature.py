@@ -11,11 +11,11 @@ import basix
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
-from dolfinx import fem, la
+from dolfinx import fem
 
 from signorini_fx import compat
 from signorini_fx.body import forms
-from signorini_fx.body.assembly import adjugates, facet_entities
+from signorini_fx.body.assembly import adjugates, facet_entities, over_ranks
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.tuned import ZERO_SUM
 
@@ -214,16 +214,6 @@ class SurfaceQuadrature:
             if factor is not None:
                 normal *= (np.nan_to_num(factor)[self._nodes[cells]] @ table.shape.T)[:, :, None]
             yield QuadratureFacets(cells, table, weight[:, None] * normal)
-
-
-def over_ranks(values: Array, space: fem.FunctionSpace) -> Array:
-    """What all ranks contribute to the unknowns of a space that this one owns; ``values`` are those of all that it has;
-    collective.
-    """
-    function = fem.Function(space)
-    function.x.array[:] = values
-    function.x.scatter_reverse(la.InsertMode.add)
-    return np.array(function.x.array[: space.dofmap.index_map.size_local * space.dofmap.index_map_bs])
 
 
 def _clean(functions: Array) -> Array:

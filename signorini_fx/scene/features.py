@@ -13,11 +13,10 @@ from typing import Any
 
 from signorini_fx.errors import SceneError
 from signorini_fx.scene.effect import Contradictions, Keys
+from signorini_fx.scene.volumetric import TREATMENTS, treatment_of
 
 REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
-    "mixed element": {
-        "krylov": "must not be 'krylov' where element.volumetric = 'mixed': multigrid needs a positive definite matrix",
-    },
+    **{treatment.words: treatment.refuses for treatment in TREATMENTS.values() if treatment.refuses},
     "several bodies": {
         "local refinement": "is not possible for several [[body]], each of which is made anew with smaller cells: use "
         "'uniform'"
@@ -30,11 +29,10 @@ REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
 
 def features(scene: Any) -> Iterator[tuple[str, Keys]]:
     """Each with the key that asks for it."""
-    solver, accuracy, volumetric = scene.solver, scene.accuracy, scene.element.volumetric
+    solver, accuracy, treatment = scene.solver, scene.accuracy, treatment_of(scene)
     for name, path, used in (
         (scene.kinematics.words, ("material",), True),
-        ("mixed element", ("element", "volumetric"), volumetric == "mixed"),
-        ("reduced integration", ("element", "volumetric"), volumetric == "reduced"),
+        (treatment.words, ("element", "volumetric"), bool(treatment.words)),
         ("exact", ("solver", "algorithm"), solver.algorithm == "exact"),
         ("krylov", ("solver", "linear_algebra"), solver.linear_algebra == "krylov"),
         ("nested iteration", ("solver", "levels"), solver.levels > 1),

@@ -272,4 +272,4 @@ def _allowed(d: Discretisation) -> Callable[[fem.Function], float] | None:
     if (settings.algorithm, settings.regularisation_error) != ("path-following", "auto"):
         return None
     recovery, share = StressRecovery.of(d), PATH_ERROR_SHARE[d.scene.element.degree]
-    return lambda y: share * recovery.error(y.x.array, hydrostatic=getattr(y, "hydrostatic", None))
+    return lambda y: share * recovery.error(y)

@@ -20,6 +20,7 @@ from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import as_scene
 from signorini_fx.scene.values import kind_of
+from signorini_fx.scene.volumetric import treatment_of
 from signorini_fx.solving.nested import solve_nested
 from signorini_fx.solving.one_mesh import solve_mesh
 from signorini_fx.solving.restart import MeshCheckpoint, open_checkpoint
@@ -115,8 +116,8 @@ def _checkpoint(
         without = "a scene with one load step on one mesh"
     elif any(effect.friction.timed for effect in scene.contact):  # nor is the law of a load step
         without = "a scene with friction that depends on the time"
-    elif scene.element.volumetric == "mixed":  # nor its pressure
-        without = "a scene with a mixed element"
+    elif treatment_of(scene).pressed:  # which is not stored
+        without = f"a scene with a {treatment_of(scene).words}"
     if folder is None or without is not None:
         if restart:
             raise SceneError([("restart", f"{without} has no checkpoint to go on from: solve it without restart")])

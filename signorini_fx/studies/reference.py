@@ -19,7 +19,8 @@ from signorini_fx import compat
 from signorini_fx.accuracy.contact_values import interpolated
 from signorini_fx.accuracy.price_list import zone_change
 from signorini_fx.accuracy.stress_recovery import StressRecovery
-from signorini_fx.body.element_stress import compliance, element_stress
+from signorini_fx.body.elastic_law import compliance
+from signorini_fx.body.element_stress import element_stress
 from signorini_fx.mesh.hierarchy import scene_on
 from signorini_fx.mesh.points import cells_of_points
 from signorini_fx.mesh.refinement import mark, refine
@@ -192,7 +193,7 @@ def divided(scene: Scene, first: float, unknowns: int) -> list[Solution]:
     while not solutions or solutions[-1].discretisation.dofs < unknowns:
         solution = solve(scene.model_copy(update={"mesh": tagged}), MPI.COMM_SELF)
         solutions.append(solution)
-        squares = StressRecovery.of(solution.discretisation).squares(solution.displacement.x.array)
+        squares = StressRecovery.of(solution.discretisation).squares(solution.displacement)
         tagged = refine(tagged, mark(MPI.COMM_SELF, squares))
     return solutions
 

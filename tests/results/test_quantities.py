@@ -7,7 +7,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx.body import element_stress as estimators
+from signorini_fx.body import elastic_law as estimators
 from signorini_fx.materials.isotropic import LinearElastic
 from signorini_fx.picture_data.body_cells import gather_cells
 from signorini_fx.scene.reading import parse_scene
