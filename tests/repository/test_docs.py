@@ -365,7 +365,11 @@ def test_one_version():
     """The package's, and nowhere another one."""
     version = signorini_fx.__version__
     assert re.fullmatch(r"\d+\.\d+\.\d+", version)
-    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {version}\n" in citation
+    archived = json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))
+    assert f'title: "{archived["title"]}"' in citation
+    assert f"doi: {archived['related_identifiers'][0]['identifier']}" in citation
     headings = re.findall(r"^## \[(.+?)\]", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert version in headings[:2]
     assert headings[0] in (version, "Unreleased")
