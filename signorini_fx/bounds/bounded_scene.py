@@ -39,10 +39,7 @@ REFUSES = {
     "driven foundation": "a guaranteed bound is for foundations that no force moves so far",
     "mixed element": "a guaranteed bound is for elements without a pressure of their own so far",
     "graded material": "moduli or axes that vary have no guaranteed bound yet",
-    "several load steps": "a guaranteed bound is for one load step so far",
-    "load in time": "loads that depend on the time have no guaranteed bound yet",
     "support of a point": "a displacement at a point has no guaranteed bound: a point has none in the energy norm",
-    "prescribed rotation": "a prescribed rotation has no guaranteed bound yet",
     "contact that cannot open": _UNILATERAL,
     "contact of two bodies": _UNILATERAL,
     "foundation with a shape": "a guaranteed bound is for a gap along given directions, not for a foundation with a "
@@ -150,26 +147,28 @@ def refuse_unknown(d: NamedBody) -> None:
             raise Refused(reason)
 
 
-def _data(d: NamedBody) -> Iterator[tuple[str, str, Any, float]]:
+def _data(d: NamedBody, place: float) -> Iterator[tuple[str, str, Any, float]]:
     """What a bound looks at between nodes: a kind, a name, a value, and the degree up to which its points tell all of a
-    polynomial.
+    polynomial; at a place in the lists of factors.
     """
     plane = d.tagged.dimension == 2
-    for contact in d.scene.contact:
+    for contact in d.scene.placed(place).contact:
         yield "gap", f"gap of {contact.boundary!r}", contact.gap_in(d.tagged.dimension), 2
         bound = 0.0 if contact.friction.follows_pressure else contact.friction.given_bound
         yield "friction bound", f"friction bound of {contact.boundary!r}", bound, 1
-    for _, entry in d.scene.listed():
-        if isinstance(entry, BodyForce | SurfaceTraction | PrescribedDisplacement):
+    for _, load in d.scene.listed():
+        if isinstance(load, BodyForce | SurfaceTraction | PrescribedDisplacement):
+            _, entry = d.scene.now(load, place)
             name = entry.label if entry.where is None else f"{entry.label} of {entry.where!r}"
-            for value in entry.given.values():
-                yield entry.label, name, value, 1 if entry.where is None and not plane else 5
+            for key, value in entry.given.items():
+                degree = 4 if key == "rotation" else 5  # which is multiplied by a distance
+                yield entry.label, name, value, 1 if entry.where is None and not plane else degree
 
 
-def why_estimated(d: NamedBody) -> str:
+def why_estimated(d: NamedBody, place: float = 0.0) -> str:
     """Why what is computed as a bound is an estimate, as data are known at points alone; "": it is a bound."""
     reasons = []
-    for kind, name, value, _ in _data(d):
+    for kind, name, value, _ in _data(d, place):
         if isinstance(value, Expression):
             if kind in _CUT and value.jumps and not value.cuts_exactly:
                 reasons.append(f"the {name} compares functions that are not affine")
@@ -178,17 +177,19 @@ def why_estimated(d: NamedBody) -> str:
     return " and ".join(dict.fromkeys(reasons))
 
 
-def grounds(d: NamedBody, *, coulomb: bool, unknown: float) -> Grounds:
+def grounds(d: NamedBody, place: float, *, coulomb: bool, later: bool, unknown: float) -> Grounds:
     """What a bound rests on.
 
     Args:
         d: the discretised scene.
+        place: in the lists of factors.
         coulomb: whether its friction bound is the computed one.
+        later: whether slip counts from the displacement of another load step.
         unknown: share of the loads that quadrature does not know, which is counted.
     """
     seen = [
         kind
-        for kind, _, value, degree in _data(d)
+        for kind, _, value, degree in _data(d, place)
         if isinstance(value, Expression)
         and (value.degree > degree or not (value.cuts_exactly if kind in _CUT else value.is_smooth))
     ]
@@ -204,5 +205,8 @@ def grounds(d: NamedBody, *, coulomb: bool, unknown: float) -> Grounds:
         "solution is assumed"
         if coulomb
         else "",
+        "of the load step that begins with the computed displacement of the one before: that this is exact is assumed"
+        if later
+        else "",
     ]
-    return Grounds(why_estimated(d), "; ".join(filter(None, statements)))
+    return Grounds(why_estimated(d, place), "; ".join(filter(None, statements)))

@@ -11,8 +11,8 @@ contact the gap of the dual functionals, I. Ekeland and R. Temam, Convex Analysi
 finite element solution without what it enters the foundation, w; with the solution itself in the first term only, the
 square of its error is at most the sum above plus that of |w|.  tau the stress of least complementary energy of
 ``equilibrated_stress`` with tractions made of the nodal pressures.  What the stress does not hold of the loads enters
-with explicit constants.  docs/theory.md lists
-what is assumed.  Straight cells, one rank.
+with explicit constants.  In a later load step v_t is the increment, whose beginning is taken as computed.
+docs/theory.md lists what is assumed.  Straight cells, one rank.
 
 Tractions are linear on facets, so that p >= 0 and |mu| <= g hold everywhere where they hold at the vertices: both sets
 are convex.  |v_t| is at most the quadratic with the sizes of the coefficients of Bernstein of v_t, for the same reason.
@@ -142,7 +142,13 @@ class Enclosure:
         return float(np.sqrt((self.gap - contact) / 4 + contact / 2 + self.missed * self.distance))
 
 
-def error_bound(d: NamedBody, y: fem.Function, contact: ContactState | None, step: float = 0.0) -> ErrorBound | str:
+def error_bound(
+    d: NamedBody,
+    y: fem.Function,
+    contact: ContactState | None,
+    step: float = 0.0,
+    before: fem.Function | None = None,
+) -> ErrorBound | str:
     """The bound for a solution; or why there is none.
 
     Args:
@@ -150,9 +156,10 @@ def error_bound(d: NamedBody, y: fem.Function, contact: ContactState | None, ste
         y: the displacement.
         contact: the contact nodes.
         step: the place of the load step in the lists of factors.
+        before: the displacement of the load step before, from which slip counts; None: there is none.
     """
     try:
-        return Bounded(d, y, contact, step).bound()
+        return Bounded(d, y, contact, step, before).bound()
     except Refused as refused:
         return str(refused)
 
@@ -165,12 +172,12 @@ def why_unbounded(d: Discretisation) -> str:
     """
     try:
         refuse_unknown(d)
-        prescribed = fem.Function(d.space)
-        prescribed.x.array[:] = sum(factor * load.prescribed.x.array for factor, load in d.applied_at(0.0))
-        PlainProblem(d, prescribed, None, 0.0)
+        prescribed, last = fem.Function(d.space), float(d.scene.steps - 1)
+        prescribed.x.array[:] = sum(factor * load.prescribed.x.array for factor, load in d.applied_at(last))
+        PlainProblem(d, prescribed, None, last)
     except Refused as refused:
         return str(refused)
-    why = why_estimated(d)
+    why = why_estimated(d, last)
     return why and f"there is no guaranteed bound, as {why}"
 
 
@@ -233,7 +240,8 @@ class Bounded(PlainProblem):
         d = self.t.dimension
         displacement = self.on_facets(y, middle, surface.facets)
         normal = np.einsum("fcd,fd->fc", displacement, surface.normal)
-        tangential = displacement - normal[:, :, None] * surface.normal[:, None]
+        slip = displacement - surface.before
+        tangential = slip - np.einsum("fcd,fd,fe->fce", slip, surface.normal, surface.normal)
         values, linear = bernstein(POINTS[d]), POINTS[d]
         work = surface.pressure @ linear.T * (surface.gap - normal @ values.T).clip(min=0.0)
         size = np.linalg.norm(tangential, axis=2) @ values.T
@@ -351,10 +359,11 @@ class Bounded(PlainProblem):
             for corner in range(t.dimension):
                 vertex = t.facets[surface.facets, corner]
                 depth = np.einsum("fd,fd->f", self.y[vertex], surface.normal) - surface.below[:, corner]
+                slip = self.y[vertex] - surface.before[:, corner]
                 sticks = np.linalg.norm(surface.shear[:, corner], axis=1) < (1 - SAME_LENGTH) * surface.least[:, corner]
                 for selected, direction, value in (
                     (np.ones(len(vertex), dtype=bool), surface.normal, depth.clip(min=0.0)),
-                    *((sticks, along, np.einsum("fd,fd->f", self.y[vertex], along)) for along in surface.tangents),
+                    *((sticks, along, np.einsum("fd,fd->f", slip, along)) for along in surface.tangents),
                 ):
                     axes, loose = vectors[vertex], sizes[vertex] <= SAME_LENGTH
                     free = np.einsum("fik,fk,fjk,fj->fi", axes, loose, axes, direction)

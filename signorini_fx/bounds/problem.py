@@ -22,7 +22,6 @@ from signorini_fx.effects.contact import UnilateralContact
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.quantities.statements import Grounds, Refused
 from signorini_fx.scene.effect import Force
-from signorini_fx.scene.load_steps import factor_at
 from signorini_fx.tuned import SAME_LENGTH, ZERO_IN_SOLUTION
 
 # Values at both ends and in the middle of the linear function whose moments with linear ones are those that Simpson's
@@ -44,6 +43,8 @@ class FacetsInContact:
         pressure: p at the vertices, stress, shape (m, d).
         shear: mu at the vertices, perpendicular to the normal, stress, shape (m, d, d).
         least: a linear function of which |mu| is at most, at the vertices, stress, shape (m, d).
+        before: coefficients of Bernstein of the displacement from which slip counts, length, shape (m, 3 or 6, d); zero
+            in the first load step.
     """
 
     facets: Ints
@@ -54,6 +55,7 @@ class FacetsInContact:
     pressure: Array
     shear: Array
     least: Array
+    before: Array
 
     @property
     def traction(self) -> Array:
@@ -83,13 +85,21 @@ class PlainProblem:
         contacts: the contacts of the scene.
     """
 
-    def __init__(self, d: NamedBody, y: fem.Function, contact: ContactState | None, step: float) -> None:
-        self._d, self._position, self._dimension = d, step, d.tagged.dimension
+    def __init__(
+        self,
+        d: NamedBody,
+        y: fem.Function,
+        contact: ContactState | None,
+        step: float,
+        before: fem.Function | None = None,
+    ) -> None:
+        self._d, self._position, self._dimension, self._scene = d, step, d.tagged.dimension, d.scene.placed(step)
         refuse_unknown(d)
         self._divide(y)
+        self._before = self._begin_of_slip(contact, before)
         self.held = np.zeros((len(self.t.facets), self._dimension, self._dimension))
         self._supports()
-        acting = [(factor_at(d.scene.factors_of(load), step), load) for load in d.scene.of(Force)]
+        acting = [self._scene.now(load, step) for load in self._scene.of(Force)]
         forces = [
             (factor, load, None if load.where is None else self._facets(load.where))
             for factor, load in acting
@@ -99,50 +109,78 @@ class PlainProblem:
         self.contacts = (
             []
             if contact is None
-            else [self._contact(number, effect, contact) for number, effect in enumerate(d.scene.contact)]
+            else [self._contact(number, effect, contact) for number, effect in enumerate(self._scene.contact)]
         )
 
     @property
     def grounds(self) -> Grounds:
         """What all that is proved rests on."""
-        return grounds(self._d, coulomb=self._d.scene.has_coulomb, unknown=self.loads.unknown_share)
+        return grounds(
+            self._d,
+            self._position,
+            coulomb=self._d.scene.has_coulomb,
+            later=self._before is not None,
+            unknown=self.loads.unknown_share,
+        )
 
     def _divide(self, y: fem.Function) -> None:
         """Simplices of the cells, with degree 2 four of each triangle, and the displacement on them."""
         mesh, dofs, d = self._d.tagged.mesh, y.function_space.dofmap.list, self._dimension
         used, cells = np.unique(np.asarray(compat.geometry_cells(mesh), dtype=np.int64), return_inverse=True)
         x, cells = np.asarray(mesh.geometry.x[:, :d], dtype=np.float64)[used], cells.reshape(len(dofs), -1)
-        values = y.x.array.reshape(-1, d)[dofs]
-        at: Array = np.zeros((len(x), d))
-        at[cells] = values[:, : cells.shape[1]]
-        quads = mesh.topology.cell_name() == "quadrilateral"
-        if quads:
+        if mesh.topology.cell_name() == "quadrilateral":
             across = x[cells[:, 0]] - x[cells[:, 1]] - x[cells[:, 2]] + x[cells[:, 3]]
             if np.abs(across).max() > SAME_LENGTH * self._d.tagged.size:
                 raise Refused("a guaranteed bound is for quadrilaterals that are parallelograms: use triangles")
-        corners = np.concatenate((cells[:, [0, 1, 3]], cells[:, [0, 3, 2]])) if quads else cells
+            corners = np.concatenate((cells[:, [0, 1, 3]], cells[:, [0, 3, 2]]))
+        else:
+            corners = cells
         owner = np.arange(len(corners)) % len(cells)
         turned = np.linalg.det(x[corners][:, 1:] - x[corners][:, :1]) < 0
         corners = np.where(turned[:, None], corners[:, [*range(d - 1), d, d - 1]], corners)
         t = Simplices(x, corners, moduli_of(self._d, owner))
+        local = basix.topology(getattr(basix.CellType, mesh.topology.cell_name()))
+        self._corners_of_facets, self._cells, self._edges_of_cells = np.array(local[d - 1]), cells, np.array(local[1])
+        self.owner, self._undivided, self._parts, self.t = owner, t, np.arange(len(t.facets))[:, None], t
+        self.y, self.middle = self._on_cells(y)
+        if d == 2 and self._degree_2(
+            y
+        ):  # the stress is linear: on four triangles it is as accurate as that of degree 2
+            self.t, self.y, self.middle, self._parts = divide(t, self.y, self.middle)
+            self.owner = np.tile(owner, 4)
+
+    def _degree_2(self, y: fem.Function) -> bool:
+        """Whether a displacement has unknowns at the middles of the edges of simplices."""
+        return (
+            len(self._undivided.corners) == len(self._cells) < y.function_space.dofmap.list.size / self._cells.shape[1]
+        )
+
+    def _on_cells(self, y: fem.Function) -> tuple[Array, Array]:
+        """A displacement at the vertices of cells that are not divided, and at the middles of their edges."""
+        t, cells, d = self._undivided, self._cells, self._dimension
+        values = y.x.array.reshape(-1, d)[y.function_space.dofmap.list]
+        at: Array = np.zeros((len(t.x), d))
+        at[cells] = values[:, : cells.shape[1]]
         middle: Array = at[t.edges].mean(axis=1)
 
         def numbers(ends: Ints) -> Ints:
             """Of the edges between vertices."""
             return np.searchsorted(t.keys(t.edges), t.keys(np.sort(ends, axis=-1)))
 
-        local = basix.topology(getattr(basix.CellType, mesh.topology.cell_name()))
-        self._corners_of_facets, self._cells = np.array(local[d - 1]), cells
-        degree_2 = not quads and values.shape[1] > d + 1
-        if quads:  # the middle of the diagonal is that of the cell
+        if len(t.corners) > len(cells):  # the middle of the diagonal is that of the quadrilateral
             middle[numbers(cells[:, [0, 3]])] = values.mean(axis=1)
-        elif degree_2:
-            middle[numbers(cells[:, np.array(local[1])])] = values[:, d + 1 :]
-        self.owner, self.y, self.middle = owner, at, middle
-        self._undivided, self._parts, self.t = t, np.arange(len(t.facets))[:, None], t
-        if d == 2 and degree_2:  # the stress is linear: on four triangles it is as accurate as that of degree 2
-            self.t, self.y, self.middle, self._parts = divide(t, at, middle)
-            self.owner = np.tile(owner, 4)
+        elif self._degree_2(y):
+            middle[numbers(cells[:, self._edges_of_cells])] = values[:, d + 1 :]
+        return at, middle
+
+    def _begin_of_slip(self, contact: ContactState | None, before: fem.Function | None) -> tuple[Array, Array] | None:
+        """The displacement from which slip counts at vertices and middles of edges; None: slip is all of it."""
+        if contact is None or not contact.has_friction or np.array_equal(contact.slip_length, contact.u_t):
+            return None
+        if before is None:
+            raise Refused("slip counts from the displacement of the load step before, which is not known")
+        values = self._on_cells(before)
+        return values if self.t is self._undivided else divide(self._undivided, *values)[1:3]
 
     @property
     def cells(self) -> int:
@@ -167,10 +205,11 @@ class PlainProblem:
 
     def _supports(self) -> None:
         """Directions in which facets are held; the displacement there is one that the elements hold."""
-        scene, size, d = self._d.scene, np.abs(self.y).max(), self._dimension
-        for effect in scene.of(PrescribedDisplacement):
+        scene, size, d = self._scene, np.abs(self.y).max(), self._dimension
+        for entry in scene.of(PrescribedDisplacement):
+            factor, effect = scene.now(entry, self._position)
             facets = self._facets(str(effect.boundary))
-            factor, points = factor_at(scene.factors_of(effect), self._position), self.on(facets, POINTS[d])
+            points = self.on(facets, POINTS[d])
             displacement = bernstein(POINTS[d]) @ self.on_facets(self.y, self.middle, facets)
             rows = [(effect.normal, self.t.normal[facets])]
             rows += [(value, np.tile(np.eye(d)[k], (len(facets), 1))) for k, value in enumerate(effect.components[:d])]
@@ -226,8 +265,10 @@ class PlainProblem:
             bounds, seen = points.value(given), self.on(facets, SEEN[d]).value(given)
             least = seen[:, NODES[d][:d]]
             least = (least - (least @ SEEN[d].T - seen).max(axis=1, initial=0.0)[:, None]).clip(min=0.0)
+        before = np.zeros((*below.shape, d)) if self._before is None else self.on_facets(*self._before, facets)
+        none = np.zeros((*pressure.shape, d))
         surface = FacetsInContact(
-            facets, normal, points.value(effect.gap), below, bounds, pressure, np.zeros((*pressure.shape, d)), least
+            facets, normal, points.value(effect.gap), below, bounds, pressure, none, least, before
         )
         if d == 2:
             shear = linear(contact.shear) * surface.tangents[0][:, None]

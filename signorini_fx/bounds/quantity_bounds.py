@@ -43,6 +43,7 @@ def mean_displacement(
     boundary: str,
     direction: tuple[float, float],
     step: float = 0.0,
+    before: fem.Function | None = None,
 ) -> Interval | str:
     """Bounds of the mean of u . direction over a boundary, a length; or why there are none.
 
@@ -55,9 +56,10 @@ def mean_displacement(
         boundary: its name.
         direction: any vector; a unit one gives a length.
         step: the place of the load step in the lists of factors.
+        before: see ``error_bound``.
     """
     try:
-        return _Quantity(d, y, contact, step).mean(boundary, np.asarray(direction, dtype=np.float64))
+        return _Quantity(d, y, contact, step, before).mean(boundary, np.asarray(direction, dtype=np.float64))
     except Refused as refused:
         return str(refused)
 
@@ -69,6 +71,7 @@ def force(
     boundary: str,
     direction: tuple[float, float],
     step: float = 0.0,
+    before: fem.Function | None = None,
 ) -> Interval | str:
     """Bounds of the force on the body along a direction of a support or of a contact; or why there are none.
 
@@ -81,9 +84,10 @@ def force(
         boundary: of a support or of a contact.
         direction: any vector; a unit one gives a force per thickness.
         step: the place of the load step in the lists of factors.
+        before: see ``error_bound``.
     """
     try:
-        return _Quantity(d, y, contact, step).force(boundary, np.asarray(direction, dtype=np.float64))
+        return _Quantity(d, y, contact, step, before).force(boundary, np.asarray(direction, dtype=np.float64))
     except Refused as refused:
         return str(refused)
 
@@ -91,10 +95,17 @@ def force(
 class _Quantity(Bounded):
     """A problem with what bounds quantities of its solution."""
 
-    def __init__(self, d: NamedBody, y: fem.Function, contact: ContactState | None, step: float) -> None:
+    def __init__(
+        self,
+        d: NamedBody,
+        y: fem.Function,
+        contact: ContactState | None,
+        step: float,
+        before: fem.Function | None = None,
+    ) -> None:
         if d.tagged.dimension != 2:
             raise Refused("in space the error alone has a guaranteed bound")
-        super().__init__(d, y, contact, step)
+        super().__init__(d, y, contact, step, before)
 
     def mean(self, boundary: str, direction: Array) -> Interval:
         """See ``mean_displacement``."""

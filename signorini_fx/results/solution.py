@@ -293,7 +293,7 @@ class Solution:
             return None
         if isinstance(body := self.stated_body, str):
             return body
-        return add_on("error_bound")(body, self.displacement, self.contact, self._position)
+        return add_on("error_bound")(body, self.displacement, self.contact, self._position, self._before)
 
     @cached_property
     def fixed_point(self) -> FixedPoint | None:
@@ -331,7 +331,7 @@ class Solution:
         if isinstance(body := self.stated_body, str):
             return body
         interval: Interval | str = add_on(bounds)(
-            body, self.displacement, self.contact, boundary, direction, self._position
+            body, self.displacement, self.contact, boundary, direction, self._position, self._before
         )
         return interval
 
@@ -352,6 +352,11 @@ class Solution:
     def _position(self) -> float:
         """The place in the lists of factors of the load step that the displacement belongs to."""
         return self.last_step.place if self.steps else 0.0
+
+    @property
+    def _before(self) -> fem.Function | None:
+        """The displacement of the load step before that one; None: it is the first one, or the other is not kept."""
+        return self.shown_steps[-2].displacement if len(self.shown_steps) > 1 else None
 
     @property
     def comm(self) -> MPI.Comm:

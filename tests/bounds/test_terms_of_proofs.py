@@ -366,7 +366,7 @@ def test_friction_on_faces_that_lean():
     )
     local = np.column_stack((n - grid.sum(axis=1), grid)) / n
     assert len(local) == n * n
-    some = replace(one, **{name: getattr(one, name)[faces] for name in ("facets", "normal", "gap", "bound")})
+    some = replace(one, **{name: getattr(one, name)[faces] for name in ("facets", "normal", "gap", "bound", "before")})
     for _ in range(20):
         y, middle = chance.normal(size=case.y.shape), chance.normal(size=case.middle.shape)
         some = replace(some, pressure=np.zeros((1, 3)), shear=np.zeros((1, 3, 3)))

@@ -17,7 +17,9 @@ from signorini_fx.scene.reading import parse_scene
 
 def problem(solution):
     """The solution as plain arrays on triangles."""
-    return Bounded(solution.discretisation, solution.displacement, solution.contact, 0.0)
+    return Bounded(
+        solution.discretisation, solution.displacement, solution.contact, solution._position, solution._before
+    )
 
 
 def energy_of_difference(solution, reference):
