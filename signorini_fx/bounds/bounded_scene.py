@@ -15,7 +15,7 @@ from signorini_fx.body.named_body import NamedBody
 from signorini_fx.bounds.arrays import Array
 from signorini_fx.bounds.simplices import COLUMNS, ROWS, TWICE, IsotropicModuli, MatrixModuli, Moduli
 from signorini_fx.effects.body_force import BodyForce
-from signorini_fx.effects.contact import UnilateralContact
+from signorini_fx.effects.contact import BilateralContact, UnilateralContact
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.traction import SurfaceTraction
 from signorini_fx.materials.protocol import Material
@@ -27,20 +27,19 @@ from signorini_fx.scene.stated import STRAIGHT_CELLS, may_have_arcs
 from signorini_fx.tuned import SAME_ENTRY
 
 # Entries of a scene that are looked at; any other one could act on the body unseen.
-_KNOWN_EFFECTS = (BodyForce, SurfaceTraction, PrescribedDisplacement, UnilateralContact)
+_KNOWN_EFFECTS = (BodyForce, SurfaceTraction, PrescribedDisplacement, UnilateralContact, BilateralContact)
 
 # Of these what expressions compare cuts facets and cells.
 _CUT = ("traction", "body force")
 
 
 # Features of a scene that the proof does not know.
-_UNILATERAL = "a guaranteed bound is for unilateral contact with a rigid foundation so far"
+_UNILATERAL = "a guaranteed bound is for contact with a rigid foundation so far"
 REFUSES = {
     "driven foundation": "a guaranteed bound is for foundations that no force moves so far",
     "mixed element": "a guaranteed bound is for elements without a pressure of their own so far",
     "graded material": "moduli or axes that vary have no guaranteed bound yet",
     "support of a point": "a displacement at a point has no guaranteed bound: a point has none in the energy norm",
-    "contact that cannot open": _UNILATERAL,
     "contact of two bodies": _UNILATERAL,
     "foundation with a shape": "a guaranteed bound is for a gap along given directions, not for a foundation with a "
     "shape so far",

@@ -330,16 +330,17 @@ class Bounded(PlainProblem):
         """1 where a pressure can become smaller and larger, shape (m, d, 1)."""
         return (surface.pressure > 0)[:, :, None].astype(np.float64)
 
-    def _free_at(self, parts: Ints, count: int) -> tuple[Array, Array]:
+    def _free_at(self, parts: Ints, count: int, projectors: Array) -> tuple[Array, Array]:
         """Sizes and directions of what holds vertices or edges, shapes (count, d) and (count, d, d).
 
         Args:
             parts: those of each facet, shape (f, k).
             count: of all of them.
+            projectors: onto the directions in which facets are held, shape (f, d, d).
         """
-        held = np.zeros((count, *self.held.shape[1:]))
+        held = np.zeros((count, *projectors.shape[1:]))
         for k in range(parts.shape[1]):
-            np.add.at(held, parts[self.t.outer, k], self.held[self.t.outer])
+            np.add.at(held, parts[self.t.outer, k], projectors[self.t.outer])
         sizes, vectors = np.linalg.eigh(held)
         return sizes, vectors
 
@@ -354,7 +355,7 @@ class Bounded(PlainProblem):
     def _entered(self) -> Array:
         """Of least energy with what the vertices enter the foundation, and slip where they stick; zero at supports."""
         t, rows = self.t, [PrescribedComponents.of_facets(self.t.facets, self.held, np.zeros(self.t.dimension))]
-        sizes, vectors = self._free_at(t.facets, len(t.x))
+        sizes, vectors = self._free_at(t.facets, len(t.x), self.held)
         for surface in self.contacts:
             for corner in range(t.dimension):
                 vertex = t.facets[surface.facets, corner]
@@ -388,17 +389,17 @@ class Bounded(PlainProblem):
         """
         t = self.t
         y, middle = self.y - removed, self.middle - removed[t.edges].mean(axis=1)
-        tiny = ROUND_OFF * (
-            np.abs(y).max() + max((np.abs(surface.below).max() for surface in self.contacts), default=0.0)
-        )
-        unmoved = y.copy()
+        tiny = ROUND_OFF * self._far
+        if any(surface.bilateral for surface in self.contacts):
+            self._close(y, middle)
+        unmoved, opening = y.copy(), [surface for surface in self.contacts if not surface.bilateral]
         for entities, first in ((t.facets, 0), (t.edges_of_facets, t.dimension)):
             at_vertices = first == 0
             values = y if at_vertices else middle
-            sizes, vectors = self._free_at(entities, len(values))
+            sizes, vectors = self._free_at(entities, len(values), self.held)
             free = np.einsum("vik,vk,vjk->vij", vectors, np.where(sizes > SAME_LENGTH, 0.0, 1.0), vectors)
             wanted: dict[int, list[tuple[Array, float]]] = {}
-            for surface in self.contacts:
+            for surface in opening:
                 excesses = (
                     np.einsum("fcd,fd->fc", self.on_facets(y, middle, surface.facets), surface.normal) - surface.below
                 )
@@ -415,3 +416,41 @@ class Bounded(PlainProblem):
             if at_vertices:
                 middle += (y - unmoved)[t.edges].mean(axis=1)
         return y, middle
+
+    def _close(self, y: Array, middle: Array) -> None:
+        """Move a displacement to the foundations that contact cannot leave, in directions in which supports let it.
+
+        Vertices first, then middles, of which an edge has half its coefficient of Bernstein.
+        """
+        t, unmoved = self.t, y.copy()
+        for entities, first in ((t.facets, 0), (t.edges_of_facets, t.dimension)):
+            values, share = (y, 1.0) if first == 0 else (middle, 0.5)
+            sizes, vectors = self._free_at(entities, len(values), self.supported)
+            free = np.einsum("vik,vk,vjk->vij", vectors, np.where(sizes > SAME_LENGTH, 0.0, 1.0), vectors)
+            rows: dict[int, list[tuple[Array, float]]] = {}
+            for surface in filter(lambda contact: contact.bilateral, self.contacts):
+                along = np.einsum("fcd,fd->fc", self.on_facets(y, middle, surface.facets), surface.normal)
+                for column in range(first, first + entities.shape[1]):
+                    missed = share * (surface.below - along)[:, column]
+                    for where, normal, length in zip(
+                        entities[surface.facets, column - first], surface.normal, missed, strict=True
+                    ):
+                        rows.setdefault(int(where), []).append((normal, float(length)))
+            for where, pairs in rows.items():
+                normals, lengths = np.array([pair[0] for pair in pairs]) @ free[where], np.array([p[1] for p in pairs])
+                change = free[where] @ np.linalg.lstsq(normals, lengths, rcond=SAME_LENGTH)[0]
+                if (
+                    np.abs(normals @ change - lengths).max()
+                    > SAME_LENGTH * np.abs(lengths).max() + ROUND_OFF * self._far
+                ):
+                    raise Refused("supports and contact that cannot open prescribe different displacements")
+                values[where] += change
+            if first == 0:
+                middle += (y - unmoved)[t.edges].mean(axis=1)
+
+    @property
+    def _far(self) -> float:
+        """The largest displacement or gap, length."""
+        return float(
+            np.abs(self.y).max() + max((np.abs(surface.below).max() for surface in self.contacts), default=0.0)
+        )

@@ -18,7 +18,7 @@ from signorini_fx.bounds.arrays import Array, Ints
 from signorini_fx.bounds.bounded_scene import BoundPoints, grounds, moduli_of, refuse_unknown
 from signorini_fx.bounds.facets import NODES, POINTS, SEEN, bernstein, coefficients
 from signorini_fx.bounds.simplices import Simplices, divide
-from signorini_fx.effects.contact import UnilateralContact
+from signorini_fx.effects.contact import Contact
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.quantities.statements import Grounds, Refused
 from signorini_fx.scene.effect import Force
@@ -43,6 +43,7 @@ class FacetsInContact:
         pressure: p at the vertices, stress, shape (m, d).
         shear: mu at the vertices, perpendicular to the normal, stress, shape (m, d, d).
         least: a linear function of which |mu| is at most, at the vertices, stress, shape (m, d).
+        bilateral: whether the contact cannot open: then its facets are held along the normal, and ``pressure`` is zero.
         before: coefficients of Bernstein of the displacement from which slip counts, length, shape (m, 3 or 6, d); zero
             in the first load step.
     """
@@ -56,6 +57,7 @@ class FacetsInContact:
     shear: Array
     least: Array
     before: Array
+    bilateral: bool
 
     @property
     def traction(self) -> Array:
@@ -80,7 +82,9 @@ class PlainProblem:
         owner: the cell of the mesh that each of them is in, shape (n,).
         y: the displacement at vertices, and at the middles of edges, length, shapes (v, d) and (e, d).
         middle: see ``y``.
-        held: projectors onto the directions in which facets are held, shape (f, d, d).
+        held: projectors onto the directions in which facets are held, by supports and by contact that cannot open,
+            shape (f, d, d).
+        supported: those of supports alone.
         loads: what acts on the body.
         contacts: the contacts of the scene.
     """
@@ -99,6 +103,12 @@ class PlainProblem:
         self._before = self._begin_of_slip(contact, before)
         self.held = np.zeros((len(self.t.facets), self._dimension, self._dimension))
         self._supports()
+        self.supported = self._projectors()
+        for effect in self._scene.contact:
+            if not effect.opens:
+                facets, normal = self._towards(effect)
+                self.held[facets] += normal[:, :, None] * normal[:, None]
+        self.held = self._projectors()
         acting = [self._scene.now(load, step) for load in self._scene.of(Force)]
         forces = [
             (factor, load, None if load.where is None else self._facets(load.where))
@@ -222,19 +232,30 @@ class PlainProblem:
                 ):
                     raise Refused(f"the displacement of {effect.boundary!r} is no polynomial of the elements")
                 self.held[facets] += direction[:, :, None] * direction[:, None]
-        sizes, vectors = np.linalg.eigh(self.held)
-        self.held = np.einsum("fik,fk,fjk->fij", vectors, np.where(sizes > SAME_LENGTH, 1.0, 0.0), vectors)
 
-    def _contact(self, number: int, effect: UnilateralContact, contact: ContactState) -> FacetsInContact:
+    def _projectors(self) -> Array:
+        """Onto the directions that are held at all."""
+        sizes, vectors = np.linalg.eigh(self.held)
+        return np.einsum("fik,fk,fjk->fij", vectors, np.where(sizes > SAME_LENGTH, 1.0, 0.0), vectors)
+
+    def _towards(self, effect: Contact) -> tuple[Ints, Array]:
+        """The facets of a contact, and unit vectors to its foundation, shape (m, d)."""
+        facets, d = self._facets(effect.boundary), self._dimension
+        if effect.direction is None:
+            return facets, self.t.normal[facets]
+        direction = np.array(effect.direction[:d])
+        return facets, np.tile(direction / np.linalg.norm(direction), (len(facets), 1))
+
+    def _contact(self, number: int, effect: Contact, contact: ContactState) -> FacetsInContact:
         """The facets of a contact, with admissible tractions near the nodal ones."""
-        t, d, boundary, facets = self.t, self._dimension, contact.boundary, self._facets(effect.boundary)
-        normal = t.normal[facets]
-        if effect.direction is not None:
-            direction = np.array(effect.direction[:d])
-            normal = np.tile(direction / np.linalg.norm(direction), (len(facets), 1))
+        t, d, boundary, (facets, normal) = self.t, self._dimension, contact.boundary, self._towards(effect)
         fine = self.on(facets, SEEN[d]).value(effect.gap)
         below = coefficients(fine[:, NODES[d]])
-        below -= (below @ bernstein(SEEN[d]).T - fine).max(axis=1, initial=0.0)[:, None]
+        above = below @ bernstein(SEEN[d]).T - fine
+        if effect.opens:
+            below -= above.max(axis=1, initial=0.0)[:, None]
+        elif np.abs(above).max(initial=0.0) > _HELD * np.abs(fine).max(initial=0.0):
+            raise Refused(f"the gap of {effect.boundary!r}, which cannot open, is no polynomial of degree 2")
         rows = np.flatnonzero(boundary.part == number)
         near = cKDTree(t.x).query(boundary.x[rows][:, :d])[1]
 
@@ -257,6 +278,9 @@ class PlainProblem:
             return np.stack((together[:, :2], together[:, [2, 1]]), axis=1).reshape(tractions.shape)
 
         pressure, points = linear(contact.pressure, positive=True).clip(min=0.0), self.on(facets, POINTS[d])
+        gap = points.value(effect.gap)
+        if not effect.opens:
+            pressure = np.zeros_like(pressure)
         if effect.coulomb:
             least = linear(contact.bound).clip(min=0.0)
             bounds = least @ POINTS[d].T
@@ -267,9 +291,7 @@ class PlainProblem:
             least = (least - (least @ SEEN[d].T - seen).max(axis=1, initial=0.0)[:, None]).clip(min=0.0)
         before = np.zeros((*below.shape, d)) if self._before is None else self.on_facets(*self._before, facets)
         none = np.zeros((*pressure.shape, d))
-        surface = FacetsInContact(
-            facets, normal, points.value(effect.gap), below, bounds, pressure, none, least, before
-        )
+        surface = FacetsInContact(facets, normal, gap, below, bounds, pressure, none, least, before, not effect.opens)
         if d == 2:
             shear = linear(contact.shear) * surface.tangents[0][:, None]
         else:

@@ -134,10 +134,11 @@ class _Quantity(Bounded):
         support = boundary not in names
         if support and not self.held[edges].any(axis=(1, 2)).all():
             raise Refused(f"{boundary!r} is neither a support nor a contact")
-        if support and any(
+        closed = any(effect.boundary == boundary and not effect.opens for effect in self._d.scene.contact)
+        if (support or closed) and any(
             np.isin(self._facets(load.where), edges).any() for load in self._d.scene.of(Force) if load.where is not None
         ):
-            raise Refused(f"loads act on the support {boundary!r}: its own force is not known apart from them")
+            raise Refused(f"loads act on {boundary!r}: its own force is not known apart from them")
         value = np.zeros((len(t.edges), 2))
         value[edges] = direction
         pieces = np.unique(t.piece_of_vertex[t.edges[edges]])

@@ -16,6 +16,7 @@ from signorini_fx.bounds.korn import korn
 from signorini_fx.bounds.quantity_bounds import mean_displacement
 from signorini_fx.bounds.simplices import FACETS, IsotropicModuli, Simplices, divide
 from signorini_fx.effects.body_force import BodyForce
+from signorini_fx.effects.contact import BilateralContact
 from signorini_fx.effects.springs import Springs
 from signorini_fx.errors import SceneError
 from signorini_fx.results.summary import lines_of, summarise
@@ -475,7 +476,6 @@ def test_what_has_no_bound():
         ({"springs": {"boundary": "top", "normal": 10.0}}, "springs has no guaranteed bound"),
         ({"displacement": [{"at": [0.0, 1.0], "x": 0.0}, {"boundary": "right", "y": 0.0, "x": 0.0}]}, "at a point"),
         ({"gravity": {"y": -1.0}}, "gravity has no guaranteed bound"),
-        ({"contact": {"boundary": "bottom", "kind": "bilateral"}}, "contact with a rigid foundation"),
     ],
 )
 def test_what_this_proof_does_not_know(more, reason):
@@ -548,9 +548,12 @@ def test_no_key_without_asking():
     assert "error_bound" not in vars(solution)
 
 
-def sliding_block(cell, *, degree=1):
-    """A block in uniform states, which slides, and slides back in the second load step: each mesh holds it exactly."""
-    size, pressed, bound = 1000.0, 2e-3, 0.7
+def sliding_block(cell, *, degree=1, kind="unilateral"):
+    """A block in uniform states, which slides, and slides back in the second load step: each mesh holds it exactly.
+
+    What cannot open is pulled.
+    """
+    size, pressed, bound = 1000.0, 2e-3 if kind == "unilateral" else -2e-3, 0.7
     up, space = ("z", {"nz": 1}) if cell == "tetrahedron" else ("y", {})
     shape = {"nx": 3, "ny": 2, "length": 1.5, "height": 1.0, "cell": cell} | space
     generator = "box" if space else "rectangle"
@@ -567,19 +570,20 @@ def sliding_block(cell, *, degree=1):
             "material": {"young": size, "poisson": 0.0},
             "displacement": top | ({"y": 0.0} if space else {}) | {"factors": [1.0, 1.0]},
             "traction": sides,
-            "contact": {"boundary": "bottom", "friction": {"law": "tresca", "bound": bound}},
+            "contact": {"boundary": "bottom", "kind": kind, "friction": {"law": "tresca", "bound": bound}},
             "load_steps": {"times": [1.0, 2.0]},
             "solver": {"algorithm": "exact"},
         }
     )
 
 
+@pytest.mark.parametrize("kind", ["unilateral", "bilateral"])
 @pytest.mark.parametrize(
     ("cell", "degree"), [("triangle", 1), ("triangle", 2), ("quadrilateral", 1), ("tetrahedron", 1)]
 )
-def test_slip_that_turns_back(cell, degree):
+def test_slip_that_turns_back(cell, degree, kind):
     """The second load step is exact, and its slip counts from the first one."""
-    solution = alone(sliding_block(cell, degree=degree))
+    solution = alone(sliding_block(cell, degree=degree, kind=kind))
     bound = solution.error_bound
     assert bound.relative < 1e-5
     assert "the computed displacement of the one before" in str(bound)
@@ -588,3 +592,14 @@ def test_slip_that_turns_back(cell, degree):
     assert (shear * solution.contact.u_t).sum() < 0
     # Without the step before nothing is known of the slip.
     assert "load step before" in solution.at(solution.last_step).error_bound
+
+
+@pytest.mark.parametrize(("seed", "gap"), [(3, "1e-4*x[0]"), (11, "5e-4*(x[0] - 1)**2"), (18, "-3e-4")])
+def test_contact_that_cannot_open(seed, gap):
+    """True errors of pressures of both signs, and of gaps that linear elements miss between nodes."""
+    scene = pressed(seed) if seed % 2 else drawn(seed)
+    contact = BilateralContact(boundary="bottom", kind="bilateral", gap=gap, friction=scene.contact[0].friction)
+    ratio, relative, _, bound = effectivity(scene.model_copy(update={"contact": (contact,)}))
+    assert 1 < ratio < 2
+    assert relative < 0.4
+    assert (bound.moved > 0.01 * bound.error) == (seed == 11)
