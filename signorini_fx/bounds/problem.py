@@ -254,7 +254,7 @@ class PlainProblem:
         above = below @ bernstein(SEEN[d]).T - fine
         if effect.opens:
             below -= above.max(axis=1, initial=0.0)[:, None]
-        elif np.abs(above).max(initial=0.0) > _HELD * np.abs(fine).max(initial=0.0):
+        elif np.abs(above).max(initial=0.0) > ZERO_IN_SOLUTION * np.abs(fine).max(initial=0.0):
             raise Refused(f"the gap of {effect.boundary!r}, which cannot open, is no polynomial of degree 2")
         rows = np.flatnonzero(boundary.part == number)
         near = cKDTree(t.x).query(boundary.x[rows][:, :d])[1]
