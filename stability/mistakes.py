@@ -4381,13 +4381,27 @@ MUTANTS = (
     ),
     Mutant(
         "bounds/problem",
-        "below -= (below @ bernstein(SEEN[d]).T - fine).max(axis=1, initial=0.0)[:, None]",
+        "below -= above.max(axis=1, initial=0.0)[:, None]",
         "below -= 0",
         "error bound: a gap that dips inside a facet is the parabola through three places",
         tests=(
             "terms_of_proofs::test_what_dips_inside_a_facet",
             "terms_of_proofs::test_what_dips_inside_a_facet_in_space",
         ),
+    ),
+    Mutant(
+        "bounds/error_bound",
+        "slip = displacement - surface.before",
+        "slip = displacement",
+        "error bound: slip counts from nothing in later load steps",
+        tests=("error_bound::test_slip_that_turns_back",),
+    ),
+    Mutant(
+        "bounds/error_bound",
+        "if any(surface.bilateral for surface in self.contacts):",
+        "if False:",
+        "error bound: contact that cannot open is as far off as the elements leave it",
+        tests=("error_bound::test_contact_that_cannot_open",),
     ),
     Mutant(
         "bounds/problem",
