@@ -432,17 +432,14 @@ class Bounded(PlainProblem):
                 along = np.einsum("fcd,fd->fc", self.on_facets(y, middle, surface.facets), surface.normal)
                 for column in range(first, first + entities.shape[1]):
                     missed = share * (surface.below - along)[:, column]
-                    for where, normal, length in zip(
-                        entities[surface.facets, column - first], surface.normal, missed, strict=True
-                    ):
-                        rows.setdefault(int(where), []).append((normal, float(length)))
+                    for k, where in enumerate(entities[surface.facets, column - first]):
+                        rows.setdefault(int(where), []).append((surface.normal[k], float(missed[k])))
             for where, pairs in rows.items():
-                normals, lengths = np.array([pair[0] for pair in pairs]) @ free[where], np.array([p[1] for p in pairs])
+                normals = np.array([pair[0] for pair in pairs]) @ free[where]
+                lengths = np.array([pair[1] for pair in pairs])
                 change = free[where] @ np.linalg.lstsq(normals, lengths, rcond=SAME_LENGTH)[0]
-                if (
-                    np.abs(normals @ change - lengths).max()
-                    > SAME_LENGTH * np.abs(lengths).max() + ROUND_OFF * self._far
-                ):
+                tiny = SAME_LENGTH * np.abs(lengths).max() + ROUND_OFF * self._far
+                if np.abs(normals @ change - lengths).max() > tiny:
                     raise Refused("supports and contact that cannot open prescribe different displacements")
                 values[where] += change
             if first == 0:

@@ -101,7 +101,7 @@ class PlainProblem:
         refuse_unknown(d)
         self._divide(y)
         self._before = self._begin_of_slip(contact, before)
-        self.held = np.zeros((len(self.t.facets), self._dimension, self._dimension))
+        self.held: Array = np.zeros((len(self.t.facets), self._dimension, self._dimension))
         self._supports()
         self.supported = self._projectors()
         for effect in self._scene.contact:
