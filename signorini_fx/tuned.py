@@ -91,10 +91,6 @@ FEWEST_CONDENSED_UNKNOWNS = {2: 4_000, 3: 1_500}
 # cheaper one is taken.  Factor and exponent by dimension.  Source: nested dissection for the powers.  No record for the
 # factors.
 SPARSE_OPERATIONS = {2: (50.0, 1.5), 3: (8.0, 2.0)}
-# Of a dense tangent, what contact does not touch is eliminated again where contact touches fewer unknowns than this
-# share of those left; a system with fewer unknowns is factorised as a whole, in less than 2 ms.  Tuned on the scene of
-# bench/bodies_rivals.py, 1323 unknowns: 0.75 is as fast with friction and 10 % slower without.
-FEWER_TOUCHED, FEWEST_UNTOUCHED = 0.5, 400
 # In three dimensions memory is the limit: three dense matrices of this many unknowns take 0.6 GB.
 MOST_CONDENSED_UNKNOWNS = {2: 10**9, 3: 5_000}
 # From this number of unknowns on a Krylov method with multigrid is taken, by dimension; in the plane where the memory
@@ -141,11 +137,6 @@ SMOOTHED_SPECTRUM = (0.1, 1.1)
 # A node is in the middle between two coarse ones if the farther is at most this times farther away.  Choice:
 # between 1, the middle of a uniform mesh, and 3, a quarter.
 MIDDLE_RATIO = 1.5
-
-# A condensed problem with more contact nodes than the first number is solved at some of them first, at the fewest
-# between the second number and twice as many.  Tuned on Example 1: with 97 and 151 contact nodes this is slower, with
-# 241 about as fast, with 301 faster; with 481 and 641, 80 is 10 % faster than 40 and as fast as 160.
-FEWEST_NODES_TO_COARSEN, COARSEST_NODES = 300, 80
 
 # --- error estimates -------------------------------------------------------------------------------------------------
 

@@ -43,7 +43,7 @@ _NOT_FOR_COPIES = ("tests/repository/test_mutants.py",)
 # The first tests of the suite: quick ones of all parts.
 _FIRST = (
     "complementarity", "algorithms", "forms", "patch_anywhere", "example1", "outcomes", "oracle", "fall_backs",
-    "invariances", "ranks", "effects", "parts", "nested", "inexact", "refinement", "load_steps", "fewer_nodes",
+    "invariances", "ranks", "effects", "parts", "nested", "inexact", "refinement", "load_steps",
     "expressions",
 )  # fmt: skip
 # CPU seconds of a process, and wall seconds, by how much is run: a mutant may run endlessly.

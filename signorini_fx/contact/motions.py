@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -89,11 +88,6 @@ class FreeMotions:
         assembly, points = np.zeros(len(modes), dtype=np.int64), contact.points
         groups = PointGroups.of(points, points.everywhere[:, None])
         return cls(points, relative, assembly, np.zeros(points.size, dtype=np.int64), groups)
-
-    def some(self, points: ContactPoints, rows: npt.NDArray[np.signedinteger[Any]]) -> FreeMotions:
-        """The same motions at ``points``, which are those in these rows."""
-        groups = self.groups.some(points, rows)
-        return FreeMotions(points, self.relative[rows], self.assembly, self.of_point[rows], groups)
 
     @cached_property
     def count(self) -> int:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -178,10 +177,6 @@ class PointGroups:
             return cls(points, np.zeros(points.size, dtype=np.int64), np.ones((1, 1), dtype=bool))
         number = (reached[:, None] == every).all(axis=2).argmax(axis=1)
         return cls(points, number, every)
-
-    def some(self, points: ContactPoints, rows: npt.NDArray[np.signedinteger[Any]]) -> PointGroups:
-        """The same groups with ``points``, which are those in these rows."""
-        return PointGroups(points, self.number[rows], self.pieces)
 
     @cached_property
     def count(self) -> int:

@@ -300,7 +300,7 @@ class ContactProblem(SolvedProblem):
         return begun if self._solution is None else self._solution.begins(begun, self._boundary)
 
     def _first_start(self, start: Start) -> Start:
-        """From a coarser mesh or from fewer contact nodes, as long as there is no solution; collective."""
+        """From a coarser mesh, as long as there is no solution; collective."""
         if self._solution is not None:
             return start
         first = self._first

@@ -28,30 +28,10 @@ from signorini_fx.linalg.schur import SchurComplement
 
 
 @dataclass
-class DenseSystem(PlainSystem):
-    """See ``ElasticSystem``: a dense matrix."""
+class CondensedSystem(PlainSystem):
+    """See ``ElasticSystem``: x holds the unknowns that B touches, of two bodies relative displacements where it can."""
 
     definite = True  # also where the matrix of all unknowns is not
-
-    @property
-    def solver_defaults(self) -> dict[str, str]:
-        """None."""
-        return {}
-
-    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
-        """A dense factorisation by LAPACK, on every rank."""
-        ksp.setType(PETSc.KSP.Type.PREONLY)
-        alone = self.comm.size == 1
-        ksp.getPC().setType(factor_type(symmetric=symmetric) if alone else PETSc.PC.Type.REDUNDANT)
-
-    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
-        """Only for the same matrix: a dense factorisation is cheap."""
-        return moved == 0
-
-
-@dataclass
-class CondensedSystem(DenseSystem):
-    """See ``ElasticSystem``: x holds the unknowns that B touches, of two bodies relative displacements where it can."""
 
     elasticity: Elasticity
     cases: list[_CondensedCase]
@@ -85,9 +65,19 @@ class CondensedSystem(DenseSystem):
         return system
 
     @property
-    def entries(self) -> npt.NDArray[np.float64]:
-        """The matrix, the same on all ranks."""
-        return self.schur.dense if self.relative is None else self.relative.matrix
+    def solver_defaults(self) -> dict[str, str]:
+        """None."""
+        return {}
+
+    def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
+        """A dense factorisation by LAPACK, on every rank."""
+        ksp.setType(PETSc.KSP.Type.PREONLY)
+        alone = self.comm.size == 1
+        ksp.getPC().setType(factor_type(symmetric=symmetric) if alone else PETSc.PC.Type.REDUNDANT)
+
+    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
+        """Only for the same matrix: a dense factorisation is cheap."""
+        return moved == 0
 
     def _condensed(
         self, case: LoadCase, load: npt.NDArray[np.float64], between: npt.NDArray[np.float64]

@@ -39,7 +39,6 @@ class RelativeUnknowns:
         matrix: the dense matrix of those that stay.
         contact: B from those that stay.
         stay, gone: their numbers and those of the others, ascending.
-        at_points: which of those that stay are of nodes with points.
         sums: N, shape (m, m).
         factor: lower Cholesky factor L of the rows and columns ``gone`` of (1 - N)^T A (1 - N), without prescribed
             columns of N.
@@ -51,7 +50,6 @@ class RelativeUnknowns:
     contact: ContactMap
     stay: npt.NDArray[np.intp]
     gone: npt.NDArray[np.intp]
-    at_points: npt.NDArray[np.bool_]
     sums: Any
     factor: Array
     between: Array
@@ -102,7 +100,7 @@ class RelativeUnknowns:
         between = solve_triangular(factor, changed[np.ix_(gone, stay)], lower=True, check_finite=False)
         matrix = changed[np.ix_(stay, stay)] - between.T @ between
         inside = _distributed(sp.csr_array(remaining[:, stay]), stay, contact, fixed)
-        return cls(matrix, inside, stay, gone, points[stay], sums, factor, between, dense, fixed)
+        return cls(matrix, inside, stay, gone, sums, factor, between, dense, fixed)
 
     def load(self, load: Array, start: Array) -> tuple[Array, Array]:
         """A load at those that stay, and L^-1 times the one at the others; ``start``: with what is prescribed."""

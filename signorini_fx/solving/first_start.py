@@ -1,15 +1,14 @@
-"""Where the first load step starts: from a coarser mesh, or from fewer contact nodes; else contact is everywhere."""
+"""Where the first load step starts: from a coarser mesh, else with contact everywhere."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from signorini_fx.algorithms.task import Start, Task
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.linalg.krylov import KrylovSystem
-from signorini_fx.solving import fewer_nodes
 from signorini_fx.solving.nested import carry_over
 
 
@@ -41,13 +40,11 @@ def first_start(
         coarser: the coarser mesh with the displacement to begin with; None: there is none.
     """
     assert body.boundary is not None
-    if state is not None:
-        if coarser is not None:
-            begin_at_coarse(task, coarser, body)
-        return start.begin_from(*carry_over(state, body.boundary))
-    if fewer_nodes.worthwhile(task, body):
-        return fewer_nodes.start_from_fewer_nodes(replace(task, start=start), body.boundary)
-    return start
+    if state is None:
+        return start
+    if coarser is not None:
+        begin_at_coarse(task, coarser, body)
+    return start.begin_from(*carry_over(state, body.boundary))
 
 
 def begin_at_coarse(task: Task, coarser: MeshLevel, body: ElasticBody) -> None:

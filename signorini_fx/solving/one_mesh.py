@@ -40,7 +40,6 @@ from signorini_fx.solving.load_steps import all_load_steps, step_result
 from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.scene_steps import SceneSteps, judged
 from signorini_fx.solving.stepped_problem import LoadStep
-from signorini_fx.solving.untouched import choose_touched
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
 # Called after a load step that has a solution.
@@ -238,7 +237,7 @@ def contact_task(d: Discretisation, history: History, coarser: MeshLevel | None 
         d.law,
         coarser=coarser,
         allowed=_allowed(d),
-        choose=choose_touched,
+        choose=choose_system,
         natural_gamma=d.scales.gamma,
         has_coulomb=d.scene.has_coulomb,
         history=history,

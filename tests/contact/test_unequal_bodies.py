@@ -93,7 +93,6 @@ def test_groups():
     stresses, lengths = groups.scales(norms), groups.scales(norms, lengths=True)
     assert stresses[groups.number] == pytest.approx([1000.0, 20.0, 20.0, 20.0, 1e-3, 1e-5], rel=1e-15)
     assert lengths[groups.number] == pytest.approx([1000.0, 1000.0, 1000.0, 20.0, 1e-3, 1e-5], rel=1e-15)
-    assert groups.some(points, np.array([3, 4])).number.tolist() == groups.number[3:5].tolist()
     assert shares(np.array([1.0, 2.0]), np.array([0.0, 4.0]), np.inf).tolist() == [np.inf, 0.5]
     whole = PointGroups.of(points, points.everywhere[:, None])
     assert (whole.count, whole.norms(values)[0]) == (1, points.norm(values))
