@@ -27,7 +27,7 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx import solve
-from signorini_fx.mesh.files.abaqus_scene import draft
+from signorini_fx.decks.draft import draft
 from signorini_fx.mesh.files.formats import read_file
 from signorini_fx.results.solution import Solution
 from signorini_fx.scene.reading import read_scene

@@ -28,6 +28,7 @@ ADD_ONS = (
     "picture_data",
     "pictures",
     "meshes",
+    "decks",
 )
 # From the top down.  A layer that is not a folder is a set of top-level modules; a folder may have some beside it.
 LAYERS = (

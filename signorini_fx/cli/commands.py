@@ -309,11 +309,9 @@ def mesh_file(options: argparse.Namespace) -> str | tuple[str, int]:
 
 def _scene_draft(source: Path, mesh: MeshArrays, target: Path) -> tuple[str, int]:
     """Write the draft of a scene from an Abaqus deck; what it has and what it has not, and the exit code."""
-    from signorini_fx.mesh.files.abaqus_scene import draft
-
     if source.suffix.lower() != ".inp":
         raise OutputError(f"{target}: a scene is drafted from an Abaqus input file, .inp, and not from {source.name}")
-    drafted = draft(source, mesh, target)
+    drafted = add_on("draft")(source, mesh, target)
     for file, content in {**drafted.files, target: drafted.text}.items():
         if os.path.lexists(file):
             raise OutputError(f"{file}: already exists: give another name, or remove it")

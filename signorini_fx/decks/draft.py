@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from signorini_fx.decks.bolts import bolt_tables
+from signorini_fx.decks.contact import contact_tables
+from signorini_fx.decks.content import Deck
+from signorini_fx.decks.deck import read_deck
+from signorini_fx.decks.material import material_tables
+from signorini_fx.decks.temperatures import temperature_changes
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh.files.abaqus_blocks import quoted
-from signorini_fx.mesh.files.abaqus_bolts import bolt_tables
-from signorini_fx.mesh.files.abaqus_contact import contact_tables
-from signorini_fx.mesh.files.abaqus_content import Deck
-from signorini_fx.mesh.files.abaqus_deck import read_deck
-from signorini_fx.mesh.files.abaqus_material import material_tables
-from signorini_fx.mesh.files.abaqus_temperatures import temperature_changes
 from signorini_fx.mesh.files.arrays import MeshArrays
 
 

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from signorini_fx.decks.bolts import drive, hold
+from signorini_fx.decks.content import Deck, DeckLoad, plain_name
 from signorini_fx.mesh.files.abaqus_blocks import ROTATIONS, DeckBlock, components, real
-from signorini_fx.mesh.files.abaqus_bolts import drive, hold
-from signorini_fx.mesh.files.abaqus_content import Deck, DeckLoad, plain_name
 from signorini_fx.mesh.files.abaqus_groups import Group
 from signorini_fx.mesh.files.cells import completed
 from signorini_fx.mesh.files.raw import rows_of

@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
+from signorini_fx.decks.bolts import read_bolt
+from signorini_fx.decks.content import Deck, plain_name
+from signorini_fx.decks.loads import read_body_forces, read_boundary, read_forces, read_surface_loads
+from signorini_fx.decks.material import frame, read_constants, read_section
+from signorini_fx.decks.temperatures import read_temperatures
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh.files.abaqus import NO_BODY, read_model
 from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, real
-from signorini_fx.mesh.files.abaqus_bolts import read_bolt
-from signorini_fx.mesh.files.abaqus_content import Deck, plain_name
-from signorini_fx.mesh.files.abaqus_loads import read_body_forces, read_boundary, read_forces, read_surface_loads
-from signorini_fx.mesh.files.abaqus_material import frame, read_constants, read_section
-from signorini_fx.mesh.files.abaqus_temperatures import read_temperatures
 from signorini_fx.mesh.files.arrays import MeshArrays, plain
 
 # Keywords that the mesh is read from, that only group others, or that ask for output; without blanks.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from signorini_fx.mesh.files.abaqus_content import Deck
+from signorini_fx.decks.content import Deck
 
 
 def tool_keys(deck: Deck, node: int, courses: dict[tuple[str, ...], list[float]], *, always: bool = False) -> str:

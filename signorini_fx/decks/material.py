@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from signorini_fx.decks.content import Deck, DeckSection
 from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, quoted, real
-from signorini_fx.mesh.files.abaqus_content import Deck, DeckSection
 from signorini_fx.mesh.files.arrays import plain
 from signorini_fx.mesh.files.shape import Floats
 from signorini_fx.tuned import ZERO_SUM

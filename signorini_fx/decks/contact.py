@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from signorini_fx.decks.content import Deck, plain_name
+from signorini_fx.decks.tools import tool_keys
 from signorini_fx.mesh.files.abaqus_blocks import quoted, real
-from signorini_fx.mesh.files.abaqus_content import Deck, plain_name
-from signorini_fx.mesh.files.abaqus_tools import tool_keys
 from signorini_fx.mesh.files.shape import Floats, Ints
 from signorini_fx.tuned import DIGITS_OF_FILES
 

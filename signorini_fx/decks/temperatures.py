@@ -10,9 +10,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from signorini_fx.decks.content import Deck
+from signorini_fx.decks.loads import share_of
 from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, real
-from signorini_fx.mesh.files.abaqus_content import Deck
-from signorini_fx.mesh.files.abaqus_loads import share_of
 from signorini_fx.mesh.files.shape import Floats
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 

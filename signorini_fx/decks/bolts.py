@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from signorini_fx.decks.content import Deck, DeckLoad, dimension
 from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, components, real
-from signorini_fx.mesh.files.abaqus_content import Deck, DeckLoad, dimension
 from signorini_fx.mesh.files.shape import Floats
 
 # The cosine to its surface beyond which a given normal is along that of the surface.
