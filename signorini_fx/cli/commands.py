@@ -72,6 +72,8 @@ def solve(options: argparse.Namespace) -> int:
 
     fields = False if options.no_fields else options.fields or True
     chosen_format(fields)  # fail early if it cannot be written
+    if options.picture:
+        add_on("pictures")
 
     def write_level(solution: Solution) -> None:
         with ResultFolder(comm, path / files.LAST_LEVEL, files.FILES, inner=True) as inner:

@@ -330,7 +330,7 @@ def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:
     """
     generators = known_generators(name)
     if name not in generators:
-        raise SceneError([("mesh.generator", f"no generator {name!r}; there are: {', '.join(generators)}")])
+        raise SceneError([("mesh.generator", f"no generator {name!r}; there are: {', '.join(generators) or 'none'}")])
     try:
         generate: Callable[..., Any] = generators[name]()
         types = get_type_hints(inspect.unwrap(generate), include_extras=True)

@@ -56,8 +56,6 @@ FIELDS = {
     "density": Field("elastic shear energy density"),
     "around": Field("displacement $u_z$ around the axis", signed=True, of_stress=False, quantity="length"),
 }
-# Those drawn on demand: the von Mises stress always is, and the displacement around the axis where there is one.
-ON_DEMAND = tuple(name for name in FIELDS if name not in ("von_mises", "around"))
 # Those that need the tensor of the stress.
 FROM_STRESS = ("pressure", "principal")
 

@@ -35,7 +35,7 @@ from signorini_fx.scene.values import kind_of
 T = TypeVar("T")
 # The result of the last completed mesh, while the next one is being solved.
 LAST_LEVEL = "last_level"
-# The fields that are drawn on the deformed body where they are asked for.
+# Fields drawn on demand: the von Mises stress always is, and the displacement around the axis where there is one.
 ON_DEMAND = ("pressure", "principal", "displacement", "density")
 # All files of a result, although some are written by some runs only, and its report.
 FILES = (

@@ -42,8 +42,8 @@ def known_generators(name: str | None = None) -> dict[str, Callable[[], Any]]:
     To look through all packages takes milliseconds: if ``name`` is in this one, only its own are returned.
     """
     package = find_spec(GENERATORS_PACKAGE)
-    assert package is not None
-    own_names = [module.name for module in pkgutil.iter_modules(package.submodule_search_locations)]
+    folders = [] if package is None else package.submodule_search_locations  # the generators are an add-on
+    own_names = [module.name for module in pkgutil.iter_modules(folders)]
     others = () if name in own_names else names_of(GENERATORS)
     generators: dict[str, Callable[[], Any]] = {key: partial(load, GENERATORS, key) for key in others}
     generators |= {key: partial(_of_this_package, key) for key in own_names}

@@ -114,7 +114,6 @@ TimedValue = Annotated[Any, BeforeValidator(timed), _NumberOrText()]
 TimedSampledValue = Annotated[Any, BeforeValidator(lambda v: sampled(timed(v))), _NumberOrText()]
 SampledValue = Annotated[Any, BeforeValidator(sampled), _NumberOrText()]
 NonNegativeValue = Annotated[Any, BeforeValidator(lambda v: not_negative(sampled(v))), _NumberOrText()]
-NonNegativeTimedValue = Annotated[Any, BeforeValidator(lambda v: not_negative(sampled(timed(v)))), _NumberOrText()]
 
 
 def share(entry: Any) -> Any:

@@ -18,11 +18,11 @@ from signorini_fx.picture_data.body_cells import gather_cells
 from signorini_fx.picture_data.outer_surface import gather_outer_surface
 from signorini_fx.pictures import deformed_body
 from signorini_fx.pictures.deformed_body import deformed_mesh
-from signorini_fx.pictures.fields import FIELDS, ON_DEMAND, Field, principal, values_of
+from signorini_fx.pictures.fields import FIELDS, Field, principal, values_of
 from signorini_fx.pictures.style import BLUE, ORANGE
 from signorini_fx.pictures.tiling import refined, tiling
 from signorini_fx.pictures.tones import Tones, draw_principal, spaced, strokes, thinned
-from signorini_fx.results.files import write_results
+from signorini_fx.results.files import ON_DEMAND, write_results
 from signorini_fx.results.stresses import Stresses
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve

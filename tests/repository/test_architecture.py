@@ -11,6 +11,7 @@ import pytest
 
 from signorini_fx import InstallationError, extensions
 from signorini_fx.extensions import ADD_ONS, add_on
+from signorini_fx.scene.generators import known_generators
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "signorini_fx"
@@ -196,6 +197,8 @@ def test_a_missing_add_on_is_one_message(monkeypatch):
     with pytest.raises(InstallationError, match=r"'error_bound' needs signorini_fx\.bounds.*, an add-on that is not"):
         add_on("error_bound")
     monkeypatch.setattr(extensions, "_installed", lambda *_: {})
+    monkeypatch.setitem(sys.modules, "signorini_fx.meshes", None)
+    assert known_generators() == {}
     with pytest.raises(InstallationError, match="'report' is an add-on of signorini_fx that is not installed"):
         add_on("report")
 
