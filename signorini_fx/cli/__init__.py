@@ -27,6 +27,7 @@ _ON_ONE_PROCESS = {
 }
 _ON_RANKS = {
     "solve": commands.solve,
+    "run": commands.run,
     "check": commands.check,
     "sweep": commands.sweep,
     "sensitivity": commands.sensitivity,

@@ -7,7 +7,7 @@ import json
 import os
 import sys
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -120,6 +120,43 @@ def solve(options: argparse.Namespace) -> int:
         parallel.log_on_root(comm, [ended], error=True)
         return EXIT_NO_SOLUTION
     return EXIT_OK
+
+
+def run(options: argparse.Namespace) -> int:
+    """Draft a scene from a deck beside the result folder, solve it, and write its report."""
+    from mpi4py import MPI
+
+    from signorini_fx import parallel
+
+    out = options.out = options.out or Path("results") / options.deck.stem
+    options.scene = out.parent / f"{out.name}.toml"
+    lost, lines = parallel.on_root(MPI.COMM_WORLD, lambda: _draft_of_run(options.deck, options.scene))
+    if not options.quiet:
+        parallel.log_on_root(MPI.COMM_WORLD, lines)
+    try:
+        code = solve(options)
+    except SceneError as error:
+        raise error.of(options.scene) from None
+    page = parallel.on_root(MPI.COMM_WORLD, lambda: add_on("report")(out, None))
+    if not options.quiet:
+        parallel.log_on_root(MPI.COMM_WORLD, [terminal.TerminalLine(f"report: {page}")])
+    if lost and code == EXIT_OK:
+        count = "1 thing that changes" if lost == 1 else f"{lost} things that change"
+        said = terminal.TerminalLine("signorini-fx: ", f"left out of the deck: {count} the answer", "error")
+        parallel.log_on_root(MPI.COMM_WORLD, [said], error=True)
+        return EXIT_INCOMPLETE
+    return code
+
+
+def _draft_of_run(deck: Path, target: Path) -> tuple[int, list[terminal.TerminalLine]]:
+    """How many things a draft lacks that change the answer, and what is said of all that was left out."""
+    from signorini_fx.mesh.files.formats import read_file
+
+    drafted = _drafted(deck, read_file(deck), target)
+    _write_draft(drafted.files, keep=True)
+    graded = [("changes the answer: ", remark, "error") for remark in drafted.lost]
+    graded += [("does not change it: ", remark, "") for remark in drafted.noted]
+    return len(drafted.lost), [terminal.TerminalLine(begin, remark, kind) for begin, remark, kind in graded]
 
 
 class _SolveProgress:
@@ -311,22 +348,44 @@ def mesh_file(options: argparse.Namespace) -> str | tuple[str, int]:
 
 def _scene_draft(source: Path, mesh: MeshArrays, target: Path) -> tuple[str, int]:
     """Write the draft of a scene from an Abaqus deck; what it has and what it has not, and the exit code."""
-    if source.suffix.lower() != ".inp":
-        raise OutputError(f"{target}: a scene is drafted from an Abaqus input file, .inp, and not from {source.name}")
-    drafted = add_on("draft")(source, mesh, target)
-    for file, content in {**drafted.files, target: drafted.text}.items():
-        if os.path.lexists(file):
-            raise OutputError(f"{file}: already exists: give another name, or remove it")
-        try:
-            file.write_text(content, encoding="utf-8")
-        except OSError as error:
-            raise cannot_be_written(file, error) from None
+    drafted = _drafted(source, mesh, target)
+    _write_draft(drafted.files)
     lines = [f"{target} is the draft of a scene; check it: signorini-fx check {target}"]
     lines += [f"left out: {remark}" for remark in drafted.noted]
     if drafted.lost:
         lines += [f"lost: {remark}" for remark in drafted.lost]
         lines.append(f"{target} is incomplete: complete it, and remove from 'incomplete' what you have completed")
     return "\n".join(lines), EXIT_INCOMPLETE if drafted.lost else EXIT_OK
+
+
+def _drafted(source: Path, mesh: MeshArrays, target: Path) -> Any:
+    """The draft of a deck, with ``text``, ``lost``, ``noted`` and ``files``."""
+    if source.suffix.lower() != ".inp":
+        raise OutputError(f"{target}: a scene is drafted from an Abaqus input file, .inp, and not from {source.name}")
+    return add_on("draft")(source, mesh, target)
+
+
+def _write_draft(files: Mapping[Path, str], *, keep: bool = False) -> None:
+    """Write the files of a draft.
+
+    Args:
+        files: path -> text.
+        keep: whether those that are there already with the same text may stay.
+
+    Raises:
+        OutputError: a file is there already, or cannot be written.
+    """
+    for file, content in files.items():
+        try:
+            if keep and file.is_file() and file.read_text(encoding="utf-8") == content:
+                continue
+            if os.path.lexists(file):
+                changed = ", and is not what is drafted now: solve it, " if keep else ": give another name, "
+                raise OutputError(f"{file}: already exists{changed}or remove it")
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(content, encoding="utf-8")
+        except (OSError, ValueError) as error:
+            raise cannot_be_written(file, error) from None
 
 
 def completion(options: argparse.Namespace) -> str:

@@ -30,7 +30,7 @@ class Draft:
         text: of the scene file.
         lost: what the scene lacks, so that its solution is another one; the scene says it itself.
         noted: what is told in another way, or is nothing that a scene is about.
-        files: those beside the scene that it refers to, with their text.
+        files: the scene and those beside it that it refers to, with their text.
     """
 
     text: str
@@ -66,7 +66,8 @@ def draft(file: Path, mesh: MeshArrays, target: Path) -> Draft:
     lines += ["", "[mesh]", f"file = {quoted(os.path.relpath(file, target.parent))}"]
     for heading, table_lines in tables:
         lines += ["", heading, *table_lines]
-    return Draft("\n".join(lines) + "\n", lost, noted, files)
+    files[target] = "\n".join(lines) + "\n"
+    return Draft(files[target], lost, noted, files)
 
 
 def _tables(deck: Deck, target: Path, files: dict[Path, str]) -> list[tuple[str, list[str]]]:

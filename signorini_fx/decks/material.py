@@ -150,39 +150,27 @@ def material_tables(deck: Deck, *, heated: bool) -> list[tuple[str, list[str]]]:
     """The lines of each material.
 
     Raises:
-        ValueError: there is none.
+        ValueError: a part of the body has none.
     """
     weighs = any(load.table in ("gravity", "rotation") for load in deck.loads.values())
     keys = ("density",) * weighs + ("expansion",) * heated
-    sections = deck.sections
-    if not sections and len(deck.materials) == 1:
-        deck.note(None, "no section: the whole body is of the only material")
-        sections = [DeckSection("", next(iter(deck.materials)), "")]
-    shown: list[tuple[str, list[str]]] = []
-    missing = False
-    for section in sections:
-        properties = deck.materials.get(section.material)
-        if properties is None:
-            raise ValueError(f"the material {section.material!r} of {section.region!r} is not defined")
-        if (law := _law(deck, properties, section.orientation)) is None:
-            deck.lose(
-                None, f"material {section.material!r} of {section.region!r}: it has no *ELASTIC that is known here"
-            )
-            missing = True
-            continue
-        properties = (
-            {"expansion": 0.0, **properties} if heated else properties
-        )  # without *EXPANSION a material does not expand
-        shown.append((section.region, [*law, *(f"{key} = {properties[key]!r}" for key in keys if key in properties)]))
-    if not shown:
-        raise ValueError("no section has a material with *ELASTIC: add both to the file")
     covered = np.zeros(len(deck.mesh.cells), dtype=bool)
-    for section in sections:
-        covered[deck.mesh.regions[section.region] if section.region else slice(None)] = True
+    for section in deck.sections:
+        covered[deck.mesh.regions[section.region]] = True
     if not covered.all():
-        deck.lose(None, f"material: {np.count_nonzero(~covered)} cells are in no section")
+        raise ValueError(f"no material: {np.count_nonzero(~covered)} of {len(covered)} cells are in no section")
+    shown: list[tuple[str, list[str]]] = []
+    for section in deck.sections:
+        name = f"the material {section.material!r} of {section.region!r}"
+        if (properties := deck.materials.get(section.material)) is None:
+            raise ValueError(f"{name} is not defined")
+        if (law := _law(deck, properties, section.orientation)) is None:
+            raise ValueError(f"{name} has no *ELASTIC that is isotropic or orthotropic")
+        # without *EXPANSION a material does not expand
+        properties = {"expansion": 0.0, **properties} if heated else properties
+        shown.append((section.region, [*law, *(f"{key} = {properties[key]!r}" for key in keys if key in properties)]))
     hypothesis = [f"hypothesis = {quoted(deck.hypothesis)}"] if deck.hypothesis else []
-    if covered.all() and not missing and all(lines == shown[0][1] for _, lines in shown):
+    if all(lines == shown[0][1] for _, lines in shown):
         return [("[material]", [*shown[0][1], *hypothesis])]
     return [("[[material]]", [f"region = {quoted(region)}", *lines, *hypothesis]) for region, lines in shown]
 

@@ -41,12 +41,14 @@ def outcome(summary: dict[str, Any]) -> Markup:
     if not good and summary["linear_solves"] == 0:
         verdict += " No linear system was solved: the figures are those of the body without displacement."
     text = [tag("strong", status_in_words(summary)), tag("p", verdict)]
-    if summary.get("incomplete"):
-        text.append(tag("p", "The scene lacks something of what was meant: these are results of another problem."))
+    lacking = [tag("li", lost) for lost in summary.get("incomplete", ())]
+    if lacking:
+        text.append(tag("p", "What was left out changes the answer: these are results of another problem."))
+        text.append(tag("ul", *lacking))
     if not good:
         text.append(tag("p", f"What to do: {summary['advice']}."))
-    short |= good and bool(summary.get("incomplete"))
-    status = tag("div", *text, class_=f"status {'short' if short else 'good' if good else 'bad'}")
+    grade = "bad" if lacking else "short" if short else "good" if good else "bad"
+    status = tag("div", *text, class_=f"status {grade}")
     warned = _findings(summary, "warning")
     cards = [_card(card) for quantity in quantities() for card in quantity.cards(summary)]
     cards += [_card(Card(label, str(summary[key]))) for key, label in _COUNTS.items() if key in summary]

@@ -6,6 +6,7 @@ import tomllib
 
 import numpy as np
 import pytest
+from deck_lines import POISSON, STEEL, YOUNG, squares, stacked
 from mpi4py import MPI
 
 from signorini_fx import cli
@@ -16,30 +17,6 @@ from signorini_fx.results.files import write_results
 from signorini_fx.results.summary import render
 from signorini_fx.scene.reading import parse_scene, read_scene
 from signorini_fx.solving.solver import solve
-
-YOUNG, POISSON = 1000.0, 0.25
-STEEL = ["*MATERIAL, NAME=STEEL", "*ELASTIC", f"{YOUNG}, {POISSON}"]
-
-
-def squares(nx, ny, first=1, corner=(0.0, 0.0), size=(1.0, 1.0), name="BODY"):
-    """Nodes, elements and surfaces of a rectangle; numbers begin with ``first``."""
-    at = [(i, j) for j in range(ny + 1) for i in range(nx + 1)]
-    lines = ["*NODE"]
-    lines += [
-        f"{first + n}, {corner[0] + size[0] * i / nx}, {corner[1] + size[1] * j / ny}" for n, (i, j) in enumerate(at)
-    ]
-    lines += [f"*ELEMENT, TYPE=CPE4, ELSET={name}"]
-    cells = [i + j * (nx + 1) for j in range(ny) for i in range(nx)]
-    lines += [
-        f"{first + n}, {', '.join(str(first + c + k) for k in (0, 1, nx + 2, nx + 1))}" for n, c in enumerate(cells)
-    ]
-    lines += [f"*ELSET, ELSET={name}_LOW, GENERATE", f"{first}, {first + nx - 1}"]
-    lines += [f"*ELSET, ELSET={name}_HIGH, GENERATE", f"{first + nx * (ny - 1)}, {first + nx * ny - 1}"]
-    lines += [f"*SURFACE, NAME={name}_BOTTOM", f"{name}_LOW, S1", f"*SURFACE, NAME={name}_TOP", f"{name}_HIGH, S3"]
-    for side, start in (("FEET", 0), ("HEAD", ny * (nx + 1))):
-        lines += [f"*NSET, NSET={name}_{side}, GENERATE", f"{first + start}, {first + start + nx}"]
-    lines += [f"*NSET, NSET={name}_WALL, GENERATE", f"{first}, {first + ny * (nx + 1)}, {nx + 1}"]
-    return lines
 
 
 def drafted(folder, lines, capsys, name="deck.inp", code=0):
@@ -81,15 +58,6 @@ def test_forces_with_a_moment(tmp_path, capsys):
     lines = ["125, 2, -1.0" if line.startswith("125, 2,") else line for line in lines]
     _, data, said = drafted(tmp_path, lines, capsys)
     assert "on 'B_HEAD' evenly" in said
-
-
-def stacked(behaviour, gap=0.0, pair="*CONTACT PAIR, INTERACTION=I"):
-    """A block above another one, under pressure; its lower side is the first of the pair."""
-    lines = [*squares(4, 2, name="LOW"), *squares(4, 2, 101, (0.0, 1.0 + gap), name="UP")]
-    lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL=STEEL" for name in ("LOW", "UP")]
-    lines += [*STEEL, "*SURFACE INTERACTION, NAME=I", *behaviour, pair, "UP_BOTTOM, LOW_TOP", "*BOUNDARY"]
-    lines += ["LOW_FEET, 2", "LOW_WALL, 1", "UP_WALL, 1", "*STEP", "*STATIC", "*DSLOAD", "UP_TOP, P, 5.0"]
-    return [*lines, "*END STEP"]
 
 
 # Of a block in plane strain under pressure on top, free at its sides, per length.
@@ -274,8 +242,12 @@ def test_orthotropic_materials(tmp_path, capsys):
     ("sections", "materials", "word"),
     [
         (["*SOLID SECTION, ELSET=BODY, MATERIAL=GLASS"], STEEL, "the material 'GLASS' of 'BODY' is not defined"),
-        ([], [], "no section has a material"),
-        (["*SOLID SECTION, ELSET=BODY, MATERIAL=R"], ["*MATERIAL, NAME=R", "*HYPERELASTIC", "1."], "no section has a"),
+        ([], STEEL, "no material: 8 of 8 cells are in no section"),
+        (
+            ["*SOLID SECTION, ELSET=BODY, MATERIAL=R"],
+            ["*MATERIAL, NAME=R", "*HYPERELASTIC", "1."],
+            "has no *ELASTIC that is",
+        ),
         (
             ["*SOLID SECTION, ELSET=BODY, MATERIAL=W, ORIENTATION=NONE"],
             ["*MATERIAL, NAME=W", "*ELASTIC, TYPE=ENGINEERING CONSTANTS", "1.,1.,1.,0.,0.,0.,1.,1.", "1."],
@@ -289,16 +261,16 @@ def test_materials_that_are_missing(tmp_path, capsys, sections, materials, word)
     assert word in drafted(tmp_path, one_block(sections, materials), capsys, code=2)[2]
 
 
-def test_a_material_of_another_kind(tmp_path, capsys):
-    """The others keep their regions, so that a solve asks for it."""
+def test_a_part_without_a_material(tmp_path, capsys):
+    """It is an error, whatever the rest has."""
     rubber = ["*MATERIAL, NAME=RUBBER", "*HYPERELASTIC", "1."]
     sections = [
         f"*SOLID SECTION, ELSET={name}, MATERIAL={of}" for name, of in (("BODY_LOW", "STEEL"), ("BODY_HIGH", "RUBBER"))
     ]
-    _, data, _ = drafted(tmp_path, one_block(sections, [*STEEL, *rubber]), capsys, code=4)
-    assert data["material"] == [{"region": "BODY_LOW", "young": YOUNG, "poisson": POISSON}]
-    _, data, _ = drafted(tmp_path, one_block(sections[:1], STEEL), capsys, code=4)
-    assert "material: 4 cells are in no section" in data["incomplete"]
+    said = drafted(tmp_path, one_block(sections, [*STEEL, *rubber]), capsys, code=2)[2]
+    assert "'RUBBER' of 'BODY_HIGH' has no *ELASTIC" in " ".join(said.split())
+    said = drafted(tmp_path, one_block(sections[:1], STEEL), capsys, code=2)[2]
+    assert "no material: 4 of 8 cells are in no section" in said
 
 
 # --- parts and included files ----------------------------------------------------------------------------------------

@@ -301,6 +301,7 @@ def test_synopsis():
     (commands,) = (action.choices for action in cli.parser()._actions if isinstance(action.choices, dict))
     lines = synopsis.replace("\n  ", "").splitlines()
     shown = {line.split()[1]: set(re.findall(r"--\w[\w-]*", line)) for line in lines}
+    shown |= {line.split()[1]: shown["solve"] for line in lines if "[options of solve]" in line}
     known = {
         name: {o for action in parser._actions for o in action.option_strings if o.startswith("--")} - {"--help"}
         for name, parser in commands.items()

@@ -1,0 +1,57 @@
+"""``signorini-fx run``: from a deck to a report, with an exit code for what was left out."""
+
+import json
+
+import pytest
+from deck_lines import stacked
+
+from signorini_fx import cli
+
+
+def run(folder, lines, capsys, *options):
+    """The exit code and what was printed; results are in ``out``."""
+    deck = folder / "deck.inp"
+    deck.write_text("\n".join(lines) + "\n")
+    code = cli.main(["run", str(deck), "--out", str(folder / "out"), "--no-pictures", "--no-fields", *options])
+    said = capsys.readouterr()
+    return code, said.out + said.err
+
+
+def test_a_whole_deck(tmp_path, capsys):
+    """It is solved, and has a report; run again it uses its draft, which must be what is drafted now."""
+    code, said = run(tmp_path, stacked([]), capsys)
+    assert code == 0
+    assert "changes the answer" not in said
+    assert "What was left out" not in (tmp_path / "out" / "report.html").read_text()
+    assert run(tmp_path, stacked([]), capsys, "--quiet") == (0, "")
+    draft = tmp_path / "out.toml"
+    draft.write_text(draft.read_text() + "# completed\n")
+    code, said = run(tmp_path, stacked([]), capsys)
+    assert code == 2
+    assert "is not what is drafted now" in " ".join(said.split())
+
+
+@pytest.mark.parametrize("options", [(), ("--quiet",)])
+def test_what_changes_the_answer(tmp_path, capsys, options):
+    """It has an exit code of its own, and is red in the report; what does not change it is told as such."""
+    lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=EXPONENTIAL", "1e-4, .1"])
+    lines.insert(-1, "*FILM")
+    code, said = run(tmp_path, lines, capsys, *options)
+    assert code == 4
+    if not options:
+        assert "changes the answer: line" in said
+        assert "does not change it: line" in said
+    assert "left out of the deck: 1 thing that changes the answer" in " ".join(said.split())
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert '<div class="status bad">' in page
+    assert "exponential: here it is hard</li>" in page
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["converged"]
+
+
+def test_decks_that_cannot_be_read(tmp_path, capsys):
+    """One error, and nothing is written."""
+    code, said = run(tmp_path, ["*NODE", "1, 0.0, nothing"], capsys)
+    assert code == 2
+    assert "line 1" in said
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["deck.inp"]
+    assert cli.main(["run", str(tmp_path / "deck.txt"), "--out", str(tmp_path / "out")]) == 2
