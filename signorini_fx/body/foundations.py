@@ -28,7 +28,7 @@ from signorini_fx.laws.directed import FrictionAxes
 from signorini_fx.laws.protocol import FrictionLaw
 from signorini_fx.method import Settings
 from signorini_fx.records import Inventory
-from signorini_fx.scene.rigid_motion import RigidBody, RigidMotion
+from signorini_fx.scene.rigid_motion import RigidMotion, driven_twice, rigid_bodies
 from signorini_fx.scene.rigid_shape import Distance, distance_from
 from signorini_fx.tuned import ZERO_SUM
 
@@ -146,7 +146,7 @@ class Foundations:
     @property
     def rigid_bodies(self) -> RigidBodies:
         """Those that forces move."""
-        bodies = [RigidBody(self._names[k], shape, (k,)) for k, shape in enumerate(self.driven) if shape is not None]
+        bodies = rigid_bodies(self.driven, self._names)
         mesh, dim, length = self._space.mesh, self._dimension, 1.0
         if bodies:
             bounds = parallel.global_bounds(mesh.comm, mesh.geometry.x[:, :dim].astype(np.float64))
@@ -171,6 +171,8 @@ class Foundations:
                 (shape and (shape.timed or shape.driven_in_time), "shape", "depends on t: give numbers, and place()"),
             ):
                 problems += [(f"contact[{k}].{key}", reason)] if wrong else []
+            if shape and (reason := driven_twice(self.driven, k)):
+                problems.append((f"contact[{k}].shape.rigid", reason))
         if problems:
             raise FormError(problems)
 
@@ -187,9 +189,14 @@ class Foundations:
         if self.driven[number] is not None and (wrong := set(placement) - set(RigidMotion.model_fields)):
             raise FormError([(f"{path}.{key}", "stays: this foundation is moved by what drives it") for key in wrong])
         try:
-            self._distances[number] = distance_from(distance.shape.placed(**placement), self._dimension)
+            moved = distance_from(distance.shape.placed(**placement), self._dimension)
         except SceneError as error:
             raise FormError([(f"{path}.{key}", reason) for key, reason in error.problems]) from None
+        if reason := driven_twice(
+            [moved.shape if k == number else shape for k, shape in enumerate(self.driven)], number
+        ):
+            raise FormError([(f"{path}.rigid", reason)])
+        self._distances[number] = moved
 
     def settle(self) -> None:
         """Count the motion of shapes from where they are."""

@@ -12,6 +12,7 @@ from signorini_fx.laws.none import NoFriction
 from signorini_fx.laws.registry import OneLaw
 from signorini_fx.scene.base import refused
 from signorini_fx.scene.effect import Contradictions, Effect, Features
+from signorini_fx.scene.rigid_motion import driven_twice
 from signorini_fx.scene.rigid_shape import Distance, OneShape
 from signorini_fx.scene.values import Direction, NonNegative, SampledValue, not_at_points, shown
 
@@ -229,6 +230,8 @@ def _not_with_tools(scene: Any, number: int) -> Contradictions:
     """Why a foundation whose motion is an unknown does not go together with other entries."""
     driven = scene.contact[number].tool
     prescribed = driven.prescribed
+    if misfit := driven_twice([contact.tool for contact in scene.contact], number):
+        yield ("contact", number, "foundation", "rigid"), misfit
     for wrong, name in (
         (driven.force is not None and driven.force[0] != 0.0, "force"),
         (driven.moment is not None, "moment"),

@@ -36,7 +36,7 @@ from signorini_fx.scene.effect import (
 )
 from signorini_fx.scene.features import refused_features
 from signorini_fx.scene.load_steps import LoadPath, LoadSteps, factor_at, time_at
-from signorini_fx.scene.rigid_motion import RigidBody
+from signorini_fx.scene.rigid_motion import RigidBody, rigid_bodies
 from signorini_fx.scene.settings import Accuracy, SolverSettings, Units
 from signorini_fx.scene.values import Finite, Positive, Selection, kind_of
 
@@ -301,8 +301,7 @@ class Scene(Table):
     @property
     def rigid_bodies(self) -> tuple[RigidBody, ...]:
         """Those whose motion is an unknown, with their contacts."""
-        driven = ((part, contact) for part, contact in enumerate(self.contact) if contact.tool is not None)
-        return tuple(RigidBody(contact.boundary, contact.tool, (part,)) for part, contact in driven)
+        return rigid_bodies([contact.tool for contact in self.contact], self.sides[0])
 
     @property
     def joint_loads(self) -> dict[str, JointLoad]:

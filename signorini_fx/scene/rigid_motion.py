@@ -6,7 +6,7 @@ counterclockwise; in space three of each kind, rotations about axes along x[0], 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -79,16 +79,24 @@ class RigidMotion(Table):
             the time t; None: none.
         moment: about that point, in the plane a number, counterclockwise, in space three; of the same kinds.
         prescribed: the components of the motion that are not free.
+        rigid: the name of a rigid body that several contacts have, of which one says what drives it; None: it has this
+            one alone.
     """
 
     force: TimedVector | None = None
     moment: TimedAngle | None = None
     prescribed: Prescribed | None = None
+    rigid: str | None = None
+
+    @property
+    def drives(self) -> bool:
+        """Whether it says what drives the motion."""
+        return not (self.force is None and self.moment is None and self.prescribed is None)
 
     @property
     def driven(self) -> bool:
         """Whether its motion is an unknown."""
-        return not (self.force is None and self.moment is None and self.prescribed is None)
+        return self.drives or self.rigid is not None
 
     @property
     def driven_in_time(self) -> bool:
@@ -139,6 +147,42 @@ class RigidBody:
     def called(self) -> str:
         """What messages call it."""
         return f"the foundation of {' and '.join(f'contact[{part}]' for part in self.parts)}"
+
+
+def rigid_bodies(shapes: Sequence[Any], names: Sequence[str]) -> tuple[RigidBody, ...]:
+    """Those that the shapes of contacts belong to, by their names, or else those of contacts.
+
+    Args:
+        shapes: of each contact; None: its foundation is none, or stands still.
+        names: of the contacts.
+    """
+    groups: dict[Any, list[int]] = {}
+    for part, shape in enumerate(shapes):
+        if shape is not None:
+            groups.setdefault(part if (name := _name_of(shape)) is None else name, []).append(part)
+    return tuple(
+        RigidBody(
+            key if isinstance(key, str) else names[key],
+            next((shapes[part] for part in parts if getattr(shapes[part], "drives", True)), shapes[parts[0]]),
+            tuple(parts),
+        )
+        for key, parts in groups.items()
+    )
+
+
+def driven_twice(shapes: Sequence[Any], number: int) -> str:
+    """Why a contact does not fit the others of its rigid body, see ``rigid_bodies``; "": it does."""
+    name = _name_of(shapes[number])
+    drivers = [
+        part for part, shape in enumerate(shapes) if name is not None and _name_of(shape) == name and shape.drives
+    ]
+    if name is None or len(drivers) == 1:
+        return ""
+    return f"give force, moment or prescribed in one contact of {name!r}, not in {len(drivers)}"
+
+
+def _name_of(shape: Any) -> str | None:
+    return getattr(shape, "rigid", None)
 
 
 def _tuple(value: Any) -> tuple[Any, ...]:

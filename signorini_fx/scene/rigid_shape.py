@@ -60,6 +60,7 @@ class Shape(RigidMotion):
         force: on it at its pivot, which moves a foundation whose motion is an unknown, see ``scene.rigid_motion``.
         moment: on it about its pivot.
         prescribed: which components of such a motion are not free.
+        rigid: the name of a rigid body that several contacts have, of which one says what drives it; None: none.
     """
 
     # The dimensions of space in which there is such a shape.
@@ -93,7 +94,7 @@ class Shape(RigidMotion):
     def turning_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
         """Keys that are missing where it may turn, and why."""
         turning = COMPONENTS[dimension][dimension:]
-        if self.driven and self.pivot is None and any(getattr(self.prescribed, key, None) != 0.0 for key in turning):
+        if self.drives and self.pivot is None and any(getattr(self.prescribed, key, None) != 0.0 for key in turning):
             yield "pivot", "give the point where the force acts, about which the foundation turns"
 
     @property

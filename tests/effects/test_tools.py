@@ -27,6 +27,7 @@ from signorini_fx.scene.rigid_motion import RigidBody
 from signorini_fx.solving.sweep import sweep
 
 COMM = MPI.COMM_WORLD
+GAMMAS = {"gamma_n": 1e9, "gamma_t": 1e9}
 TOP = RigidBody("top", None, (0,))
 HERE = Path(__file__).parents[1]
 LAWS = {
@@ -251,6 +252,54 @@ def on_posts(force=(0.0, -3.0), at=2.5, law=None, algebra="full", **solver):
             "solver": {"linear_algebra": algebra, **solver},
         }
     )
+
+
+def on_named_posts(others=None, **driving):
+    """The same with a contact for each post, and one plate."""
+    both = [Box("1", -0.05, 0.0, 0.1, 1.0, 4, 6), Box("2", 9.95, 0.0, 0.1, 1.0, 4, 6)]
+    plate = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0], "rigid": "plate"}
+    driving = {"pivot": [2.5, 1.0], "force": [0.3, -3.0], **driving}
+    return parse_scene(
+        {
+            "mesh": boxes_mesh(COMM, both),
+            "material": {"young": 1e5, "poisson": 0.0},
+            "displacement": [{"boundary": f"bottom {k}", "x": 0.0, "y": 0.0} for k in "12"],
+            "contact": [
+                {"boundary": f"top {k}", "foundation": {**plate, **keys}, "friction": LAWS["coulomb"]}
+                for k, keys in (("1", others or {}), ("2", driving))
+            ],
+            "solver": GAMMAS,
+        }
+    )
+
+
+def test_a_rigid_body_has_several_contacts():
+    """One plate that two contacts name: as with one contact that both tops are, in motion, balance and words."""
+    one, several = solve(on_posts((0.3, -3.0), **GAMMAS)), solve(on_named_posts())
+    (plate,), (named,) = one.last_step.tools, several.last_step.tools
+    assert (named.body.name, named.body.parts) == ("plate", (0, 1))
+    assert np.allclose(named.translation, plate.translation, rtol=1e-9)
+    assert np.allclose(named.rotation, plate.rotation, rtol=1e-9)
+    rows = [
+        solution.last_step.tools[0].as_dict(
+            solution.contact, solution.scene.contact, solution.discretisation.kinematics
+        )
+        for solution in (one, several)
+    ]
+    assert np.allclose(rows[0]["force"], rows[1]["force"], atol=1e-9)
+    assert np.allclose(rows[0]["gap_error"], rows[1]["gap_error"], rtol=1e-6)
+    assert several.certificate.holds
+    tagged, tractions = several.discretisation.tagged, Tractions.of(several.contact)
+    wrong = on_named_posts(force=[0.3, -3.003])
+    judged = certify(wrong, tagged, several.displacement, tractions, law=several.certificate.law, rigid=(named,))
+    assert not judged.holds
+    assert solve(on_named_posts(pivot=[12.0, 1.0]), check=False).status is Status.TIPS
+
+
+@pytest.mark.parametrize("others", [{"force": [0.0, -1.0], "pivot": [0.0, 1.0]}, {"rigid": "another"}])
+def test_one_contact_drives_a_rigid_body(others):
+    with pytest.raises(SceneError, match=r"in one contact of .*, not in [02]"):
+        on_named_posts(others)
 
 
 @pytest.mark.parametrize("algebra", ["full", "condensed"])

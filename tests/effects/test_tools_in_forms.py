@@ -8,7 +8,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from test_tools import LAWS, block, pressed
+from test_tools import LAWS, block, on_named_posts, pressed
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Foundation, Tresca, solve
 from signorini_fx.body.rigid_bodies import RigidBodyMotion
@@ -23,15 +23,25 @@ def same_as(solution, law, **others):
     d, scene = solution.discretisation, solution.scene
     space = fem.functionspace(d.tagged.mesh, ("Lagrange", scene.element.degree, (d.dimension,)))
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    facets, bottom = d.tagged.facets("top"), d.tagged.facets("bottom")
+    bottom = np.unique(np.concatenate([d.tagged.facets(entry.boundary) for entry in scene.displacement]))
     held = fem.locate_dofs_topological(space, d.dimension - 1, bottom)
     bcs = [fem.dirichletbc(np.zeros(d.dimension), held, space)]
     nothing = ufl.inner(fem.Constant(d.tagged.mesh, np.zeros(d.dimension)), v) * ufl.dx
-    shape = others.pop("shape", scene.contact[0].foundation)
-    algorithm = others.pop("algorithm", "auto")
-    foundation = Foundation(facets, shape=shape, friction=FRICTION[law], **others)
+    shape, algorithm = others.pop("shape", ...), others.pop("algorithm", "auto")
+    foundations = [
+        Foundation(
+            d.tagged.facets(contact.boundary),
+            shape=contact.foundation if shape is ... else shape,
+            friction=FRICTION[law],
+            **others,
+        )
+        for contact in scene.contact
+    ]
+    (material,) = scene.material
     settings = scene.solver.model_dump(include={"linear_algebra", "gamma_n", "gamma_t", "tolerance"})
-    return ContactProblem(forms.hooke(u, v), nothing, bcs, foundation, algorithm=algorithm, **settings)
+    return ContactProblem(
+        forms.hooke(u, v, material.young, material.poisson), nothing, bcs, foundations, algorithm=algorithm, **settings
+    )
 
 
 def differ(problem, result):
@@ -124,6 +134,16 @@ def test_the_certificate_knows_the_force(monkeypatch):
     with pytest.raises(ConvergenceError):
         problem.solve()
     assert problem.status is Status.NOT_CERTIFIED
+
+
+def test_a_rigid_body_has_several_contacts():
+    solution = solve(on_named_posts())
+    problem = same_as(solution, "coulomb")
+    problem.solve()
+    assert [tool.body.parts for tool in problem.tools] == [(0, 1)]
+    assert differ(problem, solution.last_step) < 1e-9
+    with pytest.raises(FormError, match="in one contact of 'plate', not in 2"):
+        problem.place(0, prescribed={"rotation": 0.0})
 
 
 MISTAKES = [
