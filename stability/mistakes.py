@@ -3190,6 +3190,20 @@ MUTANTS = (
         tests=("tools::test_the_certificate_knows_the_force",),
     ),
     Mutant(
+        "body/rigid_bodies",
+        "touching = np.isin(boundary.part, body.parts)",
+        "touching = np.isin(boundary.part, body.parts[:1])",
+        "rigid bodies: only their first contact moves with them",
+        tests=("tools::test_a_rigid_body_has_several_contacts",),
+    ),
+    Mutant(
+        "results/contact_nodes",
+        "self.part(*numbers)",
+        "self.part(numbers[0])",
+        "certificate: of a rigid body only the first contact counts",
+        tests=("tools::test_a_rigid_body_has_several_contacts",),
+    ),
+    Mutant(
         "body/rigid",
         "count + moving.number[unknown]",
         "count + 0 * moving.number[unknown]",
