@@ -24,7 +24,7 @@ from dolfinx import jit
 from hypothesis import given, settings
 from hypothesis.strategies import none
 from loaded_reader import LoadedReader
-from tiers import costly, node_of, slow_on
+from tiers import NOT_THERE, costly, node_of, slow_on
 
 from signorini_fx.mesh.files import reading
 
@@ -39,7 +39,6 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 # The report's own communicator: its messages never meet those of a test.
 COMM = MPI.COMM_WORLD.Dup()
-NOT_THERE = pytest.StashKey[list[str]]()
 PATIENCE = 120.0  # seconds that a rank waits for the others at the end of a test before it ends them all
 LIMIT = 300.0  # seconds that a test may take on several ranks
 

@@ -28,6 +28,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))
 LIST = ROOT / "tests" / "slow_tests.txt"
+NOT_THERE = pytest.StashKey[list[str]]()  # what LIST names and the collected files have not
 MEASURED = ROOT / "build" / "tiers"
 # CPU seconds above which a test may be slow, above which one of a function with many sets of parameters may be, and
 # above which all of a function may be.

@@ -725,7 +725,7 @@ def test_what_is_switched_off_can_be_switched_on(line):
         "normal": ["x"],
         "friction": ["friction"],
         "at": ["boundary"],
-        "orthotropic": ["young", "poisson"],
+        "orthotropic": ["young", "poisson", "yield_stress"],
         "section": ["point", "axis"],
         "force": ["shortening"],
         "locked_after": ["shortening"],

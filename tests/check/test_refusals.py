@@ -110,9 +110,6 @@ REFUSED = {
     | {"contact": [BLOCK["contact"][0] | {"foundation": MOVING}], "load_steps": {"times": [0.0, 1.0]}},
     "certified with a tool": tool(mesh=TRIANGLES, **CERTIFIED),
     "certified with two bodies": bodies(**CERTIFIED),
-    "certified with load steps": BLOCK
-    | {"mesh": TRIANGLES, "displacement": {**HELD["displacement"], "factors": [0.5, 1.0]}}
-    | CERTIFIED,
     "exact on a node with two normals": BLOCK
     | PRESSED
     | {"contact": [{"boundary": "bottom"}, {"boundary": "left"}], "solver": {"algorithm": "exact"}},

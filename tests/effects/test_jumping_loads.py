@@ -247,7 +247,11 @@ def judged(scene, **more):
     """Why what is computed as a bound is an estimate, and what it assumes, with another load on the same mesh."""
     solution = alone(scene, check=False)
     return lambda update: grounds(
-        replace(solution.discretisation, scene=solution.scene.model_copy(update=update)), coulomb=False, unknown=0.0
+        replace(solution.discretisation, scene=solution.scene.model_copy(update=update)),
+        0,
+        coulomb=False,
+        later=False,
+        unknown=0.0,
     )
 
 

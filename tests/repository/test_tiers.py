@@ -5,8 +5,7 @@ from pathlib import Path
 
 import tiers
 from _pytest.mark.expression import Expression
-from conftest import NOT_THERE
-from tiers import Test
+from tiers import NOT_THERE, Test
 
 ROOT = Path(__file__).parents[2]
 
