@@ -201,7 +201,8 @@ class ContactBoundary:
             SceneError: contact points average, a contact node has two normals, or a prescribed component is along
                 neither its normal nor a tangent.
         """
-        sizes, frames = np.abs(self.frames_in_axes), self.frames.copy()
+        sizes = np.abs(self.frames_in_axes)
+        frames = np.concatenate((self.normal[:, :, None], self._axes), axis=2)
         across = 1.0 - sizes.max(axis=2) >= PARALLEL
         for reason, applies in (
             (

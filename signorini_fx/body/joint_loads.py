@@ -117,8 +117,8 @@ class JointLoads:
         place: see ``scene.load_steps``.
 
     Raises:
-        SceneError: the boundary of a load does not meet a contact that it enters, or in space its pressure in closed
-            contact is to be linear.
+        SceneError: the boundary of a load does not meet a contact that it enters, or its pressure in closed contact is
+            to be linear elsewhere than in the plane.
     """
 
     def __init__(
@@ -131,8 +131,8 @@ class JointLoads:
         parts = {contact.boundary: part for part, contact in enumerate(scene.contact)}
         problems = []
         for number, (path, load) in enumerate(scene.joint_loads.items()):
-            if load.closed == "linear" and boundary.x.shape[1] == 3:
-                wrong = "'linear' is for the plane: in space it needs the paths along which the load goes on"
+            if load.closed == "linear" and scene.kinematics_in(tagged.dimension).whole:
+                wrong = "'linear' is for the plane: what spreads on a surface needs the paths along which it goes on"
                 problems.append((f"{path}.closed", wrong))
             factor, current_load = scene.now(load, step)
             wall = np.zeros(len(x), dtype=bool)

@@ -131,7 +131,8 @@ class ContactMap:
         return 1.0 / (self.points.weight * compliance.reshape(-1, self.points.dimension).min(axis=1))
 
     def selected(self) -> tuple[npt.NDArray[np.int64], Nodal]:
-        """The unknown that each component of the relative displacement is, and its sign, both of shape (n, d).
+        """The unknown that each component of the relative displacement is a multiple of, and the factor: a sign, and in
+        axes of friction that times the scale of the axis, both of shape (n, d).
 
         Of each row the entry that is not zero, or round-off, among the unknowns of this rank; collective.
 
@@ -144,10 +145,12 @@ class ContactMap:
         shape = self.points.movable.shape[:2]
         first, last = self.operator.getOwnershipRangeColumn()
         unknown = columns[largest].astype(np.int64) - first
-        several = (1.0 - np.abs(values[largest]) >= SAME_TRACE) | (unknown < 0) | (unknown >= last - first)
+        factors, size = values[largest], np.sqrt(np.add.reduceat(values**2, starts[:-1])) if largest.size else 1.0
+        several = (1.0 - np.abs(factors) / size >= SAME_TRACE) | (unknown < 0) | (unknown >= last - first)
         if parallel.any_rank(self.points.comm, bool(several.any() or np.unique(unknown).size < unknown.size)):
             raise ValueError("a component of the displacement at a contact point is no unknown: none can be tied")
-        return unknown.reshape(shape), np.sign(values[largest]).reshape(shape)
+        scale = np.where(np.abs(np.abs(factors) - 1.0) < SAME_TRACE, np.sign(factors), factors)
+        return unknown.reshape(shape), scale.reshape(shape)
 
     @cached_property
     def _relative(self) -> PETSc.Vec:

@@ -57,9 +57,6 @@ class Contact(Effect):
             "enters contact",
             "friction axes": "is not possible yet where a force moves the foundation",
         },
-        "friction axes": {
-            "exact": "exact ties one unknown for each constraint, which friction with a ratio scales: take 'alm'",
-        },
     }
 
     @property

@@ -52,8 +52,8 @@ class ExactProblem(Problem):
         super().__init__(system, motions)
         self._factorised: dict[int, npt.NDArray[np.float64]] = {}
         self._inserted: dict[int, npt.NDArray[np.float64]] = {}
-        # The normal component first.
-        self._unknown, self._sign = system.contact.selected()
+        # The normal component first; components in axes of friction are multiples of unknowns.
+        self._unknown, self._scale = system.contact.selected()
         self._free = ~system.contact.fixed[self._unknown]
         self._work = system.load.duplicate()
         self._stress = self._stiffness / self.points.weight  # of a slip by one
@@ -63,7 +63,7 @@ class ExactProblem(Problem):
         self.system.matrix.mult(x, self._work)
         self._work.axpy(-1.0, self.system.load)
         reaction = self._work.getArray(readonly=True)[self._unknown]
-        traction = np.where(self._free, -self._sign * reaction / self.points.weight[:, None], 0.0)
+        traction = np.where(self._free, -reaction / (self._scale * self.points.weight[:, None]), 0.0)
         pressure = np.where(sets.contact, traction[:, 0], 0.0)
         if self.data.bound is None:
             return pressure, np.zeros_like(traction[:, 1:])
@@ -113,7 +113,7 @@ class ExactProblem(Problem):
         target[:, 0], target[:, 1:] = self.data.gap, origin
         # All normal ones first: a node of two boundaries has the values of the later one.
         order = constrained.T
-        return self._unknown.T[order], (self._sign * target).T[order]
+        return self._unknown.T[order], (target / self._scale).T[order]
 
     def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """See ``Problem``."""
@@ -201,10 +201,10 @@ class ExactProblem(Problem):
         direction = sets.direction
         across = np.eye(direction.shape[1]) - direction[:, :, None] * direction[:, None, :]
         share = np.where(sets.slip, self.points.weight * sets.turning, 0.0) if self.data.bound is not None else 0.0
-        signs = self._sign[:, 1:] * self._free[:, 1:]
+        scales = self._scale[:, 1:] * self._free[:, 1:]
         if direction.shape[1] == 1:
             return np.zeros_like(across)
-        return np.asarray(np.reshape(share, (-1, 1, 1)) * across * signs[:, :, None] * signs[:, None, :])
+        return np.asarray(np.reshape(share, (-1, 1, 1)) * across * scales[:, :, None] * scales[:, None, :])
 
     def _slopes(self, sets: ActiveSets) -> Nodal:
         """Share of the row along the normal in those along the tangents: d mu / d lambda where mu = F lambda e."""
@@ -212,4 +212,4 @@ class ExactProblem(Problem):
         if slope is None:
             return np.zeros_like(sets.direction)
         pressing = (sets.contact & self._free[:, 0])[:, None] & self._free[:, 1:]
-        return np.where(pressing, -self._sign[:, 1:] * self._sign[:, :1] * sets.direction * slope[:, None], 0.0)
+        return np.where(pressing, -self._scale[:, 1:] * self._scale[:, :1] * sets.direction * slope[:, None], 0.0)

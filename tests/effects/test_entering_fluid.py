@@ -183,6 +183,51 @@ def test_an_anchored_block():
     assert given.pressure == pytest.approx(state.pressure, rel=1e-6, abs=1e-5)
 
 
+@pytest.mark.parametrize(("closed", "torsion"), [("none", False), ("full", False), ("none", True)])
+def test_under_a_cylinder(closed, torsion):
+    """Water from outside below a cylinder on a flat base: the uplift is its pressure on the ring of the wet points, and
+    the base carries the rest of the weight; where all of it is wet the effective stress is uniform.
+    """
+    radius, weight, pressure = 1.0, 50.0, 30.0
+    gap = 0.0 if closed == "full" else "0.01 if x[0] > 0.71 else 0"
+    parameters = {"nx": 10, "ny": 4, "length": radius, "height": 0.5}
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": parameters},
+            "material": {"young": 1e6, "poisson": 0.0, "hypothesis": "axisymmetric", "torsion": torsion},
+            "body_force": {"y": -2 * weight},
+            "fluid": {
+                "boundary": "right",
+                "level": 3.0,
+                "weight": 10.0,
+                "up": "y",
+                "enters": ["bottom"],
+                "closed": closed,
+            },
+            "contact": {"boundary": "bottom", "gap": gap},
+            "displacement": [{"boundary": "right", "x": 0.0} | ({"z": 0.0} if torsion else {})],
+        }
+    )
+    solution = solve(scene, COMM)
+    state = solution.contact
+    uplift = state.joint.pressure @ state.boundary.weight
+    assert solution.certificate.holds
+    assert state.pressure @ state.boundary.weight == pytest.approx(np.pi * weight - uplift, rel=1e-7)
+    if closed == "full":
+        assert uplift == pytest.approx(np.pi * pressure)
+        assert state.pressure == pytest.approx(weight - pressure, rel=1e-6)
+    else:
+        r, wet = along(state, state.joint.pressure)
+        inner = r[wet > 0].min()
+        # The rule of a point is exact for a linear measure: half of the pressure of the facet inside belongs to it.
+        assert inner == pytest.approx(0.7)
+        inside = inner * 0.1 / 2 - 0.1**2 / 6
+        assert uplift == pytest.approx(2 * np.pi * pressure * ((radius**2 - inner**2) / 2 + inside), rel=1e-9)
+    with pytest.raises(SceneError, match="closed: 'linear' is for the plane"):
+        fluid = [entry.model_copy(update={"closed": "linear"}) for entry in scene.fluid]
+        solve(scene.model_copy(update={"fluid": tuple(fluid)}), COMM)
+
+
 def test_in_space():
     """The same block, one wide, on a Krylov method: the coarser mesh knows the crack to its cells."""
     scene = dam(75.0, dim=3, solver={"linear_algebra": "krylov"})
