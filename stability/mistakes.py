@@ -769,8 +769,8 @@ MUTANTS = (
     ),
     Mutant(
         "problem/exact",
-        "self._sign * target",
-        "np.abs(self._sign) * target",
+        "target / self._scale",
+        "target / np.abs(self._scale)",
         "gap without its direction",
         tests=("algorithms",),
     ),
@@ -783,8 +783,8 @@ MUTANTS = (
     ),
     Mutant(
         "problem/exact",
-        "-self._sign * reaction / self.points.weight[:, None]",
-        "-self._sign * np.array([1.0, -1.0]) * reaction / self.points.weight[:, None]",
+        "-reaction / (self._scale * self.points.weight[:, None])",
+        "-np.array([1.0, -1.0]) * reaction / (self._scale * self.points.weight[:, None])",
         "reaction of a stick node, sign",
     ),
     Mutant(
