@@ -223,9 +223,9 @@ def test_under_a_cylinder(closed, torsion):
         assert inner == pytest.approx(0.7)
         inside = inner * 0.1 / 2 - 0.1**2 / 6
         assert uplift == pytest.approx(2 * np.pi * pressure * ((radius**2 - inner**2) / 2 + inside), rel=1e-9)
+    linear = tuple(entry.model_copy(update={"closed": "linear"}) for entry in scene.fluid)
     with pytest.raises(SceneError, match="closed: 'linear' is for the plane"):
-        fluid = [entry.model_copy(update={"closed": "linear"}) for entry in scene.fluid]
-        solve(scene.model_copy(update={"fluid": tuple(fluid)}), COMM)
+        solve(scene.model_copy(update={"fluid": linear}), COMM)
 
 
 def test_in_space():
