@@ -1,8 +1,8 @@
 """Constants that were tuned: what each does, where it comes from, and what it was tuned on.
 
-Coefficients of a formula are in the formula, limits of memory and time of other processes and the styles of lines where
-they are used.  No constant here is a length, a stress or a time: each is a share, a factor, a power or a count, except
-in the estimate of costs, which describes a machine, and where a unit is given.
+Coefficients of a formula are in the formula, and the styles of lines where they are used.  No constant here is a
+length, a stress or a time: each is a share, a factor, a power or a count, except in the estimate of costs, which
+describes a machine, and where a unit is given.
 
 *Choice* means that a value follows from reasoning alone; *no record* means that it is not recorded what the value was
 compared with, so that whoever changes it has to measure.  Unless it says otherwise a constant was tuned in the plane,
@@ -131,6 +131,21 @@ MOST_REPLICATED_UNKNOWNS = 10_000
 HELD_STIFFNESS = 0.5
 # Chebyshev's smoother damps this part of the spectrum, in shares of the estimated largest eigenvalue.  Source: PETSc's.
 SMOOTHED_SPECTRUM = (0.1, 1.1)
+# Coordinates that differ by less, relative to the extent of the body, are one in the order of elimination.  Choice.
+SAME_COORDINATE = 1e-7
+# Relative tolerance of a Krylov solve that ends by its absolute one.  Choice: less than round-off leaves.
+NO_RELATIVE_TOLERANCE = 1e-15
+# Share of the forces that an inexact Krylov solve never leaves: ten times that at which Newton's method ends.  Choice.
+NEVER_LEFT = 1e-7
+# Directions held and soft stiffnesses that differ by less make no other levels: the cycle need not be exact.  Choice.
+SAME_HELD_DIRECTION, SAME_SOFT_STIFFNESS = 1e-3, 0.1
+# Largest condition of S B among the unknowns that relative motions of two bodies replace.  Choice.
+LARGEST_CONDITION = 1e6
+# Share of the coarse diagonal that unknowns get which contact does not reach, and coarse functions of which truncation
+# leaves nothing: far below the smallest eigenvalue of a coarse matrix, far above its round-off.  Choice.
+SHARE_OF_COARSE_DIAGONAL = 1e-10
+# Steps and residual of the least squares that find what moves with a rigid body.  Choice.
+RIGID_STEPS, RIGID_TOLERANCE = 100, 1e-12
 
 # --- nested iteration ------------------------------------------------------------------------------------------------
 
@@ -171,6 +186,18 @@ POLLUTION = 6.0
 # The deviation of a smooth function from its linear interpolant is not an error of the data: it is an eighth of the
 # second difference, on average a twelfth; a little more is allowed.  Choice of how much more.
 SMOOTH_LARGEST, SMOOTH_MEAN = 1 / 6, 1 / 9
+# Angles between facets below this (radians) are none.  Choice: the root of the unit of round-off, as for directions.
+STRAIGHT_ANGLE = 1e-7
+# Where the projection that recovers the stress ends, as a share of its right-hand side.  Choice: far below the error
+# that is estimated from it.
+PROJECTION_TOLERANCE = 1e-6
+# In space the pressure is looked at this many heights of the piece away from the rim of contact.  Choice.
+PLACES_BESIDE_RIM = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0)
+# So much of the factor by which the pressure falls over the first stretch from the rim may be missing over the second.
+# No record.
+SAME_POWER = 0.8
+# A place that is more than this many heights away from the surface is beyond it.  Choice.
+BEYOND_SURFACE = 0.1
 
 # --- price list: errors and costs from mesh to mesh ------------------------------------------------------------------
 
@@ -356,3 +383,160 @@ RESULTANT_OF_MESH = 1e-3
 # Conditions hold to this share of loads and displacements for a second solution, which differs from the first by more
 # than the second share; one beyond the third multiple has diverged.  Choice.
 SECOND_SOLUTION_HOLDS, SECOND_SOLUTION_DIFFERS, SECOND_SOLUTION_DIVERGED = 1e-9, 1e-3, 1e6
+
+# --- algorithms ------------------------------------------------------------------------------------------------------
+
+# Residual of a solved step of Newton's method, as a share of the forces: what is above it is no round-off.  Choice.
+RESIDUAL_TOLERANCE = 1e-8
+# A step from as far away as this many times the solution leaves that many times its round-off: above this share of the
+# forces, another step follows.  Choice: a thousand units of round-off times the distance.
+FAR_START, REFINED_RESIDUAL = 1e3, 1e-12
+# Where one body has smaller forces than this share of another one, solves by an old factor leave too much of them.
+# No record.
+SMALL_FORCES_OF_BODY = 1e-3
+# A friction bound that differs from the last but one by less than this share of its change has come back: an error that
+# alternates and decreases so slowly takes thousands of steps.  Choice.
+BOUND_CAME_BACK = 1e-3
+# Interior points: each step goes at most this share of the way to the nearest bound, and aims at products reduced by
+# that factor.  Source: usual values of such methods.
+SHARE_OF_WAY, REDUCED_PRODUCT = 0.99, 0.1
+# Below the first share of the first products full steps may end the iteration; below the second one they have to.
+# Choice.
+SMALL_PRODUCT, LAST_PRODUCT = 1e-12, 1e-20
+# Pressures begin above this share of the largest one, and shears below this share of their bound.  Choice: inside.
+FIRST_PRESSURE, FIRST_SHEAR = 0.1, 0.5
+# Tolerance of a solve for the derivatives along the path: with an old factor, whose steps cost little, and with another
+# preconditioner, where it is still far below the error of the model.  Choice.
+SLOPE_TOLERANCE, ROUGH_SLOPE_TOLERANCE = 1e-10, 1e-2
+# Residuals are measured by forces that are at least this share of stiffness times displacement, of which
+# RESIDUAL_TOLERANCE is then still above round-off.  Choice.
+ATTAINABLE_SHARE = 1e-7
+# The largest stiffness of a turning direction of slip, friction bound over slip, in stiffnesses at a contact node.
+# No record.
+LARGEST_TURNING_STIFFNESS = 1e4
+
+# --- assembly, contact boundaries and supports -----------------------------------------------------------------------
+
+# Two bodies are as stiff as each other, and their facets as large, within these ratios: which of them carries the
+# contact pressures makes no difference then.  No record.
+STIFFER_BODY, COARSER_FACETS = 2.0, 1.25
+# Nodes of a finer mesh are looked for this share of a coarse cell's size outside the coarser one: curved boundaries.
+# Choice.
+OUTSIDE_COARSER_MESH = 0.25
+# Largest component across a plane of symmetry of a normal that is the mean over the facets of one half of a smooth
+# surface: half of the angle between facets.  Surfaces that are more askew to the plane have an edge there.  Choice.
+ASKEW_NORMAL = 0.2
+# A rotation about a point that is so many lengths of the piece away moves it like a translation.  Choice.
+FAR_AXIS = 30.0
+# Difference of opposite edges, as a share of the shortest edge, below which the map of a cell counts as affine.  What
+# the rule with fewer points neglects is of the order of its square.  Choice.
+AFFINE_CELL = 1e-8
+# A motion whose energy is below this share of what the diagonal of the stiffness alone would give all has no strain.
+# Choice: ten times what sums over the cells of a piece lose.
+NO_STRAIN = 1e-11
+# Above this Poisson's ratio fully integrated elements lock visibly, and check says so.  Choice.
+LOCKING_POISSON = 0.45
+
+# --- statics and limit loads -----------------------------------------------------------------------------------------
+
+# Share of a facet by which the mean of the normals at its ends may lean along it.  Choice.
+LEANING_NORMAL = 1e-6
+# Shares by which a multiple of the load is lowered, one after the other, until its balance is proved.  Choice: from
+# what a linear programme leaves to the accuracy that is printed.
+LOWERED_LIMITS = (1e-9, 5e-9, 1e-7, 1e-6)
+# Coulomb friction above this is treated as unlimited.  Choice: its cone leaves six digits of a pressure.
+UNLIMITED_FRICTION = 1e6
+# Contact forces beyond this multiple of the loads balance nothing: round-off would.  Choice.
+LARGEST_BALANCING_FORCE = 1e4
+# Work of a unit traction on a motion, relative to the load, below which the traction does not bring the point nearer.
+# Choice: a few units of round-off.
+STATIONARY_WORK = 1e-15
+# Linear programmes for a multiple; how near its bounds are to each other in the end; programmes in a row that may gain
+# less.  Choice.
+LIMIT_PROGRAMMES, SAME_MULTIPLE, STALLED_PROGRAMMES = 300, 1e-12, 5
+# Price of an unbalanced unit of the load, relative to its multiple: motions are smaller.  Choice.
+UNBALANCED_PRICE = 1e4
+# By how much a solution of a linear programme may miss its constraints, primal and dual.  Source: the least that HiGHS
+# accepts.
+PROGRAMME_TOLERANCE = 1e-10
+
+# --- bounds of the error ---------------------------------------------------------------------------------------------
+
+# A displacement that was moved out of the foundation is improved if that adds more than this share of the square of
+# the bound.  Choice: the first one is cheap.
+LITTLE_OF_BOUND = 0.1
+# Where conjugate gradients for stresses in balance end: a share of the first residual, and a number of products.
+# Choice: the bound holds whatever they leave, which is added to it.
+BALANCING_RESIDUAL, BALANCING_PRODUCTS = 1e-7, 500
+
+# --- check: what it warns of -----------------------------------------------------------------------------------------
+
+# A curved side is well enough described if its facets are off by less than this share of what the contact is about.
+# Choice.
+FACETS_OFF = 0.1
+# Facets that meet at a larger angle (radians) have a corner between them, and are no curved side.  Choice.
+NO_CURVED_SIDE = 0.6
+# A gap is far if it is this many times larger than the estimated displacements.  Choice: the estimates are rough.
+FAR_GAP = 10.0
+# A gap is a height if it decreases by one along a direction, up to this; normals vary if by more than these degrees.
+# Choice.
+SLOPE_OF_HEIGHT, TURNED_NORMALS = 1e-5, 5.0
+# Step of the differences of gaps, relative to the size of the body.  Choice.
+GAP_DIFFERENCE = 1e-4
+# A body that moves by a smaller share of its size than this carries next to nothing: steel, less than 2 kPa.  Choice.
+HARDLY_MOVED = 1e-8
+# Shares that a rule may miss without a word: of a load, and of the largest force on a facet or cell, which of a
+# function of Python is also what a smooth one between nodes has.  Choice.
+MISSED_LOAD, MISSED_INTERPOLATED_LOAD = 1e-3, 0.05
+# Of more facets or cells than this only those are compared so closely on which a rule of this degree, halved once on
+# facets, finds this share of the largest force missed: on fine meshes the others are many.  Choice.
+MANY_LOADED, FIRST_DEGREE, SUSPECT_LOAD = 200, 2, 1e-4
+# Shear of tilted frames over F P, as a multiple of the tilt at the end of contact over F: .46 to .73 (docs/theory.md).
+# It is said where it is more than a share, and where bodies first touch along one direction, up to the cosine of 26
+# degrees.  Choice of the last two.
+SHEAR_OF_TILT, NOTABLE_SHEAR, ONE_DIRECTION = 0.55, 0.05, 0.9
+
+# --- derivatives and friction laws of users --------------------------------------------------------------------------
+
+# The iteration for chi ends at this change, relative to chi, or after so many solves.  Choice.
+ADJOINT_CHANGE, MOST_ADJOINT_SOLVES = 1e-11, 30
+# Below this share of chi a change that does not shrink is round-off.  Choice.
+ADJOINT_STALLED = 1e-6
+# Change of a datum or a Constant for a difference of residuals, relative to it, or to the natural unit of one that is
+# zero.  Choice: the cube root of the unit of round-off is best for central differences.
+DIFFERENCE_STEP = 1e-5
+# A point is between two sets if it is nearer to the border than this share of the largest pressure, or of its bound.
+# Choice: a hundred times what solves leave, as for gaps.
+BETWEEN_SETS = 1e-6
+# Share of a pressure by which it is changed for differences of a law, and how far these may be from its derivative: the
+# share of the larger of both, and the round-off of differences relative to the bound.  Choice.
+PRESSURE_CHANGE, WRONG_DERIVATIVE, ROUND_OFF_OF_DIFFERENCE = 1e-6, 1e-3, 1e-8
+# What a law says of itself is tried at about so many of its points, and may be wrong by this share of its bound, which
+# is more than round-off at any unit of stress.  Choice.
+TRIED_POINTS, WRONG_BOUND = 50, 1e-2
+# Ratios of the axes of an ellipse of friction beyond this, or below its inverse, leave no digits.  Choice.
+LARGEST_RATIO = 1e3
+
+# --- sections with a preload -----------------------------------------------------------------------------------------
+
+# The share of its force that friction, whose iteration ends before that is balanced, may leave of a bolt's tension.
+# Choice: as for the certificate.
+UNBALANCED_TENSION = 1e-6
+# Below this share of its force a section is loose.  It is then shortened by this many times more, and by at most that
+# many times more if it is not loose.  No record.
+LOOSE_SECTION, SHORTENED_IF_LOOSE, SHORTENED_AT_MOST = 1e-6, 4.0, 30.0
+
+# --- limits of time and memory ---------------------------------------------------------------------------------------
+
+# Seconds that may pass: until another program has read options of PETSc; until the first rank has ended one with the
+# same error; until a rank that may have an error later has it.  Choice.
+OPTIONS_PATIENCE, END_PATIENCE, ERROR_PATIENCE = 60.0, 1.0, 30.0
+# Seconds between two attempts to get a lock of a compilation, and of waiting for it without a word.  Choice.
+LOCK_PAUSE, LOCK_SILENCE = 0.05, 10.0
+# Seconds between two changes of the line of progress.  Choice.
+PROGRESS_PAUSE = 0.2
+# FEniCSx with its libraries takes 0.6 GB of address space before it computes anything, of which 0.25 GB are data; with
+# less memory its libraries wait for ever, or end the process.  Bytes, with a margin.
+ADDRESS_SPACE, DATA_SEGMENT = 1.0e9, 0.5e9
+# Bytes that a cell takes at least until its body is solved: the mesh, the stiffness and the Jacobian.  No record.
+BYTES_PER_CELL = 1000.0

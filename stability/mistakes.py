@@ -696,7 +696,7 @@ MUTANTS = (
     ),
     Mutant(
         "body/rigid",
-        "_NO_STRAIN * np.trace(scale[np.ix_(of, of)])",
+        "NO_STRAIN * np.trace(scale[np.ix_(of, of)])",
         "0.0",
         "springs: round-off holds a motion",
         tests=("springs",),
@@ -800,7 +800,8 @@ MUTANTS = (
     Mutant(
         "ssn",
         "if self._settled(residual, law):\n"
-        "    from_afar = norms[1] > _FAR * norms[0] and residual > _REFINED and k < snes.getTolerances()[3]\n"
+        "    from_afar = norms[1] > FAR_START * norms[0] and residual > REFINED_RESIDUAL "
+        "and k < snes.getTolerances()[3]\n"
         "    return int(_SNES.CONVERGED_ITERATING if from_afar else _SNES.CONVERGED_FNORM_RELATIVE)",
         "return int(_SNES.CONVERGED_FNORM_RELATIVE)",
         "residual of repeated sets is not looked at",
@@ -1063,7 +1064,7 @@ MUTANTS = (
     ),
     Mutant(
         "ssn",
-        "least < _LEAST_SHARE",
+        "least < SMALL_FORCES_OF_BODY",
         "False",
         "old factors serve where one body has hardly any force",
         tests=("unequal_bodies",),
@@ -1210,7 +1211,7 @@ MUTANTS = (
     ),
     Mutant(
         "algorithms/fp",
-        "norms(following - previous) <= _BACK * norms(following - g)",
+        "norms(following - previous) <= BOUND_CAME_BACK * norms(following - g)",
         "False",
         "bounds that alternate are followed to the last problem",
         tests=("coulomb_ways::test_a_bound_that_alternates_is_no_reason_to_go_on",),
@@ -1452,8 +1453,8 @@ MUTANTS = (
     ),
     Mutant(
         "linalg/elimination_order",
-        "np.rint(positions / (float(np.ptp(positions, axis=0).max()) * _SAME_COORDINATE or 1.0))",
-        "positions / (float(np.ptp(positions, axis=0).max()) * _SAME_COORDINATE or 1.0)",
+        "np.rint(positions / (float(np.ptp(positions, axis=0).max()) * SAME_COORDINATE or 1.0))",
+        "positions / (float(np.ptp(positions, axis=0).max()) * SAME_COORDINATE or 1.0)",
         "nested dissection: round-off divides a layer of nodes",
         tests=("elimination_order",),
     ),
@@ -1501,7 +1502,7 @@ MUTANTS = (
     ),
     Mutant(
         "krylov",
-        "share * size if share * size > _LAST * self._forces else 0.0",
+        "share * size if share * size > NEVER_LEFT * self._forces else 0.0",
         "INEXACT_TOLERANCE * size",
         "Krylov: as loose near the solution as far from it",
         ranks=2,
@@ -2099,8 +2100,8 @@ MUTANTS = (
     ),
     Mutant(
         "check/one_step",
-        "_MADE * tilt",
-        "_MADE * tilt / 3",
+        "SHEAR_OF_TILT * tilt",
+        "SHEAR_OF_TILT * tilt / 3",
         "tilted frames: a third of their shear",
         tests=("one_step::test_shear_of_tilted_frames",),
     ),
@@ -3114,15 +3115,15 @@ MUTANTS = (
     ),
     Mutant(
         "check/findings",
-        "2 * count > number and 2 * total > count and turned > _TURNED",
+        "2 * count > number and 2 * total > count and turned > TURNED_NORMALS",
         "2 * count > number and 2 * total > count",
         "heights on flat boundaries",
         tests=("traps",),
     ),
     Mutant(
         "check/findings",
-        "np.abs(slope @ direction + 1.0) <= _SAME_SLOPE",
-        "np.abs(slope @ direction - 1.0) <= _SAME_SLOPE",
+        "np.abs(slope @ direction + 1.0) <= SLOPE_OF_HEIGHT",
+        "np.abs(slope @ direction - 1.0) <= SLOPE_OF_HEIGHT",
         "heights: downwards is upwards",
         tests=("traps",),
     ),
@@ -3212,7 +3213,7 @@ MUTANTS = (
     ),
     Mutant(
         "check/findings",
-        "smallest > _FAR * moved",
+        "smallest > FAR_GAP * moved",
         "smallest > moved",
         "check: a gap just out of reach is called out",
         tests=("check::test_a_gap_out_of_reach",),
@@ -3720,7 +3721,7 @@ MUTANTS = (
     ),
     Mutant(
         "bounds/error_bound",
-        "v.moved.sum() > _LITTLE * between.sum()",
+        "v.moved.sum() > LITTLE_OF_BOUND * between.sum()",
         "v.moved.sum() < 0",
         "error bound: hat functions take out what a regularisation lets enter",
         tests=("error_bound::test_many_nodes_enter_a_little",),
@@ -3958,7 +3959,7 @@ MUTANTS = (
     ),
     Mutant(
         "contact/reactions",
-        "values.sum() <= _LARGEST",
+        "values.sum() <= LARGEST_BALANCING_FORCE",
         "True",
         "statics: wedged by forces without limit",
         tests=("statics::test_walls_that_are_nearly_parallel",),
@@ -3972,8 +3973,8 @@ MUTANTS = (
     ),
     Mutant(
         "contact/reactions",
-        "(sides > 0) | (share > _ROUGH)",
-        "share > _ROUGH",
+        "(sides > 0) | (share > UNLIMITED_FRICTION)",
+        "share > UNLIMITED_FRICTION",
         "statics: bilateral friction follows the pressure",
         tests=("task::test_bilateral_friction_has_no_limit_in_statics",),
     ),
@@ -4247,8 +4248,8 @@ MUTANTS = (
     ),
     Mutant(
         "interfaces/sections",
-        "best / 2 <= missing <= _ENOUGH",
-        "missing <= _ENOUGH",
+        "best / 2 <= missing <= UNBALANCED_TENSION",
+        "missing <= UNBALANCED_TENSION",
         "preload: what Coulomb friction may leave is enough for all",
         tests=("preload::test_a_force_is_met_to_round_off",),
     ),

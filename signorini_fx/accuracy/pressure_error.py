@@ -24,13 +24,11 @@ from signorini_fx.tuned import (
     LARGEST_EXPONENT,
     SAME_LENGTH,
     STEEP_EXPONENT,
+    STRAIGHT_ANGLE,
 )
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
-
-# Smaller angles are round-off.
-_STRAIGHT = 1e-7
 
 
 def interval_squares(table: ContactTable, *, corners: bool = True, blur: float = 0.0) -> list[Floats]:
@@ -208,7 +206,7 @@ def _turns_of_curve(table: ContactTable) -> list[float]:
         rows = np.append(path, path[1]) if is_closed(path) else path
         angle, pressed = _turning(c["x"][rows], c["y"][rows]), c["pressure"][rows] != 0
         near = pressed[1:-1] | pressed[:-2] | pressed[2:]
-        turns += angle[near & (angle > _STRAIGHT) & (angle <= CORNER_ANGLE)].tolist()
+        turns += angle[near & (angle > STRAIGHT_ANGLE) & (angle <= CORNER_ANGLE)].tolist()
     return turns
 
 
@@ -216,7 +214,7 @@ def _turns_of_surface(table: ContactTable) -> Floats:
     """The same in space."""
     surface = ContactSurface.of(table)
     angle, pressed = surface.turns(), (table.columns["pressure"] != 0)[surface.corners].any(axis=1)
-    return np.asarray(angle[pressed[:, None] & (angle > _STRAIGHT) & (angle <= CORNER_ANGLE)])
+    return np.asarray(angle[pressed[:, None] & (angle > STRAIGHT_ANGLE) & (angle <= CORNER_ANGLE)])
 
 
 def peak_of(table: ContactTable) -> tuple[float, float]:

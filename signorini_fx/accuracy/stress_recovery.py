@@ -21,9 +21,8 @@ from signorini_fx.body.elastic_law import fields_of
 from signorini_fx.body.element_stress import ElementStress, element_stress
 from signorini_fx.body.quadrature import parallelepipeds, strain_degree
 from signorini_fx.records import Inventory
-from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE
+from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE, PROJECTION_TOLERANCE
 
-_PROJECTION_TOLERANCE = 1e-6
 # Tractions that vary may jump within a facet: they are evaluated at this many more points.
 _FINE_DEGREE = 20
 
@@ -108,7 +107,7 @@ class StressRecovery:
         ksp.setOperators(mass)
         ksp.setType(PETSc.KSP.Type.CG)
         ksp.getPC().setType(PETSc.PC.Type.JACOBI)
-        ksp.setTolerances(rtol=_PROJECTION_TOLERANCE)
+        ksp.setTolerances(rtol=PROJECTION_TOLERANCE)
         return ksp
 
     def energy(self, y: fem.Function) -> float:

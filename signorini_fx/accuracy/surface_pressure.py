@@ -11,18 +11,12 @@ import numpy.typing as npt
 
 from signorini_fx.accuracy.contact_surface import ContactSurface
 from signorini_fx.accuracy.pressure_error import bends, singular_square
-from signorini_fx.tuned import CORNER_SHARE, KINK_SHARE
+from signorini_fx.tuned import BEYOND_SURFACE, CORNER_SHARE, KINK_SHARE, PLACES_BESIDE_RIM, SAME_POWER
 
 Floats = npt.NDArray[np.float64]
 
-# Where the pressure is looked at beside the rim, as multiples of the height of the piece there.
-_BESIDE = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0])
 # Of these the rim, the end of the first piece, and those that tell a power: near it and farther away.
 _STRETCHES = ([0, 1, 2, 3, 4], [0, 1, 4, 5, 6])
-# So much of the factor by which the pressure falls over the first stretch may be missing over the second.
-_SAME_POWER = 0.8
-# A place so many heights away from the surface is beyond it.
-_BEYOND = 0.1
 
 
 def piece_squares(surface: ContactSurface, pressure: Floats, *, corners: bool = True, blur: float = 0.0) -> Floats:
@@ -64,7 +58,7 @@ def _singular(r: Floats, pressure: Floats, blur: float) -> float:
     if not (pressure > 0).all() or slopes[-1] >= 0 or (np.diff(slopes) < 0).any():
         return 0.0
     near, middle, far = pressure[[2, 4, 6]]  # each twice as far away: a power falls by the same factor each time
-    if near * far < _SAME_POWER * middle**2 or bends(r[[2, 4, 6]], pressure[[2, 4, 6]]):
+    if near * far < SAME_POWER * middle**2 or bends(r[[2, 4, 6]], pressure[[2, 4, 6]]):
         return 0.0
     return min(singular_square(r[places], pressure[places], blur) for places in _STRETCHES)
 
@@ -80,7 +74,7 @@ def _profiles(
     corners = surface.corners
     first, second = corners[pieces, sides], np.roll(corners, -1, axis=1)[pieces, sides]
     middle, inward = (surface.x[first] + surface.x[second]) / 2, -surface.outward[pieces, sides]
-    r = surface.heights[pieces, sides][:, None] * _BESIDE
+    r = surface.heights[pieces, sides][:, None] * PLACES_BESIDE_RIM
     places = middle[:, None, :] + r[:, :, None] * inward[:, None, :]
     profile = np.full(r.shape, np.nan)
     for part in np.unique(surface.part[pieces]):
@@ -89,5 +83,7 @@ def _profiles(
         values = np.column_stack((pressure, surface.x))
         at = surface.at(points, values, int(part))
         away = np.linalg.norm(at[:, 1:] - points, axis=1).reshape(r[on_part].shape)
-        profile[on_part] = np.where(away <= _BEYOND * r[on_part][:, 1:2], at[:, 0].reshape(r[on_part].shape), np.nan)
+        profile[on_part] = np.where(
+            away <= BEYOND_SURFACE * r[on_part][:, 1:2], at[:, 0].reshape(r[on_part].shape), np.nan
+        )
     return r, profile

@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.algorithms.fall_backs import touching_nodes
-from signorini_fx.algorithms.ssn import RESIDUAL_TOLERANCE
 from signorini_fx.algorithms.task import Task
 from signorini_fx.contact.friction import PointFriction, as_given, stuck
 from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, slip_of
@@ -16,6 +15,7 @@ from signorini_fx.contact.reactions import reactions
 from signorini_fx.contact.statics import largest_multiple, no_balance
 from signorini_fx.problem.problem import Problem
 from signorini_fx.records import Status
+from signorini_fx.tuned import RESIDUAL_TOLERANCE
 
 
 def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:

@@ -14,10 +14,7 @@ from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData
 from signorini_fx.contact.points import shares
 from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
-
-# A bound that differs from the last but one by less than this share of its change has come back: an error that
-# alternates and decreases so slowly takes thousands of steps.
-_BACK = 1e-3
+from signorini_fx.tuned import BOUND_CAME_BACK
 
 
 def fixed_point(
@@ -73,7 +70,7 @@ def fixed_point(
         following = g + damping * (pressure - g)
         # The Tresca problem with a given bound has one pressure: what comes back after two steps comes back for ever.
         if augmentation is None and previous is not None:
-            back = norms(following - previous) <= _BACK * norms(following - g)
+            back = norms(following - previous) <= BOUND_CAME_BACK * norms(following - g)
             left = _changes(newton, g) > tolerance
             if np.any(back & left) if left.any() else back.all():
                 newton.history.add("the fixed point alternates between two friction bounds")

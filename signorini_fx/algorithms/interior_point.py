@@ -24,7 +24,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.algorithms.ssn import RESIDUAL_TOLERANCE, SemismoothNewton
+from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.contact.laws import (
     Nodal,
     RegularisedData,
@@ -39,13 +39,15 @@ from signorini_fx.contact.laws import (
 from signorini_fx.linalg import finite, options
 from signorini_fx.problem.regularised import RegularisedProblem
 from signorini_fx.records import IterationRecord, Status
-
-# Each step goes at most this share of the way to the nearest bound, and aims at products reduced by that factor.
-_INSIDE, _REDUCED = 0.99, 0.1
-# Below the first share of the first products full steps may end the iteration; below the second one they have to.
-_NEAR, _END = 1e-12, 1e-20
-# Pressures begin above this share of the largest one, and shears below this share of their bound.
-_LEAST, _MOST = 0.1, 0.5
+from signorini_fx.tuned import (
+    FIRST_PRESSURE,
+    FIRST_SHEAR,
+    LAST_PRODUCT,
+    REDUCED_PRODUCT,
+    RESIDUAL_TOLERANCE,
+    SHARE_OF_WAY,
+    SMALL_PRODUCT,
+)
 
 
 def interior_point(newton: SemismoothNewton, data: RegularisedData, measure: Callable[[], float | None]) -> Status:
@@ -111,13 +113,14 @@ class _Programme:
             if at is None:
                 return Status.SINGULAR
             product = self._product(at)
-            near, sets = product <= _NEAR * first, natural_sets(*problem.system.contact.traces(newton.x), self._data)
-            if near and (product <= _END * first or problem.accept(newton.x, sets, RESIDUAL_TOLERANCE)):
+            near = product <= SMALL_PRODUCT * first
+            sets = natural_sets(*problem.system.contact.traces(newton.x), self._data)
+            if near and (product <= LAST_PRODUCT * first or problem.accept(newton.x, sets, RESIDUAL_TOLERANCE)):
                 return Status.CONVERGED
             if newton.history.exhausted:
                 break
             begun = newton.x.copy()
-            at = self._advanced(at, _REDUCED * product / bounds)
+            at = self._advanced(at, REDUCED_PRODUCT * product / bounds)
             if at is None and near:  # the products are below the round-off of the blocks
                 newton.begin_at(begun)
                 return Status.CONVERGED
@@ -137,8 +140,8 @@ class _Programme:
         pressure, shear = trial_pressure(u_n, data), np.where(rough, trial_shear(u_t, data), 0.0)
         stress = parallel.largest(self._comm, np.maximum(np.abs(pressure), length(shear)))
         away = max(stress / self._stiffness, parallel.largest(self._comm, np.abs(u_n)))
-        pressure = np.where(self._one_sided, np.maximum(pressure, _LEAST * stress), pressure)
-        shear = np.where(self._rubs[:, None], onto_disc(shear, _MOST * self._bound), shear)
+        pressure = np.where(self._one_sided, np.maximum(pressure, FIRST_PRESSURE * stress), pressure)
+        shear = np.where(self._rubs[:, None], onto_disc(shear, FIRST_SHEAR * self._bound), shear)
         rate = np.divide(stress * away, self._room(shear), out=np.zeros_like(u_n), where=self._rubs)
         return _Inside(pressure, np.maximum(data.gap - u_n, away), shear, rate)
 
@@ -176,7 +179,7 @@ class _Programme:
         opening = np.divide(target - at.opening * pressure, at.pressure, out=at.opening.copy(), where=one) - at.opening
         turned = target + at.rate * inner(at.shear, shear)
         step = _Inside(pressure, opening, shear, np.divide(turned, room, out=none, where=rubs) - at.rate)
-        share = min(1.0, _INSIDE * self._way(at, step))
+        share = min(1.0, SHARE_OF_WAY * self._way(at, step))
         x.axpy(share - 1.0, self._change)
         return _Inside(*(old + share * new for old, new in zip(vars(at).values(), vars(step).values(), strict=True)))
 

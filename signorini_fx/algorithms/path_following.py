@@ -28,11 +28,7 @@ from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, length, tangent
 from signorini_fx.linalg import callbacks
 from signorini_fx.records import Status
-from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE_POLE
-
-# Tolerance of a solve for the derivatives along the path: with an old factor, whose steps cost little, and with another
-# preconditioner, where it is still far below the error of the model.
-_SLOPE_TOLERANCE, _ROUGH_SLOPE_TOLERANCE = 1e-10, 1e-2
+from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE_POLE, ROUGH_SLOPE_TOLERANCE, SLOPE_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -81,7 +77,7 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     # A solve on an old factor ends by the size of the forces of the problem; these right-hand sides have another size.
     tolerances = ksp.getTolerances()
     factor = ksp.getPC().getType() in (PETSc.PC.Type.CHOLESKY, PETSc.PC.Type.LU)
-    ksp.setTolerances(rtol=_SLOPE_TOLERANCE if factor else _ROUGH_SLOPE_TOLERANCE, atol=0.0)
+    ksp.setTolerances(rtol=SLOPE_TOLERANCE if factor else ROUGH_SLOPE_TOLERANCE, atol=0.0)
     first, stretched = newton.x.duplicate(), newton.x.duplicate()
     callbacks.solve(ksp.solve, -contact_force(newton.x, data.gap, origin), first)
     system.matrix.mult(first, stretched)

@@ -28,17 +28,11 @@ from signorini_fx.linalg.petsc_c import call
 from signorini_fx.machine import signals
 from signorini_fx.problem.problem import Problem
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status
+from signorini_fx.tuned import FAR_START, REFINED_RESIDUAL, RESIDUAL_TOLERANCE, SMALL_FORCES_OF_BODY
 
-# The residual of a solved step is round-off; above this share of the forces it is not.
-RESIDUAL_TOLERANCE = 1e-8
 _RENEW, _KEEP = -2, -1
 # While the sets repeat and directions of slip change, the residual of the law must be halved in this many steps.
 _TURNS = 6
-# A step from as far away as this many times the solution leaves that many times its round-off: above this share of the
-# forces, another step follows.
-_FAR, _REFINED = 1e3, 1e-12
-# Where one body has smaller forces than this share of another one, solves by an old factor leave too much of them.
-_LEAST_SHARE = 1e-3
 _SNES = PETSc.SNES.ConvergedReason
 # Reasons of a failed linear solve other than a zero pivot: none of the preconditioner (Krylov), or its memory.
 _NOT_SINGULAR = (PETSc.PC.FailedReason.NOERROR, PETSc.PC.FailedReason.FACTOR_OUTMEMORY)
@@ -129,7 +123,8 @@ class SemismoothNewton:
         self._assembled = True
         problem.assemble_jacobian(snes, x, jacobian)
         ksp, least = snes.getKSP(), problem.least_share(x)
-        forces, exact = max(least, _LEAST_SHARE) * problem.force_scale, not self._may_keep or least < _LEAST_SHARE
+        forces = max(least, SMALL_FORCES_OF_BODY) * problem.force_scale
+        exact = not self._may_keep or least < SMALL_FORCES_OF_BODY
         self._factorised = not problem.system.keep_factor(ksp, problem.moved, forces, exact=exact)
         self._loosened |= problem.system.inexact
         if self._factorised:
@@ -351,7 +346,9 @@ class SemismoothNewton:
                 balanced = problem.accept(self.x, problem.next.trial, snes.getTolerances()[0])
                 return int(_SNES.CONVERGED_FNORM_RELATIVE) if balanced else self._stop(Status.CYCLING)
             if self._settled(residual, law):
-                from_afar = norms[1] > _FAR * norms[0] and residual > _REFINED and k < snes.getTolerances()[3]
+                from_afar = (
+                    norms[1] > FAR_START * norms[0] and residual > REFINED_RESIDUAL and k < snes.getTolerances()[3]
+                )
                 return int(_SNES.CONVERGED_ITERATING if from_afar else _SNES.CONVERGED_FNORM_RELATIVE)
             # The sets are right.  Either the linear solve was not exact, which the next step with the same sets
             # corrects, or directions of slip still change.

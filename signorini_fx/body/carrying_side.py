@@ -19,11 +19,9 @@ from signorini_fx.body.assembly import facet_entities, facet_vertices
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.scene.model import Scene
+from signorini_fx.tuned import COARSER_FACETS, STIFFER_BODY
 
 Facets = Mapping[str, npt.NDArray[np.int32]]
-
-# Bodies are as stiff as each other, and facets as large, within these ratios.
-_STIFFER, _COARSER = 2.0, 1.25
 
 
 @dataclass(frozen=True)
@@ -62,9 +60,9 @@ class SideFigures:
     def better(self, opposite: SideFigures) -> str | None:
         """Why this side should rather carry the points: it is softer, or as soft and finer; None: it should not."""
         softer, finer = opposite.stiffness / self.stiffness, opposite.size / self.size
-        if softer > _STIFFER:
+        if softer > STIFFER_BODY:
             return f"{softer:.2g} times softer"
-        return f"{finer:.2g} times finer" if softer > 1 / _STIFFER and finer > _COARSER else None
+        return f"{finer:.2g} times finer" if softer > 1 / STIFFER_BODY and finer > COARSER_FACETS else None
 
 
 def with_chosen_sides(scene: Scene, tagged: TaggedMesh, facets: Facets, shear_modulus: Any) -> Scene:

@@ -25,14 +25,10 @@ from signorini_fx.body.rigid import rigid_modes
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.reactions import Reactions, nearest
 from signorini_fx.scene.features import refused_by
-from signorini_fx.tuned import BALANCED, SAME_LENGTH
+from signorini_fx.tuned import BALANCED, LEANING_NORMAL, LOWERED_LIMITS, SAME_LENGTH
 
-# Share of a facet by which the mean of the normals at its ends may lean along it.
-_ARC = 1e-6
 # Round-off of a sum of products of frames, positions and motions, per unit of the sum of their magnitudes.
 _SUM = 64 * float(np.finfo(float).eps)
-# Shares by which a multiple of the load is lowered until its balance is proved.
-_LOWER = (1e-9, 5e-9, 1e-7, 1e-6)
 # Vertices of a facet in space.
 _VERTICES = {"tetrahedron": 3, "hexahedron": 4}
 
@@ -243,7 +239,7 @@ def _arcs(x: Nodal, normal: Nodal) -> tuple[Nodal, Nodal, Nodal]:
     length, cosine = np.linalg.norm(chord, axis=1), np.linalg.norm(bisector, axis=1) / 2
     if (cosine < 0.75).any():
         raise Unproved("the contact surface turns by more than 80 degrees between two nodes")
-    if (np.abs(np.einsum("fd,fd->f", bisector, chord)) > _ARC * length).any():
+    if (np.abs(np.einsum("fd,fd->f", bisector, chord)) > LEANING_NORMAL * length).any():
         raise Unproved("the contact surface is neither flat nor an arc of a circle between two nodes")
     middle = bisector / (2 * cosine)[:, None]
     angle = np.arccos(cosine.clip(max=1.0)) * np.sign(np.einsum("fd,fd->f", normal[:, 1] - normal[:, 0], chord))
@@ -325,7 +321,7 @@ def factor_at_least(contact: Reactions, surface: LimitSurface, factor: float, de
         return None
     if not np.isfinite(factor):
         return np.inf if _balanced(contact, live, unlimited=True) and _balanced(contact, dead + live) else None
-    for share in _LOWER:
+    for share in LOWERED_LIMITS:
         if _balanced(contact, dead + factor * (1 - share) * live):
             return factor * (1 - share)
     return None

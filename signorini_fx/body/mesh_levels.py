@@ -19,11 +19,9 @@ from petsc4py import PETSc
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.body.rigid import RigidMotions, rigid_modes
 from signorini_fx.mesh.points import at_points
-from signorini_fx.tuned import SAME_ENTRY
+from signorini_fx.tuned import OUTSIDE_COARSER_MESH, SAME_ENTRY
 
 Array = npt.NDArray[np.float64]
-# Nodes of the finer mesh are looked for this share of a coarse cell's size outside the coarser mesh.
-_OUTSIDE = 0.25
 
 
 @dataclass(eq=False)
@@ -148,7 +146,7 @@ class MeshLevel:
             if coarse_pieces.count == motions.pieces.count > 1
             else None
         )
-        located = at_points(coarse.space.mesh, x, _OUTSIDE, numbers_and_shares, pieces)
+        located = at_points(coarse.space.mesh, x, OUTSIDE_COARSER_MESH, numbers_and_shares, pieces)
         if located is None:
             return None
         row = np.repeat(np.arange(self._owned), shape.dim)

@@ -17,14 +17,10 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from signorini_fx.pairs.surface import PairSurface
-from signorini_fx.tuned import DIGITS_OF_FILES
+from signorini_fx.tuned import ASKEW_NORMAL, DIGITS_OF_FILES
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
-
-# Largest component across the plane of a normal that is the mean over the facets of one half of a smooth surface:
-# half of the angle between facets.  Surfaces that are more askew to the plane have an edge there.
-SMOOTH = 0.2
 
 
 def mirrored(
@@ -51,7 +47,7 @@ def mirrored(
     nearest = cKDTree(master.x[on_master])
     for node, k in np.argwhere(held):
         across = frames[node, :, k]
-        if abs(slave.nodal_normals[node] @ across) > SMOOTH:
+        if abs(slave.nodal_normals[node] @ across) > ASKEW_NORMAL:
             continue
         apart = master.x[holding] - slave.x[node]
         in_plane = (np.abs(apart @ across) < DIGITS_OF_FILES * size) & (

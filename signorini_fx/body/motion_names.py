@@ -6,13 +6,11 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.body.rigid import RigidMotions
-from signorini_fx.tuned import AT_REST
+from signorini_fx.tuned import AT_REST, FAR_AXIS
 
 _Rows = npt.NDArray[np.float64]
 # Number of pieces that a message lists.
 MOST_LISTED = 4
-# A rotation about a point that is so many lengths of the piece away moves it like a translation.
-_FAR_AXIS = 30.0
 
 
 def names_of(moved: _Rows, motions: RigidMotions, members: npt.NDArray[np.int64]) -> str:
@@ -45,7 +43,7 @@ def names_of_piece(motions: _Rows, centre: _Rows, length: float) -> str:
     _, values, rows = np.linalg.svd(motions[dim:], full_matrices=True)
     turning = int(np.count_nonzero(values > 1e-6))
     shifts = (motions @ (rows[turning:].T if turning else np.eye(motions.shape[1])))[:dim]
-    if turning and motions.shape[1] == 1 and np.linalg.norm(motions[:dim]) > _FAR_AXIS * np.linalg.norm(motions[dim:]):
+    if turning and motions.shape[1] == 1 and np.linalg.norm(motions[:dim]) > FAR_AXIS * np.linalg.norm(motions[dim:]):
         along = motions[:dim, 0] / np.linalg.norm(motions[:dim])
         return f"the translation along ({_point(along)}) with a slight rotation"
     names = []

@@ -10,10 +10,7 @@ from signorini_fx import compat, parallel
 from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.kinematics.space import SPACE
 from signorini_fx.materials.isotropic import elastic_degree
-
-# Difference of opposite edges, as a share of the shortest edge, below which the map of a cell counts as affine.  What
-# the rule with fewer points neglects is of the order of its square.
-_PARALLEL = 1e-8
+from signorini_fx.tuned import AFFINE_CELL
 
 
 def strain_degree(space: fem.FunctionSpace, kinematics: Kinematics = SPACE) -> int:
@@ -49,5 +46,5 @@ def parallelepipeds(mesh: dmesh.Mesh) -> bool:
         along = [edges[k] for k in range(dim) if vertex >> k & 1]
         if len(along) > 1:
             away = x[cells[:, vertex]] - first - sum(along)
-            affine &= bool((np.einsum("ci,ci->c", away, away) <= _PARALLEL**2 * shortest).all())
+            affine &= bool((np.einsum("ci,ci->c", away, away) <= AFFINE_CELL**2 * shortest).all())
     return not parallel.any_rank(mesh.comm, not affine)

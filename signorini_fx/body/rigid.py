@@ -29,10 +29,7 @@ from signorini_fx.contact.motions import FreeMotions, RigidLoad
 from signorini_fx.contact.points import PointGroups
 from signorini_fx.kinematics import CARTESIAN
 from signorini_fx.kinematics.cartesian import Kinematics
-from signorini_fx.tuned import NOT_HELD
-
-# A motion whose energy is below this share of what the diagonal of the stiffness alone would give all has no strain.
-_NO_STRAIN = 1e-11
+from signorini_fx.tuned import NO_STRAIN, NOT_HELD
 
 _Floats = npt.NDArray[np.float64]
 
@@ -306,7 +303,7 @@ def without_energy(motions: RigidMotions, matrix: PETSc.Mat, vector: Callable[[_
         of = motions.assembly == number
         values, vectors = np.linalg.eigh(energy[np.ix_(of, of)])
         # Springs may have nothing to say of a motion: its energy is round-off of that of the others.
-        combinations = vectors[:, values <= _NO_STRAIN * np.trace(scale[np.ix_(of, of)])]
+        combinations = vectors[:, values <= NO_STRAIN * np.trace(scale[np.ix_(of, of)])]
         columns.append(motions.free[:, of] @ combinations)
         numbers.append(np.full(combinations.shape[1], number))
     return replace(motions, free=np.concatenate(columns, axis=1), assembly=np.concatenate(numbers))

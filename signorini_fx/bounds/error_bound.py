@@ -41,10 +41,8 @@ from signorini_fx.bounds.problem import FacetsInContact, PlainProblem, onto_disc
 from signorini_fx.bounds.simplices import EDGES_OF_FACET, Simplices, moments_of
 from signorini_fx.bounds.stress_products import energy, from_strain, square
 from signorini_fx.quantities.statements import ErrorBound, Refused
-from signorini_fx.tuned import SAME_LENGTH
+from signorini_fx.tuned import LITTLE_OF_BOUND, SAME_LENGTH
 
-# Share of the square of the bound below which what is moved does not count.
-_LITTLE = 0.1
 # Attempts to balance a body that supports do not hold.
 _BALANCES = 200
 # Linear functions on a facet with the moments of 4 l_a l_b: at a and b, and at the third vertex.
@@ -198,7 +196,7 @@ class Bounded(PlainProblem):
         stress = self._stress()
         between = square(t, from_strain(t, computed) - stress.stress)
         v = self._beside(self._admissible(np.zeros_like(self.y)), computed)
-        if v.moved.sum() > _LITTLE * between.sum():
+        if v.moved.sum() > LITTLE_OF_BOUND * between.sum():
             # The first one is cheap; the second one is better where the regularisation lets many nodes enter.
             v = min(v, self._beside(self._admissible(self._entered()), computed), key=lambda entry: entry.squares.sum())
         inside = np.ones(len(t.corners), dtype=bool)

@@ -16,10 +16,7 @@ from signorini_fx.bounds.definite_factor import Factor
 from signorini_fx.bounds.johnson_mercier import LocalStress
 from signorini_fx.bounds.linear_displacement import assembled, free_basis
 from signorini_fx.bounds.simplices import FACETS, Simplices, moments_of
-from signorini_fx.tuned import SINGULAR
-
-# Where conjugate gradients end: a share of the first residual, and a number of products.
-_ENOUGH, _MOST_PRODUCTS = 1e-7, 500
+from signorini_fx.tuned import BALANCING_PRODUCTS, BALANCING_RESIDUAL, SINGULAR
 
 
 class IteratedSystem:
@@ -109,8 +106,8 @@ class IteratedSystem:
         z = p = self._preconditioned(r)
         first = current = float((r * z).sum())
         largest = max(first, float((alone * self._preconditioned(alone)).sum()))
-        for _ in range(_MOST_PRODUCTS):
-            if not current > _ENOUGH**2 * largest:
+        for _ in range(BALANCING_PRODUCTS):
+            if not current > BALANCING_RESIDUAL**2 * largest:
                 break
             q = self._summed(self._forces(p))
             step = current / float((p * q).sum())

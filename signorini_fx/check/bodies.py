@@ -12,13 +12,9 @@ from signorini_fx.body.assembly import facet_entities, facet_vertices
 from signorini_fx.body.carrying_side import SideFigures
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.records import Finding
+from signorini_fx.tuned import FACETS_OFF, NO_CURVED_SIDE
 
 _Floats = npt.NDArray[np.float64]
-
-# A curved side is well enough described if its facets are off by less than this share of what the contact is about.
-_OFF = 0.1
-# Facets that meet at a larger angle have a corner between them, and no curved side.
-_CORNER = 0.6
 
 
 def paired_findings(body: Discretisation, moved: float) -> list[Finding]:
@@ -57,7 +53,7 @@ def paired_findings(body: Discretisation, moved: float) -> list[Finding]:
                 )
             )
         off, yardstick = sum(_off(body, name, near) for name in names), "the gap" if fit else "displacements"
-        if effect.distance == "geometry" and effect.kind != "bonded" and 0 < _OFF * about < off:
+        if effect.distance == "geometry" and effect.kind != "bonded" and 0 < FACETS_OFF * about < off:
             findings.append(
                 Finding(
                     "note",
@@ -126,5 +122,5 @@ def _sagitta(
     means /= np.linalg.norm(means, axis=1, keepdims=True)
     # Half of the angle between neighbours.
     half = np.arccos(np.clip(np.einsum("fi,fki->fk", normal, means[vertices]), -1.0, 1.0))
-    smooth = np.where(half < _CORNER / 2, half, 0.0).max(axis=1)
+    smooth = np.where(half < NO_CURVED_SIDE / 2, half, 0.0).max(axis=1)
     return float((extent * smooth)[selected].max(initial=0.0)) / 4

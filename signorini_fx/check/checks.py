@@ -25,13 +25,12 @@ from signorini_fx.check.planned import attempts_for
 from signorini_fx.check.refusals import refuse_beforehand
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.extensions import add_on
-from signorini_fx.materials.isotropic import LOCKING_POISSON
 from signorini_fx.mesh.hierarchy import coarser_scenes, scene_on
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, Timings
 from signorini_fx.scene.effect import Force, Load
 from signorini_fx.scene.model import Scene
-from signorini_fx.tuned import NO_FORCE
+from signorini_fx.tuned import LOCKING_POISSON, NO_FORCE
 
 # What ``stress_recovery.StressRecovery`` compiles.
 _RECOVERY = ("stress moments", "stress recovery error", "stress mass", "boundary residual")

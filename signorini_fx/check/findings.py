@@ -30,11 +30,18 @@ from signorini_fx.records import SMALL_DEFORMATION, Finding
 from signorini_fx.scene.effect import Force, Resistance, is_zero
 from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.model import Scene
-from signorini_fx.tuned import LARGEST_GAMMA, NO_FORCE, START_GAMMA
+from signorini_fx.tuned import (
+    FAR_GAP,
+    GAP_DIFFERENCE,
+    HARDLY_MOVED,
+    LARGEST_GAMMA,
+    NO_FORCE,
+    SLOPE_OF_HEIGHT,
+    START_GAMMA,
+    TURNED_NORMALS,
+)
 
 _Rows = npt.NDArray[np.float64]
-# There is a warning if the gap is this many times larger than the estimated displacements.
-_FAR = 10.0
 
 
 def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Finding]:
@@ -196,7 +203,7 @@ def _gaps(body: Discretisation, data: RegularisedData, moved: float, *, estimate
     if smallest >= -NO_FORCE * size and moved == 0.0:
         message = "there is no load, and every prescribed displacement is 0: the solution is 0"
         findings.append(Finding("warning", "traction, body_force, displacement", message))
-    elif estimates and smallest > _FAR * moved:
+    elif estimates and smallest > FAR_GAP * moved:
         findings.append(
             Finding(
                 "warning",
@@ -257,18 +264,18 @@ def _heights(body: Discretisation) -> list[Finding]:
         if effect.direction is not None or effect.foundation is not None or isinstance(effect.gap, float):
             continue
         on_part = boundary.part == index
-        step = _STEP * body.tagged.size
+        step = GAP_DIFFERENCE * body.tagged.size
         slope = _slope(effect.gap, boundary.x[on_part], step)
         for direction in _fall_lines(slope, boundary.comm):
             # A height decreases by one per unit of length along its direction, wherever the foundation is.
-            heights = np.abs(slope @ direction + 1.0) <= _SAME_SLOPE
+            heights = np.abs(slope @ direction + 1.0) <= SLOPE_OF_HEIGHT
             along = boundary.normal[on_part] @ direction
             count, number, total = parallel.global_sum(
                 boundary.comm, np.array([np.count_nonzero(heights), heights.size, along[heights].sum()], dtype=float)
             )
             least = -parallel.largest(boundary.comm, -along[heights], -1.0)
             turned = math.degrees(math.acos(min(1.0, max(-1.0, least))))
-            if 2 * count > number and 2 * total > count and turned > _TURNED:
+            if 2 * count > number and 2 * total > count and turned > TURNED_NORMALS:
                 direction_text = ", ".join(rounded(c) for c in direction)
                 message = (
                     f"it looks like the distance to the foundation along ({direction_text}), but it is measured along "
@@ -278,12 +285,6 @@ def _heights(body: Discretisation) -> list[Finding]:
                 findings.append(Finding("warning", f"contact[{index}].gap", message))
                 break
     return findings
-
-
-# A gap is a height if it decreases by one along a direction, up to this; normals vary if by more than these degrees.
-_SAME_SLOPE, _TURNED = 1e-5, 5.0
-# Step of the differences, relative to the size of the body.
-_STEP = 1e-4
 
 
 def _slope(gap: Any, x: _Rows, step: float) -> _Rows:
@@ -307,13 +308,9 @@ def _fall_lines(slope: _Rows, comm: MPI.Comm) -> list[_Rows]:
     finite = slope[np.isfinite(slope).all(axis=1)]
     *total, count = parallel.global_sum(comm, np.append(finite.sum(axis=0), float(len(finite))))
     mean = np.array(total) / max(count, 1.0)
-    if abs(float(np.hypot.reduce(mean)) - 1.0) <= _SAME_SLOPE:
+    if abs(float(np.hypot.reduce(mean)) - 1.0) <= SLOPE_OF_HEIGHT:
         lines.append(-mean)
     return lines
-
-
-# A body that moves by a smaller share of its size than this carries next to nothing: steel, less than 2 kPa.
-_HARDLY = 1e-8
 
 
 def _odd_displacements(body: Discretisation, moved: float, moved_most: float) -> list[Finding]:
@@ -325,7 +322,7 @@ def _odd_displacements(body: Discretisation, moved: float, moved_most: float) ->
         moved_most: the same of the softest one.
     """
     size = body.tagged.size
-    if 0 < moved_most < _HARDLY * size:
+    if 0 < moved_most < HARDLY_MOVED * size:
         message = (
             f"loads and prescribed displacements move the body by about {moved_most:.1g} (an estimate) only, its size "
             f"is {size:.3g}: are E and the loads in the same units, such as MPa?"

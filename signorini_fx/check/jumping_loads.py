@@ -16,18 +16,13 @@ from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.records import Finding
 from signorini_fx.scene.effect import Force
 from signorini_fx.scene.expressions import Expression, in_space, sample
+from signorini_fx.tuned import FIRST_DEGREE, MANY_LOADED, MISSED_INTERPOLATED_LOAD, MISSED_LOAD, SUSPECT_LOAD
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
 
-# Shares that may be missed without a word: of a load, and of the largest force on a facet or cell, which of a function
-# of Python is also what a smooth one between nodes has.
-_LITTLE, _INTERPOLATED = 1e-3, 0.05
 # How often the simplices that fill a facet or a cell are halved for the rule to compare with, and its degree.
 _HALVED_FACETS, _HALVED_CELLS, _DEGREE = 8, 4, 5
-# Of more facets or cells than this only those are compared so closely on which a rule of this degree, halved once on
-# facets, finds this share of the largest force missed: on fine meshes the others are many.
-_MANY, _FIRST_DEGREE, _SUSPECT = 200, 2, 1e-4
 # Facets or cells that are looked at together.
 _TOGETHER = 2000
 
@@ -61,12 +56,12 @@ def jumping_loads(d: Discretisation) -> list[Finding]:
         uncut = every if rule is None else np.setdiff1d(every, rule.entities)
         for key, value in values.items():
             missed, sizes = _missed(d, uncut, value, load).T
-            little = _LITTLE if isinstance(value, Expression) else _INTERPOLATED
+            little = MISSED_LOAD if isinstance(value, Expression) else MISSED_INTERPOLATED_LOAD
             wrong = missed > little * parallel.global_max(d.comm, float(sizes.max(initial=0.0)))
             on_parts = 0.0 if rule is None else float((np.abs(rule.value(value)) * rule.size).sum())
             sums = np.array([wrong.sum(), missed[wrong].sum(), sizes.sum() + on_parts])
             count, part, size = (float(total) for total in parallel.global_sum(d.comm, sums))
-            if part <= _LITTLE * size:
+            if part <= MISSED_LOAD * size:
                 continue
             inside, share = f"inside {count:.0f} {kind}{'s' * (count != 1)}{where}", f"{100 * part / size:.2g} %"
             message = f"jumps {inside}, where the points of quadrature take {share} of it wrong: "
@@ -102,7 +97,7 @@ def _missed(d: Discretisation, every: Indices, value: Any, load: Force) -> Array
         sides = [basix.geometry(cell)[corners] for corners in basix.topology(cell)[across - 1]]
         kind = basix.cell.subentity_types(cell)[across - 1][0]
     rules = [basix.make_quadrature(kind, load.degree(d.scene.element.degree))]
-    rules += [_halved(kind, 0 if load.where is None else 1, _FIRST_DEGREE)] if len(every) > _MANY else []
+    rules += [_halved(kind, 0 if load.where is None else 1, FIRST_DEGREE)] if len(every) > MANY_LOADED else []
     rules += [_halved(kind, often, _DEGREE)]
     reference = basix.geometry(kind)
     ends_of_axes = [1, 2, 4 if len(reference) == 8 else 3][: reference.shape[1]]
@@ -121,7 +116,7 @@ def _missed(d: Discretisation, every: Indices, value: Any, load: Force) -> Array
             for rule in finer:
                 forces = _forces(d, value, rule, nodes[near])
                 row[near] = np.abs(np.column_stack((forces.sum(axis=1) - known[near], np.abs(forces).sum(axis=1))))
-                near = np.flatnonzero(row[:, 0] > _SUSPECT * row[:, 1].max(initial=0.0))
+                near = np.flatnonzero(row[:, 0] > SUSPECT_LOAD * row[:, 1].max(initial=0.0))
             rows.append(row)
     return np.concatenate(rows)
 

@@ -10,12 +10,7 @@ from signorini_fx import parallel
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.records import Finding
-from signorini_fx.tuned import CLOSED_GAP
-
-# Shear of tilted frames over F P, as a multiple of the tilt at the end of contact over F: .46 to .73 (docs/theory.md).
-# It is said where it is more than a share, and where bodies first touch along one direction, up to the cosine of 26
-# degrees.
-_MADE, _SAID, _ALONG = 0.55, 0.05, 0.9
+from signorini_fx.tuned import CLOSED_GAP, NOTABLE_SHEAR, ONE_DIRECTION, SHEAR_OF_TILT
 
 
 def one_step(body: Discretisation) -> list[Finding]:
@@ -52,23 +47,23 @@ def tilted_frames(body: Discretisation, moved: float, contact: ContactState | No
         dim = x.shape[1]
         sums = parallel.global_sum(body.comm, np.column_stack((normal, x, np.ones(len(x))))[first].sum(axis=0))
         approach, touch = sums[:dim] / sums[-1], sums[dim:-1] / sums[-1]
-        if np.linalg.norm(approach) < _ALONG:
+        if np.linalg.norm(approach) < ONE_DIRECTION:
             continue
         reach = np.inf if effect.moves or getattr(effect.surface, "driven", False) else moved
         near = (farther <= reach if contact is None else contact.pressure[on_part] > 0) & (coefficient > 0)
         tilt = np.arccos(np.clip(normal @ approach / np.linalg.norm(approach), -1.0, 1.0))
-        share = np.where(near & ~first, _MADE * tilt / np.where(near, coefficient, 1.0), 0.0)
-        much = share > _SAID
+        share = np.where(near & ~first, SHEAR_OF_TILT * tilt / np.where(near, coefficient, 1.0), 0.0)
+        much = share > NOTABLE_SHEAR
         largest = parallel.largest(body.comm, share)
-        if largest > _SAID:
+        if largest > NOTABLE_SHEAR:
             away = -parallel.largest(body.comm, -np.linalg.norm(x[much] - touch, axis=1), -np.inf)
             most = f", and up to about {largest:.0%}," if largest < 1.0 else ""
             where = ("if", "reaches", "touch") if contact is None else ("as", "reached", "touched")
             message = (
-                f"tilted frames alone make shear of more than {_SAID:.0%}{most} of the friction that is possible, "
-                f"{where[0]} contact {where[1]} farther than {away:.2g} from where bodies first {where[2]}: the way on "
-                "which they approach has a part along the surface there; if this matters give the gap along one "
-                "direction as a formula"
+                f"tilted frames alone make shear of more than {NOTABLE_SHEAR:.0%}{most} of the friction that is "
+                f"possible, {where[0]} contact {where[1]} farther than {away:.2g} from where bodies first {where[2]}: "
+                "the way on which they approach has a part along the surface there; if this matters give the gap along "
+                "one direction as a formula"
             )
             findings.append(Finding("note", f"contact[{index}].friction", message))
     return findings

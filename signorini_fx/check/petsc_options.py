@@ -18,8 +18,8 @@ from signorini_fx.errors import OptionsError
 from signorini_fx.linalg.factorisation import has_package
 from signorini_fx.linalg.options import PREFIX, watches
 from signorini_fx.machine.launcher import environment_of_no_rank
+from signorini_fx.tuned import OPTIONS_PATIENCE
 
-_PATIENCE = 60.0  # seconds
 # Options that put another method in the place of ours, or another matrix or test into it, and the values that do not.
 _OFF = ("false", "no", "off", "0")
 _EXCHANGING = {
@@ -137,7 +137,7 @@ def _crashes(trial: Mapping[str, str]) -> bool:
     words = [word for name, value in trial.items() for word in (f"-{name}", value) if word]
     with suppress(OSError, subprocess.TimeoutExpired):  # then nothing is known
         ended = subprocess.run(
-            [*program, *words], env=environment_of_no_rank(), capture_output=True, timeout=_PATIENCE, check=False
+            [*program, *words], env=environment_of_no_rank(), capture_output=True, timeout=OPTIONS_PATIENCE, check=False
         )
         return ended.returncode < 0
     return False

@@ -12,10 +12,10 @@ from collections.abc import Callable
 from signorini_fx.errors import SceneError, SignoriniError
 from signorini_fx.machine import terminal
 from signorini_fx.machine.launcher import started_as_root
+from signorini_fx.tuned import END_PATIENCE
 
 EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INCOMPLETE, EXIT_INTERRUPTED = 0, 1, 2, 3, 4, 130
 _OUT_OF_MEMORY = "memory ran out: signorini-fx check says how much a scene needs; ulimit -a shows the limits"
-_PATIENCE = 1.0  # seconds
 
 
 def _complain(text: object) -> int:
@@ -86,7 +86,7 @@ def on_ranks(run: Callable[[], int], source: object = None) -> int:
         message = _OUT_OF_MEMORY if isinstance(error, MemoryError) else _refused_by_petsc(error)
         if message is not None:
             if comm.rank > 0:  # if the first rank has the same error, it has ended this one by then
-                time.sleep(_PATIENCE)
+                time.sleep(END_PATIENCE)
             return end(_complain(message))
         traceback.print_exc()
         return end(EXIT_CRASH)

@@ -21,14 +21,8 @@ from signorini_fx import parallel
 from signorini_fx.contact.friction import PointFriction, as_given
 from signorini_fx.contact.laws import Nodal, length, unit
 from signorini_fx.contact.motions import FreeMotions
-from signorini_fx.tuned import NO_FORCE, NOTHING_LEFT
+from signorini_fx.tuned import LARGEST_BALANCING_FORCE, NO_FORCE, NOTHING_LEFT, STATIONARY_WORK, UNLIMITED_FRICTION
 
-# Coulomb friction above this is treated as unlimited.
-_ROUGH = 1e6
-# Contact forces beyond this multiple of the loads balance nothing.
-_LARGEST = 1e4
-# Work of a unit traction on a motion, relative to the load, below which the traction does not bring the point nearer.
-_STATIONARY = 1e-15
 # Columns that a motion adds, for each dimension; motions that are tried, and those without progress.
 _COLUMNS, _ROUNDS, _PATIENCE = 4, 400, 3
 
@@ -142,7 +136,7 @@ def reactions(
     base_bound, share, cap, sides, able, assembly = table[:, (1 + tangents) * k :].T
     sideways = table[:, k : (1 + tangents) * k].reshape(-1, tangents, k)
     # A foundation that may pull as well as push gives friction without limit but a cap: F |lambda| is not convex.
-    unlimited = (share > 0) & ((sides > 0) | (share > _ROUGH))
+    unlimited = (share > 0) & ((sides > 0) | (share > UNLIMITED_FRICTION))
     return Reactions(
         normal=np.where(able[:, None] > 0, table[:, :k], 0.0),
         tangential=sideways,
@@ -211,12 +205,12 @@ def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> Near
             rows[-1] /= np.linalg.norm(rows[-1])
         work = rows @ residual
         steepest = np.argsort(-work, kind="stable")[: _COLUMNS * target.size]
-        steepest = steepest[work[steepest] > max(_STATIONARY, NOTHING_LEFT * distance)]
+        steepest = steepest[work[steepest] > max(STATIONARY_WORK, NOTHING_LEFT * distance)]
         if not steepest.size:
             break
         columns, pressing = np.concatenate((columns, rows[steepest])), np.concatenate((pressing, node[steepest]))
     motion = residual[:-1]
-    balanced = bool(distance <= NO_FORCE and values.sum() <= _LARGEST)
+    balanced = bool(distance <= NO_FORCE and values.sum() <= LARGEST_BALANCING_FORCE)
     # An earlier motion proves what a later one does not if round-off resists the latter by very large forces.
     unbalanced = not balanced and (proves(motion) or proof is not None)
     if unbalanced and not proves(motion) and proof is not None:
@@ -233,11 +227,11 @@ def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> Near
 
 def most_work(contact: Reactions, motion: Nodal, size: float, forces: float, *, unlimited: bool = False) -> float:
     """The most work that admissible tractions do on a motion, in units of ``size``: those with a bound, and others as
-    far as round-off of the motion lets them, whose sum is at most ``_LARGEST`` times ``forces``.
+    far as round-off of the motion lets them, whose sum is at most ``LARGEST_BALANCING_FORCE`` times ``forces``.
     """
     edges, lengths, _, bounded = contact.against(motion, size)
     beyond = float(np.max(edges @ motion / lengths, initial=0.0))
-    return (0.0 if unlimited else float(bounded @ motion)) + _LARGEST * forces / size * beyond
+    return (0.0 if unlimited else float(bounded @ motion)) + LARGEST_BALANCING_FORCE * forces / size * beyond
 
 
 def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list[int], Nodal, Nodal]:
@@ -259,7 +253,7 @@ def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list
         gain = columns @ residual
         gain[passive + banned] = -np.inf
         best = int(np.argmax(gain)) if gain.size else -1
-        if best < 0 or gain[best] <= max(_STATIONARY, NOTHING_LEFT * float(np.linalg.norm(residual))):
+        if best < 0 or gain[best] <= max(STATIONARY_WORK, NOTHING_LEFT * float(np.linalg.norm(residual))):
             break
         passive, values = [*passive, best], np.append(values, 0.0)
         while True:

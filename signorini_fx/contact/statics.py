@@ -22,14 +22,21 @@ from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.contact.reactions import Reactions, combination, most_work, nearest, reactions
 from signorini_fx.records import Status
-from signorini_fx.tuned import AT_REST, NO_FORCE
+from signorini_fx.tuned import (
+    AT_REST,
+    LIMIT_PROGRAMMES,
+    NO_FORCE,
+    PROGRAMME_TOLERANCE,
+    SAME_MULTIPLE,
+    STALLED_PROGRAMMES,
+    UNBALANCED_PRICE,
+)
 
-# Linear programmes for a multiple; how near its bounds are to each other in the end; programmes in a row that may gain
-# less.
-_PROGRAMMES, _CLOSE, _STALLED = 300, 1e-12, 5
-# Price of an unbalanced unit of the load, relative to its multiple: motions are smaller.
-_UNBALANCED = 1e4
-_EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10, "presolve": False}
+_EXACT = {
+    "primal_feasibility_tolerance": PROGRAMME_TOLERANCE,
+    "dual_feasibility_tolerance": PROGRAMME_TOLERANCE,
+    "presolve": False,
+}
 
 
 @dataclass(frozen=True)
@@ -227,9 +234,9 @@ def largest_multiple(contact: Reactions, dead: Nodal, live: Nodal) -> Limit | No
     slack = np.eye(k + 1)[:k]
     limit, balanced_factor, stalled = np.inf, -np.inf, 0
     best, pressed = np.zeros(k), pressing
-    for _ in range(_PROGRAMMES):
+    for _ in range(LIMIT_PROGRAMMES):
         rows = np.vstack((columns, slack, -slack, -along))
-        cost = np.concatenate((np.zeros(len(columns)), np.full(2 * k, _UNBALANCED), [-1.0]))
+        cost = np.concatenate((np.zeros(len(columns)), np.full(2 * k, UNBALANCED_PRICE), [-1.0]))
         solved = linprog(cost, A_eq=rows.T, b_eq=target, method="highs-ds", options=_EXACT)
         if solved.status != 0:
             break
@@ -241,14 +248,14 @@ def largest_multiple(contact: Reactions, dead: Nodal, live: Nodal) -> Limit | No
         forces[used] += np.linalg.lstsq(rows[used].T, target - forces @ rows, rcond=None)[0]
         motion = dual[:-1]
         if np.abs(forces[len(columns) : -1]).sum() <= NO_FORCE:
-            stalled = stalled + 1 if forces[-1] <= balanced_factor * (1 + _CLOSE) else 0
+            stalled = stalled + 1 if forces[-1] <= balanced_factor * (1 + SAME_MULTIPLE) else 0
             balanced_factor = max(balanced_factor, float(forces[-1]))
         scale = float(np.linalg.norm(dead)) + max(balanced_factor, 1.0) * size
         bound = most_work(contact, motion, size, scale) - float(motion @ dead) / size
         if bound < limit:
             limit, best = bound, motion
             pressed = np.unique(pressing[forces[: len(columns)] > 0])
-        if limit <= balanced_factor * (1 + _CLOSE) or stalled > _STALLED:
+        if limit <= balanced_factor * (1 + SAME_MULTIPLE) or stalled > STALLED_PROGRAMMES:
             break
         edges, lengths, node, bounded = contact.against(motion, size)
         new = np.column_stack((edges / lengths[:, None], np.zeros(lengths.size)))

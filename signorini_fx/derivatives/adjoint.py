@@ -35,11 +35,7 @@ from signorini_fx.errors import SignoriniError
 from signorini_fx.linalg import ElasticSystem, callbacks, options
 from signorini_fx.problem.regularised import RegularisedProblem
 from signorini_fx.problem.tangent import ContactTangent
-
-# The iteration for chi ends at this change, relative to chi, or after so many solves.
-_ENOUGH, _MOST_SOLVES = 1e-11, 30
-# Below it a change that does not shrink is round-off.
-_ROUND_OFF = 1e-6
+from signorini_fx.tuned import ADJOINT_CHANGE, ADJOINT_STALLED, MOST_ADJOINT_SOLVES
 
 
 class AdjointError(SignoriniError):
@@ -183,13 +179,13 @@ class TransposedTangent:
             change, size = (parallel.largest(right.comm, np.abs(values)) for values in (step, chi))
             if not np.isfinite(change):
                 raise AdjointError("the tangent at the solution is singular: there is no derivative")
-            stalls = change > 0.5 * last and change <= _ROUND_OFF * size
-            if not law.exact or change <= _ENOUGH * size or stalls or solves >= _MOST_SOLVES:
+            stalls = change > 0.5 * last and change <= ADJOINT_STALLED * size
+            if not law.exact or change <= ADJOINT_CHANGE * size or stalls or solves >= MOST_ADJOINT_SOLVES:
                 break
             last = change
             residual.set(0.0)
             _add(contact, -step, residual)  # the smaller it is the less a Krylov method has to do
-        if law.exact and change > _ROUND_OFF * size:
+        if law.exact and change > ADJOINT_STALLED * size:
             raise AdjointError(
                 f"the tractions of the adjoint problem still change by {change / size:.0e} of their size "
                 f"after {solves} solves: there is no derivative; larger gamma_n and gamma_t need fewer"

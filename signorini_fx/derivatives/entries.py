@@ -13,9 +13,8 @@ from signorini_fx.scene.changes import PATH, PATH_PART
 from signorini_fx.scene.effect import Load, Resistance, is_zero
 from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.model import Scene
+from signorini_fx.tuned import DIFFERENCE_STEP
 
-# Change of a datum for a difference of residuals, relative to it, or to the natural unit of one that is zero.
-_STEP = 1e-5
 _EXAMPLE = "such as contact[0].friction.coefficient, material[0].young, or traction[0], a load as a whole"
 
 
@@ -66,7 +65,7 @@ def entry_of(scene: Scene, path: str, extent: float, dimension: int) -> tuple[fl
             unit = 1.0
     else:
         unit = abs(value)
-    return (float("nan") if isinstance(value, Expression) else float(value)), _STEP * unit
+    return (float("nan") if isinstance(value, Expression) else float(value)), DIFFERENCE_STEP * unit
 
 
 def varied(scene: Scene, path: str, change: float, dimension: int) -> Scene:

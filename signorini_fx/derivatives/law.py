@@ -19,12 +19,7 @@ from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import Nodal, inner, length, unit
 from signorini_fx.contact.state import PointState
 from signorini_fx.errors import FormError
-
-# A point is between two sets if it is nearer to the border than this share of the largest pressure, or of its bound.
-BETWEEN = 1e-6
-# Share of a pressure by which it is changed for differences, and how far these may be from a derivative: the share of
-# the larger of both, and the round-off of differences relative to the bound.
-_CHANGE, _WRONG, _ROUND_OFF = 1e-6, 1e-3, 1e-8
+from signorini_fx.tuned import BETWEEN_SETS, PRESSURE_CHANGE, ROUND_OFF_OF_DIFFERENCE, WRONG_DERIVATIVE
 
 
 @dataclass(frozen=True)
@@ -104,7 +99,7 @@ def linearised(
     if not exact:
         reach = np.maximum(along + (0.0 if before is None else inner(slip, before)), bound)
     else:  # where the slip is hardly any the shear turns as if it were regularised
-        reach = np.maximum(along, bound * BETWEEN)
+        reach = np.maximum(along, bound * BETWEEN_SETS)
     share = gamma[1] * np.divide(bound, reach, out=np.zeros(count), where=reach > 0)
     turning = np.zeros_like(spread)
     turning[:, 1:, 1:] = share[:, None, None] * (np.eye(tangents) - slip[:, :, None] * slip[:, None, :])
@@ -119,9 +114,9 @@ def _between(
     comm = state.points.comm
     largest = parallel.largest(comm, np.abs(state.pressure))
     size = np.where(state.in_contact, state.pressure, gamma[0] * (state.u_n - state.gap))
-    opening = ~state.bilateral & (np.abs(size) <= BETWEEN * largest)
+    opening = ~state.bilateral & (np.abs(size) <= BETWEEN_SETS * largest)
     bound = np.where(np.isfinite(state.bound), state.bound, 0.0)
-    tolerance = BETWEEN * bound
+    tolerance = BETWEEN_SETS * bound
     stopping = slips & (gamma[1] * length(state.xi) <= tolerance)
     starting = sticks & np.isfinite(state.bound) & (bound - length(state.shear) <= tolerance)
     return int(parallel.global_sum(comm, np.array(np.count_nonzero(opening | stopping | starting))))
@@ -130,10 +125,10 @@ def _between(
 def _check_derivative(state: PointState, law: PointFriction, slope: Nodal, where: npt.NDArray[np.bool_]) -> None:
     """Whether the derivative of the bound is between its differences to both sides; collective."""
     pressure, bound = state.pressure, law.bound(state.pressure)
-    step = np.where(where, _CHANGE * pressure, 1.0)
+    step = np.where(where, PRESSURE_CHANGE * pressure, 1.0)
     above, below = ((law.bound(pressure + sign * step) - bound) / (sign * step) for sign in (1, -1))
     largest = np.maximum(np.maximum(np.abs(above), np.abs(below)), np.abs(slope))
-    tolerance = _WRONG * largest + _ROUND_OFF * np.abs(bound) / np.where(where, pressure, 1.0)
+    tolerance = WRONG_DERIVATIVE * largest + ROUND_OFF_OF_DIFFERENCE * np.abs(bound) / np.where(where, pressure, 1.0)
     wrong = where & ~((slope >= np.minimum(above, below) - tolerance) & (slope <= np.maximum(above, below) + tolerance))
     error = None
     if wrong.any():

@@ -26,11 +26,9 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.quantities.differentiable import functional_of
 from signorini_fx.quantities.functional import Functional, Gradient
-from signorini_fx.tuned import ZERO_IN_SOLUTION
+from signorini_fx.tuned import DIFFERENCE_STEP, ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
-# Change of a Constant for a difference of residuals, relative to it; of one that is zero, in its unit.
-_STEP = 1e-5
 
 
 @dataclass(frozen=True)
@@ -146,7 +144,7 @@ def gradient(
     slopes = []
     for constant in constants:
         kept = constant.value.copy()
-        width = _STEP * (abs(float(kept.ravel()[0])) or 1.0)
+        width = DIFFERENCE_STEP * (abs(float(kept.ravel()[0])) or 1.0)
 
         def at(change: float, constant: fem.Constant = constant, initial: Array = kept) -> By:
             try:

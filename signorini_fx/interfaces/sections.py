@@ -34,16 +34,20 @@ from signorini_fx.interfaces.protocol import Interface, LoadStepEnd, LoadStepSta
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.sections import section_forces
-from signorini_fx.tuned import BALANCED, DIGITS_OF_FILES, SAME_LENGTH
+from signorini_fx.tuned import (
+    BALANCED,
+    DIGITS_OF_FILES,
+    LOOSE_SECTION,
+    SAME_LENGTH,
+    SHORTENED_AT_MOST,
+    SHORTENED_IF_LOOSE,
+    UNBALANCED_TENSION,
+)
 
 _Floats = npt.NDArray[np.float64]
 _Flags = npt.NDArray[np.bool_]
-# The share of the forces that friction, whose iteration ends before that is balanced, may leave.
-_ENOUGH = 1e-6
 # Contact problems for one load step.
 _MOST_PROBLEMS = 30
-# Below this share of its force a section is loose, and is shortened by this factor, or at most by this one if not.
-_NOTHING, _TIGHTER, _FURTHER = 1e-6, 4.0, 30.0
 
 
 class Sections(Interface):
@@ -77,21 +81,21 @@ class Sections(Interface):
             task.history.add(
                 f"sections shortened by {', '.join(f'{entry:.6g}' for entry in s)}: forces miss {missing:.1e}"
             )
-            if missing <= BALANCED or best / 2 <= missing <= _ENOUGH:
+            if missing <= BALANCED or best / 2 <= missing <= UNBALANCED_TENSION:
                 return LoadStepEnd(d, start, outcome)
             if outcome.status is Status.CONVERGED:
                 start = start.begin_from(outcome.problem.sets, outcome.newton.multipliers())
             else:
                 newton.restore(begun)
-            slack = force <= _NOTHING * wanted
+            slack = force <= LOOSE_SECTION * wanted
             if not slope.size and slack.any():
                 if s[slack].max() > d.scales.size:
                     loose = [*loads.values()][int(np.argmax(slack * s))]
                     return LoadStepEnd(d, start, replace(outcome, status=Status.OPEN), reason=_loose(d, loose, start))
-                s = np.where(slack, _TIGHTER * s, s)
+                s = np.where(slack, SHORTENED_IF_LOOSE * s, s)
                 continue
             if not slope.size:  # as if the forces were proportional to the shortenings
-                slope = np.diag(np.minimum(s / force, _FURTHER * s / wanted))
+                slope = np.diag(np.minimum(s / force, SHORTENED_AT_MOST * s / wanted))
             else:
                 ds, dn = s - last[0], force - last[1]
                 slope = slope + np.outer(ds - slope @ dn, ds @ slope) / (ds @ slope @ dn)

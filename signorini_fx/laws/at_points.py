@@ -6,11 +6,11 @@ import numpy as np
 
 from signorini_fx.contact.friction import LawAtPoints, PointFriction
 from signorini_fx.laws.protocol import FrictionLaw
+from signorini_fx.tuned import TRIED_POINTS, WRONG_BOUND
 
 # Pressures at which what a law says of itself is tried, at about so many of its points, and by what share of its bound
 # it may be wrong, which is more than round-off at any unit of stress.
 _PRESSURES = 10.0 ** np.arange(13)
-_TRIED, _ROUND_OFF = 50, 1e-2
 
 
 def friction_of(law: FrictionLaw | None, count: int) -> PointFriction:
@@ -29,8 +29,8 @@ def fault_of(law: FrictionLaw, count: int) -> str:
     """What a law of a user's own says of itself and does not keep, at ``count`` points, for which its parameters are
     arrays; "": nothing was found.
     """
-    tried = law.at(slice(None, None, 1 + count // _TRIED))
-    zero = np.zeros(len(range(0, count, 1 + count // _TRIED)))
+    tried = law.at(slice(None, None, 1 + count // TRIED_POINTS))
+    zero = np.zeros(len(range(0, count, 1 + count // TRIED_POINTS)))
     for name in ("limit", "derivative", "claimed"):
         try:
             shape = np.shape(getattr(tried, name)(zero.copy()))
@@ -47,9 +47,9 @@ def fault_of(law: FrictionLaw, count: int) -> str:
                 return f"limit of {type(law).__name__} follows the pressure, which it denies"
             if (bound < 0).any():
                 return f"limit of {type(law).__name__} is negative at the pressure {pressure:g}"
-            if (bound > (1 + _ROUND_OFF) * envelope).any():
+            if (bound > (1 + WRONG_BOUND) * envelope).any():
                 what = "its tangent at zero, or its limit: it is not concave" if law.concave else "its envelope"
                 return f"limit of {type(law).__name__} exceeds, at the pressure {pressure:g}, {what}"
-            if not law.unknown and (bound < (1 - _ROUND_OFF) * envelope).any():
+            if not law.unknown and (bound < (1 - WRONG_BOUND) * envelope).any():
                 return f"limit of {type(law).__name__} is less than its envelope, which leaves nothing unknown"
     return ""

@@ -27,10 +27,7 @@ from signorini_fx.scene.base import refused
 from signorini_fx.scene.effect import text
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.values import SampledValue, value
-from signorini_fx.tuned import NO_DIRECTION, SAME_DIRECTION
-
-# Ratios beyond this, or below its inverse, leave no digits.
-LARGEST_RATIO = 1e3
+from signorini_fx.tuned import LARGEST_RATIO, NO_DIRECTION, SAME_DIRECTION
 
 Ratio = Annotated[Any, BeforeValidator(value), WithJsonSchema({"type": ["number", "string"]})]
 VectorField = Annotated[

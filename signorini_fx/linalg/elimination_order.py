@@ -15,11 +15,12 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 from scipy.spatial import cKDTree
 
+from signorini_fx.tuned import SAME_COORDINATE
+
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.intp]
 _LEAF = 32  # nodes that are not divided
 _DEEPEST = 40  # halvings
-_SAME_COORDINATE = 1e-7  # coordinates that differ by less, relative to the extent of the body
 
 
 def nearest_first(rows: sp.csr_array, stay: npt.NDArray[np.bool_]) -> Numbers:
@@ -112,7 +113,7 @@ def _once(numbers: Numbers, size: int) -> Numbers:
 def _paths(positions: Array, piece: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
     """For each node its piece, and a bit for each halving of it, on which side the node is, shape (n,)."""
     # Round-off must not divide nodes that are in one plane, which would make of a separating layer two.
-    positions = np.rint(positions / (float(np.ptp(positions, axis=0).max()) * _SAME_COORDINATE or 1.0))
+    positions = np.rint(positions / (float(np.ptp(positions, axis=0).max()) * SAME_COORDINATE or 1.0))
     paths = piece.astype(np.int64) << _DEEPEST
     for nodes in np.split(np.argsort(piece, kind="stable"), np.cumsum(np.bincount(piece))[:-1]):
         waiting = [(cKDTree(positions.take(nodes, axis=0), leafsize=_LEAF).tree, 0, 0)] if nodes.size > _LEAF else []

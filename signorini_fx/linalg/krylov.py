@@ -30,10 +30,7 @@ from signorini_fx.linalg.factorisation import (
 from signorini_fx.linalg.multigrid import ContactLevels, ContactPreconditioner, Hierarchy
 from signorini_fx.linalg.petsc_c import call
 from signorini_fx.linalg.rigid_unknowns import of_nodes
-from signorini_fx.tuned import INEXACT_TOLERANCE, KRYLOV_STEPS, KRYLOV_TOLERANCE
-
-_NO_SHARE = 1e-15  # relative tolerance of a solve that ends by its absolute one
-_LAST = 1e-7  # share of the forces that is never left: ten times that at which Newton's method ends
+from signorini_fx.tuned import INEXACT_TOLERANCE, KRYLOV_STEPS, KRYLOV_TOLERANCE, NEVER_LEFT, NO_RELATIVE_TOLERANCE
 
 
 @dataclass
@@ -143,11 +140,11 @@ class KrylovSystem(AssembledSystem):
         self._preconditioners[ksp.handle].solve_contact(b, x)
         rtol, atol, _, _ = ksp.getTolerances()
         # With no absolute tolerance a share of this right-hand side is asked for, which is none of the forces.
-        if options.user_sets("ksp_") or (atol == 0.0 and rtol > _NO_SHARE):
+        if options.user_sets("ksp_") or (atol == 0.0 and rtol > NO_RELATIVE_TOLERANCE):
             return
         size = (b - ksp.getOperators()[0] * x).norm()
         allowance = self._left_by(size) if self.inexact else 0.0
-        ksp.setTolerances(rtol=_NO_SHARE, atol=max(KRYLOV_TOLERANCE * self._forces, allowance))
+        ksp.setTolerances(rtol=NO_RELATIVE_TOLERANCE, atol=max(KRYLOV_TOLERANCE * self._forces, allowance))
         self._first_residual = size if allowance > 0 else 0.0  # else Newton's method ends, and another iteration begins
 
     def _left_by(self, size: float) -> float:
@@ -158,7 +155,7 @@ class KrylovSystem(AssembledSystem):
         """
         scales = [scale for scale in (self._forces, self._first_residual) if scale > 0]
         share = min(INEXACT_TOLERANCE, max((size / scale for scale in scales), default=1.0))
-        return share * size if share * size > _LAST * self._forces else 0.0
+        return share * size if share * size > NEVER_LEFT * self._forces else 0.0
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
         """For the same matrix; where it is another one, a solve by multigrid need not be exact."""

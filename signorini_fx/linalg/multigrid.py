@@ -34,13 +34,11 @@ from signorini_fx.linalg.nodal_blocks import NodalBlocks
 from signorini_fx.linalg.petsc_c import call
 from signorini_fx.linalg.rigid_unknowns import relative_to_rigid_bodies, with_rigid_bodies
 from signorini_fx.linalg.truncation import TruncatedLevels
-from signorini_fx.tuned import MOST_COARSEST_UNKNOWNS, SMOOTHED_SPECTRUM
+from signorini_fx.tuned import MOST_COARSEST_UNKNOWNS, SAME_HELD_DIRECTION, SAME_SOFT_STIFFNESS, SMOOTHED_SPECTRUM
 
 Array = npt.NDArray[np.float64]
 _ESTIMATING_STEPS = 10
 _FEW = 300  # unknowns that PETSc's own factor, without the overhead of a package, is good enough for
-# Directions held and soft stiffnesses that differ by less make no other levels: the cycle need not be exact.
-_SAME_DIRECTION, _SAME_STIFFNESS = 1e-3, 0.1
 
 
 @dataclass(frozen=True)
@@ -228,8 +226,10 @@ class ContactLevels:
         if self._truncated_at is None:
             return True
         truncated = self._truncated_at
-        near = _SAME_STIFFNESS * np.abs(truncated[1]) + _SAME_DIRECTION * self.nodes.scale[:, None, None]
-        return bool((np.abs(held - truncated[0]) > _SAME_DIRECTION).any() or (np.abs(soft - truncated[1]) > near).any())
+        near = SAME_SOFT_STIFFNESS * np.abs(truncated[1]) + SAME_HELD_DIRECTION * self.nodes.scale[:, None, None]
+        return bool(
+            (np.abs(held - truncated[0]) > SAME_HELD_DIRECTION).any() or (np.abs(soft - truncated[1]) > near).any()
+        )
 
     def _inverse_diagonal(self) -> PETSc.Mat:
         """D^-1, with room for the directions of the nodes in contact that are free to move; collective."""

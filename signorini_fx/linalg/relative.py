@@ -23,12 +23,9 @@ from scipy.linalg import cholesky, solve_triangular
 
 from signorini_fx import parallel
 from signorini_fx.contact.map import ContactMap
-from signorini_fx.tuned import SAME_TRACE
+from signorini_fx.tuned import LARGEST_CONDITION, SAME_TRACE
 
 Array = npt.NDArray[np.float64]
-
-# Largest condition of S B among the unknowns k.
-_REGULAR = 1e6
 
 
 @dataclass(frozen=True)
@@ -77,7 +74,7 @@ class RelativeUnknowns:
         at_points, free = (sp.diags_array(flags.astype(np.float64)) for flags in (moving, ~fixed))
         mapping = sp.csr_array(lift @ operator)
         square = (at_points @ mapping @ at_points + sp.eye_array(points.size) - at_points).toarray()
-        if at_points.sum() != movable.sum() or not np.linalg.cond(square, 1) < _REGULAR:
+        if at_points.sum() != movable.sum() or not np.linalg.cond(square, 1) < LARGEST_CONDITION:
             return None
         if abs(square - np.eye(points.size)).max() > SAME_TRACE:  # points turn with their own nodes
             divided = np.linalg.solve(square, (at_points @ mapping).toarray())

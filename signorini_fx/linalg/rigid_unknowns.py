@@ -14,10 +14,7 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.contact.map import ContactMap
-
-# Share of the coarse diagonal that a rigid body has which contact does not reach: far above round-off.
-_LEAST = 1e-10
-_STEPS, _TOLERANCE = 100, 1e-12
+from signorini_fx.tuned import RIGID_STEPS, RIGID_TOLERANCE, SHARE_OF_COARSE_DIAGONAL
 
 
 def of_nodes(matrix: PETSc.Mat, rigid: int) -> PETSc.Mat:
@@ -46,7 +43,9 @@ def with_rigid_bodies(
     """
     all_free = np.ones(np.count_nonzero(free), dtype=bool)
     bordered = tuple(_bordered(matrix, all_free if level else free, 1.0) for level, matrix in enumerate(interpolations))
-    levels = tuple(_bordered(matrix, all_free, _LEAST * matrix.getDiagonal().max()[1]) for matrix in coarse)
+    levels = tuple(
+        _bordered(matrix, all_free, SHARE_OF_COARSE_DIAGONAL * matrix.getDiagonal().max()[1]) for matrix in coarse
+    )
     for level in levels:
         level.setOption(PETSc.Mat.Option.SPD, True)
     return bordered, levels
@@ -88,7 +87,7 @@ def relative_to_rigid_bodies(contact: ContactMap, places: PETSc.IS, rigid: int) 
     ksp.setType(PETSc.KSP.Type.LSQR)
     ksp.getPC().setType(PETSc.PC.Type.NONE)
     ksp.setOperators(operator)
-    ksp.setTolerances(rtol=_TOLERANCE, max_it=_STEPS)
+    ksp.setTolerances(rtol=RIGID_TOLERANCE, max_it=RIGID_STEPS)
     motion, moved = operator.createVecs()
     unit = contact.operator.createVecRight()
     numbers = parallel.gather_rows(comm.tompi4py(), unknowns[nodes:, None].astype(np.float64))[:, 0].astype(

@@ -18,10 +18,9 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
+from signorini_fx.tuned import SHARE_OF_COARSE_DIAGONAL
+
 Array = npt.NDArray[np.float64]
-# Coarse functions that truncation leaves nothing of get this share of the diagonal that they had: far below the
-# smallest eigenvalue of a coarse matrix, far above its round-off.
-_SHIFT = 1e-10
 _SAME_PATTERN, _SUBSET_PATTERN, _DIFFERENT_PATTERN = (
     PETSc.Mat.Structure.SAME_NONZERO_PATTERN,
     PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN,
@@ -153,6 +152,6 @@ def _widened(matrix: PETSc.Mat, pattern: PETSc.Mat) -> PETSc.Mat:
     """A coarse matrix with a little more on its diagonal, and room for what a pattern, a matrix of zeros, has."""
     wider, diagonal = matrix.copy(), matrix.getDiagonal()
     wider.axpy(1.0, pattern, structure=_DIFFERENT_PATTERN)
-    diagonal.scale(_SHIFT)
+    diagonal.scale(SHARE_OF_COARSE_DIAGONAL)
     wider.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD_VALUES)
     return wider

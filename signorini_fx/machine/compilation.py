@@ -24,10 +24,9 @@ from typing import Any
 
 from signorini_fx.errors import MachineError
 from signorini_fx.machine import signals, terminal
+from signorini_fx.tuned import LOCK_PAUSE, LOCK_SILENCE
 
 _LOCKS = ".signorini_fx.locks"
-_PAUSE = 0.05  # seconds between two attempts to get a lock
-_SILENT = 10.0  # seconds of waiting without a word
 # What this process has loaded, by folder and name: to find a form FFCx lists the folder, which may hold thousands.
 _LOADED: dict[tuple[str, str], Any] = {}
 
@@ -100,7 +99,7 @@ def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None
         try:
             fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, byte)
         except OSError:
-            if not announced and time.monotonic() - begin > _SILENT:
+            if not announced and time.monotonic() - begin > LOCK_SILENCE:
                 terminal.say("waiting for another process, which compiles the same form", error=True)
                 announced = True
         else:
@@ -110,7 +109,7 @@ def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None
                 _mark(folder, module).unlink(missing_ok=True)
                 return
         signals.serve()
-        time.sleep(_PAUSE)
+        time.sleep(LOCK_PAUSE)
 
 
 def _source(folder: Path, module: str) -> Path:

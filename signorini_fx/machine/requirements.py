@@ -6,11 +6,9 @@ import resource
 from importlib.util import find_spec
 
 from signorini_fx.errors import MachineError, needs_fenicsx
+from signorini_fx.tuned import ADDRESS_SPACE, DATA_SEGMENT
 
 FENICSX = ("mpi4py", "petsc4py", "ufl", "basix", "dolfinx")
-# FEniCSx with its libraries takes 0.6 GB of address space before it computes anything, of which 0.25 GB are data; with
-# less memory its libraries wait for ever, or end the process.
-_ADDRESS_SPACE, _DATA = 1.0e9, 0.5e9
 
 
 def check_fenicsx() -> None:
@@ -23,8 +21,8 @@ def check_fenicsx() -> None:
 def check_machine() -> None:
     """Raise ``MachineError`` if a limit leaves too little memory to start."""
     for limit, needed, option in (
-        (resource.RLIMIT_AS, _ADDRESS_SPACE, "-v"),
-        (resource.RLIMIT_DATA, _DATA, "-d"),
+        (resource.RLIMIT_AS, ADDRESS_SPACE, "-v"),
+        (resource.RLIMIT_DATA, DATA_SEGMENT, "-d"),
     ):
         allowed, _ = resource.getrlimit(limit)
         if allowed != resource.RLIM_INFINITY and allowed < needed:

@@ -14,6 +14,7 @@ from signorini_fx.materials.protocol import Array, Material
 from signorini_fx.scene.effect import Contradictions, Features
 from signorini_fx.scene.values import Positive, SampledValue
 from signorini_fx.scene.volumetric import treatment_of
+from signorini_fx.tuned import LOCKING_POISSON
 
 
 class LinearElastic(Material):
@@ -161,10 +162,6 @@ class LinearElastic(Material):
         elif self.poisson == 0.5 and (apart or self.hypothesis != "plane stress"):
             cure = 'element = { degree = 2, volumetric = "mixed" }, whose pressure is an unknown of its own'
             yield ("material", number, "poisson"), f"must be below 0.5: an incompressible body needs {cure}"
-
-
-# Above this Poisson's ratio the fully integrated elements lock visibly.
-LOCKING_POISSON = 0.45
 
 
 # --- its form --------------------------------------------------------------------------------------------------------

@@ -35,9 +35,7 @@ from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.linalg import ElasticSystem, keep_diagonal
 from signorini_fx.linalg.callbacks import called_back
 from signorini_fx.problem.problem import Problem
-
-# The largest k, relative to the stiffness at a contact node.
-_HARDLY = 1e4
+from signorini_fx.tuned import LARGEST_TURNING_STIFFNESS
 
 
 class ExactProblem(Problem):
@@ -97,7 +95,7 @@ class ExactProblem(Problem):
         direction = np.where(np.any(self._free[:, 1:], axis=1, keepdims=True), direction, moves)
         direction = np.where((bound > 0)[:, None], direction, unit(motion))
         bound = np.where(np.isfinite(bound), bound, 0.0)
-        least = bound / (_HARDLY * self._stress)
+        least = bound / (LARGEST_TURNING_STIFFNESS * self._stress)
         reach = np.maximum(inner(direction, motion), least)
         turning = np.divide(bound, reach, out=np.zeros_like(bound), where=reach > 0)
         return ActiveSets.of(contact, direction, turning)

@@ -20,10 +20,7 @@ from signorini_fx.contact.points import ContactPoints, shares
 from signorini_fx.contact.statics import Escape, no_balance
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.records import Status
-from signorini_fx.tuned import NO_FORCE
-
-# Share of the stiffness times the displacement of which a residual of 1e-8 is still above round-off.
-_ATTAINABLE = 1e-7
+from signorini_fx.tuned import ATTAINABLE_SHARE, NO_FORCE
 
 
 @dataclass(frozen=True)
@@ -253,10 +250,12 @@ class Problem(ABC):
         if self.system.contact.paired:
             area = float(np.sqrt(parallel.global_sum(self.points.comm, np.sum(self.points.weight**2))))
             acting.append(area * self._least_traction(x))
-        self.force_scale = max(*acting, _ATTAINABLE * self._stiffness * x.norm())
+        self.force_scale = max(*acting, ATTAINABLE_SHARE * self._stiffness * x.norm())
 
     def _least_traction(self, x: PETSc.Vec) -> float:
-        """What the penalty makes of ``_ATTAINABLE`` times the largest displacements of two bodies, stress; in relative
-        ones these cancel where both move together.
+        """What the penalty makes of ``ATTAINABLE_SHARE`` times the largest displacements of two bodies, stress; in
+        relative ones these cancel where both move together.
         """
-        return float(2 * _ATTAINABLE * max(self.data.gamma_n, self.data.gamma_t) * x.norm(PETSc.NormType.NORM_INFINITY))
+        return float(
+            2 * ATTAINABLE_SHARE * max(self.data.gamma_n, self.data.gamma_t) * x.norm(PETSc.NormType.NORM_INFINITY)
+        )

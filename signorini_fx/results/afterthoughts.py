@@ -21,10 +21,9 @@ from signorini_fx.quantities.quantity import Quantity
 from signorini_fx.quantities.registry import has, of_package, quantities
 from signorini_fx.records import Finding
 from signorini_fx.results.solution import Solution
+from signorini_fx.tuned import ERROR_PATIENCE
 
 T = TypeVar("T")
-# How long a rank with an error waits for those that may have it later, seconds.
-PATIENCE = 30.0
 
 
 def afterthought(comm: MPI.Comm, subject: str, findings: list[dict[str, Any]], state: Callable[[], T]) -> T | None:
@@ -64,7 +63,7 @@ def afterthought(comm: MPI.Comm, subject: str, findings: list[dict[str, Any]], s
 
 def _ends(request: MPI.Request) -> bool:
     """Whether all ranks get there while this one has patience."""
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + ERROR_PATIENCE
     while not request.Test():
         if time.monotonic() > end:
             return False

@@ -12,12 +12,11 @@ from mpi4py import MPI
 from signorini_fx import parallel
 from signorini_fx.display import duration
 from signorini_fx.machine import terminal
+from signorini_fx.tuned import PROGRESS_PAUSE
 
 if TYPE_CHECKING:
     from signorini_fx.records import Progress
 
-# Seconds between two changes of the line.
-_PAUSE = 0.2
 _ERASE = "\r\x1b[K"
 
 
@@ -53,7 +52,7 @@ class ProgressLine:
         """Show where the solve is, if the last time is some time ago."""
         seconds = time.perf_counter()
         if not self._silent and seconds >= self._next:
-            self._next = seconds + _PAUSE
+            self._next = seconds + PROGRESS_PAUSE
             self._shown = True
             self._show(progress_text(progress, seconds))
 

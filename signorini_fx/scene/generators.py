@@ -15,6 +15,7 @@ from pydantic import AfterValidator, ConfigDict, validate_call
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import GENERATORS, load, names_of
 from signorini_fx.scene.magnitudes import LARGEST, SMALLEST
+from signorini_fx.tuned import BYTES_PER_CELL
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -27,8 +28,6 @@ def _length(length: float) -> float:
 
 
 Length = Annotated[float, AfterValidator(_length)]
-# What a cell takes at least until its body is solved: the mesh, the stiffness and the Jacobian.
-_BYTES_PER_CELL = 1000.0
 
 
 GENERATORS_PACKAGE = "signorini_fx.meshes"  # the package of this one's
@@ -107,7 +106,7 @@ def refuse_too_large(comm: MPI.Comm, cells: float) -> None:
     """
     from signorini_fx import parallel
 
-    wanted, available = _BYTES_PER_CELL * cells, parallel.machine_memory(comm)
+    wanted, available = BYTES_PER_CELL * cells, parallel.machine_memory(comm)
     if wanted > available:
         message = f"about {cells:.2g} cells would need {wanted / 1e9:.0f} GB or more, there are {available / 1e9:.0f}"
         raise SceneError([("mesh.parameters", f"{message}: use fewer and larger cells")])

@@ -12,10 +12,10 @@ from two_bodies import KINDS, assembled, facets, facets_of_cells, forms, grid, h
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Pair, Tresca, parallel, solve
 from signorini_fx.body import paired_points
 from signorini_fx.body.discretisation import prepare
-from signorini_fx.body.mirrored_points import SMOOTH
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Timings
 from signorini_fx.scene.reading import parse_scene
+from signorini_fx.tuned import ASKEW_NORMAL
 
 EXACT = {"algorithm": "alm", "tolerance": 1e-10}
 
@@ -156,7 +156,7 @@ def test_where_it_is_no_plane_of_symmetry(of_master):
 def test_an_edge_at_the_plane_is_none():
     """Sides that are askew to the plane keep all components: a constant stress has a part across it."""
     assert pressed("triangle", 1, (3, 4), half=True, of_master=0.0)._foundations.pairs[0].across.any()
-    turn = np.arcsin(1.5 * SMOOTH)
+    turn = np.arcsin(1.5 * ASKEW_NORMAL)
 
     def tilt(x):
         return np.column_stack((x[:, 0], x[:, 1] + np.tan(turn) * x[:, 0] * (1 - np.abs(x[:, 1]))))

@@ -52,7 +52,7 @@ def held_by(t, kind):
 @pytest.mark.parametrize("kind", ["clamped", "rollers", "skew", "free"])
 def test_the_stress_is_in_equilibrium(kind, products, monkeypatch):
     """Divergence and tractions by differences of the stress on the quarters, also where the iteration is cut short."""
-    monkeypatch.setattr(iterated_system, "_MOST_PRODUCTS", products)
+    monkeypatch.setattr(iterated_system, "BALANCING_PRODUCTS", products)
     chance = np.random.default_rng(1)
     t = grid(chance)
     held = held_by(t, kind)
@@ -204,7 +204,7 @@ def test_a_bound_does_not_rest_on_convergence(monkeypatch):
     scene = block(6, "tetrahedra", bound=1.5, gamma="auto")
     solution = alone(scene)
     good = solution.error_bound
-    monkeypatch.setattr(iterated_system, "_MOST_PRODUCTS", 2)
+    monkeypatch.setattr(iterated_system, "BALANCING_PRODUCTS", 2)
     poor = error_bound(solution.discretisation, solution.displacement, solution.contact)
     true = energy_of_difference(solution, on_finer_mesh(scene))
     assert true < good.error < poor.error

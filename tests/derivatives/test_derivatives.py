@@ -201,7 +201,7 @@ def test_what_has_no_derivative(of, by, said):
 
 def test_no_derivative_of_half_an_iteration(monkeypatch):
     """Without regularisation, where the tractions of the adjoint problem are not found in as many solves as allowed."""
-    monkeypatch.setattr(adjoint, "_MOST_SOLVES", 1)
+    monkeypatch.setattr(adjoint, "MOST_ADJOINT_SOLVES", 1)
     with pytest.raises(AdjointError, match="after 1 solves: there is no derivative"):
         sensitivity(plane(TRESCA, algorithm="exact"), PLANE, ["traction[0]"])
 

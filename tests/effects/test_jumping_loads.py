@@ -383,7 +383,7 @@ def test_of_many_cells_only_those_that_jump_are_looked_at_closely(monkeypatch, l
     )
     shares = []
     for many in (10, 10**6):
-        monkeypatch.setattr(jumping_loads, "_MANY", many)
+        monkeypatch.setattr(jumping_loads, "MANY_LOADED", many)
         texts = [
             finding.message for finding in check_scene(scene).warnings if "points of quadrature" in finding.message
         ]

@@ -77,7 +77,7 @@ from signorini_fx.picture_data import of_solution
 from signorini_fx.results import afterthoughts
 from signorini_fx.results.solution import Solution
 
-afterthoughts.PATIENCE = 0.3
+afterthoughts.ERROR_PATIENCE = 0.3
 rank, what, how = int(sys.argv[1]), sys.argv[2], sys.argv[3]
 
 def fails(*arguments, **options):
