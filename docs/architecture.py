@@ -57,6 +57,7 @@ LAYERS = (
     "kinematics",
     "machine",
     "errors",
+    "constants",
 )
 # The packages that solve a contact problem given by matrices: they import nothing of those above them.
 CORE = ("algorithms", "problem", "linalg", "contact")
@@ -76,13 +77,15 @@ TOP_LEVEL = {
             "records",
             "result_files",
         ),
-        *("scales", "tuned", "units"),
+        *("scales", "units"),
     ),
     "errors": ("errors",),
+    "constants": ("tuned",),
 }
 SAYS = {
-    "ground": "Outcomes, records, plan of attempts, ranks, files of results, start of PETSc, versions, constants.",
+    "ground": "Outcomes, records, plan of attempts, ranks, files of results, start of PETSc, versions, scales.",
     "errors": "The ways in which a request can fail.",
+    "constants": "What was tuned, in one table.",
 }
 # Packages of others, as the picture names them.
 OUTSIDE = (
