@@ -53,6 +53,11 @@ def _read_scenes(
 
 def solve(options: argparse.Namespace) -> int:
     """Solve a scene and write its results."""
+    return _solved(options)[1]
+
+
+def _solved(options: argparse.Namespace) -> tuple[Solution, int]:
+    """The solution of a scene, whose results are written, and the exit code."""
     from mpi4py import MPI
 
     from signorini_fx import parallel
@@ -118,8 +123,7 @@ def solve(options: argparse.Namespace) -> int:
         # The summary above has said what to do.
         ended = terminal.TerminalLine("signorini-fx: ", outcome(solution, advice=options.quiet), "error")
         parallel.log_on_root(comm, [ended], error=True)
-        return EXIT_NO_SOLUTION
-    return EXIT_OK
+    return solution, EXIT_OK if solution.converged else EXIT_NO_SOLUTION
 
 
 def run(options: argparse.Namespace) -> int:
@@ -130,16 +134,28 @@ def run(options: argparse.Namespace) -> int:
 
     out = options.out = options.out or Path("results") / options.deck.stem
     options.scene = out.parent / f"{out.name}.toml"
-    lost, lines = parallel.on_root(MPI.COMM_WORLD, lambda: _draft_of_run(options.deck, options.scene))
-    if not options.quiet:
-        parallel.log_on_root(MPI.COMM_WORLD, lines)
+    deck: Any = None
+
+    def drafted() -> tuple[int, list[terminal.TerminalLine]]:
+        nonlocal deck
+        draft = _draft_of_run(options.deck, options.scene)
+        deck = draft.deck
+        graded = [("changes the answer: ", remark, "error") for remark in draft.lost]
+        graded += [("does not change it: ", remark, "") for remark in draft.noted]
+        return len(draft.lost), [terminal.TerminalLine(*line) for line in graded]
+
+    lost, lines = parallel.on_root(MPI.COMM_WORLD, drafted)
     try:
-        code = solve(options)
+        if not options.quiet:
+            parallel.log_on_root(MPI.COMM_WORLD, lines)
+        solution, code = _solved(options)
     except SceneError as error:
         raise error.of(options.scene) from None
-    page = parallel.on_root(MPI.COMM_WORLD, lambda: add_on("report")(out, None))
+    written = add_on("deck_tables")(solution, deck, out, options.deck.stem)
+    written.append(parallel.on_root(MPI.COMM_WORLD, lambda: add_on("report")(out, None)))
     if not options.quiet:
-        parallel.log_on_root(MPI.COMM_WORLD, [terminal.TerminalLine(f"report: {page}")])
+        named = ", ".join(file.name for file in written)
+        parallel.log_on_root(MPI.COMM_WORLD, [terminal.TerminalLine("  and ", named)])
     if lost and code == EXIT_OK:
         count = "1 thing that changes" if lost == 1 else f"{lost} things that change"
         said = terminal.TerminalLine("signorini-fx: ", f"left out of the deck: {count} the answer", "error")
@@ -148,15 +164,13 @@ def run(options: argparse.Namespace) -> int:
     return code
 
 
-def _draft_of_run(deck: Path, target: Path) -> tuple[int, list[terminal.TerminalLine]]:
-    """How many things a draft lacks that change the answer, and what is said of all that was left out."""
+def _draft_of_run(deck: Path, target: Path) -> Any:
+    """The draft of a deck, which is written unless it is there already."""
     from signorini_fx.mesh.files.formats import read_file
 
     drafted = _drafted(deck, read_file(deck), target)
     _write_draft(drafted.files, keep=True)
-    graded = [("changes the answer: ", remark, "error") for remark in drafted.lost]
-    graded += [("does not change it: ", remark, "") for remark in drafted.noted]
-    return len(drafted.lost), [terminal.TerminalLine(begin, remark, kind) for begin, remark, kind in graded]
+    return drafted
 
 
 class _SolveProgress:

@@ -78,6 +78,7 @@ class Deck:
     ``turners`` the reference node for each node whose displacements are, in CalculiX, the rotations of a rigid body;
     ``bolts`` has the surface of each reference node of a *PRE-TENSION SECTION.  ``stiffness`` and ``sticking`` are
     those of interactions, stress per length, and ``adjusted`` has the ADJUST of pairs: a length, or a set of nodes.
+    ``ends`` has the times at the ends of steps.
     """
 
     mesh: MeshArrays
@@ -92,6 +93,7 @@ class Deck:
     steps: list[str] = field(default_factory=list)
     period: float = 1.0
     time: float = 0.0
+    ends: dict[int, float] = field(default_factory=dict)
     loads: dict[tuple[Any, ...], DeckLoad] = field(default_factory=dict)
     ended: set[tuple[int, str]] = field(default_factory=set)
     amplitudes: dict[str, DeckBlock] = field(default_factory=dict)

@@ -177,6 +177,7 @@ def _read(deck: Deck, block: DeckBlock) -> None:
                 deck.note(block, "NLGEOM: displacements and rotations are taken as small")
         case "STATIC":
             deck.period = real(rows[0][1]) if rows and len(rows[0]) > 1 else 1.0
+            deck.ends[deck.step] = deck.time + deck.period
         case "BOUNDARY":
             read_boundary(deck, block)
         case "DSLOAD":

@@ -30,12 +30,14 @@ class Draft:
         text: of the scene file.
         lost: what the scene lacks, so that its solution is another one; the scene says it itself.
         noted: what is told in another way, or is nothing that a scene is about.
+        deck: what was read.
         files: the scene and those beside it that it refers to, with their text.
     """
 
     text: str
     lost: list[str]
     noted: list[str]
+    deck: Deck
     files: dict[Path, str]
 
 
@@ -67,7 +69,7 @@ def draft(file: Path, mesh: MeshArrays, target: Path) -> Draft:
     for heading, table_lines in tables:
         lines += ["", heading, *table_lines]
     files[target] = "\n".join(lines) + "\n"
-    return Draft(files[target], lost, noted, files)
+    return Draft(files[target], lost, noted, deck, files)
 
 
 def _tables(deck: Deck, target: Path, files: dict[Path, str]) -> list[tuple[str, list[str]]]:

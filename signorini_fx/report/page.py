@@ -60,7 +60,8 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
         from signorini_fx.report import sections_in_space
 
         facets = folder.facets(summary["contact_nodes"])
-        chapters["Contact surface"] = sections_in_space.surface(contact, facets)
+        if facets.size:  # all nodes of a facet may be those of other boundaries
+            chapters["Contact surface"] = sections_in_space.surface(contact, facets)
         chapters["Forces and areas"] = joined(
             [sections_in_space.resultants(summary, contact), sections.forces(summary)],
         )

@@ -292,6 +292,11 @@ class SceneResultants(Resultants):
                 unbalanced -= forces_of_joint_loads(nodal, sides, tractions)
         return unbalanced
 
+    def at_nodes(self) -> Array:
+        """What loads and supports do to the body, forces at the owned nodes, shape (n, d); collective."""
+        supported = (self._supports.taken(self._forces_of_supports, k) for k in range(len(self.scene.displacement)))
+        return sum(supported, self._nodal.external(self.place))
+
     def _of_supports(self, boundary: str) -> dict[str, NodalForcesAt]:
         """See ``Resultants``."""
         held = [k for k, effect in enumerate(self.scene.displacement) if effect.place == boundary]

@@ -1,0 +1,101 @@
+"""Results at the nodes of a deck: tables as CalculiX prints them, and the file for cgx."""
+
+import re
+
+import numpy as np
+import pytest
+from deck_lines import POISSON, STEEL, YOUNG, stacked
+
+from signorini_fx import cli
+
+PRESSURE, SLOPE = 5.0, 1e4
+
+
+def tables(text):
+    """Heading -> number of the node -> values."""
+    found = {}
+    for line in text.splitlines():
+        if match := re.match(r" (\S.* time +0\.\d{7}E[+-]\d\d)$", line):
+            rows = found.setdefault(match[1], {})
+        elif re.match(r" {8,9}-?\d\.", line):
+            rows[0] = [float(line[k : k + 14]) for k in range(7, len(line), 14)]
+        elif re.match(r" +\d+ [ -]\d\.", line):
+            rows[int(line[:10])] = [float(line[k : k + 14]) for k in range(10, len(line), 14)]
+    return found
+
+
+def solved(folder, lines, *options):
+    """The tables, and the text of the file for cgx."""
+    deck = folder / "deck.inp"
+    deck.write_text("\n".join(lines) + "\n")
+    arguments = ["run", str(deck), "--out", str(folder / "out"), "--no-pictures", "--no-fields", "--quiet", *options]
+    assert cli.main(arguments) == 0
+    if not (folder / "out" / "deck.dat").exists():
+        return None
+    return tables((folder / "out" / "deck.dat").read_text()), (folder / "out" / "deck.frd").read_text()
+
+
+def test_two_blocks(tmp_path):
+    """One above the other under pressure, with soft contact: the exact solution at the nodes of the deck."""
+    lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", f"{SLOPE}"])
+    lines[-1:] = ["*NODE PRINT, NSET=UP_HEAD", "U, RF", "*NODE PRINT, NSET=LOW_FEET, TOTALS=ONLY", "RF"]
+    lines += ["*CONTACT PRINT", "CDIS, CSTR", "*END STEP"]
+    found, cgx = solved(tmp_path, lines)
+    time = "time  0.1000000E+01"
+    everywhere = "for all contact elements and time 0.1000000E+01"
+    assert list(found) == [
+        f"displacements (vx,vy,vz) for set UP_HEAD and {time}",
+        f"forces (fx,fy,fz) for set UP_HEAD and {time}",
+        f"total force (fx,fy,fz) for set LOW_FEET and {time}",
+        f"relative contact displacement (slave node,normal,tang1,tang2) {everywhere}",
+        f"contact stress (slave node,press,tang1,tang2) {everywhere}",
+    ]
+    displaced, forces, total, apart, stress = found.values()
+    assert list(displaced) == list(forces) == [111, 112, 113, 114, 115]
+    sinks = 2 * PRESSURE * (1 - POISSON**2) / YOUNG + PRESSURE / SLOPE
+    np.testing.assert_allclose([y[1] for y in displaced.values()], -sinks, rtol=1e-5)
+    np.testing.assert_allclose([f[1] for f in forces.values()], -PRESSURE * np.array([1, 2, 2, 2, 1]) / 8, rtol=1e-6)
+    np.testing.assert_allclose(total[0][1], PRESSURE, rtol=1e-6)
+    assert list(apart) == list(stress) == [101, 102, 103, 104, 105]
+    np.testing.assert_allclose([u[0] for u in apart.values()], -PRESSURE / SLOPE, rtol=1e-5)
+    np.testing.assert_allclose([p[0] for p in stress.values()], PRESSURE, rtol=1e-5)
+    assert len(re.findall("^ -4", cgx, re.MULTILINE)) == 4
+    values = np.array([[float(line[k : k + 12]) for k in (13, 25)] for line in cgx.split(" -4  STRESS")[1].splitlines()
+                       if line.startswith(" -1")][:30])  # fmt: skip
+    np.testing.assert_allclose(values[:, 1], -PRESSURE, rtol=1e-4)
+
+
+@pytest.mark.parametrize("kind", ["C3D8", "C3D20"])
+def test_a_column_in_space(tmp_path, kind):
+    """Pulled at its top, in two steps: results of both at their times, and reactions that balance the load, also of
+    elements that get nodes in the middle of their faces.
+    """
+    at = [(x, y, z) for z in (0, 1, 2, 3, 4) for y in (0, 1, 2) for x in (0, 1, 2)]
+    middles = kind == "C3D20"
+    number = {p: n for n, p in enumerate(at, 1) if middles or not any(k % 2 for k in p)}
+    lines = ["*NODE", *(f"{n}, {x / 2}, {y / 2}, {z / 2}" for (x, y, z), n in number.items())]
+    corners = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2)]
+    edges = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
+    whole = corners + [tuple((a + b) // 2 for a, b in zip(corners[i], corners[j], strict=True)) for i, j in edges]
+    lines += [f"*ELEMENT, TYPE={kind}, ELSET=ALL"]
+    for element in (1, 2):
+        nodes = [number[x, y, z + 2 * element - 2] for x, y, z in (whole if middles else corners)]
+        words = ", ".join(map(str, [element, *nodes]))
+        lines += [words] if not middles else [", ".join(words.split(", ")[:11]), ", ".join(words.split(", ")[11:])]
+    lines = [line + "," if middles and line.count(",") == 10 else line for line in lines]
+    feet = [n for (x, y, z), n in number.items() if z == 0 and not x % 2 == y % 2 == 1]
+    lines += ["*NSET, NSET=FEET", *map(str, feet), "*SURFACE, NAME=TOP", "2, S2", *STEEL]
+    lines += ["*SOLID SECTION, ELSET=ALL, MATERIAL=STEEL", "*BOUNDARY", "FEET, 1, 3"]
+    for force in (3.0, 7.0):
+        lines += ["*STEP", "*STATIC", "0.5, 0.5", "*DSLOAD", f"TOP, P, {-force}"]
+        lines += ["*NODE PRINT, NSET=FEET, TOTALS=YES", "RF", "*END STEP"]
+    found, cgx = solved(tmp_path, lines)
+    totals = [table[0] for name, table in found.items() if name.startswith("total")]
+    np.testing.assert_allclose(totals, [[0.0, 0.0, -3.0], [0.0, 0.0, -7.0]], atol=1e-9)
+    assert [name[-13:] for name in found] == [*["0.5000000E+00"] * 2, *["0.1000000E+01"] * 2]
+    nodal = [np.array(list(table.values())) for name, table in found.items() if name.startswith("forces")]
+    np.testing.assert_allclose(nodal[1].sum(axis=0), [0.0, 0.0, -7.0], atol=1e-5)
+    assert [len(table) for table in nodal] == [len(feet)] * 2
+    first = cgx.split("    3C")[1].splitlines()[2:]
+    if middles:  # those on upright edges before those on top
+        assert first[1].split()[1:] == [str(number[p]) for p in whole[10:12] + whole[16:20] + whole[12:16]]
