@@ -129,7 +129,7 @@ def _node_table(
         yield from _rows(names[rows], values)
     if totals != "NO" and word == "RF":
         yield f"\n total force (fx,fy,fz) for set {name.upper()} and time {_time(time)}\n\n"
-        yield f"       {_numbers(np.add.reduce(values))}\n"
+        yield f"       {_numbers(plain(values.sum(axis=0)))}\n"
 
 
 def _time(time: float) -> str:
@@ -139,12 +139,12 @@ def _time(time: float) -> str:
     return f" 0.{digits.replace('.', '')}E{power:+03d}"
 
 
-def _numbers(row: Floats) -> str:
-    return "".join(f" {value:13.6E}" for value in plain(row))
+def _numbers(row: list[float]) -> str:
+    return "".join(f" {value:13.6E}" for value in row)
 
 
 def _rows(names: Ints, values: Floats) -> Iterator[str]:
-    for name, row in zip(plain(names), values, strict=True):
+    for name, row in zip(plain(names), plain(values), strict=True):
         yield f"{name:10d}{_numbers(row)}\n"
 
 
