@@ -46,9 +46,7 @@ class Pair:
 
     The contact points are on the first side, the slave: take the softer body, of equal ones that with the finer mesh.
     The relative displacement of both sides keeps to the gap; the pressure pushes them apart, friction acts between
-    them, with opposite forces and moments on both.  There is no ``measure``: where the user's forms are multiplied by
-    one, such as 2 pi r, pressures and bounds of friction are per length or area without it, a
-    nodal mean of 2 pi r times the stress.
+    them, with opposite forces and moments on both.
 
     Attributes:
         facets: exterior facets of the slave by their local numbers, or (meshtags, tag), with one tag or several.
@@ -58,6 +56,8 @@ class Pair:
             of points of shape (3, n), a UFL expression, or a Function.  A fit between coarse meshes needs the latter.
         allowance: what is added to the distance by geometry, of the same kinds.
         adjust: where the distance by geometry is at most this, length, it counts as zero; None: nowhere.
+        measure: factor of the surface measure in the user's forms, as in ``Foundation``, of the first side: values at
+            its nodes are interpolated; points at which it is zero carry no contact.  None: 1.
         friction: a law of ``laws``, such as ``Coulomb`` or ``Tresca``, or one of your own; None: there is none.
         bilateral: whether the contact cannot open; the pressure then has any sign.
         bonded: whether both sides are tied as they lie, whatever gap and friction are.
@@ -73,3 +73,4 @@ class Pair:
     bonded: bool = False
     reach: float | None = None
     adjust: float | None = None
+    measure: Any = None

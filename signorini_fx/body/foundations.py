@@ -250,16 +250,16 @@ class Foundations:
             axes = None
             if contact.friction is not None:
                 axes = contact.friction.axes(at, f"contact[{k}].friction", self._dimension, self._space.mesh.comm)
-            if isinstance(contact, Pair):
-                if axes is not None:
-                    why = "friction that depends on the direction is not possible yet between two bodies"
-                    raise FormError([(f"contact[{k}].friction.ratio", why)])
-                shapes.append(ShapeDistances(None, None))
-                continue
+            if isinstance(contact, Pair) and axes is not None:
+                why = "friction that depends on the direction is not possible yet between two bodies"
+                raise FormError([(f"contact[{k}].friction.ratio", why)])
             if contact.measure is not None:
                 factor = at(contact.measure, f"contact[{k}].measure", minimum=0.0)
                 largest = parallel.largest(self._space.mesh.comm, np.nan_to_num(factor))
                 factor[factor <= ZERO_SUM * largest] = 0.0
+            if isinstance(contact, Pair):
+                shapes.append(ShapeDistances(factor, None))
+                continue
             along: Any = self._distances[k].direction if k in self._distances else contact.direction
             if along is not None:
                 direction = at(along, f"contact[{k}].direction", self._dimension)
@@ -288,7 +288,7 @@ class Foundations:
         parts = []
         for k, (shape, (form, function)) in enumerate(zip(shapes, self.forms, strict=True)):
             if k in self._masters:
-                parts.append(self._paired(k, fixed, turned, at_rest))
+                parts.append(self._paired(k, shape.factor, fixed, turned, at_rest))
                 continue
             if function is not None and shape.factor is not None:
                 function.x.array.reshape(-1, self._dimension)[:, 0] = np.nan_to_num(shape.factor)
@@ -309,11 +309,15 @@ class Foundations:
     def _paired(
         self,
         number: int,
+        factor: Array | None,
         fixed: npt.NDArray[np.bool_],
         turned: TurnedNodes | None,
         at_rest: npt.NDArray[np.bool_] | None,
     ) -> ContactBoundary:
-        """The points of a pair; of a node that two contacts share an earlier pair, or a foundation, has the point."""
+        """The points of a pair, with a factor of its measure at all nodes of this rank.
+
+        Of a node that two contacts share an earlier pair, or a foundation, has the point.
+        """
         from signorini_fx.body.paired_points import PairedSides
 
         pair, space = self._contact[number], self._space
@@ -323,7 +327,7 @@ class Foundations:
         sides = self.facets[number], self._masters[number]
         flags = fixed.reshape(-1, self._dimension)
         rests = None if at_rest is None else at_rest.reshape(-1, self._dimension)[: len(flags)]
-        paired = PairedSides.of(space, pair, sides, f"contact[{number}]", flags, taken, turned, rests)
+        paired = PairedSides.of(space, pair, sides, f"contact[{number}]", flags, taken, turned, rests, factor)
         self._pairs[number] = paired
         return paired.boundary(space, self.facets[number], number, flags)
 

@@ -116,6 +116,7 @@ class PairedSides:
         taken: Sequence[Indices],
         turned: TurnedNodes | None = None,
         at_rest: npt.NDArray[np.bool_] | None = None,
+        factor: Array | None = None,
     ) -> PairedSides:
         """Pair two parts of the boundary; collective.
 
@@ -128,6 +129,7 @@ class PairedSides:
             taken: facets of other contacts, whose nodes carry no points of this one.
             turned: nodes for which ``fixed`` is told in their own frames; None: there are none.
             at_rest: which of the components ``fixed`` are zero at all times, shape (owned nodes, d); None: none.
+            factor: of the measure, at all nodes of this rank, shape (nodes,); None: 1.
 
         Raises:
             FormError: the sides do not fit together, or are curved and the displacement is linear.
@@ -161,6 +163,9 @@ class PairedSides:
             replace(side, surface=replace(side.surface, across=planes))
             for side, planes in zip((slave, master), across, strict=True)
         )
+        if factor is not None:
+            measure = from_owners(np.nan_to_num(factor[:owned, None]), slave.nodes, comm)[:, 0]
+            slave = replace(slave, surface=replace(slave.surface, measure=measure))
         normals = np.abs(np.einsum("nij,ni->nj", frames, slave.surface.nodal_normals))
         unable = np.where(entries[:, :dim], 0.0, normals).max(axis=1) <= SAME_DIRECTION
         unable[~normals.any(axis=1)] = False  # nodes that no point belongs to

@@ -22,6 +22,8 @@ def foundations_of(
 ) -> list[Foundation | Pair]:
     """The contact of a scene as foundations, on the facets of each, and as pairs, by their places the masters."""
     foundations: list[Foundation | Pair] = []
+    kinematics = scene.kinematics
+    around = None if kinematics.uniform else partial(_measure, kinematics)
     for number, (effect, on) in enumerate(zip(scene.contact, facets, strict=True)):
         friction = effect.friction if effect.friction.acts else None
         bilateral = isinstance(effect, BilateralContact)
@@ -30,12 +32,19 @@ def foundations_of(
             nominal, bonded = effect.distance == "nominal", isinstance(effect, BondedContact)
             choice = {"gap": gap} if nominal else {"allowance": gap, "adjust": effect.adjust}
             foundations.append(
-                Pair(on, masters[number], friction=friction, bilateral=bilateral, bonded=bonded, **choice)
+                Pair(
+                    on,
+                    masters[number],
+                    friction=friction,
+                    bilateral=bilateral,
+                    bonded=bonded,
+                    measure=around,
+                    **choice,
+                )
             )
             continue
         gap, shape, bonded = _evaluable(effect.gap), effect.surface, isinstance(effect, BondedContact)
-        kinematics, direction = scene.kinematics, effect.direction
-        out, around = kinematics.out_of_section, None if kinematics.uniform else partial(_measure, kinematics)
+        out, direction = kinematics.out_of_section, effect.direction
         if out:
             direction = None if direction is None else (*direction, *[0.0] * out)
             shape = None if shape is None else _ShapeOfSection(shape)

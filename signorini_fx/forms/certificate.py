@@ -95,7 +95,9 @@ def _side(
         assert data.pair is not None
         assert master is not None
         by_geometry = not entry.bonded and isinstance(entry.gap, str)
-        claim = claim_of(data.pair, space, (facets, master), entry.reach, nominal=not by_geometry)
+        claim = claim_of(
+            data.pair, space, (facets, master), entry.reach, nominal=not by_geometry, factor=data.shape.factor
+        )
     return ContactSide(
         facets,
         lambda nodes: (data.gap if data.allowance is None else data.allowance)[nodes],

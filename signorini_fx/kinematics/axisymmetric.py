@@ -63,7 +63,6 @@ _WHERE = "where the body is axisymmetric"
 REFUSED = {
     "accuracy of the pressure": f"has no estimate yet with the measure of rings, {_WHERE}",
     "bending": "a section that stays in place does not bend",
-    "contact of two bodies": f"is not possible yet {_WHERE}",
     "guaranteed bound": "a guaranteed bound of axisymmetric bodies is not known yet",
     "moment": "there is none on a body of revolution",
     "motion of a tool": "an axisymmetric tool moves along its axis x[1] alone",

@@ -58,6 +58,7 @@ TORSION = TwistedBody(
     least_x=0.0,
     refuses={
         **REFUSED,
+        "contact of two bodies": "is not possible yet where material.torsion is true",
         "driven foundation": "is not possible yet where material.torsion is true",
         "friction axes": "is not possible yet where material.torsion is true",
     },

@@ -8,8 +8,10 @@ For the function psi_i of a point and its weight w_i = int psi_i over the covere
     omega_i(u) = J_i^-1 sum_l a_il r_l x u_l,   r_l = x_l - xbar_i,   J_i = sum_l a_il (|r_l|^2 I - r_l r_l^T),
 
 where a_il of the master is the area over which the slave facets around the point see the master facets around the node,
-and of the slave the area of those of these facets that are around the node.  With the rotation omega the map is zero on
-every joint rigid motion, so that forces and moments of both sides balance; they act half-way between both.
+and of the slave the area of those of these facets that are around the node.  All areas are multiplied by the measure of
+the slave, 2 pi r of a body of revolution: rings of both sides that meet have one area, and opposite forces.  With the
+rotation omega the map is zero on every joint rigid motion, so that forces and moments of both sides balance; they act
+half-way between both.
 
 The frame is half-way between both sides, too: with the normal or the rotation of one side alone, bodies that are mirror
 images of each other would show shear, of the order a / (2 F R) of friction over a contact of width 2 a.  P projects
@@ -56,7 +58,7 @@ class Coupling:
 
     Attributes:
         nodes: the slave node of each, shape (n,).
-        weight: w_i, area (in the plane: length), shape (n,).
+        weight: w_i, area (in the plane: length) times the measure, shape (n,).
         normal: n_i, from the slave to the master, of length one, shape (n, d).
         distance: d_i, length, shape (n, d).
         slave: D, sparse, shape (n, nodes of the slave).
@@ -66,7 +68,7 @@ class Coupling:
         master_turning: omega_i(u_m) x d_i / 2, of those without the half, sparse, shape (n d, d nodes of the master).
         centre: where forces act: at the same place on both sides, length, shape (n, d).
         overlap: where both sides meet, as far as this rank has found it.
-        covered: area (in the plane: length) of the slave where they meet, of all ranks.
+        covered: area (in the plane: length) of the slave where they meet, times the measure, of all ranks.
         alone: points that have taken over no function of another node, shape (n,).
         hats: whether the functions are hats, not dual ones.
         reach: distance beyond which facets were no partners, length.
@@ -186,12 +188,12 @@ def couple(
     ends = len(slave.nodes) * comm.rank // comm.size, len(slave.nodes) * (comm.rank + 1) // comm.size
     facets = np.arange(*ends)
     project, turned = (plane_overlap, turned_in_plane) if slave.dimension == 2 else (space_overlap, turned_in_space)
-    overlap = project(slave, master, reach, facets, None).within(reach, slave, master)
+    overlap = project(slave, master, reach, facets, None).measured(slave).within(reach, slave, master)
     tested = _Tested.of(slave, master, overlap, comm, bonded=bonded)
     _check(slave, master, tested.area, reach)
     directions = None if nominal else _mean_normals(slave, master, tested, comm)
     if directions is not None and turned(slave, directions) > PARALLEL:
-        overlap = project(slave, master, reach, facets, directions).within(reach, slave, master)
+        overlap = project(slave, master, reach, facets, directions).measured(slave).within(reach, slave, master)
         tested = _Tested.of(slave, master, overlap, comm, bonded=bonded)
         _check(slave, master, tested.area, reach)
 

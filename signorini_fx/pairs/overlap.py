@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +21,7 @@ class Overlap:
         slave, master: numbers of the facets, shape (p,).
         at: the points in the reference facet of the slave, shape (p, q, d - 1).
         over: those in the reference facet of the master, shape (p, q, d - 1).
-        weight: area (in the plane: length) of the slave side that a point stands for, shape (p, q).
+        weight: area (in the plane: length) of the slave side that a point stands for, times its measure, shape (p, q).
     """
 
     slave: Indices
@@ -33,6 +33,10 @@ class Overlap:
     def distance(self, slave: PairSurface, master: PairSurface) -> Array:
         """From each slave point to the master point over it, length, shape (p, q, d)."""
         return master.positions(self.master, self.over) - slave.positions(self.slave, self.at)
+
+    def measured(self, slave: PairSurface) -> Overlap:
+        """With areas times the measure of the slave."""
+        return replace(self, weight=slave.measured(self.slave, self.at, self.weight))
 
     def within(self, reach: float, slave: PairSurface, master: PairSurface) -> Overlap:
         """The pieces of the pairs of facets whose mean distance, of all pieces, is at most ``reach``, length."""

@@ -99,6 +99,7 @@ class PairSurface:
         sign: +1 where the outward normal is (dx/ds x dx/dt), in the plane dx/ds turned clockwise; else -1, shape (f,).
         across: projectors onto the directions across planes of symmetry at all nodes, shape (N, d, d); None: there are
             none.
+        measure: by what areas are multiplied, at all nodes, between which it is interpolated, shape (N,); None: 1.
     """
 
     nodes: Indices
@@ -106,6 +107,7 @@ class PairSurface:
     functions: Lagrange
     sign: Array
     across: Array | None = None
+    measure: Array | None = None
 
     @property
     def dimension(self) -> int:
@@ -152,21 +154,31 @@ class PairSurface:
         """Positions of points of each facet, length, shapes as in ``normals``."""
         return np.asarray(self.functions.values(at) @ self.corners[facets])
 
+    def measured(self, facets: Indices, at: Array, weight: Array) -> Array:
+        """Areas of points of some facets times the measure there, shape (m, q); see ``normals``."""
+        if self.measure is None:
+            return weight
+        return np.asarray(np.einsum("mqk,mk->mq", self.functions.values(at), self.measure[self.nodes[facets]]) * weight)
+
     @cached_property
     def _integrals(self) -> tuple[Array, Array]:
-        """Of test functions and of these times the normal, shapes (N,) and (N, d)."""
+        """Of test functions times the measure, and of test functions times the normal, shapes (N,) and (N, d)."""
         points, weights = self.functions.rule(_DEGREE)
         facets = np.arange(len(self.nodes))
-        normals = self.normals(facets, np.broadcast_to(points, (len(facets), *points.shape)))
+        at = np.broadcast_to(points, (len(facets), *points.shape))
+        normals = self.normals(facets, at)
         tests = self.tests.values(points) * weights[:, None]
         area, moment = np.zeros(len(self.x)), np.zeros(self.x.shape)
-        np.add.at(area, self.points, np.einsum("qt,mq->mt", tests, np.linalg.norm(normals, axis=2)))
+        sizes = self.measured(facets, at, np.linalg.norm(normals, axis=2))
+        np.add.at(area, self.points, np.einsum("qt,mq->mt", tests, sizes))
         np.add.at(moment, self.points, np.einsum("qt,mqd->mtd", tests, normals))
         return area, moment
 
     @property
     def area(self) -> Array:
-        """The area (in the plane: length) of each node, the integral of its test function, shape (N,)."""
+        """The area (in the plane: length) of each node, the integral of its test function times the measure, shape
+        (N,).
+        """
         return self._integrals[0]
 
     @cached_property
@@ -199,8 +211,8 @@ class PairSurface:
 
     @cached_property
     def facet_areas(self) -> Array:
-        """Area (in the plane: length) of each facet, shape (f,)."""
+        """Area (in the plane: length) of each facet, times the measure, shape (f,)."""
         points, weights = self.functions.rule(_DEGREE)
         facets = np.arange(len(self.nodes))
-        normals = self.normals(facets, np.broadcast_to(points, (len(facets), *points.shape)))
-        return np.asarray(np.linalg.norm(normals, axis=2) @ weights)
+        at = np.broadcast_to(points, (len(facets), *points.shape))
+        return np.asarray(self.measured(facets, at, np.linalg.norm(self.normals(facets, at), axis=2)) @ weights)

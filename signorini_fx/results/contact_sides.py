@@ -35,6 +35,8 @@ def sides_of(
         pairs: bodies in contact as the solver has paired them, by their places in ``scene.contact``; None: they are
             paired anew.
     """
+    x = node_positions(space)[:, : space.mesh.geometry.dim]
+    factor = scene.kinematics.measure_at(x)
     claims: dict[int, Claim] = {}
     if any(effect.against is not None for effect in scene.contact):
         from signorini_fx.body.discretisation import pairs_of
@@ -44,8 +46,8 @@ def sides_of(
         for part, pair in paired.items():
             effect = scene.contact[part]
             slave, master = map(tagged.facets, (effect.boundary, str(effect.against)))
-            claims[part] = claim_of(pair, space, (slave, master), nominal=not _by_geometry(effect))
-    x = node_positions(space)[:, : space.mesh.geometry.dim]
+            nominal = not _by_geometry(effect)
+            claims[part] = claim_of(pair, space, (slave, master), nominal=nominal, factor=factor)
 
     def side(part: int, effect: Any) -> ContactSide:
         bonded = isinstance(effect, BondedContact)
@@ -71,7 +73,7 @@ def sides_of(
             ),
             bonded or isinstance(effect, BilateralContact),
             None if effect.direction is None and effect.surface is None else along,
-            scene.kinematics.measure_at(x),
+            factor,
             claim=claims.get(part),
             by_geometry=_by_geometry(effect),
             adjust=effect.adjust,

@@ -41,6 +41,7 @@ class Claim:
             have no component, shape (n, d, d).
         planes: the same by the global numbers of all nodes of both sides on such planes.
         nominal: whether the problem says that the sides are nominally in contact, or tied.
+        measure: by what the problem says that areas are multiplied, at the nodes of the slave, shape (N,); None: 1.
     """
 
     comm: MPI.Comm
@@ -56,10 +57,11 @@ class Claim:
     across: Array
     planes: Mapping[int, Array]
     nominal: bool
+    measure: Array | None = None
 
     @property
     def weight(self) -> Array:
-        """Area (in the plane: length) of each point, shape (n,)."""
+        """Area (in the plane: length) of each point times the measure, shape (n,)."""
         return self.pair.coupling.weight
 
     @property
@@ -141,10 +143,16 @@ def claim_of(
     reach: float | None = None,
     *,
     nominal: bool,
+    factor: Array | None = None,
 ) -> Claim:
     """What the solver says of a pair on this rank, whose sides are these facets according to the problem, nominally in
     contact or not, with partners up to this distance; None: up to the usual one.
+
+    The measure has a ``factor`` at all nodes of this rank, shape (nodes,); None: 1.
     """
+    owned, measure = space.dofmap.index_map.size_local, None
+    if factor is not None:
+        measure = from_owners(np.nan_to_num(factor[:owned, None]), pair.slave.nodes, space.mesh.comm)[:, 0]
     coupling, (slave_shares, master_shares, turning) = pair.coupling, pair.shares()
     return Claim(
         comm=space.mesh.comm,
@@ -162,4 +170,5 @@ def claim_of(
         across=pair.across,
         planes=pair.planes,
         nominal=nominal,
+        measure=measure,
     )

@@ -4,8 +4,10 @@ What the solver claims of a pair are weights, distances, and shares of the nodes
 
     D 1 = M 1 = 1,   D x - M x + d = 0,   B R = 0 for every joint rigid motion R,
 
-and forces and moments balance because of the latter.  Both sides consist of the facets that the problem names, no fewer
-and no others.  The integrals that D and M are made of are not computed again here; tests do that.
+and forces and moments balance because of the latter.  Where areas are multiplied by a measure, as 2 pi r, those of the
+pieces that weights are made of are tried, too, by how far the points of a piece spread.  Both sides consist of
+the facets that the problem names, no fewer and no others.  The integrals that D and M are made of are not computed
+again here; tests do that.
 """
 
 from __future__ import annotations
@@ -78,6 +80,8 @@ def defect(claim: Claim, space: fem.FunctionSpace) -> float:
     arm = (used - middle) / size
     total = float(parallel.global_sum(comm, claim.weight.sum()))
     errors = [abs(total / coupling.covered - 1.0), parallel.local_max(-claim.weight, -np.inf) / coupling.covered]
+    overlapping = float(parallel.global_sum(comm, coupling.overlap.weight.sum()))
+    errors += [abs(overlapping / coupling.covered - 1.0), _error_of_pieces(claim)]
     errors += [largest(shares @ np.ones(len(used)) - 1.0) for shares in (claim.own, claim.others)]
     errors.append(largest(claim.own @ arm - claim.others @ arm + claim.distance / size))
     for motion in _rigid((x - middle) / size):
@@ -87,6 +91,24 @@ def defect(claim: Claim, space: fem.FunctionSpace) -> float:
     reach = _usual_reach(space, named) if claim.allowed is None else claim.allowed
     errors.append(float(not np.isclose(coupling.reach, reach, atol=0.0)))  # which may be zero, or infinite
     return parallel.global_max(comm, float(max(errors)))
+
+
+def _error_of_pieces(claim: Claim) -> float:
+    """The largest error of areas of pieces of the overlap with a measure, in the plane, relative to facets.
+
+    Without the measure the points of a piece have the variance of its length, which is twelve times that squared,
+    whatever factor all areas have.
+    """
+    overlap, surface = claim.pair.coupling.overlap, claim.pair.slave.surface
+    if claim.measure is None or surface.dimension > 2 or not overlap.weight.size:
+        return 0.0
+    slopes = np.linalg.norm(surface.normals(overlap.slave, overlap.at), axis=2)
+    measure = np.einsum("pqk,pk->pq", surface.functions.values(overlap.at), claim.measure[surface.nodes[overlap.slave]])
+    parts, at = overlap.weight / (slopes * measure), overlap.at[..., 0]
+    widths = parts.sum(axis=1)
+    means = np.sum(parts * at, axis=1) / widths
+    variances = np.sum(parts * (at - means[:, None]) ** 2, axis=1) / widths
+    return largest(widths - np.sqrt(12.0 * variances))
 
 
 def _usual_reach(space: fem.FunctionSpace, sides: Iterable[npt.NDArray[np.int32]]) -> float:

@@ -50,6 +50,7 @@ class PairFacets:
     Args:
         space: the displacements.
         facets: those of this rank, local numbers.
+        measure: by what areas are multiplied, by the global numbers of nodes; None: 1.
 
     Attributes:
         nodes: global numbers of their nodes, shape (f, k).
@@ -57,7 +58,10 @@ class PairFacets:
         middle: the means of the positions of their nodes, length, shape (f, d).
     """
 
-    def __init__(self, space: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> None:
+    def __init__(
+        self, space: fem.FunctionSpace, facets: npt.NDArray[np.int32], measure: dict[int, float] | None = None
+    ) -> None:
+        self._measure = measure
         dim, layout, comm = int(space.mesh.geometry.dim), space.dofmap.dof_layout, space.mesh.comm
         self._element = space.element.basix_element
         count = len(basix.topology(self._element.cell_type)[dim - 1])
@@ -84,9 +88,11 @@ class PairFacets:
     def __getitem__(self, k: Any) -> Facet:
         if k not in self._made:
             closure = self._closures[self._numbers[k]]
-            self._made[k] = Facet(
-                self._element, int(self._numbers[k]), closure, self.nodes[k], self._x[k], self._inside[k]
-            )
+            names, measure = self.nodes[k], None
+            if self._measure is not None:
+                measure = np.array([self._measure[int(node)] for node in names])
+            rows = self._x[k], self._inside[k], measure
+            self._made[k] = Facet(self._element, int(self._numbers[k]), closure, names, *rows)
         return self._made[k]
 
     def around(self, nodes: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
@@ -118,6 +124,7 @@ class Facet:
         nodes: their global numbers, shape (k,).
         x: their positions, length, shape (k, d).
         inside: the middle of the cell, shape (d,).
+        measure: by what areas are multiplied at the nodes, shape (k,); None: 1.
 
     Attributes:
         nodes: see above.
@@ -135,7 +142,9 @@ class Facet:
         nodes: npt.NDArray[np.int64],
         x: Array,
         inside: Array,
+        measure: Array | None = None,
     ) -> None:
+        self._measure = measure
         dim = x.shape[1]
         self._element, self._closure, self._x, self._inside, self.nodes = element, closure, x, inside, nodes
         corner = basix.topology(element.cell_type)[dim - 1][number]
@@ -183,6 +192,16 @@ class Facet:
         """Area (in the plane: length) of a unit of the reference facet, shape (q,)."""
         return np.asarray(np.linalg.norm(self._across(at), axis=1))
 
+    def measured(self, at: Array) -> Array:
+        """The same times the measure there."""
+        return self.areas(at) * (1.0 if self._measure is None else self.shape(at) @ self._measure)
+
+    def without_area(self, node: int) -> bool:
+        """Whether the function of a node has none: on the axis of a body of revolution those of quadratic facets."""
+        if self._measure is None or not self.quadratic:
+            return False
+        return bool(self._measure[self.nodes == node][0] <= _NOTHING * self._measure.max())
+
     def _across(self, at: Array) -> Array:
         tangents = self.tangents(at)
         if len(tangents) == 1:
@@ -222,7 +241,7 @@ class Facet:
     def area(self) -> float:
         """Its area, roughly."""
         share = 0.5 if self.kind == "triangle" else 1.0
-        return float(share * self.areas(self.middle)[0])
+        return float(share * self.measured(self.middle)[0])
 
     @property
     def linear_parts(self) -> list[Array]:
@@ -375,7 +394,7 @@ def _in_plane(facet: Facet, master: Facet, normals: Array) -> list[OverlapPiece]
         at = first + (last - first) * (nodes + 1) / 2
         over = met(at)
         if last - first > _NOTHING and 0.0 <= over[len(over) // 2] <= 1.0:
-            weight = facet.areas(at[:, None]) * weights / 2 * (last - first)
+            weight = facet.measured(at[:, None]) * weights / 2 * (last - first)
             pieces.append(OverlapPiece(master, at[:, None], over[:, None], weight))
     return pieces
 
@@ -410,7 +429,7 @@ def _in_space(facet: Facet, masters: Sequence[Facet], directions: Array | None) 
         counts = [len(p) for p in points]
         p, ends = np.concatenate(points), np.cumsum(counts)[:-1]
         at, unit = place_in(slave_part.part[None], flat[None], p)
-        weight = np.concatenate(weights) * facet.areas(at) / unit
+        weight = np.concatenate(weights) * facet.measured(at) / unit
         over, _ = place_in(np.repeat(references, counts, axis=0), np.repeat(windows, counts, axis=0), p)
         if facet.quadratic:  # as are all then; others are projected like their corners
             p = (facet.place(at) - centre) @ axes.T

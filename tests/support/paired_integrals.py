@@ -52,7 +52,10 @@ def tried_by(monkeypatch):
     identities = paired_sides.defect
 
     def defect(claim, space):
-        slave, master = (PairFacets(space, facets) for facets in (claim.slave, claim.master))
+        measure = None
+        if claim.measure is not None:
+            measure = dict(zip(claim.pair.slave.nodes.tolist(), claim.measure.tolist(), strict=True))
+        slave, master = PairFacets(space, claim.slave, measure), PairFacets(space, claim.master)
         reach = usual_reach(slave, master) if claim.allowed is None else claim.allowed
         integrated = parallel.global_max(claim.comm, sampled(claim, space, slave, master, reach))
         return max(identities(claim, space), integrated)
@@ -133,7 +136,9 @@ def _interpolated(facet: Facet, normals: dict[int, Array], at: Array) -> Array:
 
 
 def _error_of_direction(claim: Claim, node: int, slave: PairFacets, master: PairFacets, reach: float) -> float:
-    """The error of the direction of projection at a node of the slave; zero where some facet around it is not covered.
+    """The error of the direction of projection at a node of the slave.
+
+    It is zero where some facet around it is not covered, or where its function has no area.
 
     Args:
         claim: what is claimed.
@@ -146,6 +151,8 @@ def _error_of_direction(claim: Claim, node: int, slave: PairFacets, master: Pair
     slave_normals = _normals(claim, slave, np.unique(slave.points[numbers]))
     overlaps = list(_overlaps(slave, master, reach, numbers, slave_normals if slave.x.shape[1] == 2 else None).values())
     if not all(_is_covered(facet, pieces, _WHOLLY_COVERED) for facet, pieces in overlaps):
+        return 0.0
+    if any(facet.without_area(node) for facet, _ in overlaps):
         return 0.0
     seen = np.unique(np.concatenate([piece.master.points for _, pieces in overlaps for piece in pieces]))
     master_normals, total = _normals(claim, master, seen), np.zeros(slave.x.shape[1])
