@@ -88,23 +88,22 @@ def _side(
             return np.full(nodes.size, np.inf)
         return np.zeros(nodes.size) if data.law is None else data.law.at(nodes).claimed(np.abs(pressure))
 
-    claim, by_geometry, along, axes = None, False, data.shape.direction, data.shape.axes
+    claim, by_geometry = None, False
+    factor, along, axes = data.shape.factor, data.shape.direction, data.shape.axes
     if isinstance(entry, Pair):
         from signorini_fx.results.paired_claim import claim_of
 
         assert data.pair is not None
         assert master is not None
         by_geometry = not entry.bonded and isinstance(entry.gap, str)
-        claim = claim_of(
-            data.pair, space, (facets, master), entry.reach, nominal=not by_geometry, factor=data.shape.factor
-        )
+        claim = claim_of(data.pair, space, (facets, master), entry.reach, nominal=not by_geometry, factor=factor)
     return ContactSide(
         facets,
         lambda nodes: (data.gap if data.allowance is None else data.allowance)[nodes],
         bound,
         data.bilateral,
         None if along is None else lambda nodes: along[nodes],
-        data.shape.factor,
+        factor,
         claim,
         by_geometry,
         None if axes is None else lambda nodes: (axes.along[nodes], axes.ratio[nodes]),
