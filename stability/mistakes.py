@@ -2172,7 +2172,8 @@ MUTANTS = (
     Mutant(
         "forms/certificate",
         "claim_of(data.pair, space, (facets, master), entry.reach, nominal=not by_geometry, factor=factor)",
-        "claim_of(data.pair, space, (facets, data.pair.master.facets), entry.reach, nominal=not by_geometry, factor=factor)",
+        "claim_of(data.pair, space, (facets, data.pair.master.facets), entry.reach, nominal=not by_geometry, "
+        "factor=factor)",
         "two bodies of forms: the certificate believes the solver which facets are the other side",
         tests=("certificate_of_pairs",),
     ),
