@@ -37,6 +37,7 @@ from signorini_fx.scene.effect import (
 from signorini_fx.scene.features import refused_features
 from signorini_fx.scene.load_steps import LoadPath, LoadSteps, factor_at, time_at
 from signorini_fx.scene.rigid_motion import RigidBody, rigid_bodies
+from signorini_fx.scene.rigid_table import Rigid, with_shapes
 from signorini_fx.scene.settings import Accuracy, SolverSettings, Units
 from signorini_fx.scene.values import Finite, Positive, Selection, kind_of
 
@@ -165,6 +166,7 @@ class Scene(Table):
         traction: tractions and pressures, forces per area; default: none.
         body_force: force per volume; default: none.
         contact: contact with a rigid foundation, one entry for each boundary; default: none.
+        rigid: rigid bodies that forces move, to which contacts refer by their names; default: none.
         load_steps: names and times of load steps, and an automatic ramp; default: one load step per factor.
         solver: algorithms, their parameters and limits.
         accuracy: the accuracy to be reached by refinement; None: no refinement.
@@ -181,6 +183,7 @@ class Scene(Table):
     traction: Entries = ()
     body_force: OneEntry = None
     contact: Entries = ()
+    rigid: Annotated[tuple[Rigid, ...], BeforeValidator(_listed)] = ()
     load_steps: LoadSteps = LoadSteps()
     solver: SolverSettings = SolverSettings()
     accuracy: Accuracy | None = None
@@ -196,6 +199,11 @@ class Scene(Table):
     def _mesh_of_bodies(cls, entry: Any) -> Any:
         without = isinstance(entry, Mapping) and entry.get("body") and "mesh" not in entry
         return {**entry, "mesh": None} if without else entry
+
+    @model_validator(mode="before")
+    @classmethod
+    def _shapes_of_rigid_bodies(cls, entry: Any) -> Any:
+        return with_shapes(entry)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

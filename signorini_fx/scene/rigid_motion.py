@@ -79,24 +79,16 @@ class RigidMotion(Table):
             the time t; None: none.
         moment: about that point, in the plane a number, counterclockwise, in space three; of the same kinds.
         prescribed: the components of the motion that are not free.
-        rigid: the name of a rigid body that several contacts have, of which one says what drives it; None: it has this
-            one alone.
     """
 
     force: TimedVector | None = None
     moment: TimedAngle | None = None
     prescribed: Prescribed | None = None
-    rigid: str | None = None
 
     @property
     def drives(self) -> bool:
         """Whether it says what drives the motion."""
         return not (self.force is None and self.moment is None and self.prescribed is None)
-
-    @property
-    def driven(self) -> bool:
-        """Whether its motion is an unknown."""
-        return self.drives or self.rigid is not None
 
     @property
     def driven_in_time(self) -> bool:

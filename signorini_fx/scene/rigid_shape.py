@@ -71,6 +71,12 @@ class Shape(RigidMotion):
     shift: TimedVector | None = None
     rotation: TimedAngle | None = None
     pivot: Vector | None = None
+    rigid: str | None = None
+
+    @property
+    def driven(self) -> bool:
+        """Whether its motion is an unknown."""
+        return self.drives or self.rigid is not None
 
     def initial(self, x: Array) -> tuple[Array, Array]:
         """``distance`` before the shape is turned and moved, not hollow."""
@@ -299,7 +305,7 @@ def read_shape(entry: Any) -> Any:
     Raises:
         ValueError: it is none, its name is not known, or its keys are wrong.
     """
-    if entry is None or isinstance(entry, Shape):
+    if entry is None or isinstance(entry, Shape | str):  # the name of a rigid body, which a scene replaces
         return entry
     if not isinstance(entry, Mapping):
         raise ValueError(f'a table is expected, such as {{ shape = "plane", point = [...] }}, not {kind_of(entry)}')
@@ -309,4 +315,6 @@ def read_shape(entry: Any) -> Any:
     return TypeAdapter(shape_class(name)).validate_python(entry)
 
 
-OneShape = Annotated[Any, BeforeValidator(read_shape), WithJsonSchema({"type": "object", "required": ["shape"]})]
+OneShape = Annotated[
+    Any, BeforeValidator(read_shape), WithJsonSchema({"type": ["object", "string"], "required": ["shape"]})
+]
