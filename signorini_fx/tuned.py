@@ -383,6 +383,19 @@ RESULTANT_OF_MESH = 1e-3
 # Conditions hold to this share of loads and displacements for a second solution, which differs from the first by more
 # than the second share; one beyond the third multiple has diverged.  Choice.
 SECOND_SOLUTION_HOLDS, SECOND_SOLUTION_DIFFERS, SECOND_SOLUTION_DIVERGED = 1e-9, 1e-3, 1e6
+# Coordinates of mesh points that are probably meant to be one, as a share of the size of the body: check says so.
+# Choice.
+COINCIDENT_POINTS = 1e-10
+# Nodes that are closer than this share of the body's size cannot be told apart reliably.  Choice: as many digits of a
+# coordinate as a computation of it leaves.
+INDISTINGUISHABLE = 1e-11
+# Cells of this share of the body's size, and those of the next mesh, may have stiffnesses that are round-off of others.
+# Choice.
+TINY_CELL = 1e-6
+# Numbers of a scene are between these, in any units, or energies and forces overflow.  Choice.
+LARGEST_NUMBER, SMALLEST_NUMBER = 1e60, 1e-60
+# Limits of the mesh and of the body that differ by less than this share are equal.  Choice: as for forces.
+SAME_LIMIT = 1e-8
 
 # --- algorithms ------------------------------------------------------------------------------------------------------
 
@@ -540,3 +553,167 @@ PROGRESS_PAUSE = 0.2
 ADDRESS_SPACE, DATA_SEGMENT = 1.0e9, 0.5e9
 # Bytes that a cell takes at least until its body is solved: the mesh, the stiffness and the Jacobian.  No record.
 BYTES_PER_CELL = 1000.0
+# Seconds for one picture in space, and for a display to start.  Choice.
+PICTURE_PATIENCE, DISPLAY_PATIENCE = 300.0, 30.0
+
+# --- meshes and points in them ---------------------------------------------------------------------------------------
+
+# A rank with more cells than this times the mean makes the others wait for longer than a new distribution takes.
+# No record.
+UNEVEN = 1.2
+# A plane parallel to all contact cuts none of them: bodies must be longer by this to be cut there all the same; and
+# how much the planes are tilted, so that one may pass between the cells of a layer.  Choice.
+SLENDER_BODY, TILTED_CUT = 10.0, 1e-5
+# The area or volume of a cell with edges of length 1, where it is no formula, from counts: a tetrahedron has less than
+# the regular one, 0.12; four hexahedra have that of one with edges of length 2.
+TETRAHEDRON_VOLUME, HEXAHEDRON_VOLUME = 0.075, 0.15
+# Newton's steps at most for the place of a point in a cell, and the reference coordinates within which it is sought.
+# Choice.
+STEPS_IN_CELL, REFERENCE_BOUNDS = 20, (-1.0, 2.0)
+# Steps of the search for the nearest point of a spline at most, and the last one as a share of a piece.  Choice.
+STEPS_ON_SPLINE, LAST_STEP_ON_SPLINE = 80, 1e-15
+# A point outside the convex hull of those of a table is moved towards their middle by these shares of its distance: for
+# round-off, and for a curved boundary between the nodes of another mesh.  Choice.
+OUTSIDE_HULL = (1e-9, 0.02)
+
+# --- decks -----------------------------------------------------------------------------------------------------------
+
+# Contact that is stiffer than this times E over the size of the body is hard to four digits: a draft says so.  Choice.
+HARD_CONTACT = 1e4
+# Forces at nodes that differ by less than this share of the largest from those of a uniform traction are those; points
+# and moments that differ by its square are the same.  Choice: decks have few digits.
+ALIKE_IN_DECK = 1e-3
+
+# --- contact between two bodies --------------------------------------------------------------------------------------
+
+# Share of the size of a side by which the bodies may overlap.  Choice: more is a mistake in a scene.
+DEEPEST_OVERLAP = 0.2
+# Share of its area by which a facet may be covered too much by round-off.  Choice.
+COVERED_TWICE = 1e-3
+# Share of its weight that a function must keep to carry a point.  No record.
+KEPT_WEIGHT = 0.03
+# The direction and the normal of a facet enclose an angle with at most this tangent.  Choice: 45 degrees.
+TURNED_DIRECTION = 1.0
+# Of two sides that face each other the product of the normals is below this.  Choice: 102 degrees.
+FACING_SIDES = -0.2
+# Share of the size of the smaller side within which facets are partners, beyond the smallest distance of both sides.
+# Choice.
+PARTNERS_REACH = 0.2
+# A node that lies under a sliver of a point stands for at least this share of it: a stress is a force over an area.
+# Choice.
+SLIVER = 1e-3
+
+# --- certificate and statements on results ---------------------------------------------------------------------------
+
+# What a penalty makes of round-off counts as at most this many times the mean stress, in bodies that are not without
+# stress: FAINT of it is allowed.  Choice.
+ABOVE_THE_MEAN = 1e3
+# Units in the last place of displacements and loads that an evaluation of their nodal forces may lose.  Choice.
+LOST_UNITS = 100.0
+# Contact stresses below this share of the mean stress in the body cannot be distinguished from zero, nor can forces
+# below this share of the reactions of its supports.  Choice.
+FAINT = 1e-3
+# A boundary is closed if the sum of its normals, by their areas, is a smaller share of its area: on straight facets of
+# unequal lengths it is no exact zero.  Choice.
+CLOSED_BOUNDARY = 0.01
+# A place so many facets away from a vertex is beside it; a gap or an overlap of bodies, or a step between their sides,
+# that is less than the second share of a facet is none.  Choice.
+BESIDE_VERTEX, NO_STEP = 1.01, 0.1
+# Angles within a body that differ by less than these degrees are equal; a share of a load that is a jump.  Choice.
+SAME_ANGLE, JUMP_OF_LOAD = 1.0, 1e-3
+# Share of the largest normal motion at contact points below which a motion opens none: normals of meshes are not exact.
+# Choice.
+ALONG_CONTACT = 1e-3
+# Share of what has been added since the last factor by which a limit is passed to be proved: well above the round-off
+# of statics.  Choice.
+BEYOND_LIMIT = 1e-6
+
+# --- studies ---------------------------------------------------------------------------------------------------------
+
+# Times this close are a tie, and the first in the list wins: it is the simpler one.  The same holds for errors.
+# Choice.
+TIED_TIMES, EQUAL_ERRORS = 1.25, 0.8
+# Forces that balance the load on every mesh have no error above this to show.  Choice.
+NO_ERROR = 1e-5
+# The slowest rate that is assumed of the errors of a reference.  Choice: half of the rate of a square-root end.
+SLOWEST_RATE = 0.5
+# Adaptive meshes of a reference begin with cells so many times as large as those of the scene: all its important nodes,
+# where loads jump or named sides end, should be nodes of them too.  Choice.
+FIRST_CELLS = 2.0
+# Points of the reference are so many sizes of a cell outside the other mesh at most.  Choice.
+OUTSIDE_OTHER_MESH = 1.0
+# Seconds that a run of a study may take, above which it is not repeated, and above which only three times.  Choice.
+TOO_LONG_RUN, LONG_RUN, MIDDLE_RUN = 30.0, 15.0, 0.5
+
+# --- uniqueness ------------------------------------------------------------------------------------------------------
+
+# Evaluations that choose the weights at most, and their work, a number of cubes of the size of the contact boundary.
+# Choice.
+WEIGHT_EVALUATIONS, WEIGHT_WORK = 60, 2e9
+# The logarithm of the eigenvalue where the weights prove nothing, and a gain in it that is worth another search.
+# Choice.
+INDEFINITE, WORTHWHILE_GAIN = 100.0, 1e-3
+# Share of the critical coefficient that is proved: what the eigenvalue is allowed to be wrong by.  Choice.
+PROVED_SHARE = 1 - 1e-6
+# Random starts of the search for a second solution, steps of the friction coefficient on the way from zero and from a
+# rough contact, the multiple of the coefficient that is rough, and linear solves from one start.  No record.
+RANDOM_STARTS, STEPS_ON_THE_WAY, ROUGH_MULTIPLE, SOLVES_FROM_START = 24, 12, 8.0, 60
+
+# --- pictures: sizes and when a thing is drawn -----------------------------------------------------------------------
+
+# Choices by eye, on the pictures of demos/scenes.
+# Width over height from which on a picture of a report is not made smaller than it can be read, and from which on the
+# two panels of a contact surface stand one above the other.
+BROAD_PICTURE, STACKED_PANELS = 1.6, 1.5
+# Width and height at most, inches: of a set-up, of a body in space, of each panel of bodies drawn apart; and the
+# narrowest picture, for its lettering.  Pixels per inch of what is drawn in space.
+SETUP_INCHES, SOLID_INCHES, APART_INCHES, NARROWEST = 6.0, 4.8, 4.0, 3.4
+PIXELS_PER_INCH = 240.0
+# How far a foundation is drawn beside the body, over its longer side, and on a grid of how many lines each way.
+FOUNDATION_BESIDE, FOUNDATION_GRID = 0.25, 300
+# Margins over the longer side: of a plane around the contact boundary, around a boundary, where arrows need room, and
+# around a moving body.
+PLANE_MARGIN, SURFACE_MARGIN, MOTION_MARGIN = 0.12, 0.08, 0.04
+# If the surroundings of the contact are less than this share of a boundary, only they are drawn; contact on less than
+# this share of the diagonal of the body is enlarged.
+SMALL_PART, SMALL_ZONE = 0.5, 0.2
+# Length of a mean normal below which a boundary is drawn as a closed one.
+CLOSED_IN_PICTURE = 0.3
+# Sizes from which on the edges of a cell are drawn, in 1/72 inch: in the plane, where colours vary within cells, which
+# they would otherwise hardly show, and of a facet in space.
+VISIBLE_CELL, VISIBLE_COLOURED_CELL, VISIBLE_FACET = 2.5, 5.0, 9.0
+# A foundation whose direction the magnified gap turns by more than these degrees is another one; a gap that is
+# magnified to more than this share of the diagonal of the body leaves the picture.
+BENT_FOUNDATION, GAP_IN_PICTURE = 30.0, 0.5
+# Bodies are moved apart by this share of the size of an open contact boundary; a body is drawn out of the other one by
+# this many lengths of a closed one; the second view is from this elevation, degrees.
+BODIES_APART, BODY_OUT, VIEW_FROM_BELOW = 0.7, 1.15, -30.0
+# Length of the longest arrow, over the longer side: of a contact surface, of a set-up.  A load of less than the last
+# share of the largest one has no arrow.
+LONGEST_ARROW, LONGEST_ARROW_OF_SETUP, SMALLEST_ARROW = 0.06, 0.13, 0.02
+# How far arrows are beside the body: along its boundary, over the size of the body, and around the picture of a body,
+# over its longer side.
+ARROWS_ALONG, ARROWS_AROUND = 0.02, 0.05
+# At most so many arrows, supports and strokes along the larger side of a picture.
+MOST_ARROWS, MOST_SUPPORTS, MOST_STROKES = 22.0, 34.0, 50.0
+# Colours are so far in front of the body, over its size, and strokes above them; facets that are seen under a smaller
+# cosine have no strokes.
+COLOURS_ABOVE, STROKES_ABOVE, SEEN_FROM_THE_SIDE = 5e-4, 1e-3, 0.2
+# Share of white in the colours of facets, on which arrows are to be seen.
+LIGHTER_COLOURS = 0.55
+# Curves whose distance is less than this share of the largest value are one; room between names over the length of the
+# one before; height of a row of names, points.
+ALIKE_CURVES, BETWEEN_NAMES, ROW_OF_NAMES = 0.01, 0.15, 12.0
+# Share of the light that comes from everywhere.  Directions to the lamps, right, up and towards the viewer, and how
+# bright they are: all see the same white.
+AMBIENT_LIGHT = 0.5
+LAMPS = (((-0.3, 1.0, 0.8), 0.55), ((0.4, 0.1, 1.0), 0.6))
+# Facets that turn by more than these degrees meet in an edge.
+SHARP_EDGE = 40.0
+# How much more of the field another view must show to be preferred to the usual one.
+PREFERRED_GAIN = 1.15
+# Share of the area that has colours of its own: the extremes are those of the rest.
+USUAL_COLOURS = 0.99
+# Above the first cosine a direction is taken for that of the nearest coordinate axis, above the second it is upright;
+# distance of the viewer, over the diagonal of what is seen.
+ALONG_AXIS, UPRIGHT, VIEW_DISTANCE = 0.99, 0.9, 4.0

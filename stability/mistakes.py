@@ -2143,7 +2143,7 @@ MUTANTS = (
     ),
     Mutant(
         "mesh/cuts",
-        "np.sqrt(np.maximum(1 - away, _SLENDER**-2))",
+        "np.sqrt(np.maximum(1 - away, SLENDER_BODY**-2))",
         "np.sqrt(np.maximum(1 - away, 1.0))",
         "several ranks: bodies are cut apart where they touch",
         tests=("cuts_on_ranks::test_along_the_contact",),
@@ -3876,8 +3876,8 @@ MUTANTS = (
     ),
     Mutant(
         "results/safety",
-        "null_space(here.normal, _ALONG)",
-        "null_space(turned, _ALONG)",
+        "null_space(here.normal, ALONG_CONTACT)",
+        "null_space(turned, ALONG_CONTACT)",
         "safety: a block that turns on its plane does not slide",
         tests=("resultants::test_block_that_a_couple_turns",),
     ),
@@ -4472,7 +4472,7 @@ MUTANTS = (
     ),
     Mutant(
         "uniqueness/proof",
-        "not _definite(left_side - multiple * _PROVED * right)",
+        "not _definite(left_side - multiple * PROVED_SHARE * right)",
         "False",
         "uniqueness: an eigenvalue is a proof",
         tests=("terms_of_proofs::test_an_eigenvalue_that_is_wrong_proves_nothing",),

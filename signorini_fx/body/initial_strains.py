@@ -15,8 +15,8 @@ from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.scene.effect import InitialStrain
 from signorini_fx.scene.expressions import sample
-from signorini_fx.scene.magnitudes import LARGEST
 from signorini_fx.scene.model import Scene
+from signorini_fx.tuned import LARGEST_NUMBER
 
 
 def initial_strain(
@@ -62,11 +62,13 @@ def check_strains(scene: Scene, tagged: TaggedMesh) -> None:
             for key, value in effect.at_time(scene.time_at(step)).given.items():
                 error: SceneError | None = None
                 try:
-                    valid = bool((np.abs(sample(value, x)) <= LARGEST).all())
+                    valid = bool((np.abs(sample(value, x)) <= LARGEST_NUMBER).all())
                 except SceneError as found:
                     valid, error = True, found
                 parallel.raise_together(tagged.mesh.comm, error)
                 if parallel.any_rank(tagged.mesh.comm, not valid):
-                    problems.append((f"{path}.{key}", f"must be a number up to {LARGEST:g} at all nodes of the mesh"))
+                    problems.append(
+                        (f"{path}.{key}", f"must be a number up to {LARGEST_NUMBER:g} at all nodes of the mesh")
+                    )
     if problems:
         raise SceneError(list(dict.fromkeys(problems)))

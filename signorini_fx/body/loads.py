@@ -31,9 +31,8 @@ from signorini_fx.scales import Scales
 from signorini_fx.scene.effect import Effect, Force, InitialStrain, Load, Resistance
 from signorini_fx.scene.expressions import Expression, sample
 from signorini_fx.scene.load_steps import factor_at
-from signorini_fx.scene.magnitudes import LARGEST
 from signorini_fx.scene.model import Scene
-from signorini_fx.tuned import ZERO_SUM
+from signorini_fx.tuned import LARGEST_NUMBER, ZERO_SUM
 
 # The rules of loads that jumps cut, by the identity of the load: two of them may be equal.
 Cuts = Mapping[int, CutRule]
@@ -398,8 +397,8 @@ def check_resistances(scene: Scene, tagged: TaggedMesh) -> None:
         points = np.concatenate([corners.reshape(-1, 3), corners.mean(axis=1)]).T
         for key, value in effect.given.items():
             values = sample(value, points)
-            if parallel.any_rank(tagged.mesh.comm, not ((values >= 0) & (values <= LARGEST)).all()):
-                wanted = f"a number from 0 to {LARGEST:g} everywhere on {effect.where!r}"
+            if parallel.any_rank(tagged.mesh.comm, not ((values >= 0) & (values <= LARGEST_NUMBER)).all()):
+                wanted = f"a number from 0 to {LARGEST_NUMBER:g} everywhere on {effect.where!r}"
                 problems.append((f"{path}.{key}", f"must be {wanted}"))
     if problems:
         raise SceneError(problems)
@@ -412,10 +411,10 @@ def check_finite(comm: MPI.Comm, loads: list[AppliedLoad]) -> None:
         SceneError: an expression is not.
     """
     problems = []
-    where = f"an expression is not finite, or larger than {LARGEST:g}, somewhere on its boundary"
-    if parallel.any_rank(comm, not all((np.abs(load.start) <= LARGEST).all() for load in loads)):
+    where = f"an expression is not finite, or larger than {LARGEST_NUMBER:g}, somewhere on its boundary"
+    if parallel.any_rank(comm, not all((np.abs(load.start) <= LARGEST_NUMBER).all() for load in loads)):
         problems.append(("displacement", where))
-    elif parallel.any_rank(comm, not all((np.abs(load.acting) <= LARGEST**2).all() for load in loads)):
+    elif parallel.any_rank(comm, not all((np.abs(load.acting) <= LARGEST_NUMBER**2).all() for load in loads)):
         problems.append(("traction, body_force", f"{where} or in the body"))  # stresses times lengths
     if problems:
         raise SceneError(problems)

@@ -15,7 +15,7 @@ from signorini_fx.body.node_positions import node_positions
 from signorini_fx.errors import FormError
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.scene.expressions import in_space
-from signorini_fx.scene.magnitudes import LARGEST
+from signorini_fx.tuned import LARGEST_NUMBER
 
 Array = npt.NDArray[np.float64]
 
@@ -80,10 +80,12 @@ class NodalValues:
                 )
                 nodal_values[self.nodes] = np.broadcast_to(rows, (components, self.nodes.size)).T
             at = nodal_values[self.nodes]
-            bad = np.flatnonzero((~(np.abs(at) <= LARGEST) | (at < minimum)).any(axis=1))
+            bad = np.flatnonzero((~(np.abs(at) <= LARGEST_NUMBER) | (at < minimum)).any(axis=1))
             if bad.size:
                 position = ", ".join(f"{c:g}" for c in x[self.nodes[bad[0]], : self._dimension])
-                wanted = f"a number of at most {LARGEST:g}" + ("" if minimum == -np.inf else ", and not negative")
+                wanted = f"a number of at most {LARGEST_NUMBER:g}" + (
+                    "" if minimum == -np.inf else ", and not negative"
+                )
                 wrong = ", ".join(f"{c:g}" for c in at[bad[0]])
                 error = FormError([(name, f"is {wrong} at ({position}); it must be {wanted}")])
         except Exception as failure:  # of the user's callable, perhaps on one rank only

@@ -11,9 +11,10 @@ import numpy as np
 from signorini_fx.decks.content import Deck, DeckLoad, dimension
 from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, components, real
 from signorini_fx.mesh.files.shape import Floats
+from signorini_fx.tuned import DIGITS_OF_FILES
 
 # The cosine to its surface beyond which a given normal is along that of the surface.
-_ALONG = 1.0 - 1e-6
+_ALONG = 1 - DIGITS_OF_FILES
 
 
 def read_bolt(deck: Deck, block: DeckBlock) -> None:

@@ -8,9 +8,7 @@ from signorini_fx.decks.content import Deck, plain_name
 from signorini_fx.decks.tools import tool_keys
 from signorini_fx.mesh.files.abaqus_blocks import quoted, real
 from signorini_fx.mesh.files.shape import Floats, Ints
-from signorini_fx.tuned import DIGITS_OF_FILES
-
-_STIFF = 1e4  # times E over the size of the body: contact that is stiffer is hard to four digits
+from signorini_fx.tuned import DIGITS_OF_FILES, HARD_CONTACT
 
 _PIECES = 64  # straight ones that an arc of a rigid surface becomes
 
@@ -103,7 +101,7 @@ def _stiffness(deck: Deck, interactions: list[str | None]) -> list[str]:
                 None,
                 f"contact of several stiffnesses, {', '.join(f'{slope:g}' for slope in soft)}: a scene has one {key}",
             )
-        if None in slopes and soft[-1] < _STIFF * young / size:
+        if None in slopes and soft[-1] < HARD_CONTACT * young / size:
             deck.lose(None, f"hard contact or a tie beside soft contact: here it is soft, too, by {key}")
     return lines
 

@@ -15,11 +15,10 @@ from signorini_fx.mesh.files.abaqus_groups import Group
 from signorini_fx.mesh.files.cells import completed
 from signorini_fx.mesh.files.raw import rows_of
 from signorini_fx.mesh.files.shape import Floats, Ints, nodal_measures
+from signorini_fx.tuned import ALIKE_IN_DECK
 
 _AXES = {1: "x", 2: "y", 3: "z"}
 _COMPONENTS = {"x": 0, "y": 1, "z": 2}
-# Forces at nodes that differ by less than this share of the largest from those of a uniform traction are those.
-_ALIKE = 1e-3
 # More nodes than these that fill no facet are not held one by one.
 _POINTS = 12
 
@@ -97,7 +96,7 @@ def _along_the_normal(deck: Deck, where: str, held: Ints, values: Mapping[int, f
     nodes = deck.mesh.facets[deck.mesh.boundaries[where]]
     x = deck.mesh.points[np.unique(nodes)]
     size = float(np.linalg.norm(np.ptp(x, axis=0)))
-    if (np.abs((x - x[0]) @ axis[:dim]) > _ALIKE**2 * size).any():
+    if (np.abs((x - x[0]) @ axis[:dim]) > ALIKE_IN_DECK**2 * size).any():
         return None
     sides = _outward_sides(deck, where, axis[:dim])
     return float(sides[0]) * value if (sides == sides[0]).all() else None
@@ -251,7 +250,7 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
         if not axis:
             deck.lose(block, "moments at nodes")
             continue
-        total = 0.0 if abs(total) < _ALIKE**2 * abs(factor) * sum(map(abs, group.values)) else total
+        total = 0.0 if abs(total) < ALIKE_IN_DECK**2 * abs(factor) * sum(map(abs, group.values)) else total
         where, rows = deck.boundary(group.name), deck.rows(group.nodes)
         label = (
             f"forces at nodes, {total:g} along {axis} in all ({len(group.nodes)} node{'s' * (len(group.nodes) > 1)})"
@@ -278,7 +277,7 @@ def _uniform(deck: Deck, group: Group) -> tuple[str, float] | None:
     forces = np.zeros(len(areas))
     forces[np.searchsorted(deck.numbers, rows)] = group.values
     value = float(forces.sum() / areas.sum())
-    if np.abs(forces - value * areas).max() > _ALIKE * np.abs(forces).max():
+    if np.abs(forces - value * areas).max() > ALIKE_IN_DECK * np.abs(forces).max():
         return None
     return where, value / deck.thickness
 
@@ -299,7 +298,7 @@ def _same_moment(deck: Deck, group: Group, where: str, axis: str) -> bool:
     apart = values @ np.array(at) / values.sum() - areas @ deck.mesh.points / areas.sum()
     apart[deck.axes.index(axis)] = 0.0
     size = np.linalg.norm(np.ptp(deck.mesh.points[areas != 0], axis=0))
-    return bool(np.linalg.norm(apart) <= _ALIKE * size)
+    return bool(np.linalg.norm(apart) <= ALIKE_IN_DECK * size)
 
 
 def _unit(vector: list[float]) -> tuple[float, ...]:

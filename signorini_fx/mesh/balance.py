@@ -10,9 +10,7 @@ from dolfinx import mesh as dmesh
 from signorini_fx import compat, parallel
 from signorini_fx.mesh.distribution import Tagged, distributed
 from signorini_fx.mesh.tagged import TaggedMesh
-
-# A rank with more cells than this times the mean makes the others wait for longer than a new distribution takes.
-UNEVEN = 1.2
+from signorini_fx.tuned import UNEVEN
 
 
 def unevenness(mesh: dmesh.Mesh) -> float:

@@ -16,13 +16,10 @@ from dolfinx.graph import adjacencylist
 from mpi4py import MPI
 
 from signorini_fx import parallel
+from signorini_fx.tuned import SLENDER_BODY, TILTED_CUT
 
 Floats = npt.NDArray[np.float64]
 
-# A plane parallel to all contact cuts none of them: bodies must be longer by this to be cut there all the same.
-_SLENDER = 10.0
-# The planes are tilted a little, so that one may pass between the cells of a layer.
-_TILT = 1e-5
 _HALVINGS = 64  # of an interval, until no number is inside
 
 
@@ -92,11 +89,11 @@ def _directions(comm: MPI.Comm, middles: list[Floats], squares: list[Floats]) ->
     away = sums[:, :-1] / np.maximum(sums[:, -1:], 1.0)
     extent = np.maximum(bounds[:, 1] - bounds[:, 0], 0.0)
     suited = extent / np.maximum(extent.max(axis=1, keepdims=True), np.finfo(float).tiny)
-    suited *= np.sqrt(np.maximum(1 - away, _SLENDER**-2))
+    suited *= np.sqrt(np.maximum(1 - away, SLENDER_BODY**-2))
     # Round-off, which depends on the ranks that bring the facets, must not choose among axes that are alike.
     order = np.argsort(-np.round(suited, 9), axis=1, kind="stable")
     weights = np.empty_like(extent)
-    np.put_along_axis(weights, order, np.broadcast_to(_TILT ** np.arange(extent.shape[1]), extent.shape), axis=1)
+    np.put_along_axis(weights, order, np.broadcast_to(TILTED_CUT ** np.arange(extent.shape[1]), extent.shape), axis=1)
     return np.where(np.isfinite(bounds[:, 0]), bounds[:, 0], 0.0), weights
 
 

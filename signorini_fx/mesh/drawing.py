@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from signorini_fx.errors import MeshError
 from signorini_fx.scene.generators import refuse
-from signorini_fx.tuned import DIGITS_OF_FILES
+from signorini_fx.tuned import DIGITS_OF_FILES, HEXAHEDRON_VOLUME, TETRAHEDRON_VOLUME
 
 # Of a body around the axis x[2]: all of it, x[1] >= 0, or x[0] >= 0 as well.
 Part = Literal["whole", "half", "quarter"]
@@ -138,13 +138,12 @@ def _refuse_short(sizes: Sizes, fine: float) -> None:
             refuse(name, f"{short:g} is too short: {long / short:.2g} facets along {long:g}")
 
 
-# The dimension of a cell, and its area or volume for edges of length 1.  Those in space are from counts: a tetrahedron
-# has less volume than the regular one, 0.12; four hexahedra have that of one with edges of length 2.
+# The dimension of a cell, and its area or volume for edges of length 1.
 _CELLS = {
     "triangle": (2, math.sqrt(3) / 4),
     "quadrilateral": (2, math.sqrt(3) / 2),
-    "tetrahedron": (3, 0.075),
-    "hexahedron": (3, 0.15),
+    "tetrahedron": (3, TETRAHEDRON_VOLUME),
+    "hexahedron": (3, HEXAHEDRON_VOLUME),
 }
 
 

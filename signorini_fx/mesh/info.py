@@ -10,9 +10,8 @@ import numpy as np
 from signorini_fx.mesh.files.arrays import MeshArrays, plain, sides_of
 from signorini_fx.mesh.files.raw import row_keys
 from signorini_fx.mesh.files.shape import Floats, Ints, measures, quality
+from signorini_fx.tuned import COINCIDENT_POINTS
 
-# Points closer than this share of the body's size are probably meant to be one node.
-_COINCIDENT = 1e-10
 # The names of the size of the body, of its surface and of a boundary, by dimension.
 _MEASURES = {2: ("area", "perimeter", "length"), 3: ("volume", "surface", "area")}
 
@@ -56,7 +55,7 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
             "worst": plain(mesh.points[mesh.corners[np.argmin(shape)]].mean(axis=0)),
         },
         "pieces": _pieces(mesh),
-        "coincident": _coincident(mesh.points, _COINCIDENT * diagonal),
+        "coincident": _coincident(mesh.points, COINCIDENT_POINTS * diagonal),
         **({"note": mesh.note} if mesh.note else {}),
         "boundaries": {name: facets(rows) for name, rows in mesh.boundaries.items()},
         "unnamed": facets(_without(mesh.boundaries, len(mesh.facets))),

@@ -19,12 +19,10 @@ from dolfinx import geometry
 from dolfinx import mesh as dmesh
 
 from signorini_fx import compat, parallel
-from signorini_fx.tuned import LAST_STEP_IN_CELL
+from signorini_fx.tuned import LAST_STEP_IN_CELL, REFERENCE_BOUNDS, STEPS_IN_CELL
 
 Array = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.int32]
-# Newton's steps at most, and the bounds within which points are sought in the reference cell.
-_NEWTON_STEPS, _BOUNDS = 20, (-1.0, 2.0)
 _SIMPLICES = (basix.CellType.triangle, basix.CellType.tetrahedron)
 # So many pairs of a point and a cell are treated at once: they and their shape functions fit into 100 megabytes.
 _PAIRS = 100_000
@@ -136,7 +134,7 @@ def cells_of_points(
                 # Lengths of the cell, so that no unit matters.
                 corners = (nodes[cell] - x[point, None, :dim]) / size[cell, None, None]
                 away = np.einsum("k,nkc->nc", table[0], corners)
-                trial = np.clip(middle - np.einsum("ncd,nd->nc", turned[cell], away), *_BOUNDS)
+                trial = np.clip(middle - np.einsum("ncd,nd->nc", turned[cell], away), *REFERENCE_BOUNDS)
                 if not straight:
                     trial = _pull_back(element, corners, trial)
                 distance = _distances(element, corners, trial)
@@ -179,14 +177,14 @@ def _pull_back(element: Any, corners: Array, reference: Array) -> Array:
         Shape (n, d); for a point far outside its cell somewhere at the bounds.
     """
     moving = np.arange(len(corners))
-    for _ in range(_NEWTON_STEPS):
+    for _ in range(STEPS_IN_CELL):
         if not moving.size:
             break
         table = element.tabulate(1, reference[moving])[..., 0]
         away = np.einsum("nk,nkc->nc", table[0], corners[moving])
         turned = _inverse(np.einsum("dnk,nkc->ncd", table[1:], corners[moving]))
         previous = reference[moving]
-        reference[moving] = np.clip(previous - np.einsum("ncd,nd->nc", turned, away), *_BOUNDS)
+        reference[moving] = np.clip(previous - np.einsum("ncd,nd->nc", turned, away), *REFERENCE_BOUNDS)
         moving = moving[np.abs(reference[moving] - previous).max(axis=1) >= LAST_STEP_IN_CELL]
     return reference
 

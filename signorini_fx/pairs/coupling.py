@@ -37,15 +37,10 @@ from signorini_fx.pairs.overlap_plane import plane_overlap, turned_in_plane
 from signorini_fx.pairs.overlap_space import space_overlap, turned_in_space
 from signorini_fx.pairs.search import default_reach
 from signorini_fx.pairs.surface import PairSurface
-from signorini_fx.tuned import NO_ARM, PARALLEL, SAME_PLACE_IN_CELL, ZERO_COMPONENT
+from signorini_fx.tuned import COVERED_TWICE, DEEPEST_OVERLAP, NO_ARM, PARALLEL, SAME_PLACE_IN_CELL, ZERO_COMPONENT
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
-
-# Share of the size of a side by which the bodies may overlap.
-_DEEP = 0.2
-# Share of its area by which a facet may be covered too much by round-off.
-_TWICE = 1e-3
 
 
 class PairingError(ValueError):
@@ -250,7 +245,7 @@ def couple(
         directions=directions,
     )
     size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in used)
-    if (deepest := parallel.largest(comm, -coupling.gap, -np.inf)) > _DEEP * size:
+    if (deepest := parallel.largest(comm, -coupling.gap, -np.inf)) > DEEPEST_OVERLAP * size:
         raise PairingError(
             f"its facets lie up to {deepest:.3g} behind those of the other side, of a size of {size:.3g}: check the "
             "facets, and that the bodies do not lie inside each other"
@@ -291,7 +286,7 @@ def _check(slave: PairSurface, master: PairSurface, covered: Array, reach: float
             f"none of its facets finds one of the other side that faces it within {reach:.3g}; "
             f"{_nearest(slave, master)}: check the facets, and that the bodies do not lie inside each other"
         )
-    twice = np.flatnonzero(covered > (1.0 + _TWICE) * slave.facet_areas)
+    twice = np.flatnonzero(covered > (1.0 + COVERED_TWICE) * slave.facet_areas)
     if twice.size:
         point = ", ".join(f"{c:g}" for c in slave.corners[twice[0]].mean(axis=0))
         raise PairingError(

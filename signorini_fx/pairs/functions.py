@@ -14,13 +14,10 @@ import scipy.sparse as sp
 
 from signorini_fx.pairs.overlap import Overlap
 from signorini_fx.pairs.surface import PairSurface
-from signorini_fx.tuned import SINGULAR, ZERO_SUM
+from signorini_fx.tuned import KEPT_WEIGHT, SINGULAR, ZERO_SUM
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
-
-# Share of its weight that a function must keep to carry a point.
-_KEPT_SHARE = 0.03
 
 
 def dual_coefficients(side: PairSurface, overlap: Overlap) -> Array:
@@ -63,7 +60,7 @@ def carried(
         # Of a quadratic node on an axis of revolution the function is zero, but for the curvature of its facet.
         least = ZERO_SUM * side.measure.max() if side.functions.degree > 1 else -np.inf
         unable = unable | (side.measure <= least) | (side.area <= ZERO_SUM * side.area.max())
-    for threshold in (_KEPT_SHARE, 0.0):
+    for threshold in (KEPT_WEIGHT, 0.0):
         able = tested_nodes & ~unable & (weight > threshold * side.area)
         while able.any():
             nodes, shares = _taken_over(beside, tested_nodes, able)

@@ -12,13 +12,11 @@ import numpy.typing as npt
 from signorini_fx.pairs.overlap import Overlap
 from signorini_fx.pairs.search import Patches, candidates
 from signorini_fx.pairs.surface import PairSurface
-from signorini_fx.tuned import NO_PART
+from signorini_fx.tuned import NO_PART, TURNED_DIRECTION
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
-# The direction and the normal of a facet enclose an angle with at most this tangent.
-_TURNING = 1.0
 # Points of a segment of the overlap: integrands are rational where the normal turns.
 _POINTS = 8
 # Bisections, then steps of Newton's method that polish the root.
@@ -38,7 +36,7 @@ def plane_overlap(
         directions: of projection at the nodes of the slave, shape (N, 2); None: its normals.
     """
     slave_facets, master_facets = candidates(
-        patches(slave, facets), patches(master, np.arange(len(master.nodes))), reach, _TURNING
+        patches(slave, facets), patches(master, np.arange(len(master.nodes))), reach, TURNED_DIRECTION
     )
     slave_facets = facets[slave_facets]
     normals = (slave.nodal_normals if directions is None else directions)[slave.nodes[slave_facets]]

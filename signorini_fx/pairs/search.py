@@ -8,17 +8,15 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from signorini_fx.tuned import FACING_SIDES, PARTNERS_REACH, SAME_LENGTH
+
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
-# Of two sides that face each other the product of the normals is below this.
-_FACING = -0.2
-# Share of the size of the smaller side within which facets are partners, beyond the smallest distance of both sides.
-_REACH = 0.2
 # Pairs that are tested at once: few, for memory, and enough, for time.
 _AT_ONCE = 4096
 # Bounds are widened by this factor against round-off.
-_WIDENED = 1.0 + 1e-9
+_WIDENED = 1 + SAME_LENGTH
 
 
 @dataclass(frozen=True)
@@ -54,7 +52,7 @@ def default_reach(slave: Array, master: Array) -> float:
     """
     nearest = float(cKDTree(master).query(slave)[0].min())
     sizes = [float(np.linalg.norm(np.ptp(x, axis=0))) for x in (slave, master)]
-    return nearest + _REACH * min(sizes)
+    return nearest + PARTNERS_REACH * min(sizes)
 
 
 def candidates(slave: Patches, master: Patches, reach: float, turning: npt.ArrayLike) -> tuple[Indices, Indices]:
@@ -142,7 +140,7 @@ class _Search:
             along = np.einsum("md,md->m", apart, normal)
             turning = self.turning[slave_numbers]
             across = np.linalg.norm(apart - along[:, None] * normal, axis=1) - turning * np.abs(along)
-            facing = np.einsum("md,md->m", normal, self.master.normal[master_numbers]) < _FACING
+            facing = np.einsum("md,md->m", normal, self.master.normal[master_numbers]) < FACING_SIDES
             near = facing & (across <= _aslant(turning) * beyond) & (np.abs(along) <= self.reach + beyond)
             near &= np.linalg.norm(apart, axis=1) <= self.away[slave_numbers]
             pairs.append((slave_numbers[near], master_numbers[near]))
@@ -175,7 +173,10 @@ class _Search:
             return master_part[near]
         master_part, apart = master_part[near], apart[near]
         sine = np.sqrt(1.0 - cosine**2)
-        facing = seen.normal[master_part] @ axis < _FACING * cosine + np.sqrt(1.0 - _FACING**2) * sine + _WIDENED - 1.0
+        facing = (
+            seen.normal[master_part] @ axis
+            < FACING_SIDES * cosine + np.sqrt(1.0 - FACING_SIDES**2) * sine + _WIDENED - 1.0
+        )
         height, arms_height = apart @ axis, arms @ axis
         width = np.linalg.norm(apart - height[:, None] * axis, axis=1)
         own_width = float(np.linalg.norm(arms - arms_height[:, None] * axis, axis=1).max())

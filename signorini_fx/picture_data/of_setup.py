@@ -21,11 +21,10 @@ from signorini_fx.mesh.tagged import TaggedMesh, load_file, load_mesh
 from signorini_fx.pictures.setup import NamedBoundary, Setup
 from signorini_fx.scene.effect import Effect, Force
 from signorini_fx.scene.model import MeshFile, Scene
+from signorini_fx.tuned import FOUNDATION_BESIDE, FOUNDATION_GRID
 from signorini_fx.units import names_of
 
 _SUFFIXES = (".png", ".pdf", ".svg")
-# How far beside the body, over its longer side, a foundation is drawn, on a grid of so many lines each way.
-_BESIDE, _GRID = 0.25, 300
 Floats = npt.NDArray[np.float64]
 
 
@@ -67,12 +66,12 @@ def _lines(scene: Scene, tagged: TaggedMesh) -> list[Floats]:
     from contourpy import contour_generator  # matplotlib's
 
     low, high = parallel.global_bounds(tagged.mesh.comm, tagged.mesh.geometry.x.astype(np.float64))[:, :2]
-    aside = _BESIDE * float((high - low).max())
-    x, y = (np.linspace(a - aside, b + aside, _GRID) for a, b in zip(low, high, strict=True))
+    aside = FOUNDATION_BESIDE * float((high - low).max())
+    x, y = (np.linspace(a - aside, b + aside, FOUNDATION_GRID) for a, b in zip(low, high, strict=True))
     grid = np.stack(np.meshgrid(x, y), axis=2)
     lines = []
     for shape in shapes:
-        signed = shape.distance(grid.reshape(-1, 2))[0].reshape(_GRID, _GRID)
+        signed = shape.distance(grid.reshape(-1, 2))[0].reshape(FOUNDATION_GRID, FOUNDATION_GRID)
         lines += [np.asarray(line) for line in contour_generator(x, y, signed).lines(0.0)]
     return lines
 

@@ -35,6 +35,7 @@ from signorini_fx.pictures.style import (
     plain,
     unit_of,
 )
+from signorini_fx.tuned import SMALL_PART
 from signorini_fx.units import bracketed
 
 SIDES = ("contact", "friction")
@@ -50,7 +51,6 @@ STATES = {
     "contact": ("#8c8c8c", "in contact, no friction"),
 }
 
-_SMALL_PART = 0.5  # of a boundary: if the surroundings of the contact are less, only they are drawn
 _FEWEST = 5  # nodes of a part of it that is drawn alone: the curves of fewer are hardly to be seen
 
 
@@ -134,7 +134,7 @@ class PlaneBoundary(ContactColumns):
         away = np.sort(np.maximum(first - self.coordinate, self.coordinate - last))
         around = max(around, float(away[:_FEWEST][-1]))
         first, last = max(first - around, low), min(last + around, high)
-        return (first, last) if last - first < _SMALL_PART * (high - low) else None
+        return (first, last) if last - first < SMALL_PART * (high - low) else None
 
     def near(self) -> PlaneBoundary:
         """The nodes in the window; the whole boundary if there is none."""

@@ -38,6 +38,7 @@ from signorini_fx.pictures.style import (
     unit_of,
 )
 from signorini_fx.pictures.tones import spaced, upper_tone
+from signorini_fx.tuned import CLOSED_IN_PICTURE, LONGEST_ARROW, STACKED_PANELS, SURFACE_MARGIN
 from signorini_fx.units import bracketed
 
 Rows = npt.NDArray[np.int64]
@@ -50,11 +51,7 @@ _POLYGONS = {
     9: [[0, 4, 8, 7], [4, 1, 5, 8], [8, 5, 2, 6], [7, 8, 6, 3]],
 }
 _UNTOUCHED = "#f0f0f0"
-_TURNED = 0.3  # length of a mean normal below which a boundary counts as closed
 _ARROWS = 28  # number of arrows side by side along the longer side
-_LONGEST = 0.06  # length of the longest arrow, over that of the longer side
-_MARGIN = 0.08  # around the boundary, over the longer side: room for arrows
-_WIDE = 1.5  # ratio from which on the two panels stand one above the other
 _MANY = 1000  # polygons from which on they are drawn as an image
 
 
@@ -119,7 +116,7 @@ def sides_of(table: Table, facets: Rows) -> list[VisibleSide]:
         sights = [by @ normal / by.sum() for by in (touching, weight) if by.sum() > 0]
         # Practically closed: the coordinate axis that it faces most.
         sights.append(np.eye(3)[np.argmax(weight @ normal**2)])
-        sight = next(sight for sight in sights if np.linalg.norm(sight) > _TURNED)
+        sight = next(sight for sight in sights if np.linalg.norm(sight) > CLOSED_IN_PICTURE)
         forth = normal[of_boundary].mean(axis=1) @ -view.along(sight).toward >= -1e-6
         two_sided = bool(np.any(touching[of_boundary[~forth]] > 0))
         sides.append(
@@ -174,7 +171,7 @@ def contact_figure(table: Table, facets: Rows, shown: Sequence[str] = PANELS) ->
     friction = any(side.has_friction for side in sides)
     shown = shown if friction else PANELS[:1]
     windows = [_window(side) for side in sides]
-    wide = max((high[0] - low[0]) / (high[1] - low[1]) for low, high, _ in windows) > _WIDE
+    wide = max((high[0] - low[0]) / (high[1] - low[1]) for low, high, _ in windows) > STACKED_PANELS
     columns = 1 if wide else len(shown)
     width = (5.8 if columns == 2 else 5.4 if wide else 4.4) - 0.4
     heights = [
@@ -222,7 +219,7 @@ def _window(side: VisibleSide) -> tuple[Floats, Floats, bool]:
     visible = side.nodes[side.shown]
     low, high = visible.min(axis=0), visible.max(axis=0)
     size = _size(low, high) or 1.0
-    margin = (_MARGIN if side.has_friction else 0.5 * _MARGIN) * size
+    margin = (SURFACE_MARGIN if side.has_friction else 0.5 * SURFACE_MARGIN) * size
     closed = side.nodes[side.shown & side.touching]
     if len(closed):
         first, last = closed.min(axis=0), closed.max(axis=0)
@@ -314,7 +311,7 @@ def _state_panel(axes: Axes, side: VisibleSide, low: Floats, high: Floats, headi
     text = heading
     longest = float(np.linalg.norm(slip[moving], axis=1).max(initial=0.0))
     if longest > 0:
-        factor = readable(0.8 * _LONGEST * _size(low, high) / longest)
+        factor = readable(0.8 * LONGEST_ARROW * _size(low, high) / longest)
         _arrows(axes, side, slip, moving, low, high, factor)
         text += f"\narrows: slip $\\times\\,{math_number(factor)}$"
     elif np.any(side.touching):
@@ -374,7 +371,7 @@ def _arrows(
     # The longest one first, so that it is never left out.
     order = np.lexsort((*np.round(side.nodes[rows] / size, 9).T[::-1], lengths < longest))
     rows = spaced(side.nodes, rows[order], size / _ARROWS)
-    scaled = vectors[rows] * (_LONGEST * size / longest if factor is None else factor)
+    scaled = vectors[rows] * (LONGEST_ARROW * size / longest if factor is None else factor)
     axes.quiver(
         *side.nodes[rows].T,
         *scaled.T,

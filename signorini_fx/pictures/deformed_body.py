@@ -22,14 +22,11 @@ from signorini_fx.pictures.marks import draw_lengths, mark_largest
 from signorini_fx.pictures.style import INK, MUTED, SCREEN, STYLE, Floats, finish, math_number, readable
 from signorini_fx.pictures.tiling import Tiling, refined
 from signorini_fx.pictures.tones import Tones, draw_principal, upper_tone
+from signorini_fx.tuned import BENT_FOUNDATION, GAP_IN_PICTURE, SMALL_ZONE, VISIBLE_CELL, VISIBLE_COLOURED_CELL
 from signorini_fx.units import bracketed
 
-_VISIBLE_CELL = 2.5  # size from which on the edges of a cell are drawn, in 1/72 inch
-_BENT = math.cos(math.radians(30.0))  # a foundation whose direction the magnified gap turns further is another one
-_AWAY = 0.5  # of the diagonal of the body: a gap that is magnified to more leaves the picture
-_SMALL_ZONE = 0.2  # of the diagonal of the body: contact on less is enlarged
+_BENT = math.cos(math.radians(BENT_FOUNDATION))
 _EDGE = "#9a9a9a"
-_LARGE_CELL = 5.0  # the same where colours vary within cells, which they would otherwise hardly show
 _TRIANGLES = 15_000  # of which a field is made up at least
 _FAINT = (0.0, 0.0, 0.0, 0.22)
 
@@ -69,7 +66,7 @@ def keeps_shape(added: float, size: float, real: Floats, drawn: Floats) -> bool:
         drawn: those of the pieces that are drawn, shape (m, d).
     """
     lengths = np.linalg.norm(real, axis=1) * np.linalg.norm(drawn, axis=1)
-    return added <= _AWAY * size and bool((np.einsum("ij,ij->i", real, drawn) >= _BENT * lengths).all())
+    return added <= GAP_IN_PICTURE * size and bool((np.einsum("ij,ij->i", real, drawn) >= _BENT * lengths).all())
 
 
 @dataclass(frozen=True)
@@ -275,7 +272,7 @@ def _small_zone(pieces: Sequence[DrawnFoundation], size: float) -> tuple[Floats,
     """Lowest and highest coordinates around what is in contact; None if that is no small part of the body."""
     touching = [piece.nodes[piece.touching] for piece in pieces if piece.touching is not None]
     nodes = np.concatenate([np.empty((0, 2)), *touching])
-    if not len(nodes) or not 0 < _diagonal(nodes) < _SMALL_ZONE * size:
+    if not len(nodes) or not 0 < _diagonal(nodes) < SMALL_ZONE * size:
         return None
     low, high = nodes.min(axis=0), nodes.max(axis=0)
     around = 0.8 * float(max(high - low))
@@ -343,7 +340,7 @@ class _Panel:
         extent: tuple[Floats, Floats],
     ) -> None:
         """The body in colours, the outline, the foundations; or the contact zone where there are none."""
-        edged = cell_size >= (_VISIBLE_CELL if triangles is None else _LARGE_CELL)
+        edged = cell_size >= (VISIBLE_CELL if triangles is None else VISIBLE_COLOURED_CELL)
         coloured: dict[str, Any] = {
             "array": values * 10.0**tones.power,
             "cmap": tones.colours,

@@ -18,12 +18,7 @@ from signorini_fx.pictures.fields import FIELDS
 from signorini_fx.pictures.foundation import normals_of
 from signorini_fx.pictures.solid_body import Skin, show, solid_of, telling_view, tones_of
 from signorini_fx.pictures.style import SCREEN, STYLE, Floats, finish
-
-_LARGEST = 4.0  # width and height of each panel, inches
-_BELOW = -30.0  # elevation of the second view, degrees
-_OPEN = 0.3  # length of a mean normal from which on a contact boundary is no closed one
-_APART = 0.7  # of the size of an open contact boundary: how far bodies are moved apart
-_CLEAR = 1.15  # of the length of a closed one: how far a body is drawn out of the other
+from signorini_fx.tuned import APART_INCHES, BODIES_APART, BODY_OUT, CLOSED_IN_PICTURE, VIEW_FROM_BELOW
 
 
 def moved_apart(skin: Skin, contact: Table) -> Floats | None:
@@ -64,13 +59,13 @@ def moved_apart(skin: Skin, contact: Table) -> Floats | None:
             continue
         master = min(candidates, key=candidates.__getitem__)
         mean = weight @ n / weight.sum()
-        if np.linalg.norm(mean) > _OPEN:
-            way = -mean / np.linalg.norm(mean) * _APART * float(np.linalg.norm(np.ptp(x, axis=0)))
+        if np.linalg.norm(mean) > CLOSED_IN_PICTURE:
+            way = -mean / np.linalg.norm(mean) * BODIES_APART * float(np.linalg.norm(np.ptp(x, axis=0)))
         else:
             axis = np.linalg.eigh((weight[:, None] * n).T @ n)[1][:, 0]
             axis = axis * np.sign(axis[np.argmax(np.abs(axis))])
             heights = skin.points[np.isin(bodies, (slave, master))] @ axis
-            way = axis * _CLEAR * float(np.ptp(heights))
+            way = axis * BODY_OUT * float(np.ptp(heights))
         steps[slave].append((master, -way))
         steps[master].append((slave, way))
     if not any(steps.values()):
@@ -110,12 +105,12 @@ def exploded(
     apart = replace(skin, points=skin.points + shifts)
     above = telling_view(skin)
     azimuth = float(np.degrees(np.arctan2(above.toward[1], above.toward[0])))
-    views = (above, view.oblique(azimuth, _BELOW))
+    views = (above, view.oblique(azimuth, VIEW_FROM_BELOW))
     field = FIELDS["von_mises"]
     tones = tones_of(apart, above, field)
     solid = replace(solid_of(apart, tones, 1.0, ()), edges=apart.edges)
     cameras = [view.Camera.on(sight, solid.points) for sight in views]
-    inch = _LARGEST / max(2 * float(camera.half.max()) for camera in cameras)
+    inch = APART_INCHES / max(2 * float(camera.half.max()) for camera in cameras)
     widths, heights = (2 * inch * np.array([camera.half[k] for camera in cameras]) for k in (0, 1))
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(float(widths.sum()), float(heights.max()) + 1.1), layout="constrained")

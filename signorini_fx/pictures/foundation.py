@@ -10,11 +10,9 @@ import numpy.typing as npt
 from signorini_fx.pictures import view
 from signorini_fx.pictures.deformed_body import keeps_shape
 from signorini_fx.pictures.style import Floats
-from signorini_fx.tuned import SAME_LENGTH
+from signorini_fx.tuned import PLANE_MARGIN, SAME_LENGTH
 
 Rows = npt.NDArray[np.int64]
-
-_MARGIN = 0.12  # of a plane around the contact boundary, over its longer side
 
 
 @dataclass(frozen=True)
@@ -86,7 +84,7 @@ def plane_of(points: Floats) -> Floats | None:
         seen = view.View(axes[0], axes[1], axes[2])
     flat = seen.flat(points)
     low, high = flat.min(axis=0), flat.max(axis=0)
-    margin = _MARGIN * float(max(high - low))
+    margin = PLANE_MARGIN * float(max(high - low))
     (left_edge, bottom), (right_edge, top) = low - margin, high + margin
     height = float(middle @ seen.toward)
     corners = [(left_edge, bottom), (right_edge, bottom), (right_edge, top), (left_edge, top)]

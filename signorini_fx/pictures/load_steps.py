@@ -32,15 +32,12 @@ from signorini_fx.pictures.style import (
     unit_of,
 )
 from signorini_fx.records import Status
-from signorini_fx.tuned import RESULTANT_OF_MESH
+from signorini_fx.tuned import ALIKE_CURVES, BETWEEN_NAMES, RESULTANT_OF_MESH, ROW_OF_NAMES
 
 Floats = npt.NDArray[np.float64]
 
 _DOTS: dict[str, Any] = {"marker": "o", "markersize": 2.5}
 _COLOURS = (INK, BLUE, ORANGE, "#009e73", "#cc79a7", MUTED)  # of boundaries
-_ALIKE = 0.01  # curves whose distance is less, over the largest value
-_BETWEEN = 0.15  # names, over the length of the one before
-_ROW = 12.0  # height of a row of names, points
 
 
 def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] = SCREEN) -> None:
@@ -68,7 +65,7 @@ def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] =
         lower.locator_params(axis="x", nbins=6)
         lay_out(figure)  # for the width of the names
         rows = _mark_names(upper, steps)
-        room = mpl.rcParams["legend.borderaxespad"] + rows * _ROW / mpl.rcParams["legend.fontsize"]
+        room = mpl.rcParams["legend.borderaxespad"] + rows * ROW_OF_NAMES / mpl.rcParams["legend.fontsize"]
         upper.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=room)
         for axes in (upper, lower):
             axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
@@ -225,7 +222,7 @@ def _above(name: str, unit: str) -> str:
 
 def _alike(curve: Floats, later_curves: Sequence[Floats], size: float) -> list[bool]:
     """Which curves would hide this one, if they are drawn later; those of forces in a chain of bodies do."""
-    return [largest_of(later - curve) < _ALIKE * size for later in later_curves]
+    return [largest_of(later - curve) < ALIKE_CURVES * size for later in later_curves]
 
 
 def _wider(style: Mapping[str, Any], times: int) -> dict[str, Any]:
@@ -260,6 +257,6 @@ def _mark_names(axes: Axes, steps: Table) -> int:
         text = axes.annotate(name, (middle, 1.0), (0.0, 1.0), **above, ha="center", va="bottom")
         text_left, text_right = inverse.transform(text.get_window_extent())[:, 0]
         row = next((k for k, end in enumerate(ends) if end < text_left), len(ends))
-        ends[row : row + 1] = [text_right + _BETWEEN * (text_right - text_left)]
-        text.set_position((0.0, 1.0 + _ROW * row))
+        ends[row : row + 1] = [text_right + BETWEEN_NAMES * (text_right - text_left)]
+        text.set_position((0.0, 1.0 + ROW_OF_NAMES * row))
     return len(ends)

@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from signorini_fx.pictures.style import INK, MUTED, Floats, math_number
+from signorini_fx.tuned import ARROWS_AROUND
 from signorini_fx.units import unit
 
-_BESIDE = 0.05  # from the body to the arrows, over the longer side of the picture of the body
 _DIGITS = 3  # of a value
 
 
@@ -30,7 +30,7 @@ def draw_lengths(
     low, high = points.min(axis=0), points.max(axis=0)
     corners = flat(np.array(list(itertools.product(*zip(low, high, strict=True)))))
     middle = flat(0.5 * (low + high))
-    beside = _BESIDE * float(np.ptp(corners, axis=0).max())
+    beside = ARROWS_AROUND * float(np.ptp(corners, axis=0).max())
     for axis, name in enumerate("xyz"[: len(low)]):
         transverse = [k for k in range(len(low)) if k != axis]
         ends = []

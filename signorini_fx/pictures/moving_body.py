@@ -15,13 +15,13 @@ from PIL import Image
 from signorini_fx.pictures.body import DrawnBody, Moment
 from signorini_fx.pictures.deformed_body import DrawnFoundation, deformed_mesh, magnification
 from signorini_fx.pictures.style import Floats
+from signorini_fx.tuned import MOTION_MARGIN
 
 if TYPE_CHECKING:
     from signorini_fx.pictures.foundation import FoundationSurface
 
 MOST_FRAMES = 40  # matplotlib takes half a second for each
 _MILLISECONDS, _LAST = 300, 1500  # of a frame, and of the last one
-_MARGIN = 0.04
 _PALE = 248  # red, green and blue of what is taken for white
 
 
@@ -155,7 +155,7 @@ def _frame(places: Sequence[Floats], foundation: DrawnFoundation | None, factor:
     ground = body if foundation is None else (foundation.nodes + factor * foundation.offset)[foundation.grounded]
     points = np.concatenate((body, np.clip(ground, low - around, high + around)))
     low, high = points.min(axis=0), points.max(axis=0)
-    margin = _MARGIN * float(max(high - low))
+    margin = MOTION_MARGIN * float(max(high - low))
     return low - margin, high + margin
 
 

@@ -28,9 +28,8 @@ import numpy.typing as npt
 from signorini_fx.errors import PYVISTA, PictureError
 from signorini_fx.pictures.solid import Solid, image
 from signorini_fx.pictures.view import Camera
+from signorini_fx.tuned import DISPLAY_PATIENCE, PICTURE_PATIENCE
 
-_LONGEST = 300.0  # seconds for one picture
-_TO_START = 30.0  # seconds for a display
 # What a launcher of MPI tells its processes: another one that read it would take itself for a rank.
 _OF_MPI = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "HYDRA_", "MPI_")
 
@@ -60,7 +59,7 @@ class _Painter:
         """
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        alarm = threading.Timer(_LONGEST, self._process.kill)
+        alarm = threading.Timer(PICTURE_PATIENCE, self._process.kill)
         alarm.start()
         try:
             pickle.dump(request, self._process.stdin)
@@ -154,7 +153,7 @@ def _display() -> subprocess.Popen[bytes] | None:
     )
     os.close(write_end)
     name = b""
-    while not name.endswith(b"\n") and select.select([number], [], [], _TO_START)[0]:
+    while not name.endswith(b"\n") and select.select([number], [], [], DISPLAY_PATIENCE)[0]:
         name += (part := os.read(number, 20))
         if not part:
             break

@@ -20,20 +20,24 @@ from matplotlib.text import Annotation, Text
 from signorini_fx.pictures.marks import draw_lengths
 from signorini_fx.pictures.style import BLUE, INK, MUTED, ORANGE, SCREEN, STYLE, Floats, finish, math_number, plain
 from signorini_fx.pictures.tones import spaced
+from signorini_fx.tuned import (
+    ARROWS_ALONG,
+    COLOURS_ABOVE,
+    LIGHTER_COLOURS,
+    LONGEST_ARROW_OF_SETUP,
+    MOST_ARROWS,
+    MOST_STROKES,
+    MOST_SUPPORTS,
+    PIXELS_PER_INCH,
+    SETUP_INCHES,
+    SMALLEST_ARROW,
+)
 from signorini_fx.units import bracketed, labelled, unit
 
 _BODY, _NAMED, _LOAD_COLOUR = "#e4e4e4", "#8a8a8a", "#cc79a7"
 # By the label of an effect; another effect has the last colour above.
 _COLOURS = {"contact": ORANGE, "traction": BLUE, "displacement": "#009e73"}
-_LARGEST = 6.0  # width and height of the picture, inches
-_PIXELS = 240.0  # per inch, of a body in space
-_LONGEST = 0.13  # of an arrow, over the larger side of the picture
-_BESIDE = 0.02  # of the size of the body: arrows along the boundary are so far beside it
-_ARROWS, _SUPPORTS, _STROKES = 22.0, 34.0, 50.0  # at most so many of each along the larger side of the picture
 _FEW = 12  # facets of a boundary: each has an arrow
-_LIGHTER = 0.55  # share of white in the colours of facets, on which arrows are to be seen
-_VISIBLE = 0.02  # a load of less than this share of the largest one has no arrow
-_ABOVE = 5e-4  # of the size of the body: colours are so far in front of it
 _MOVES = 6  # a name is moved by so many of its heights at most
 _ON_ANOTHER = 3  # a name is moved by less than so many of its heights if it lies on another boundary
 _ALONG = 120  # points along a facet as long as the body, by which it is found whether a name lies on it
@@ -130,7 +134,7 @@ class Setup:
         size = high - low
         aside = (0.17 if any(boundary.kinds for boundary in self.boundaries) else 0.05) * float(size.max())
         low, high = low - aside, high + aside
-        width, height = (high - low) * _LARGEST / float((high - low).max())
+        width, height = (high - low) * SETUP_INCHES / float((high - low).max())
         figure = Figure(figsize=(max(width, 3.4), height + 0.8), layout="constrained")
         axes = figure.subplots()
         thin = 0.3 if len(self.polygons) <= _MOST_EDGES else 0.0
@@ -159,7 +163,7 @@ class Setup:
         size = float(np.linalg.norm(np.ptp(self.polygons.reshape(-1, 3), axis=0)))
         patches = [(self.polygons, 0)]
         patches += [
-            (entry.corners + _ABOVE * size * entry.normals[:, None], colours.index(entry.colour))
+            (entry.corners + COLOURS_ABOVE * size * entry.normals[:, None], colours.index(entry.colour))
             for entry in self.boundaries
             if entry.kinds
         ]
@@ -183,10 +187,10 @@ class Setup:
         around = 0.1 * np.ptp(self.polygons.reshape(-1, 3), axis=0).max()
         shown = np.concatenate([points + around * step for step in (*np.eye(3), *-np.eye(3))])
         camera = view.Camera.on(seen, shown)
-        inch = _LARGEST / (2 * float(camera.half.max()))
+        inch = SETUP_INCHES / (2 * float(camera.half.max()))
         figure = Figure(figsize=(2 * inch * camera.half[0], 2 * inch * camera.half[1] + 0.8), layout="constrained")
         axes = figure.subplots()
-        picture = offscreen.drawn(body, camera, round(2 * inch * float(camera.half[0]) * _PIXELS))
+        picture = offscreen.drawn(body, camera, round(2 * inch * float(camera.half[0]) * PIXELS_PER_INCH))
         right, top = camera.half
         axes.imshow(picture, extent=(-right, right, -top, top), aspect="equal")
         axes.set_axis_off()
@@ -217,7 +221,7 @@ class Setup:
             at, normals = boundary.middles[front], boundary.normals[front]
             if not len(at):
                 continue
-            rows = _spaced_rows(flat(at), side / _ARROWS) if len(at) > _FEW else np.arange(len(at))
+            rows = _spaced_rows(flat(at), side / MOST_ARROWS) if len(at) > _FEW else np.arange(len(at))
             for vectors, longest, colour in (
                 (boundary.load, largest, BLUE),
                 (boundary.moved, farthest, _COLOURS["displacement"]),
@@ -226,7 +230,7 @@ class Setup:
                     arrows = np.asarray(vectors[front][rows] / longest)
                     self._arrows(axes, flat, at[rows], normals[rows], arrows, size, colour, hidden=hidden)
             if boundary.held and not hidden and not boundary.moved.any():
-                rows = _spaced_rows(flat(at), side / _SUPPORTS)
+                rows = _spaced_rows(flat(at), side / MOST_SUPPORTS)
                 _supports(axes, flat, at[rows], normals[rows], boundary.held, size)
             color, line = INK if boundary.kinds else MUTED, ":" if hidden else "-"
             names.append(self._name(axes, flat, boundary.name, at, normals, middle, side, color=color, linestyle=line))
@@ -252,9 +256,9 @@ class Setup:
         style |= {"edgecolor": colour, "facecolor": "white" if hidden else colour, "alpha": 0.6 if hidden else 1.0}
         into = np.einsum("ij,ij->i", vectors, normals) < -1e-12
         along = np.abs(np.einsum("ij,ij->i", vectors, normals)) < 0.3 * np.linalg.norm(vectors, axis=1)
-        at = at + _BESIDE * size * along[:, None] * normals
-        for point, vector, inwards in zip(at, _LONGEST * size * vectors, into, strict=True):
-            if np.linalg.norm(vector) < _VISIBLE * _LONGEST * size:
+        at = at + ARROWS_ALONG * size * along[:, None] * normals
+        for point, vector, inwards in zip(at, LONGEST_ARROW_OF_SETUP * size * vectors, into, strict=True):
+            if np.linalg.norm(vector) < SMALLEST_ARROW * LONGEST_ARROW_OF_SETUP * size:
                 continue
             start, end = (point - vector, point) if inwards else (point, point + vector)
             axes.annotate("", flat(end), flat(start), arrowprops=style, annotation_clip=False, zorder=6)
@@ -316,7 +320,7 @@ class Setup:
             if self.dimension == 3 or not boundary.grounded or not len(boundary.corners):
                 continue
             rows = (
-                _spaced_rows(boundary.middles, size / _STROKES)
+                _spaced_rows(boundary.middles, size / MOST_STROKES)
                 if len(boundary.corners) > _FEW
                 else np.arange(len(boundary.corners))
             )
@@ -349,7 +353,7 @@ class Setup:
 
 
 def _lighter(colour: str) -> tuple[float, ...]:
-    return tuple(_LIGHTER + (1 - _LIGHTER) * share for share in to_rgb(colour))
+    return tuple(LIGHTER_COLOURS + (1 - LIGHTER_COLOURS) * share for share in to_rgb(colour))
 
 
 def _spread(

@@ -11,15 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.pictures.view import Camera
+from signorini_fx.tuned import AMBIENT_LIGHT, LAMPS, SHARP_EDGE
 
 Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 
 GROUND, INK, MUTED = "#dcdcdc", "#1a1a1a", "#6b6b6b"
-_AMBIENT = 0.5  # share of the light that comes from everywhere
-# Directions to the lamps, right, up and towards the viewer, and how bright they are: all see the same white.
-_LAMPS = (((-0.3, 1.0, 0.8), 0.55), ((0.4, 0.1, 1.0), 0.6))
-_SHARP = 40.0  # degrees: facets that turn by more than this meet in an edge
 
 
 @dataclass(frozen=True)
@@ -90,7 +87,7 @@ def draw(plotter: Any, solid: Solid, camera: Camera) -> None:
     smooth = skin.compute_normals(
         cell_normals=False,
         split_vertices=True,
-        feature_angle=_SHARP,
+        feature_angle=SHARP_EDGE,
         consistent_normals=False,
         non_manifold_traversal=False,
     )
@@ -105,24 +102,24 @@ def draw(plotter: Any, solid: Solid, camera: Camera) -> None:
         clim=solid.limits,
         nan_color=GROUND,
         show_scalar_bar=False,
-        ambient=_AMBIENT,
-        diffuse=1 - _AMBIENT,
+        ambient=AMBIENT_LIGHT,
+        diffuse=1 - AMBIENT_LIGHT,
     )
     actor.prop.interpolation = "Phong"
     _draw_lines(plotter, solid.points[solid.edges], INK, 1.0, opacity=0.25)
-    plotter.add_silhouette(skin, color=INK, line_width=2.5, feature_angle=_SHARP)
+    plotter.add_silhouette(skin, color=INK, line_width=2.5, feature_angle=SHARP_EDGE)
     if solid.at_rest is not None:
         undeformed = _surface(solid.at_rest, solid.triangles)
-        plotter.add_silhouette(undeformed, color=MUTED, line_width=1.5, feature_angle=_SHARP, opacity=0.6)
+        plotter.add_silhouette(undeformed, color=MUTED, line_width=1.5, feature_angle=SHARP_EDGE, opacity=0.6)
     for points, polygons in solid.grounds:
         ground = _surface(points, polygons)
-        plotter.add_mesh(ground, color=GROUND, culling="back", ambient=_AMBIENT, diffuse=1 - _AMBIENT)
+        plotter.add_mesh(ground, color=GROUND, culling="back", ambient=AMBIENT_LIGHT, diffuse=1 - AMBIENT_LIGHT)
         rim = ground.extract_feature_edges(boundary_edges=True, feature_edges=False, manifold_edges=False)
         plotter.add_mesh(rim, color=MUTED, line_width=1.5)
     for lines in solid.lines:
         _draw_lines(plotter, lines.ends, lines.colour, lines.width)
     plotter.remove_all_lights()
-    for position, bright in _LAMPS:
+    for position, bright in LAMPS:
         plotter.add_light(pyvista.Light(position=position, intensity=bright, light_type="camera light"))
     plotter.camera.position = camera.position
     plotter.camera.focal_point = camera.centre

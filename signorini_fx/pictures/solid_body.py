@@ -24,16 +24,17 @@ from signorini_fx.pictures.marks import draw_lengths
 from signorini_fx.pictures.solid import Cut, Lines, Solid
 from signorini_fx.pictures.style import BLUE, ORANGE, SCREEN, STYLE, Floats, finish, math_number
 from signorini_fx.pictures.tones import STROKES, Tones, strokes, thinned
+from signorini_fx.tuned import (
+    NARROWEST,
+    PIXELS_PER_INCH,
+    PREFERRED_GAIN,
+    SEEN_FROM_THE_SIDE,
+    SOLID_INCHES,
+    STROKES_ABOVE,
+    VISIBLE_FACET,
+)
 
 Rows = npt.NDArray[np.int64]
-
-_VISIBLE_FACET = 9.0  # size from which on the edges of a facet are drawn, in 1/72 inch
-_PREFERRED_GAIN = 1.15  # how much more of the field another view must show to be preferred to the usual one
-_LARGEST = 4.8  # width and height of the body, inches
-_NARROWEST = 3.4  # width of a picture, inches: for its lettering
-_PIXELS = 240.0  # per inch
-_ABOVE = 1e-3  # of the size of the body: strokes are drawn so far above it
-_FROM_THE_SIDE = 0.2  # cosine of the angle from which on a facet has no strokes
 
 
 @dataclass(frozen=True)
@@ -169,12 +170,12 @@ def solid_figure(
     factors = [chosen] if true else [1.0, chosen]
     shown = [solid_of(skin, tones, at, foundations if true or at == 1 else ()) for at in factors]
     cameras = [view.Camera.on(seen, _extent(entry, reach)) for entry in shown]
-    inch = (_LARGEST if true else 0.75 * _LARGEST) / max(2 * float(camera.half.max()) for camera in cameras)
+    inch = (SOLID_INCHES if true else 0.75 * SOLID_INCHES) / max(2 * float(camera.half.max()) for camera in cameras)
     widths, heights = (2 * inch * np.array([camera.half[k] for camera in cameras]) for k in (0, 1))
-    figure = Figure(figsize=(max(float(widths.sum()), _NARROWEST), float(heights.max()) + 0.9), layout="constrained")
+    figure = Figure(figsize=(max(float(widths.sum()), NARROWEST), float(heights.max()) + 0.9), layout="constrained")
     grid = figure.subplots(1, len(shown), squeeze=False, width_ratios=list(map(float, widths)))[0]
     for axes, solid, camera, at in zip(grid, shown, cameras, factors, strict=True):
-        if math.sqrt(float(np.median(_areas(solid.points, skin.perimeters)))) * 72 * inch >= _VISIBLE_FACET:
+        if math.sqrt(float(np.median(_areas(solid.points, skin.perimeters)))) * 72 * inch >= VISIBLE_FACET:
             solid = replace(solid, edges=skin.edges)
         if stress is not None:
             solid = replace(solid, lines=_strokes(skin, at, stress, camera))
@@ -225,10 +226,11 @@ def section(
     cut = Cut(moved, volume.values, volume.cells, at, normal)
     solid = replace(solid_of(skin, tones, factor, foundations), cut=cut, at_rest=None)
     camera = view.Camera.on(seen, _extent(solid, None))
-    inch = _LARGEST / (2 * float(camera.half.max()))
+    inch = SOLID_INCHES / (2 * float(camera.half.max()))
     with mpl.rc_context(STYLE):
         figure = Figure(
-            figsize=(max(2 * inch * camera.half[0], _NARROWEST), 2 * inch * camera.half[1] + 0.9), layout="constrained"
+            figsize=(max(2 * inch * camera.half[0], NARROWEST), 2 * inch * camera.half[1] + 0.9),
+            layout="constrained",
         )
         axes = figure.subplots()
         show(axes, solid, camera, inch)
@@ -240,7 +242,7 @@ def section(
 
 def show(axes: Axes, solid: Solid, camera: view.Camera, inch: float) -> None:
     """The picture of a body in axes without ticks."""
-    picture = offscreen.drawn(solid, camera, round(2 * inch * float(camera.half[0]) * _PIXELS))
+    picture = offscreen.drawn(solid, camera, round(2 * inch * float(camera.half[0]) * PIXELS_PER_INCH))
     right, top = camera.half
     axes.imshow(picture, extent=(-right, right, -top, top), aspect="equal")
     axes.set_axis_off()
@@ -278,7 +280,7 @@ def telling_view(skin: Skin) -> view.View:
     shown = [float(np.maximum(area @ sight.toward, 0.0) @ size) for sight in views]
     # Of sides that show as much but for round-off the first.
     best = int(np.argmax(np.asarray(shown) >= (1 - 1e-6) * np.max(shown)))
-    return views[best] if shown[best] > _PREFERRED_GAIN * shown[0] else views[0]
+    return views[best] if shown[best] > PREFERRED_GAIN * shown[0] else views[0]
 
 
 def _extent(solid: Solid, reach: Floats | None) -> Floats:
@@ -299,10 +301,10 @@ def _strokes(skin: Skin, factor: float, stress: Floats, camera: view.Camera) -> 
     points = skin.moved(factor)
     area = normals_of(points, skin.perimeters)
     normals = area / np.maximum(np.linalg.norm(area, axis=1), 1e-300)[:, None]
-    front = normals @ camera.view.toward > _FROM_THE_SIDE
+    front = normals @ camera.view.toward > SEEN_FROM_THE_SIDE
     middles = points[skin.perimeters].mean(axis=1)[front]
     spacing = 2 * float(camera.half.max()) / STROKES
     rows = thinned(camera.flat(middles), spacing)
-    above = middles[rows] + _ABOVE * skin.size * normals[front][rows]
+    above = middles[rows] + STROKES_ABOVE * skin.size * normals[front][rows]
     pressed, drawn_out = strokes(above, stress[front][rows], spacing)
     return [Lines(pressed, BLUE, 5.0), Lines(drawn_out, ORANGE, 3.5)]

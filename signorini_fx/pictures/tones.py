@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 
 from signorini_fx.pictures.fields import Field, principal
 from signorini_fx.pictures.style import BLUE, ORANGE, VALUES, Floats, decimal_power, unit_of
+from signorini_fx.tuned import USUAL_COLOURS
 
 STROKES = 26  # side by side along the longer side of the picture
-_USUAL = 0.99  # of the area has colours of its own
 
 
 def upper_tone(values: Floats, area: Floats) -> float:
@@ -29,7 +29,7 @@ def upper_tone(values: Floats, area: Floats) -> float:
         return 1.0
     order = np.argsort(values)
     share = np.cumsum(area[order])
-    usual = float(values[order][np.searchsorted(share, _USUAL * share[-1])])
+    usual = float(values[order][np.searchsorted(share, USUAL_COLOURS * share[-1])])
     return usual if 0 < 1.5 * usual < largest else largest
 
 
@@ -42,7 +42,7 @@ def _both_tones(values: Floats, area: Floats) -> tuple[float, float]:
         return 0.0, 1.0
     order = np.argsort(values)
     share = np.cumsum(area[order]) / area.sum()
-    first, last = (float(values[order][np.searchsorted(share, part)]) for part in (1 - _USUAL, _USUAL))
+    first, last = (float(values[order][np.searchsorted(share, part)]) for part in (1 - USUAL_COLOURS, USUAL_COLOURS))
     first, last = min(first, 0.0), max(last, 0.0)
     return (first, last) if 0 < 1.5 * (last - first) < high - low else (low, high)
 

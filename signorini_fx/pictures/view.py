@@ -8,11 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.pictures.style import Floats
+from signorini_fx.tuned import ALONG_AXIS, UPRIGHT, VIEW_DISTANCE
 
-# Above this cosine a direction is taken for that of the nearest coordinate axis.
-_ALONG = 0.99
-_UPRIGHT = 0.9
-_FAR = 4.0  # distance of the viewer, over the diagonal of what is seen
 _CENTRING = 6  # steps that move what is seen to the middle of the window
 
 
@@ -61,7 +58,7 @@ class Camera:
         """One that sees all points, shape (n, 3), with a margin over the longer side of the window."""
         low, high = (np.array([bound(points @ axis) for axis in view.axes]) for bound in (np.min, np.max))
         centre = 0.5 * (low + high) @ view.axes
-        distance = _FAR * (float(np.linalg.norm(high - low)) or 1.0)
+        distance = VIEW_DISTANCE * (float(np.linalg.norm(high - low)) or 1.0)
         camera = cls(view, centre, distance, np.ones(2))
         for _ in range(_CENTRING):
             flat = camera.flat(points)
@@ -88,9 +85,9 @@ def along(direction: Floats) -> View:
     """
     sight = np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
     axis = int(np.argmax(np.abs(sight)))
-    if abs(sight[axis]) > _ALONG:
+    if abs(sight[axis]) > ALONG_AXIS:
         sight = np.sign(sight[axis]) * np.eye(3)[axis]
-    up = np.eye(3)[1 if abs(sight[2]) > _UPRIGHT else 2]
+    up = np.eye(3)[1 if abs(sight[2]) > UPRIGHT else 2]
     up = up - (up @ sight) * sight
     up = up / np.linalg.norm(up)
     return View(np.cross(sight, up), up, -sight)

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.machine.terminal import printable
+from signorini_fx.tuned import BROAD_PICTURE
 
 _WIDE_TABLE = 8  # columns from which on the print uses small letters
 _WIDE_CELL = 16  # letters from which on a cell is broken into lines
-_BROAD = 1.6  # width over height from which on a picture is not made smaller than it can be read
 _MOST_ROWS = 400  # of a table; the CSV file has all rows
 _VOID = frozenset({"br", "img", "meta", "wbr"})
 
@@ -145,7 +145,7 @@ def picture(data: bytes, kind: str, alternative: str, caption: str, class_: str 
     """A figure with its data in the page itself; a broad one is scrolled on a narrow screen, so that it can be read."""
     if kind == "png":
         width, height = struct.unpack(">II", data[16:24])
-        class_ += " broad" if width > _BROAD * height else ""
+        class_ += " broad" if width > BROAD_PICTURE * height else ""
     source = f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
     return tag("figure", tag("img", src=source, alt=alternative), tag("figcaption", caption), class_=class_)
 

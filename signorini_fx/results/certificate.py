@@ -34,8 +34,6 @@ from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.results.contact_nodes import ContactNodes, ContactSide
 from signorini_fx.results.contact_sides import sides_of
 from signorini_fx.results.equilibrium import (
-    FAINT,
-    LOST_UNITS,
     Balance,
     PieceScales,
     change_of_volume,
@@ -48,15 +46,12 @@ from signorini_fx.results.rigid_part import RigidPart
 from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.scales import Scales
 from signorini_fx.scene.model import Scene
-from signorini_fx.tuned import NO_FORCE
+from signorini_fx.tuned import ABOVE_THE_MEAN, FAINT, LOST_UNITS, NO_FORCE
 
 if TYPE_CHECKING:
     from signorini_fx.body.paired_points import PairedSides
 
 Nodal = npt.NDArray[np.float64]
-
-# What a penalty makes of round-off may be 0.1 % of the mean stress in bodies that are not without stress.
-_ABOVE_THE_MEAN = 1e3
 
 
 @dataclass(frozen=True, repr=False)
@@ -305,7 +300,7 @@ def judged(
     penalty = terms * max((gamma for gamma in (law.gamma_n, law.gamma_t) if np.isfinite(gamma)), default=0.0)
     # With a larger gamma nothing is known of the tractions.
     strains = mean > LOST_UNITS * NO_FORCE * moduli * far.max() / sizes
-    penalty = np.where(strains, np.minimum(penalty, _ABOVE_THE_MEAN * mean), penalty)
+    penalty = np.where(strains, np.minimum(penalty, ABOVE_THE_MEAN * mean), penalty)
     length, stress = np.maximum(length, terms), np.maximum(stress, penalty)
     stress = np.maximum(stress, NO_FORCE * float(stress.max()))  # round-off of the joint system
     # If everything sticks, all motion is round-off of the displacements that the stresses could cause.

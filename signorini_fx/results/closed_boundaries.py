@@ -14,12 +14,9 @@ import numpy.typing as npt
 from signorini_fx import parallel
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.scene.model import Scene
+from signorini_fx.tuned import CLOSED_BOUNDARY
 
 Array = npt.NDArray[np.float64]
-
-# A boundary is closed if the sum of its normals, by their areas, is a smaller share of its area: on straight facets of
-# unequal lengths it is no exact zero.
-_CLOSED = 0.01
 
 
 @dataclass(frozen=True)
@@ -54,7 +51,7 @@ def _of_part(contact: ContactState, part: int) -> Turning | None:
     sums = np.concatenate((x, normal, ones, contact.pressure[on_part, None]), axis=1)
     total = parallel.global_sum(comm, weight @ sums)
     area = float(total[2 * dim])
-    if not np.linalg.norm(total[dim : 2 * dim]) < _CLOSED * area:
+    if not np.linalg.norm(total[dim : 2 * dim]) < CLOSED_BOUNDARY * area:
         return None
     arm = x - total[:dim] / area
     force = -boundary.nodal_forces(np.zeros_like(contact.pressure), contact.shear)[on_part]

@@ -16,16 +16,10 @@ from signorini_fx.results.rigid_part import RigidPart
 from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.scales import Scales
-from signorini_fx.tuned import NO_FORCE
+from signorini_fx.tuned import FAINT, LOST_UNITS, NO_FORCE
 
 Nodal = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
-
-# Units in the last place of displacements and loads that an evaluation of their nodal forces may lose.
-LOST_UNITS = 100.0
-# Contact stresses below this share of the mean stress in the body cannot be distinguished from zero, nor can forces
-# below this share of the reactions of its supports.
-FAINT = 1e-3
 
 
 @dataclass(frozen=True)

@@ -17,14 +17,9 @@ from signorini_fx.body.moduli import of_materials
 from signorini_fx.body.sampled_points import SampledPoints
 from signorini_fx.body.supports import on_axis
 from signorini_fx.scene.effect import Force, InitialStrain
-from signorini_fx.tuned import SAME_PLACE_IN_CELL
+from signorini_fx.tuned import BESIDE_VERTEX, NO_STEP, SAME_PLACE_IN_CELL
 
 Array = npt.NDArray[np.float64]
-
-# A place so many facets away from a vertex is beside it.
-BESIDE = 1.01
-# A gap or an overlap of bodies, or a step between their sides, that is less than this share of a facet is none.
-_NEAR = 0.1
 
 
 @dataclass(frozen=True)
@@ -58,7 +53,7 @@ class BoundaryFacet:
 
     def reaches(self, points: Array) -> bool:
         """Whether points of shape (n, d) are on it, but for gaps between bodies that are small beside it."""
-        near = _NEAR * self.size
+        near = NO_STEP * self.size
         within = (points >= self.vertices.min(axis=0) - near) & (points <= self.vertices.max(axis=0) + near)
         return bool(within.all() and (np.abs((points - self.vertices[0]) @ self.normal) <= near).all())
 
@@ -75,7 +70,7 @@ def facets_near(body: Discretisation, point: Array, step: float) -> list[Boundar
     x = np.asarray(mesh.geometry.x[..., :dim], dtype=np.float64)
     vertices = x[np.take_along_axis(nodes, corners[entities[:, 1]], axis=1)]
     size = np.linalg.norm(np.ptp(vertices, axis=1), axis=1)
-    close = np.linalg.norm(vertices - point, axis=2).min(axis=1, initial=np.inf) <= BESIDE * size
+    close = np.linalg.norm(vertices - point, axis=2).min(axis=1, initial=np.inf) <= BESIDE_VERTEX * size
     facets = []
     for k in np.flatnonzero(close):
         middle = x[nodes[k][: len(basix.geometry(cell_type))]].mean(axis=0)
@@ -170,7 +165,7 @@ def cells_near(body: Discretisation, point: Array) -> list[CellAtVertex]:
     joined, of_cell = _joined_pieces(body), body.pieces.of_cell
     edges = vertices[:, neighbours] - vertices[:, :, None]
     length = np.linalg.norm(edges, axis=3)
-    distance, reach = np.linalg.norm(vertices - point, axis=2), BESIDE * length.max(axis=2)
+    distance, reach = np.linalg.norm(vertices - point, axis=2), BESIDE_VERTEX * length.max(axis=2)
     close = distance <= parallel.largest(body.comm, reach[distance <= reach])
     local_cells = [
         CellAtVertex(

@@ -20,8 +20,8 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.results.near_place import BESIDE, BoundaryFacet, cells_near, facets_near
-from signorini_fx.tuned import CORNER_ANGLE, SAME_PLACE_IN_CELL, SAME_POSITION
+from signorini_fx.results.near_place import BoundaryFacet, cells_near, facets_near
+from signorini_fx.tuned import BESIDE_VERTEX, CORNER_ANGLE, JUMP_OF_LOAD, SAME_ANGLE, SAME_PLACE_IN_CELL, SAME_POSITION
 
 Array = npt.NDArray[np.float64]
 
@@ -35,10 +35,8 @@ _BOUNDED = {
     ("guided", "held"): 90.0,
     ("free", "held"): 60.0,
 }
-# Angles that meshes of curved boundaries have too, and round-off.
-_CURVED, _ROUND_OFF = np.degrees(CORNER_ANGLE), 1.0
-# Share of a load that is a jump.
-_JUMP = 1e-3
+# Angles that meshes of curved boundaries have too, degrees.
+_CURVED = np.degrees(CORNER_ANGLE)
 
 
 def why_no_limit(body: Discretisation, point: tuple[float, ...], step: float = 0.0) -> str | None:
@@ -63,7 +61,7 @@ def why_no_limit(body: Discretisation, point: tuple[float, ...], step: float = 0
         distance = np.linalg.norm(facet_a.vertices[:, None] - facet_b.vertices[None], axis=2)
         first, second = np.nonzero(distance <= SAME_POSITION * body.tagged.size)
         size = min(facet_a.size, facet_b.size)
-        near = np.linalg.norm(facet_a.vertices[first] - point, axis=1) <= BESIDE * size
+        near = np.linalg.norm(facet_a.vertices[first] - point, axis=1) <= BESIDE_VERTEX * size
         if len(first) == body.tagged.dimension - 1 and near.any():
             opposite_facets = [
                 facet for facet in facets if facet.piece != facet_a.piece and facet.reaches(facet_a.vertices[first])
@@ -89,9 +87,9 @@ def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet, opposite_facets: lis
             if not facet.paired
         ]
         together = angle + min(beyond, default=180.0)
-        if angle < 90 - _ROUND_OFF or together <= 180 + _ROUND_OFF:
+        if angle < 90 - SAME_ANGLE or together <= 180 + SAME_ANGLE:
             return None
-    elif (alike and turn <= _CURVED) or angle <= _BOUNDED[kinds] + (_CURVED if alike else _ROUND_OFF):
+    elif (alike and turn <= _CURVED) or angle <= _BOUNDED[kinds] + (_CURVED if alike else SAME_ANGLE):
         return None
     elif alike and facet_a.kind != "guided":
         return "it is at a reentrant corner of the body"
@@ -134,7 +132,7 @@ def _where_loads_jump(
     loads = facet_a.traction[first], facet_b.traction[second]
     if kinds <= {"free", "guided"} and turn <= _CURVED:
         jump, normal = loads[0] - loads[1], facet_a.normal + facet_b.normal
-    elif kinds == {"free", "guided"} and abs(turn - 90) <= _ROUND_OFF:
+    elif kinds == {"free", "guided"} and abs(turn - 90) <= SAME_ANGLE:
         free, guided = (0, 1) if facet_a.kind == "free" else (1, 0)
         normal, across = (facet_a, facet_b)[free].normal, (facet_a, facet_b)[guided].normal
         jump = (loads[free] @ across)[:, None] * across  # along the edge of a mirror nothing jumps
@@ -142,7 +140,7 @@ def _where_loads_jump(
         return None
     along = jump - np.outer(jump @ normal, normal) / (normal @ normal)
     size = np.linalg.norm(np.concatenate((facet_a.traction, facet_b.traction)), axis=1).max()
-    if not (np.linalg.norm(along, axis=1) > _JUMP * size).all():
+    if not (np.linalg.norm(along, axis=1) > JUMP_OF_LOAD * size).all():
         return None
     return f"it is where the load along the {_boundaries({*facet_a.loaded, *facet_b.loaded})} jumps"
 
@@ -169,7 +167,8 @@ def _where_materials_meet(body: Discretisation, point: Array, boundary: list[Bou
             kind: sum(cell.angle for cell in cells_at_vertex if cell.kind == kind)
             for kind in (cell.kind for cell in cells_at_vertex)
         }
-        if len(angles) == 1 or np.linalg.norm(vertex - point) > BESIDE * min(cell.length for cell in cells_at_vertex):
+        reach = BESIDE_VERTEX * min(cell.length for cell in cells_at_vertex)
+        if len(angles) == 1 or np.linalg.norm(vertex - point) > reach:
             continue
         total = sum(angles.values())
         facets = [

@@ -14,12 +14,10 @@ from mpi4py import MPI
 
 from signorini_fx.body.averages import from_owners, to_owners
 from signorini_fx.body.paired_points import PairedSides
+from signorini_fx.tuned import SLIVER
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
-
-# A node that lies under a sliver of a point stands for at least this share of it: a stress is a force over an area.
-_SLIVER = 1e-3
 
 
 @dataclass(frozen=True)
@@ -110,7 +108,7 @@ class Claim:
         dim = self.distance.shape[1]
         forces = (self.operator.T @ (self.weight[:, None] * traction).ravel()).reshape(-1, dim)
         shares = abs(self.own) + abs(self.others)
-        shares.data = np.maximum(shares.data, _SLIVER)
+        shares.data = np.maximum(shares.data, SLIVER)
         area = shares.T @ self.weight
         nodal_rows = to_owners(np.column_stack((forces, area)), self.reached, self.comm, owned)
         nodes = np.flatnonzero(nodal_rows[:, -1] > 0)

@@ -23,10 +23,9 @@ from signorini_fx import parallel
 from signorini_fx.body.averages import from_owners
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.results.paired_claim import Claim
+from signorini_fx.tuned import PARTNERS_REACH
 
 Array = npt.NDArray[np.float64]
-# Beyond the smallest distance of both sides facets are partners within this share of the size of the smaller side.
-_REACH = 0.2
 
 
 def largest(values: Array) -> float:
@@ -121,7 +120,7 @@ def _usual_reach(space: fem.FunctionSpace, sides: Iterable[npt.NDArray[np.int32]
         for facets in sides
     )
     nearest = float(cKDTree(master).query(slave)[0].min())
-    return nearest + _REACH * min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in (slave, master))
+    return nearest + PARTNERS_REACH * min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in (slave, master))
 
 
 def _rigid(arm: Array) -> list[Array]:

@@ -24,12 +24,7 @@ from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.scene.effect import Force
 from signorini_fx.scene.model import Scene
 from signorini_fx.scene.stated import STRAIGHT_CELLS, may_have_arcs
-from signorini_fx.tuned import SAME_LENGTH
-
-# Factors of the mesh and of the body that differ by less are equal.
-_SAME_FACTOR = 1e-8
-# Share of the largest normal motion at contact points below which a motion opens none: normals of meshes are not exact.
-_ALONG = 1e-3
+from signorini_fx.tuned import ALONG_CONTACT, SAME_LENGTH, SAME_LIMIT
 
 
 @dataclass(frozen=True)
@@ -75,7 +70,7 @@ class Safety:
         """Whether ``factor`` is proved for the body and not only for its mesh."""
         low, high = self.body
         return bool(
-            low >= self.factor * (1 - _SAME_FACTOR) and high <= self.bound * (1 + _SAME_FACTOR) and self.bound < np.inf
+            low >= self.factor * (1 - SAME_LIMIT) and high <= self.bound * (1 + SAME_LIMIT) and self.bound < np.inf
         ) or (low == np.inf)
 
     def as_dict(self) -> dict[str, object]:
@@ -133,7 +128,7 @@ def safety_of(d: Discretisation, contact: ContactState, step: float) -> Safety |
             return None
         if limit.factor < np.inf:
             along = _along_contact(here, motions, columns)
-            driven = np.where(np.abs(loads[1] @ along) > _SAME_FACTOR * np.abs(loads[1]).max(), loads[1] @ along, 0.0)
+            driven = np.where(np.abs(loads[1] @ along) > SAME_LIMIT * np.abs(loads[1]).max(), loads[1] @ along, 0.0)
             sliding = min(sliding, _multiple(_on(here, along), loads[0] @ along, driven, limit.factor))
             overturning = min(overturning, _multiple(here.rough, *loads, limit.factor))
         if surfaces is not None:
@@ -189,9 +184,9 @@ def _along_contact(here: Reactions, motions: RigidMotions, columns: npt.NDArray[
     """
     moved = motions.of_all[:, columns].reshape(-1, motions.each, np.count_nonzero(columns))
     turned = moved[:, motions.x.shape[1] :].reshape(-1, moved.shape[2])
-    both = np.column_stack((null_space(turned, _ALONG), null_space(here.normal, _ALONG)))
+    both = np.column_stack((null_space(turned, ALONG_CONTACT), null_space(here.normal, ALONG_CONTACT)))
     vectors, values, _ = np.linalg.svd(both, full_matrices=False)
-    return np.asarray(vectors[:, values > _SAME_FACTOR])
+    return np.asarray(vectors[:, values > SAME_LIMIT])
 
 
 def _on(here: Reactions, motions: Nodal) -> Reactions:

@@ -6,13 +6,13 @@ which reaches from 1e-308 to 1e308.
 
 from __future__ import annotations
 
-LARGEST, SMALLEST = 1e60, 1e-60
+from signorini_fx.tuned import LARGEST_NUMBER, SMALLEST_NUMBER
 
 
 def complaint(number: float) -> str | None:
     """What is wrong with a finite number; None if nothing is."""
-    if abs(number) > LARGEST:
-        return f"must not be larger than {LARGEST:g}, or forces and energies overflow: take other units"
-    if 0 < abs(number) < SMALLEST:
-        return f"must not be smaller than {SMALLEST:g}, or forces and energies vanish: take other units, or 0"
+    if abs(number) > LARGEST_NUMBER:
+        return f"must not be larger than {LARGEST_NUMBER:g}, or forces and energies overflow: take other units"
+    if 0 < abs(number) < SMALLEST_NUMBER:
+        return f"must not be smaller than {SMALLEST_NUMBER:g}, or forces and energies vanish: take other units, or 0"
     return None

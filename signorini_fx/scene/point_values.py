@@ -12,11 +12,9 @@ import numpy.typing as npt
 
 from signorini_fx.errors import SceneError
 from signorini_fx.scene.mesh_values import SUFFIXES, nodal_values
+from signorini_fx.tuned import OUTSIDE_HULL
 
 Array = npt.NDArray[np.float64]
-# A point outside the convex hull of those of the table is moved towards their middle by these shares of its distance:
-# for round-off, and for a curved boundary between the nodes of another mesh.
-_OUTSIDE = (1e-9, 0.02)
 
 
 @dataclass(frozen=True)
@@ -48,7 +46,7 @@ class PointValues:
         middle, function, far = _table(self.file, self.column, changed)
         at = x[: middle.size].T
         values = np.asarray(function(at), dtype=np.float64)
-        for share in _OUTSIDE:
+        for share in OUTSIDE_HULL:
             outside = np.isnan(values)
             values[outside] = function(middle + (1 - share) * (at[outside] - middle))
         values[far(at)] = np.nan

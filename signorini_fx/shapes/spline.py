@@ -8,11 +8,10 @@ import numpy as np
 
 from signorini_fx.scene.rigid_shape import Array
 from signorini_fx.shapes.polyline import LineShape, NearestPiece
+from signorini_fx.tuned import LAST_STEP_ON_SPLINE, STEPS_ON_SPLINE
 
 # Pieces between two points to begin with, and pieces to each side of the closest of them that are searched.
 _BETWEEN, _AROUND = 16, 4
-# Steps of that search at most, and the last one as a share of a piece.
-_STEPS, _LAST = 80, 1e-15
 
 
 class Spline(LineShape):
@@ -47,7 +46,7 @@ class Spline(LineShape):
         if not self.closed:
             low[parameter <= fine[0]], high[parameter >= fine[-1]] = -np.inf, np.inf
         moving = np.arange(len(x))
-        for _ in range(_STEPS):
+        for _ in range(STEPS_ON_SPLINE):
             position, slope, bend = self._at(curve, parameter[moving])
             rise = np.einsum("nd,nd->n", position - x[moving], slope)
             high[moving] = np.where(rise > 0, parameter[moving], high[moving])
@@ -60,7 +59,7 @@ class Spline(LineShape):
             halved = np.where(np.isfinite(high - low)[moving], (low[moving] + high[moving]) / 2, ahead)
             ahead = np.where(between, ahead, halved)
             moved, parameter[moving] = np.abs(ahead - parameter[moving]), ahead
-            moving = moving[(moved > _LAST * piece) & (rise != 0)]
+            moving = moving[(moved > LAST_STEP_ON_SPLINE * piece) & (rise != 0)]
             if not moving.size:
                 break
         position, slope, _ = self._at(curve, parameter)

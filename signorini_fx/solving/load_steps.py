@@ -27,10 +27,7 @@ from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.loose_bodies import explained
 from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.stepped_problem import BegunStep, LoadStep, P
-
-# Share of what has been added since the last factor by which a limit is passed to be proved: well above the round-off
-# of statics.
-_BEYOND = 1e-6
+from signorini_fx.tuned import BEYOND_LIMIT
 
 
 @dataclass
@@ -193,7 +190,7 @@ def _load_at(begun: BegunStep[P], path_step: float, path: Increments) -> Nodal:
         task.system.set_load(problem.load(task.system, at))
         return no_balance(start.law, start.data.bilateral, task.motions, task.system.resultant) is not None
 
-    beyond = path_step + _BEYOND * (path_step - floor(path_step))
+    beyond = path_step + BEYOND_LIMIT * (path_step - floor(path_step))
     if proved(path_step) or not proved(beyond):
         return problem.load(task.system, path_step)
     time = problem.path.time_at(path_step)

@@ -37,6 +37,7 @@ from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.meshed_problem import S, SolvedMesh
 from signorini_fx.tuned import (
     FEWEST_MESHES,
+    INDISTINGUISHABLE,
     LARGEST_GAMMA,
     MARGIN,
     MARGIN_OF_OTHERS,
@@ -44,12 +45,9 @@ from signorini_fx.tuned import (
     MOST_MESHES,
     REGULARISATION_SHARE,
     SMALLEST_JUMP,
+    TINY_CELL,
 )
 
-# Nodes that are closer than this share of the body's size cannot be told apart reliably.
-_ROUND_OFF = 1e-11
-# Cells of this share of the body's size, and those of the next mesh, may have stiffnesses that are round-off of others.
-_TINY = 1e-6
 # The field with the polygon's error of a quantity.
 _POLYGON_COLUMN = {"energy": "energy", "pressure": "pressure"}
 # Outcomes on a mesh whose cells are as small as the round-off of their coordinates.
@@ -190,7 +188,7 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size
         )
     spacings = [np.diff(table.arc(path)) for path in table.paths if len(path) > 1]
     spacing = min((float(lengths.min()) for lengths in spacings), default=inf)
-    if spacing < _ROUND_OFF * size:
+    if spacing < INDISTINGUISHABLE * size:
         return (
             "the contact pressure is so steep at a corner that round-off comes before the accuracy; it may have no "
             "finite norm there: ask for a force or the energy, or round off the corner"
@@ -251,7 +249,7 @@ def _estimate_on_one(level: LevelResult, goal: Accuracy) -> float | None:
 
 def _is_tiny(level: LevelResult, size: float) -> bool:
     """Whether a contact point of a mesh stands for so small an area that round-off may be why the next mesh fails."""
-    return float(level.table.columns["weight"].min()) < (_TINY * size) ** (level.dimension - 1)
+    return float(level.table.columns["weight"].min()) < (TINY_CELL * size) ** (level.dimension - 1)
 
 
 def _seen_rate(levels: list[LevelResult]) -> float:

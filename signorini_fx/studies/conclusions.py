@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from signorini_fx.studies.work_precision import QUANTITIES, Row, Study
+from signorini_fx.tuned import EQUAL_ERRORS, NO_ERROR, TIED_TIMES
 
 TARGETS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
-# Times this close are a tie, and the first in the list wins: it is the simpler one.  The same holds for errors.
-_TIE, _EQUAL_ERRORS = 1.25, 0.8
-# Forces that balance the load on every mesh have no error to show.
-_NOTHING = 1e-5
 _LABELS = {
     "energy": "displacement in the energy norm",
     "pressure": "contact pressure",
@@ -48,7 +45,7 @@ def cheapest_front(rows: Sequence[Row], quantity: str, floor: float | None = Non
     measured = [(row, e) for row, e in zip(rows, errors, strict=True) if e is not None and row["seconds"]]
     front: list[tuple[Row, float]] = []
     for row, error in sorted(measured, key=lambda pair: (pair[0]["seconds"], pair[1])):
-        if not front or error < _EQUAL_ERRORS * front[-1][1]:
+        if not front or error < EQUAL_ERRORS * front[-1][1]:
             front.append(next(pair for pair in measured if _as_good(pair, (row, error))))
     return [pair for k, pair in enumerate(front) if not any(_beats(later, pair) for later in front[k + 1 :])]
 
@@ -59,7 +56,7 @@ def _beats(first: tuple[Row, float], second: tuple[Row, float]) -> bool:
 
 def _as_good(first: tuple[Row, float], second: tuple[Row, float]) -> bool:
     """Whether the first is as good as the second, ties included."""
-    return bool(first[0]["seconds"] <= _TIE * second[0]["seconds"] and _EQUAL_ERRORS * first[1] <= second[1])
+    return bool(first[0]["seconds"] <= TIED_TIMES * second[0]["seconds"] and EQUAL_ERRORS * first[1] <= second[1])
 
 
 def choice(rows: Sequence[Row], quantity: str, target: float) -> Row | None:
@@ -67,7 +64,7 @@ def choice(rows: Sequence[Row], quantity: str, target: float) -> Row | None:
     errors = lasting_errors(rows, quantity)
     enough = [row for row, e in zip(rows, errors, strict=True) if e is not None and e <= target and row["seconds"]]
     least = min((row["seconds"] for row in enough), default=0.0)
-    return next((row for row in enough if row["seconds"] <= _TIE * least), None)
+    return next((row for row in enough if row["seconds"] <= TIED_TIMES * least), None)
 
 
 def advice(study: Study) -> str:
@@ -112,7 +109,7 @@ def _percent(target: float) -> str:
 
 def quantities_with_errors(study: Study) -> list[str]:
     """Quantities that have errors."""
-    return [name for name in QUANTITIES if any((row[name] or 0.0) > _NOTHING for row in study.rows)]
+    return [name for name in QUANTITIES if any((row[name] or 0.0) > NO_ERROR for row in study.rows)]
 
 
 def _finest(rows: Sequence[Row], name: str) -> Row | None:

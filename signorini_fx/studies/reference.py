@@ -30,18 +30,13 @@ from signorini_fx.scene.features import refuse
 from signorini_fx.scene.model import MeshGenerator, Scene
 from signorini_fx.scene.settings import SolverSettings
 from signorini_fx.solving.solver import solve
-from signorini_fx.tuned import EXPECTED_RATES
+from signorini_fx.tuned import EXPECTED_RATES, FIRST_CELLS, OUTSIDE_OTHER_MESH, SLOWEST_RATE
 
 Floats = npt.NDArray[np.float64]
 EXACT = {"algorithm": "exact", "linear_algebra": "condensed"}
 _CELLS = {"P": "triangle", "Q": "quadrilateral"}
-# How errors decrease with h on smooth parts of the boundary, and the slowest rate assumed for the reference.
-_EXPECTED, _SLOWEST = {"energy": 1.0, **EXPECTED_RATES}, 0.5
-# Adaptive meshes begin with these cells, relative to those of the scene: all its important nodes, where loads jump or
-# named sides end, should be nodes of them too.
-_FIRST = 2.0
-# Points of the reference are so many sizes of a cell outside the other mesh at most.
-_OUTSIDE = 1.0
+# How errors decrease with h on smooth parts of the boundary.
+_EXPECTED = {"energy": 1.0, **EXPECTED_RATES}
 
 
 # Features of a scene that a study does not know.
@@ -146,7 +141,7 @@ class Reference:
         points = compat.interpolation_points(space.element)
         function.interpolate(fem.Expression(_stress(solution), points))
         if key is None or key not in self._located:
-            cells, places, _ = cells_of_points(mesh, self._points, _OUTSIDE)
+            cells, places, _ = cells_of_points(mesh, self._points, OUTSIDE_OTHER_MESH)
             assert (cells >= 0).all()  # the meshes are of one body
             self._located[key] = cells, places
         cells, places = self._located[key]
@@ -172,7 +167,7 @@ def reference_solution(scene: Scene, fine: float, unknowns: int) -> tuple[Refere
         SceneError: the scene is not of that kind.
         ConvergenceError: there is no solution.
     """
-    solutions = divided(scene, _FIRST, unknowns) if _straight(scene) else uniform(scene, fine, "Q2")
+    solutions = divided(scene, FIRST_CELLS, unknowns) if _straight(scene) else uniform(scene, fine, "Q2")
     reference = Reference(solutions[-1])
     # Meshes with half and a quarter of the cells along a line; of the energy norm both differences see the same error.
     finest = solutions[-1].discretisation.dofs
@@ -215,7 +210,7 @@ def reference_errors(second: dict[str, float | None], third: dict[str, float | N
     errors: dict[str, float | None] = {}
     for name, near in second.items():
         far, power = third[name], 2 if name == "energy" else 1
-        expected, slowest = (2 ** (power * rate) - 1 for rate in (_EXPECTED[name], _SLOWEST))
+        expected, slowest = (2 ** (power * rate) - 1 for rate in (_EXPECTED[name], SLOWEST_RATE))
         seen = expected if not far or not near else (far / near) ** power - 2
         errors[name] = None if near is None else near / min(expected, max(seen, slowest)) ** (1 / power)
     return errors

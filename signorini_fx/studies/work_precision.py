@@ -26,6 +26,7 @@ from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving.solver import solve
 from signorini_fx.studies.methods import Method, methods
 from signorini_fx.studies.reference import Reference, on_mesh, reference_solution
+from signorini_fx.tuned import LONG_RUN, MIDDLE_RUN, TOO_LONG_RUN
 
 Row = dict[str, Any]
 QUANTITIES = {
@@ -39,11 +40,9 @@ PHASES = ("mesh", "compile", "assemble", "condense", "iterate", "certify")
 # Elements of the study's meshes, relative to those of the scene; those of a uniform reference, unknowns of another.
 _FACTORS, _QUICK_FACTORS = (8.0, 4.0, 2.0, 1.0, 0.5), (4.0, 2.0)
 _REFERENCE, _QUICK_REFERENCE = (0.2, 300_000), (1.0, 30_000)
-# Targets of adaptive meshes for the error in the energy norm, and the time that a run may take, seconds.
+# Targets of adaptive meshes for the error in the energy norm.
 _ASKED = {"P1": (0.2, 0.1, 0.05, 0.025), "P2": (0.05, 0.01, 3e-3, 1e-3)}
-_QUICK_ASKED, _TOO_LONG = (0.05, 0.02), 30.0
-# Seconds above which a run is not repeated, and above which it is repeated only three times.
-_LONG, _MIDDLE = 15.0, 0.5
+_QUICK_ASKED = (0.05, 0.02)
 
 
 @dataclass(frozen=True)
@@ -115,7 +114,7 @@ class _Run:
         settings = {"gamma_n": gamma, "gamma_t": gamma, **method.settings}
         self._scene = on_mesh(scene, factor, method.element, settings)
         if asked is not None:
-            goal = Accuracy(target=asked, of="energy", refinement="adaptive", seconds=_TOO_LONG)
+            goal = Accuracy(target=asked, of="energy", refinement="adaptive", seconds=TOO_LONG_RUN)
             self._scene = self._scene.model_copy(update={"accuracy": goal})
         self._method, self._factor, self._asked = method, factor, asked
         self._times: list[dict[str, float]] = []
@@ -134,7 +133,7 @@ class _Run:
             self._about = {"status": " ".join(str(error).split()), **dict.fromkeys(QUANTITIES)}
             return
         total = time.perf_counter() - begin
-        self._enough = 1 if total > _LONG else 3 if total > _MIDDLE else self._enough
+        self._enough = 1 if total > LONG_RUN else 3 if total > MIDDLE_RUN else self._enough
         if counted or self._enough == 1:
             phases = {phase: solution.timings.seconds.get(phase, 0.0) for phase in PHASES}
             coarser = sum(level.seconds for level in solution.levels[:-1])

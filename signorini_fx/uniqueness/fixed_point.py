@@ -20,11 +20,9 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.named_body import NamedBody
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.quantities.statements import FixedPoint
+from signorini_fx.tuned import WEIGHT_EVALUATIONS, WEIGHT_WORK
 from signorini_fx.uniqueness.contact_stiffness import contact_stiffness
 from signorini_fx.uniqueness.proof import components, critical
-
-# Eigenvalue problems that choose the weights; their work, a number of cubes of the size of the contact boundary.
-_EVALUATIONS, _WORK = 60, 2e9
 
 
 def fixed_point(d: NamedBody, contact: ContactState, step: float | None = None) -> FixedPoint:
@@ -42,7 +40,7 @@ def fixed_point(d: NamedBody, contact: ContactState, step: float | None = None) 
     rough = components(*stiffness, law)
     if isinstance(rough, str):
         return FixedPoint(np.inf, reason=rough)
-    often = min(_EVALUATIONS, 1 + int(_WORK / len(rough.stiffness) ** 3))
+    often = min(WEIGHT_EVALUATIONS, 1 + int(WEIGHT_WORK / len(rough.stiffness) ** 3))
     multiple, why, weights = critical(rough, law.coefficient, often)
     if multiple <= 1:
         return FixedPoint(1 / multiple if multiple > 0 else np.inf, reason=why)

@@ -34,18 +34,23 @@ from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.state import PointState
 from signorini_fx.quantities.statements import Uniqueness
-from signorini_fx.tuned import SECOND_SOLUTION_DIFFERS, SECOND_SOLUTION_DIVERGED, SECOND_SOLUTION_HOLDS, SINGULAR
+from signorini_fx.tuned import (
+    INDEFINITE,
+    PROVED_SHARE,
+    RANDOM_STARTS,
+    ROUGH_MULTIPLE,
+    SECOND_SOLUTION_DIFFERS,
+    SECOND_SOLUTION_DIVERGED,
+    SECOND_SOLUTION_HOLDS,
+    SINGULAR,
+    SOLVES_FROM_START,
+    STEPS_ON_THE_WAY,
+    WORTHWHILE_GAIN,
+)
 from signorini_fx.uniqueness.contact_stiffness import contact_stiffness
 
 # Exponent of the norm that replaces the largest eigenvalue, and how often it is evaluated.
 _SMOOTH, _EVALUATIONS = 60, 150
-# What it is where the weights prove nothing; a gain in its logarithm that is worth another search.
-_INDEFINITE, _GAIN = 100.0, 1e-3
-# Share of the critical coefficient that is proved: what the eigenvalue is allowed to be wrong by.
-_PROVED = 1 - 1e-6
-# Random starts of the search, steps of the friction coefficient on the way from zero and from a rough contact, the
-# multiple of the coefficient that is rough, and linear solves from one start.
-_STARTS, _PATH, _ROUGH, _SOLVES = 24, 12, 8.0, 60
 
 # Which normal components are closed, and +1 or -1 where a tangential one slips, 0 where it sticks.
 _Sets = tuple[npt.NDArray[np.bool_], Nodal]
@@ -204,7 +209,7 @@ def critical(rough: _Rough, coefficient: Nodal, evaluations: int = _EVALUATIONS)
         try:
             values, vectors = eigh(reduced(right), reduced(left_side), driver="gvd")
         except LinAlgError:  # the left side is not positive definite
-            return _INDEFINITE, np.zeros_like(weights)
+            return INDEFINITE, np.zeros_like(weights)
         values = np.maximum(values, 0.0)
         top = values[-1]
         share = (values / top) ** _SMOOTH
@@ -224,16 +229,16 @@ def critical(rough: _Rough, coefficient: Nodal, evaluations: int = _EVALUATIONS)
     while spent < evaluations:  # a search that leaves the weights with a proof ends early, and begins again
         minimum = minimize(value, best, jac=True, method="L-BFGS-B", options={"maxfun": evaluations - spent})
         spent += minimum.nfev
-        if not minimum.fun < reached - _GAIN:
+        if not minimum.fun < reached - WORTHWHILE_GAIN:
             break
         best, reached = minimum.x, minimum.fun
     left_side, right, _ = (*map(reduced, matrices(best)[:2]), None)
     multiple = 1.0 / float(
         eigh(right, left_side, eigvals_only=True, subset_by_index=(len(left_side) - 1, len(left_side) - 1))[0]
     )
-    if not _definite(left_side - multiple * _PROVED * right):
+    if not _definite(left_side - multiple * PROVED_SHARE * right):
         return 0.0, "round-off hides it", unit_weights
-    return multiple * _PROVED, "", np.exp(best[-sizes.size :]) / unit
+    return multiple * PROVED_SHARE, "", np.exp(best[-sizes.size :]) / unit
 
 
 def _definite(matrix: Nodal) -> bool:
@@ -303,10 +308,10 @@ def _other_solutions(rough: _Rough, law: PointFriction, state: PointState) -> tu
         (all_closed, no_slip - 1),
     ]
     starts += [(touching, s) for s in (no_slip, no_slip + 1, no_slip - 1)]
-    starts += [(chance.random(n) < 0.5, chance.integers(-1, 2, at.size).astype(float)) for _ in range(_STARTS)]
+    starts += [(chance.random(n) < 0.5, chance.integers(-1, 2, at.size).astype(float)) for _ in range(RANDOM_STARTS)]
     starts += [
-        *_along_path(rough, data, np.linspace(0, 1, _PATH)[:-1]),
-        *_along_path(rough, data, np.geomspace(_ROUGH, 1, _PATH)[:-1]),
+        *_along_path(rough, data, np.linspace(0, 1, STEPS_ON_THE_WAY)[:-1]),
+        *_along_path(rough, data, np.geomspace(ROUGH_MULTIPLE, 1, STEPS_ON_THE_WAY)[:-1]),
     ]
     for start in starts:
         solution = _newton(rough, data, *start)
@@ -337,7 +342,7 @@ def _newton(
     """An active set method; the solution with its sets if all conditions hold, None if it ends elsewhere."""
     n, stiffness, friction = rough.normal.size, rough.stiffness, data.friction
     seen: set[bytes] = set()
-    for _ in range(_SOLVES):
+    for _ in range(SOLVES_FROM_START):
         contact = contact | data.bilateral
         pressed = contact[rough.beside] | (friction.given > 0)
         key = contact.tobytes() + side.tobytes()

@@ -34,9 +34,9 @@ from signorini_fx.pictures import deformed_body
 from signorini_fx.report import page
 from signorini_fx.results import files
 from signorini_fx.results.folder import ResultFolder
-from signorini_fx.scene import magnitudes
 from signorini_fx.scene.reading import parse_scene, parse_scene_text
 from signorini_fx.solving.solver import solve
+from signorini_fx.tuned import LARGEST_NUMBER
 
 COMM = MPI.COMM_WORLD
 SCENE = """
@@ -171,7 +171,7 @@ def test_result_folder_of_5000_characters(tmp_path, run):
     assert "cannot be written: File name too long" in errors
 
 
-MAGNITUDES = st.floats(-60, 60).map(lambda power: 10.0**power) | st.sampled_from([magnitudes.LARGEST, 1e-60, 1.0])
+MAGNITUDES = st.floats(-60, 60).map(lambda power: 10.0**power) | st.sampled_from([LARGEST_NUMBER, 1e-60, 1.0])
 
 
 def ends_by_name(folder, young, gap, load, gamma, length):

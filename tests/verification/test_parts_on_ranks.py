@@ -17,7 +17,7 @@ from signorini_fx.body.discretisation import discretise
 from signorini_fx.contact.laws import natural_sets
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.traction import SurfaceTraction
-from signorini_fx.mesh.balance import UNEVEN, unevenness
+from signorini_fx.mesh.balance import unevenness
 from signorini_fx.mesh.refinement import cells_at, mark, refine
 from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh, load_mesh
 from signorini_fx.records import History, Status, Timings
@@ -25,6 +25,7 @@ from signorini_fx.results.certificate import certify
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.solver import solve
+from signorini_fx.tuned import UNEVEN
 
 pytestmark = pytest.mark.mpi
 WORLD, ALONE = MPI.COMM_WORLD, MPI.COMM_SELF

@@ -16,7 +16,7 @@ from signorini_fx.mesh.files.one_order import complete, of_one_order
 from signorini_fx.mesh.files.raw import RawMesh, row_keys, rows_of
 from signorini_fx.mesh.files.shape import Floats, Ints, check_shape
 from signorini_fx.scene.expressions import Expression
-from signorini_fx.scene.magnitudes import LARGEST
+from signorini_fx.tuned import LARGEST_NUMBER
 
 # A boundary or region is selected by numbers in the cell data of the file, or by a rule, a function of the position.
 Selection = int | tuple[int, ...] | Callable[[Floats], Floats]
@@ -289,8 +289,8 @@ def _points_of(raw: RawMesh, body: list[int], dim: int, name: str) -> tuple[Floa
     used[cells] = True
     renumber = np.where(used, np.cumsum(used) - 1, -1)
     points = np.asarray(raw.points, dtype=np.float64)[used]
-    if not (np.abs(points) <= LARGEST).all():
-        raise MeshError(f"{name}: a node has coordinates that are not finite, or larger than {LARGEST:g}")
+    if not (np.abs(points) <= LARGEST_NUMBER).all():
+        raise MeshError(f"{name}: a node has coordinates that are not finite, or larger than {LARGEST_NUMBER:g}")
     if points.shape[1] < dim:
         raise MeshError(f"{name}: the cells are those of a body in space, but the nodes have no third coordinate")
     if dim == 2 and points.shape[1] > 2:

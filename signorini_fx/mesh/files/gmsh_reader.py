@@ -13,14 +13,14 @@ from signorini_fx.mesh.files.cells import CELLS
 from signorini_fx.mesh.files.cutting import BETWEEN, CORNERS, shape_of
 from signorini_fx.mesh.files.raw import RawMesh
 from signorini_fx.mesh.files.shape import Ints
-from signorini_fx.tuned import DIGITS_OF_FILES
+from signorini_fx.tuned import BYTES_PER_CELL, DIGITS_OF_FILES, TETRAHEDRON_VOLUME
 
 # Drawings of CAD programs, by what OpenCASCADE calls them.
 CAD = {".step": "step", ".stp": "step", ".brep": "brep"}
 # A body's diagonal is so many cells long where no size is given.
 _CELLS_ALONG = 25
-# The size of a triangle and of a tetrahedron, of those of length 1; and what a cell takes at least until it is solved.
-_SHARE, _BYTES_PER_CELL = {1: 1.0, 2: 0.43, 3: 0.075}, 1000.0
+# The length, area and volume of a line, a triangle and a tetrahedron with edges of length 1.
+_CONTENT = {1: 1.0, 2: 0.43, 3: TETRAHEDRON_VOLUME}
 # Where the surface is curved, so many cells are a full turn.
 _TO_A_TURN = 16
 # More triangles or lines than this are many.
@@ -172,8 +172,8 @@ def _drawn(gmsh: Any, file: str, form: str, size: float, codimension: int) -> tu
     length = size or sum((b - a) ** 2 for a, b in zip(low, high, strict=True)) ** 0.5 / _CELLS_ALONG
     sizes = [(gmsh.model.occ.getMass(dim, tag), dim) for dim, tag in gmsh.model.getEntities(top - codimension)]
     with np.errstate(over="ignore"):
-        cells = sum((np.float64(abs(mass)) ** (1 / dim) / length) ** dim / _SHARE[dim] for mass, dim in sizes)
-    if _BYTES_PER_CELL * cells > resource.getrlimit(resource.RLIMIT_AS)[0]:
+        cells = sum((np.float64(abs(mass)) ** (1 / dim) / length) ** dim / _CONTENT[dim] for mass, dim in sizes)
+    if BYTES_PER_CELL * cells > resource.getrlimit(resource.RLIMIT_AS)[0]:
         raise ValueError(
             f"cells of size {length:g} would be about {cells:.2g}, too many for the memory: use larger ones"
         )
