@@ -61,11 +61,13 @@ class DeckSection:
         region: its name in the mesh; empty: the whole body.
         material: its name, in capitals.
         orientation: that of its axes, in capitals; empty: those of the file.
+        block: the keyword.
     """
 
     region: str
     material: str
     orientation: str
+    block: DeckBlock
 
 
 @dataclass

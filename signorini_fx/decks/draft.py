@@ -18,7 +18,7 @@ from signorini_fx.decks.deck import read_deck
 from signorini_fx.decks.material import material_tables
 from signorini_fx.decks.temperatures import temperature_changes
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh.files.abaqus_blocks import quoted
+from signorini_fx.mesh.files.abaqus_blocks import DeckError, quoted
 from signorini_fx.mesh.files.arrays import MeshArrays
 
 
@@ -57,7 +57,7 @@ def draft(file: Path, mesh: MeshArrays, target: Path) -> Draft:
     try:
         tables = _tables(deck, target, files)
     except (ValueError, IndexError) as error:
-        raise MeshError(f"{file}: {error}") from None
+        raise MeshError(f"{file}: {error.text if isinstance(error, DeckError) else error}") from None
     lost, noted = (deck.remarks(lost=lost) for lost in (True, False))
     lines = [f"# A draft from {file.name}: read it, and complete what it lacks."]
     lines += [f"# Left out: {remark}" for remark in noted]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.decks.content import Deck, DeckSection
-from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, quoted, real
+from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, DeckError, quoted, real
 from signorini_fx.mesh.files.arrays import plain
 from signorini_fx.mesh.files.shape import Floats
 from signorini_fx.tuned import ZERO_SUM
@@ -29,8 +29,7 @@ def read_section(deck: Deck, block: DeckBlock) -> None:
     if word is not None:
         deck.note(block, f"{word}: as a plane body under plane stress, without bending")
     if "MATERIAL" not in block.parameters:
-        deck.lose(block, "a section of several layers")
-        return
+        raise ValueError("MATERIAL is missing; sections of several layers are not known")
     if name != block.parameters["ELSET"]:
         deck.note(
             block,
@@ -40,7 +39,7 @@ def read_section(deck: Deck, block: DeckBlock) -> None:
         )
     if region is not None:
         material, turned = (block.parameters.get(key, "").upper() for key in ("MATERIAL", "ORIENTATION"))
-        deck.sections.append(DeckSection(region, material, turned))
+        deck.sections.append(DeckSection(region, material, turned, block))
     if deck.mesh.dim == 2 and deck.kinematics.uniform and block.rows and block.rows[0]:
         deck.thickness = real(block.rows[0][0])
         if deck.thickness != 1:
@@ -158,14 +157,18 @@ def material_tables(deck: Deck, *, heated: bool) -> list[tuple[str, list[str]]]:
     for section in deck.sections:
         covered[deck.mesh.regions[section.region]] = True
     if not covered.all():
-        raise ValueError(f"no material: {np.count_nonzero(~covered)} of {len(covered)} cells are in no section")
+        why = f"no material: {np.count_nonzero(~covered)} of {len(covered)} cells are in no section"
+        if deck.model.bare is None:
+            raise ValueError(why)
+        element, block = deck.model.bare
+        raise DeckError(block, f"{why}, such as element {element}")
     shown: list[tuple[str, list[str]]] = []
     for section in deck.sections:
         name = f"the material {section.material!r} of {section.region!r}"
         if (properties := deck.materials.get(section.material)) is None:
-            raise ValueError(f"{name} is not defined")
+            raise DeckError(section.block, f"{name} is not defined")
         if (law := _law(deck, properties, section.orientation)) is None:
-            raise ValueError(f"{name} has no *ELASTIC that is isotropic or orthotropic")
+            raise DeckError(section.block, f"{name} has no *ELASTIC that is isotropic or orthotropic")
         # without *EXPANSION a material does not expand
         properties = {"expansion": 0.0, **properties} if heated else properties
         shown.append((section.region, [*law, *(f"{key} = {properties[key]!r}" for key in keys if key in properties)]))

@@ -6,7 +6,7 @@ import tomllib
 
 import numpy as np
 import pytest
-from deck_lines import POISSON, STEEL, YOUNG, squares, stacked
+from deck_lines import POISSON, STEEL, YOUNG, assembly, squares, stacked
 from mpi4py import MPI
 
 from signorini_fx import cli
@@ -274,24 +274,6 @@ def test_a_part_without_a_material(tmp_path, capsys):
 
 
 # --- parts and included files ----------------------------------------------------------------------------------------
-
-
-def assembly(turn="0., 0., 0., 0., 0., 1., 180."):
-    """Two instances of one part, as Abaqus/CAE writes them: the second is shifted onto the first, and turned."""
-    part = ["*PART, NAME=Brick", *squares(4, 2), "*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL", "*END PART"]
-    lines = [*part, "*ASSEMBLY, NAME=Assembly", "*INSTANCE, NAME=Brick-1, PART=Brick", "*END INSTANCE"]
-    lines += ["*INSTANCE, NAME=Brick-2, PART=Brick", "-1., -2., 0.", turn, "*END INSTANCE"]
-    # The bottom of the second one is on top; names of the assembly are those of sets of the part, too.
-    lines += [
-        "*NSET, NSET=BODY_FEET, INSTANCE=Brick-1, GENERATE",
-        "1, 5",
-        "*ELSET, ELSET=_S, INSTANCE=Brick-2",
-        "1, 2, 3, 4",
-    ]
-    lines += ["*SURFACE, NAME=LID", "_S, S1", "*NODE", "1, 9., 9.", "*NSET, NSET=REF", "1", "*END ASSEMBLY", *STEEL]
-    lines += ["*CONTACT PAIR, INTERACTION=I", "Brick-2.BODY_TOP, Brick-1.BODY_TOP", "*SURFACE INTERACTION, NAME=I"]
-    lines += ["*BOUNDARY", "BODY_FEET, 2", "Brick-1.1, 1", "Brick-2.5, 1", "REF, 1, 2"]
-    return [*lines, "*STEP", "*STATIC", "*DSLOAD", "LID, P, 5.0", "*END STEP"]
 
 
 def test_an_assembly(tmp_path, capsys):

@@ -32,3 +32,21 @@ def stacked(behaviour, gap=0.0, pair="*CONTACT PAIR, INTERACTION=I"):
     lines += [*STEEL, "*SURFACE INTERACTION, NAME=I", *behaviour, pair, "UP_BOTTOM, LOW_TOP", "*BOUNDARY"]
     lines += ["LOW_FEET, 2", "LOW_WALL, 1", "UP_WALL, 1", "*STEP", "*STATIC", "*DSLOAD", "UP_TOP, P, 5.0"]
     return [*lines, "*END STEP"]
+
+
+def assembly(turn="0., 0., 0., 0., 0., 1., 180."):
+    """Two instances of one part, as Abaqus/CAE writes them: the second is shifted onto the first, and turned."""
+    part = ["*PART, NAME=Brick", *squares(4, 2), "*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL", "*END PART"]
+    lines = [*part, "*ASSEMBLY, NAME=Assembly", "*INSTANCE, NAME=Brick-1, PART=Brick", "*END INSTANCE"]
+    lines += ["*INSTANCE, NAME=Brick-2, PART=Brick", "-1., -2., 0.", turn, "*END INSTANCE"]
+    # The bottom of the second one is on top; names of the assembly are those of sets of the part, too.
+    lines += [
+        "*NSET, NSET=BODY_FEET, INSTANCE=Brick-1, GENERATE",
+        "1, 5",
+        "*ELSET, ELSET=_S, INSTANCE=Brick-2",
+        "1, 2, 3, 4",
+    ]
+    lines += ["*SURFACE, NAME=LID", "_S, S1", "*NODE", "1, 9., 9.", "*NSET, NSET=REF", "1", "*END ASSEMBLY", *STEEL]
+    lines += ["*CONTACT PAIR, INTERACTION=I", "Brick-2.BODY_TOP, Brick-1.BODY_TOP", "*SURFACE INTERACTION, NAME=I"]
+    lines += ["*BOUNDARY", "BODY_FEET, 2", "Brick-1.1, 1", "Brick-2.5, 1", "REF, 1, 2"]
+    return [*lines, "*STEP", "*STATIC", "*DSLOAD", "LID, P, 5.0", "*END STEP"]

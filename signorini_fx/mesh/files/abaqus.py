@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh.files.abaqus_assembly import AssemblyError, assembled
-from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, real
+from signorini_fx.mesh.files.abaqus_assembly import assembled
+from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, DeckError, real
 from signorini_fx.mesh.files.abaqus_groups import Group, Groups, agreeing, single
 from signorini_fx.mesh.files.abaqus_include import Source
 from signorini_fx.mesh.files.arrays import MeshArrays, plain
@@ -99,7 +99,9 @@ class _Reader:
         self.element_sets: dict[str, list[int]] = {}
         self.node_sets: dict[str, list[int]] = {}
         self.surfaces: dict[str, list[tuple[int, int]]] = {}  # name -> (element, face from 1 on)
+        self._element_blocks: list[DeckBlock] = []
         self._sections: list[DeckBlock] = []
+        self.bare: tuple[int, DeckBlock] | None = None
         self.sections: dict[int, str | None] = {}
         self.groups: dict[int, list[Group]] = {}
         self.undefined: dict[str, int] = {}
@@ -119,7 +121,7 @@ class _Reader:
                     name = self._name(parameters["NSET"])
                     self.node_sets.setdefault(name, []).extend(int(row[0]) for row in rows)
             case "ELEMENT":
-                self._read_elements(parameters, rows)
+                self._read_elements(block)
             case "NSET":
                 self._read_set(self.node_sets, self._name(parameters["NSET"]), parameters, rows)
             case "ELSET":
@@ -150,8 +152,13 @@ class _Reader:
         owner: dict[int, int] = {}
         members = {}
         for block in self._sections:
+            if "ELSET" not in block.parameters:
+                raise DeckError(block, "ELSET is missing")
             members[block.number] = self.element_sets.get(self._name(block.parameters["ELSET"]), [])
             owner.update(dict.fromkeys(members[block.number], block.number))
+        bare = (element for element in self.elements if element not in owner and self._is_body(element))
+        if (element := next(bare, None)) is not None:
+            self.bare = element, self._element_blocks[self.elements[element][0]]
         for block in self._sections:
             elements = members[block.number]
             owned = [element for element in elements if owner[element] == block.number]
@@ -164,7 +171,8 @@ class _Reader:
                 self.sections[block.number] = name
                 self.element_sets[name] = owned
 
-    def _read_elements(self, parameters: dict[str, str], rows: list[list[str]]) -> None:
+    def _read_elements(self, block: DeckBlock) -> None:
+        parameters, rows = block.parameters, block.rows
         if NO_BODY.match(parameters["TYPE"].upper()):
             self.passed_over.update(int(row[0]) for row in rows)
             if "ELSET" in parameters:
@@ -181,6 +189,7 @@ class _Reader:
             self.elements[element] = len(self.blocks), row
         if table:
             self.blocks.append((kind, [nodes for _, *nodes in table]))
+            self._element_blocks.append(block)
         if "ELSET" in parameters:
             self.element_sets.setdefault(self._name(parameters["ELSET"]), []).extend(row[0] for row in table)
 
@@ -280,7 +289,8 @@ class _Reader:
             row = next(k for k, row in enumerate(nodes) if not node_rows.keys() >= set(row))
             element = next(number for number, where in self.elements.items() if where == (block, row))
             node = next(n for n in nodes[row] if n not in node_rows)
-            raise ValueError(f"element {element} has the node {node}, which the file does not define") from None
+            why = f"element {element} has the node {node}, which the file does not define"
+            raise DeckError(self._element_blocks[block], why) from None
 
     def _rows(self, name: str, members: list[int], count: int) -> list[Ints]:
         by_block: list[list[int]] = [[] for _ in range(count)]
@@ -313,6 +323,7 @@ class Model:
         undefined: name of a set -> how many of its members the file does not define.
         places: number of a node -> its row in the mesh.
         surfaces: name of a surface -> its elements, each with a face from 1 on.
+        bare: an element of the body that is in no section, and the keyword that defines it; None: all are in one.
     """
 
     raw: RawMesh
@@ -322,6 +333,7 @@ class Model:
     undefined: dict[str, int]
     places: dict[int, int]
     surfaces: dict[str, list[tuple[int, int]]]
+    bare: tuple[int, DeckBlock] | None
 
 
 def read_model(file: Path) -> Model:
@@ -334,8 +346,8 @@ def read_model(file: Path) -> Model:
     source = Source(file)
     try:
         blocks = [replace(block, number=number) for number, block in enumerate(assembled(source.blocks()))]
-    except AssemblyError as error:
-        raise MeshError(f"{file}: {error.block.place}, *{error.block.name}: {error}") from None
+    except DeckError as error:
+        raise MeshError(f"{file}: {error.text}") from None
     reader = _Reader(source.size)
     for block in blocks:
         with _named(file, f"{block.place}, *{block.name}"):
@@ -344,7 +356,11 @@ def read_model(file: Path) -> Model:
         mesh = reader.result()
         if reader.passed_over | reader.elements.keys() and all(kind.startswith("line") for kind, _ in mesh.blocks):
             raise ValueError("there is no body of solid or plane elements, but beams, springs or the like")
-    return Model(mesh, blocks, reader.groups, reader.sections, reader.undefined, reader.places, reader.surfaces)
+        if not reader.elements and not reader.passed_over:
+            last = blocks[-1] if blocks else DeckBlock("", {}, 1, name="NODE")
+            raise DeckError(last, "up to here, the last keyword, there is no element")
+    groups, sections, surfaces = reader.groups, reader.sections, reader.surfaces
+    return Model(mesh, blocks, groups, sections, reader.undefined, reader.places, surfaces, reader.bare)
 
 
 def read(file: Path) -> RawMesh:
@@ -364,6 +380,8 @@ def _named(file: Path, location: str) -> Iterator[None]:
     """Add the place in the file to an error."""
     try:
         yield
+    except DeckError as error:
+        raise MeshError(f"{file}: {error.text}") from None
     except KeyError as error:
         raise MeshError(f"{file}: {location}: {error} is missing") from None
     except (ValueError, IndexError, TypeError, OverflowError) as error:

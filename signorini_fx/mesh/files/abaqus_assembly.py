@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, real
+from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, DeckError, real
 from signorini_fx.mesh.files.arrays import plain
 from signorini_fx.mesh.files.shape import Floats
 
@@ -28,14 +28,6 @@ _REFERRING: dict[str, int | None] = {
 _LEVELS = {"PART", "ENDPART", "INSTANCE", "ENDINSTANCE", "ASSEMBLY", "ENDASSEMBLY"}
 # Copies of parts may not fill the memory.
 _MOST_ROWS = 20_000_000
-
-
-class AssemblyError(ValueError):
-    """What is wrong with an assembly, and the keyword."""
-
-    def __init__(self, block: DeckBlock, why: str) -> None:
-        self.block = block
-        super().__init__(why)
 
 
 @dataclass
@@ -63,7 +55,7 @@ def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
     """The keywords without parts and instances; those of a file without instances as they are.
 
     Raises:
-        AssemblyError: a part is missing, or what positions an instance is no number; or everything is too large.
+        DeckError: a part is missing, or what positions an instance is no number; or everything is too large.
     """
     if not any(block.keyword == "INSTANCE" for block in blocks):
         return blocks
@@ -78,7 +70,7 @@ def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
         elif block.keyword == "INSTANCE":
             instance = _instance(block, parts)
             if instance.name.upper() in instances:
-                raise AssemblyError(block, f"there are two instances {instance.name!r}")
+                raise DeckError(block, f"there are two instances {instance.name!r}")
             instances[instance.name.upper()] = instance
             order.append(instance)
             scope = instance.blocks
@@ -90,7 +82,7 @@ def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
         else:
             scope.append(block)
     if sum(len(block.rows) for part_scope in instances.values() for block in part_scope.blocks) > _MOST_ROWS:
-        raise AssemblyError(blocks[0], f"all instances together have more than {_MOST_ROWS:,} rows")
+        raise DeckError(blocks[0], f"all instances together have more than {_MOST_ROWS:,} rows")
     first = 0
     for part_scope in (*instances.values(), assembly):
         part_scope.names = {name.upper() for block in part_scope.blocks for name in _defined(block)}
@@ -110,7 +102,7 @@ def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
 
 def _required(block: DeckBlock, key: str) -> str:
     if key not in block.parameters:
-        raise AssemblyError(block, f"{key} is missing")
+        raise DeckError(block, f"{key} is missing")
     return block.parameters[key]
 
 
@@ -118,7 +110,7 @@ def _instance(block: DeckBlock, parts: dict[str, list[DeckBlock]]) -> _Scope:
     """An instance of a part, which the rows may shift and then turn about an axis."""
     part = _required(block, "PART")
     if part.upper() not in parts:
-        raise AssemblyError(block, f"there is no part {part!r} before it")
+        raise DeckError(block, f"there is no part {part!r} before it")
     instance = _Scope(_required(block, "NAME"), list(parts[part.upper()]))
     try:
         rows = [np.array([real(word) for word in row]) for row in block.rows]
@@ -131,7 +123,7 @@ def _instance(block: DeckBlock, parts: dict[str, list[DeckBlock]]) -> _Scope:
             instance.move = lambda x: np.asarray((x + rows[0] - pivot) @ turn.T + pivot)
             instance.turn = lambda x: np.asarray(x @ turn.T)
     except ValueError as error:
-        raise AssemblyError(block, str(error)) from None
+        raise DeckError(block, str(error)) from None
     return instance
 
 
@@ -206,7 +198,7 @@ class _Names:
             try:
                 rows = _moved(replace(block, rows=rows), scope.move, scope.turn)
             except ValueError as error:
-                raise AssemblyError(block, str(error)) from None
+                raise DeckError(block, str(error)) from None
         return replace(block, parameters=parameters, rows=rows)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -34,6 +35,19 @@ class DeckBlock:
     def place(self) -> str:
         """Where it is, in words."""
         return f"line {self.line}" + (f" of {self.file}" if self.file else "")
+
+
+class DeckError(ValueError):
+    """What is wrong with a keyword, and the keyword."""
+
+    def __init__(self, block: DeckBlock, why: str) -> None:
+        self.block = block
+        super().__init__(why)
+
+    @property
+    def text(self) -> str:
+        """What is wrong, and where."""
+        return f"{self.block.place}, *{self.block.name}: {self}"
 
 
 def joined_lines(text: str) -> Iterator[tuple[int, str]]:
@@ -73,8 +87,15 @@ def blocks(lines: Iterable[tuple[int, str, str]]) -> Iterator[DeckBlock]:
 
 
 def real(word: str) -> float:
-    """A number, perhaps as Fortran writes it."""
-    return float(re.sub("[dD]", "E", word))
+    """A number, perhaps as Fortran writes it.
+
+    Raises:
+        ValueError: it is none, or not finite.
+    """
+    number = float(re.sub("[dD]", "E", word))
+    if not math.isfinite(number):
+        raise ValueError(f"a finite number is expected, got {word!r}")
+    return number
 
 
 _LABELS = {

@@ -1,0 +1,79 @@
+"""Decks that are broken somewhere: they are read, or refused with one error that names a line or a place."""
+
+import random
+import re
+
+import pytest
+from deck_lines import assembly, stacked
+
+from signorini_fx.decks.draft import draft
+from signorini_fx.errors import SignoriniError
+from signorini_fx.mesh.files.formats import read_file
+from signorini_fx.scene.reading import parse_scene_text
+
+WORDS = ("", "x", "-1", "1e999", "nan", "0", "99999999", "*", "=", "1.5", "NOSUCH", "1,2,3", "\x00", "é")
+CONTACT = stacked(["*FRICTION", "0.2, 50.", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "100., 3."])
+STEPS = [
+    *("*AMPLITUDE, NAME=A", "0., 0., 1., 1.", "*STEP", "*STATIC", "0.5, 1.", "*BOUNDARY, OP=NEW, AMPLITUDE=A"),
+    *("LOW_FEET, 1, 2", "*CLOAD, OP=NEW", "UP_HEAD, 1, 2.", "*NODE PRINT, NSET=UP_HEAD", "U, RF", "*END STEP"),
+]
+
+
+def mutilated(lines, chance):
+    """The lines with one thing that is missing, doubled, exchanged or another one."""
+    n, kind = chance.randrange(len(lines)), chance.randrange(9)
+    if chance.random() < 0.6:
+        n = chance.choice([k for k, line in enumerate(lines) if line.startswith("*")])
+    line, words = lines[n], lines[n].split(",")
+    place, letter = chance.randrange(len(line) + 1), chance.randrange(len(words))
+    other = [*lines]
+    match kind:
+        case 0:
+            return lines[:n]
+        case 1:
+            del other[n]
+        case 2:
+            other.insert(n, line)
+        case 3:
+            words[letter] = chance.choice(WORDS)
+            other[n] = ",".join(words)
+        case 4:
+            other[n] = line[:place]
+        case 5:
+            other[n] = line[:place] + chance.choice("*,=.- xX9#\t") + line[place:]
+        case 6:
+            other[n] = ",".join(words[:letter] + words[letter + 1 :])
+        case 7:
+            m = chance.randrange(len(lines))
+            other[n], other[m] = other[m], other[n]
+        case 8:
+            del other[n : n + chance.randrange(1, 6)]
+    return other
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("lines", [[*CONTACT, *STEPS], assembly()], ids=["contact", "assembly"])
+def test_mutilated_decks(tmp_path, seed, lines):
+    """300 in all."""
+    chance = random.Random(seed)
+    deck, scene, refused = tmp_path / "deck.inp", tmp_path / "scene.toml", 0
+    for _ in range(50):
+        deck.write_text("\n".join(mutilated(lines, chance)) + "\n")
+        said = error_of(lambda: draft(deck, read_file(deck), scene))
+        refused += said is not None
+        if said is not None:
+            assert re.search(r"line \d+|the first at \(", said)
+            assert "\n" not in said
+        else:
+            said = error_of(lambda: parse_scene_text(draft(deck, read_file(deck), scene).text, scene))
+            assert said is None or str(scene) in said
+    assert 5 < refused < 45
+
+
+def error_of(read):
+    """The text of its error; None: it has none."""
+    try:
+        read()
+    except SignoriniError as error:
+        return str(error)
+    return None
