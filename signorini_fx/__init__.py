@@ -59,7 +59,7 @@ _PUBLIC = {
     "results.summary": ("print_progress",),
     "scene.load_steps": ("LoadPath", "LoadSteps"),
     "scene.model": ("Body", "Discretised", "MeshFile", "MeshGenerator", "Scene"),
-    "scene.settings": ("Accuracy", "Box", "SolverSettings", "Units"),
+    "scene.settings": ("Accuracy", "Box", "SolverSettings", "TitleBlock", "Units"),
     "scene.reading": ("read_scene",),
     "solving.solver": ("solve",),
     "solving.sweep": ("SweepPoint", "sweep"),

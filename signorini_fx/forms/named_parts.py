@@ -44,7 +44,7 @@ class FormScene(Scene):
     @property
     def unstated(self) -> tuple[str, ...]:
         """See ``Scene``."""
-        return ("body", "accuracy", "units", "volumetric", *(key for key in keys() if key != "contact"))
+        return ("body", "accuracy", "units", "title_block", "volumetric", *(key for key in keys() if key != "contact"))
 
     @cached_property
     def steps(self) -> int:

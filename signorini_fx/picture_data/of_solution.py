@@ -35,6 +35,7 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
         names_of(solution.scene.model_dump(include={"units", "material"}), dimension),
         {contacts[part].boundary: motion.at for motion in solution.last_step.tools for part in motion.body.parts},
         (".png", ".pdf") if pdf else (".png",),
+        bool(solution.scene.kinematics.zero_on_axis),
     )
 
 

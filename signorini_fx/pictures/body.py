@@ -3,15 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.pictures.tiling import Tiling
+from signorini_fx.tuned import SAME_LENGTH
 
 Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
+
+
+
+def with_mirrored(vectors: Floats) -> Floats:
+    """Vectors in the plane, shape (n, 2), and behind them those with the other sign of x[0]."""
+    return np.concatenate((vectors, vectors * (-1.0, 1.0)))
+
+
+def _mirrored(field: Floats) -> Floats:
+    """Scalars as they are, and tensors with the other sign of what x[0] shears."""
+    if field.shape[-2:] != (3, 3):
+        return field
+    signs = np.array([-1.0, 1.0, 1.0])
+    return np.asarray(field * np.outer(signs, signs))
 
 
 @dataclass(frozen=True)
@@ -30,6 +45,7 @@ class DrawnBody:
         recovered: whether the values are at points, the stress recovered.
         outline: in the plane pairs of points along the boundary of the body, shape (e, 2).
         pieces: in space the connected piece that each point is of, shape (n,); None: there is one.
+        parted: in space the largest gap that has closed between two bodies, length, see ``magnification``.
     """
 
     points: Floats
@@ -40,6 +56,23 @@ class DrawnBody:
     recovered: bool
     outline: Rows | None = None
     pieces: Rows | None = None
+    parted: float = 0.0
+
+    def with_mirror_image(self) -> DrawnBody:
+        """The section of an axisymmetric body with that on the other side of the axis, which is x[0] = 0."""
+        assert self.outline is not None
+        values = {name: np.concatenate((field, _mirrored(field))) for name, field in self.values.items()}
+        size = float(np.ptp(self.points, axis=0).max())
+        on_axis = (np.abs(self.points[self.outline, 0]) <= SAME_LENGTH * size).all(axis=1)
+        outline = self.outline[~on_axis]
+        return replace(
+            self,
+            points=with_mirrored(self.points),
+            within=np.concatenate((self.within, self.within + len(self.points))),
+            displacement=with_mirrored(self.displacement),
+            values=values,
+            outline=np.concatenate((outline, outline + len(self.points))),
+        )
 
     @property
     def perimeters(self) -> Rows:
@@ -94,3 +127,12 @@ class Moment:
     displacement: Floats
     values: Floats
     touching: npt.NDArray[np.bool_] | None = None
+
+    def with_mirror_image(self) -> Moment:
+        """See ``DrawnBody``."""
+        return replace(
+            self,
+            displacement=with_mirrored(self.displacement),
+            values=np.concatenate((self.values, self.values)),
+            touching=None if self.touching is None else np.append(self.touching[::-1], self.touching),
+        )

@@ -112,6 +112,14 @@ class DrawnFoundation:
         split = zip(*(np.split(part, breaks) for part in (nodes, offset, touching, ungrounded)), strict=True)
         return [DrawnFoundation(*parts) for parts in split if len(parts[0]) > 1]
 
+    def with_mirror_image(self) -> DrawnFoundation:
+        """Behind that on the other side of the axis, which is x[0] = 0, in the other order: the body is on the left."""
+        nodes, offset = (np.concatenate((part[::-1] * (-1.0, 1.0), part)) for part in (self.nodes, self.offset))
+        touching, other = (
+            None if part is None else np.append(part[::-1], part) for part in (self.touching, self.other)
+        )
+        return DrawnFoundation(nodes, offset, touching, other)
+
     def keeps_its_shape(self, factor: float, points: Floats) -> bool:
         """Whether all connected parts look like themselves below a body with these points, see ``deformed_mesh``."""
         return all(piece.looks_like_itself(factor, _diagonal(points)) for piece in self.pieces())

@@ -91,9 +91,9 @@ def _draw(upper: Axes, lower: Axes, steps: Table) -> None:
         pressing = [MULTIPLIER | {"linewidth": 0.7}, *pressing[::-1]]
         rubbing = [*rubbing, MOTION | {"linestyle": LIMIT["linestyle"]}]
     friction = max(names[count:], key=lambda name: largest_of(forces[name]))
-    measure, motion_name, direction = "force per thickness", "mean_tangential_displacement", ""
+    motion_name, direction = "mean_tangential_displacement", ""
     if in_space:  # the motion is a vector: its component along the force that is drawn against it
-        measure, motion_name = "force", f"{motion_name}{friction[-2:]}"
+        motion_name = f"{motion_name}{friction[-2:]}"
         direction = f" {friction[-1]}"
     drawn, kind = friction.replace("_", " "), "force"
     resisting = forces[friction]
@@ -104,7 +104,7 @@ def _draw(upper: Axes, lower: Axes, steps: Table) -> None:
         if largest_of(forces[name]) > 1e-6 * scale:  # components that are zero up to round-off are not shown
             label = name.replace("_", " ")
             upper.plot(times, forces[name] * 10.0**power, label=label, **_DOTS, **style)
-    upper.set_ylabel(_above(measure, unit_of(power, "force")))
+    upper.set_ylabel(_above("force", unit_of(power, "force")))
     motion = np.asarray(steps[motion_name], dtype=np.float64)
     out = decimal_power(largest_of(motion))
     power = decimal_power(largest_of(resisting))
@@ -166,7 +166,7 @@ def _draw_of_each(upper: Axes, lower: Axes, steps: Table, boundaries: Sequence[s
             later = sum(map(min, moves, _alike(rubbing[k][1], [curve for _, curve in rubbing[k + 1 :]], scale)))
             style = _DOTS | MULTIPLIER | colour | _wider(MULTIPLIER, later)
             lower.plot(motion[k] * 10.0**out, rubbing[k][1] * 10.0**resisting, **style)
-    upper.set_ylabel(_above(f"force{'' if in_space else ' per thickness'}", unit_of(power, "force")))
+    upper.set_ylabel(_above("force", unit_of(power, "force")))
     along = {axis for axis, force in rubbing if largest_of(force) > 1e-6 * scale}
     direction = f" {along.pop()}" if len(along) == 1 else ""
     lower.set(
@@ -197,7 +197,6 @@ def _draw_closed(
     """
     times = np.asarray(steps["time"], dtype=np.float64)
     largest = [max(moments.items(), key=lambda entry: largest_of(entry[1])) for _, _, moments in closed]
-    measure = "force" if largest[0][0] else "force per thickness"
     power = decimal_power(largest_of(*(pressing for _, pressing, _ in closed)))
     turning = decimal_power(largest_of(*(moment for _, moment in largest)))
     for k, (name, pressing, _) in enumerate(closed):
@@ -209,7 +208,7 @@ def _draw_closed(
         )
         label = f"{of}moment of friction {axis}".rstrip()
         lower.plot(times, moment * 10.0**turning, label=label, **(_DOTS | MOTION | (colour if name else {})))
-    upper.set_ylabel(_above(measure, unit_of(power, "force")))
+    upper.set_ylabel(_above("force", unit_of(power, "force")))
     lower.set(xlabel="time", ylabel=_above("moment of friction", unit_of(turning, "moment")))
     if len(closed) > 1:
         lower.legend(loc="best")

@@ -57,11 +57,12 @@ def draw_lengths(
         axes.text(x, y, text, ha=across, va=upwards, color=INK, fontsize=8.5, clip_on=False)
 
 
-def mark_largest(axes: Axes, point: Floats, value: float) -> None:
-    """A small circle at a place in the picture, shape (2,), with the value of the field there."""
-    text = f"${math_number(float(f'{value:.{_DIGITS}g}'))}$"
+def mark_largest(axes: Axes, point: Floats, value: float, *, behind: bool = False) -> None:
+    """A small circle at a place in the picture, shape (2,), with the value of the field there; open if it is behind."""
+    text = f"${math_number(float(f'{value:.{_DIGITS}g}'))}$" + (" behind" if behind else "")
+    fill = "none" if behind else "white"
     axes.plot(
-        *point, marker="o", markersize=5, markerfacecolor="white", markeredgecolor=INK, markeredgewidth=0.9, zorder=7
+        *point, marker="o", markersize=5, markerfacecolor=fill, markeredgecolor=INK, markeredgewidth=0.9, zorder=7
     )
     box = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
     axes.annotate(

@@ -95,7 +95,7 @@ def moving_solid(
     """
     from signorini_fx.pictures.solid_body import Skin, deformed_solid, telling_view
 
-    factor, top, places = _alike(body.points, moments)
+    factor, top, places = _alike(body.points, moments, body.parted)
     skins = [
         Skin.of(replace(body, displacement=entry.displacement, values={"von_mises": entry.values}), "von_mises")
         for entry in moments

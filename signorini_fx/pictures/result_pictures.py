@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -39,6 +39,7 @@ class ResultPictures:
         units: for labels, see ``signorini_fx.units``.
         tools: of each boundary that a rigid tool may touch, how the tool has moved at points of shape (n, d).
         suffixes: of the files to write, except the animation.
+        mirrored: whether the body is a section that is drawn on both sides of its axis.
     """
 
     title: str
@@ -52,6 +53,7 @@ class ResultPictures:
     units: Mapping[str, str] = field(default_factory=dict)
     tools: Mapping[str, Callable[[Array], Array]] = field(default_factory=dict)
     suffixes: Sequence[str] = (".png",)
+    mirrored: bool = False
 
     def draw(
         self,
@@ -102,22 +104,25 @@ class ResultPictures:
             self._draw_in_the_plane(self.body, contact, folder, title)
         elif self.body is not None:
             foundations = [] if contact is None or facets is None else foundations_of(contact, facets, self.tools)
-            self._draw_in_space(self.body, foundations, folder, title)
+            drawn = self.body if contact is None else replace(self.body, parted=_parted(contact))
+            self._draw_in_space(drawn, foundations, folder, title)
             if contact is not None and not _grounded(contact).all() and "von_mises" in self.fields:
                 from signorini_fx.pictures.exploded import exploded
                 from signorini_fx.pictures.solid_body import Skin
 
-                skin = Skin.of(self.body, "von_mises")
+                skin = Skin.of(drawn, "von_mises")
                 exploded(folder / "exploded", skin, contact, title=title, suffixes=self.suffixes)
             if contact is not None and self.volume is not None:
-                self._draw_section(self.body, self.volume, contact, foundations, folder, title)
+                self._draw_section(drawn, self.volume, contact, foundations, folder, title)
 
     def _draw_in_the_plane(self, body: DrawnBody, contact: Table | None, folder: Path, title: str) -> None:
         from signorini_fx.pictures.deformed_body import DrawnFoundation, deformed_mesh
         from signorini_fx.pictures.moving_body import moving_body
 
+        moments, foundation = self.moments, None
+        if self.mirrored:
+            body, moments = body.with_mirror_image(), [moment.with_mirror_image() for moment in moments]
         assert body.outline is not None
-        foundation = None
         if contact is not None:
             nodes = np.column_stack((contact["x"], contact["y"]))
             offset = np.column_stack((contact["n_x"], contact["n_y"])) * contact["gap"][:, None]
@@ -125,6 +130,7 @@ class ResultPictures:
                 on_tool = np.asarray(contact["boundary"] == name)
                 offset[on_tool] += moved(nodes[on_tool])
             foundation = DrawnFoundation(nodes, offset, contact["state"] != "open", ~_grounded(contact))
+            foundation = foundation.with_mirror_image() if self.mirrored else foundation
         for name in self.fields:
             deformed_mesh(
                 folder / self._stem(name),
@@ -140,8 +146,8 @@ class ResultPictures:
                 title=title,
                 suffixes=self.suffixes,
             )
-        if self.moments:
-            moving_body(folder / "deformed.gif", body, self.moments, foundation=foundation, title=title)
+        if moments:
+            moving_body(folder / "deformed.gif", body, moments, foundation=foundation, title=title)
 
     def _draw_in_space(
         self, body: DrawnBody, foundations: Sequence[FoundationSurface], folder: Path, title: str
@@ -206,6 +212,12 @@ class ResultPictures:
 def _grounded(contact: Table) -> npt.NDArray[np.bool_]:
     """Which rows of contact.csv are on a rigid foundation."""
     return np.asarray(contact["against"] == "") if "against" in contact else np.full(len(contact["boundary"]), True)
+
+
+def _parted(contact: Table) -> float:
+    """The largest gap that has closed between two bodies, length."""
+    closed = np.abs(contact["gap"][~_grounded(contact) & (contact["state"] != "open")])
+    return float(closed[np.isfinite(closed)].max(initial=0.0))
 
 
 def foundations_of(

@@ -20,7 +20,7 @@ from signorini_fx.pictures.body import DrawnBody, Volume
 from signorini_fx.pictures.deformed_body import magnification
 from signorini_fx.pictures.fields import FIELDS, Field, values_of
 from signorini_fx.pictures.foundation import FoundationSurface, normals_of
-from signorini_fx.pictures.marks import draw_lengths
+from signorini_fx.pictures.marks import draw_lengths, mark_largest
 from signorini_fx.pictures.solid import Cut, Lines, Solid
 from signorini_fx.pictures.style import BLUE, ORANGE, SCREEN, STYLE, Floats, finish, math_number
 from signorini_fx.pictures.tones import STROKES, Tones, strokes, thinned
@@ -49,6 +49,7 @@ class Skin:
         perimeters: points along the perimeter of each facet, shape (m, k).
         at_points: whether the field varies within a facet.
         pieces: the connected piece that each point is of, shape (n,); None: there is one.
+        parted: see ``magnification``.
     """
 
     points: Floats
@@ -58,6 +59,7 @@ class Skin:
     perimeters: Rows
     at_points: bool
     pieces: Rows | None = None
+    parted: float = 0.0
 
     @classmethod
     def of(cls, body: DrawnBody, field: str) -> Skin:
@@ -78,7 +80,13 @@ class Skin:
             body.perimeters,
             body.recovered,
             body.pieces,
+            body.parted,
         )
+
+    @property
+    def factor(self) -> float:
+        """Which makes its displacement visible."""
+        return magnification(self.points, self.displacement, self.parted)
 
     @property
     def size(self) -> float:
@@ -90,6 +98,14 @@ class Skin:
         """Pairs of points along the perimeters of all facets, each once, shape (e, 2)."""
         pairs = np.stack((self.perimeters, np.roll(self.perimeters, -1, axis=1)), axis=2).reshape(-1, 2)
         return np.unique(np.sort(pairs, axis=1), axis=0)
+
+    def largest(self) -> tuple[int, float] | None:
+        """The point where the field is largest by its size, and its value; None: it is no number anywhere."""
+        values = self.values.ravel()
+        if not np.isfinite(values).any():
+            return None
+        at = int(np.nanargmax(np.abs(np.where(np.isfinite(values), values, np.nan))))
+        return int(self.triangles.ravel()[at]), float(values[at])
 
     def moved(self, factor: float) -> Floats:
         """The points with the displacement times a factor; a failed solve may have left anything behind."""
@@ -134,7 +150,8 @@ def solid_figure(
     of the colour bar says whether it is so.  If a singular edge would leave the rest without colour, the scale ends at
     the value that is not exceeded on 99 % of the visible area.  Dark lines on the body are its sharp edges, gray ones
     those of the undeformed body; the edges of the facets are drawn if they are large enough to see them.  Arrows show
-    the axes, and how long the undeformed body is along each.  A foundation is gray, and seen from the side of the body
+    the axes, and how long the undeformed body is along each.  A circle marks the value of the largest size on the
+    surface; it is open where it is behind the body.  A foundation is gray, and seen from the side of the body
     only.
 
     As in the plane the gap is magnified with the displacement.  Where that would bend the foundation visibly, as the
@@ -158,7 +175,7 @@ def solid_figure(
     Raises:
         PictureError: PyVista is missing.
     """
-    chosen = magnification(skin.points, skin.displacement) if factor is None else factor
+    chosen = skin.factor if factor is None else factor
     true = factor is not None or all(entry.looks_like_itself(chosen, skin.size) for entry in foundations)
     scaling = f"displacement $\\times\\,{math_number(chosen)}$"
     if true:
@@ -180,8 +197,13 @@ def solid_figure(
         if stress is not None:
             solid = replace(solid, lines=_strokes(skin, at, stress, camera))
         show(axes, solid, camera, inch)
-        if solid is shown[0] or axes is grid[0]:
+        if axes is grid[0]:
             draw_lengths(axes, skin.points, camera.flat)
+            if factor is None and (largest := skin.largest()) is not None:
+                point, value = largest
+                mark_largest(
+                    axes, camera.flat(solid.points[point][None])[0], value, behind=_hidden(skin, point, camera)
+                )
     tones.bar(figure, list(grid))
     return figure, remark
 
@@ -213,7 +235,7 @@ def section(
         title: title of the picture.
         suffixes: of the files to write.
     """
-    chosen = magnification(skin.points, skin.displacement)
+    chosen = skin.factor
     factor = chosen if all(foundation.looks_like_itself(chosen, skin.size) for foundation in foundations) else 1.0
     # Of the coordinate planes that contain the direction, as far as one does, the one that the viewer sees best.
     facing = np.abs(seen.toward) * (1 - np.abs(across) / (float(np.linalg.norm(across)) or 1.0))
@@ -281,6 +303,12 @@ def telling_view(skin: Skin) -> view.View:
     # Of sides that show as much but for round-off the first.
     best = int(np.argmax(np.asarray(shown) >= (1 - 1e-6) * np.max(shown)))
     return views[best] if shown[best] > PREFERRED_GAIN * shown[0] else views[0]
+
+
+def _hidden(skin: Skin, point: int, camera: view.Camera) -> bool:
+    """Whether all facets at a point face away from the viewer."""
+    around = skin.triangles[(skin.triangles == point).any(axis=1)]
+    return bool((normals_of(skin.points, around) @ camera.view.toward <= 0).all())
 
 
 def _extent(solid: Solid, reach: Floats | None) -> Floats:

@@ -13,7 +13,6 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.pictures import view
-from signorini_fx.pictures.deformed_body import magnification
 from signorini_fx.pictures.fields import FIELDS, Field
 from signorini_fx.pictures.foundation import FoundationSurface
 from signorini_fx.pictures.solid_body import Skin, tones_of
@@ -38,7 +37,7 @@ def write_turning(
         seen: the view at first.
         field: what is drawn.
     """
-    factor = magnification(skin.points, skin.displacement)
+    factor = skin.factor
     tones = tones_of(skin, seen, field)
     pairs = np.column_stack((skin.triangles.ravel(), np.nan_to_num(skin.values.astype(np.float32)).ravel()))
     distinct, corner = np.unique(pairs, axis=0, return_inverse=True)  # where the field jumps, a point for each value
@@ -60,6 +59,7 @@ def write_turning(
         "colours": _packed((256 * tones.colours(np.arange(256))[:, :3]).clip(0, 255), np.uint8),
         "limits": [float(tones.low), float(tones.high)],
         "label": f"{tones.field.label}{bracketed(tones.field.quantity)}",
+        "largest": _largest(skin),
         "unit": unit("length"),
         "factor": factor,
         "bends": not all(foundation.looks_like_itself(factor, skin.size) for foundation in foundations),
@@ -69,6 +69,16 @@ def write_turning(
         "lift": math.degrees(math.asin(z)),
     }
     file.write_text(json.dumps(data, separators=(",", ":"), allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _largest(skin: Skin) -> dict[str, Any] | None:
+    """Where the field is largest, how that point moves, and the value; None: the field is not known."""
+    at = skin.largest()
+    if at is None:
+        return None
+    point, value = at
+    moved = np.nan_to_num(skin.displacement[point])
+    return {"point": skin.points[point].tolist(), "motion": moved.tolist(), "value": f"{value:.3g}"}
 
 
 def _part(points: Floats, motion: Floats, values: Floats, triangles: Any, lines: Any) -> dict[str, str]:

@@ -5,6 +5,7 @@ function turn(place) {
   var gl = canvas.getContext("webgl", { antialias: true });
   if (!gl || !gl.getExtension("OES_standard_derivatives") || !gl.getExtension("OES_element_index_uint")) return;
   place.hidden = false;
+  document.querySelectorAll("figure.overview").forEach(function (one) { one.classList.add("replaced"); });
   function element(kind, parent, text, name) {
     var made = document.createElement(kind);
     if (text) made.textContent = text;
@@ -62,6 +63,7 @@ function turn(place) {
     var size = parseFloat((data.high[k] - data.low[k]).toPrecision(4));
     return element("span", frame, name + ": " + size + (data.unit ? " " + data.unit : ""));
   });
+  var mark = element("span", frame, data.largest ? "\u25e6 " + data.largest.value : "", "mark");
   var bar = element("p", place, "", "bar"), colours = bytes(data.colours), stops = [];
   for (var k = 0; k < 256; k += 15) stops.push("rgb(" + Array.from(colours.slice(3 * k, 3 * k + 3)).join() + ")");
   element("span", bar, String(parseFloat(data.limits[0].toPrecision(3))));
@@ -142,6 +144,11 @@ function turn(place) {
     function seen(point) {
       var got = rows.map(function (row) { return dot(row, point) + row[3]; });
       return [got[0] / got[3], got[1] / got[3]];
+    }
+    if (data.largest) {
+      var top = seen(data.largest.point.map(function (c, k) { return c + factor * data.largest.motion[k]; }));
+      mark.style.left = 0.5 * wide * (1 + top[0]) - 6 + "px";
+      mark.style.top = 50 - 50 * top[1] + "%";
     }
     // The length along each axis stands beside the lowest edge of the box, of the upright ones beside that on the left.
     var heart = seen(middle);

@@ -8,7 +8,6 @@ from typing import Any
 
 from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.report.markup import (
-    Markup,
     drawn_by,
     folded,
     in_text,
@@ -19,6 +18,7 @@ from signorini_fx.report.markup import (
     table,
     tag,
 )
+from signorini_fx.report.templating import Markup
 from signorini_fx.result_files import ResultFiles
 
 _MOST_FACTORS = 8  # are listed in the table of the scene
@@ -93,6 +93,7 @@ _TOLD_APART = (
         "solver",
         "accuracy",
         "units",
+        "title_block",
     ),
 )
 

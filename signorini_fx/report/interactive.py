@@ -19,7 +19,8 @@ import numpy.typing as npt
 
 from signorini_fx.pictures.boundary_profiles import SIDES, STATES, Panel, PlaneBoundary, panels_of
 from signorini_fx.pictures.result_pictures import TURNING
-from signorini_fx.report.markup import Markup, script, tag
+from signorini_fx.report.markup import script, tag
+from signorini_fx.report.templating import Markup
 from signorini_fx.result_files import ResultFiles
 from signorini_fx.units import bracketed
 
@@ -74,7 +75,7 @@ def turning(folder: ResultFiles) -> list[Markup]:
     if data is None:
         return []
     body = json.loads(data)
-    if not {"body", "grounds", "limits", "colours", "label", "factor"} <= set(body):
+    if not {"body", "grounds", "limits", "colours", "label", "factor", "largest"} <= set(body):
         raise ValueError(f"{TURNING} is not of this kind")
     text = json.dumps(body, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     code = resources.files("signorini_fx.report").joinpath("body_view.js").read_text(encoding="utf-8")

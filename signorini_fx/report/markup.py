@@ -1,4 +1,4 @@
-"""HTML in Python: every text passes through ``tag``, which escapes everything not made by ``tag``."""
+"""Parts of the page: every text passes through ``tag`` or a template, which escape what is not markup."""
 
 from __future__ import annotations
 
@@ -15,18 +15,13 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.machine.terminal import printable
+from signorini_fx.report.templating import Markup, part
 from signorini_fx.tuned import BROAD_PICTURE
 
 _WIDE_TABLE = 8  # columns from which on the print uses small letters
 _WIDE_CELL = 16  # letters from which on a cell is broken into lines
 _MOST_ROWS = 400  # of a table; the CSV file has all rows
 _VOID = frozenset({"br", "img", "meta", "wbr"})
-
-
-class Markup(str):
-    """Text that is HTML already."""
-
-    __slots__ = ()
 
 
 def tag(name: str, *children: str, **attributes: str) -> Markup:
@@ -52,7 +47,7 @@ def script(text: str, **attributes: str) -> Markup:
 def joined(parts: Iterable[str]) -> Markup:
     """One after the other, escaped unless they are markup."""
     return Markup(
-        "".join(part if isinstance(part, Markup) else html.escape(printable(part), quote=False) for part in parts)
+        "".join(item if isinstance(item, Markup) else html.escape(printable(item), quote=False) for item in parts)
     )
 
 
@@ -99,25 +94,23 @@ def is_number(value: Any) -> bool:
 def table(columns: Sequence[str], rows: Sequence[Sequence[Any]], classes: Sequence[str] = ()) -> Markup:
     """A table that scrolls sideways if it is wider than the page; columns of numbers are flush right."""
     numeric = [all(is_number(row[k]) or _NUMBER.fullmatch(str(row[k])) for row in rows) for k in range(len(columns))]
-    head = [tag("th", name, class_="number" if right else "") for name, right in zip(columns, numeric, strict=True)]
+    head = [(name, "number" if right else "") for name, right in zip(columns, numeric, strict=True)]
     body = []
     for row, class_ in zip(rows, classes or [""] * len(rows), strict=True):
         cells = []
         for value, right in zip(row, numeric, strict=True):
             text = shown(value)
             words = not right and len(text) > _WIDE_CELL and not _VECTOR.fullmatch(text)
-            cells.append(tag("td", _breakable(text) if words else text, class_="words" if words else "number" * right))
-        body.append(tag("tr", *cells, class_=class_))
-    size = "wide" if len(columns) > _WIDE_TABLE else ""
-    element = tag("table", tag("thead", tag("tr", *head)), tag("tbody", *body), class_=size)
-    return tag("div", element, class_="scroll", tabindex="0")
+            cells.append((_breakable(text) if words else text, "words" if words else "number" * right))
+        body.append((class_, cells))
+    return part("table", head, body, len(columns) > _WIDE_TABLE)
 
 
 def _breakable(text: str) -> Markup:
     """Words of which a long one may be broken behind its underscores, as names of boundaries may be of any length."""
     if isinstance(text, Markup):
         return text
-    return Markup(tag("wbr").join(joined([part]) for part in re.split(r"(?<=_)(?=[^_])", text)))
+    return Markup("<wbr>").join(re.split(r"(?<=_)(?=[^_])", printable(text)))
 
 
 def long_table(title: str, columns: Mapping[str, Any], file: str) -> Markup:
@@ -138,7 +131,7 @@ def long_table(title: str, columns: Mapping[str, Any], file: str) -> Markup:
 
 def folded(title: str, *parts: str) -> Markup:
     """What is shown on demand only, and not printed."""
-    return tag("details", tag("summary", title), *parts)
+    return part("folded", title, parts)
 
 
 def picture(data: bytes, kind: str, alternative: str, caption: str, class_: str = "still") -> Markup:
@@ -147,7 +140,7 @@ def picture(data: bytes, kind: str, alternative: str, caption: str, class_: str 
         width, height = struct.unpack(">II", data[16:24])
         class_ += " broad" if width > BROAD_PICTURE * height else ""
     source = f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
-    return tag("figure", tag("img", src=source, alt=alternative), tag("figcaption", caption), class_=class_)
+    return part("picture", source, alternative, caption, class_)
 
 
 def drawn_by(

@@ -18,7 +18,8 @@ from signorini_fx.errors import OutputError, ResultError, cannot_be_written
 from signorini_fx.report import evidence, sections
 from signorini_fx.report.advice import next_steps
 from signorini_fx.report.interactive import head
-from signorini_fx.report.markup import Markup, joined, tag
+from signorini_fx.report.markup import joined, tag
+from signorini_fx.report.templating import Markup, rendered
 from signorini_fx.result_files import ResultFiles, in_space, read_summary
 from signorini_fx.units import labelled, names_of
 
@@ -83,32 +84,21 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
         chapters["Iteration"] = evidence.history(summary, folder, columns, dimension=3 if "shear_z" in contact else 2)
     chapters["Scene and effects"] = evidence.scene(summary)
     chapters["Made with"] = evidence.made_with(summary)
-    title = summary["title"] or name
-    day = f"solved on {summary['finished'].partition('T')[0]}" if "finished" in summary else ""
-    style = Markup(resources.files("signorini_fx.report").joinpath("report.css").read_text(encoding="utf-8"))
-    anchors = {heading: heading.lower().replace(" ", "-") for heading in chapters}
-    parts = [tag("section", tag("h2", heading), text, id=anchors[heading]) for heading, text in chapters.items()]
-    document = tag(
-        "html",
-        tag(
-            "head",
-            tag("meta", charset="utf-8"),
-            tag("meta", name_="generator", content=f"signorini_fx {__version__}"),
-            tag("meta", name_="viewport", content="width=device-width, initial-scale=1"),
-            tag("title", f"{title}: {status_in_words(summary)}"),
-            *(head() if 'class="plots' in chapters.get("Contact boundary", "") else []),
-            tag("style", style),
-        ),
-        tag(
-            "body",
-            tag("header", tag("h1", title), tag("p", ", ".join(filter(None, [name, day])), class_="note")),
-            tag("nav", *(tag("a", heading, href=f"#{anchor}") for heading, anchor in anchors.items())),
-            tag("main", *parts),
-            tag("footer", tag("p", f"signorini_fx {__version__}: signorini-fx report {name}")),
-        ),
-        lang="en",
+    files = resources.files("signorini_fx.report")
+    block = summary["scene"].get("title_block", {})
+    text = rendered(
+        "page",
+        version=__version__,
+        title=summary["title"] or name,
+        status=status_in_words(summary),
+        name=name,
+        day=f"solved on {summary['finished'].partition('T')[0]}" if "finished" in summary else "",
+        block={key: entry for key, entry in block.items() if entry},
+        head=joined(head() if 'class="plots' in chapters.get("Contact boundary", "") else []),
+        style=Markup(files.joinpath("report.css").read_text(encoding="utf-8")),
+        chapters=chapters,
     )
-    return f"<!DOCTYPE html>\n{document}\n"
+    return f"{text}\n"
 
 
 def write_report(folder: str | Path, file: str | Path | None = None) -> Path:

@@ -13,12 +13,14 @@ from signorini_fx.errors import PYVISTA
 from signorini_fx.kinematics import of_data
 from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.pictures.fields import FIELDS
+from signorini_fx.quantities.answers import answers
 from signorini_fx.quantities.digits import figure, percent
 from signorini_fx.quantities.quantity import Card
 from signorini_fx.quantities.registry import quantities
 from signorini_fx.records import Status
 from signorini_fx.report.interactive import plots, turning
-from signorini_fx.report.markup import Markup, drawn_by, joined, long_table, picture, table, tag
+from signorini_fx.report.markup import drawn_by, joined, long_table, picture, table, tag
+from signorini_fx.report.templating import Markup, rendered
 from signorini_fx.result_files import SHORT_OF_ACCURACY, ResultFiles, in_space, seconds_of
 from signorini_fx.units import bracketed, unit, with_unit
 
@@ -40,25 +42,33 @@ def outcome(summary: dict[str, Any]) -> Markup:
         verdict = f"{verdict} All figures are of {results_of(summary)}."
     if not good and summary["linear_solves"] == 0:
         verdict += " No linear system was solved: the figures are those of the body without displacement."
-    text = [tag("strong", status_in_words(summary)), tag("p", verdict)]
-    lacking = [tag("li", lost) for lost in summary.get("incomplete", ())]
-    if lacking:
-        text.append(tag("p", "What was left out changes the answer: these are results of another problem."))
-        text.append(tag("ul", *lacking))
-    if not good:
-        text.append(tag("p", f"What to do: {summary['advice']}."))
-    grade = "bad" if lacking else "short" if short else "good" if good else "bad"
-    status = tag("div", *text, class_=f"status {grade}")
-    warned = _findings(summary, "warning")
-    cards = [_card(card) for quantity in quantities() for card in quantity.cards(summary)]
-    cards += [_card(Card(label, str(summary[key]))) for key, label in _COUNTS.items() if key in summary]
-    cards.append(_card(Card("seconds", f"{seconds_of(summary):.3g}")))
-    measure = "what" if _kinematics(summary).whole else "per unit thickness, and what"
+    lacking = summary.get("incomplete", ())
+    cards = [card for quantity in quantities() for card in quantity.cards(summary)]
+    cards += [Card(label, str(summary[key])) for key, label in _COUNTS.items() if key in summary]
+    cards.append(Card("seconds", f"{seconds_of(summary):.3g}"))
+    who, body = _sides(entry.get("against") for entry in summary["scene"].get("contact", []))
+    return rendered(
+        "outcome",
+        tone="bad" if lacking else "short" if short else "good" if good else "bad",
+        status=status_in_words(summary),
+        verdict=verdict,
+        lacking=lacking,
+        advice="" if good else summary["advice"],
+        answers=answers(summary),
+        warnings=_warnings(summary),
+        cards=[(card, _estimate(card)) for card in cards],
+        note=_note(summary, who, body),
+    )
+
+
+def _note(summary: dict[str, Any], who: str, body: str) -> str:
+    """What the forces are, and how many digits are shown."""
+    forms = "forms" in summary["scene"]  # their measure says what is integrated
+    measure = "what" if forms or _kinematics(summary).whole else "per unit thickness, and what"
+    integrated = ", integrated by the measure of the forms" if forms else ""
     named = "" if summary["scene"].get("units", {}).get("length") else "; units are those of the scene"
     digits = "Figures with an estimated error are rounded to it, others to four digits; all digits are in summary.json."
-    who, body = _sides(entry.get("against") for entry in summary["scene"].get("contact", []))
-    note = f"Forces are {measure} {who} exerts on {body}{named}. {digits}"
-    return joined([status, *warned, tag("dl", *cards, class_="figures"), tag("p", note, class_="note")])
+    return f"Forces are {measure} {who} exerts on {body}{integrated}{named}. {digits}"
 
 
 def _kinematics(summary: dict[str, Any]) -> Kinematics:
@@ -72,20 +82,16 @@ def _sides(against: Iterable[str | None]) -> tuple[str, str]:
     return who.get(tuple(sorted(kinds)), "the foundation"), "the body of the boundary" if True in kinds else "the body"
 
 
-def _card(card: Card) -> Markup:
+def _estimate(card: Card) -> str:
+    """What is said below a figure that says nothing itself."""
     share = percent(card.error) if card.error and card.error < 1 else ""
-    estimate = [tag("small", f"error {'' if share.startswith('below') else 'about '}{share}")] if share else []
-    remark = [tag("small", card.remark)] if card.remark else estimate
-    wide = "wide" if card.wide or card.text.startswith("(") else ""
-    return tag("div", tag("dt", card.label), tag("dd", card.text, *remark), class_=wide)
+    return share and f"error {'' if share.startswith('below') else 'about '}{share}"
 
 
-def _findings(summary: dict[str, Any], level: str) -> list[Markup]:
-    """The findings of one level about the scene and the result; empty if there are none."""
-    findings = [finding for finding in summary.get("findings", []) if finding["level"] == level]
-    further = [finding for finding in findings if finding["message"] != summary["advice"]]
-    items = [tag("li", tag("code", finding["path"]), f": {finding['message']}.") for finding in further]
-    return [tag("p", f"{level.capitalize()}s:"), tag("ul", *items)] if items else []
+def _warnings(summary: dict[str, Any]) -> list[dict[str, Any]]:
+    """About the scene and the result."""
+    warned = [finding for finding in summary.get("findings", []) if finding["level"] == "warning"]
+    return [finding for finding in warned if finding["message"] != summary["advice"]]
 
 
 _COLOURS = (
@@ -126,7 +132,7 @@ def deformed(folder: ResultFiles, *, solid: bool = False, stressed: bool = True)
             reason += f", or has too many facets to be drawn, or without {PYVISTA}"
         return joined([*turned, tag("p", f"No picture: {reason}.", class_="note")])
     caption = (_COLOURS if stressed else _DISPLACEMENT) + (_SOLID_BODY if solid else _PLANE_BODY)
-    overview = picture(data, "png", "deformed body on its foundation", caption)
+    overview = picture(data, "png", "deformed body on its foundation", caption, "still overview")
     cut, apart = folder.picture("section.png"), folder.picture("exploded.png")
     inside = [] if cut is None else [picture(cut, "png", "section through the body", _SECTION)]
     inside += [] if apart is None else [picture(apart, "png", "bodies moved apart", _APART)]

@@ -10,7 +10,8 @@ import numpy.typing as npt
 from signorini_fx.display import clean, on_several_bodies, touch_each_other
 from signorini_fx.quantities.digits import figure
 from signorini_fx.quantities.registry import error_of
-from signorini_fx.report.markup import Markup, drawn_by, joined, long_table, table, tag
+from signorini_fx.report.markup import drawn_by, joined, long_table, table, tag
+from signorini_fx.report.templating import Markup
 
 # Vectors of contact.csv, whose components are shown together.
 _VECTORS = {"position": ("x", "y", "z"), "normal": ("n_x", "n_y", "n_z")}

@@ -364,8 +364,8 @@ def _described(scene: Scene | Mapping[str, Any]) -> dict[str, Any]:
     if isinstance(scene, Mapping):
         return dict(json.loads(json.dumps(scene)))
     description: dict[str, Any] = json.loads(json.dumps(describe(scene)))
-    description.pop("title", None)
-    description.pop("incomplete", None)
+    for remark in ("title", "incomplete", "title_block"):
+        description.pop(remark, None)
     _add_contents(scene, description)
     return description
 

@@ -8,7 +8,8 @@ from typing import Any
 
 from signorini_fx.display import clean, effort_in_words, results_of, status_in_words, touch_each_other
 from signorini_fx.machine.terminal import COLUMNS, TerminalLine, printable
-from signorini_fx.quantities.digits import between, figure, percent, solved_prices
+from signorini_fx.quantities.answers import error_in_words, largest_von_mises
+from signorini_fx.quantities.digits import between, figure
 from signorini_fx.quantities.families.stress import share_in_words
 from signorini_fx.quantities.registry import error_of, of_package, quantities
 from signorini_fx.quantities.text import point_in_words
@@ -17,8 +18,6 @@ from signorini_fx.records import CERTIFICATE_TOLERANCE
 # Lines of the whole answer.
 MOST_LINES = 10
 _LABEL = 14
-# The errors of a price list that say something to somebody who has asked for none of them, as they are called there.
-_ESTIMATED = ("pressure", "force", "energy")
 
 
 def short_answer(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
@@ -35,7 +34,13 @@ def short_answer(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
         first += [_row("results of", results_of(summary))] if "results_of" in summary else []
         first += _advice(summary["advice"], MOST_LINES - len(first) - 1)
         return [*first, last]
-    fixed = [*_contact(summary), *_safety(summary), *_stress(summary), _error(summary), _certificate(summary)]
+    fixed = [
+        *_contact(summary),
+        *_safety(summary),
+        *_stress(summary),
+        _row("error", error_in_words(summary)[0]),
+        _certificate(summary),
+    ]
     forces, others = _forces(summary), _asked(summary)
     room = MOST_LINES - len(first) - len(fixed) - 1
     effort = [_effort(summary)] if room > 1 else []
@@ -146,31 +151,13 @@ def _safety(summary: dict[str, Any]) -> list[TerminalLine]:
 
 def _stress(summary: dict[str, Any]) -> list[TerminalLine]:
     """The larger one of the raw and the recovered von Mises stress, how much of the yield stress it uses, and where."""
-    stress = summary.get("stress") or {}
-    entries = [entry for each in (stress, stress.get("recovered")) if (entry := (each or {}).get("von_mises"))]
-    entries = [entry for entry in entries if entry["value"] is not None]
-    if not entries:
+    largest = largest_von_mises(summary)
+    if largest is None:
         return []
-    largest = max(entries, key=lambda entry: entry["value"])
     limit = " (no limit there)" if largest.get("no_limit") else ""
     used = f", {share_in_words(summary)} of yield" if "utilisation" in summary else ""
-    text = f"von Mises {figure(largest['value'], between(stress))}{limit}{used}, at {point_in_words(largest['place'])}"
-    return [_row("stress", text)]
-
-
-def _error(summary: dict[str, Any]) -> TerminalLine:
-    """How wrong the results are: proved, estimated, or not known."""
-    bound = summary.get("error_bound") or {}
-    if bound.get("relative_error") is not None and bound.get("guaranteed"):
-        return _row("error", f"at most {percent(bound['relative_error'])} of the energy norm, guaranteed")
-    prices = solved_prices(summary)
-    known = [f"{name} {percent(prices[name])}" for name in _ESTIMATED if prices.get(name) is not None]
-    if known:
-        return _row("error", f"{', '.join(known)}, estimated")
-    of_stress = (summary.get("stress") or {}).get("error")
-    if of_stress is not None:
-        return _row("error", f"of the stress {percent(of_stress)} in the mean, estimated")
-    return _row("error", "not estimated; --accuracy 5% asks for one and reaches it")
+    value = figure(largest["value"], between(summary["stress"]))
+    return [_row("stress", f"von Mises {value}{limit}{used}, at {point_in_words(largest['place'])}")]
 
 
 def _certificate(summary: dict[str, Any]) -> TerminalLine:

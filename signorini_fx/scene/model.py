@@ -38,7 +38,7 @@ from signorini_fx.scene.features import refused_features
 from signorini_fx.scene.load_steps import LoadPath, LoadSteps, factor_at, time_at
 from signorini_fx.scene.rigid_motion import RigidBody, rigid_bodies
 from signorini_fx.scene.rigid_table import Rigid, with_shapes
-from signorini_fx.scene.settings import Accuracy, SolverSettings, Units
+from signorini_fx.scene.settings import Accuracy, SolverSettings, TitleBlock, Units
 from signorini_fx.scene.values import Finite, Positive, Selection, kind_of
 
 _Effect = TypeVar("_Effect", bound=Effect)
@@ -171,6 +171,7 @@ class Scene(Table):
         solver: algorithms, their parameters and limits.
         accuracy: the accuracy to be reached by refinement; None: no refinement.
         units: names of units for labels.
+        title_block: project, author, date and revision for the report.
     """
 
     title: str = ""
@@ -188,6 +189,7 @@ class Scene(Table):
     solver: SolverSettings = SolverSettings()
     accuracy: Accuracy | None = None
     units: Units = Units()
+    title_block: TitleBlock = TitleBlock()
 
     @field_validator("mesh", mode="before")
     @classmethod

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, Self
+from datetime import date
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -146,6 +147,29 @@ class Units(Table):
     length: str = ""
     stress: str = ""
     force: str = ""
+
+
+def _day(entry: Any) -> Any:
+    """A date of TOML as a text."""
+    return entry.isoformat() if isinstance(entry, date) else entry
+
+
+class TitleBlock(Table):
+    """What the report says above its results.
+
+    Attributes:
+        project: any text.
+        author: any text.
+        date: any text, or a date of TOML.
+        revision: any text.
+    """
+
+    remarks: ClassVar[bool] = True
+
+    project: str = ""
+    author: str = ""
+    date: Annotated[str, BeforeValidator(_day)] = ""
+    revision: str = ""
 
 
 class Accuracy(Table):

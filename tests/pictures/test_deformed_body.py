@@ -190,3 +190,24 @@ def test_all_frames_of_an_animation_are_alike(monkeypatch, tmp_path):
     assert (low < POINTS.min(axis=0) - 200 * 0.001 * np.array([0, 1])).all()
     assert (high > POINTS.max(axis=0)).all()
     assert seen[1][2] is seen[0][2]
+
+
+def test_axisymmetric_bodies_are_mirrored():
+    """Points, displacements, shear and foundation are reflected at the axis, which is no edge of the body."""
+    stress = np.arange(9.0).reshape(1, 3, 3).repeat(12, axis=0)
+    displacement = np.column_stack((0.1 * POINTS[:, 0], -POINTS[:, 1]))
+    edges = np.array([[0, 13], [0, 1], [12, 25]])
+    body = replace(BODY, displacement=displacement, values={"stress": stress}, outline=edges).with_mirror_image()
+    assert np.array_equal(body.points[26:], POINTS * (-1, 1))
+    assert np.array_equal(body.displacement[26:], displacement * (-1, 1))
+    assert np.array_equal(body.outline, [[0, 1], [12, 25], [26, 27], [38, 51]])
+    assert np.array_equal(body.within[12:], WITHIN + 26)
+    signs = np.array([[1, -1, -1], [-1, 1, 1], [-1, 1, 1]])
+    assert np.array_equal(body.values["stress"][12:], stress * signs)
+    offset = np.column_stack((0.1 * X, -1 - X))
+    touching = X < 1
+    foundation = DrawnFoundation(BOTTOM, offset, touching).with_mirror_image()
+    assert np.array_equal(foundation.nodes[:, 0], [*-X[::-1], *X])
+    assert np.array_equal(foundation.offset[:, 0], [*-0.1 * X[::-1], *0.1 * X])
+    moment = Moment("1", displacement, np.ones(12), touching).with_mirror_image()
+    assert np.array_equal(moment.touching, foundation.touching)

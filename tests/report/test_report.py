@@ -12,7 +12,7 @@ import sys
 import tempfile
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, date, datetime, timedelta
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
@@ -29,13 +29,15 @@ from signorini_fx.errors import OutputError, ResultError
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.pictures import step_animation
 from signorini_fx.pictures.fields import FIELDS
+from signorini_fx.quantities.answers import answers
 from signorini_fx.quantities.digits import between, figure
 from signorini_fx.quantities.registry import quantities
 from signorini_fx.records import Status
-from signorini_fx.report import advice, evidence, interactive, markup
+from signorini_fx.report import advice, evidence, interactive, markup, sections
 from signorini_fx.report import page as report
 from signorini_fx.result_files import read_csv, read_summary, seconds_of
 from signorini_fx.results.certificate import JUDGED, REPORTED, Certificate
+from signorini_fx.results.checkpoint import _described
 from signorini_fx.results.files import write_results
 from signorini_fx.solving.solver import solve
 
@@ -375,6 +377,57 @@ def test_verdict(folders):
     good = Page(folders["levels"])
     assert "violated" not in good.of("td")
     assert any(value == "status good" for _, name, value in good.attributes if name == "class")
+
+
+def test_answers_come_first(folders):
+    """Of a solve that held, of one that is incomplete, of one that would yield, and of a ramp that failed."""
+    summary = summary_of(folders["steps"])
+
+    def texts(**changes):
+        return [(answer.text, " ".join(answer.details)) for answer in answers(summary | changes)]
+
+    (holds, balance), (left, _), (place, stress), (sure, checked) = texts()
+    assert (holds, left) == ("yes", "no limit by statics")
+    assert "load step 3" in balance
+    assert "yield_stress in [[material]]" in balance
+    assert (place, stress) == ("not computed", "largest contact pressure 8.221")
+    assert sure == "error of the mesh not estimated"
+    assert "--accuracy 5%" in checked
+    assert texts(incomplete=["a load"])[0][0] == "not known"
+    assert texts(certificate=summary["certificate"] | {"holds": False})[0][0] == "not shown"
+    assert texts(safety=None)[1][0] == "not known"
+    largest = {"value": 1.25, "place": [1.0, 0.0], "region": None}
+    assert texts(utilisation=largest, stress={})[0][0] == "no, it would yield"
+    assert texts(utilisation=largest, stress={}, safety=None)[1][0] == "yield stress used: 125 %"
+    safety = {"factor": 2.0, "bound": 3.0, "exact": False, "friction_used": 0.41, "motion": "", "sliding": 3.0}
+    assert texts(safety=safety)[1] == ("at most 3 times these loads", "sliding: 3 friction used: 41 %")
+    assert texts(safety=safety | {"factor": None, "bound": None})[1][0] == "no limit by statics"
+    of = summary["results_of"] | {"time": 0.75, "status": "converged", "name": ""}
+    last = [{**summary["steps"][-1], "time": 0.8125, "name": "pull"}]
+    failed = {"converged": False, "status": "maximum iterations reached", "results_of": of, "steps": last}
+    assert texts(**failed)[0] == ("up to time 0.75", "none found at pull, time 0.8125: maximum iterations reached")
+    assert texts(**failed | {"results_of": of | {"status": "failed"}})[0][0] == "not known"
+    page = Page(folders["steps"])
+    assert page.source.index("Does it hold?") < page.source.index("<h2>Deformed body")
+
+
+def test_title_block(tmp_path):
+    """Its texts stand above the results, escaped, and are no part of what is solved."""
+    told = {"project": "<b>7</b>", "date": date(2026, 11, 24)}
+    data = type(linear()).model_validate(dict(linear()) | {"title_block": told})
+    write_results(alone(data, check=False), tmp_path, fields=False, pictures=False)
+    report.write_report(tmp_path)
+    page = Page(tmp_path)
+    assert page.of("dd")[:2] == ["<b>7</b>", "2026-11-24"]
+    assert "revision" not in page.text.partition("Outcome")[0]
+    assert _described(data) == _described(linear())
+
+
+def test_forces_of_forms_with_a_measure_are_not_per_thickness():
+    """Their measure may be that of a body of revolution."""
+    summary = {"dimension": 2, "scene": {"forms": ["a", "L"], "contact": []}}
+    assert "thickness" not in sections._note(summary, "the foundation", "the body")
+    assert "thickness" in sections._note({"dimension": 2, "scene": {}}, "the foundation", "the body")
 
 
 def test_figures_of_the_certificate():

@@ -497,6 +497,7 @@ MODELS = {
     ("`[solver]`", "key of a box"): [settings.Box],
     ("`[accuracy]`", "key"): [settings.Accuracy],
     ("`[units]`", "key"): [settings.Units],
+    ("`[title_block]`", "key"): [settings.TitleBlock],
 }
 
 
