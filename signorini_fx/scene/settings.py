@@ -164,7 +164,7 @@ class TitleBlock(Table):
         revision: any text.
     """
 
-    remarks: ClassVar[bool] = True
+    texts_alone: ClassVar[bool] = True
 
     project: str = ""
     author: str = ""

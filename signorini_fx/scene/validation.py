@@ -149,5 +149,5 @@ def _known_keys(key: str, tables: set[type[BaseModel]]) -> str:
 
 def _keys(model: type[BaseModel]) -> set[str]:
     """All keys of a table and of those that derive from it, without words that are keys for remarks alone."""
-    stated = set() if getattr(model, "remarks", False) else set(model.model_fields)
+    stated = set() if getattr(model, "texts_alone", False) else set(model.model_fields)
     return stated.union(*map(_keys, model.__subclasses__()))
