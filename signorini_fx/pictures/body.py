@@ -15,7 +15,6 @@ Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 
 
-
 def with_mirrored(vectors: Floats) -> Floats:
     """Vectors in the plane, shape (n, 2), and behind them those with the other sign of x[0]."""
     return np.concatenate((vectors, vectors * (-1.0, 1.0)))
