@@ -45,6 +45,7 @@ class MovingFoundation:
     Attributes:
         modes: displacement of the foundation of each point for each of the k unknowns, shape (n, d, k).
         fixed: which unknowns are prescribed, shape (k,).
+        stiffness: of springs to the ground, force / length, shape (k,).
         number: of the foundation of each unknown, from 0, shape (k,).
         bodies: these foundations, shape (t,).
         length: at which a rotation moves by one.
@@ -52,9 +53,15 @@ class MovingFoundation:
 
     modes: Nodal
     fixed: npt.NDArray[np.bool_]
+    stiffness: npt.NDArray[np.float64]
     number: npt.NDArray[np.int64]
     bodies: Sequence[RigidBody]
     length: float
+
+    @property
+    def loose(self) -> npt.NDArray[np.bool_]:
+        """Which unknowns contact alone holds, shape (k,)."""
+        return ~self.fixed & (self.stiffness == 0.0)
 
 
 @dataclass(frozen=True)

@@ -175,7 +175,8 @@ class ElasticBody:
         turning = rotation
         if boundary is not None and boundary.moving is not None:
             extra = self._rigid
-            stiffness, rotation = with_more_unknowns(stiffness, extra), without_more(rotation, stiffness, extra)
+            springs = boundary.moving.stiffness[:extra]
+            stiffness, rotation = with_more_unknowns(stiffness, springs), without_more(rotation, stiffness, extra)
         diagonal = stiffness.getDiagonal()
         values = diagonal.getArray()
         # In any unit it is neither small nor large beside the other entries.

@@ -126,15 +126,13 @@ class RigidMotions:
         point, unknown = np.nonzero(touched)
         links = np.column_stack((of[self.piece[boundary.nodes[point]]], count + moving.number[unknown]))
         number = _joined(links, count + int(moving.number.max()) + 1, boundary.comm)
-        tool_modes, free = (
-            np.eye(moving.fixed.size)[:, ~moving.fixed],
-            np.zeros((len(self.free), np.count_nonzero(~moving.fixed))),
-        )
+        loose = moving.loose
+        tool_modes, free = np.eye(loose.size)[:, loose], np.zeros((len(self.free), np.count_nonzero(loose)))
         return replace(
             self,
             pieces=replace(self.pieces, assembly=number[of]),
             free=np.hstack((self.free, free)),
-            assembly=np.concatenate((number[self.assembly], number[count + moving.number[~moving.fixed]])),
+            assembly=np.concatenate((number[self.assembly], number[count + moving.number[loose]])),
             foundations=np.hstack((np.zeros((len(tool_modes), self.free.shape[1])), tool_modes)),
             moving=moving,
         )

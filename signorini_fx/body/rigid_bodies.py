@@ -7,9 +7,10 @@ A rigid body with its pivot c moves by translations v and a small rotation w, le
 at a contact point x_i of any of its contacts.  What contact sees is the displacement of the body relative to it.  The
 unknowns (u, q) of all rigid bodies have
 
-    K = [A 0; 0 0],   B_i = F_i^T [I, -R_i],   b = [f; (force, moment / L)],
+    K = [A 0; 0 S],   B_i = F_i^T [I, -R_i],   b = [f; (force, moment / L)],
 
-so that equilibrium of a rigid body, -R^T B^T (w t) = (force, moment / L), is k rows more, and laws, sets and algorithms
+with the stiffness S of springs at c, zero without them, so that equilibrium of a rigid body, S q - R^T B^T (w t) =
+(force, moment / L), is k rows more, and laws, sets and algorithms
 see tau_N y and tau_T y as before.  Gap and normals are those of the place where it is given: its motion is small
 against its geometry, like the displacement of the body.
 
@@ -98,7 +99,9 @@ class RigidBodies:
             modes[touching, :, k] = rigid_modes(boundary.centre[touching], pivot, np.array(self.length))
         flat = modes.reshape(boundary.size, dim, count * motion_count)
         number = np.repeat(np.arange(count), motion_count)
-        return replace(boundary, moving=MovingFoundation(flat, self.fixed, number, self.bodies, self.length))
+        return replace(
+            boundary, moving=MovingFoundation(flat, self.fixed, self.stiffness, number, self.bodies, self.length)
+        )
 
     def drives(self, time: float = 0.0) -> list[Drive]:
         """Forces and moments on each of them at a time, and what is prescribed, shapes (m,)."""
@@ -109,6 +112,13 @@ class RigidBodies:
         """Which unknowns are prescribed, shape (k,)."""
         prescribed = [~np.isnan(motion) | ~self.kinematics.unbalanced for _, motion in self.drives()]
         return np.array(prescribed, dtype=bool).ravel()
+
+    @property
+    def stiffness(self) -> _Floats:
+        """Of the springs at their pivots, force / length, shape (k,)."""
+        dim = self.kinematics.dimension
+        of_bodies = [body.motion.stiffness(dim)[: self._units.size] / self._units**2 for body in self.bodies]
+        return np.array(of_bodies, dtype=np.float64).ravel()
 
     def driven(self, number: int, time: float) -> Driven:
         """What drives one of them at a time."""
@@ -127,7 +137,7 @@ class RigidBodies:
     def driven_by(self) -> list[_Floats]:
         """The values that drive them at the time zero, beside ``fixed``."""
         driven = self.driven_together
-        return [] if driven is None else [driven.forces, driven.motion]
+        return [] if driven is None else [driven.forces, driven.motion, self.stiffness]
 
     def moved(self, unknowns: _Floats) -> tuple[RigidBodyMotion, ...]:
         """How they have moved, from their unknowns in a displacement, see ``ElasticBody.driven``."""
@@ -237,7 +247,8 @@ class RigidBodyMotion:
         dim, free, motion = self.reference.size, np.isnan(prescribed), np.append(self.translation, self.rotation)
         # Moments as forces and rotations as lengths at this lever, so that neither depends on units.
         lever = np.append(np.ones(dim), np.full(motion.size - dim, reach or 1.0))
-        load, motion, prescribed = load / lever, motion * lever, prescribed * lever
+        springs = self.body.motion.stiffness(dim)[: motion.size] * motion
+        load, motion, prescribed = (load - springs) / lever, motion * lever, prescribed * lever
         residual = load + taken / lever
         size = max(size, float(np.abs(load).max()), least)
         missed, far = (
@@ -248,14 +259,15 @@ class RigidBodyMotion:
         return max(force_share, float(missed.max(initial=0.0)) / far if far > 0 else float(missed.max(initial=0.0) > 0))
 
 
-def with_more_unknowns(matrix: PETSc.Mat, extra: int) -> PETSc.Mat:
-    """[A 0; 0 0] with the diagonal in its pattern; ``extra``: unknowns that this rank adds."""
+def with_more_unknowns(matrix: PETSc.Mat, diagonal: _Floats) -> PETSc.Mat:
+    """[A 0; 0 S] with the entries of S for the unknowns that this rank adds, zeros too in its pattern."""
     (rows, _), (_, total_columns) = matrix.getSizes()
     starts, columns, values = matrix.getValuesCSR()
+    extra = diagonal.size
     csr = (
         np.append(starts, starts[-1] + np.arange(1, extra + 1)).astype(PETSc.IntType),
         np.append(columns, total_columns + np.arange(extra)).astype(PETSc.IntType),
-        np.append(values, np.zeros(extra)),
+        np.append(values, diagonal),
     )
     return PETSc.Mat().createAIJ(((rows + extra, None), (rows + extra, None)), csr=csr, comm=matrix.comm)
 

@@ -45,7 +45,7 @@ def entry_of(scene: Scene, path: str, extent: float, dimension: int) -> tuple[fl
     """
     if path.startswith("material") and not all(material.isotropic for material in scene.material):
         raise SceneError([(path, "is possible where all materials are isotropic")])
-    if ".friction.ratio" in path or ".friction.along" in path:
+    if any(part in path for part in (".friction.ratio", ".friction.along", ".foundation.spring")):
         raise SceneError([(path, "is none that a derivative can be taken by")])
     if path.endswith("grading"):
         number = "poisson" if path.endswith("poisson_grading") else "young"

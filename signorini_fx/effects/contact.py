@@ -226,13 +226,14 @@ class BilateralContact(Contact):
 def _not_with_tools(scene: Any, number: int) -> Contradictions:
     """Why a foundation whose motion is an unknown does not go together with other entries."""
     driven = scene.contact[number].tool
-    prescribed = driven.prescribed
+    prescribed, spring = driven.prescribed, driven.spring
     if misfit := driven_twice([contact.tool for contact in scene.contact], number):
         yield ("contact", number, "foundation", "rigid"), misfit
     for wrong, name in (
         (driven.force is not None and driven.force[0] != 0.0, "force"),
         (driven.moment is not None, "moment"),
         (prescribed is not None and (prescribed.x, prescribed.rotation) != (None, None), "prescribed"),
+        (spring is not None and bool(spring.x or spring.rotation), "spring"),
     ):
         if wrong and (reason := scene.kinematics.refuses.get("motion of a tool")):
             yield ("contact", number, "foundation", name), reason

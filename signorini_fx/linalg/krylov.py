@@ -80,7 +80,9 @@ class KrylovSystem(AssembledSystem):
             nodes = of_nodes(e.matrix, e.rigid)
             self._tell(nodes)
             fixed = self.contact.fixed
-            return Hierarchy.of(nodes, e.level).with_rigid_bodies(~fixed[fixed.size - e.rigid :])
+            diagonal = e.matrix.getDiagonal().getArray(readonly=True)
+            of_bodies = slice(fixed.size - e.rigid, None)
+            return Hierarchy.of(nodes, e.level).with_rigid_bodies(~fixed[of_bodies], diagonal[of_bodies])
         if e.matrix.handle != self.matrix.handle:
             self._tell(e.matrix)
         return Hierarchy.of(e.matrix, e.level)

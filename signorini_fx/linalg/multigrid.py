@@ -81,9 +81,9 @@ class Hierarchy:
             level_matrix.setOption(PETSc.Mat.Option.SPD, True)
         return cls(tuple(interpolations), tuple(coarse), _largest_eigenvalue(matrix))
 
-    def with_rigid_bodies(self, free: npt.NDArray[np.bool_]) -> Hierarchy:
+    def with_rigid_bodies(self, free: npt.NDArray[np.bool_], stiffness: npt.NDArray[np.float64]) -> Hierarchy:
         """The same with the unknowns of rigid bodies on each level, see ``rigid_unknowns``; collective."""
-        interpolations, coarse = with_rigid_bodies(self.interpolations, self.coarse, free)
+        interpolations, coarse = with_rigid_bodies(self.interpolations, self.coarse, free, stiffness)
         return replace(self, interpolations=interpolations, coarse=coarse)
 
     @classmethod

@@ -32,7 +32,10 @@ def of_nodes(matrix: PETSc.Mat, rigid: int) -> PETSc.Mat:
 
 
 def with_rigid_bodies(
-    interpolations: tuple[PETSc.Mat, ...], coarse: tuple[PETSc.Mat, ...], free: npt.NDArray[np.bool_]
+    interpolations: tuple[PETSc.Mat, ...],
+    coarse: tuple[PETSc.Mat, ...],
+    free: npt.NDArray[np.bool_],
+    stiffness: npt.NDArray[np.float64],
 ) -> tuple[tuple[PETSc.Mat, ...], tuple[PETSc.Mat, ...]]:
     """Interpolations and coarse matrices of a hierarchy of the nodes, with the unknowns of rigid bodies; collective.
 
@@ -40,24 +43,29 @@ def with_rigid_bodies(
         interpolations: P_0, P_1, ...
         coarse: A_1, A_2, ...
         free: which of those of this rank are not prescribed; the others are on the finest level alone.
+        stiffness: of the springs that hold these.
     """
-    all_free = np.ones(np.count_nonzero(free), dtype=bool)
-    bordered = tuple(_bordered(matrix, all_free if level else free, 1.0) for level, matrix in enumerate(interpolations))
+    ones = np.ones(np.count_nonzero(free))
+    all_free, springs = ones.astype(bool), stiffness[free]
+    bordered = tuple(
+        _bordered(matrix, all_free if level else free, ones) for level, matrix in enumerate(interpolations)
+    )
     levels = tuple(
-        _bordered(matrix, all_free, SHARE_OF_COARSE_DIAGONAL * matrix.getDiagonal().max()[1]) for matrix in coarse
+        _bordered(matrix, all_free, np.maximum(springs, SHARE_OF_COARSE_DIAGONAL * matrix.getDiagonal().max()[1]))
+        for matrix in coarse
     )
     for level in levels:
         level.setOption(PETSc.Mat.Option.SPD, True)
     return bordered, levels
 
 
-def _bordered(matrix: PETSc.Mat, free: npt.NDArray[np.bool_], entry: float) -> PETSc.Mat:
+def _bordered(matrix: PETSc.Mat, free: npt.NDArray[np.bool_], entries: npt.NDArray[np.float64]) -> PETSc.Mat:
     """[A 0; 0 D] with a row more for each unknown of a rigid body and a column for each free one; collective.
 
     Args:
         matrix: A.
         free: of this rank.
-        entry: of D, where the row of a free one meets its column.
+        entries: of D, where the rows of free ones meet their columns.
     """
     (rows, _), (columns, total_columns) = matrix.getSizes()
     starts, names, values = matrix.getValuesCSR()
@@ -65,7 +73,7 @@ def _bordered(matrix: PETSc.Mat, free: npt.NDArray[np.bool_], entry: float) -> P
     csr = (
         np.append(starts, starts[-1] + np.cumsum(free)).astype(PETSc.IntType),
         np.append(names, total_columns + np.arange(count)).astype(PETSc.IntType),
-        np.append(values, np.full(count, entry)),
+        np.append(values, entries),
     )
     return PETSc.Mat().createAIJ(((rows + free.size, None), (columns + count, None)), csr=csr, comm=matrix.comm)
 

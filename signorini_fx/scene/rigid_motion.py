@@ -16,7 +16,7 @@ from pydantic import AfterValidator
 
 from signorini_fx.scene.base import Table
 from signorini_fx.scene.expressions import Expression
-from signorini_fx.scene.values import TimedSampledValue, shown
+from signorini_fx.scene.values import NonNegative, TimedSampledValue, shown
 
 Array = npt.NDArray[np.float64]
 COMPONENTS = {2: ("x", "y", "rotation"), 3: ("x", "y", "z", "rotation_x", "rotation_y", "rotation_z")}
@@ -71,6 +71,28 @@ class Prescribed(Table):
     rotation_z: Timed | None = None
 
 
+class PivotSprings(Table):
+    """Springs between the reference point of a rigid body and the ground, one for each component of its motion.
+
+    Attributes:
+        x: stiffness along x[0], force / length; None: zero, as of all others.
+        y: along x[1].
+        z: along x[2]; only in space.
+        rotation: moment per radian; only in the plane.
+        rotation_x: about an axis along x[0]; only in space.
+        rotation_y: about an axis along x[1]; only in space.
+        rotation_z: about an axis along x[2]; only in space.
+    """
+
+    x: NonNegative | None = None
+    y: NonNegative | None = None
+    z: NonNegative | None = None
+    rotation: NonNegative | None = None
+    rotation_x: NonNegative | None = None
+    rotation_y: NonNegative | None = None
+    rotation_z: NonNegative | None = None
+
+
 class RigidMotion(Table):
     """What drives a rigid motion; without any of these there is no such unknown.
 
@@ -79,16 +101,18 @@ class RigidMotion(Table):
             the time t; None: none.
         moment: about that point, in the plane a number, counterclockwise, in space three; of the same kinds.
         prescribed: the components of the motion that are not free.
+        spring: between its reference point and the ground; None: there is none.
     """
 
     force: TimedVector | None = None
     moment: TimedAngle | None = None
     prescribed: Prescribed | None = None
+    spring: PivotSprings | None = None
 
     @property
     def drives(self) -> bool:
         """Whether it says what drives the motion."""
-        return not (self.force is None and self.moment is None and self.prescribed is None)
+        return any(getattr(self, key) is not None for key in RigidMotion.model_fields)
 
     @property
     def driven_in_time(self) -> bool:
@@ -107,14 +131,24 @@ class RigidMotion(Table):
             np.array([np.nan if value is None else _at(value, time) for value in motion]),
         )
 
+    def stiffness(self, dimension: int) -> Array:
+        """That of its springs, for each component of its motion, shape (m,)."""
+        names = COMPONENTS[dimension]
+        return np.array([getattr(self.spring, name, None) or 0.0 for name in names])
+
     def motion_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
         """Keys that do not fit the dimension of the mesh, and why."""
         where = "the mesh is plane" if dimension == 2 else "the mesh is in space"
         if self.moment is not None and isinstance(self.moment, tuple) != (dimension == 3):
             yield "moment", f"{where}: give " + ("a number" if dimension == 2 else "three numbers")
-        for key in () if self.prescribed is None else type(self.prescribed).model_fields:
-            if getattr(self.prescribed, key) is not None and key not in COMPONENTS[dimension]:
-                yield f"prescribed.{key}", f"{where}: the components are {', '.join(COMPONENTS[dimension])}"
+        given = {f"prescribed.{key}": value for key, value in self.prescribed or () if value is not None}
+        given |= {f"spring.{key}": value for key, value in self.spring or () if value}
+        for path in given:
+            key = path.partition(".")[2]
+            if key not in COMPONENTS[dimension]:
+                yield path, f"{where}: the components are {', '.join(COMPONENTS[dimension])}"
+            elif path.startswith("spring") and f"prescribed.{key}" in given:
+                yield path, "has no effect on a component that is prescribed"
 
 
 @dataclass(frozen=True)
@@ -170,7 +204,7 @@ def driven_twice(shapes: Sequence[Any], number: int) -> str:
     ]
     if name is None or len(drivers) == 1:
         return ""
-    return f"give force, moment or prescribed in one contact of {name!r}, not in {len(drivers)}"
+    return f"give force, moment, prescribed or spring in one contact of {name!r}, not in {len(drivers)}"
 
 
 def _name_of(shape: Any) -> str | None:

@@ -60,6 +60,7 @@ class Shape(RigidMotion):
         force: on it at its pivot, which moves a foundation whose motion is an unknown, see ``scene.rigid_motion``.
         moment: on it about its pivot.
         prescribed: which components of such a motion are not free.
+        spring: between its pivot and the ground.
         rigid: the name of a rigid body that several contacts have, of which one says what drives it; None: none.
     """
 

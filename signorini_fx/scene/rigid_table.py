@@ -29,6 +29,7 @@ class Rigid(RigidMotion):
         force: on it at its pivot, force, in the plane per thickness; numbers or expressions of the time t; None: none.
         moment: about that point, in the plane a number, counterclockwise, in space three; of the same kinds.
         prescribed: the components of the motion that are not free.
+        spring: between its pivot and the ground; None: there is none.
     """
 
     name: str

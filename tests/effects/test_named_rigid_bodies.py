@@ -2,6 +2,7 @@
 
 import math
 from copy import deepcopy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,10 @@ from test_tools import on_named_posts
 from signorini_fx import ConvergenceError, SceneError, solve
 from signorini_fx.check.checks import check_scene
 from signorini_fx.check.text import render
+from signorini_fx.derivatives.of_scene import sensitivity
 from signorini_fx.records import Status
+from signorini_fx.results.certificate import certify
+from signorini_fx.results.promised_law import Tractions
 from signorini_fx.scene.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
@@ -235,6 +239,114 @@ def test_a_steeper_wedge_slides_and_says_so():
     assert "contact[0]" in str(raised.value)
 
 
+def test_a_spring_at_the_pivot_takes_its_share():
+    """A rigid plate on a block of stiffness E A / L and on its own spring: they share the force by their stiffness."""
+    young, spring, load = 1000.0, 500.0, 3.0
+    for dimension, algebra in ((2, "full"), (2, "condensed"), (3, "krylov")):
+        names, up = "xyz"[:dimension], [0.0] * (dimension - 1) + [1.0]
+        mesh = {"length": 1.0, "height": 0.5, **({"nx": 4, "ny": 4} if dimension == 2 else {"width": 1.0})}
+        scene = parse_scene(
+            {
+                "mesh": {"generator": "rectangle" if dimension == 2 else "box", "parameters": mesh},
+                "material": {"young": young, "poisson": 0.0},
+                "displacement": {"boundary": "bottom", **dict.fromkeys(names, 0.0)},
+                "rigid": {
+                    "name": "plate",
+                    "shape": {"shape": "plane", "point": [0.5 * one for one in up], "normal": [-one for one in up]},
+                    "pivot": [0.5] * dimension,
+                    "force": [-load * one for one in up],
+                    # The plate would slide without friction, but for its springs.
+                    "spring": {names[-1]: spring, **dict.fromkeys(names[:-1], 1.0)}
+                    | ({"rotation": 2.0} if dimension == 2 else dict.fromkeys(["rotation_y", "rotation_x"], 2.0))
+                    | ({} if dimension == 2 else {"rotation_z": 1.0}),
+                },
+                "contact": {"boundary": "top", "foundation": "plate"},
+                "solver": {"linear_algebra": algebra},
+            }
+        )
+        solution = solve(scene)
+        (row,) = rows(solution)
+        stiffness = young * 1.0 / 0.5
+        assert np.isclose(row["displacement"][-1], -load / (stiffness + spring), rtol=1e-4)
+        assert np.isclose(row["force"][-1], load - spring * -row["displacement"][-1], rtol=1e-9)
+        assert solution.certificate.equilibrium < 1e-8
+
+
+def test_a_spring_holds_what_would_slide():
+    """The steeper wedge rests where its spring takes what friction does not; a couple turns a roller by M / k."""
+    spring = 50.0
+    solution = solve(parse_scene(wedge(1.5, spring={"y": spring})))
+    (row,), both = rows(solution), sums(solution)
+    angle = math.atan(1.5 * F)
+    pushed = 2 * (2.0 * math.sin(angle) - F * 2.0 * math.cos(angle))
+    assert np.allclose(both[:, 0], 2.0, rtol=1e-9)
+    assert np.isclose(row["force"][1], -pushed, rtol=1e-9)
+    assert np.isclose(row["displacement"][1], -pushed / spring, rtol=1e-9)
+    tagged, tractions, law = solution.discretisation.tagged, Tractions.of(solution.contact), solution.certificate.law
+    (tool,) = solution.last_step.tools
+
+    def judged(stiffness):
+        scene = parse_scene(wedge(1.5, spring={"y": stiffness}))
+        moved = replace(tool, body=scene.rigid_bodies[0])
+        return certify(scene, tagged, solution.displacement, tractions, law=law, rigid=(moved,))
+
+    assert judged(spring).holds
+    assert judged(1.001 * spring).equilibrium > 1e-5
+    slippery = roller(load=4.0, law={"law": "none"}, force=[0.0, 0.0], moment=0.1, spring={"rotation": 20.0, "x": 1.0})
+    (row,) = rows(solve(parse_scene(slippery)))
+    assert np.isclose(row["rotation"], 0.1 / 20.0, rtol=1e-9)
+
+
+def pressed_and_rolled(unit=(1.0, 1.0), *, mirrored=False, **keys):
+    """Load steps of a roller with friction and a spring: pressed, rolled forth and back."""
+    length, stress = unit
+    scene = roller(
+        upper=(0.02, -0.02),
+        mirrored=mirrored,
+        unit=unit,
+        force=[0.0, 0.0],
+        spring={"x": 5.0 * stress, "rotation": 3000.0 * stress * length**2},
+        **keys,
+    )
+    upper = scene["displacement"][1]
+    way = upper.pop("x")
+    scene["displacement"][1:] = [
+        {"boundary": "upper.top", "y": upper["y"], "factors": [1.0, 1.0, 1.0]},
+        {"boundary": "upper.top", "x": way, "factors": [0.0, 1.0, 0.0]},
+    ]
+    return scene
+
+
+def histories(solution, unit=(1.0, 1.0)):
+    """The motion of the first rigid body in each load step, without unit."""
+    return np.array([np.append(step.tools[0].translation / unit[0], step.tools[0].rotation) for step in solution.steps])
+
+
+def test_load_steps_with_friction_in_other_units_and_mirrored():
+    wanted = solve(parse_scene(pressed_and_rolled()))
+    assert all(step.certificate.equilibrium < 1e-9 for step in wanted.steps)
+    motions = histories(wanted)
+    assert abs(motions[2, 2]) > 0.1 * abs(motions[1, 2])  # friction remembers the way
+    for unit in ((1e-9, 1.0), (1e6, 1e-6)):
+        other = histories(solve(parse_scene(pressed_and_rolled(unit))), unit)
+        assert np.abs(other - motions).max() < 1e-8 * np.abs(motions).max()
+    mirrored = histories(solve(parse_scene(pressed_and_rolled(mirrored=True))))
+    assert np.abs(mirrored * [-1.0, 1.0, -1.0] - motions).max() < 1e-8 * np.abs(motions).max()
+
+
+def test_a_spring_is_none_that_a_derivative_is_taken_by():
+    """Derivatives by a force know it: the spring takes its share of each newton."""
+    scenes = [parse_scene(wedge(0.5, force=[0.0, push], spring={"y": 50.0})) for push in (0.09, 0.1, 0.11)]
+    scene, path = scenes[1], "contact[0].foundation."
+    (of_force,) = sensitivity(scene, ["force right.left y"], [f"{path}force[1]"])
+    low, _, high = (rows(solve(one))[0]["displacement"][1] for one in scenes)
+    share = 1 - 50.0 * (high - low) / 0.02
+    assert 0.5 < share < 0.99
+    assert np.isclose(2 * of_force.derivatives[0], share, rtol=1e-6)
+    with pytest.raises(SceneError, match="is none that a derivative can be taken by"):
+        sensitivity(scene, ["force right.left y"], [f"{path}spring.y"])
+
+
 HELD_BY_NOTHING = [
     (roller(load=4.0, law={"law": "none"}, force=[0.0, 0.0], moment=0.1), Status.NOT_HELD),
     (wedge(0.5, law={"law": "none"}), Status.NOT_HELD),
@@ -272,6 +384,8 @@ MISTAKES = [
     ({"shape": None}, r"contact\[0\].foundation: \[\[rigid\]\] 'roller' has no shape"),
     ({"force": [0.0, 0.0, 0.0]}, "the mesh is plane"),
     ({"pivot": None}, "give the point where the force acts"),
+    ({"spring": {"z": 1.0}}, "spring.z: the mesh is plane"),
+    ({"spring": {"x": 1.0}, "prescribed": {"x": 0.0}}, "spring.x: has no effect on a component that is prescribed"),
     ({"colour": "red"}, r"rigid\[?0?\]?.colour: unknown key"),
 ]
 

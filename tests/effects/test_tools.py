@@ -23,12 +23,12 @@ from signorini_fx.records import Status
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.scene.reading import parse_scene, read_scene
-from signorini_fx.scene.rigid_motion import RigidBody
+from signorini_fx.scene.rigid_motion import RigidBody, RigidMotion
 from signorini_fx.solving.sweep import sweep
 
 COMM = MPI.COMM_WORLD
 GAMMAS = {"gamma_n": 1e9, "gamma_t": 1e9}
-TOP = RigidBody("top", None, (0,))
+TOP = RigidBody("top", RigidMotion(), (0,))
 HERE = Path(__file__).parents[1]
 LAWS = {
     "none": {"law": "none"},

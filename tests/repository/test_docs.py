@@ -56,7 +56,7 @@ from signorini_fx.scene import settings
 from signorini_fx.scene.generators import known_generators
 from signorini_fx.scene.load_steps import LoadSteps
 from signorini_fx.scene.reading import parse_scene, read_scene
-from signorini_fx.scene.rigid_motion import Prescribed
+from signorini_fx.scene.rigid_motion import PivotSprings, Prescribed
 from signorini_fx.scene.rigid_table import Rigid
 from signorini_fx.scene.template import starting_scene
 
@@ -490,7 +490,7 @@ MODELS = {
     ("`[[contact]]`", "key"): [contact.UnilateralContact, contact.BilateralContact, contact.BondedContact],
     ("`[[contact]]`", "key of `friction`"): [NoFriction, Tresca, Coulomb],
     ("Rigid bodies", "key of `rigid`"): [Rigid],
-    ("Rigid bodies", "key of `prescribed`"): [Prescribed],
+    ("Rigid bodies", "key of `prescribed`, `spring`"): [Prescribed, PivotSprings],
     ("Two bodies", "key of `body`"): [scene.Body],
     ("`[load_steps]`", "key"): [LoadSteps],
     ("`[solver]`", "key"): [settings.SolverSettings],
