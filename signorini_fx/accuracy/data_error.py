@@ -16,7 +16,7 @@ from dolfinx import default_scalar_type, fem
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.contact_surface import ContactSurface
-from signorini_fx.accuracy.pressure_error import on_facets
+from signorini_fx.accuracy.pressure_error import around, on_facets
 from signorini_fx.body.assembly import assemble, facet_entities
 from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.discretisation import Discretisation
@@ -63,7 +63,12 @@ def data_error(d: Discretisation, table: ContactTable, step: float) -> DataError
     squares = np.zeros_like(forces)
     if table.facets is None:
         friction, gap = _between_nodes(d, table)
-        missed = [on_facets(d.boundary, table, errors) for errors in (friction, [errors**2 for errors in gap])]
+        rings = around(table, d.kinematics)
+        squared = [errors**2 for errors in gap]
+        missed = [
+            on_facets(d.boundary, table, [ring * part for ring, part in zip(rings, errors, strict=True)])
+            for errors in (friction, squared)
+        ]
     else:
         surface = ContactSurface.of(table)
         missed = [surface.of_rank(d.boundary, errors) for errors in _inside_pieces(d, table, surface)]

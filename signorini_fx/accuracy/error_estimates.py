@@ -17,6 +17,8 @@ from signorini_fx.accuracy.surface_pressure import piece_squares
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.kinematics.cartesian import Kinematics
+from signorini_fx.kinematics.plane_strain import PLANE_STRAIN
 from signorini_fx.tuned import POLLUTION
 
 Floats = npt.NDArray[np.float64]
@@ -64,7 +66,9 @@ def estimate_errors(
     squares = np.zeros(missed.squares.shape)
     if energy > 0:
         squares = StressRecovery.of(d).squares(displacement, step)
-    return combined(d.boundary, table, contact_cells(d), squares, missed, energy, compliance * d.scene.young)
+    return combined(
+        d.boundary, table, contact_cells(d), squares, missed, energy, compliance * d.scene.young, d.kinematics
+    )
 
 
 def combined(
@@ -75,6 +79,7 @@ def combined(
     missed: DataError,
     energy: float,
     blur: float,
+    kinematics: Kinematics = PLANE_STRAIN,
 ) -> Errors:
     """All error estimates from those in the body; collective.
 
@@ -86,6 +91,7 @@ def combined(
         missed: the error of the data.
         energy: strain energy of the solution.
         blur: length over which the regularisation smears the pressure at a corner; 0 without.
+        kinematics: of the body.
     """
 
     def total(squares: Floats) -> float:
@@ -102,7 +108,7 @@ def combined(
     contact, inside, pressed = np.zeros_like(body), np.zeros_like(body), pressure_square(table)
     if pressed > 0:
         for squares, corners in ((contact, True), (inside, False)):
-            facet_squares = _facet_squares(boundary, table, blur, corners=corners)
+            facet_squares = _facet_squares(boundary, table, blur, kinematics, corners=corners)
             np.add.at(squares, cells, facet_squares / pressed)
     local, inside_total = total(contact), total(inside)
     wholes = ((body, error**2), (inside, inside_total), (forces, data))
@@ -122,10 +128,12 @@ def combined(
     )
 
 
-def _facet_squares(boundary: ContactBoundary, table: ContactTable, blur: float, *, corners: bool) -> Floats:
+def _facet_squares(
+    boundary: ContactBoundary, table: ContactTable, blur: float, kinematics: Kinematics, *, corners: bool
+) -> Floats:
     """Squared error of the pressure on each facet of this rank, as in ``boundary.segments``; collective."""
     if table.facets is None:
-        return on_facets(boundary, table, interval_squares(table, corners=corners, blur=blur))
+        return on_facets(boundary, table, interval_squares(table, kinematics, corners=corners, blur=blur))
     surface = ContactSurface.of(table)
     return surface.of_rank(boundary, piece_squares(surface, table.columns["pressure"], corners=corners, blur=blur))
 

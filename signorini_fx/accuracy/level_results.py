@@ -40,6 +40,16 @@ def _make_ready(newton: SemismoothNewton) -> None:
             callbacks.solve(newton.snes.getKSP().setUp)
 
 
+def _root_of_weight(table: ContactTable) -> float:
+    """The mean length, or the side of the mean area, that belongs to a contact node."""
+    return float(table.columns["weight"].mean() ** (1 if table.facets is None else 1 / 2))
+
+
+def _spacing(table: ContactTable) -> float:
+    """The same in the section of a body of revolution, where the weights are areas of rings."""
+    return float(sum(np.ptp(table.arc(path)) for path in table.paths) / len(table.columns["weight"]))
+
+
 def level_result(
     level: int,
     body: ElasticBody,
@@ -80,7 +90,7 @@ def level_result(
     change = task.history.outer[-1].change
     return LevelResult(
         level=level,
-        h=float(table.columns["weight"].mean() ** (1 if table.facets is None else 1 / 2)),
+        h=_spacing(table) if table.facets is None and not body.kinematics.uniform else _root_of_weight(table),
         dofs=body.dofs,
         linear_solves=len(own),
         factorisations=sum(record.factorised for record in own),

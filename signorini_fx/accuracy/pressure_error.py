@@ -13,6 +13,8 @@ import numpy.typing as npt
 from signorini_fx.accuracy.contact_surface import ContactSurface
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_table import ContactTable, is_closed
+from signorini_fx.kinematics.cartesian import Kinematics
+from signorini_fx.kinematics.plane_strain import PLANE_STRAIN
 from signorini_fx.tuned import (
     BENDING,
     CORNER_ANGLE,
@@ -31,11 +33,14 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
 
-def interval_squares(table: ContactTable, *, corners: bool = True, blur: float = 0.0) -> list[Floats]:
-    """Estimated squared error of the pressure between neighbouring nodes, stress^2 times length.
+def interval_squares(
+    table: ContactTable, kinematics: Kinematics = PLANE_STRAIN, *, corners: bool = True, blur: float = 0.0
+) -> list[Floats]:
+    """Estimated squared error of the pressure between neighbouring nodes, stress^2 times length, or area of a ring.
 
     Args:
         table: the contact boundary.
+        kinematics: of the body.
         corners: whether to include the singular intervals at corners; False: without them, for quantities that do not
             depend on such a small part of the boundary.
         blur: length over which the regularisation smears the pressure at a corner; 0 without.
@@ -44,9 +49,9 @@ def interval_squares(table: ContactTable, *, corners: bool = True, blur: float =
         One array for each path of the table, shape (rows - 1,).
     """
     squares = []
-    for path in table.paths:
+    for path, measure in zip(table.paths, around(table, kinematics), strict=True):
         rows, s, path_slice = table.unrolled(path)
-        squares.append(_squares(table, rows, s, blur, corners=corners)[path_slice])
+        squares.append(_squares(table, rows, s, blur, corners=corners)[path_slice] * measure)
     return squares
 
 
@@ -163,9 +168,9 @@ def _corners(table: ContactTable, rows: Ints) -> list[tuple[int, int]]:
     return [(node, interval) for node, interval in pairs if pressure[node] != 0]
 
 
-def corners_of_error(table: ContactTable) -> Floats:
+def corners_of_error(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN) -> Floats:
     """Positions of the corners with a large share of the error of the pressure beside them, shape (n, 2)."""
-    squares = interval_squares(table)
+    squares = interval_squares(table, kinematics)
     much = CORNER_ERROR_SHARE * sum(float(part.sum()) for part in squares)
     nodes: list[int] = []
     for path, of_path in zip(table.paths, squares, strict=True):
@@ -249,6 +254,17 @@ def roughness_at_peak(table: ContactTable) -> float:
 def pressure_square(table: ContactTable) -> float:
     """The squared norm of the pressure in L2(Gamma_c)."""
     return float(np.dot(table.columns["weight"], table.columns["pressure"] ** 2))
+
+
+def around(table: ContactTable, kinematics: Kinematics) -> list[Floats]:
+    """By what the length of each interval of ``interval_squares`` is multiplied: in a body of revolution the length of
+    the circumference at its middle, elsewhere 1.
+    """
+    if kinematics.uniform:
+        return [np.ones(len(path) - 1) for path in table.paths]
+    x = np.column_stack((table.columns["x"], table.columns["y"]))
+    measures = (kinematics.measure_at((x[path[:-1]] + x[path[1:]]) / 2) for path in table.paths)
+    return [measure for measure in measures if measure is not None]
 
 
 def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Floats]) -> Floats:

@@ -174,6 +174,11 @@ class ContactBoundary:
         return np.concatenate((self.normal[:, :, None], self.tangents), axis=2)
 
     @property
+    def coframes(self) -> Nodal:
+        """Their dual basis, (n, T^-T), with which components of displacements make a vector, shape (n, d, d)."""
+        return np.concatenate((self.normal[:, :, None], self.cotangents), axis=2)
+
+    @property
     def frames_in_axes(self) -> Nodal:
         """Orthonormal ``frames`` in the components that ``free`` is told in, shape (n, d, d)."""
         frames = np.concatenate((self.normal[:, :, None], self._axes), axis=2)
@@ -191,7 +196,8 @@ class ContactBoundary:
         frames = self.frames_in_axes
         movable = np.einsum("nki,nk,nkj->nij", frames, self.free.astype(np.float64), frames)
         if self.moving is not None:
-            moves = np.einsum("nij,nik->njk", self.frames, self.moving.modes[:, :, ~self.moving.fixed])
+            orthonormal = np.concatenate((self.normal[:, :, None], self._axes), axis=2)
+            moves = np.einsum("nij,nik->njk", orthonormal, self.moving.modes[:, :, ~self.moving.fixed])
             on_moving = moves.any(axis=(1, 2))
             movable[on_moving] = onto_range(
                 movable[on_moving] + np.einsum("nik,njk->nij", moves[on_moving], moves[on_moving])

@@ -87,7 +87,7 @@ def _lift(boundary: ContactBoundary, operator: PETSc.Mat) -> PETSc.Mat | None:
     if parallel.any_rank(boundary.comm, shared is not None and shared.here.size > 0):
         return None
     dim = boundary.x.shape[1]
-    blocks, size = (boundary.frames, np.arange(boundary.size), np.arange(boundary.size + 1)), dim * boundary.size
+    blocks, size = (boundary.coframes, np.arange(boundary.size), np.arange(boundary.size + 1)), dim * boundary.size
     frames = sp.bsr_array(blocks, shape=(size, size))
     lift = sp.csr_array((sp.kron(averages.lift, sp.eye_array(dim)) @ frames).T)
     columns = (dim * averages.nodes[:, None] + np.arange(dim)).ravel()[lift.indices]

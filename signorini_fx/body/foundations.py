@@ -250,15 +250,12 @@ class Foundations:
             axes = None
             if contact.friction is not None:
                 axes = contact.friction.axes(at, f"contact[{k}].friction", self._dimension, self._space.mesh.comm)
-            if isinstance(contact, Pair) and axes is not None:
-                why = "friction that depends on the direction is not possible yet between two bodies"
-                raise FormError([(f"contact[{k}].friction.ratio", why)])
             if contact.measure is not None:
                 factor = at(contact.measure, f"contact[{k}].measure", minimum=0.0)
                 largest = parallel.largest(self._space.mesh.comm, np.nan_to_num(factor))
                 factor[factor <= ZERO_SUM * largest] = 0.0
             if isinstance(contact, Pair):
-                shapes.append(ShapeDistances(factor, None))
+                shapes.append(ShapeDistances(factor, None, axes))
                 continue
             along: Any = self._distances[k].direction if k in self._distances else contact.direction
             if along is not None:
@@ -288,7 +285,7 @@ class Foundations:
         parts = []
         for k, (shape, (form, function)) in enumerate(zip(shapes, self.forms, strict=True)):
             if k in self._masters:
-                parts.append(self._paired(k, shape.factor, fixed, turned, at_rest))
+                parts.append(self._along(k, shape, self._paired(k, shape.factor, fixed, turned, at_rest)))
                 continue
             if function is not None and shape.factor is not None:
                 function.x.array.reshape(-1, self._dimension)[:, 0] = np.nan_to_num(shape.factor)
@@ -296,11 +293,16 @@ class Foundations:
             part = contact_part(self._space, form, self.facets[k], k, fixed, turned, least)
             if shape.direction is not None:
                 part = replace(part, normal=shape.direction[part.nodes])
-            if shape.axes is not None:
-                part = replace(part, friction_axes=shape.axes.at(part.nodes))
-                part.check_friction_axes(f"contact[{k}].friction")
-            parts.append(part)
+            parts.append(self._along(k, shape, part))
         return join(parts)
+
+    def _along(self, number: int, shape: ShapeDistances, part: ContactBoundary) -> ContactBoundary:
+        """The points of a contact with the axes of its friction."""
+        if shape.axes is None:
+            return part
+        part = replace(part, friction_axes=shape.axes.at(part.nodes))
+        part.check_friction_axes(f"contact[{number}].friction")
+        return part
 
     def at_rest(self, fixed: npt.NDArray[np.bool_], values: Array) -> npt.NDArray[np.bool_]:
         """Which dofs are prescribed to be zero, if pairs are there, which alone take notice of it."""

@@ -99,9 +99,11 @@ class RigidBodies:
             modes[touching, :, k] = rigid_modes(boundary.centre[touching], pivot, np.array(self.length))
         flat = modes.reshape(boundary.size, dim, count * motion_count)
         number = np.repeat(np.arange(count), motion_count)
-        return replace(
-            boundary, moving=MovingFoundation(flat, self.fixed, self.stiffness, number, self.bodies, self.length)
-        )
+        foundation = MovingFoundation(flat, self.fixed, self.stiffness, number, self.bodies, self.length)
+        moving = replace(boundary, moving=foundation)
+        if moving.friction_axes is not None:
+            moving.friction_axes.check_supports(moving.points.movable, "contact.friction", moving.comm)
+        return moving
 
     def drives(self, time: float = 0.0) -> list[Drive]:
         """Forces and moments on each of them at a time, and what is prescribed, shapes (m,)."""

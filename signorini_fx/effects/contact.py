@@ -46,7 +46,6 @@ class Contact(Effect):
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
         "contact of two bodies": {
             "exact": "exact needs one unknown for each constraint, and contact of two bodies ties several",
-            "friction axes": "is not possible yet between two bodies",
             "local refinement": "contact of two bodies shows its error on the side with the points alone, so that "
             "cells of the other one would not be divided: use 'uniform'",
         },
@@ -55,7 +54,6 @@ class Contact(Effect):
             "several, those of the body and of the tool: take 'alm'",
             "entering load": "a foundation that force, moment or prescribed moves is not possible yet where a fluid "
             "enters contact",
-            "friction axes": "is not possible yet where a force moves the foundation",
         },
     }
 

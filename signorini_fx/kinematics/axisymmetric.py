@@ -58,10 +58,8 @@ class BodyOfRevolution(Kinematics):
         return np.asarray(2 * np.pi * np.maximum(x[..., 0], 0.0))
 
 
-_WHERE = "where the body is axisymmetric"
 # What has no meaning, and what nobody has derived yet.
 REFUSED = {
-    "accuracy of the pressure": f"has no estimate yet with the measure of rings, {_WHERE}",
     "bending": "a section that stays in place does not bend",
     "guaranteed bound": "a guaranteed bound of axisymmetric bodies is not known yet",
     "moment": "there is none on a body of revolution",

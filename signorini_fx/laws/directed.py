@@ -94,7 +94,14 @@ class FrictionAxes:
         if parallel.any_rank(comm, not (across > NO_DIRECTION * longest).all()):
             reason = "is zero or along the normal somewhere: it must have a part along the foundation"
             raise FormError([(f"{path}.along", reason)])
-        if parallel.any_rank(comm, bool((np.abs(movable() * (1 - np.eye(3))) > SAME_DIRECTION).any())):
+        self.check_supports(movable(), path, comm)
+
+    def check_supports(self, movable: Array, path: str, comm: Any) -> None:
+        """Whether what may move at the points is along the axes, see ``check``; collective."""
+        from signorini_fx import parallel
+
+        askew = np.abs(movable[self.along.any(axis=1)] * (1 - np.eye(3))) > SAME_DIRECTION
+        if parallel.any_rank(comm, bool(askew.any())):
             why = "a support prescribes the displacement there neither along nor across it, nor along the normal"
             raise FormError([(f"{path}.along", f"{why}, which is not possible yet with a ratio")])
 

@@ -151,7 +151,7 @@ class Meshes(Generic[S]):
         There it decreases so slowly with h, and so few cells are divided, that a solve after each division is wasteful.
         """
         assert solved.level is not None
-        corners = corners_of_error(solved.level.table)
+        corners = corners_of_error(solved.level.table, solved.body.kinematics)
         for _ in range(round(np.clip(np.log2(min(excess, 1e3)) / CORNER_RATE - 1, 0, CORNER_DIVISIONS))):
             if not len(corners):
                 break

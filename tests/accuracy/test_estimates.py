@@ -13,6 +13,7 @@ from signorini_fx.accuracy.error_estimates import estimate_errors
 from signorini_fx.accuracy.pressure_error import bends, interval_squares, on_facets
 from signorini_fx.body.contact_table import ContactTable
 from signorini_fx.body.discretisation import discretise
+from signorini_fx.kinematics import AXISYMMETRIC
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Timings
 from signorini_fx.scene.reading import parse_scene
@@ -107,6 +108,38 @@ def test_kinks_of_a_smooth_pressure():
     [squares] = interval_squares(straight(s, (1 - s**2) ** 3))
     curvature, _ = quad(lambda x: (-6 + 36 * x**2 - 30 * x**4) ** 2, -1, 1)
     assert squares.sum() == pytest.approx((2 / 64) ** 4 * curvature / 33, rel=0.02)
+
+
+def test_rings():
+    """In a body of revolution the integral of an estimate is over rings, whatever the unit of length is: that of a
+    pressure on a plane, and that of a solution.
+    """
+    r = np.linspace(0.0, 1.0, 65)
+    table = straight(r, (1 - r**2) ** 3)
+    table.columns.update(x=r, y=0 * r)
+    [squares] = interval_squares(table, AXISYMMETRIC)
+    curvature, _ = quad(lambda r: 2 * np.pi * r * (-6 + 36 * r**2 - 30 * r**4) ** 2, 0, 1)
+    assert squares.sum() == pytest.approx((1 / 64) ** 4 * curvature / 33, rel=0.03)
+    errors = []
+    for unit in (1.0, 1e3):
+        data = {
+            "mesh": {"generator": "rectangle", "parameters": {"length": unit, "height": unit / 2, "nx": 12, "ny": 6}},
+            "material": {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric"},
+            "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "top", "x": 0.0, "y": -0.03 * unit}],
+            "contact": {
+                "boundary": "bottom",
+                "gap": f"x[0]**2 / {4 * unit} + where(abs(x[0] - {0.22 * unit}) < {0.01 * unit}, {1e-3 * unit}, 0)",
+                "friction": {"law": "tresca", "bound": f"20 + 10*sin(40*x[0]/{unit})"},
+            },
+        }
+        solution = alone(parse_scene(data))
+        energy = solution.steps[-1].strain_energy
+        d = solution.discretisation
+        errors.append(estimate_errors(d, solution.displacement, energy, table_of(solution), 0, 0.0))
+    for name in ("energy", "pressure", "inside", "data"):
+        assert getattr(errors[0], name) == pytest.approx(getattr(errors[1], name), rel=1e-6), name
+    for name, squares in errors[0].squares.items():
+        np.testing.assert_allclose(squares, errors[1].squares[name], rtol=1e-5, atol=1e-9 * squares.max())
 
 
 def test_a_jump_of_the_pressure():

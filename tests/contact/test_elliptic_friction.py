@@ -101,15 +101,10 @@ def test_limit_of_ellipses_that_cross():
     assert _largest_resultant(crossed, np.array([0.5, 1.5]), 0 * between, MPI.COMM_SELF) == pytest.approx(2.0)
 
 
-@pytest.mark.parametrize("law", LAWS)
-def test_driven(law):
-    """All points slip in the direction that the top is driven in: the shear is where the ellipse has this normal."""
-    angle = 1.0
-    drive = {"boundary": "top", "x": 5 * float(np.cos(angle)), "y": 5 * float(np.sin(angle)), "z": -0.01}
-    scene = brick({}, contact={"boundary": "bottom", "friction": LAWS[law]}, traction=(), displacement=drive)
+def slips_normal_to_the_ellipse(scene, law):
+    """All points slip where a motion drives them: the shear is where the ellipse has this normal."""
     settings = {"largest_deformation": 50.0, "tolerance": 1e-12}
-    scene = scene.model_copy(update={"solver": scene.solver.model_copy(update=settings)})
-    solution = alone(scene, check=False)
+    solution = alone(scene.model_copy(update={"solver": scene.solver.model_copy(update=settings)}), check=False)
     assert solution.converged
     assert solution.certificate.holds
     c = solution.table.columns
@@ -123,6 +118,65 @@ def test_driven(law):
     normal = shear / size**2
     np.testing.assert_allclose(xi[0] * normal[1], xi[1] * normal[0], atol=1e-9 * np.abs(xi[0] * normal[1]).max())
     assert (xi * normal).sum(axis=0).min() > 0
+    return solution
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_driven(law):
+    """The top moves sideways."""
+    drive = {"boundary": "top", "x": 5 * float(np.cos(1.0)), "y": 5 * float(np.sin(1.0)), "z": -0.01}
+    scene = brick({}, contact={"boundary": "bottom", "friction": LAWS[law]}, traction=(), displacement=drive)
+    slips_normal_to_the_ellipse(scene, law)
+
+
+def under_a_tool(law, force, **prescribed):
+    """A brick that stands fast, and a plate on it that forces move without turning it."""
+    held = {"rotation_x": 0.0, "rotation_y": 0.0, "rotation_z": 0.0}
+    plate = {"shape": "plane", "point": [0, 0, 1.0], "normal": [0, 0, -1], "pivot": [1.0, 1.0, 1.0]}
+    tool = plate | {"force": [*map(float, force), -4.0 * PRESS], "prescribed": held | prescribed}
+    fixed = {"boundary": "bottom", "x": 0.0, "y": 0.0, "z": 0.0}
+    contact = {"boundary": "top", "foundation": tool, "friction": LAWS[law]}
+    mesh = box("hexahedra", (4, 4, 2), size=(2.0, 2.0, 1.0))
+    return brick({}, mesh=mesh, traction=(), displacement=fixed, contact=contact)
+
+
+def on_a_brick(law, force=(0.0, 0.0), side="boundary", cells="hexahedra", **drive):
+    """A brick on one that stands fast, whose mesh is another one; side: that has the contact points."""
+    upper, lower = (box(cells, (n, n, 2), size=(2.0, 2.0, 1.0)) for n in (4, 3))
+    moved = [{"boundary": "upper.top", **drive}] if drive else []
+    contact = {"boundary": "upper.bottom", "against": "lower.top", "points": side, "friction": LAWS[law]}
+    return parse_scene(
+        {
+            "body": [{"name": "upper", "mesh": upper, "shift": [0, 0, 1.0]}, {"name": "lower", "mesh": lower}],
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": [{"boundary": "lower.bottom", "x": 0.0, "y": 0.0, "z": 0.0}, *moved],
+            "traction": [] if drive else [{"boundary": "upper.top", "pressure": PRESS}],
+            "body_force": {axis: float(part) / 4.0 for axis, part in zip("xy", force, strict=True)},
+            "contact": contact,
+        }
+    )
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(
+    ("scene", "keys"), [(under_a_tool, {}), (on_a_brick, {"side": "against"}), (on_a_brick, {"cells": "tetrahedra"})]
+)
+def test_limit_of_tools_and_bodies(law, scene, keys):
+    """A tool and a body that are pushed hold up to the ellipse, and slide beyond it."""
+    angle = 1.2
+    push = limit(angle) * 4.0 * PRESS * np.array([np.cos(angle), np.sin(angle)])
+    held = alone(scene(law, 0.999 * push, **keys), check=False)
+    assert held.certificate.holds
+    np.testing.assert_allclose(np.abs(held.contact.forces[1][:2]), 0.999 * push, rtol=1e-6)
+    assert alone(scene(law, 1.001 * push, **keys), check=False).status is Status.SLIDES
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_driven_tools_and_bodies(law):
+    """A tool and a body that move sideways."""
+    x, y = 5 * float(np.cos(1.0)), 5 * float(np.sin(1.0))
+    slips_normal_to_the_ellipse(under_a_tool(law, (0.0, 0.0), x=x, y=y), law)
+    slips_normal_to_the_ellipse(on_a_brick(law, x=x, y=y, z=-0.02), law)
 
 
 def test_law_and_its_derivative():
@@ -391,14 +445,12 @@ def test_refused(friction, more, place, message):
     assert len(raised.value.problems) == 1
 
 
-def test_not_in_the_plane_and_not_between_bodies():
+def test_not_in_the_plane():
     friction = {"law": "coulomb", "coefficient": 0.3, "ratio": 0.5}
     data = {"mesh": {"generator": "rectangle"}, "material": {"young": 1000.0, "poisson": 0.3}}
     data["displacement"] = {"boundary": "top", "x": 0.0, "y": 0.0}
     with pytest.raises(SceneError, match=r"friction.ratio: the mesh is plane"):
         check_scene(parse_scene(data | {"contact": {"boundary": "bottom", "friction": friction}}), MPI.COMM_SELF)
-    with pytest.raises(SceneError, match=r"friction.ratio: is not possible yet between two bodies"):
-        parse_scene(data | {"contact": {"boundary": "bottom", "against": "top", "friction": friction}})
 
 
 def test_check_says_so():
