@@ -1,5 +1,7 @@
 """Bodies of revolution in contact: fits, patches, spheres, and an independent program on random bodies."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import ufl
@@ -8,7 +10,7 @@ from mpi4py import MPI
 from revolved import Bodies, Box, Touching, difference, drawn
 from two_bodies import facets, held
 
-from signorini_fx import Status, solve
+from signorini_fx import Status, read_scene, solve
 from signorini_fx.body.foundation import Pair
 from signorini_fx.forms.contact_problem import ContactProblem
 from signorini_fx.laws.coulomb import Coulomb
@@ -17,6 +19,7 @@ from signorini_fx.results import paired_sides
 from signorini_fx.scene.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
+DEMO = Path(__file__).parents[2] / "demos" / "scenes" / "press_fit.toml"
 STIFF = {"gamma_n": 1e8, "gamma_t": 1e8}
 IDENTITIES = paired_sides.defect
 EXACT = {"solver": {"algorithm": "alm", "tolerance": 1e-12}}
@@ -103,29 +106,78 @@ def test_force_that_pushes_a_shaft_out():
     The force is F times that of the pressure to round-off.  Pressed along its axis the shaft grows, by nu times half of
     the stress at its end over E of the radius, and the hub is thinner by its share: .9 % of the fit.
     """
-    radii, young, poisson, fit = (10.0, 20.0, 30.0), (196e3, 196e3), (0.3, 0.3), 0.0025
-    more = {
-        "displacement": [{"boundary": "hub.bottom", "y": 0.0}, {"boundary": "shaft.top", "y": -0.01}],
-        "contact": {
-            "boundary": "hub.left",
-            "against": "shaft.right",
-            "distance": "nominal",
-            "gap": -fit,
-            "friction": {"law": "coulomb", "coefficient": 0.1},
-        },
-    }
-    found = solve(rings(radii, young, poisson, fit, height=19.0, counts=(12, 15), **more))
-    by_hand = pressure_of_a_fit(radii, young, poisson, fit)
+    by_hand = pressure_of_a_fit((10.0, 20.0, 30.0), (196e3, 196e3), (0.3, 0.3), 0.0025)
     assert by_hand == pytest.approx(5.74, rel=1e-3)
     expected = 0.1 * by_hand * 2 * np.pi * 20.0 * 19.0
     assert expected == pytest.approx(1371.0, rel=1e-3)
+    found = solve(read_scene(DEMO))
     (figures,) = found.contact_figures
     force = abs(figures.friction_force[1])
     assert force == pytest.approx(0.1 * figures.pressure_integral, rel=1e-6)
-    assert force == pytest.approx(expected, rel=0.02)
+    assert force == pytest.approx(expected, rel=0.01)
     assert found.resultants.of("shaft.top").force[1] == pytest.approx(-force, rel=1e-9)
     assert found.resultants.of("hub.bottom").force[1] == pytest.approx(force, rel=1e-9)
     assert all(found.table.columns["state"] != "stick")
+
+
+RADII, SOFT, NU = (1.0, 2.0, 3.0), (100.0, 300.0), (0.3, 0.25)
+
+
+def test_fit_by_heat():
+    """A shaft that is heated, without a fit: that of its free expansion."""
+    material = [
+        {"region": name, "young": SOFT[k], "poisson": NU[k], "hypothesis": "axisymmetric", "expansion": 1e-5}
+        for k, name in enumerate(("shaft", "hub"))
+    ]
+    heat = {"region": "shaft", "change": 100.0}
+    found = solve(rings(RADII, SOFT, NU, 0.0, material=material, temperature=heat))
+    assert found.contact.pressure == pytest.approx(pressure_of_a_fit(RADII, SOFT, NU, 0.002), rel=1e-3)
+
+
+@pytest.mark.parametrize("of", ["energy", "peak"])
+def test_requested_accuracy_of_a_fit(of):
+    """The mesh is refined until the estimate is below the target, which the truth is."""
+    goal = {"target": 0.05, "of": of, "refinement": "uniform"}
+    found = solve(rings(RADII, SOFT, NU, 0.002, degree=1, cell="triangle", accuracy=goal))
+    boundary, expected = found.contact.boundary, pressure_of_a_fit(RADII, SOFT, NU, 0.002)
+    mean = boundary.weight @ found.contact.pressure / boundary.weight.sum()
+    assert mean == pytest.approx(expected, rel=0.01)
+    assert found.contact.pressure.max() == pytest.approx(expected, rel=0.05)
+
+
+def cylinders(**more):
+    """A cylinder upon another one, with friction, and meshes that do not match."""
+
+    def body(name, count, height):
+        across = {"length": 2.0, "height": 1.0, "nx": count, "ny": 2}
+        return {"name": name, "mesh": {"generator": "rectangle", "parameters": across}, "shift": [0.0, height]}
+
+    friction = {"law": "coulomb", "coefficient": 0.2}
+    contact = [{"boundary": "upper.bottom", "against": "lower.top", "friction": friction}]
+    return parse_scene(
+        {
+            "body": [body("lower", 4, 0.0), body("upper", 5, 1.0)],
+            "material": {"young": 200.0, "poisson": 0.3, "hypothesis": "axisymmetric"},
+            "displacement": [{"boundary": "lower.bottom", "y": 0.0}],
+        }
+        | more
+        | {"contact": contact + more.pop("contact", [])}
+    )
+
+
+def test_plate_that_a_force_presses():
+    """A rigid plate on the upper one of two cylinders, which nothing else holds."""
+    plate = {"shape": "plane", "point": [0.0, 2.0], "normal": [0.0, -1.0], "force": [0.0, -12 * np.pi]}
+    found = solve(cylinders(contact=[{"boundary": "upper.top", "foundation": plate}]))
+    assert found.contact.pressure == pytest.approx(3.0, rel=1e-8)
+
+
+def test_preloaded_section():
+    """A section of the upper cylinder that is lengthened between two plates presses it on the lower one."""
+    held_ends = [{"boundary": "lower.bottom", "y": 0.0}, {"boundary": "upper.top", "y": 0.0}]
+    longer = {"point": [0.0, 1.6], "axis": [0.0, 1.0], "shortening": -0.01}
+    found = solve(cylinders(displacement=held_ends, preload=longer))
+    assert found.contact.pressure == pytest.approx(200.0 * 0.01 / 2.0, rel=1e-4)
 
 
 # --- patches ---------------------------------------------------------------------------------------------------------
