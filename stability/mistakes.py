@@ -2192,8 +2192,8 @@ MUTANTS = (
         tests=("axisymmetric_pairs",),
     ),
     Mutant(
-        "pairs/functions",
-        "least = ZERO_SUM * side.measure.max() if side.functions.degree > 1 else -np.inf",
+        "pairs/surface",
+        "least = ZERO_SUM * self.measure.max() if self.functions.degree > 1 else -np.inf",
         "least = -np.inf",
         "axisymmetric bodies: a quadratic node on the axis has a point, with the area that the curvature leaves",
         tests=("axisymmetric_pairs::test_two_spheres",),

@@ -144,7 +144,8 @@ def contact_table(
     segments = parallel.gather_rows(boundary.comm, boundary.segments)
     if dim == 2:
         least = 2 if boundary.averages is None else None  # a node on an axis of revolution has no weight
-        pieces, order, closed = chains(numbers, with_points(numbers, segments, least), x)
+        carrying = np.concatenate((numbers, parallel.gather_rows(boundary.comm, boundary.without_area)))
+        pieces, order, closed = chains(numbers, with_points(carrying, segments, least), x)
         facets = None
     else:
         pieces, order, closed = [], _by_position(numbers[:, 0], x), []

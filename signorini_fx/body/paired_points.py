@@ -243,7 +243,7 @@ class PairedSides:
             fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
         """
         coupling, dim = self.coupling, space.mesh.geometry.dim
-        nodes = self.slave.nodes[coupling.nodes]
+        nodes, bare = self.slave.nodes[coupling.nodes], self.slave.nodes[self.slave.surface.without_area]
         local = (nodes - space.dofmap.index_map.local_range[0]).astype(np.int32)
         slave_shares, master_shares, turning = self.shares()
         owned_rows = np.column_stack((node_positions(space)[: len(fixed), :dim], fixed)).astype(np.float64)
@@ -268,6 +268,7 @@ class PairedSides:
             global_nodes=nodes,
             averages=averages,
             axes=self.axes,
+            without_area=np.column_stack((np.full(bare.size, index, dtype=np.int64), bare)),
         )
 
     @property

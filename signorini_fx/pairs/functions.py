@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 from signorini_fx.pairs.overlap import Overlap
 from signorini_fx.pairs.surface import PairSurface
-from signorini_fx.tuned import KEPT_WEIGHT, SINGULAR, ZERO_SUM
+from signorini_fx.tuned import KEPT_WEIGHT, SINGULAR
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -56,10 +56,7 @@ def carried(
         sparse, shape (n, N).
     """
     tested_nodes, beside = _beside(side, covered)
-    if side.measure is not None:
-        # Of a quadratic node on an axis of revolution the function is zero, but for the curvature of its facet.
-        least = ZERO_SUM * side.measure.max() if side.functions.degree > 1 else -np.inf
-        unable = unable | (side.measure <= least) | (side.area <= ZERO_SUM * side.area.max())
+    unable = unable | side.without_area
     for threshold in (KEPT_WEIGHT, 0.0):
         able = tested_nodes & ~unable & (weight > threshold * side.area)
         while able.any():

@@ -13,6 +13,8 @@ import basix
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.tuned import ZERO_SUM
+
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
@@ -180,6 +182,17 @@ class PairSurface:
         (N,).
         """
         return self._integrals[0]
+
+    @property
+    def without_area(self) -> npt.NDArray[np.bool_]:
+        """Nodes whose test functions have none because of the measure, shape (N,).
+
+        Of a quadratic node on an axis of revolution the function is zero, but for the curvature of its facet.
+        """
+        if self.measure is None:
+            return np.zeros(len(self.x), dtype=bool)
+        least = ZERO_SUM * self.measure.max() if self.functions.degree > 1 else -np.inf
+        return np.asarray((self.measure <= least) | (self.area <= ZERO_SUM * self.area.max()))
 
     @cached_property
     def nodal_normals(self) -> Array:

@@ -228,6 +228,7 @@ def test_cylinders_upon_each_other(cell, degree, linear_algebra, exchanged):
     assert abs(found.contact.forces_of_each[0, 0, 1]) == pytest.approx(np.pi * radius**2 * pressure, rel=1e-9)
     least = COMM.allreduce(float(found.contact.boundary.x[:, 0].min(initial=np.inf)), MPI.MIN)
     assert (least < 1e-9) == (degree == 1)  # the function of the axis is zero on quadratic cells
+    assert found.table.chains == [range(len(found.table.columns["x"]))]
 
 
 @pytest.mark.parametrize(("kind", "inner", "slope"), [("quadrilateral", 0.0, 0.4), ("triangle", 0.5, -0.3)])
