@@ -2976,6 +2976,20 @@ MUTANTS = (
     ),
     Mutant(
         "accuracy/pressure_error",
+        "kinematics.uniform",
+        "True",
+        "estimates of a body of revolution without the measure of rings",
+        tests=("estimates::test_rings",),
+    ),
+    Mutant(
+        "body/contact_map",
+        "boundary.coframes",
+        "boundary.frames",
+        "friction ellipse between bodies: displacements by the tangents of forces",
+        tests=("elliptic_friction::test_lift_of_bodies",),
+    ),
+    Mutant(
+        "accuracy/pressure_error",
         "KINK_SHARE / 2 * h[:-1] ** 3 * kinks",
         "KINK_SHARE * h[:-1] ** 3 * kinks",
         "pressure: kinks count twice",

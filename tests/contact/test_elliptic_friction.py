@@ -171,6 +171,14 @@ def test_limit_of_tools_and_bodies(law, scene, keys):
     assert alone(scene(law, 1.001 * push, **keys), check=False).status is Status.SLIDES
 
 
+def test_lift_of_bodies():
+    """What gives the points any relative displacement is inverse to the map, along the axes of the ellipse too."""
+    contact = alone(on_a_brick("coulomb", (1.0, 1.0))).discretisation.elasticity([]).contact
+    product = contact.operator.matMult(contact.lift)
+    product.shift(-1.0)
+    assert product.norm() < 1e-13
+
+
 @pytest.mark.parametrize("law", LAWS)
 def test_driven_tools_and_bodies(law):
     """A tool and a body that move sideways."""
