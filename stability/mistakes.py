@@ -3234,6 +3234,27 @@ MUTANTS = (
         tests=("tools::test_a_rigid_body_has_several_contacts",),
     ),
     Mutant(
+        "body/rigid_bodies",
+        "(load - springs) / lever",
+        "load / lever",
+        "certificate: the spring of a rigid body is left out",
+        tests=("named_rigid_bodies::test_a_spring_holds_what_would_slide",),
+    ),
+    Mutant(
+        "body/rigid_bodies",
+        "body.motion.stiffness(dim)[: self._units.size] / self._units**2",
+        "body.motion.stiffness(dim)[: self._units.size] / self._units",
+        "rigid bodies: a spring against rotation has another unit",
+        tests=("named_rigid_bodies::test_a_spring_holds_what_would_slide",),
+    ),
+    Mutant(
+        "body/contact_boundary",
+        "return ~self.fixed & (self.stiffness == 0.0)",
+        "return ~self.fixed",
+        "statics: the spring of a rigid body holds nothing",
+        tests=("named_rigid_bodies::test_a_spring_holds_what_would_slide",),
+    ),
+    Mutant(
         "results/contact_nodes",
         "self.part(*numbers)",
         "self.part(numbers[0])",

@@ -21,7 +21,7 @@ from pydantic import BeforeValidator, TypeAdapter, ValidationError, WithJsonSche
 
 from signorini_fx.errors import SceneError
 from signorini_fx.scene.expressions import Expression, sample
-from signorini_fx.scene.rigid_motion import COMPONENTS, Prescribed, RigidMotion, TimedAngle, TimedVector
+from signorini_fx.scene.rigid_motion import COMPONENTS, PivotSprings, Prescribed, RigidMotion, TimedAngle, TimedVector
 from signorini_fx.scene.validation import problems_of
 from signorini_fx.scene.values import Vector, kind_of, shown
 
@@ -219,7 +219,7 @@ def _text(value: Any) -> str:
         return f"{len(value)} points"
     if isinstance(value, tuple):
         return f"[{', '.join(map(_text, value))}]"
-    if isinstance(value, Prescribed):
+    if isinstance(value, Prescribed | PivotSprings):
         return _text({key: inner for key in type(value).model_fields if (inner := getattr(value, key)) is not None})
     if isinstance(value, dict):
         return f"{{{', '.join(f'{key} = {_text(inner)}' for key, inner in value.items())}}}"

@@ -13,7 +13,7 @@ from signorini_fx import ConvergenceError, SceneError, solve
 from signorini_fx.check.checks import check_scene
 from signorini_fx.check.text import render
 from signorini_fx.derivatives.of_scene import sensitivity
-from signorini_fx.records import Status
+from signorini_fx.records import Status, StepRecord
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.scene.reading import parse_scene
@@ -323,7 +323,9 @@ def histories(solution, unit=(1.0, 1.0)):
 
 
 def test_load_steps_with_friction_in_other_units_and_mirrored():
-    wanted = solve(parse_scene(pressed_and_rolled()))
+    scene = parse_scene(pressed_and_rolled())
+    assert "spring = {x = 5, rotation = 3000}, " in scene.contact[0].foundation.said
+    wanted = solve(scene)
     assert all(step.certificate.equilibrium < 1e-9 for step in wanted.steps)
     motions = histories(wanted)
     assert abs(motions[2, 2]) > 0.1 * abs(motions[1, 2])  # friction remembers the way
@@ -332,6 +334,21 @@ def test_load_steps_with_friction_in_other_units_and_mirrored():
         assert np.abs(other - motions).max() < 1e-8 * np.abs(motions).max()
     mirrored = histories(solve(parse_scene(pressed_and_rolled(mirrored=True))))
     assert np.abs(mirrored * [-1.0, 1.0, -1.0] - motions).max() < 1e-8 * np.abs(motions).max()
+
+
+def test_a_run_that_was_ended_goes_on(tmp_path):
+    """After the second load step; with a checkpoint of the motion and of what sticks."""
+    scene, folder = parse_scene(pressed_and_rolled()), COMM.bcast(str(tmp_path))
+
+    def until_the_third(record):
+        if isinstance(record, StepRecord) and record.step == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        solve(scene, checkpoint=folder, observers=[until_the_third])
+    solution, wanted = solve(scene, checkpoint=folder, restart=True), histories(solve(scene))
+    assert solution.history.events[0].startswith("restart: 2 complete load steps")
+    assert np.abs(histories(solution) - wanted).max() < 1e-8 * np.abs(wanted).max()
 
 
 def test_a_spring_is_none_that_a_derivative_is_taken_by():
