@@ -518,6 +518,10 @@ ADJOINT_STALLED = 1e-6
 # Change of a datum or a Constant for a difference of residuals, relative to it, or to the natural unit of one that is
 # zero.  Choice: the cube root of the unit of round-off is best for central differences.
 DIFFERENCE_STEP = 1e-5
+# Constants of forms: half widths from which the limit is extrapolated, where the estimated error of it is small enough,
+# and what a narrow difference is wrong by at least.  Choice: smooth data settle after three to five widths; narrow
+# differences of slender bodies are wrong by 1e-5 to 7e-4.
+WIDEST_DIFFERENCE, WIDTHS_OF_DIFFERENCE, DIFFERENCE_SETTLED, NOISE_OF_DIFFERENCE = 1e-2, 6, 1e-11, 1e-5
 # A point is between two sets if it is nearer to the border than this share of the largest pressure, or of its bound.
 # Choice: a hundred times what solves leave, as for gaps.
 BETWEEN_SETS = 1e-6

@@ -22,11 +22,18 @@ from signorini_fx.body.named_body import NamedBody
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import Nodal, length
 from signorini_fx.derivatives.gradient import By, ChangedStep, SolvedStep, adjoints_of, central, derivatives, explicit
-from signorini_fx.errors import FormError, SceneError
+from signorini_fx.errors import FormError, SceneError, SignoriniError
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.quantities.differentiable import functional_of
 from signorini_fx.quantities.functional import Functional, Gradient
-from signorini_fx.tuned import DIFFERENCE_STEP, ZERO_IN_SOLUTION
+from signorini_fx.tuned import (
+    DIFFERENCE_SETTLED,
+    DIFFERENCE_STEP,
+    NOISE_OF_DIFFERENCE,
+    WIDEST_DIFFERENCE,
+    WIDTHS_OF_DIFFERENCE,
+    ZERO_IN_SOLUTION,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -107,6 +114,32 @@ def _checked(by: Sequence[Any]) -> list[fem.Constant]:
     return constants
 
 
+def extrapolated(slope: Callable[[float], float], unit: float) -> float:
+    """A derivative from central differences over several widths, by Ridders' method: without the noise of a narrow one
+    where the data are smooth, and the narrow one elsewhere.
+
+    Args:
+        slope: the difference quotient over a half width.
+        unit: by which half widths are counted; 0: it is not known.
+    """
+    narrow = slope(DIFFERENCE_STEP * (unit or 1.0))
+    best, error, rows = narrow, NOISE_OF_DIFFERENCE * abs(narrow), list[list[float]]()
+    for k in range(WIDTHS_OF_DIFFERENCE if unit else 0):
+        try:
+            row = [slope(WIDEST_DIFFERENCE * 0.5**k * unit)]
+        except SignoriniError:  # data that the problem refuses
+            row = [float("nan")]
+        for order, coarser in enumerate(rows[-1] if rows else [], start=1):
+            row.append(row[-1] + (row[-1] - coarser) / (4.0**order - 1))
+            change = max(abs(row[-1] - row[-2]), abs(row[-1] - coarser))
+            if change < error:
+                best, error = row[-1], change
+        rows.append(row)
+        if error <= DIFFERENCE_SETTLED * abs(best):
+            break
+    return best
+
+
 def gradient(
     of: Any,
     by: Sequence[Any],
@@ -141,10 +174,9 @@ def gradient(
             "after advance() the result depends on the slip and the shear of the step before, by points that stick or, "
             "in space, turn, and what that step was solved with is not kept: take a scene with load steps"
         )
-    slopes = []
+    slopes: list[float] = []
     for constant in constants:
         kept = constant.value.copy()
-        width = DIFFERENCE_STEP * (abs(float(kept.ravel()[0])) or 1.0)
 
         def at(change: float, constant: fem.Constant = constant, initial: Array = kept) -> By:
             try:
@@ -154,6 +186,9 @@ def gradient(
                 constant.value[...] = initial
             return lambda k: evaluated
 
-        slopes += derivatives(adjoints, quantities, central(at(width), at(-width), width))
+        def slope(width: float, at: Callable[[float], By] = at) -> float:
+            return derivatives(adjoints, quantities, central(at(width), at(-width), width))[0]
+
+        slopes.append(extrapolated(slope, abs(float(kept.ravel()[0]))))
     solves = sum(adjoint.solves for adjoint in adjoints[0] if adjoint is not None)
     return Gradient(value, np.array(slopes), solved.law.between, solves)

@@ -43,6 +43,7 @@ from signorini_fx.forms.fields import ContactFields
 from signorini_fx.forms.levels import errors_of
 from signorini_fx.forms.named_parts import boundaries_of, named_body
 from signorini_fx.forms.solved_problem import SolvedProblem
+from signorini_fx.forms.stated_values import constants_of
 from signorini_fx.forms.steps import Clock, FormSteps, SolvedPath, StepBeginning
 from signorini_fx.forms.stress import law_of, stresses_of
 from signorini_fx.linalg.elasticity import LoadCase
@@ -361,6 +362,8 @@ class ContactProblem(SolvedProblem):
         clock, path = Clock(at), path if isinstance(path, LoadPath) else LoadPath(tuple(path))
         if restart and folder is None:
             raise FormError([("restart", "needs the folder of the checkpoint")])
+        if folder is not None:
+            clock.turn(path.time_at(0))  # the checkpoint is that of the Constants at this time
         stored = None if folder is None else MeshCheckpoint(self._checkpoint_in(folder, path, restart=restart), 0)
         solved = self._run(path, clock, on_step, stored)
         if not solved.converged:
@@ -390,6 +393,7 @@ class ContactProblem(SolvedProblem):
             "path": asdict(path),
             "settings": self.settings.model_dump(mode="json"),
             "contact": [type(contact).__name__ for contact in self.contact],
+            "constants": constants_of((self._a, self._L), self.contact),
             "cells": mesh.topology.index_map(mesh.topology.dim).size_global,
             "unknowns": dofmap.index_map.size_global * dofmap.index_map_bs,
         }

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 import ufl
-from dolfinx import fem
+from dolfinx import cpp, fem
+from ufl.algorithms.analysis import extract_constants
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.expand_indices import expand_indices
 
@@ -25,6 +27,7 @@ _BETWEEN = {
     "AndCondition": " and ",
     "OrCondition": " or ",
 }
+_PACKAGE = "signorini_fx."
 _CALLS = {"Abs": "abs", "MinValue": "min", "MaxValue": "max", "NotCondition": "not "}
 
 
@@ -69,3 +72,17 @@ def _text(node: Any) -> str:
     if isinstance(node, ufl.mathfunctions.MathFunction) and (name := getattr(node, "_name", "")) in _FUNCTIONS:
         return f"{_FUNCTIONS[name]}({_text(operands[0])})"
     raise ValueError(f"{kind} is known at points of quadrature alone")
+
+
+def constants_of(compiled: Iterable[fem.Form], entries: Any) -> list[float]:
+    """The values of all Constants of forms, and of contacts with what belongs to them."""
+    values = [float(number) for form in compiled for number in cpp.fem.pack_constants(form._cpp_object)]
+    if isinstance(entries, Mapping):
+        return values + constants_of((), list(entries.values()))
+    if isinstance(entries, list | tuple):
+        return values + [number for entry in entries for number in constants_of((), entry)]
+    if isinstance(entries, ufl.core.expr.Expr):
+        return values + [float(number) for node in extract_constants(entries) for number in np.ravel(node.value)]
+    if isinstance(getattr(entries, "__dict__", None), dict) and type(entries).__module__.startswith(_PACKAGE):
+        return values + constants_of((), vars(entries))
+    return values

@@ -12,10 +12,11 @@ from forms import hooke, side
 from mpi4py import MPI
 from spaces import box
 
-from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError, cli, sensitivity
+from signorini_fx import ContactProblem, Coulomb, FormError, Foundation, SceneError, cli, sensitivity
 from signorini_fx.derivatives import adjoint
 from signorini_fx.derivatives.adjoint import AdjointError, TransposedTangent
 from signorini_fx.derivatives.entries import varied
+from signorini_fx.derivatives.of_form import extrapolated
 from signorini_fx.scene.reading import parse_scene, read_scene
 
 COMM = MPI.COMM_WORLD
@@ -263,6 +264,45 @@ def test_constants_of_forms(settings):
             wanted = (values[0] - values[1]) / (2 * step)
             assert slope == pytest.approx(wanted, rel=1e-5, abs=1e-6 * abs(found.value / kept))
         problem.solve()
+
+
+def test_constants_that_enter_nonlinearly():
+    """Of a slender body the derivative is that of UFL to 2e-6; narrow differences are wrong by 1e-4."""
+    mesh = plain_box((30.0, 1.0), (60, 2), dmesh.CellType.quadrilateral)
+    space = fem.functionspace(mesh, ("Lagrange", 2, (2,)))
+    poisson, share = (fem.Constant(mesh, value) for value in (0.3, 1.0))
+    y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
+    bcs = [fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(space, 1, side(mesh, 0, 0.0)), space)]
+    foundation = Foundation(side(mesh, 1, 0.0), gap=0.5)
+    load = ufl.inner(fem.Constant(mesh, (0.0, -1e-3)), z) * ufl.dx
+    ratio = ufl.variable(poisson)
+    (work,) = (integral.integrand() for integral in hooke(y, z, 1000.0, ratio).integrals())
+    exact = (
+        hooke(y, z, 1000.0, 0.3) + (share - 1) * ufl.replace(ufl.diff(work, ratio), {poisson: ufl.as_ufl(0.3)}) * ufl.dx
+    )
+    slopes = []
+    for form, constant in ((work * ufl.dx, poisson), (exact, share)):
+        problem = ContactProblem(form, load, bcs, contact=[foundation], gamma_n=1e5)
+        problem.solve()
+        slopes += problem.gradient(problem.u[1] * ufl.dx, [constant]).derivatives.tolist()
+    assert slopes[0] == pytest.approx(slopes[1], rel=2e-6)
+
+
+def test_rough_data_are_not_extrapolated():
+    """Differences that jump with the width leave the narrow one; those that the problem refuses count as none."""
+    assert extrapolated(lambda width: 2.0 if width < 1e-4 else 3.0 + np.sin(1 / width), 1.0) == 2.0
+    smooth = [
+        extrapolated(lambda width, noise=noise: np.sinh(width) / width + noise * (width < 1e-4), 1.0)
+        for noise in (0.0, 1e-5)
+    ]
+    assert smooth == pytest.approx([1.0, 1.0], rel=1e-12)
+
+    def refused(width):
+        if width > 1e-3:
+            raise FormError([("by", "no")])
+        return 2.0
+
+    assert extrapolated(refused, 1.0) == extrapolated(refused, 0.0) == 2.0
 
 
 def test_bad_arguments_of_gradient():

@@ -24,7 +24,7 @@ COMM = MPI.COMM_WORLD
 GAMMA = {"gamma_n": 1e6, "gamma_t": 1e6}
 
 
-def block(mesh, pushing=0.0, **settings):
+def block(mesh, pushing=0.0, young=5000.0, friction=FRICTION, **settings):
     """The block of ``test_load_steps``, and the Constant with the force that pushes it on its left side."""
     V = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
@@ -34,8 +34,8 @@ def block(mesh, pushing=0.0, **settings):
     ds = ufl.ds(domain=mesh, subdomain_data=dmesh.meshtags(mesh, 1, numbers[order], marks[order]))
     push = fem.Constant(mesh, pushing)
     L = push * v[0] * ds(1) - PRESSURE * v[1] * ds(2)
-    floor = Foundation(facets[2], friction=Coulomb(FRICTION))
-    return ContactProblem(forms.hooke(u, v, 5000.0), L, [], floor, **GAMMA, **settings), push
+    floor = Foundation(facets[2], friction=Coulomb(friction))
+    return ContactProblem(forms.hooke(u, v, young), L, [], floor, **GAMMA, **settings), push
 
 
 @pytest.mark.mpi
@@ -166,3 +166,22 @@ def test_another_problem(tmp_path):
     problem, push = block(forms.box((3.0, 1.0), (3, 1)))
     solved = problem.run((1.0, 2.0), push, folder=tmp_path, restart=True)
     assert "restart: 2 complete load steps" in solved.history.events[0]
+
+
+@pytest.mark.parametrize("of", ["young", "friction"])
+def test_constants_that_hardly_differ(tmp_path, of):
+    """A Constant that has changed by 1e-9 makes another problem; one that ``at`` moves does not."""
+
+    def made(change):
+        mesh = forms.box((3.0, 1.0), (3, 1))
+        values = {"young": 5000.0, "friction": FRICTION}
+        values[of] *= 1 + change
+        return block(mesh, **{name: fem.Constant(mesh, value) for name, value in values.items()})
+
+    problem, push = made(0.0)
+    problem.run((1.0, 2.0), push, folder=tmp_path)
+    problem, push = made(0.0)
+    assert "2 complete load steps" in problem.run((1.0, 2.0), push, folder=tmp_path, restart=True).history.events[0]
+    problem, push = made(1e-9)
+    with pytest.raises(FormError, match="constants"):
+        problem.run((1.0, 2.0), push, folder=tmp_path, restart=True)
