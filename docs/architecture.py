@@ -34,6 +34,7 @@ ADD_ONS = (
 LAYERS = (
     *ADD_ONS,
     "cli",
+    "nonlinear",
     "forms",
     "solving",
     "check",

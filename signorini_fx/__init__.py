@@ -50,6 +50,7 @@ _PUBLIC = {
     "materials.orthotropic": ("OrthotropicElastic",),
     "materials.protocol": ("Material",),
     "mesh.tagged": ("TaggedMesh", "generate_mesh", "read_mesh", "tag_boundaries"),
+    "nonlinear.problem": ("NonlinearContactProblem",),
     "quantities.quantity": ("Quantity",),
     "quantities.read_results": ("read_results",),
     "records": ("Status",),

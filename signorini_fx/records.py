@@ -41,6 +41,9 @@ class Status(Enum):
     LINEAR_SOLVER = "linear solver failed"
     ROUND_OFF = "residual stagnates"
     TOO_LARGE = "deformation too large for linear elasticity"
+    INVERTED = "cells turned inside out"
+    UNSTABLE = "unstable equilibrium"
+    LIMIT = "no equilibrium found beyond a load"
     NOT_CERTIFIED = "certificate does not hold"
     BUDGET = "budget ends before the accuracy"
     OUT_OF_REACH = "accuracy out of reach"
@@ -92,6 +95,18 @@ _ADVICE = {
     Status.TOO_LARGE: (
         "strains, rotations or displacements are too large for linear elasticity: check the units of E, of the "
         "loads and of the lengths, the gap, and the supports; solver.largest_deformation is the limit"
+    ),
+    Status.INVERTED: (
+        "the residual of the body is not finite at the displacement that was tried: take smaller steps, a finer mesh "
+        "where it is squeezed, or an energy that grows without limit as the volume vanishes"
+    ),
+    Status.UNSTABLE: (
+        "the residual vanishes, but a displacement that contact admits lowers the energy: the body would leave this "
+        "state. Begin with an imperfection, prescribe a displacement instead of a force, or lower the load"
+    ),
+    Status.LIMIT: (
+        "the smallest step has no solution: prescribe a displacement instead of a force to follow the body beyond a "
+        "limit point, refine the mesh, or allow a smaller step"
     ),
     Status.NOT_CERTIFIED: (
         "the check after the solve found that conditions of the problem are violated: see the certificate in the "

@@ -721,3 +721,25 @@ USUAL_COLOURS = 0.99
 # Above the first cosine a direction is taken for that of the nearest coordinate axis, above the second it is upright;
 # distance of the viewer, over the diagonal of what is seen.
 ALONG_AXIS, UPRIGHT, VIEW_DISTANCE = 0.99, 0.9, 4.0
+
+# --- nonlinear bodies -------------------------------------------------------------------------------------------------
+
+# An increment of Newton's method below this share of the largest displacement, or below the second of the size of the
+# body, ends it: the next one would be round-off.  Choice, from quadratic convergence.
+SMALL_INCREMENT, LEAST_INCREMENT = 1e-8, 1e-13
+# Shares of the first slope up to which a whole increment and a shortened one are accepted.  Source: a prototype on a
+# disc with J2 plasticity, which fails without a line search.
+WHOLE_SLOPE, SHORTENED_SLOPE = 0.5, 0.3
+# Increments below this share of the displacement are not shortened: their slopes are round-off.  Choice.
+NO_LINE_SEARCH = 1e-6
+# Evaluations of the residual in a line search, and the share of a bracket that its next point keeps from the ends.
+# Choice.
+LINE_SEARCH_STEPS, BRACKET_MARGIN = 12, 0.1
+# A ramp takes a step larger by the second number after one of at most as many iterations as the first, and none below
+# the third share of the load.  Choice.
+FEW_NEWTON_ITERATIONS, STEP_GROWTH, SMALLEST_STEP = 6, 1.5, 1 / 256
+# Differences of the normals of shapes are taken over this share of the size of the body.  Choice, from round-off.
+NORMAL_DIFFERENCE = 1e-6
+# What holds a contact point where the inertia of the tangent is looked at, in units of the largest entry on the
+# diagonal.  Choice.
+HELD_STIFFNESS = 1e4

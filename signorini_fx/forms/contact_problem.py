@@ -107,6 +107,8 @@ class ContactProblem(SolvedProblem):
         MachineError: a form cannot be compiled.
     """
 
+    _foundations_class = Foundations
+
     def __init__(
         self,
         a: Any,
@@ -143,7 +145,7 @@ class ContactProblem(SolvedProblem):
         self._boundaries = boundaries_of(boundaries, space.mesh)
         self._stresses: RawStresses | None = None
         self._names = [f"contact {k}" for k in range(len(facets))]
-        self._foundations = Foundations(space, self.contact, facets, self._names, Inventory(), masters)
+        self._foundations = self._foundations_class(space, self.contact, facets, self._names, Inventory(), masters)
         self._foundations.check_driven(self.settings.algorithm)
         self._rigid: RigidBodies
         self.tools: tuple[RigidBodyMotion, ...] = ()

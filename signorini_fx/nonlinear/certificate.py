@@ -1,0 +1,82 @@
+"""The certificate of a nonlinear body: its residual, distances and frames at the displaced points, evaluated anew.
+
+Equilibrium is that of the residual F itself, relative to the contact forces and reactions; no matrix and no
+linearisation enters.  The distance of the shapes, their normals, and how far they have moved are evaluated at X + u.
+Both sides share F, the shapes, and the values of friction at the nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.body.foundation import Foundation
+from signorini_fx.body.foundations import FoundationData, ShapeDistances
+from signorini_fx.forms.certificate import sides_of
+from signorini_fx.nonlinear.moving_shapes import MovingShape
+from signorini_fx.results.certificate import Certificate, judged
+from signorini_fx.results.equilibrium import Balance
+from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.supports import PrescribedNodes
+from signorini_fx.results.surface_quadrature import SurfaceQuadrature
+from signorini_fx.scales import Scales
+
+Array = npt.NDArray[np.float64]
+
+
+def certified(
+    u: fem.Function,
+    residual: Array,
+    prescribed: tuple[npt.NDArray[np.bool_], Array],
+    scales: Scales,
+    foundations: tuple[Sequence[FoundationData], Sequence[Foundation], Sequence[npt.NDArray[np.int32]]],
+    shapes: Mapping[int, MovingShape],
+    tractions: Tractions,
+    law: Law,
+    before: PreviousStep | None,
+) -> Certificate:
+    """Check equilibrium and contact conditions at a displacement; collective.
+
+    Args:
+        u: the displacement.
+        residual: F(u; .) at the owned unknowns, forces.
+        prescribed: which unknowns are prescribed, ghosts included, and to what, shapes (dofs,).
+        scales: of lengths and stresses.
+        foundations: their data at the nodes, what the user gave, and their facets.
+        shapes: those of the foundations that have one, by their numbers.
+        tractions: what the solver claims, per area of the undeformed boundary.
+        law: that the method promises.
+        before: the end of the last step; None: there is none.
+    """
+    space = u.function_space
+    dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
+    places, (fixed, values) = u.x.array.reshape(-1, dim), prescribed
+    data, contact, facets = foundations
+    now, motion = list(data), np.zeros_like(places)
+    for number, moving in shapes.items():
+        nodal_gap, along = np.full(len(places), np.nan), np.full(places.shape, np.nan)
+        nodal_gap[moving.nodes], along[moving.nodes] = moving.seen_from(places[moving.nodes])
+        now[number] = replace(
+            data[number], gap=nodal_gap, shape=ShapeDistances(data[number].shape.factor, along, data[number].shape.axes)
+        )
+        motion[moving.nodes] = moving.moved(moving.x + places[moving.nodes])
+    if before is not None:
+        before = replace(before, moved=motion[before.tractions.nodes])
+    prescribed_rows, nowhere = fixed.reshape(-1, dim)[:owned], np.zeros(0, dtype=np.int64)
+    supports = PrescribedNodes(
+        prescribed_rows,
+        values.reshape(-1, dim)[:owned],
+        nowhere,
+        np.zeros((0, dim)),
+        np.zeros(0),
+        np.where(prescribed_rows, 0, -1),
+        nowhere,
+    )
+    forces = residual.reshape(-1, dim)
+    nothing = np.zeros_like(forces)
+    balance = Balance(SurfaceQuadrature(space), forces, nothing, supports, scales, scales, nothing)
+    return judged(u, balance, sides_of(now, contact, (facets, {}), space), tractions, law=law, before=before)

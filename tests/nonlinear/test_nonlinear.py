@@ -1,0 +1,354 @@
+"""Contact of nonlinear bodies: closed forms, energies minimised by a library, the linear limit, and named outcomes."""
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scipy.optimize import brentq, minimize
+
+from signorini_fx import (
+    ContactProblem,
+    ConvergenceError,
+    Coulomb,
+    FormError,
+    Foundation,
+    NonlinearContactProblem,
+    Pair,
+    Status,
+)
+from signorini_fx.nonlinear.certificate import certified
+from signorini_fx.results.promised_law import Law, Tractions
+
+YOUNG, POISSON = 100.0, 0.3
+MU, LAME = YOUNG / 2 / (1 + POISSON), YOUNG * POISSON / (1 + POISSON) / (1 - 2 * POISSON)
+PLATE = {"shape": "plane", "point": (0.0, 1.0), "normal": (0.0, -1.0)}
+
+
+def rectangle(corner, cells, comm=MPI.COMM_WORLD, cell="quadrilateral"):
+    """A mesh from the origin to a corner, its vector space, and its sides by the axis and the coordinate."""
+    mesh = dmesh.create_rectangle(comm, [[0.0, 0.0], corner], cells, getattr(dmesh.CellType, cell))
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+
+    def side(axis, at):
+        return dmesh.locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[axis], at))
+
+    return space, side
+
+
+def held(space, facets, component=None):
+    """A condition of zero displacement."""
+    where = space if component is None else space.sub(component)
+    dofs = fem.locate_dofs_topological(where, 1, facets)
+    return fem.dirichletbc(0.0 if component is not None else np.zeros(2), dofs, where)
+
+
+def neo_hooke(u):
+    """mu / 2 (tr C - 2) - mu ln J + lambda / 2 ln^2 J, plane strain."""
+    gradient = ufl.Identity(2) + ufl.grad(u)
+    volume = ufl.det(gradient)
+    return MU / 2 * (ufl.inner(gradient, gradient) - 2) - MU * ufl.ln(volume) + LAME / 2 * ufl.ln(volume) ** 2
+
+
+def polynomial(u):
+    """The same up to third order of the strain, finite for every displacement."""
+    gradient = ufl.Identity(2) + ufl.grad(u)
+    growth = ufl.det(gradient) - 1
+    return MU / 2 * (ufl.inner(gradient, gradient) - 2) - MU * growth + (LAME + MU) / 2 * growth**2
+
+
+def residual(u, energy=neo_hooke):
+    return ufl.derivative(energy(u) * ufl.dx, u, ufl.TestFunction(u.function_space))
+
+
+def stress_of_block(height):
+    """Nominal stress of a block whose sides are free, compressed to a height of 1."""
+    free = brentq(lambda width: MU * (width**2 - 1) + LAME * np.log(width * height), 0.5, 3.0)
+    return (MU * (height**2 - 1) + LAME * np.log(free * height)) / height
+
+
+@pytest.mark.mpi
+def test_block_between_smooth_plates():
+    """The closed form of a uniform block, compressed to a half in four steps; four or five iterations each."""
+    space, side = rectangle([1.0, 1.0], [4, 4])
+    u = fem.Function(space)
+    bcs = [held(space, side(1, 0.0), 1), held(space, side(0, 0.0), 0)]
+    problem = NonlinearContactProblem(
+        residual(u), u, bcs=bcs, contact=Foundation(side(1, 1.0), shape=PLATE), algorithm="alm"
+    )
+    for height in (0.9, 0.8, 0.7, 0.5):
+        problem.place(0, shift=(0.0, height - 1.0))
+        problem.solve()
+        problem.advance()
+        assert problem.certificate.holds
+        assert problem.state.forces[0][1] == pytest.approx(stress_of_block(height), rel=1e-8)
+        assert problem.iterations <= 6
+    assert stress_of_block(0.5) == pytest.approx(-108.440746, abs=1e-6)
+
+
+def triangles_of(space):
+    """Vertices, shape (n, 2), triangles, shape (m, 3), and the unknowns of the vertices, of one rank."""
+    return space.tabulate_dof_coordinates()[:, :2], space.dofmap.list
+
+
+def test_energy_minimised_by_a_library():
+    """A disc pressed into a block, frictionless: the displacement of SciPy's minimiser with exact constraints."""
+    space, side = rectangle([2.0, 1.0], [6, 3], MPI.COMM_SELF, "triangle")
+    u = fem.Function(space)
+    centre, radius = np.array([0.9, 1.25]), 0.5  # it enters by a quarter
+    circle = {"shape": "circle", "centre": tuple(centre), "radius": radius}
+    contact = Foundation(side(1, 1.0), shape=circle)
+    bcs = [held(space, side(1, 0.0))]
+    problem = NonlinearContactProblem(residual(u, polynomial), u, bcs=bcs, contact=contact, algorithm="alm")
+    problem.solve()
+
+    x, cells = triangles_of(space)
+    shapes = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+    jacobians = np.einsum("mai,aj->mij", x[cells], shapes)
+    gradients, areas = np.einsum("aj,mji->mai", shapes, np.linalg.inv(jacobians)), np.abs(np.linalg.det(jacobians)) / 2
+    free = np.flatnonzero(np.repeat(x[:, 1] > 1e-9, 2))
+    above = np.flatnonzero(np.isclose(x[:, 1], 1.0))
+
+    def whole(values):
+        y = np.zeros(x.size)
+        y[free] = values
+        return y.reshape(-1, 2)
+
+    def energy(values):
+        f = np.eye(2) + np.einsum("mai,maj->mij", whole(values)[cells], gradients)
+        growth = np.linalg.det(f)[:, None, None] - 1
+        cofactors = np.array([[f[:, 1, 1], -f[:, 1, 0]], [-f[:, 0, 1], f[:, 0, 0]]]).transpose(2, 0, 1)
+        stress = MU * f + ((LAME + MU) * growth - MU) * cofactors
+        forces = np.zeros_like(x)
+        np.add.at(forces, cells, np.einsum("mij,maj,m->mai", stress, gradients, areas))
+        growth = growth[:, 0, 0]
+        density = MU / 2 * ((f**2).sum(axis=(1, 2)) - 2) - MU * growth + (LAME + MU) / 2 * growth**2
+        return float(density @ areas), forces.ravel()[free]
+
+    def apart(values):
+        return np.linalg.norm((x + whole(values))[above] - centre, axis=1) - radius
+
+    found = minimize(
+        energy,
+        np.zeros(free.size),
+        jac=True,
+        method="SLSQP",
+        constraints={"type": "ineq", "fun": apart},
+        options={"maxiter": 500, "ftol": 1e-14},
+    )
+    assert found.success
+    assert problem.certificate.holds
+    assert u.x.array.reshape(-1, 2) == pytest.approx(whole(found.x), abs=2e-6)
+    assert (np.abs(apart(found.x)) < 1e-9).sum() >= 2  # several vertices touch
+
+
+def test_linear_bodies():
+    """A linear residual has the answer and the linear solves of ``ContactProblem``."""
+    space, side = rectangle([3.0, 1.0], [12, 4])
+    w, z = ufl.TrialFunction(space), ufl.TestFunction(space)
+    a = 5000.0 * ufl.inner(ufl.sym(ufl.grad(w)), ufl.sym(ufl.grad(z))) * ufl.dx
+    L = ufl.inner(fem.Constant(space.mesh, (5.0, -10.0)), z) * ufl.dx
+    contact = Foundation(side(1, 0.0), gap=lambda x: 1e-3 * (x[0] - 1.0) ** 2, friction=Coulomb(0.3))
+    bcs = [held(space, side(0, 0.0))]
+    linear = ContactProblem(a, L, bcs, contact)
+    linear.solve()
+    u = fem.Function(space)
+    problem = NonlinearContactProblem(ufl.action(a, u) - L, u, bcs=bcs, contact=contact)
+    problem.solve()
+    size = np.abs(linear.u.x.array).max()
+    assert u.x.array == pytest.approx(linear.u.x.array, abs=1e-7 * size)  # as far as the pressures in friction repeat
+    assert problem.iterations == 2  # the second one finds nothing to change
+    assert len(problem.history.iterations) <= len(linear.history.iterations) + 1
+
+
+def circle_on_block(comm=MPI.COMM_WORLD, turn=0.0, unit=1.0):
+    """A circle pressed into a block with friction and slid, in a scene that is turned, and lengths and stresses in
+    other units: the force of each step along the axes of the block.
+    """
+    space, side = rectangle([2.0, 1.0], [8, 4], comm)
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    top, bottom = side(1, 1.0), side(1, 0.0)
+    geometry = space.mesh.geometry.x
+    geometry[:, :2] = unit * geometry[:, :2] @ rotation.T
+    u = fem.Function(space)
+    circle = {"shape": "circle", "centre": tuple(unit * rotation @ [0.8, 1.5]), "radius": 0.5 * unit}
+    contact = Foundation(top, shape=circle, friction=Coulomb(0.3))
+    problem = NonlinearContactProblem(residual(u), u, bcs=[held(space, bottom)], contact=contact, algorithm="alm")
+    forces = []
+    for shift in ((0.0, -0.1), (0.0, -0.2), (0.1, -0.2), (0.2, -0.2)):
+        problem.place(0, shift=tuple(unit * rotation @ shift))
+        problem.solve()
+        problem.advance()
+        assert problem.certificate.holds
+        forces.append(rotation.T @ sum(problem.state.forces) / unit)
+    return np.array(forces)
+
+
+def test_objectivity_and_units():
+    """A scene that is turned as a whole, or measured in other units, has the same forces."""
+    forces = circle_on_block()
+    assert forces[-1, 0] > 1.0  # friction pulls the body along
+    assert circle_on_block(turn=0.7) == pytest.approx(forces, rel=1e-7, abs=1e-7)
+    assert circle_on_block(unit=1e3) == pytest.approx(forces, rel=1e-7, abs=1e-7)
+
+
+@pytest.mark.mpi
+def test_ranks():
+    """The same forces on all ranks as on one."""
+    assert circle_on_block() == pytest.approx(circle_on_block(MPI.COMM_SELF), rel=1e-7, abs=1e-8)
+
+
+@pytest.mark.long
+def test_sliding_circle():
+    """Forces of a circle that slides over a block (felupe 11.3, extrapolated over its penalty), in fifteen steps."""
+    space, side = rectangle([4.0, 1.0], [64, 16])
+    poisson = 0.4
+    mu, lame = YOUNG / 2 / (1 + poisson), YOUNG * poisson / (1 + poisson) / (1 - 2 * poisson)
+
+    def energy(u):
+        gradient = ufl.Identity(2) + ufl.grad(u)
+        volume = ufl.det(gradient)
+        return mu / 2 * (ufl.inner(gradient, gradient) - 2) - mu * ufl.ln(volume) + lame / 2 * ufl.ln(volume) ** 2
+
+    u = fem.Function(space)
+    form = ufl.derivative(energy(u) * ufl.dx(metadata={"quadrature_degree": 2}), u, ufl.TestFunction(space))
+    circle = {"shape": "circle", "centre": (1.5, 1.5), "radius": 0.5}
+    contact = Foundation(side(1, 1.0), shape=circle, friction=Coulomb(0.3))
+    problem = NonlinearContactProblem(form, u, bcs=[held(space, side(1, 0.0))], contact=contact)
+    problem.ramp(lambda load: problem.place(0, shift=(0.0, -0.3 * load)), first=0.2)
+    forces = {}
+    for step in range(1, 11):
+        problem.place(0, shift=(0.1 * step, -0.3))
+        problem.solve()
+        problem.advance()
+        forces[step] = sum(problem.state.forces)
+    assert forces[5] == pytest.approx([17.179, -44.414], rel=3e-4)
+    assert forces[10] == pytest.approx([16.909, -43.723], rel=3e-4)
+
+
+def test_state_of_the_material():
+    """A viscoelastic block, whose state is committed after each step, relaxes as the implicit Euler method says."""
+    space, side = rectangle([1.0, 1.0], [2, 2])
+    u, viscous = fem.Function(space), fem.Function(space)  # the displacement that the dashpot has followed
+    share, step, time = 0.6, 0.5, 1.0
+
+    def stress(y):
+        strain = ufl.sym(ufl.grad(y))
+        return 2 * MU * strain + LAME * ufl.tr(strain) * ufl.Identity(2)
+
+    follows = share / (1 + step / time)
+    form = (
+        ufl.inner((1 - share) * stress(u) + follows * stress(u - viscous), ufl.grad(ufl.TestFunction(space))) * ufl.dx
+    )
+
+    def commit():
+        viscous.x.array[:] += (u.x.array - viscous.x.array) * (step / time) / (1 + step / time)
+
+    bcs = [held(space, side(1, 0.0), 1), held(space, side(0, 0.0), 0)]
+    contact = Foundation(side(1, 1.0), shape=PLATE | {"shift": (0.0, -0.01)})
+    problem = NonlinearContactProblem(form, u, bcs=bcs, contact=contact, commit=commit, algorithm="alm")
+    forces = []
+    for _ in range(4):
+        problem.solve()
+        problem.advance()
+        forces.append(problem.state.forces[0][1])
+    elastic = -0.01 * YOUNG / (1 - POISSON**2)
+    assert forces == pytest.approx(
+        [elastic * ((1 - share) + share / (1 + step / time) ** n) for n in range(1, 5)], rel=1e-7
+    )
+
+
+def column(smooth):
+    """A column between plates, one of them rough, pressed by 1 % and then by 9 % of its length."""
+    space, side = rectangle([1.0, 8.0], [2, 16], MPI.COMM_SELF)
+    u = fem.Function(space)
+    contact = Foundation(side(1, 8.0), shape=PLATE | {"point": (0.0, 8.0)}, friction=None if smooth else Coulomb(1.0))
+    return NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact)
+
+
+@pytest.mark.parametrize(("smooth", "stable", "unstable"), [(False, 0.03, 0.1), (True, 0.003, 0.02)])
+def test_buckled_columns_are_called_unstable(smooth, stable, unstable):
+    """The straight state of a column is an equilibrium at every load; beyond Euler's it is not called converged."""
+    problem = column(smooth)
+    problem.place(0, shift=(0.0, -8 * stable))
+    problem.solve()
+    problem.advance()
+    problem.place(0, shift=(0.0, -8 * unstable))
+    with pytest.raises(ConvergenceError, match="unstable equilibrium"):
+        problem.solve()
+    assert problem.status is Status.UNSTABLE
+    assert problem.certificate.holds
+
+
+def test_no_equilibrium_beyond_a_load():
+    """A body without supports but a smooth foundation is pulled off: the ramp says how far it came."""
+    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    u, pull = fem.Function(space), fem.Constant(space.mesh, 0.0)
+    z = ufl.TestFunction(space)
+    spring = MU * (ufl.exp(-u[1]) - 1) * z[1] * ufl.dx  # it holds with less than MU
+    form = residual(u) - spring - pull * z[1] * ufl.dx
+    contact = Foundation(side(1, 0.0), shape={"shape": "plane", "point": (0.0, 0.0), "normal": (0.0, 1.0)})
+    problem = NonlinearContactProblem(form, u, bcs=[held(space, side(0, 0.0), 0)], contact=contact, max_newton=15)
+    with pytest.raises(ConvergenceError, match=r"no equilibrium found beyond a load: there is one at 0\.9"):
+        problem.ramp(lambda load: setattr(pull, "value", 1.05 * load * MU), first=0.5)
+    assert problem.status is Status.LIMIT
+
+
+def test_certificate_notices_what_is_wrong():
+    """Another pressure, a displacement that is not in equilibrium, a shape at another place, friction the other way."""
+    space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF)
+    u = fem.Function(space)
+    circle = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
+    contact = Foundation(side(1, 1.0), shape=circle, friction=Coulomb(0.3))
+    problem = NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, algorithm="alm")
+    problem.place(0, shift=(0.0, -0.1))
+    problem.solve()
+    linear, form = problem._linear, fem.form(residual(u))
+
+    def judged(of=lambda tractions: tractions):
+        return certified(
+            u,
+            fem.assemble_vector(form).array,
+            linear._prescribed,
+            linear._scales,
+            (linear._data, problem.contact, linear._named[0]),
+            problem._shapes,
+            of(Tractions.of(problem.state)),
+            Law(*linear._task.promised(linear._outcome)),
+            None,
+        )
+
+    from dataclasses import replace
+
+    assert judged().holds
+    assert judged(lambda t: replace(t, pressure=1.001 * t.pressure)).equilibrium > 1e-4
+    assert not judged(lambda t: replace(t, shear=-t.shear)).holds
+    problem._shapes[0].shape = problem._shapes[0].shape.placed(shift=(0.0, -0.1001))
+    assert judged().entered > 1e-5
+    problem._shapes[0].shape = problem._shapes[0].shape.placed(shift=(0.0, -0.0999))
+    assert judged().pressure_at_distance > 1e-5
+    problem._shapes[0].shape = problem._shapes[0].shape.placed(shift=(0.0, -0.1))
+    top = int(np.argmax(u.x.array))
+    u.x.array[top] += 1e-4
+    assert not judged().holds
+
+
+def test_wrong_arguments():
+    """Each is named."""
+    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    u = fem.Function(space)
+    top = side(1, 1.0)
+    for form, contact, wrong in (
+        (residual(u), Pair(top, side(1, 0.0)), "two nonlinear bodies"),
+        (ufl.TrialFunction(space)[0] * ufl.TestFunction(space)[0] * ufl.dx, Foundation(top), "one test function"),
+        (residual(u), Foundation(top, shape=PLATE | {"force": (0.0, -1.0), "pivot": (0.5, 1.0)}), "place"),
+        (residual(u), Foundation(top, shape=PLATE | {"shape": "cube"}), "shape"),
+    ):
+        with pytest.raises(FormError, match=wrong):
+            NonlinearContactProblem(form, u, contact=contact)
+    problem = NonlinearContactProblem(residual(u), u, contact=Foundation(top))
+    with pytest.raises(FormError, match="no shape"):
+        problem.place(0, shift=(0.0, 1.0))
+    with pytest.raises(RuntimeError, match="no solution"):
+        problem.advance()
