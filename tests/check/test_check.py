@@ -672,7 +672,7 @@ def keys_by_table():
     """{table: keys that the template names in it, switched on or off}, inline tables under their own keys."""
     found, table = {"": set()}, ""
     for line in TEMPLATE.splitlines():
-        if header := re.match(r"\[+([a-z_]+)\]+", line):
+        if header := re.match(r"#?\[+([a-z_]+)\]+", line):
             table = header[1]
             found[table] = set()
         elif key := re.match(r"#?([a-z_]+) = ", line):
@@ -689,6 +689,7 @@ MODELS = {
     **{key: [import_module(f"{PACKAGE}.{key}").Entry] for key in LISTED},
     "contact": [contact_of.UnilateralContact],
     "contact.friction": [Tresca, Coulomb],
+    "rigid": [import_module("signorini_fx.scene.rigid_table").Rigid],
     "load_steps": [LoadSteps],
     "solver": [settings.SolverSettings],
     "mesh": [scene.MeshGenerator, scene.MeshFile],
@@ -715,6 +716,14 @@ def test_what_is_switched_off_can_be_switched_on(line):
     key = re.match(r"#([a-z_]+) =", line)[1]
     text = TEMPLATE.replace(line, line[1:], 1)
     before = TEMPLATE[: TEMPLATE.index(line)]
+    rigid = re.search(r"(?m)^#\[\[rigid\]\]\n(?:#.*\n)+", TEMPLATE)[0]
+    roller = '#foundation = "roller"'
+    if line in rigid or line.startswith(roller):  # the table of a body goes with the contact that names it
+        begun = ("#[[rigid]]", "#name", "#shape", "#pivot", "#force", line)
+        switched = "\n".join(row[1:] if row.startswith(begun) else row for row in rigid.splitlines())
+        text = TEMPLATE.replace(rigid, switched + "\n").replace(roller, roller[1:])
+        parse_scene_text(text, Path("scene.toml"))
+        return
     if key in ("boundaries", "regions", "data", "size"):  # they go with a file
         text, key = text.replace("#file =", "file =", 1), "file"
     if key == "body":
@@ -737,7 +746,8 @@ def test_what_is_switched_off_can_be_switched_on(line):
     if key == "adjust":  # it goes with another body
         text = text.replace("#against =", "against =", 1)
     if key == "locked_after":  # that of a force
-        text = text.replace("#force =", "force =", 1)
+        table = before.rfind("\n[")
+        text = text[:table] + text[table:].replace("#force =", "force =", 1)
     table = before.rfind("\n[") + 1
     kept = [row for row in text[table:].splitlines() if row == line[1:] or row.split(" = ")[0] not in instead]
     end = next((n for n, row in enumerate(kept) if n > 0 and row.startswith("[")), len(kept))
@@ -857,7 +867,14 @@ def test_the_schema_knows_every_class():
     """Each table of a scene is defined in it."""
     laws = (import_module(f"signorini_fx.laws.{name}") for name in ("none", "tresca", "coulomb"))
     materials = (import_module(f"signorini_fx.materials.{name}") for name in ("isotropic", "orthotropic"))
-    files = [scene, settings, *laws, *materials, *(import_module(f"signorini_fx.effects.{key}") for key in keys())]
+    files = [
+        scene,
+        settings,
+        import_module("signorini_fx.scene.rigid_motion"),
+        *laws,
+        *materials,
+        *(import_module(f"signorini_fx.effects.{key}") for key in keys()),
+    ]
     classes = [thing for file in files for thing in vars(file).values()]
     models = {m.__name__ for m in classes if isinstance(m, type) and issubclass(m, BaseModel)}
     internal = {
@@ -876,6 +893,7 @@ def test_the_schema_knows_every_class():
         "DirectedLaw",
         "Material",
         "Axes",
+        "RigidMotion",
     }
     assert models - internal == set(template.scene_schema()["$defs"])
 
