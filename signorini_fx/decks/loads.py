@@ -193,13 +193,13 @@ def read_body_forces(deck: Deck, block: DeckBlock) -> None:
             _set_load(deck, load, factor * group.values[0])
             inside += deck.inside(where)
     _say_inside(deck, block, inside)
+    whole = _on_the_whole_body(deck, block)
     for row in block.rows:
-        at = next((k for k, word in enumerate(row) if re.fullmatch(r"GRAV|CENTRIF|B[XYZ]|P\d", word.upper())), None)
-        if at is None:
+        if (at := _kind_of_body_force(row)) is None:
             deck.lose(block, f"load {', '.join(row)}")
             continue
         kind, words = row[at].upper(), [real(word) for word in row[at + 1 :]]
-        everywhere = at == 0 or ((region := deck.region(row[0])) is not None and _covers_mesh(deck, region))
+        everywhere = at == 0 or tuple(row[at:]) in whole
         if kind.startswith("P"):
             continue
         if not everywhere:
@@ -222,8 +222,18 @@ def read_body_forces(deck: Deck, block: DeckBlock) -> None:
             )
 
 
-def _covers_mesh(deck: Deck, region: str) -> bool:
-    return len(deck.mesh.regions[region]) == len(deck.mesh.cells)
+def _kind_of_body_force(row: list[str]) -> int | None:
+    """Where in a row of *DLOAD the kind of the load stands; None: it is not known."""
+    return next((k for k, word in enumerate(row) if re.fullmatch(r"GRAV|CENTRIF|B[XYZ]|P\d", word.upper())), None)
+
+
+def _on_the_whole_body(deck: Deck, block: DeckBlock) -> set[tuple[str, ...]]:
+    """Loads, without their sets, whose sets are the whole body together."""
+    parts: dict[tuple[str, ...], list[Ints]] = {}
+    for row in block.rows:
+        if (at := _kind_of_body_force(row)) and (region := deck.region(row[0])) is not None:
+            parts.setdefault(tuple(row[at:]), []).append(deck.mesh.regions[region])
+    return {load for load, cells in parts.items() if len(np.unique(np.concatenate(cells))) == len(deck.mesh.cells)}
 
 
 def read_forces(deck: Deck, block: DeckBlock) -> None:
