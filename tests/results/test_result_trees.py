@@ -20,7 +20,7 @@ from signorini_fx.results.folder import ResultFolder
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
 from signorini_fx.studies import files as study_files
-from signorini_fx.studies import parameter_study, work_precision
+from signorini_fx.studies import parameter_study
 from signorini_fx.studies.work_precision import Study
 
 SELF = MPI.COMM_SELF
@@ -176,9 +176,9 @@ def test_what_is_not_of_this_run_stays(seeds, solution, killed, tmp_path, monkey
     scene.write_text(SCENE)
     # The studies write their files as always; what is in them does not matter here.
     row = {"method": "m", "size": 1.0, "seconds": 1.0, "status": "converged"}
-    monkeypatch.setattr(work_precision, "run_study", lambda *_, **__: Study(None, [row], {}, "", 0.0))
+    monkeypatch.setattr(study_files, "run_study", lambda *_, **__: Study(None, [row], {}, "", 0.0))
     monkeypatch.setattr(study_files, "write_study", lambda _, part, **__: (part / "work_precision.csv").write_text("w"))
-    monkeypatch.setattr("signorini_fx.studies.conclusions.advice", lambda _: "")
+    monkeypatch.setattr(study_files, "advice", lambda _: "")
     monkeypatch.setattr(parameter_study, "run", lambda *_: None)
     monkeypatch.setattr(parameter_study, "write", lambda _, part: (part / "sweep.csv").write_text("s"))
     monkeypatch.setattr("signorini_fx.cli.commands.EXIT_NO_SOLUTION", 0)
