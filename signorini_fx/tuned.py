@@ -742,4 +742,4 @@ FEW_NEWTON_ITERATIONS, STEP_GROWTH, SMALLEST_STEP = 6, 1.5, 1 / 256
 NORMAL_DIFFERENCE = 1e-6
 # What holds a contact point where the inertia of the tangent is looked at, in units of the largest entry on the
 # diagonal.  Choice.
-HELD_STIFFNESS = 1e4
+HOLDING_STIFFNESS = 1e4

@@ -27,8 +27,7 @@ F = ufl.derivative(energy * ufl.dx(metadata={"quadrature_degree": 2}), u, ufl.Te
 top, bottom = (locate_entities_boundary(mesh, 1, lambda x, at=at: np.isclose(x[1], at)) for at in (1.0, 0.0))
 fixed = dirichletbc(np.zeros(2), locate_dofs_topological(u.function_space, 1, bottom), u.function_space)
 circle = {"shape": "circle", "centre": (1.5, 1.5), "radius": 0.5}
-contact = Foundation(top, shape=circle, friction=Coulomb(FRICTION))
-problem = NonlinearContactProblem(F, u, bcs=[fixed], contact=contact)
+problem = NonlinearContactProblem(F, u, bcs=[fixed], contact=Foundation(top, shape=circle, friction=Coulomb(FRICTION)))
 problem.ramp(lambda t: problem.place(0, shift=(0.0, -0.3 * t)), first=0.25)
 forces = []
 keep = lambda step: forces.append((step.load, *sum(problem.state.forces)))  # noqa: E731

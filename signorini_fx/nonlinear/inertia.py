@@ -10,7 +10,7 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
-from signorini_fx.tuned import HELD_STIFFNESS
+from signorini_fx.tuned import HOLDING_STIFFNESS
 
 
 def negative_directions(
@@ -37,7 +37,7 @@ def negative_directions(
     numbering = tangent.function_spaces[0].dofmap.index_map.local_to_global(nodes)
     for node, dyad in zip(numbering, held, strict=True):
         rows = (node * dimension + np.arange(dimension)).astype(PETSc.IntType)
-        matrix.setValues(rows, rows, HELD_STIFFNESS * largest * dyad, addv=PETSc.InsertMode.ADD_VALUES)
+        matrix.setValues(rows, rows, HOLDING_STIFFNESS * largest * dyad, addv=PETSc.InsertMode.ADD_VALUES)
     matrix.assemble()
     matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     preconditioner = PETSc.PC().create(matrix.comm)

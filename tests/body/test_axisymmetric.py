@@ -447,10 +447,6 @@ REFUSED = {
         r"fluid\.up: must be along the axis of the body: y",
     ),
     "axis": ({"material": {"density": 1.0}, "rotation": {"speed": 1.0}}, r"rotation: must be that of the body: axis"),
-    "accuracy": (
-        {"contact": {"boundary": "bottom"}, "accuracy": {"target": 0.1, "of": "pressure"}},
-        r"accuracy\.of: has no estimate yet",
-    ),
 }
 
 

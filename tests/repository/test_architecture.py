@@ -237,6 +237,15 @@ def test_scenes_need_no_solver(module):
     assert not uses(PACKAGE / f"{module}.py", *heavy, everywhere=False)
 
 
+def test_a_tuned_constant_stands_once():
+    """A second value of the same name would be that of both."""
+    tree = ast.parse((PACKAGE / "tuned.py").read_text(encoding="utf-8"))
+    targets = [target for node in tree.body if isinstance(node, ast.Assign) for target in node.targets]
+    names = [name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)]
+    assert len(names) > 100
+    assert len(set(names)) == len(names)
+
+
 def test_mpi_is_imported_first():
     """Each module can be imported alone where PETSc and dolfinx find MPI only once mpi4py has loaded it."""
     for file in MODULES:
