@@ -50,7 +50,7 @@ PROGRESS = """
 from signorini_fx import ProgressLine
 from signorini_fx.records import Progress
 from signorini_fx.results import progress_line
-progress_line._PAUSE = 0.0
+progress_line.PROGRESS_PAUSE = 0.0
 line = ProgressLine()
 for number in (1, 2):
     line(Progress(solve=number))
