@@ -410,14 +410,28 @@ SMALL_FORCES_OF_BODY = 1e-3
 # A friction bound that differs from the last but one by less than this share of its change has come back: an error that
 # alternates and decreases so slowly takes thousands of steps.  Choice.
 BOUND_CAME_BACK = 1e-3
-# Interior points: each step goes at most this share of the way to the nearest bound, and aims at products reduced by
-# that factor.  Source: usual values of such methods.
-SHARE_OF_WAY, REDUCED_PRODUCT = 0.99, 0.1
+# Interior points: each step goes at most this share of the way to the nearest bound.  Source: usual value.
+SHARE_OF_WAY = 0.99
+# Stiffness of the foundation with which they begin, in units of the natural stiffness, and the least share of this if
+# the body is lifted far.  Beams, blisters, plates and weightless strips take the fewest solves between 1e-4 and 1e-3,
+# and three times as many on a foundation of stiffness gamma.
+SOFT_FOUNDATION, SOFTEST_FOUNDATION = 3e-4, 1e-6
 # Below the first share of the first products full steps may end the iteration; below the second one they have to.
 # Choice.
 SMALL_PRODUCT, LAST_PRODUCT = 1e-12, 1e-20
-# Pressures begin above this share of the largest one, and shears below this share of their bound.  Choice: inside.
-FIRST_PRESSURE, FIRST_SHEAR = 0.1, 0.5
+# Shears begin below this share of their bound.  Choice: inside.
+FIRST_SHEAR = 0.5
+# They are asked for sets after the first number of full steps, if in the last three the points that have changed are at
+# least the second number, and the third share of those of the three before, unless full steps would be through with
+# all points in fewer steps than the fourth number; and whatever has changed after the last number of full steps.  None
+# of 400 random compact problems gets there; with 6 steps and a share of 0.6 two of 200 did.
+SLOW_STEPS, SLOW_CHANGES, STILL_CHANGING, STEPS_LEFT, SLOWEST_STEPS = 7, 6, 0.7, 15, 15
+# They propose sets once their products are at most the first share of the first ones, a step has gone at least the
+# second share of its way, and the sets of at most the third share of the points still change.  Of two iterates the
+# quotient either of the pressures or of the openings tends to 1; while both are below the first number at more than
+# the second share of the points, nothing is known.  At most so many steps.  From the same problems and slender bodies.
+DECIDING_PRODUCT, DECIDING_SHARE, SETTLED_POINTS = 1e-2, 0.7, 0.005
+DECIDED_QUOTIENT, UNDECIDED_POINTS, PROPOSAL_STEPS = 0.7, 0.08, 25
 # Tolerance of a solve for the derivatives along the path: with an old factor, whose steps cost little, and with another
 # preconditioner, where it is still far below the error of the model.  Choice.
 SLOPE_TOLERANCE, ROUGH_SLOPE_TOLERANCE = 1e-10, 1e-2

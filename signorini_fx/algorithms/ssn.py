@@ -28,7 +28,17 @@ from signorini_fx.linalg.petsc_c import call
 from signorini_fx.machine import signals
 from signorini_fx.problem.problem import Problem
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status
-from signorini_fx.tuned import FAR_START, REFINED_RESIDUAL, RESIDUAL_TOLERANCE, SMALL_FORCES_OF_BODY
+from signorini_fx.tuned import (
+    FAR_START,
+    REFINED_RESIDUAL,
+    RESIDUAL_TOLERANCE,
+    SLOW_CHANGES,
+    SLOW_STEPS,
+    SLOWEST_STEPS,
+    SMALL_FORCES_OF_BODY,
+    STEPS_LEFT,
+    STILL_CHANGING,
+)
 
 _RENEW, _KEEP = -2, -1
 # While the sets repeat and directions of slip change, the residual of the law must be halved in this many steps.
@@ -41,6 +51,8 @@ FallBacks = Callable[
     ["SemismoothNewton", RegularisedData, ActiveSets | None, Status, Callable[[], float | None]],
     Status,
 ]
+# (newton, data) -> sets for the next full step; None if a linear solve fails.
+ProposedSets = Callable[["SemismoothNewton", RegularisedData], ActiveSets | None]
 # (x, sets, data) of an iterate; None before the first problem.
 Checkpoint = tuple[PETSc.Vec, ActiveSets, RegularisedData | None]
 
@@ -61,6 +73,8 @@ class SemismoothNewton:
         history: where the records go.
         symmetric: whether the Jacobian is; it is not if the friction bound depends on the pressure.
         try_fall_backs: called if this iteration does not solve a problem, see ``fall_backs``; None: nothing.
+        propose_sets: called, once in a problem with a given friction bound, if full steps change few sets at a time;
+            None: nothing.
         limited: whether the user has set the limit on linear solves, so that reaching it is not a failure.
 
     Attributes:
@@ -77,6 +91,7 @@ class SemismoothNewton:
         *,
         symmetric: bool = True,
         try_fall_backs: FallBacks | None = None,
+        propose_sets: ProposedSets | None = None,
         limited: bool = False,
     ) -> None:
         self.problem = problem
@@ -86,10 +101,12 @@ class SemismoothNewton:
         self.start_time = time.perf_counter()
         self.max_iterations = max_iterations
         self._fall_backs = try_fall_backs
+        self._propose_sets = propose_sets
         self._limited = limited
         self._symmetric = symmetric
         self._factor: PETSc.KSP | None = None
         self._factorised_in: int | None = None
+        self._point_count = int(parallel.global_sum(problem.points.comm, problem.points.size))
         generator = np.random.default_rng(problem.points.comm.rank)
         self._keys = generator.integers(0, 2**63, size=(6, problem.points.size), dtype=np.uint64)
         self.snes = self._create(symmetric)
@@ -200,6 +217,7 @@ class SemismoothNewton:
         self._first_iteration = first_iteration
         self._solves_before = self.history.linear_solves
         self._seen: dict[int, float] = {}
+        self._changes: list[tuple[int, int]] = []
         self._stalls: list[float] = []
         self._status: Status | None = None
         if self.history.exhausted:
@@ -208,6 +226,9 @@ class SemismoothNewton:
         limit = int(min(self.max_iterations, max_iterations or self.max_iterations, remaining))
         self.snes.setTolerances(max_it=limit)
         self._may_keep, self._loosened, self._assembled = True, False, False
+        given = data.follows is None and np.isfinite(data.gamma_n) and np.isinf(data.sigma)
+        self._may_propose = given and self._symmetric and max_iterations is None and self._propose_sets is not None
+        self._slow = False
         try:
             with options.defaults(self.problem.system.solver_defaults):
                 status = self._run(data, limit)
@@ -223,8 +244,9 @@ class SemismoothNewton:
         return status is Status.MAX_ITERATIONS and not self._limited
 
     def _run(self, data: RegularisedData, limit: int) -> Status:
-        """Let SNES iterate; again with exact linear solves if old factors or loose tolerances did not suffice, and with
-        a factorisation if a Krylov method did not, then for the rest of the load step.
+        """Let SNES iterate; again from other sets if they change too slowly, with exact linear solves if old factors or
+        loose tolerances did not suffice, and with a factorisation if a Krylov method did not, then for the rest of the
+        load step.
         """
         usual, first = self.snes.getKSP(), self._first_iteration
         if self._factorised_in == self.history.step:
@@ -234,6 +256,7 @@ class SemismoothNewton:
             while (done := self.history.linear_solves - self._solves_before) < limit and self._improved(status):
                 self._status, self._first_iteration = None, first + done
                 self._seen.clear()
+                self._changes.clear()
                 self.snes.setTolerances(max_it=limit - done)
                 self.problem.set_data(data, self.problem.sets)
                 status = self._iterate()
@@ -245,7 +268,10 @@ class SemismoothNewton:
         return status
 
     def _improved(self, status: Status) -> bool:
-        """Whether the linear solves may be the reason for a failure, and the next ones are better; collective."""
+        """Whether sets or linear solves may be the reason for a failure, and the next ones are better; collective."""
+        if self._slow:
+            self._propose()
+            return True
         if self._may_keep and self._unreliable(status):
             self._may_keep = False
             return True
@@ -254,6 +280,18 @@ class SemismoothNewton:
         self.history.add(f"{status.value}: the matrix is factorised")
         self._factorised_in = self.history.step
         return True
+
+    def _propose(self) -> None:
+        """Make proposed sets those of the next full step, or the next ones if there are none; collective."""
+        assert self._propose_sets is not None
+        self._slow, problem = False, self.problem
+        following, solves = problem.next.sets, self.history.linear_solves
+        proposed = self._propose_sets(self, problem.data)
+        if proposed is None and self._factorise():
+            proposed = self._propose_sets(self, problem.data)
+        problem.sets = following if proposed is None else proposed
+        asked = self.history.linear_solves - solves
+        self.history.add(f"sets: few change with each full step, {asked} solves inside the bounds propose others")
 
     def _factorise(self) -> bool:
         """Whether a direct solver takes the place of a Krylov method; collective."""
@@ -364,6 +402,10 @@ class SemismoothNewton:
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
             if problem.affine or max(law, snes.getTolerances()[0]) > 0.5 * self._seen[fingerprint]:
                 return self._stop(Status.CYCLING)
+        self._changes.append((changed, active))
+        if self._may_propose and self._is_slow(k):
+            self._may_propose, self._slow = False, True
+            return self._stop(Status.MAX_ITERATIONS)
         # How near the law was with the sets of the start is not known.
         self._seen[fingerprint] = max(law, snes.getTolerances()[0]) if k > 0 else np.inf
         if problem.next.escapes is not None:
@@ -371,6 +413,16 @@ class SemismoothNewton:
         if k > 0 and self.history.overdue():
             return self._stop(Status.MAX_ITERATIONS)
         return int(_SNES.CONVERGED_ITERATING)
+
+    def _is_slow(self, k: int) -> bool:
+        """Whether so few sets change after linear solve k that full steps would take many more."""
+        changes = [changed for changed, _ in self._changes[-6:]]
+        if k < SLOW_STEPS or min(changes[-3:]) == 0:
+            return False
+        lost = (self._changes[-4][1] - self._changes[-1][1]) / 3
+        left = self._changes[-1][1] if lost > 0 else self._point_count - self._changes[-1][1]
+        enough = sum(changes[-3:]) >= max(SLOW_CHANGES, STILL_CHANGING * sum(changes[:3]))
+        return (enough and abs(lost) * STEPS_LEFT <= left) or k >= SLOWEST_STEPS
 
     def _settled(self, residual: float, law: float) -> bool:
         """Whether sets that repeat are those of a solution.

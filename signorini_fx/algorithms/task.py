@@ -13,6 +13,7 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.algorithms.fall_backs import FallBacks
+from signorini_fx.algorithms.interior_point import proposed_sets
 from signorini_fx.algorithms.ssn import SemismoothNewton
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData, slip_multiplier, slip_of
@@ -174,16 +175,13 @@ class Task:
             law: of friction; None: there is none.
             bilateral: points whose contact cannot open, shape (n,); None: there are none.
             settings: algorithms, their parameters and limits; None: the defaults.
-            natural_gamma: the natural unit of gamma, stress per length; None: that of the stiffest contact point, its
-                stiffness over its weight, times the share of a side of its piece in that of the contact boundary.
+            natural_gamma: the natural unit of gamma, stress per length; None: ``ContactMap.natural_stiffness``.
             has_coulomb: see ``Task``; None: where a coefficient is not zero.
             options: history, linear_algebra and goal, see ``Task``.
         """
         points, comm, settings = motions.points, motions.points.comm, settings or Settings()
         if natural_gamma is None:
-            side = (points.weight / parallel.global_sum(comm, points.weight.sum())) ** (1.0 / (points.dimension - 1))
-            stiffness = system.contact.stiffness(system.matrix.getDiagonal())
-            natural_gamma = parallel.largest(comm, stiffness * side)
+            natural_gamma = system.contact.natural_stiffness(system.matrix.getDiagonal())
         if has_coulomb is None:
             follows = law is not None and law.follows_pressure
             has_coulomb = parallel.any_rank(comm, follows)
@@ -279,6 +277,7 @@ class Iterate:
             self._history,
             symmetric=symmetric,
             try_fall_backs=self._fall_backs if settings.fallbacks else None,
+            propose_sets=proposed_sets,
             limited=settings.limited("max_iterations"),
         )
 

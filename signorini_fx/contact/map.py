@@ -130,6 +130,17 @@ class ContactMap:
         compliance = np.where(compliance == 0.0, np.inf, compliance)  # which bincount counts where a rank has no points
         return 1.0 / (self.points.weight * compliance.reshape(-1, self.points.dimension).min(axis=1))
 
+    def natural_stiffness(self, diagonal: PETSc.Vec) -> float:
+        """That of the stiffest contact point, times the share of its side in that of the contact boundary: of a uniform
+        body its modulus over its size, stress per length; collective.
+
+        Args:
+            diagonal: of A.
+        """
+        points, weight = self.points, self.points.weight
+        side = (weight / parallel.global_sum(points.comm, weight.sum())) ** (1.0 / (points.dimension - 1))
+        return float(parallel.largest(points.comm, self.stiffness(diagonal) * side))
+
     def selected(self) -> tuple[npt.NDArray[np.int64], Nodal]:
         """The unknown that each component of the relative displacement is a multiple of, and the factor: a sign, and in
         axes of friction that times the scale of the axis, both of shape (n, d).

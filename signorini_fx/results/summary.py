@@ -166,7 +166,10 @@ def _outcome(summary: dict[str, Any]) -> list[TerminalLine]:
 def _events(events: list[str]) -> list[TerminalLine]:
     """The events of the history by kind."""
     shown = dict.fromkeys(event for event in events if not event.startswith("level "))
-    beginnings = {"increments": "load step ", **{name: f"{name}: " for name in ("accuracy", "elements", "restart")}}
+    beginnings = {
+        "increments": "load step ",
+        **{name: f"{name}: " for name in ("accuracy", "elements", "restart", "sets")},
+    }
     fall_backs = [event for event in shown if not event.startswith(tuple(beginnings.values()))]
     kinds = {"fall-backs": fall_backs} | {
         name: [event.removeprefix(f"{name}: ") for event in shown if event.startswith(begin)]

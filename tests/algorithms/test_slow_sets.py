@@ -1,0 +1,123 @@
+"""Slender bodies that peel off: sets that an interior point proposes where full steps change few at a time."""
+
+import sys
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import alone, example1
+
+from signorini_fx.algorithms import ssn, task
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.solver import solve
+
+LENGTH, WEIGHT, YOUNG = 10.0, 0.16, 1e6
+
+
+def heavy_beam(h, *, cells=200, degree=2, unit=1.0, friction=None, **solver):
+    """A beam on a foundation whose end is lifted, its slope kept; ``unit``: of length."""
+    lift = WEIGHT * 5.0**4 / (2 * YOUNG * h**3)
+    contact = {"boundary": "bottom", "gap": 0.0} | ({} if friction is None else {"friction": friction})
+    parameters = {"length": LENGTH * unit, "height": h * unit, "nx": cells, "ny": 2}
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": parameters},
+            "element": {"degree": degree},
+            "material": {"young": YOUNG, "poisson": 0.0},
+            "displacement": [{"boundary": "left", "x": 0.0, "y": lift * unit}],
+            "body_force": {"y": -WEIGHT / h / unit},
+            "contact": contact,
+            "solver": solver,
+        }
+    )
+
+
+def pressed(h):
+    """The force of the foundation by the theory of beams, per length.
+
+    With s the distance from the edge of contact EI v = w (l s^3 / 18 - s^4 / 24): v = v' = v'' = 0 at s = 0 and v' = 0
+    at the end s = l, where v = w l^4 / (72 EI) and the end carries 2 w l / 3.
+    """
+    lift = WEIGHT * 5.0**4 / (2 * YOUNG * h**3)
+    lifted = (72 * YOUNG * h**3 / 12 * lift / WEIGHT) ** 0.25
+    return WEIGHT * (LENGTH - 2 * lifted / 3)
+
+
+def proposals(solution):
+    """How many times sets were proposed."""
+    return sum(event.startswith("sets: ") for event in solution.history.events)
+
+
+@pytest.mark.parametrize("h", [0.2, 0.1, 0.05])
+def test_a_heavy_beam(h):
+    """However thin it is, and with no fall-back; full steps alone take more than a hundred solves."""
+    ours = alone(heavy_beam(h, fallbacks=False))
+    assert proposals(ours) == 1
+    assert ours.history.linear_solves <= 35
+    # What shear and the stress across it change of a beam of 6.6 by h.
+    np.testing.assert_allclose(ours.contact.forces[0][1], pressed(h), rtol=2 * (h / 6.6) ** 1.5)
+
+
+@pytest.mark.parametrize("law", [None, {"law": "tresca", "bound": 0.1}, {"law": "coulomb", "coefficient": 0.3}])
+def test_the_solution_of_full_steps(law, monkeypatch):
+    """Proposed sets change the way and not the answer."""
+    scene = heavy_beam(0.2, cells=100, friction=law)
+    ours = alone(scene)
+    assert proposals(ours) >= 1
+    monkeypatch.setattr(ssn, "SLOW_STEPS", sys.maxsize)
+    plain = alone(scene)
+    assert proposals(plain) == 0
+    assert ours.history.linear_solves < plain.history.linear_solves
+    size = np.abs(plain.displacement.x.array).max()
+    np.testing.assert_allclose(ours.displacement.x.array, plain.displacement.x.array, rtol=0, atol=1e-8 * size)
+    np.testing.assert_array_equal(ours.contact.pressure > 0, plain.contact.pressure > 0)
+
+
+def test_wrong_sets_are_corrected(monkeypatch):
+    """Whatever is proposed, full steps end at the solution."""
+    scene, random = heavy_beam(0.2, cells=60), np.random.default_rng(1)
+    sought = alone(scene)
+
+    def misled(newton, data):
+        sets = newton.problem.sets
+        return sets.of(random.random(sets.contact.size) < 0.5, np.zeros_like(sets.direction))
+
+    monkeypatch.setattr(task, "proposed_sets", misled)
+    ours = alone(scene)
+    assert proposals(ours) == 1
+    size = np.abs(sought.displacement.x.array).max()
+    np.testing.assert_allclose(ours.displacement.x.array, sought.displacement.x.array, rtol=0, atol=1e-9 * size)
+
+
+def test_no_sets_are_proposed_where_a_linear_solve_fails(monkeypatch):
+    """Full steps go on as if nobody had been asked."""
+    monkeypatch.setattr(task, "proposed_sets", lambda newton, data: None)
+    ours = alone(heavy_beam(0.2, cells=60))
+    monkeypatch.setattr(ssn, "SLOW_STEPS", sys.maxsize)
+    plain = alone(heavy_beam(0.2, cells=60))
+    assert ours.history.linear_solves == plain.history.linear_solves
+    np.testing.assert_array_equal(ours.displacement.x.array, plain.displacement.x.array)
+
+
+def test_units():
+    """The counts are the same in metres and in millimetres."""
+    ours, theirs = (alone(heavy_beam(0.1, cells=100, unit=unit)) for unit in (1.0, 1e3))
+    assert proposals(ours) == proposals(theirs) == 1
+    assert ours.history.linear_solves == theirs.history.linear_solves
+
+
+@pytest.mark.parametrize("law", [{}, {"bound": 1.5}, {"coefficient": 0.3}])
+def test_compact_bodies_are_left_alone(law):
+    """Example 1 is solved by full steps."""
+    assert proposals(alone(example1(**law, nx=120, ny=40, gamma="auto"))) == 0
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("system", ["full", "krylov"])
+def test_ranks(system):
+    """The same sets on any number of ranks; and by loose solves of a Krylov method."""
+    scene = heavy_beam(0.2, cells=100, degree=1, linear_algebra=system)
+    ours, single = solve(scene, MPI.COMM_WORLD), alone(scene)
+    assert proposals(ours) == 1
+    assert ours.history.linear_solves <= 40
+    np.testing.assert_allclose(ours.contact.forces[0], single.contact.forces[0], rtol=1e-8, atol=1e-10)
