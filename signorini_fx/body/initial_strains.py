@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from dolfinx import default_scalar_type, fem
 
-from signorini_fx import parallel
+from signorini_fx import compat, parallel
 from signorini_fx.body.loads import FormCoefficients
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.scene.effect import InitialStrain
-from signorini_fx.scene.expressions import sample
+from signorini_fx.scene.expressions import Expression, sample
 from signorini_fx.scene.model import Scene
 from signorini_fx.tuned import LARGEST_NUMBER
 
@@ -51,6 +51,8 @@ def initial_strain(
 def check_strains(scene: Scene, tagged: TaggedMesh) -> None:
     """Whether the values of initial strains are finite at the nodes of the mesh in all load steps; collective.
 
+    A callable is asked at the nodes of its region alone, see ``BodyCoefficients.value_in``.
+
     Raises:
         SceneError: they are not.
     """
@@ -58,11 +60,16 @@ def check_strains(scene: Scene, tagged: TaggedMesh) -> None:
     for path, effect in scene.listed():
         if not isinstance(effect, InitialStrain):
             continue
+        region = getattr(effect, "region", None)
+        if region is not None and region not in tagged.regions:
+            continue  # said where names are looked at
+        inside = None if region is None else np.unique(compat.geometry_cells(tagged.mesh)[tagged.cells(region)])
         for step in range(scene.steps if effect.timed else 1):
             for key, value in effect.at_time(scene.time_at(step)).given.items():
                 error: SceneError | None = None
                 try:
-                    valid = bool((np.abs(sample(value, x)) <= LARGEST_NUMBER).all())
+                    at = x if inside is None or isinstance(value, Expression) else x[:, inside]
+                    valid = bool((np.abs(sample(value, at)) <= LARGEST_NUMBER).all())
                 except SceneError as found:
                     valid, error = True, found
                 parallel.raise_together(tagged.mesh.comm, error)

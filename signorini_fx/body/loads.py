@@ -157,13 +157,14 @@ class FormCoefficients:
         """The elastic law, with coefficients of its own."""
         return elastic_law(self.scene, self.tagged, self.space, self.inventory)
 
-    def inside(self, region: str | None) -> Any:
-        """1 in the cells of a region, 0 in the others."""
+    def value_in(self, region: str | None, value: Any) -> Any:
+        """A value in the cells of a region, 0 in the others; see ``BodyCoefficients``."""
         if region is None:
-            return 1
+            return self.value(value)
+        cells = self.tagged.cells(region)
         indicator = fem.Function(fem.functionspace(self.space.mesh, ("DG", 0)))
-        indicator.x.array[indicator.function_space.dofmap.list[self.tagged.cells(region), 0]] = 1.0
-        return indicator
+        indicator.x.array[indicator.function_space.dofmap.list[cells, 0]] = 1.0
+        return indicator * self.value(value, cells)
 
     @cached_property
     def _totals(self) -> dict[tuple[str, Any], fem.Constant]:
@@ -212,8 +213,8 @@ class FormCoefficients:
             self._totals[boundary, spread] = fem.Constant(mesh, default_scalar_type(integral))
         return self._totals[boundary, spread]
 
-    def value(self, value: Any) -> Any:
-        """A value as a coefficient."""
+    def value(self, value: Any, cells: npt.NDArray[np.int32] | None = None) -> Any:
+        """A value as a coefficient; a callable is interpolated in some cells, without them in all."""
         mesh = self.space.mesh
         if isinstance(value, float):
             return fem.Constant(mesh, default_scalar_type(value))
@@ -222,7 +223,7 @@ class FormCoefficients:
         if hasattr(value, "ufl_domain"):
             return value
         function = fem.Function(fem.functionspace(mesh, ("Lagrange", self.space.element.basix_element.degree)))
-        function.interpolate(lambda x: sample(value, x))
+        function.interpolate(lambda x: sample(value, x), cells0=cells)
         return function
 
     def vector(self, values: tuple[Any, ...]) -> Any:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import default_scalar_type, fem
+from dolfinx import default_scalar_type, fem, la
 from dolfinx import mesh as dmesh
 
 from signorini_fx import parallel
@@ -139,7 +139,10 @@ def node_at(
     """
     point, x = np.array(effect.at), node_positions(space)[:, : tagged.dimension]
     away = np.linalg.norm(x - point, axis=1)
-    candidates = np.flatnonzero(away <= SAME_POSITION * tagged.size)
+    near = away <= SAME_POSITION * tagged.size
+    if effect.region is not None:
+        near &= _of_region(space, tagged, effect.region)
+    candidates = np.flatnonzero(near)
     if not parallel.any_rank(tagged.mesh.comm, candidates.size > 0):
         nearest = parallel.gather_rows(tagged.mesh.comm, np.column_stack((away, x))[np.argsort(away)[:1]])
         nearest_point = np.round(nearest[np.argmin(nearest[:, 0]), 1:] / tagged.size, 9) * tagged.size
@@ -158,11 +161,21 @@ def node_at(
             else " of parts that do not share their nodes"
         )
         message = (
-            f"{count} nodes of the mesh are at {effect.place},{of}: which one is meant is not known; choose a point at "
-            "which there is one node, or a boundary of one of them"
+            f"{count} nodes of the mesh are at {effect.place},{of}: which one is meant is not known; name its region, "
+            "or choose a point at which there is one node, or a boundary of one of them"
         )
         raise SceneError([(f"displacement[{index}].at", message)])
     return candidates
+
+
+def _of_region(space: fem.FunctionSpace, tagged: TaggedMesh, region: str) -> npt.NDArray[np.bool_]:
+    """Which nodes of this rank, ghosts included, belong to cells of a region, shape (nodes,); collective."""
+    mark = fem.Function(space)
+    at = mark.x.array.reshape(-1, space.dofmap.index_map_bs)
+    at[space.dofmap.list[tagged.cells(region)].ravel()] = 1.0
+    mark.x.scatter_reverse(la.InsertMode.add)
+    mark.x.scatter_forward()
+    return np.asarray(mark.x.array.reshape(at.shape)[:, 0] > 0)
 
 
 def components(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> list[tuple[int, Any]]:

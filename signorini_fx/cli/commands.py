@@ -136,21 +136,22 @@ def run(options: argparse.Namespace) -> int:
     options.scene = out.parent / f"{out.name}.toml"
     deck: Any = None
 
-    def drafted() -> tuple[int, list[terminal.TerminalLine]]:
+    def drafted() -> tuple[int, list[terminal.TerminalLine], dict[str, str]]:
         nonlocal deck
         draft = _draft_of_run(options.deck, options.scene)
         deck = draft.deck
         graded = [("changes the answer: ", remark, "error") for remark in draft.lost]
         graded += [("does not change it: ", remark, "") for remark in draft.noted]
-        return len(draft.lost), [terminal.TerminalLine(*line) for line in graded]
+        return len(draft.lost), [terminal.TerminalLine(*line) for line in graded], draft.origins
 
-    lost, lines = parallel.on_root(MPI.COMM_WORLD, drafted)
+    lost, lines, origins = parallel.on_root(MPI.COMM_WORLD, drafted)
     try:
         if not options.quiet:
             parallel.log_on_root(MPI.COMM_WORLD, lines)
         solution, code = _solved(options)
     except SceneError as error:
-        raise error.of(options.scene) from None
+        problems = [(path, _with_origin(path, message, options.deck, origins)) for path, message in error.problems]
+        raise SceneError(problems, str(options.scene)) from None
     written = add_on("deck_tables")(solution, deck, out, options.deck.stem)
     written.append(parallel.on_root(MPI.COMM_WORLD, lambda: add_on("report")(out, None)))
     if not options.quiet:
@@ -162,6 +163,13 @@ def run(options: argparse.Namespace) -> int:
         parallel.log_on_root(MPI.COMM_WORLD, [said], error=True)
         return EXIT_INCOMPLETE
     return code
+
+
+def _with_origin(path: str, message: str, deck: Path, origins: Mapping[str, str]) -> str:
+    """What is wrong with a table of a draft, and where in the deck it is from."""
+    table = path.partition(".")[0]
+    origin = origins.get(table, origins.get(f"{table}[0]"))  # one table alone needs no number
+    return message if origin is None else f"{message} (from {deck.name}, {origin})"
 
 
 def _draft_of_run(deck: Path, target: Path) -> Any:

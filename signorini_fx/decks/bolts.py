@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from signorini_fx.decks.content import Deck, DeckLoad, dimension
+from signorini_fx.decks.content import Deck, DeckLoad
 from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, components, real
+from signorini_fx.mesh.files.cells import dimension
 from signorini_fx.mesh.files.shape import Floats
 from signorini_fx.tuned import DIGITS_OF_FILES
 
@@ -70,7 +71,7 @@ def drive(deck: Deck, block: DeckBlock, kind: str, node: int, component: int, va
         deck.lose(block, f"component {component} of node {node}: that of a preload has the first one only")
         return
     key = ("bolt", str(node), kind)
-    deck.loads.setdefault(key, DeckLoad("bolt", str(node), (kind,), keyword=block.keyword)).values[deck.step] = value
+    deck.loads.setdefault(key, DeckLoad("bolt", str(node), (kind,), block)).values[deck.step] = value
 
 
 def bolt_tables(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:

@@ -60,7 +60,8 @@ def contact_tables(deck: Deck, steps: int) -> tuple[list[list[str]], list[str]]:
             used |= set() if mover is None else {mover}
             taken[boundaries[0]] = rows[boundaries[0]]
             touched |= {where: rows[where] for where in boundaries[1:]}
-            lines = [f"boundary = {quoted(boundaries[0])}"]
+            pair = (slave, master) if interaction is None else (slave, master, interaction)
+            lines = [f"# {deck.pairing[pair].origin}", f"boundary = {quoted(boundaries[0])}"]
             lines += _gap(deck, boundaries[0], names[0], keys) if names else [f"against = {quoted(boundaries[1])}"]
             interactions.append(interaction)
             if tie:

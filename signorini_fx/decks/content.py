@@ -18,8 +18,9 @@ from signorini_fx.mesh.files.abaqus import Model
 from signorini_fx.mesh.files.abaqus_blocks import DeckBlock
 from signorini_fx.mesh.files.abaqus_groups import Group
 from signorini_fx.mesh.files.arrays import MeshArrays
-from signorini_fx.mesh.files.cells import CELLS, completed
+from signorini_fx.mesh.files.cells import dimension
 from signorini_fx.mesh.files.shape import Floats, Ints
+from signorini_fx.scene.point_values import same_places
 
 
 @dataclass
@@ -31,7 +32,7 @@ class DeckLoad:
         target: name of its boundary.
         keys: of the table.
         direction: share of the value in each key.
-        keyword: that gives it.
+        block: the first keyword that gives it.
         lines: of its table besides the keys.
         values: step -> value; None: it ends with this step.
     """
@@ -39,10 +40,15 @@ class DeckLoad:
     table: str
     target: str
     keys: tuple[str, ...]
+    block: DeckBlock
     direction: tuple[float, ...] = (1.0,)
-    keyword: str = ""
     lines: tuple[str, ...] = ()
     values: dict[int, float | None] = field(default_factory=dict)
+
+    @property
+    def keyword(self) -> str:
+        """That gives it."""
+        return self.block.keyword
 
     def by_step(self, steps: int) -> list[float | None]:
         """Its value in each step, None where there is none; what was given before the first one holds in all."""
@@ -80,7 +86,9 @@ class Deck:
     ``turners`` the reference node for each node whose displacements are, in CalculiX, the rotations of a rigid body;
     ``bolts`` has the surface of each reference node of a *PRE-TENSION SECTION.  ``stiffness`` and ``sticking`` are
     those of interactions, stress per length, and ``adjusted`` has the ADJUST of pairs: a length, or a set of nodes.
-    ``ends`` has the times at the ends of steps.
+    ``pairing`` has the keyword of each pair and tie, ``heating`` those that give temperatures.
+    ``ends`` has the times at the ends of steps.  ``assumed`` is what the elements of the plane read last assume, in
+    words, of which ``hypothesis`` is the key.
     """
 
     mesh: MeshArrays
@@ -91,6 +99,7 @@ class Deck:
     orientations: dict[str, DeckBlock] = field(default_factory=dict)
     sections: list[DeckSection] = field(default_factory=list)
     hypothesis: str = ""
+    assumed: str = ""
     thickness: float = 1.0
     steps: list[str] = field(default_factory=list)
     period: float = 1.0
@@ -100,11 +109,13 @@ class Deck:
     ended: set[tuple[int, str]] = field(default_factory=set)
     amplitudes: dict[str, DeckBlock] = field(default_factory=dict)
     temperatures: dict[int, Floats] = field(default_factory=dict)
+    heating: list[DeckBlock] = field(default_factory=list)
     turned: dict[int, tuple[tuple[float, ...], ...]] = field(default_factory=dict)
     frictions: dict[str, dict[str, float]] = field(default_factory=dict)
     stiffness: dict[str, float] = field(default_factory=dict)
     sticking: dict[str, float] = field(default_factory=dict)
     pairs: list[tuple[str, str, str]] = field(default_factory=list)
+    pairing: dict[tuple[str, ...], DeckBlock] = field(default_factory=dict)
     adjusted: dict[tuple[str, str, str], str] = field(default_factory=dict)
     ties: list[tuple[str, str]] = field(default_factory=list)
     tied: set[str] = field(default_factory=set)
@@ -184,10 +195,44 @@ class Deck:
         used = [nodes.ravel() for kind, nodes in raw.blocks if dimension(kind) == self.mesh.dim]
         return np.unique(np.concatenate(used))
 
+    @cached_property
+    def names(self) -> Ints:
+        """The number in the file of each node of the body, in the order of ``numbers``."""
+        names = np.empty(len(self.model.places), dtype=np.int64)
+        names[list(self.model.places.values())] = list(self.model.places)
+        return np.asarray(names[self.numbers])
+
+    @cached_property
+    def bodies(self) -> dict[str, Ints]:
+        """The name of each body and where its nodes are in ``numbers``; the name of the only one is empty."""
+        if not self.model.bodies:
+            return {"": np.arange(len(self.numbers))}
+        nodes = {name: np.unique(self.mesh.cells[self.mesh.regions[name]]) for name in self.model.bodies}
+        return {name: of_body[of_body < len(self.numbers)] for name, of_body in nodes.items()}
+
     def position(self, row: int) -> list[float]:
         """Of a row of the file that is a node of the body."""
         point: list[float] = self.mesh.points[np.searchsorted(self.numbers, row)].tolist()
         return point
+
+    def number(self, row: int) -> int:
+        """In the file, of a row of it that is a node of the body."""
+        return int(self.names[np.searchsorted(self.numbers, row)])
+
+    def beside(self, row: int) -> tuple[list[str], str]:
+        """The bodies of other nodes at the place of one, and its own."""
+        node = int(np.searchsorted(self.numbers, row))
+        together = np.flatnonzero(self._places == self._places[node])
+
+        def body(node: int) -> str:
+            return next(name for name, nodes in self.bodies.items() if node in nodes)
+
+        return [body(int(other)) for other in together if other != node], body(node)
+
+    @cached_property
+    def _places(self) -> Ints:
+        """The number of the place of each node of the body."""
+        return same_places(self.mesh.points[: len(self.numbers)])
 
     def rows(self, nodes: Iterable[int]) -> Ints:
         """Rows of the file of those of some nodes that the body has, in their order."""
@@ -238,13 +283,6 @@ class Deck:
             if dimension(kind) == self.mesh.dim - 1
         ]
         return sum(int((~np.isin(nodes, held)).any(axis=1).sum()) for nodes in faces)
-
-
-def dimension(kind: str) -> int:
-    """Of an element."""
-    if kind.startswith(("wedge", "pyramid")):
-        return 3
-    return (CELLS[kind] if kind in CELLS else full_cell[0] if (full_cell := completed(kind)) else CELLS["line"]).dim
 
 
 def _defined_name(name: str, names: Iterable[str]) -> str | None:

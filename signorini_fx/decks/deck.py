@@ -162,11 +162,7 @@ def _read(deck: Deck, block: DeckBlock) -> None:
             read_section(deck, block)
         case "ELEMENT":
             kind = parameters["TYPE"].upper()
-            # meshio writes any quadrilateral as CAX4P.
-            if deck.mesh.dim == 2 and kind.startswith("CAX") and kind != "CAX4P":
-                deck.hypothesis = "axisymmetric"
-            elif deck.mesh.dim == 2 and _STRESS.match(kind) and not NO_BODY.match(kind):
-                deck.hypothesis = "plane stress"
+            _hypothesis(deck, block, kind)
             if NO_BODY.match(kind) and not _POINTS.match(kind):
                 deck.lose(block, f"{kind}, which is no part of the body")
         case "STEP":
@@ -191,6 +187,7 @@ def _read(deck: Deck, block: DeckBlock) -> None:
         case "CONTACTPAIR":
             pairs = [_pair(row, parameters.get("INTERACTION", "")) for row in rows]
             deck.pairs += pairs
+            deck.pairing |= dict.fromkeys(pairs, block)
             if "ADJUST" in parameters:
                 deck.adjusted |= dict.fromkeys(pairs, parameters["ADJUST"])
         case "CONTACT" | "CONTACTINCLUSIONS":
@@ -198,13 +195,29 @@ def _read(deck: Deck, block: DeckBlock) -> None:
         case "TIE" if "CYCLICSYMMETRY" in parameters:
             deck.lose(block, "cyclic symmetry: model the whole body")
         case "TIE":
-            deck.ties += [_pair(row, "")[:2] for row in rows]
+            ties = [_pair(row, "")[:2] for row in rows]
+            deck.ties += ties
+            deck.pairing |= dict.fromkeys(ties, block)
         case keyword if keyword in _WITHOUT_EFFECT:
             deck.note(block, "without effect in static steps")
         case "EQUATION" | "MPC" | "COUPLING" | "KINEMATIC" | "DISTRIBUTING" | "DISTRIBUTINGCOUPLING":
             deck.lose(block, "a constraint between nodes")
         case keyword if keyword not in _SILENT:
             deck.lose(block, "not known to scenes")
+
+
+def _hypothesis(deck: Deck, block: DeckBlock, kind: str) -> None:
+    """What elements of the plane assume; one assumption is that of all."""
+    if deck.mesh.dim == 3 or NO_BODY.match(kind) or kind == "CAX4P":  # meshio writes any quadrilateral as CAX4P
+        return
+    known = {"axisymmetric": "CAX", "plane stress": _STRESS.pattern, "plane strain": "CPE"}
+    assumed = next((name for name, pattern in known.items() if re.match(pattern, kind)), None)
+    if assumed is None:
+        return
+    if deck.assumed not in ("", assumed):
+        deck.lose(block, f"{kind} beside elements of another kind ({deck.assumed}): all are {assumed} here")
+    deck.assumed = assumed
+    deck.hypothesis = "" if assumed == "plane strain" else assumed
 
 
 def _pair(row: list[str], interaction: str) -> tuple[str, str, str]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import os
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -16,10 +18,13 @@ from signorini_fx.decks.contact import contact_tables
 from signorini_fx.decks.content import Deck
 from signorini_fx.decks.deck import read_deck
 from signorini_fx.decks.material import material_tables
-from signorini_fx.decks.temperatures import temperature_changes
+from signorini_fx.decks.temperatures import TemperatureField, temperature_fields
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh.files.abaqus_blocks import DeckError, quoted
-from signorini_fx.mesh.files.arrays import MeshArrays
+from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, DeckError, quoted
+from signorini_fx.mesh.files.arrays import MeshArrays, plain
+from signorini_fx.mesh.files.shape import Floats
+from signorini_fx.scene.point_values import same_places
+from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 
 @dataclass(frozen=True)
@@ -32,6 +37,7 @@ class Draft:
         noted: what is told in another way, or is nothing that a scene is about.
         deck: what was read.
         files: the scene and those beside it that it refers to, with their text.
+        origins: tables of the scene, such as ``displacement[0]``, and the keywords of the input file that say the same.
     """
 
     text: str
@@ -39,6 +45,7 @@ class Draft:
     noted: list[str]
     deck: Deck
     files: dict[Path, str]
+    origins: dict[str, str]
 
 
 def draft(file: Path, mesh: MeshArrays, target: Path) -> Draft:
@@ -69,7 +76,14 @@ def draft(file: Path, mesh: MeshArrays, target: Path) -> Draft:
     for heading, table_lines in tables:
         lines += ["", heading, *table_lines]
     files[target] = "\n".join(lines) + "\n"
-    return Draft(files[target], lost, noted, deck, files)
+    origins: dict[str, str] = {}
+    counts: Counter[str] = Counter()
+    for heading, table_lines in tables:
+        name = heading.strip("[]")
+        if table_lines[0].startswith("# "):
+            origins[f"{name}[{counts[name]}]" if heading.startswith("[[") else name] = table_lines[0].removeprefix("# ")
+        counts[name] += 1
+    return Draft(files[target], lost, noted, deck, files, origins)
 
 
 def _tables(deck: Deck, target: Path, files: dict[Path, str]) -> list[tuple[str, list[str]]]:
@@ -92,21 +106,42 @@ def _tables(deck: Deck, target: Path, files: dict[Path, str]) -> list[tuple[str,
 def _heat(deck: Deck, steps: int, target: Path, files: dict[Path, str]) -> list[tuple[str, list[str]]]:
     """Changes of the temperature; one that is not the same everywhere becomes a file beside the scene."""
     tables = []
-    for value, field, factors in temperature_changes(deck, steps):
-        lines = [f"change = {value!r}"]
-        if value is None:
+    for field in temperature_fields(deck, steps):
+        lines = [f"change = {field.uniform!r}"]
+        if field.uniform is None:
             beside = target.with_name(f"{target.stem}_temperature_{len(files) + 1}.csv")
-            rows = np.column_stack((deck.mesh.points[: len(field)], field))
-            written = (",".join(repr(float(number)) for number in row) for row in rows)
+            points, values = _distinct(deck, field)
+            written = (",".join(map(repr, plain(row))) for row in np.column_stack((points, values)))
             files[beside] = "\n".join([f"{','.join(deck.axes)},change", *written])
             lines = [f"file = {quoted(beside.name)}"]
-        tables.append(("[[temperature]]", lines + ([f"factors = {factors}"] if set(factors) != {1.0} else [])))
+        lines += [f"region = {quoted(field.body)}"] if field.body else []
+        lines += [f"factors = {field.factors}"] if set(field.factors) != {1.0} else []
+        tables.append(("[[temperature]]", [_origins(deck.heating), *lines]))
     return tables
+
+
+def _origins(blocks: Sequence[DeckBlock]) -> str:
+    """A comment that says which keywords a table is from."""
+    return f"# {' and '.join(dict.fromkeys(block.origin for block in blocks))}"
+
+
+def _distinct(deck: Deck, field: TemperatureField) -> tuple[Floats, Floats]:
+    """The points of a field and its values there, of which a table has one for each place."""
+    points = deck.mesh.points[field.nodes]
+    places = same_places(points)
+    first = np.unique(places, return_index=True)[1]
+    means = np.bincount(places, field.values) / np.bincount(places)
+    away = np.abs(means[places] - field.values)
+    if away.max() > ZERO_IN_SOLUTION * np.abs(field.values).max():
+        node = deck.names[field.nodes[np.argmax(away)]]
+        deck.lose(None, f"several temperatures at one place of a body, as of node {node}: their mean is taken")
+    return points[first], means
 
 
 def _loads(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
     """Supports and loads; those of a boundary that have the same course over the steps share a table."""
     merged: dict[tuple[Any, ...], dict[str, float]] = {}
+    origins: dict[tuple[Any, ...], list[DeckBlock]] = {}
     for load in deck.loads.values():
         if load.table in ("tool", "bolt"):
             continue
@@ -122,15 +157,16 @@ def _loads(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
         # Two loads with the same component are two entries, which add up.
         entry = next(n for n in count() if not components.keys() & merged.get((*where, n), {}).keys())
         merged.setdefault((*where, entry), {}).update(components)
+        origins.setdefault((*where, entry), []).append(load.block)
     tables, weights = [], 0
-    for (table, target, extra_lines, course, _), components in merged.items():
+    for key, components in merged.items():
+        table, target, extra_lines, course, _ = key
         weights += table == "body_force"
         if table == "body_force" and weights > 1:
             deck.lose(None, "several body forces: a scene has one, the first is taken")
             continue
-        lines = [f"boundary = {quoted(target)}"] if target else []
-        lines += extra_lines
-        lines += [f"{key} = {value!r}" for key, value in components.items()]
+        lines = [_origins(origins[key]), *([f"boundary = {quoted(target)}"] if target else []), *extra_lines]
+        lines += [f"{axis} = {value!r}" for axis, value in components.items()]
         lines += [f"factors = {list(course)}"] if course else []
         tables.append((f"[{table}]" if table == "body_force" else f"[[{table}]]", lines))
     return tables

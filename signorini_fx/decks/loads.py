@@ -10,7 +10,7 @@ import numpy as np
 
 from signorini_fx.decks.bolts import drive, hold
 from signorini_fx.decks.content import Deck, DeckLoad, plain_name
-from signorini_fx.mesh.files.abaqus_blocks import ROTATIONS, DeckBlock, components, real
+from signorini_fx.mesh.files.abaqus_blocks import ROTATIONS, DeckBlock, components, quoted, real
 from signorini_fx.mesh.files.abaqus_groups import Group
 from signorini_fx.mesh.files.cells import completed
 from signorini_fx.mesh.files.raw import rows_of
@@ -60,21 +60,23 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
             continue
         clamped = all(along.get(axis) == 0 for axis in deck.axes)
         held = deck.rows(nodes[name]) if name in nodes else deck.nodes(name)
+        if where is not None and len(held) <= _POINTS and np.setdiff1d(deck.held(where), held).size:
+            where = None  # facets have nodes in the middle of their sides that stay free
         if not held.size:
             deck.note(block, f"support of {_shown(name, nodes)}: no part of the body")
         elif not clamped and not deck.turned.keys().isdisjoint(map(int, held)):
             if where is not None and not np.setdiff1d(held, deck.held(where)).size:
                 values = {_COMPONENTS[axis]: value for axis, value in along.items()}
                 if (turned := _along_the_normal(deck, where, held, values)) is not None:
-                    _set_load(deck, DeckLoad("displacement", where, ("normal",), (1.0,), block.keyword), turned)
+                    _set_load(deck, DeckLoad("displacement", where, ("normal",), block), turned)
                     _say_what_differs(deck, block, name, held, where)
                     continue
             deck.lose(block, f"support of {_shown(name, nodes)} in the directions of *TRANSFORM")
         else:
             for axis, value in along.items():
-                lines = _at_points(deck, held if where is None else np.setdiff1d(held, deck.held(where)))
+                lines = _at_points(deck, block, held if where is None else np.setdiff1d(held, deck.held(where)))
                 for line in [()] * (where is not None) + lines:
-                    load = DeckLoad("displacement", "" if line else where or "", (axis,), (1.0,), block.keyword, line)
+                    load = DeckLoad("displacement", "" if line else where or "", (axis,), block, lines=line)
                     _set_load(deck, load, value)
             _say_what_differs(deck, block, name, held, where)
 
@@ -129,7 +131,7 @@ def _drive(deck: Deck, block: DeckBlock, kind: str, node: int, component: int, v
         name = f"rotation_{_AXES[component - 3]}" if deck.mesh.dim == 3 else "rotation" if component == 6 else ""
         kind = "moment" if kind == "force" else kind
     if name and (deck.mesh.dim == 3 or name != "z"):
-        _set_load(deck, DeckLoad("tool", str(node), (kind, name), keyword=block.keyword), value)
+        _set_load(deck, DeckLoad("tool", str(node), (kind, name), block), value)
 
 
 def _shown(name: str, nodes: Mapping[str, tuple[int, ...]]) -> str:
@@ -139,9 +141,18 @@ def _shown(name: str, nodes: Mapping[str, tuple[int, ...]]) -> str:
     return f"{len(nodes[name])} single nodes" if len(nodes[name]) > 1 else f"node {nodes[name][0]}"
 
 
-def _at_points(deck: Deck, rows: Ints) -> list[tuple[str, ...]]:
-    """Where nodes are, as tables of supports say it; nothing, if there are too many."""
-    return [(f"at = {deck.position(int(row))}",) for row in rows] if len(rows) <= _POINTS else []
+def _at_points(deck: Deck, block: DeckBlock, rows: Ints) -> list[tuple[str, ...]]:
+    """Where nodes are, as tables of supports say it, each with its body where another one has a node there; nothing,
+    if there are too many.
+    """
+    points: list[tuple[str, ...]] = []
+    for row in rows if len(rows) <= _POINTS else ():
+        others, body = deck.beside(int(row))
+        if any(other == body for other in others):
+            deck.lose(block, f"support of node {deck.number(int(row))}: its body has another node at the same place")
+            continue
+        points.append((f"at = {deck.position(int(row))}", *([f"region = {quoted(body)}"] if others else [])))
+    return points
 
 
 def _say_what_differs(deck: Deck, block: DeckBlock, name: str, set_nodes: Ints, where: str | None) -> None:
@@ -163,13 +174,13 @@ def read_surface_loads(deck: Deck, block: DeckBlock) -> None:
         if where is None:
             deck.lose(block, f"load on {name!r}, which is no boundary of the body")
         elif kind.upper() == "P":
-            _set_load(deck, DeckLoad("traction", where, ("pressure",), keyword=block.keyword), factor * real(words[0]))
+            _set_load(deck, DeckLoad("traction", where, ("pressure",), block), factor * real(words[0]))
             inside += deck.inside(where)
         elif kind.upper() in ("TRVEC", "TRSHR"):
             if kind.upper() == "TRSHR":
                 deck.note(block, f"TRSHR on {name!r}: taken along its vector, which must lie in the surface")
             direction = _unit([real(word) for word in words[1:]])[: deck.mesh.dim]
-            load = DeckLoad("traction", where, tuple(deck.axes), direction, block.keyword)
+            load = DeckLoad("traction", where, tuple(deck.axes), block, direction)
             _set_load(deck, load, factor * real(words[0]))
         else:
             deck.lose(block, f"load of type {kind}")
@@ -189,7 +200,7 @@ def read_body_forces(deck: Deck, block: DeckBlock) -> None:
         if (where := deck.boundary(group.name)) is None:
             inside += len(group.values)
         else:
-            load = DeckLoad("traction", where, ("pressure",), keyword=block.keyword)
+            load = DeckLoad("traction", where, ("pressure",), block)
             _set_load(deck, load, factor * group.values[0])
             inside += deck.inside(where)
     _say_inside(deck, block, inside)
@@ -205,21 +216,19 @@ def read_body_forces(deck: Deck, block: DeckBlock) -> None:
         if not everywhere:
             deck.lose(block, f"{kind} on {row[0]!r}, a part of the body")
         elif kind.startswith("B"):
-            _set_load(deck, DeckLoad("body_force", "", (kind[1].lower(),), keyword=block.keyword), factor * words[0])
+            _set_load(deck, DeckLoad("body_force", "", (kind[1].lower(),), block), factor * words[0])
         elif not deck.materials or any("density" not in properties for properties in deck.materials.values()):
             deck.lose(block, f"{kind}: a material has no *DENSITY")
         elif kind == "GRAV":
             direction = _unit(words[1:])[: deck.mesh.dim]
-            load = DeckLoad("gravity", "", tuple(deck.axes), direction, block.keyword)
+            load = DeckLoad("gravity", "", tuple(deck.axes), block, direction)
             _set_load(deck, load, factor * words[0])
         else:
             about, axis = words[1:4], words[4:7]
             lines = [f"about = {about[: deck.mesh.dim]}"]
             if deck.mesh.dim == 3 or any(axis[:2]):
                 lines.append(f"axis = {axis[: deck.mesh.dim]}")
-            _set_load(
-                deck, DeckLoad("rotation", "", ("speed",), (1.0,), block.keyword, tuple(lines)), factor * words[0]
-            )
+            _set_load(deck, DeckLoad("rotation", "", ("speed",), block, lines=tuple(lines)), factor * words[0])
 
 
 def _kind_of_body_force(row: list[str]) -> int | None:
@@ -254,7 +263,7 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
         if axis and axis not in deck.axes:
             continue
         if axis and (uniform := _uniform(deck, group)) is not None:
-            load = DeckLoad("traction", uniform[0], (axis,), keyword=block.keyword)
+            load = DeckLoad("traction", uniform[0], (axis,), block)
             _set_load(deck, load, factor * uniform[1])
             continue
         if not axis:
@@ -269,7 +278,7 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
         if where is None or turned or not total or not deck.kinematics.uniform:
             deck.lose(block, f"{label}: give a force on a boundary")
             continue
-        _set_load(deck, DeckLoad("force", where, (axis,), keyword=block.keyword), total / deck.thickness)
+        _set_load(deck, DeckLoad("force", where, (axis,), block), total / deck.thickness)
         if _same_moment(deck, group, where, _AXES[int(group.words[0])]):
             deck.note(block, f"{label}: on {where!r} evenly")
         else:

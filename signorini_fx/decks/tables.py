@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from signorini_fx import manifest, parallel
-from signorini_fx.decks.content import Deck, dimension
+from signorini_fx.decks.content import Deck
 from signorini_fx.decks.node_results import NodeResults, at_nodes
 from signorini_fx.errors import OutputError, cannot_be_written
 from signorini_fx.mesh.files.abaqus_blocks import DeckBlock
 from signorini_fx.mesh.files.arrays import plain
+from signorini_fx.mesh.files.cells import dimension
 from signorini_fx.mesh.files.shape import Floats, Ints
 from signorini_fx.results.solution import Solution
 
@@ -76,17 +77,9 @@ def write_tables(solution: Solution, deck: Deck | None, folder: Path, name: str)
     return parallel.on_root(solution.comm, write)
 
 
-def _node_numbers(deck: Deck) -> Ints:
-    """The number of each node of the body in the deck, in the order of results."""
-    names = np.empty(len(deck.model.places), dtype=np.int64)
-    for node, row in deck.model.places.items():
-        names[row] = node
-    return np.asarray(names[deck.numbers])
-
-
 def dat(deck: Deck, moments: Sequence[NodeResults]) -> Iterator[str]:
     """The tables that the deck asks for, step by step; what it asks for in a step it gets in later ones, too."""
-    names = _node_numbers(deck)
+    names = deck.names
     requests: dict[str, list[DeckBlock]] = {}
     by_step: list[list[DeckBlock]] = []
     for block in deck.model.blocks:
@@ -150,7 +143,7 @@ def _rows(names: Ints, values: Floats) -> Iterator[str]:
 
 def frd(deck: Deck, moments: Sequence[NodeResults]) -> Iterator[str]:
     """Mesh and fields for cgx."""
-    names = _node_numbers(deck)
+    names = deck.names
     yield f"    1C{deck.title[:60]}\n    1UDATE              {datetime.now(UTC):%d.%B.%Y}\n"
     yield f"    2C                  {len(names):12d}{'':37}1\n"
     points = np.pad(deck.mesh.points[: len(names)], ((0, 0), (0, 3 - deck.mesh.dim)))

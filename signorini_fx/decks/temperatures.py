@@ -7,13 +7,14 @@ With a coefficient of expansion that is constant, the strain is this coefficient
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from signorini_fx.decks.content import Deck
 from signorini_fx.decks.loads import share_of
 from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, real
-from signorini_fx.mesh.files.shape import Floats
+from signorini_fx.mesh.files.shape import Floats, Ints
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 
@@ -38,6 +39,7 @@ def read_temperatures(deck: Deck, block: DeckBlock) -> None:
             deck.note(block, f"temperature of {name!r}: no part of the body")
         temperatures[np.searchsorted(deck.numbers, rows)] = share * real(value)
     deck.temperatures[deck.step] = temperatures
+    deck.heating.append(block)
 
 
 def _at(deck: Deck, step: int) -> Floats:
@@ -46,20 +48,49 @@ def _at(deck: Deck, step: int) -> Floats:
     return deck.temperatures[max(steps)] if steps else np.zeros(len(deck.numbers))
 
 
-def temperature_changes(deck: Deck, steps: int) -> Iterator[tuple[float | None, Floats, list[float]]]:
-    """The fields whose multiples are the changes since the beginning.
+@dataclass(frozen=True)
+class TemperatureField:
+    """A field whose multiples are the changes in a body since the beginning.
+
+    Attributes:
+        body: its name; empty: the whole of the file.
+        nodes: where its nodes are among those of the file, shape (n,).
+        values: at them, temperature, shape (n,).
+        factors: in each step.
+    """
+
+    body: str
+    nodes: Ints
+    values: Floats
+    factors: list[float]
+
+    @property
+    def uniform(self) -> float | None:
+        """Its value, if it is the same everywhere."""
+        alike = np.ptp(self.values) <= ZERO_IN_SOLUTION * np.abs(self.values).max()
+        return float(self.values[0]) if alike else None
+
+
+def temperature_fields(deck: Deck, steps: int) -> list[TemperatureField]:
+    """The fields of each body, as nodes of several may be at one place; one field, if all are heated evenly alike.
 
     Args:
         deck: what has been read.
         steps: how many there are.
-
-    Yields:
-        The value of a field that is the same everywhere, or None; the field at the nodes of the file, shape (n,); its
-        factor in each step.
     """
+    fields = [field for name, nodes in deck.bodies.items() for field in _fields(deck, name, nodes, steps)]
+    alike = {(field.uniform, *field.factors) for field in fields}
+    if len(alike) == 1 and fields[0].uniform is not None and len(fields) == len(deck.bodies):
+        return [replace(fields[0], body="")]
+    return fields
+
+
+def _fields(deck: Deck, name: str, nodes: Ints, steps: int) -> Iterator[TemperatureField]:
+    """Those of a body."""
     fields: list[tuple[Floats, list[float]]] = []
+    at_rest = _at(deck, -1)[nodes]
     for step in range(steps):
-        change = _at(deck, step) - _at(deck, -1)
+        change = _at(deck, step)[nodes] - at_rest
         largest = float(np.abs(change).max(initial=0.0))
         if not largest:
             continue
@@ -72,6 +103,4 @@ def temperature_changes(deck: Deck, steps: int) -> Iterator[tuple[float | None, 
             fields.append((change, [float(number == step) for number in range(steps)]))
     for field, factors in fields:
         largest_factor = max(factors, key=abs)
-        full_change: Floats = largest_factor * field
-        uniform = np.ptp(field) <= ZERO_IN_SOLUTION * np.abs(field).max()
-        yield float(full_change[0]) if uniform else None, full_change, [factor / largest_factor for factor in factors]
+        yield TemperatureField(name, nodes, largest_factor * field, [factor / largest_factor for factor in factors])

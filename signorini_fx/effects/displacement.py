@@ -18,6 +18,7 @@ class PrescribedDisplacement(Load):
     Attributes:
         boundary: its name; None: it is prescribed at a point.
         at: the point, which must be a node of the mesh, length.
+        region: of the point: the part of the body whose node is meant; None: there is only one node.
         x: component along x[0], length.
         y: component along x[1], length.
         z: component along x[2], length; only in space, and around the axis of a body that turns about it.
@@ -32,6 +33,7 @@ class PrescribedDisplacement(Load):
 
     boundary: str | None = None
     at: Vector | None = None
+    region: str | None = None
     x: TimedSampledValue | None = None
     y: TimedSampledValue | None = None
     z: TimedSampledValue | None = None
@@ -50,6 +52,8 @@ class PrescribedDisplacement(Load):
             raise ValueError("give either normal or x and y" if named else message)
         if self.at is not None and self.normal is not None:
             raise ValueError("a point has no normal: give x and y")
+        if self.at is None and self.region is not None:
+            raise ValueError("region is that of a point, at, which is missing")
         if self.rotation is None and (self.about or self.axis):
             raise ValueError("about and axis are those of a rotation, which is missing")
         return self
@@ -57,7 +61,10 @@ class PrescribedDisplacement(Load):
     @property
     def place(self) -> str:
         """Where it is prescribed, in words: the name of the boundary, or the point."""
-        return str(self.boundary) if self.at is None else f"({', '.join(f'{x:g}' for x in self.at)})"
+        if self.at is None:
+            return str(self.boundary)
+        point = f"({', '.join(f'{x:g}' for x in self.at)})"
+        return point if self.region is None else f"{point} of {self.region}"
 
     @property
     def name(self) -> str:

@@ -58,11 +58,11 @@ class TemperatureChange(InitialStrain):
 
     def strain(self, on: BodyCoefficients) -> Any:
         """See ``InitialStrain``."""
-        return on.expansion * on.inside(self.region) * on.value(self._value)
+        return on.expansion * on.value_in(self.region, self._value)
 
     def strain_at(self, at: BodyPoints) -> Array:
         """See ``InitialStrain``."""
-        return np.asarray(at.expansion * at.inside(self.region) * at.value(self._value))
+        return np.asarray(at.expansion * at.value_in(self.region, self._value))
 
 
 Entry = TemperatureChange

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -51,11 +51,15 @@ class QuadraturePoints:
         (constants,) = self.forces.of_materials(lambda material: (getattr(material, key) or 0.0,))
         return constants[:, None] if constants.size == 1 else constants[self.part.cells, None]
 
-    def inside(self, region: str | None) -> Array:
-        """Whether the cells are in a region, shape (f, 1)."""
+    def value_in(self, region: str | None, value: Any) -> Array:
+        """A value at points in a region, 0 at others, shape (f, q); see ``BodyCoefficients``."""
         if region is None:
-            return np.ones((len(self.part.cells), 1))
-        return np.isin(self.part.cells, self.forces.tagged.cells(region)).astype(np.float64)[:, None]
+            return self.value(value)
+        rows = np.flatnonzero(np.isin(self.part.cells, self.forces.tagged.cells(region)))
+        values = np.zeros((len(self.part.cells), len(self.part.table.shape)))
+        if rows.size:
+            values[rows] = self.forces.values(value, replace(self.part, cells=self.part.cells[rows]))
+        return values
 
     def total(self, effect: Effect) -> float:
         """See ``Coefficients``."""

@@ -58,6 +58,10 @@ class PrescribedNodes:
             else:
                 away = np.linalg.norm(x[:, : len(effect.at)] - np.array(effect.at), axis=1)
                 nodes = np.flatnonzero(away <= SAME_DIRECTION * tagged.size)
+                if effect.region is not None:
+                    inside = np.zeros((len(x), forces.dimension))
+                    inside[space.dofmap.list[tagged.cells(effect.region)].ravel()] = 1.0
+                    nodes = np.intersect1d(nodes, np.flatnonzero(forces.over_ranks(inside)[:, 0]))
             nodes = nodes[nodes < owned]
             step_factor, effect = scene.now(effect, step)
             factor = scale * step_factor

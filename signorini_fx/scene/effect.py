@@ -73,8 +73,10 @@ class BodyCoefficients(Coefficients, Protocol):
     def expansion(self) -> Any:
         """Of the material, coefficient of thermal expansion, 1 / temperature."""
 
-    def inside(self, region: str | None) -> Any:
-        """1 in a region of the mesh, 0 elsewhere; None: 1 everywhere."""
+    def value_in(self, region: str | None, value: Any) -> Any:
+        """A value in a region of the mesh, 0 elsewhere; None: everywhere.  A callable is asked at nodes of the region
+        alone.
+        """
 
 
 class BodyPoints(Points, BodyCoefficients, Protocol):

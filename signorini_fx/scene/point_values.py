@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from signorini_fx.errors import SceneError
 from signorini_fx.scene.mesh_values import SUFFIXES, nodal_values
-from signorini_fx.tuned import OUTSIDE_HULL
+from signorini_fx.tuned import DIGITS_OF_FILES, OUTSIDE_HULL, SAME_POSITION
 
 Array = npt.NDArray[np.float64]
 
@@ -70,6 +70,7 @@ def _table(file: Path, column: str, _changed: int) -> tuple[Array, Any, Any]:
             raise _wrong(file, str(error)) from None
     else:
         points, values = _rows(file, column)
+    points, values = _distinct(file, points, values)
     try:
         function, tree = LinearNDInterpolator(points, values), cKDTree(points)
     except (QhullError, ValueError):
@@ -94,6 +95,37 @@ def _rows(file: Path, column: str) -> tuple[Array, Array]:
     if not np.isfinite(table).all():
         raise _wrong(file, "has numbers that are not finite")
     return table[:, :-1], table[:, -1]
+
+
+def _distinct(file: Path, points: Array, values: Array) -> tuple[Array, Array]:
+    """The points without those at the place of another one, which must have its value.
+
+    Raises:
+        SceneError: they have several values, as where two bodies touch.
+    """
+    places = same_places(points)
+    first = np.unique(places, return_index=True)[1]
+    at_place = values[first][places]
+    unequal = np.abs(values - at_place) > DIGITS_OF_FILES * np.abs(values).max(initial=0.0)
+    if unequal.any():
+        row = int(np.argmax(unequal))
+        place = ", ".join(f"{c:g}" for c in points[row])
+        both = f"{at_place[row]:g} and {values[row]:g}"
+        message = f"has several values at one place, {both} at ({place}): give each body a file of its own, with region"
+        raise _wrong(file, message)
+    return points[first], values[first]
+
+
+def same_places(points: Array) -> npt.NDArray[np.int64]:
+    """The number of the place of each of n points of shape (n, d), from 0, in the order of the points."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    near = SAME_POSITION * float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
+    first, second = cKDTree(points).query_pairs(near, output_type="ndarray").reshape(-1, 2).T
+    links = coo_array((np.ones(len(first), dtype=bool), (first, second)), shape=(len(points), len(points)))
+    return connected_components(links, directed=False)[1].astype(np.int64)
 
 
 def _wrong(file: Path, message: str) -> SceneError:

@@ -289,7 +289,7 @@ def layers(length, height, counts):
     return replace(named, cell_tags=tags, regions={"lower": 1, "upper": 2})
 
 
-def test_bimetal():
+def test_bimetal(tmp_path):
     """The curvature of a strip of two layers: S. Timoshenko, J. Opt. Soc. Am. 11 (1925) 233-255, equation (4)."""
     length, height, heat, ratio = 12.0, 1.0, 30.0, 3.0
     kinds = {"lower": (ratio * YOUNG, 2 * ALPHA), "upper": (YOUNG, ALPHA)}
@@ -311,8 +311,16 @@ def test_bimetal():
     below = (x[:, 1] == 0) & (x[:, 0] <= length / 2)  # the free end is far away
     assert y[below, 1] == pytest.approx(curvature * x[below, 0] ** 2 / 2, abs=1e-5 * curvature * length**2)
     # Heated in one layer alone it bends as if this one had the difference of the strains, and in an expression too.
+    # A table with a region need not cover more than that.
+    corners = [(a, b) for a in (0.0, length) for b in (0.0, height / 2)]
+    table = "x,y,change\n" + "\n".join(f"{a},{b},{heat / 2}" for a, b in corners)
+    (tmp_path / "lower.csv").write_text(table, encoding="utf-8")
     other = {"change": "15 if x[1] < 0.5 else 0"}
-    for temperature in ({"change": heat / 2, "region": "lower"}, other):
+    for temperature in (
+        {"change": heat / 2, "region": "lower"},
+        {"file": tmp_path / "lower.csv", "region": "lower"},
+        other,
+    ):
         again = alone(parse_scene({**given, "temperature": temperature}), check=False)
         assert nodes(again)[1][below, 1] == pytest.approx(y[below, 1], abs=1e-5 * curvature * length**2)
 
@@ -450,6 +458,7 @@ def test_a_mesh_around_the_body_does_not_cover_it(tmp_path):
         ({"file": "words.csv"}, {}, "temperature.file", "not one number"),
         ({"file": "line.csv"}, {}, "temperature.file", "span no area"),
         ({"file": "small.csv"}, {}, "temperature.file", "has no points around"),
+        ({"file": "twice.csv"}, {}, "temperature.file", "has several values at one place, 1 and 2 at (1, 0.5)"),
         ({"file": "nowhere.vtu"}, {}, "temperature.file", "cannot be read"),
         ({"file": "words.xdmf"}, {}, "temperature.file", "cannot be read"),
     ],
@@ -460,6 +469,7 @@ def test_what_is_wrong(temperature, material, place, words, tmp_path):
         "columns": "a,b\n1,2",
         "words": "x,y,change\n1,2,hot",
         "line": "x,y,change\n0,0,1\n1,1,1\n2,2,1",
+        "twice": "x,y,change\n0,0,1\n1,0.5,1\n2,0,1\n0,1,1\n2,1,1\n1,0.5,2",
         "small": "x,y,change\n0,0,1\n1,0,1\n0,1,1\n1,1,1",
     }.items():
         (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")

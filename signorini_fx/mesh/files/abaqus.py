@@ -21,7 +21,7 @@ import numpy as np
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh.files.abaqus_assembly import assembled
 from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, DeckError, real
-from signorini_fx.mesh.files.abaqus_groups import Group, Groups, agreeing, single
+from signorini_fx.mesh.files.abaqus_groups import Group, Groups, agreeing, bodies, single
 from signorini_fx.mesh.files.abaqus_include import Source
 from signorini_fx.mesh.files.arrays import MeshArrays, plain
 from signorini_fx.mesh.files.cells import Corners, completed, straight
@@ -106,9 +106,12 @@ class _Reader:
         self.groups: dict[int, list[Group]] = {}
         self.undefined: dict[str, int] = {}
         self.places: dict[int, int] = {}
+        self._nodal = False  # whether nodes are given values, which belong to their bodies
+        self.bodies: tuple[str, ...] = ()
 
     def read(self, block: DeckBlock) -> None:
         parameters, rows = block.parameters, block.rows
+        self._nodal |= block.keyword in ("BOUNDARY", "TEMPERATURE", "INITIALCONDITIONS")
         match block.keyword:
             case "NODE":
                 if parameters.get("SYSTEM", "R").upper() not in ("R", "RECTANGULAR"):
@@ -264,6 +267,10 @@ class _Reader:
                 sets = {label: [*members, no_rows] for label, members in sets.items()}
                 earlier = sets.get(name, [no_rows] * len(blocks))
                 sets[name] = [*earlier[:-1], np.arange(len(facets))]
+        if self._nodal:
+            named = bodies(blocks, sets, self._free)
+            self.bodies = tuple(named)
+            sets |= named
         node_sets = {
             name: np.array(
                 self._defined(name, [node_rows[n] for n in nodes if n in node_rows], len(nodes)), dtype=np.int64
@@ -324,6 +331,7 @@ class Model:
         places: number of a node -> its row in the mesh.
         surfaces: name of a surface -> its elements, each with a face from 1 on.
         bare: an element of the body that is in no section, and the keyword that defines it; None: all are in one.
+        bodies: names of the parts that share no node, if there are several and the file gives nodes values.
     """
 
     raw: RawMesh
@@ -334,6 +342,7 @@ class Model:
     places: dict[int, int]
     surfaces: dict[str, list[tuple[int, int]]]
     bare: tuple[int, DeckBlock] | None
+    bodies: tuple[str, ...]
 
 
 def read_model(file: Path) -> Model:
@@ -359,8 +368,17 @@ def read_model(file: Path) -> Model:
         if not reader.elements and not reader.passed_over:
             last = blocks[-1] if blocks else DeckBlock("", {}, 1, name="NODE")
             raise DeckError(last, "up to here, the last keyword, there is no element")
-    groups, sections, surfaces = reader.groups, reader.sections, reader.surfaces
-    return Model(mesh, blocks, groups, sections, reader.undefined, reader.places, surfaces, reader.bare)
+    return Model(
+        mesh,
+        blocks,
+        reader.groups,
+        reader.sections,
+        reader.undefined,
+        reader.places,
+        reader.surfaces,
+        reader.bare,
+        reader.bodies,
+    )
 
 
 def read(file: Path) -> RawMesh:

@@ -36,6 +36,11 @@ class DeckBlock:
         """Where it is, in words."""
         return f"line {self.line}" + (f" of {self.file}" if self.file else "")
 
+    @property
+    def origin(self) -> str:
+        """Where it is and what it is, in words."""
+        return f"{self.place}, *{self.name}"
+
 
 class DeckError(ValueError):
     """What is wrong with a keyword, and the keyword."""
@@ -47,7 +52,7 @@ class DeckError(ValueError):
     @property
     def text(self) -> str:
         """What is wrong, and where."""
-        return f"{self.block.place}, *{self.block.name}: {self}"
+        return f"{self.block.origin}: {self}"
 
 
 def joined_lines(text: str) -> Iterator[tuple[int, str]]:

@@ -1,14 +1,20 @@
-"""Supports, forces and pressures of an Abaqus input file that single nodes and faces are given: groups that agree."""
+"""Groups of nodes, faces and elements of an Abaqus input file that get names: what single nodes and faces are given
+alike, and the bodies that share no node.
+"""
 
 from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from signorini_fx.mesh.files.abaqus_blocks import ROTATIONS, DeckBlock, components, real
+from signorini_fx.mesh.files.cells import dimension
+from signorini_fx.mesh.files.shape import Ints
 
 Words = tuple[str, ...]
 Members = dict[Any, float]
@@ -158,3 +164,46 @@ class Groups:
                 nodes = () if block.keyword == "DLOAD" else tuple(members)
                 groups.setdefault(block.number, []).append(Group(name, words, nodes, tuple(members.values())))
         return groups
+
+
+def bodies(
+    blocks: Sequence[tuple[str, Ints]], sets: dict[str, list[Ints]], free: Callable[[str], str | None]
+) -> dict[str, list[Ints]]:
+    """The bodies of a file, which share no node; nothing, if there is only one.
+
+    Args:
+        blocks: (kind, nodes of each element), as in ``RawMesh``.
+        sets: of the file, for each block the rows of its elements.
+        free: takes a name and returns it, or None where the file has it.
+
+    Returns:
+        Name -> for each block the rows of its elements: that of a set of the file with these elements, or else
+        ``body_1`` and so on.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    dim = max((dimension(kind) for kind, _ in blocks), default=0)
+    solid = [number for number, (kind, _) in enumerate(blocks) if dimension(kind) == dim]
+    ends = np.cumsum([0, *(len(blocks[number][1]) for number in solid)])
+    links = [np.empty((2, 0), dtype=np.int64)]
+    for first, number in zip(ends, solid, strict=False):
+        nodes = blocks[number][1]
+        elements = first + np.repeat(np.arange(len(nodes)), nodes.shape[1])
+        links.append(np.stack((elements, ends[-1] + nodes.ravel())))
+    ties = np.concatenate(links, axis=1)
+    size = int(ties.max(initial=-1)) + 1
+    graph = coo_array((np.ones(ties.shape[1], dtype=bool), tuple(ties)), shape=(size, size))
+    labels = connected_components(graph, directed=False)[1][: ends[-1]]
+    pieces = dict(zip(solid, np.split(labels, ends[1:-1]), strict=True)) if solid else {}
+    numbers = np.unique(labels)
+    named: dict[str, list[Ints]] = {}
+    if numbers.size < 2:
+        return named
+    names: Iterator[str] = filter(None, map(free, map("body_{}".format, itertools.count(1))))
+    no_rows = np.empty(0, dtype=np.int64)
+    for number in numbers:
+        rows = [np.flatnonzero(pieces[k] == number) if k in pieces else no_rows for k in range(len(blocks))]
+        alike = (name for name, listed in sets.items() if all(map(np.array_equal, map(np.sort, listed), rows)))
+        named[next(itertools.chain(alike, names))] = rows
+    return named

@@ -182,4 +182,11 @@ def _serendipity(x: npt.NDArray[np.float64], edge: npt.NDArray[np.float64]) -> n
     return np.prod([f(x[:, k]) for k, f in enumerate(factors)], axis=0) / 2 ** (x.shape[1] - 1)
 
 
-__all__ = ["CELLS", "Cell", "completed", "of_gmsh", "straight"]
+def dimension(kind: str) -> int:
+    """Of an element of a file, also one that is no kind of cell here; of what is not known that of a line."""
+    if kind.startswith(("wedge", "pyramid")):
+        return 3
+    return (CELLS[kind] if kind in CELLS else full_cell[0] if (full_cell := completed(kind)) else CELLS["line"]).dim
+
+
+__all__ = ["CELLS", "Cell", "completed", "dimension", "of_gmsh", "straight"]

@@ -1,0 +1,152 @@
+"""Nodes of several bodies at one place: temperatures and supports of a deck belong to its nodes."""
+
+import tomllib
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from signorini_fx import cli
+from signorini_fx.decks.deck import read_deck
+from signorini_fx.decks.node_results import at_nodes
+from signorini_fx.mesh.files.formats import read_file
+from signorini_fx.scene.reading import read_scene
+from signorini_fx.solving.solver import solve
+
+YOUNG, POISSON, EXPANSION = 1000.0, 0.3, 1e-5
+MATERIAL = ["*MATERIAL, NAME=M", "*ELASTIC", f"{YOUNG}, {POISSON}", "*EXPANSION", f"{EXPANSION}"]
+# Corners and middles of the sides of an element, in the order of the file.
+SERENDIPITY = ((0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1))
+
+
+def block(kind, nx, ny, first, low, high, elset):
+    """Lines of a rectangle of elements of degree 2, its nodes by their places in the grid, and their positions."""
+    places = [(i, j) for j in range(2 * ny + 1) for i in range(2 * nx + 1) if i % 2 == 0 or j % 2 == 0]
+    number = {place: first + k for k, place in enumerate(places)}
+    x = {number[i, j]: (low[0] + (high[0] - low[0]) * i / (2 * nx), low[1] + (high[1] - low[1]) * j / (2 * ny))
+         for i, j in places}  # fmt: skip
+    lines = ["*NODE", *(f"{node}, {at[0]!r}, {at[1]!r}" for node, at in x.items())]
+    lines.append(f"*ELEMENT, TYPE={kind}, ELSET={elset}")
+    cells = [(i, j) for j in range(ny) for i in range(nx)]
+    for k, (i, j) in enumerate(cells):
+        lines.append(", ".join(map(str, [first + k, *(number[2 * i + a, 2 * j + b] for a, b in SERENDIPITY)])))
+    for name, face, side in (("WEST", "S4", 0), ("EAST", "S2", nx - 1)):
+        lines.append(f"*SURFACE, NAME={name}{first}")
+        lines += [f"{first + k}, {face}" for k, (i, _) in enumerate(cells) if i == side]
+    return lines, number, x
+
+
+def drafted(folder, lines, code=0):
+    deck, scene = folder / "deck.inp", folder / "draft.toml"
+    deck.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert cli.main(["convert", str(deck), str(scene)]) == code
+    return scene, tomllib.loads(scene.read_text(encoding="utf-8"))
+
+
+def test_a_hot_ring_in_a_cold_one(tmp_path):
+    """Two rings that touch, of which the inner one is heated: Lame's pressure, which is exact where they are free
+    along the axis; both are in one set of elements, and their nodes at the interface at the same places.
+    """
+    inner, interface, outer, hot = 1.0, 1.5, 2.5, 80.0
+    low, _, x_low = block("CAX8", 4, 1, 1, (inner, 0.0), (interface, 0.2), "RINGS")
+    high, _, x_high = block("CAX8", 5, 1, 101, (interface, 0.0), (outer, 0.2), "RINGS")
+    lines = [*low, *high, *MATERIAL, "*SOLID SECTION, ELSET=RINGS, MATERIAL=M", "*CONTACT PAIR, INTERACTION=I"]
+    lines += ["WEST101, EAST1", "*SURFACE INTERACTION, NAME=I", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD"]
+    lines += ["*INITIAL CONDITIONS, TYPE=TEMPERATURE", *(f"{node}, 20." for node in (*x_low, *x_high)), "*BOUNDARY"]
+    lines += [f"{node}, 2, 2" for node, at in (*x_low.items(), *x_high.items()) if at[1] == 0.0]
+    lines += ["*STEP", "*STATIC", "*TEMPERATURE", *(f"{node}, {20 + hot}" for node in x_low), "*END STEP"]
+    scene, data = drafted(tmp_path, lines)
+    assert data["temperature"] == [{"change": hot, "region": "body_1"}]
+    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    shares = [(b * b + a * a) / (b * b - a * a) for a, b in ((inner, interface), (interface, outer))]
+    pressure = EXPANSION * hot * YOUNG / sum(shares)
+    assert solution.certificate.holds
+    assert (solution.table.columns["state"] != "open").all()
+    np.testing.assert_allclose(solution.table.columns["pressure"], pressure, rtol=5e-3)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_unequal_temperatures_at_one_place(tmp_path, seed):
+    """Bodies in a row under plane stress, each with a linear temperature of its own: without stress they take
+    displacements of degree 2, which the elements have.  Each is held at nodes, of which others are at the same places.
+    """
+    rng = np.random.default_rng(seed)
+    count, alone = int(rng.integers(2, 4)), seed % 3 == 0
+    rows = rng.integers(1, 4, count) if seed % 2 else np.full(count, rng.integers(1, 4))
+    names = ["ALL" if alone else f"B{k}" for k in range(count)]
+    # Where a body is held, value and slopes of its temperature: such that they part at their interfaces above y = 0.
+    sides = [max(k, 1) for k in range(count)]
+    slopes = [(rng.uniform(-300, 300), rng.uniform(20, 60), -rng.uniform(20, 60)),
+              (-rng.uniform(200, 300), -rng.uniform(20, 60), -rng.uniform(20, 60)),
+              (rng.uniform(-300, 300), -rng.uniform(20, 60), -rng.uniform(20, 60))]  # fmt: skip
+    lines, heat, held, exact = [], [], [], {}
+    for k, side, (a, b, c) in zip(range(count), sides, slopes, strict=False):
+        low, high = (float(k), 0.0), (k + 1.0, 1.0)
+        written, _, x = block("CPS8", int(rng.integers(1, 3)), int(rows[k]), 1 + 100 * k, low, high, names[k])
+        lines += written
+        node_at = {at: node for node, at in x.items()}
+        far = 2 * k + 1 - side
+        held += [f"{node_at[float(side), 0.0]}, 1, 2", f"{node_at[float(far), 0.0]}, 2, 2"]
+        turn = c * (far - side) / 2  # a rotation, by which the second point keeps its height
+        for node, (at, y) in x.items():
+            s = at - side
+            heat.append(f"{node}, {a + b * s + c * y!r}")
+            u = a * s + b * (s * s - y * y) / 2 + c * s * y - turn * y
+            exact[node] = EXPANSION * u, EXPANSION * (a * y + b * s * y + c * (y * y - s * s) / 2 + turn * s)
+    lines += [*MATERIAL, *(f"*SOLID SECTION, ELSET={name}, MATERIAL=M" for name in dict.fromkeys(names))]
+    lines += ["*SURFACE INTERACTION, NAME=I", "*CONTACT PAIR, INTERACTION=I"]
+    lines += [f"WEST{1 + 100 * (k + 1)}, EAST{1 + 100 * k}" for k in range(count - 1)]
+    lines += ["*BOUNDARY", *held, "*STEP", "*STATIC", "*TEMPERATURE", *rng.permutation(heat), "*END STEP"]
+    scene, data = drafted(tmp_path, lines)
+    assert [table["region"] for table in data["temperature"]] == (
+        [f"body_{k + 1}" for k in range(count)] if alone else names
+    )
+    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    deck = read_deck(tmp_path / "deck.inp", read_file(tmp_path / "deck.inp"))
+    (results,) = at_nodes(solution, deck)
+    assert set(deck.names) == exact.keys()
+    wanted = np.array([exact[node] for node in deck.names])
+    np.testing.assert_allclose(results.displacement[:, :2], wanted, atol=1e-9 * np.abs(wanted).max())
+
+
+def test_nodes_of_one_body_at_one_place(tmp_path):
+    """Both sides of a crack: two temperatures there, or the support of one of them, are not in the scene."""
+    low, _, x_low = block("CPS8", 2, 1, 1, (0.0, 0.0), (2.0, 1.0), "B")
+    high, _, x_high = block("CPS8", 2, 1, 101, (0.0, 1.0), (2.0, 2.0), "B")
+    shared = {at: node for node, at in x_low.items() if at[1] == 1.0 and at[0] <= 1.0}  # the crack is beyond
+    twins = {str(node): str(shared[at]) for node, at in x_high.items() if at in shared}
+    rows = [", ".join(twins.get(word, word) if k else word for k, word in enumerate(line.split(", "))) for line in high]
+    lines = [*low, *(row for row in rows if row.split(", ")[0] not in twins or "." not in row)]
+    lines += [*MATERIAL, "*SOLID SECTION, ELSET=B, MATERIAL=M", "*BOUNDARY", "1, 1, 2"]
+    tip = next(node for node, at in x_high.items() if at == (2.0, 1.0))
+    ends = ["*STEP", "*STATIC", "*TEMPERATURE", *(f"{node}, 10." for node in x_low), "*END STEP"]
+    _, data = drafted(tmp_path, [*lines, *ends], code=4)
+    assert "several temperatures at one place of a body" in " ".join(data["incomplete"])
+    assert "region" not in data["temperature"]
+    (tmp_path / "draft.toml").unlink()
+    (tmp_path / "draft_temperature_1.csv").unlink()
+    _, data = drafted(tmp_path, [*lines, f"{tip}, 2", "*STEP", "*STATIC", "*END STEP"], code=4)
+    assert f"support of node {tip}: its body has another node at the same place" in data["incomplete"][0]
+    assert [table["at"] for table in data["displacement"]] == [[0.0, 0.0]]
+
+
+def test_elements_of_two_kinds(tmp_path):
+    """Plane stress beside a body of revolution: a scene has one of them, and says so."""
+    low, _, _ = block("CAX8", 2, 1, 1, (1.0, 0.0), (2.0, 1.0), "A")
+    high, _, _ = block("CPS8", 2, 1, 101, (2.0, 0.0), (3.0, 1.0), "B")
+    sections = [f"*SOLID SECTION, ELSET={name}, MATERIAL=M" for name in "AB"]
+    _, data = drafted(tmp_path, [*low, *high, *MATERIAL, *sections, "*STEP", "*STATIC", "*END STEP"], code=4)
+    assert "CPS8 beside elements of another kind (axisymmetric): all are plane stress here" in data["incomplete"][0]
+
+
+def test_what_is_wrong_with_a_draft_names_the_deck(tmp_path, capsys):
+    """An error of the scene that ``run`` drafts says which line of the deck the table is from."""
+    low, _, x_low = block("CPS8", 2, 1, 1, (0.0, 0.0), (1.0, 1.0), "A")
+    high, _, _ = block("CPS8", 2, 1, 101, (1.0, 0.0), (2.0, 1.0), "B")
+    lines = [*low, *high, *MATERIAL, *(f"*SOLID SECTION, ELSET={name}, MATERIAL=M" for name in "AB")]
+    lines += ["*SURFACE INTERACTION, NAME=I", "*CONTACT PAIR, INTERACTION=I", "EAST1, WEST101", "*BOUNDARY"]
+    lines += [f"{node}, 1, 2" for node, at in x_low.items() if at[0] == 1.0]
+    (tmp_path / "deck.inp").write_text("\n".join([*lines, "*STEP", "*STATIC", "*END STEP"]) + "\n", encoding="utf-8")
+    assert cli.main(["run", str(tmp_path / "deck.inp"), "--out", str(tmp_path / "out")]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert f"(from deck.inp, line {lines.index('*CONTACT PAIR, INTERACTION=I') + 1}, *CONTACT PAIR)" in said
