@@ -30,7 +30,7 @@ from signorini_fx.method import Settings
 from signorini_fx.records import Inventory
 from signorini_fx.scene.rigid_motion import RigidMotion, driven_twice, rigid_bodies
 from signorini_fx.scene.rigid_shape import Distance, distance_from
-from signorini_fx.tuned import ZERO_SUM
+from signorini_fx.tuned import SAME_DIRECTION, ZERO_SUM
 
 if TYPE_CHECKING:
     from signorini_fx.body.paired_points import PairedSides
@@ -293,6 +293,8 @@ class Foundations:
             part = contact_part(self._space, form, self.facets[k], k, fixed, turned, least)
             if shape.direction is not None:
                 part = replace(part, normal=shape.direction[part.nodes])
+            elif shape.factor is not None:
+                part = replace(part, normal=_axial(part.normal, shape.factor[part.nodes] == 0))
             parts.append(self._along(k, shape, part))
         return join(parts)
 
@@ -475,3 +477,12 @@ class Foundations:
             reached = from_owners(owned_gap, boundary.averages.nodes, boundary.comm)[:, 0]
             gap[on_part] = boundary.averages.shares[on_part] @ reached
         return gap
+
+
+def _axial(normal: Array, on_axis: npt.NDArray[np.bool_]) -> Array:
+    """Normals, shape (n, d), without their radial components on an axis of revolution, where x[0] = 0: the mean all
+    around the tip of a cone is along the axis.
+    """
+    axial = np.where(on_axis[:, None] & (np.arange(normal.shape[1]) == 0), 0.0, normal)
+    size = np.linalg.norm(axial, axis=1, keepdims=True)
+    return np.where(size > SAME_DIRECTION, axial / np.maximum(size, SAME_DIRECTION), normal)

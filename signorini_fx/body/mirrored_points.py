@@ -5,7 +5,8 @@ is even across it, whereas the relative displacement across the plane is odd, an
 half alone would meet what the other body moves beside the plane, and the point a shear that nothing determines, as the
 node of the slave cannot follow it.  So at such a point the relative displacement has no component across the plane,
 which leaves no traction across it, and the normal, the mean of those on both halves, is in the plane.  A model of one
-half is then that of both.  Where one body alone is held, or is moved by its support, the point keeps all components.
+half is then that of both.  On an axis of revolution the normal is the mean all around, and so along the axis, also at
+the tip of a cone.  Where one body alone is held, or is moved by its support, the point keeps all components.
 (Multipliers where Dirichlet conditions meet a mortar interface: Wohlmuth, SIAM J. Numer. Anal. 38 (2000) 989-1012;
 Puso and Laursen, Comput. Methods Appl. Mech. Engrg. 193 (2004) 601-629.)
 """
@@ -17,14 +18,17 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from signorini_fx.pairs.surface import PairSurface
-from signorini_fx.tuned import ASKEW_NORMAL, DIGITS_OF_FILES
+from signorini_fx.tuned import ASKEW_NORMAL, DIGITS_OF_FILES, SAME_DIRECTION
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 
 def mirrored(
-    slave: PairSurface, master: PairSurface, at_rest: tuple[tuple[Array, Flags], tuple[Array, Flags]]
+    slave: PairSurface,
+    master: PairSurface,
+    at_rest: tuple[tuple[Array, Flags], tuple[Array, Flags]],
+    on_axis: Flags | None = None,
 ) -> Array:
     """Projectors onto the directions across planes of symmetry at the nodes of the slave, shape (N, d, d).
 
@@ -33,6 +37,7 @@ def mirrored(
         master: the other side.
         at_rest: of both sides a frame at each node, one direction per column, shape (N, d, d), and along which of them
             supports hold it where it is, shape (N, d).
+        on_axis: nodes of the slave on the axis x[0] = 0 of a body of revolution, shape (N,); None: there is no axis.
     """
     (frames, held), (axes, master_held) = at_rest
     slave_projectors = np.zeros_like(frames)
@@ -47,7 +52,8 @@ def mirrored(
     nearest = cKDTree(master.x[on_master])
     for node, k in np.argwhere(held):
         across = frames[node, :, k]
-        if abs(slave.nodal_normals[node] @ across) > ASKEW_NORMAL:
+        radial = on_axis is not None and on_axis[node] and np.abs(across[1:]).max() <= SAME_DIRECTION
+        if not radial and abs(slave.nodal_normals[node] @ across) > ASKEW_NORMAL:
             continue
         apart = master.x[holding] - slave.x[node]
         in_plane = (np.abs(apart @ across) < DIGITS_OF_FILES * size) & (

@@ -23,7 +23,7 @@ from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.errors import FormError
 from signorini_fx.pairs.coupling import Coupling, PairingError, couple
 from signorini_fx.pairs.surface import Lagrange, PairSurface
-from signorini_fx.tuned import SAME_DIRECTION
+from signorini_fx.tuned import SAME_DIRECTION, ZERO_SUM
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -155,17 +155,20 @@ class PairedSides:
 
         (frames, entries), (axes, reached) = told(slave), told(master)
         rests = (frames, entries[:, dim:-1]), (axes, reached[:, dim:-1])
+        measures = [
+            None if factor is None else from_owners(np.nan_to_num(factor[:owned, None]), side.nodes, comm)[:, 0]
+            for side in (slave, master)
+        ]
+        slave = replace(slave, surface=replace(slave.surface, measure=measures[0]))
+        on_axis = [None if measure is None else measure <= ZERO_SUM * measure.max() for measure in measures]
         across = (
-            mirrored(slave.surface, master.surface, rests),
-            mirrored(master.surface, slave.surface, (rests[1], rests[0])),
+            mirrored(slave.surface, master.surface, rests, on_axis[0]),
+            mirrored(master.surface, slave.surface, (rests[1], rests[0]), on_axis[1]),
         )
         slave, master = (
             replace(side, surface=replace(side.surface, across=planes))
             for side, planes in zip((slave, master), across, strict=True)
         )
-        if factor is not None:
-            measure = from_owners(np.nan_to_num(factor[:owned, None]), slave.nodes, comm)[:, 0]
-            slave = replace(slave, surface=replace(slave.surface, measure=measure))
         normals = np.abs(np.einsum("nij,ni->nj", frames, slave.surface.nodal_normals))
         unable = np.where(entries[:, :dim], 0.0, normals).max(axis=1) <= SAME_DIRECTION
         unable[~normals.any(axis=1)] = False  # nodes that no point belongs to

@@ -120,6 +120,13 @@ class ContactNodes:
                 least = ZERO_SUM * parallel.largest(forces.space.mesh.comm, weight)
             nodes = np.flatnonzero(weight > least)
             normal = outward[nodes] if side.direction is None else side.direction(nodes)
+            if side.factor is not None and side.direction is None and side.claim is None:
+                of_measure = np.nan_to_num(side.factor)
+                tips = of_measure[nodes] <= ZERO_SUM * parallel.largest(forces.space.mesh.comm, of_measure)
+                tips &= np.linalg.norm(normal[:, 1:], axis=1) > SAME_DIRECTION
+                # On the axis of a body of revolution x[0] is the radius: all around, the mean is along the axis.
+                normal[tips, 0] = 0.0
+                normal[tips] /= np.linalg.norm(normal[tips], axis=1, keepdims=True)
             rows = np.flatnonzero(np.asarray(tractions.part) == part)
             rows = rows[np.argsort(np.asarray(tractions.nodes)[rows], kind="stable")]
             unmatched |= not np.array_equal(np.asarray(tractions.nodes)[rows], nodes)

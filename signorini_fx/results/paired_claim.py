@@ -101,15 +101,23 @@ class Claim:
         reached_values = from_owners(np.abs(owned), self.reached, self.comm)
         return np.asarray(abs(self.operator) @ reached_values.ravel()).reshape(self.distance.shape)
 
+    @property
+    def _moves(self) -> Any:
+        """One where a node moves a point, scipy sparse, shape (n, m): by its share, or by the turning of the facets
+        around it alone, as a quadratic node on an axis of revolution, which has no share of any ring.
+        """
+        dim, entries = self.distance.shape[1], self.operator.tocoo()
+        places = entries.row // dim, entries.col // dim
+        moving = sp.csr_array(sp.coo_array((entries.data != 0, places), shape=self.own.shape))
+        return moving.astype(bool).astype(np.float64)
+
     def forces(self, traction: Array, owned: int) -> tuple[npt.NDArray[np.int64], Array, Array]:
         """What tractions at the points, shape (n, d), do to both bodies: owned nodes, forces on them, and their areas;
         ``owned``: how many nodes this rank owns.
         """
         dim = self.distance.shape[1]
         forces = (self.operator.T @ (self.weight[:, None] * traction).ravel()).reshape(-1, dim)
-        shares = abs(self.own) + abs(self.others)
-        shares.data = np.maximum(shares.data, SLIVER)
-        area = shares.T @ self.weight
+        area = (abs(self.own) + abs(self.others)).maximum(SLIVER * self._moves).T @ self.weight
         nodal_rows = to_owners(np.column_stack((forces, area)), self.reached, self.comm, owned)
         nodes = np.flatnonzero(nodal_rows[:, -1] > 0)
         return nodes, nodal_rows[nodes, :-1], nodal_rows[nodes, -1]

@@ -184,8 +184,8 @@ def test_the_certificate_asks_for_the_supports(monkeypatch):
     """Components that are left out although nothing holds the bodies along them are found out."""
     known = paired_points.mirrored
 
-    def too_many(slave, master, at_rest):
-        found = known(slave, master, at_rest)
+    def too_many(slave, master, at_rest, on_axis):
+        found = known(slave, master, at_rest, on_axis)
         end = int(np.argmax(slave.x[:, 0]))
         found[end, 0, 0] = 1.0
         return found

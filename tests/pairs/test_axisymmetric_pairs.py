@@ -250,8 +250,11 @@ def test_bonded_cones(kind, inner, slope):
     lower = x[:, 1] < 0.5
     assert np.abs(moved - expected)[lower].max() < 1e-9
     assert np.abs(moved - expected).max() < 1e-6  # gamma
-    normal = found.contact.boundary.normal
-    assert found.contact.pressure == pytest.approx(3.0 * normal[:, 1] ** 2, rel=1e-8)
+    normal, cosine = found.contact.boundary.normal, 1.0 / np.hypot(1.0, slope)
+    if inner == 0.0:  # at the tip of the cone the mean all around
+        assert normal[found.table.columns["x"].argmin()] == pytest.approx([0.0, -1.0], abs=1e-14)
+    # Per area of the cone the stress of 3 has a force of 3 times its cosine, along the axis.
+    assert found.contact.pressure == pytest.approx(3.0 * cosine * np.abs(normal[:, 1]), rel=1e-8)
 
 
 @pytest.mark.parametrize("friction", [{}, {"law": "coulomb", "coefficient": 0.2}])
@@ -327,6 +330,55 @@ def test_a_measure_that_is_left_out_is_noticed(monkeypatch):
     found = solve(bodies.scene(), check=False)
     assert found.status is Status.NOT_CERTIFIED
     assert found.certificate.coupling > 0.1
+
+
+def cone(slope, degree=1):
+    """A cone, the tip of which on its axis is pressed into a rigid foundation, in which it sticks or slides."""
+    box = Box("b", (5, 3), (0.0, 0.0), (2.0, 1.0))
+    tip = Bodies(
+        "quadrilateral",
+        [box],
+        lambda x: np.column_stack((x[:, 0], x[:, 1] + slope * x[:, 0] * (1.0 - x[:, 1]))),
+        held=[("b.top", {"y": -0.05})],
+    )
+    friction = {"law": "coulomb", "coefficient": 0.2}
+    return tip.scene(contact=[{"boundary": "b.bottom", "gap": 0.0, "friction": friction}], **EXACT)
+
+
+def test_the_tip_of_a_cone_on_a_rigid_foundation():
+    """All around the tip the mean normal is along the axis: what moves along it does not slip, and has no shear."""
+    found = solve(cone(0.4), check=False)
+    boundary = found.contact.boundary
+    (tip,) = np.flatnonzero(np.abs(boundary.x[:, 0]) < 1e-12)
+    assert found.certificate.holds
+    assert boundary.normal[tip] == pytest.approx([0.0, -1.0], abs=1e-14)
+    assert found.contact.shear[tip] == pytest.approx(0.0, abs=1e-12)
+    assert found.contact.pressure[tip] > 0.0
+    assert np.all(np.abs(np.delete(boundary.normal, tip, axis=0)[:, 0]) > 0.3)
+
+
+@pytest.mark.parametrize("exchanged", [False, True])
+def test_quadratic_nodes_on_the_axis(exchanged):
+    """A curved body of degree 2 upon a flat one: the node on the axis has no ring of its own, but a force, as the
+    rotation of facets around it moves points.  Forces of both sides and of both supports agree.
+    """
+    bodies = Bodies(
+        "quadrilateral",
+        [Box("a", (5, 2), (0.0, 0.0), (1.0, 1.0)), Box("b", (6, 2), (0.0, 2.0), (1.0, 3.0))],
+        lambda x: np.column_stack(
+            (x[:, 0], np.where(x[:, 1] > 1.5, x[:, 1] - 1.0 + 0.4 * x[:, 0] ** 2 * (3.0 - x[:, 1]), x[:, 1]))
+        ),
+        held=[("a.bottom", {"x": 0.0, "y": 0.0}), ("b.top", {"y": -0.05})],
+    )
+    sides = ["a.top", "b.bottom"][:: -1 if exchanged else 1]
+    contact = {"boundary": sides[0], "against": sides[1], "points": "boundary"}
+    friction = {"law": "coulomb", "coefficient": 0.3}
+    found = solve(bodies.scene(element={"degree": 2}, contact=[contact | {"friction": friction}], **EXACT), check=False)
+    assert found.status is Status.CONVERGED
+    assert found.certificate.equilibrium < 1e-9
+    force = found.resultants.of("a.bottom").force[1]
+    assert force > 0
+    assert found.resultants.of("b.top").force[1] == pytest.approx(-force, rel=1e-9)
 
 
 # --- spheres ---------------------------------------------------------------------------------------------------------

@@ -246,7 +246,8 @@ def reference(bodies, degree, *, tolerance=1e-12):
         for slave, master, direction in zip(nodes, partners, normal, strict=True):
             for component in range(2):  # a plane of symmetry, or the axis
                 at_rest = all(prescribed.get(2 * int(node) + component) == 0.0 for node in (slave, master))
-                if at_rest and abs(direction[component]) <= _SMOOTH:
+                on_axis = component == 0 and abs(x[slave, 0]) < 1e-12  # all around, the mean is along it
+                if at_rest and (on_axis or abs(direction[component]) <= _SMOOTH):
                     direction[component] = 0.0
             direction /= np.linalg.norm(direction)
         # A node that cannot move along its normal has no point: the one beside it takes its area over.
