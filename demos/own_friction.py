@@ -7,7 +7,8 @@
 # $$|\mu| \le g(\lambda) = k \bigl(1 - e^{-F \lambda / k}\bigr) .$$
 #
 # A law is a class: its parameters, the bound, its derivative, and for the certificate the bound once more, written in
-# another way. `concave` says that $g$ is below its tangent at zero and below its limit, which is what statics uses.
+# another way. `concave` says that $g$ is below its tangent at zero and below its limit, which is what statics uses. All
+# that a law says is tried at pressures up to the modulus of the body before anything is solved.
 
 # %%
 import os

@@ -542,9 +542,12 @@ BETWEEN_SETS = 1e-6
 # Share of a pressure by which it is changed for differences of a law, and how far these may be from its derivative: the
 # share of the larger of both, and the round-off of differences relative to the bound.  Choice.
 PRESSURE_CHANGE, WRONG_DERIVATIVE, ROUND_OFF_OF_DIFFERENCE = 1e-6, 1e-3, 1e-8
-# What a law says of itself is tried at about so many of its points, and may be wrong by this share of its bound, which
-# is more than round-off at any unit of stress.  Choice.
-TRIED_POINTS, WRONG_BOUND = 50, 1e-2
+# What a law of a user's own says of itself is tried at about so many of its points, from this power of ten of the
+# modulus up to the modulus, at so many pressures in each decade.  It may be wrong by these shares of its bound, and of
+# the slopes of its chords between neighbouring pressures.  Where it bends beyond the modulus, up to this power of ten
+# of it, its round-off is that of its bound there.  Choice.
+TRIED_POINTS, SMALLEST_PRESSURE, PRESSURES_PER_DECADE = 50, -9, 32
+WRONG_BOUND, WRONG_SLOPE, LARGEST_BEND = 1e-3, 1e-2, 12
 # Ratios of the axes of an ellipse of friction beyond this, or below its inverse, leave no digits.  Choice.
 LARGEST_RATIO = 1e3
 

@@ -113,15 +113,14 @@ class Discretisation(NamedBody):
         shapes = foundations.shapes()
         rests = at_rest(self.space, self.supports, self.turned, self.fixed)
         boundary = foundations.boundary(shapes, self.fixed, self.turned, rests)
-        data, law = foundations.problem(
-            boundary, foundations.data(shapes), Settings.of(scene.solver), self.scales.gamma
-        )
+        data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(scene.solver), self.scales)
         return {"boundary": boundary, "data": data, "law": law}
 
     def law_of(self, scene: Scene) -> PointFriction | None:
         """``law`` of another scene that differs in its friction only; collective."""
         assert self.boundary is not None
-        return _foundations(scene, self.space, boundary_facets(scene, self.tagged), Inventory()).law(self.boundary)
+        foundations = _foundations(scene, self.space, boundary_facets(scene, self.tagged), Inventory())
+        return foundations.law(self.boundary, self.scales.modulus)
 
     def moved_since(self, earlier: Scene) -> npt.NDArray[np.float64]:
         """How far the foundations have moved at the contact points from where they are in another scene, length, shape
@@ -242,8 +241,8 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
     if boundary is not None:
         if scene.solver.algorithm == "exact":
             boundary.aligned()
-        natural = Scales(tagged.dimension, scene.young, tagged.size).gamma
-        data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(scene.solver), natural)
+        scales = Scales(tagged.dimension, scene.young, tagged.size)
+        data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(scene.solver), scales)
         for step in range(1, scene.steps if any(effect.friction.timed for effect in scene.contact) else 1):
             # Errors are found before the first step.
             _foundations(scene.placed(step), space, facets, inventory).friction()

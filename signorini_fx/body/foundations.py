@@ -28,6 +28,7 @@ from signorini_fx.laws.directed import FrictionAxes
 from signorini_fx.laws.protocol import FrictionLaw
 from signorini_fx.method import Settings
 from signorini_fx.records import Inventory
+from signorini_fx.scales import Scales
 from signorini_fx.scene.rigid_motion import RigidMotion, driven_twice, rigid_bodies
 from signorini_fx.scene.rigid_shape import Distance, distance_from
 from signorini_fx.tuned import SAME_DIRECTION, ZERO_SUM
@@ -414,7 +415,7 @@ class Foundations:
         return contact_data
 
     def problem(
-        self, boundary: ContactBoundary, data: Sequence[FoundationData], settings: Settings, natural_gamma: float
+        self, boundary: ContactBoundary, data: Sequence[FoundationData], settings: Settings, scales: Scales
     ) -> tuple[RegularisedData, PointFriction | None]:
         """The regularised problem without shifts at the points, and its friction law; None where no law can act.
 
@@ -422,19 +423,22 @@ class Foundations:
             boundary: the points.
             data: see ``data``.
             settings: gamma and sigma.
-            natural_gamma: the unit of gamma, stress per length.
+            scales: of the body.
         """
-        law = self.law(boundary, data)
+        law = self.law(boundary, scales.modulus, data)
         parts = [k for k, contact_data in enumerate(data) if contact_data.bilateral]
         bilateral = np.isin(boundary.part, parts) if parts else None
         gap = self._gap(boundary, data)
-        return RegularisedData.unshifted(gap, self._dimension - 1, settings, natural_gamma, law, bilateral), law
+        return RegularisedData.unshifted(gap, self._dimension - 1, settings, scales.gamma, law, bilateral), law
 
-    def law(self, boundary: ContactBoundary, friction: Sequence[NodalFriction] | None = None) -> PointFriction | None:
+    def law(
+        self, boundary: ContactBoundary, modulus: float, friction: Sequence[NodalFriction] | None = None
+    ) -> PointFriction | None:
         """The friction at the points; None where none can act.
 
         Args:
             boundary: the points.
+            modulus: of the body, stress: up to it pressures are tried at which laws keep to what they say.
             friction: see ``friction``; None: as it is now.
 
         Raises:
@@ -447,7 +451,7 @@ class Foundations:
         for k, (entry, at) in enumerate(zip(self.friction() if friction is None else friction, points, strict=True)):
             law = None if entry.law is None else entry.law.at(boundary.nodes[at])
             if law is not None and law.of_a_user:
-                fault = fault_of(law, at.size)
+                fault = fault_of(law, at.size, modulus)
                 error = FormError([(f"contact[{k}].friction", fault)]) if fault else None
                 parallel.raise_together(self._space.mesh.comm, error)
             parts.append(friction_of(law, at.size))

@@ -450,8 +450,8 @@ class ContactProblem(SolvedProblem):
         boundary = self._boundary
         if any(shape.factor is not None or shape.direction is not None for shape in shapes):
             boundary = self._foundations.boundary(shapes, fixed, at_rest=self._foundations.at_rest(*self._prescribed))
-        settings, gamma = Settings.of(self.settings), self._scales.gamma
-        data, law = self._foundations.problem(boundary, self._foundations.data(shapes), settings, gamma)
+        settings = Settings.of(self.settings)
+        data, law = self._foundations.problem(boundary, self._foundations.data(shapes), settings, self._scales)
         values = prescribed(self._space, conditions_of(self.bcs, self._space))[1][: fixed.size]
         return [self._a], assemble(self._L), values, boundary, data.gap, law
 
@@ -562,4 +562,4 @@ class ContactProblem(SolvedProblem):
     def _point_data(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
         """Gap, friction and regularisation at the contact points, as they are now; collective."""
         self._data = self._foundations.data(shapes)
-        return self._foundations.problem(self._boundary, self._data, Settings.of(self.settings), self._scales.gamma)
+        return self._foundations.problem(self._boundary, self._data, Settings.of(self.settings), self._scales)

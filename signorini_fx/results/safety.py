@@ -88,8 +88,9 @@ def safety_of(d: Discretisation, contact: ContactState, step: float) -> Safety |
         step: the place of the load step in the lists of factors.
 
     Returns:
-        None if supports hold the body, if no live load acts on its free motions, or if the tractions of the solution do
-        not balance its loads at these nodes.  A load that has entered the contact stays where it is.
+        None if supports hold the body, if no live load acts on its free motions, if the tractions of the solution do
+        not balance its loads at these nodes, or if a friction law has a larger bound there than it says.  A load that
+        has entered the contact stays where it is.
     """
     motions, boundary, count = d.motions, contact.boundary, d.motions.free.shape[1]
     if not count:
@@ -113,6 +114,8 @@ def safety_of(d: Discretisation, contact: ContactState, step: float) -> Safety |
         bounds = as_given(contact.bound)
         present = reactions(at_contact, bounds, contact.bilateral, pressing)
     if parallel.any_rank(d.comm, not np.isfinite(contact.pressure).all()):
+        return None
+    if law is not None and parallel.any_rank(d.comm, bool(law.exceeds_envelope(contact.pressure).any())):
         return None
     surfaces, reason = _surfaces(d, pressing)
     low, high = np.inf, np.inf

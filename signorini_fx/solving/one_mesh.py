@@ -162,6 +162,7 @@ def _findings(discretisation: Discretisation, steps: Sequence[StepResult]) -> li
     """The findings of ``check`` about the scene, and those about its result; collective."""
     solved = steps[-1].status in (Status.CONVERGED, Status.TOO_LARGE, Status.NOT_CERTIFIED)
     findings = scene_findings(discretisation, estimates=not solved)
+    findings += _doubtful_laws(discretisation, steps[-1])
     if not solved:
         return [*findings, *(step.reason for step in steps if step.reason is not None)]
     contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]
@@ -171,6 +172,25 @@ def _findings(discretisation: Discretisation, steps: Sequence[StepResult]) -> li
     lost = sorted({piece for step in steps for piece in step.certificate.unjudged})
     names = [discretisation.motions.pieces.called(piece) for piece in lost]
     return [*findings, *result_findings([step.deformation for step in steps], touching=touching, unjudged=names)]
+
+
+def _doubtful_laws(discretisation: Discretisation, last: StepResult) -> list[Finding]:
+    """Laws of a user's own whose bound at the pressures of a result is larger than they say; collective."""
+    law, contact = discretisation.law, last.contact
+    if law is None or not law.laws or contact is None:
+        return []
+    findings = []
+    exceeds = law.exceeds_envelope(contact.pressure)
+    for number, effect in enumerate(discretisation.scene.contact):
+        wrong = exceeds & (contact.boundary.part == number)
+        if parallel.any_rank(discretisation.comm, bool(wrong.any())):
+            most = parallel.largest(discretisation.comm, np.where(wrong, contact.pressure, 0.0))
+            message = (
+                f"the bound of the friction law {effect.friction.law} is larger than it says at pressures of this "
+                f"solution, up to {most:g}: no safety factor, and check the law"
+            )
+            findings.append(Finding("warning", f"contact[{number}].friction", message))
+    return findings
 
 
 def _solve_linear(discretisation: Discretisation, history: History, timings: Timings) -> Solution:

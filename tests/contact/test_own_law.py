@@ -1,5 +1,6 @@
 """A friction law from outside the package, demos/own_friction.py: one body, two, scenes, and what refuses it."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +22,9 @@ from signorini_fx import (
     SceneError,
     sweep,
 )
+from signorini_fx.body import foundations
 from signorini_fx.contact.laws import ActiveSets, RegularisedData, linearised, multipliers, tangent
-from signorini_fx.laws.at_points import friction_of
+from signorini_fx.laws.at_points import fault_of, friction_of
 from signorini_fx.records import Status
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
@@ -183,11 +185,11 @@ def test_what_does_not_know_the_law():
 
 
 def test_second_opinion():
-    """A law whose two statements differ is not certified."""
+    """A law whose two statements differ by less than what is noticed beforehand is not certified."""
 
     class Wrong(Saturating):
         def claimed(self, pressure):
-            return 0.9 * self.limit(pressure)
+            return (1 - 1e-4) * self.limit(pressure)
 
     with pytest.raises(ConvergenceError, match="certificate does not hold"):
         solved(Wrong(F, K))
@@ -291,12 +293,55 @@ def lying(**methods):
         ({"claimed": lambda *_: None}, "claimed of Lying has the shape"),
         ({"claimed": FrictionLaw.claimed}, "Lying does not say its claimed"),
         ({"follows_pressure": False}, "follows the pressure, which it denies"),
+        ({"limit": lambda _, p: p + np.nan}, "limit of Lying is not finite at the pressure 0"),
+        ({"limit": lambda law, p: np.where(p > 20, np.nan, law.claimed(p))}, "limit of Lying is not finite at .* 2"),
+        ({"limit": lambda _, p: p // 0}, "limit of Lying is not finite"),
+        ({"limit": lambda law, p: law.claimed(p) + law.steepness}, "limit of Lying fails: AttributeError"),
+        ({"derivative": lambda _, p: p + np.nan}, "derivative of Lying is not finite at the pressure 0"),
+        ({"derivative": lambda law, p: law.coefficient + 0 * p}, "derivative of Lying is not that of its limit"),
+        ({"derivative": lambda law, p: F * np.sign(0.5 - p)}, "derivative of Lying is not that of its limit"),
+        ({"claimed": lambda law, p: 0.9 * law.limit(p)}, "claimed of Lying is not its limit"),
+        (
+            {
+                "limit": lambda _, p: 0.1 * p + 0.1 * np.clip(p - 3, 0, 6),
+                "claimed": lambda law, p: law.limit(p),
+                "derivative": lambda _, p: 0.1 + 0.1 * ((p >= 3) & (p < 9)),
+                "envelope": lambda law, zero: Coulomb.envelope(Coulomb(0.3), zero),
+            },
+            "is not concave: it grows faster beyond the pressure [23]",
+        ),
     ],
 )
 def test_laws_that_are_not_what_they_say(methods, message):
     """Are refused, with what is wrong, before statics proves anything of them."""
     with pytest.raises(FormError, match=message):
         solved(lying(**methods))
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_a_bound_above_its_tangent_in_between(unit):
+    """A coefficient of .6 between 2 and 9.9, and else .3, is below its tangent at all powers of ten: statics would say
+    that a block slides which this law holds; in every unit of stress.
+    """
+
+    def steep(p):
+        return np.where((p > 2 * unit) & (p < 9.9 * unit), 0.6, 0.3)
+
+    law = type(
+        "Lying",
+        (Coulomb,),
+        {
+            "__module__": __name__,
+            "concave": True,
+            "unknown": property(lambda _: "the bound"),
+            "envelope": FrictionLaw.envelope,
+            "limit": lambda _, p: steep(p) * p,
+            "derivative": lambda _, p: steep(p),
+            "claimed": lambda _, p: p * steep(p),
+        },
+    )(0.3).sampled(np.zeros((3, 4)))
+    assert re.search(r"exceeds, at the pressure 2\.\d+(e[+-]09)?, its tangent", fault_of(law, 4, 1000.0 * unit))
+    assert not fault_of(Saturating(0.3, 3.0 * unit).sampled(np.zeros((3, 4))), 4, 1000.0 * unit)
 
 
 def test_a_law_of_the_package_with_another_limit():
@@ -310,9 +355,39 @@ def test_a_law_of_the_package_with_another_limit():
         solved(Half(F))
 
 
-def test_a_wrong_derivative():
-    """Solves do not need it, gradients do: they refuse it."""
+class Steeper(Saturating):
+    """Twice what its tangent at zero says in a band between two of the pressures at which laws are tried."""
+
+    def limit(self, pressure):
+        return super().limit(pressure) * np.where((pressure > 15) & (pressure < 25), 2.0, 1.0)
+
+    def claimed(self, pressure):
+        return super().claimed(pressure) * (1 + ((pressure > 15) & (pressure < 25)))
+
+
+def test_at_the_pressures_of_the_solution(monkeypatch):
+    """Nothing rests on what a law says of itself and does not keep there, and it is named."""
+    monkeypatch.setattr(foundations, "fault_of", lambda *_: "")
+    solution, honest = pushed(Steeper(F, 1e4), 1.2), pushed(Saturating(F, 1e4), 1.2)
+    assert solution.converged
+    assert honest.safety is not None
+    assert solution.safety is None
+    told = {finding.path: finding.message for finding in solution.findings}
+    assert "the friction law saturating is larger than it says at pressures" in told["contact[0].friction"]
+
+
+def test_a_wrong_derivative(monkeypatch):
+    """Solves do not need it, gradients do: these compare it with differences at the pressures of the solution, too."""
+    monkeypatch.setattr(foundations, "fault_of", lambda *_: "")
     problem = solved(lying(derivative=lambda law, p: law.coefficient + 0 * p)).problem
     assert problem.certificate.holds
     with pytest.raises(FormError, match=r"derivative is 0\.4 at the pressure"):
         problem.gradient("force 0 x", [])
+
+
+@pytest.mark.parametrize("kind", [Saturating, Quotient, Root])
+@pytest.mark.parametrize("modulus", [1e-9, 1e-6, 1.0, 1e6])
+def test_honest_laws(kind, modulus):
+    """Are not refused, however far their bounds bend from the modulus of the body."""
+    law = kind(F, K).sampled(np.zeros((3, 2)))
+    assert not fault_of(law, 2, modulus)
