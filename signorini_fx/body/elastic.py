@@ -37,7 +37,7 @@ from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.contact.resting_place import RestingMotion
 from signorini_fx.errors import SceneError
 from signorini_fx.kinematics.cartesian import Kinematics
-from signorini_fx.linalg import ElasticSystem
+from signorini_fx.linalg import ElasticSystem, row_by_row
 from signorini_fx.linalg.choice import SystemSize, choose_system
 from signorini_fx.linalg.elasticity import Elasticity, LoadCase
 from signorini_fx.method import Settings
@@ -431,10 +431,10 @@ def sum_of(forms: Sequence[fem.Form], bcs: Sequence[fem.DirichletBC]) -> PETSc.M
         size = space.index_map.size_local * space.index_map_bs
         matrix = PETSc.Mat().createAIJWithArrays((size, size), (rows, columns, entries.data), comm=forms[0].mesh.comm)
         matrix.setBlockSize(space.index_map_bs)
-        return matrix
+        return row_by_row(matrix)
     matrix = fem_petsc.assemble_matrix(forms[0], list(bcs), 0.0)
     for form in forms[1:]:
         matrix.assemble()
         fem_petsc.assemble_matrix(matrix, form, list(bcs), 0.0)  # type: ignore[arg-type]
     matrix.assemble()
-    return matrix
+    return row_by_row(matrix)

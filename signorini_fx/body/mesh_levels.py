@@ -18,6 +18,7 @@ from petsc4py import PETSc
 
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.body.rigid import RigidMotions, rigid_modes
+from signorini_fx.linalg import row_by_row
 from signorini_fx.mesh.points import at_points
 from signorini_fx.tuned import OUTSIDE_COARSER_MESH, SAME_ENTRY
 
@@ -112,7 +113,7 @@ class MeshLevel:
         if self.rotation is not None:
             matrix = self.rotation.transposeMatMult(matrix)
         matrix.diagonalScale(self._free(), self.coarser._free())
-        return matrix
+        return row_by_row(matrix)
 
     def start(self) -> PETSc.Vec | None:
         """The displacement of the coarser mesh in the unknowns of this one, prescribed ones zero; collective."""

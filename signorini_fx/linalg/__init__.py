@@ -109,6 +109,14 @@ def finite(values: PETSc.Mat | PETSc.Vec) -> bool:
     return bool(np.isfinite(values.norm(PETSc.NormType.NORM_INFINITY)))
 
 
+def row_by_row(matrix: PETSc.Mat) -> PETSc.Mat:
+    """The sparse matrix itself, multiplied row by row: PETSc's products for several rows with the same pattern, such as
+    those of a node, take more time than they save.
+    """
+    matrix.setOption(PETSc.Mat.Option.USE_INODES, False)
+    return matrix
+
+
 def keep_diagonal(matrix: PETSc.Mat, rows: npt.NDArray[np.int64], diagonal: float) -> None:
     """Make rows and columns those of a diagonal matrix; collective.
 

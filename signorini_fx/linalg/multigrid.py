@@ -25,7 +25,7 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.contact.map import ContactMap
-from signorini_fx.linalg import options
+from signorini_fx.linalg import options, row_by_row
 from signorini_fx.linalg.callbacks import called_back
 from signorini_fx.linalg.elasticity import Level
 from signorini_fx.linalg.factorisation import use_direct
@@ -78,7 +78,7 @@ class Hierarchy:
             interpolations += below.interpolations
             coarse += below.coarse
         for level_matrix in coarse:
-            level_matrix.setOption(PETSc.Mat.Option.SPD, True)
+            row_by_row(level_matrix).setOption(PETSc.Mat.Option.SPD, True)
         return cls(tuple(interpolations), tuple(coarse), _largest_eigenvalue(matrix))
 
     def with_rigid_bodies(self, free: npt.NDArray[np.bool_], stiffness: npt.NDArray[np.float64]) -> Hierarchy:
@@ -102,7 +102,7 @@ class Hierarchy:
             solvers.append(gamg.getMGCoarseSolve())
         coarse = tuple(solver.getOperators()[0] for solver in solvers)
         for level in coarse:
-            level.setOption(PETSc.Mat.Option.SPD, True)
+            row_by_row(level).setOption(PETSc.Mat.Option.SPD, True)
         return cls(interpolations, coarse, _largest_eigenvalue(matrix))
 
 
@@ -250,7 +250,7 @@ class ContactLevels:
         columns[positions] = first + unknowns[nodes.columns]
         csr = (starts.astype(PETSc.IntType), columns.astype(PETSc.IntType), values)
         sizes = self.diagonal.getSizes()
-        return PETSc.Mat().createAIJ((sizes, sizes), csr=csr, comm=self._comm)
+        return row_by_row(PETSc.Mat().createAIJ((sizes, sizes), csr=csr, comm=self._comm))
 
 
 class ContactPreconditioner:

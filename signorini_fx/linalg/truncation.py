@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
+from signorini_fx.linalg import row_by_row
 from signorini_fx.tuned import SHARE_OF_COARSE_DIAGONAL
 
 Array = npt.NDArray[np.float64]
@@ -86,6 +87,7 @@ class TruncatedLevels:
         self._kept_rows = self._contact_rows.copy()
         self.interpolation = interpolations[0].copy()
         self.interpolation.axpy(1.0, self._in_all_rows(self._moved), structure=_DIFFERENT_PATTERN)
+        row_by_row(self.interpolation)
         self._law = self._stiffness.ptap(self._held)
         self._by_law = self._law.ptap(functions)
         self._half = self._along.transposeMatMult(self._product)
@@ -100,7 +102,7 @@ class TruncatedLevels:
         self._untruncated = [_widened(level, change) for level, change in zip(coarse, self._changes, strict=True)]
         self.coarse = [level.copy() for level in self._untruncated]
         for level in self.coarse:
-            level.setOption(PETSc.Mat.Option.SPD, True)
+            row_by_row(level).setOption(PETSc.Mat.Option.SPD, True)
 
     def _in_all_rows(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """A matrix with rows at the contact unknowns as one with rows at all unknowns; collective."""
