@@ -228,6 +228,21 @@ TIME_POWER, MEMORY_POWER = {2: 1.2, 3: 1.6}, {2: 1.1, 3: 1.3}
 # At least this share of the time is taken to grow: the previous mesh may have had a cold start, or a busy machine.
 # Tuned by the same.
 LEAST_GROWING_TIME = 0.25
+# The forecast of what a smaller error costs is for this share of the error: a digit; in space, where a digit takes a
+# thousand times the unknowns, half.  Choice.
+NEXT_ERROR = {2: 0.1, 3: 0.5}
+# Cells with more than this many times the mean of the squared error crowd at singular points; the error in them
+# decreases like h to these powers: the slowest, the usual and the fastest.  Tuned on the first meshes of
+# demos/studies/forecasts.py, where errors decrease like h^0.52 to h^1.05: with 3 to 12 times and powers of 0.6 to 0.8
+# forecasts of h are off by h^0.09 to h^0.18 in the mean, with these by h^0.10.
+CROWDED, CORNER_EXPONENTS = 3.0, (0.6, 0.7, 0.85)
+# The slowest rate that a forecast assumes of an error in a price list, and how many times finer a mesh is at most that
+# one is for.  Choice.
+SLOWEST_RATE, MOST_FINER = 0.25, 1e4
+# Seconds of a solve per unknown to the power of TIME_POWER that grow from mesh to mesh, by dimension; what small meshes
+# take besides stays.  Tuned on the same, seconds of one core: 7e-7 to 1.1e-6 in the plane, 2.8e-6 with meshes of gmsh,
+# and 1e-7 to 1.6e-7 in space.
+SECONDS_OF_UNKNOWNS = {2: 1e-6, 3: 1.2e-7}
 # The change from one uniform mesh to the next of a pressure that the mesh resolves is caused elsewhere in the body,
 # and decreases with this rate.  Source: the square of the first-order error in the energy norm.
 SMOOTH_RATE = 2.0

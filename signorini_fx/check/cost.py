@@ -10,6 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx import parallel
+from signorini_fx.accuracy.next_digit import growth_before, seconds_on_finer
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.effects.contact import Contact
 from signorini_fx.linalg import choice
@@ -28,6 +29,7 @@ from signorini_fx.tuned import (
     MEMORY_SHARE,
     MORE_SOLVES,
     MULTIGRID_SHARE,
+    NEXT_ERROR,
     PAIRED_BYTES,
     ROW_ENTRIES,
     SOLVES_OF_FINER_MESH,
@@ -49,6 +51,9 @@ class Cost:
         factorisation_bytes: its factor.
         seconds: linear algebra of the whole solve, from and to.
         memory_bytes: of the whole process.
+        next_error: the share of the error that the next two are about.
+        next_unknowns: that it would take, from and to: with a smooth solution, and with one that is singular.
+        next_seconds: likewise.
     """
 
     unknowns: int
@@ -59,6 +64,9 @@ class Cost:
     factorisation_bytes: float
     seconds: tuple[float, float]
     memory_bytes: float
+    next_error: float
+    next_unknowns: tuple[float, float]
+    next_seconds: tuple[float, float]
 
 
 def contact_nodes(d: Discretisation) -> int:
@@ -104,8 +112,8 @@ def estimated_cost(d: Discretisation) -> Cost:
     kind, reason = choice.choose_kind(d.system_size, d.scene.solver.linear_algebra)
     dense, held = 0, 12.0 * entries
     if kind == "krylov":
-        seconds = KRYLOV_SECONDS["meshes" if d.scene.solver.levels > 1 else "aggregation"]
-        once, per_solve, held = seconds[0] * n, seconds[1] * n, MULTIGRID_SHARE * matrix
+        rates = KRYLOV_SECONDS["meshes" if d.scene.solver.levels > 1 else "aggregation"]
+        once, per_solve, held = rates[0] * n, rates[1] * n, MULTIGRID_SHARE * matrix
     elif kind == "condensed":
         dense = dim * nodes
         once, per_solve = CONDENSING * factorisation, dense**3 / 3 / DENSE_SPEED + DENSE_STEP_SECONDS
@@ -120,6 +128,9 @@ def estimated_cost(d: Discretisation) -> Cost:
     free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~d.fixed))))
     if d.boundary is not None and d.boundary.moving is not None:
         free += int(np.count_nonzero(~d.boundary.moving.fixed))
+    seconds = once + solves[0] * per_solve, once + solves[1] * per_solve
+    growth = growth_before(d.scene.element.degree, dim)
+    krylov_from = choice.krylov_from(d.system_size, d.scene.solver.linear_algebra)
     paired = PAIRED_BYTES[dim] * nodes if any(contact.against for contact in d.scene.contact) else 0.0
     return Cost(
         unknowns=free,
@@ -128,8 +139,14 @@ def estimated_cost(d: Discretisation) -> Cost:
         linear_solves=solves,
         factorisation_seconds=factorisation,
         factorisation_bytes=9.0 * entries,
-        seconds=(once + solves[0] * per_solve, once + solves[1] * per_solve),
+        seconds=seconds,
         memory_bytes=BASE_BYTES * comm.size + BYTES_PER_DOF * n + 2 * matrix + held + 24.0 * dense**2 + paired,
+        next_error=NEXT_ERROR[dim],
+        next_unknowns=(free * growth[0], free * growth[1]),
+        next_seconds=(
+            seconds_on_finer(seconds[0], n, growth[0], dim, krylov_from),
+            seconds_on_finer(seconds[1], n, growth[1], dim, krylov_from),
+        ),
     )
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import textwrap
 
+from signorini_fx.accuracy.next_digit import between, count
 from signorini_fx.check.checks import Check
 from signorini_fx.check.cost import Cost
 from signorini_fx.display import duration, storage
-from signorini_fx.machine.terminal import COLUMNS, printable
+from signorini_fx.machine.terminal import COLUMNS, clauses
 
 # Lines of the short text, of the effects in it, and of one finding.
 _MOST_LINES, _EFFECTS, _FINDING = 15, 5, 3
@@ -28,7 +29,7 @@ def short_text(check: Check) -> str:
     solves = f"{low}" if low == high else f"{low} to {high}"
     seconds = " to ".join(dict.fromkeys(map(duration, check.cost.seconds)))
     cost = f"{check.cost.unknowns} unknowns, {solves} solves, {seconds}, {storage(check.cost.memory_bytes)}"
-    lines += _paragraph("cost", f"{cost}, estimated", 2)
+    lines += _paragraph("cost", f"{cost}, estimated; {next_digit(check.cost)}", 3)
     findings = sorted(check.findings, key=lambda finding: finding.level != "warning")
     for k, finding in enumerate(findings):
         told = _paragraph(finding.level, f"{finding.path}: {finding.message}", _FINDING)
@@ -41,9 +42,8 @@ def short_text(check: Check) -> str:
 
 
 def _paragraph(label: str, text: str, most: int) -> list[str]:
-    """A labelled text; what does not fit in so many lines is left out, as dots say."""
-    room = COLUMNS - _LABEL
-    lines = textwrap.wrap(printable(text), room, max_lines=most, placeholder=" ... (--verbose)")
+    """A labelled text; what does not fit in so many lines is left out, see ``clauses``."""
+    lines = clauses(text, COLUMNS - _LABEL, most)
     return [f"  {label if k == 0 else '':{_LABEL - 2}s}{line}" for k, line in enumerate(lines)]
 
 
@@ -84,5 +84,13 @@ def _estimate(cost: Cost) -> str:
         f"estimate, good to a factor of about three: {cost.unknowns} unknowns, {cost.contact_nodes} contact nodes, "
         f"{solves} linear solves ({cost.linear_algebra}); "
         f"{factorisation} {duration(cost.factorisation_seconds)} and {storage(cost.factorisation_bytes)}; "
-        f"altogether {' to '.join(dict.fromkeys(map(duration, cost.seconds)))} and {storage(cost.memory_bytes)}"
+        f"altogether {' to '.join(dict.fromkeys(map(duration, cost.seconds)))} and {storage(cost.memory_bytes)}; "
+        f"{next_digit(cost)}"
     )
+
+
+def next_digit(cost: Cost) -> str:
+    """What the next digit would take, before anything is known of the solution."""
+    share = {0.1: "a tenth of", 0.5: "half"}.get(cost.next_error, f"{cost.next_error:.2g} of")
+    unknowns = " to ".join(dict.fromkeys(map(count, cost.next_unknowns)))
+    return f"{share} the error: {between(cost.next_seconds)}, {unknowns} unknowns"

@@ -17,6 +17,8 @@ from signorini_fx.machine import launcher
 _lost = False
 # Of a terminal that nobody has made wider, which is what short answers are written for.
 COLUMNS = 80
+# What stands where a text is cut.
+_MORE = " ... (--verbose)"
 # Control characters of ASCII and of Latin-1, those that turn the direction of writing, and whole escape sequences.
 _CONTROL = re.compile(
     r"\x1b\[[0-?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)"
@@ -29,6 +31,26 @@ def printable(text: str) -> str:
     have some, with which a terminal would change its state, and which no page or table can show.
     """
     return _CONTROL.sub("", text)
+
+
+def clauses(text: str, room: int, most: int) -> list[str]:
+    """A text in lines; one that does not fit is cut at the end of a sentence or clause, if one fits, as dots say.
+
+    Args:
+        text: any.
+        room: columns of a line.
+        most: lines.
+    """
+    text = printable(text)
+    lines = textwrap.wrap(text, room)
+    if len(lines) <= most:
+        return lines
+    ends = [end.start() for end in re.finditer(r"(?<=[.;])\s", text)]
+    for end in reversed(ends):
+        lines = textwrap.wrap(f"{text[:end].rstrip('.;')}{_MORE}", room)
+        if len(lines) <= most:
+            return lines
+    return textwrap.wrap(text, room, max_lines=most, placeholder=_MORE)
 
 
 def prepare() -> None:

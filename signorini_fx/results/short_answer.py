@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from textwrap import shorten, wrap
+from textwrap import shorten
 from typing import Any
 
 from signorini_fx.display import clean, effort_in_words, results_of, status_in_words, touch_each_other
-from signorini_fx.machine.terminal import COLUMNS, TerminalLine, printable
+from signorini_fx.machine.terminal import COLUMNS, TerminalLine, clauses, printable
 from signorini_fx.quantities.answers import error_in_words, largest_von_mises
 from signorini_fx.quantities.digits import between, figure
 from signorini_fx.quantities.families.stress import share_in_words
@@ -22,7 +22,7 @@ _LABEL = 14
 
 def short_answer(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
     """The outcome, the forces, the contact, what is left until the body moves, the largest stress, how wrong it is,
-    whether the certificate holds, what it took, and where the results are.
+    what that took and the next digit would take, whether the certificate holds, and where the results are.
 
     Args:
         summary: what ``summarise`` returns.
@@ -32,21 +32,55 @@ def short_answer(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
     last = _row("results", f"{folder}/")
     if not summary["converged"]:
         first += [_row("results of", results_of(summary))] if "results_of" in summary else []
-        first += _advice(summary["advice"], MOST_LINES - len(first) - 1)
-        return [*first, last]
-    fixed = [
-        *_contact(summary),
-        *_safety(summary),
-        *_stress(summary),
-        _row("error", error_in_words(summary)[0]),
-        _certificate(summary),
-    ]
+        known = [_row("error", error_in_words(summary)[0]), *_cost(summary)] if _is_forecast(summary) else []
+        first += _advice(summary["advice"], MOST_LINES - len(first) - len(known) - 1)
+        return [*first, *known, last]
+    room = MOST_LINES - 2 - len(first)
+    fixed = next((lines for merged in range(3) if len(lines := _fixed(summary, merged)) <= room), _fixed(summary, 2))
     forces, others = _forces(summary), _asked(summary)
     room = MOST_LINES - len(first) - len(fixed) - 1
     effort = [_effort(summary)] if room > 1 else []
     room -= len(effort)
     shown = _beginning(forces, max(room - len(others), 1))
     return [*first, *shown, *_beginning(others, room - len(shown)), *fixed, *effort, last]
+
+
+def _fixed(summary: dict[str, Any], merged: int) -> list[TerminalLine]:
+    """What is never left out.
+
+    Args:
+        summary: of the solve.
+        merged: 0: each has its line; from 1 on the line of the cost has the error, if it is about no other one; from 2
+            on the certificate stands behind the contact.
+    """
+    contact, error, certificate = (
+        _contact(summary),
+        [_row("error", error_in_words(summary)[0])],
+        [_certificate(summary)],
+    )
+    alike = "price_list" not in summary and (summary.get("error_bound") or {}).get("relative_error") is None
+    if merged > 0 and alike and _is_forecast(summary):
+        error = []
+    if merged > 1 and contact:
+        holds, law = summary["certificate"]["holds"], summary["certificate"]["law"].partition(",")[0]
+        verdicts = [f"certificate holds for {law}", "certificate holds", "certified"]
+        failures = [f"certificate DOES NOT HOLD for {law}", "certificate DOES NOT HOLD", "NOT certified"]
+        texts = [f"{contact[0].text}; {verdict}" for verdict in (verdicts if holds else failures)]
+        text = next((text for text in texts if len(text) <= COLUMNS - _LABEL), texts[-1])
+        contact, certificate = [_row("contact", text, "" if holds else "error")], []
+    return [*contact, *_safety(summary), *_stress(summary), *error, *_cost(summary), *certificate]
+
+
+def _is_forecast(summary: dict[str, Any]) -> bool:
+    return (summary.get("cost") or {}).get("error") is not None
+
+
+def _cost(summary: dict[str, Any]) -> list[TerminalLine]:
+    """What the error took, and what a smaller one would take; or why that is not known."""
+    if "cost" not in summary:
+        return []
+    statement = summary["cost"]["statement"]
+    return [_row("cost", statement if _is_forecast(summary) else f"no forecast: {statement}")]
 
 
 def _row(label: str, text: str, kind: str = "") -> TerminalLine:
@@ -85,12 +119,12 @@ def _warnings(summary: dict[str, Any]) -> list[TerminalLine]:
     if not texts:
         return []
     text = printable(texts[0] if len(texts) == 1 else f"(1 of {len(texts)}) {texts[0]}")
-    lines = wrap(text, COLUMNS - _LABEL, max_lines=2, placeholder=" ... (--verbose)")
+    lines = clauses(text, COLUMNS - _LABEL, 2)
     return [_row("warning" if k == 0 else "", line, "warning") for k, line in enumerate(lines)]
 
 
 def _advice(text: str, most: int) -> list[TerminalLine]:
-    lines = wrap(printable(text), COLUMNS - _LABEL, max_lines=most, placeholder=" ... (--verbose)")
+    lines = clauses(text, COLUMNS - _LABEL, most)
     return [_row("what to do" if k == 0 else "", line, "advice" if k == 0 else "") for k, line in enumerate(lines)]
 
 

@@ -10,7 +10,9 @@ from dolfinx import fem
 from mpi4py import MPI
 
 import signorini_fx
+from signorini_fx import parallel
 from signorini_fx.accuracy.mesh_level import LevelResult
+from signorini_fx.accuracy.next_digit import CostOfAccuracy, crowded_share, from_one_mesh, from_prices
 from signorini_fx.accuracy.price_list import Price
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.contact_state import ContactState
@@ -22,6 +24,7 @@ from signorini_fx.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.display import html_table
 from signorini_fx.errors import SignoriniError
 from signorini_fx.extensions import add_on
+from signorini_fx.linalg.choice import krylov_from
 from signorini_fx.quantities.registry import requested
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate import Certificate
@@ -303,6 +306,32 @@ class Solution:
         if self.contact is None or not self.converged or not self.scene.has_coulomb:
             return None
         return add_on("fixed_point")(self.discretisation, self.contact, self._position)
+
+    @cached_property
+    def cost(self) -> CostOfAccuracy | str:
+        """What the accuracy took and what a better one would take, or why there is no forecast; collective."""
+        if self.last_step.status is not Status.CONVERGED:
+            return "no solution"
+        d, dimension = self.discretisation, self.discretisation.tagged.dimension
+        iterative_from = krylov_from(d.system_size, self.scene.solver.linear_algebra)
+        if self.price_list:
+            asked = None if self.scene.accuracy is None else self.scene.accuracy.of
+            return from_prices(self.price_list, dimension, iterative_from, asked)
+        if not self.has_stress:
+            return "forms alone have no error estimate: give stress="
+        if not (error := self.stress.error):
+            return "there is no stress, or no error of it"
+        seconds = parallel.largest_timings(self.comm, self.timings.total)
+        return from_one_mesh(
+            error,
+            crowded_share(self.comm, self.stress.squares),
+            degree=int(self.displacement.function_space.element.basix_element.degree),
+            dofs=d.dofs,
+            dimension=dimension,
+            seconds=sum(seconds.values()),
+            constant=seconds.get("compile", 0.0),
+            krylov_from=iterative_from,
+        )
 
     def mean_displacement_bounds(self, boundary: str, direction: tuple[float, float]) -> Interval | str:
         """Guaranteed bounds of the mean of u . direction over a boundary, a length, which print what they rest on; or

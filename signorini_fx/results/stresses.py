@@ -237,9 +237,12 @@ class RawStresses(StressFields):
         energy = self.energy()
         if not energy > 0:
             return None
-        stress = self.stress
-        squares = self.recovery().squares(stress.displacement, self.place).sum()
-        return float(np.sqrt(parallel.global_sum(self.comm, squares) / (2 * energy)))
+        return float(np.sqrt(parallel.global_sum(self.comm, self.squares.sum()) / (2 * energy)))
+
+    @cached_property
+    def squares(self) -> npt.NDArray[np.float64]:
+        """The squared error of each owned cell, an energy, shape (cells,); collective."""
+        return self.recovery().squares(self.stress.displacement, self.place)
 
     def as_dict(self) -> dict[str, Any]:
         """Extremes of the raw stress and those of the recovered one, with the estimated error, JSON-safe; collective.

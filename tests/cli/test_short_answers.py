@@ -10,6 +10,7 @@ from scenes import example1
 from signorini_fx import solve, write_results
 from signorini_fx.check.checks import check_scene
 from signorini_fx.check.text import short_text
+from signorini_fx.machine.terminal import clauses
 from signorini_fx.results.short_answer import short_answer
 
 FOLDER = Path("results/scene")
@@ -34,7 +35,8 @@ def labels(lines):
 def test_what_is_said(summary):
     """The lines in their order, with the figures of the summary."""
     lines = told(summary)
-    assert labels(lines)[1:] == ["force", "contact", "safety", "stress", "error", "certificate", "effort", "results"]
+    known = ["force", "contact", "safety", "stress", "error", "cost", "certificate", "effort", "results"]
+    assert labels(lines)[1:] == known
     assert lines[0].endswith("converged")
     numbers = {
         label: re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", line) for label, line in zip(labels(lines), lines, strict=True)
@@ -43,6 +45,9 @@ def test_what_is_said(summary):
     assert [int(n) for n in numbers["contact"][:2]] == [summary["touching_nodes"], summary["contact_nodes"]]
     assert float(numbers["stress"][0]) == pytest.approx(summary["stress"]["von_mises"]["value"], rel=1e-2)
     assert float(numbers["error"][0]) == pytest.approx(100 * summary["stress"]["error"], rel=5e-2)
+    assert [float(n) for n in numbers["cost"][::2][:2]] == pytest.approx(
+        [100 * summary["cost"]["error"], 100 * summary["cost"]["next_error"]], rel=5e-2
+    )
     assert int(numbers["effort"][0]) == summary["linear_solves"]
     assert lines[-1].endswith("results/scene/")
 
@@ -71,6 +76,9 @@ def test_any_answer_is_short(summary, seed):
         drawn["results_of"] = {"step": 3, "name": text(10), "time": 1.25, "status": "converged"}
         drawn["steps"] = [{"time": 1.0}, {"time": 1.25}, {"time": 1.5}]
     if dice.random() < 0.5:
+        errors = dict.fromkeys(("energy", "pressure", "force"), 0.0123)
+        drawn["price_list"] = [{**errors, "seconds": 1.0, "predicted": False}, {**errors, "predicted": True}]
+    if dice.random() < 0.5:
         drawn["preloads"] = [
             {"name": text(20), "force": 1.0 / 3.0, "shortening": 2.0 / 3.0} for _ in range(dice.randint(1, 5))
         ]
@@ -78,7 +86,8 @@ def test_any_answer_is_short(summary, seed):
     assert len(lines) <= 10
     assert max(map(len, lines)) <= 80
     assert labels(lines)[-1] == "results"
-    assert ("certificate" if drawn["converged"] else "what to do") in labels(lines)
+    assert ("certifi" if drawn["converged"] else "what to do") in "\n".join(lines)
+    assert "cost" in labels(lines)
     assert ("warning" in labels(lines)) == bool(drawn["findings"])
 
 
@@ -97,14 +106,35 @@ def test_safety_is_a_sentence(summary, safety, sentence):
     assert line.split(maxsplit=1)[1] == sentence
 
 
-def test_certificate_that_does_not_hold(summary):
-    """It is said aloud."""
-    (line,) = (
-        line
-        for line in told(summary | {"certificate": summary["certificate"] | {"holds": False}})
-        if "certificate" in line
-    )
-    assert "DOES NOT HOLD" in line
+@pytest.mark.parametrize("warnings", [0, 1])
+def test_certificate_that_does_not_hold(summary, warnings):
+    """It is said aloud, behind the contact too."""
+    findings = [{"level": "warning", "path": "mesh", "message": "word " * 60}] * warnings
+    prices = {"price_list": [{"energy": 0.1, "seconds": 1.0, "predicted": False}]}
+    certificate = {"certificate": summary["certificate"] | {"holds": False}}
+    (line,) = (line for line in told(summary | certificate | prices | {"findings": findings}) if "certifi" in line)
+    assert "NOT" in line
+    assert line.split()[0] == ("contact" if warnings else "certificate")
+
+
+def test_error_that_stands_in_another_line(summary):
+    """Of one mesh the line of the cost has it, where there is no room for both; of several each says another thing."""
+    findings = {"findings": [{"level": "warning", "path": "mesh", "message": "word " * 60}]}
+    lines = told(summary | findings)
+    assert "error" not in labels(lines)
+    assert "certificate" in labels(lines)
+    (line,) = (line for line in lines if line.split()[0] == "cost")
+    assert float(line.split()[1]) == pytest.approx(100 * summary["stress"]["error"], rel=5e-2)
+    bound = {"error_bound": {"relative_error": 0.1, "guaranteed": True}}
+    assert "error" in labels(told(summary | findings | bound))
+
+
+def test_texts_end_at_a_clause():
+    """A sentence or a clause that fits is whole; where none does, a text ends at a word."""
+    text = "mesh: the first clause is here; the second one is so long that it does not fit. And a third one."
+    assert clauses(text, 60, 1) == ["mesh: the first clause is here ... (--verbose)"]
+    assert " ".join(clauses(text, 60, 2)) == text
+    assert clauses("word " * 40, 30, 1) == ["word word word ... (--verbose)"]
 
 
 @pytest.mark.parametrize("length", [1, 40])

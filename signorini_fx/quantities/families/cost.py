@@ -1,0 +1,46 @@
+"""What the accuracy took, and what a better one would take."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signorini_fx.machine.terminal import TerminalLine
+from signorini_fx.quantities.kinds import Count, Number, Row, described
+from signorini_fx.quantities.quantity import Quantity, Summary
+from signorini_fx.quantities.text import row
+
+
+class CostFigures(Row):
+    """Of the estimated error and the seconds of this run."""
+
+    of: str | None = described(
+        "The error that it is about, a column of the price list: `energy` is that of stress and displacement.",
+        default=None,
+    )
+    error: Number = described("Estimated error of the last mesh, relative.", default=None)
+    seconds: Number = described("What it took, all meshes together, wall time.", default=None)
+    dofs: Count | None = described("Unknowns of the last mesh.", default=None)
+    next_error: Number = described("A smaller error: a tenth in the plane, half in space, relative.", default=None)
+    next_seconds: list[Number] = described("What that would take on this machine, from and to.", default_factory=list)
+    next_dofs: Number = described("About how many unknowns it would take.", default=None)
+    statement: str = described("All of it in a sentence, or why there is no forecast.")
+
+
+class CostOfSolution(Quantity):
+    """See ``accuracy.next_digit``."""
+
+    key, kind, scope, stage = "cost", CostFigures, "all", "results"
+    title = "What the accuracy took, and what a better one would take; a forecast."
+    terminal = "cost"
+
+    def value(self, solution: Any) -> Any:
+        """See ``Quantity``."""
+        cost = solution.cost
+        return {"statement": cost} if isinstance(cost, str) else cost.as_dict()
+
+    def lines(self, summary: Summary) -> list[TerminalLine]:
+        """See ``Quantity``."""
+        return [row(self.terminal, summary[self.key]["statement"])] if self.key in summary else []
+
+
+QUANTITIES = (CostOfSolution(),)
