@@ -250,9 +250,9 @@ class RigidBodyMotion:
         # Moments as forces and rotations as lengths at this lever, so that neither depends on units.
         lever = np.append(np.ones(dim), np.full(motion.size - dim, reach or 1.0))
         springs = self.body.motion.stiffness(dim)[: motion.size] * motion
-        load, motion, prescribed = (load - springs) / lever, motion * lever, prescribed * lever
-        residual = load + taken / lever
-        size = max(size, float(np.abs(load).max()), least)
+        acting, motion, prescribed = np.array([load, -springs, taken]) / lever, motion * lever, prescribed * lever
+        residual = acting.sum(axis=0)
+        size = max(size, float(np.abs(acting[:2]).max()), least)  # springs may balance loads alone
         missed, far = (
             np.abs(motion - prescribed)[~free],
             max(np.abs(motion).max(), np.abs(prescribed[~free]).max(initial=0)),

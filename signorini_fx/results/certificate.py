@@ -258,7 +258,7 @@ def judged(
     volume = change_of_volume(balance, float(far.max()), strained)
     if tractions is None:
         units = PieceScales(length, far, np.zeros(pieces.count), np.zeros(pieces.count))
-        left, unjudged = equilibrium(balance, pieces, y, None, units)
+        left, unjudged = equilibrium(balance, pieces, y, None, units, float(far.max()))
         return Certificate(equilibrium=max(left, volume), unjudged=unjudged, **figures)
     nodes = ContactNodes.of(forces, sides, tractions)
     at = nodes.pieces(pieces.piece)
@@ -270,13 +270,16 @@ def judged(
 
     drawn, moved = np.zeros(len(nodes.nodes)), [motion for motion, _ in rigid]
     for motion in moved:
-        drawn[nodes.part(*motion.body.parts)] = np.linalg.norm(motion.translation)
+        touching = nodes.part(*motion.body.parts)
+        drawn[touching] = np.linalg.norm(motion.at(x[nodes.nodes[touching]]), axis=1)
     length = np.maximum(length, NO_FORCE * largest(drawn))
+    reach = max(float(far.max()), float(largest(drawn).max()))
+    alone = balance.unloaded(pieces)
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
     stress = np.maximum(largest(nodes.felt(supports)), FAINT * mean)
     moduli, sizes = np.array([(piece_scales.modulus, piece_scales.size) for piece_scales in stiffest]).T
     fineness = largest(np.asarray(1.0 / balance.scales.side(nodes.weight)))
-    stress = np.maximum(stress, NO_FORCE * moduli * far * fineness)
+    stress = np.maximum(stress, NO_FORCE * np.where(alone, moduli.max() * reach, moduli * far) * fineness)
     # What supports take of a traction leaves its round-off in the directions that are free, and in the penetration.
     stress = np.maximum(stress, NO_FORCE * largest(np.linalg.norm(nodes.traction, axis=1)))
     length = np.maximum(length, NO_FORCE * largest(np.abs(nodes.pressure)) / law.gamma_n)
@@ -295,11 +298,13 @@ def judged(
             slip = slip - ContactNodes.of(forces, sides, replace(before.tractions, shear=before.moved)).shear
         # Foundations may have turned since: what was along them then need not be along them now.
         slip, origin = nodes.along(slip), nodes.along(origin)
-    # Most of the displacement that a relative one is the difference of may be common to two bodies.
-    terms = NO_FORCE * largest(nodes.terms(y))
+    # Most of the displacement that a relative one is the difference of may be common to two bodies, and the solver
+    # loses digits of the largest one of both.
+    farther = np.where(at[1] < 0, 0.0, np.maximum(far[at[0]], far[at[1]]))
+    terms = NO_FORCE * np.maximum(largest(np.maximum(nodes.terms(y), farther)), np.where(alone, reach, 0.0))
     penalty = terms * max((gamma for gamma in (law.gamma_n, law.gamma_t) if np.isfinite(gamma)), default=0.0)
     # With a larger gamma nothing is known of the tractions.
-    strains = mean > LOST_UNITS * NO_FORCE * moduli * far.max() / sizes
+    strains = mean > LOST_UNITS * NO_FORCE * moduli * reach / sizes
     penalty = np.where(strains, np.minimum(penalty, ABOVE_THE_MEAN * mean), penalty)
     length, stress = np.maximum(length, terms), np.maximum(stress, penalty)
     stress = np.maximum(stress, NO_FORCE * float(stress.max()))  # round-off of the joint system
@@ -310,7 +315,7 @@ def judged(
     units = PieceScales(np.maximum(length, still), np.maximum(far, still), stress, penalty)
     points = units.between(*at)
     figures |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, supports, points)
-    left, unjudged = equilibrium(balance, pieces, y, nodes, units)
+    left, unjudged = equilibrium(balance, pieces, y, nodes, units, reach)
     for (motion, drive), faint in zip(rigid, _faint_forces(nodes, at[0], mean, moved), strict=True):
         resultant = nodes.resultant(motion.body.parts, motion.reference)
         left = max(left, motion.unbalanced(drive, resultant, faint))

@@ -37,6 +37,8 @@ class Balance:
         initial: those of initial strains where they are prevented, forces, shape (owned nodes, d).
         prevented: energy of their stress then.
         dilation: see ``NodalForces.dilation``; None: the pressure is no unknown.
+        unstrained: the size of what strains are added to where ``internal`` is evaluated: 1 of a finite deformation
+            I + grad u, whose forces have its round-off, however small u is.
     """
 
     surface: SurfaceQuadrature
@@ -49,6 +51,7 @@ class Balance:
     initial: Nodal | float = 0.0
     prevented: float = 0.0
     dilation: tuple[Nodal, Nodal] | None = None
+    unstrained: float = 0.0
 
     def of_pieces(self, pieces: RigidPart) -> tuple[list[Scales], list[Scales]]:
         """``scales`` and ``stiffest`` of each piece."""
@@ -57,6 +60,17 @@ class Balance:
         sizes = map(float, pieces.size)
         scales = [replace(self.scales, size=size) for size in sizes]
         return scales, [replace(piece_scales, modulus=self.stiffest.modulus) for piece_scales in scales]
+
+    def unloaded(self, pieces: RigidPart) -> npt.NDArray[np.bool_]:
+        """Pieces that no load strains and no support moves, shape (pieces,); collective.
+
+        They have the forces alone that others pass on to them.  If these pass on none, all that is there is round-off
+        of the joint system, and as large as the motions of others make it, not as its own.
+        """
+        nothing = np.zeros_like(self.external)
+        imposed = pieces.largest(self.supports.missed(nothing), self.supports.among(pieces.piece))
+        acting = [pieces.norms(forces) for forces in (self.external, nothing + self.initial)]
+        return np.asarray(np.sum([imposed, *acting], axis=0) == 0)
 
 
 class PieceScales(NamedTuple):
@@ -83,7 +97,7 @@ class PieceScales(NamedTuple):
 
 
 def equilibrium(
-    balance: Balance, pieces: RigidPart, y: Nodal, nodes: ContactNodes | None, units: PieceScales
+    balance: Balance, pieces: RigidPart, y: Nodal, nodes: ContactNodes | None, units: PieceScales, reach: float
 ) -> tuple[float, tuple[int, ...]]:
     """The residual of (3.3a) in the free unknowns, of each piece and of the worst contact node as a stress; collective.
 
@@ -97,21 +111,22 @@ def equilibrium(
         y: displacements of the owned nodes, shape (owned nodes, d).
         nodes: the contact points with the tractions at them; None: there are none.
         units: what stresses and lengths are relative to, of each piece.
+        reach: the largest displacement of anything, also of a rigid body, length.
 
     Returns:
         The residual, and the pieces of which it says nothing, as all forces on them are round-off of the joint system.
     """
     comm, supports = balance.surface.space.mesh.comm, balance.supports
     _, stiffest = balance.of_pieces(pieces)
-    spacing = [
-        piece_scales.spacing(int(many))
-        for piece_scales, many in zip(stiffest, pieces.works(np.ones((len(y), 1)))[:, 0], strict=True)
-    ]
+    nodes_of_pieces = pieces.works(np.ones((len(y), 1)))[:, 0]
+    spacing = [piece_scales.spacing(int(many)) for piece_scales, many in zip(stiffest, nodes_of_pieces, strict=True)]
     # A motion without stress, or without change of volume, has forces too: round-off of the largest modulus.
     firmness = np.array(
         [piece_scales.stiffness(distance) for piece_scales, distance in zip(stiffest, spacing, strict=True)]
     )
-    least = NO_FORCE * firmness * pieces.norms(y)
+    count = np.sqrt(nodes_of_pieces)
+    least = firmness * (pieces.norms(y) + balance.unstrained * np.array(spacing) * count)
+    least = NO_FORCE * np.where(balance.unloaded(pieces), np.maximum(least, firmness.max() * reach * count), least)
     loads = balance.external + balance.initial
     acting = [supports.left(loads), supports.left(balance.resisted)]
     residual = balance.internal + balance.resisted - loads

@@ -204,7 +204,8 @@ def driven_twice(shapes: Sequence[Any], number: int) -> str:
     ]
     if name is None or len(drivers) == 1:
         return ""
-    return f"give force, moment, prescribed or spring in one contact of {name!r}, not in {len(drivers)}"
+    free = "" if drivers else "; prescribed = {} leaves it free"
+    return f"give force, moment, prescribed or spring in one contact of {name!r}, not in {len(drivers)}{free}"
 
 
 def _name_of(shape: Any) -> str | None:

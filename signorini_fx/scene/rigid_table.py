@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from signorini_fx.scene.base import refused
-from signorini_fx.scene.rigid_motion import RigidMotion
+from signorini_fx.scene.rigid_motion import Prescribed, RigidMotion
 from signorini_fx.scene.rigid_shape import OneShape, Shape, read_shape
 from signorini_fx.scene.values import Vector, shown
 
@@ -38,9 +38,10 @@ class Rigid(RigidMotion):
 
     @property
     def driving(self) -> dict[str, Any]:
-        """What drives it, as keys of a shape."""
+        """What drives it, as keys of a shape; without any of these it is free, and contacts alone move it."""
+        free = {} if self.drives else {"prescribed": Prescribed()}
         values = {key: getattr(self, key) for key in ("pivot", *RigidMotion.model_fields)}
-        return {key: value for key, value in values.items() if value is not None}
+        return {key: value for key, value in values.items() if value is not None} | free
 
 
 def with_shapes(entry: Any) -> Any:

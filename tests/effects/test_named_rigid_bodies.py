@@ -74,7 +74,7 @@ def roller(*, upper=None, load=None, law=FRICTION, cells=15, unit=(1.0, 1.0), mi
     return scene
 
 
-FREE = {"force": [0.0, 0.0]}
+FREE = {}  # what is not prescribed is free
 
 
 def test_a_roller_rolls():
@@ -91,6 +91,29 @@ def test_a_roller_rolls():
     assert abs(below[1]) + abs(above[1]) < 1e-5 * pressed
     assert solution.certificate.holds
     assert solution.certificate.equilibrium < 1e-9
+
+
+@pytest.mark.parametrize("algorithm", ["ssn", "alm"])
+def test_a_roller_that_springs_hold_clear_of_a_body(algorithm):
+    """A force that lifts it, over the stiffness: its springs balance the load alone, and the plates have none."""
+    stiffness, force = {"x": 100.0, "y": 50.0, "rotation": 7.0}, [0.0, 3.0]
+    scene = roller(spring=stiffness, force=force)
+    scene["contact"], scene["body"], scene["displacement"] = (
+        scene[key][:1] for key in ("contact", "body", "displacement")
+    )
+    scene["solver"]["algorithm"] = algorithm
+    solution = solve(parse_scene(scene))
+    (row,) = rows(solution)
+    assert solution.status is Status.CONVERGED
+    assert np.allclose(row["displacement"], [0.0, 3.0 / 50.0], rtol=1e-12, atol=1e-15)
+    assert abs(solution.displacement.x.array).max() < 1e-12
+    # Springs that are wrong by 1e-5 are refused.
+    (tool,) = solution.last_step.tools
+    wrong = replace(tool, translation=tool.translation * (1 + 1e-5))
+    tagged, law = solution.discretisation.tagged, solution.certificate.law
+    tractions = Tractions.of(solution.contact)
+    found = certify(solution.scene, tagged, solution.displacement, tractions, law=law, rigid=(wrong,))
+    assert found.equilibrium == pytest.approx(1e-5, rel=1e-3)
 
 
 def test_a_roller_that_may_not_turn_slides():

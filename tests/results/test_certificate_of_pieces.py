@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scenes import alone
 
+from signorini_fx import Status
 from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Tractions
@@ -127,3 +128,99 @@ def test_a_slender_body():
     tractions, tagged = Tractions.of(solution.contact), solution.discretisation.tagged
     found = certify(other, tagged, solution.displacement, tractions, law=solution.certificate.law)
     assert found.equilibrium > CERTIFICATE_TOLERANCE
+
+
+def rectangles(
+    young, heights, *, moved, bonded, gap=0.0, poisson=0.3, degree=1, cell="triangle", lengths=(1.0,) * 4, **more
+):
+    """Rectangles upon each other, the lowest held at its bottom, the top of the uppermost moved; some pairs bonded."""
+    names = "abcd"[: len(young)]
+    bottoms = np.cumsum([0.0, *heights[:-2], heights[-2] + gap])
+    pairs = list(zip(names[1:], names, strict=False))
+    return parse_scene(
+        {
+            "body": [
+                {
+                    "name": name,
+                    "mesh": {
+                        "generator": "rectangle",
+                        "parameters": {
+                            "length": lengths[k],
+                            "height": heights[k],
+                            "nx": 4 + k % 2,
+                            "ny": 3,
+                            "cell": cell,
+                        },
+                    },
+                    "shift": [0.0, bottoms[k]],
+                }
+                for k, name in enumerate(names)
+            ],
+            "element": {"degree": degree},
+            "material": [{"region": name, "young": young[k], "poisson": poisson} for k, name in enumerate(names)],
+            "displacement": [
+                {"boundary": "a.bottom", "x": 0.0, "y": 0.0},
+                {"boundary": f"{names[-1]}.top", "x": moved[0], "y": moved[1]},
+            ],
+            "contact": [
+                {"boundary": f"{upper}.bottom", "against": f"{lower}.top", "points": "boundary"}
+                | ({"kind": "bonded"} if bonded[k] else {})
+                for k, (upper, lower) in enumerate(pairs)
+            ],
+        }
+        | more
+    )
+
+
+@pytest.mark.parametrize(
+    ("young", "degree", "cell"), [((180.0, 36.0, 1500.0), 2, "quadrilateral"), ((2800.0, 850.0, 260.0), 1, "triangle")]
+)
+def test_bodies_at_rest_beside_one_that_moves_away(young, degree, cell):
+    """What has no load at all is round-off of what moves: exactly nothing is there, and a rigid motion."""
+    away = (0.002, 0.001)
+    scene = rectangles(
+        young,
+        (1.0, 1.0, 1.0),
+        moved=away,
+        bonded=(True, False),
+        gap=1e-4,
+        degree=degree,
+        cell=cell,
+        lengths=(1.0, 1.5, 1.0),
+    )
+    solution = alone(scene)
+    assert solution.status is Status.CONVERGED
+    y = solution.displacement.x.array.reshape(-1, 2)
+    highest = solution.discretisation.space.tabulate_dof_coordinates()[:, 1] > 2 + 0.5e-4
+    assert np.abs(y[~highest]).max() < 1e-8 * np.linalg.norm(away)
+    assert np.abs(y[highest] - away).max() < 1e-12 * np.linalg.norm(away)
+    # What is no round-off is refused as before.
+    wrong, rng = solution.displacement.copy(), np.random.default_rng(0)
+    at_rest = np.flatnonzero(~highest)
+    wrong.x.array.reshape(-1, 2)[at_rest] += 1e-7 * away[0] * rng.standard_normal((at_rest.size, 2))
+    tractions = Tractions.of(solution.contact)
+    tagged, law = solution.discretisation.tagged, solution.certificate.law
+    assert certify(scene, tagged, wrong, tractions, law=law).worst > 1e-3
+    pulled = replace(tractions, pressure=tractions.pressure + 1e-4 * min(young) * away[0])
+    assert certify(scene, tagged, solution.displacement, pulled, law=law).worst > 10 * CERTIFICATE_TOLERANCE
+
+
+def test_a_soft_body_on_a_stiff_one():
+    """The digits that a bond loses are those of the largest displacement in both bodies, wherever it is: a bar in
+    series, of which the softest part is strained.
+    """
+    young, heights, squeezed = (8.0, 313.0, 1.76e-3), (1.0, 1.0, 1.0), 4.6e-3
+    more = {"displacement": [{"boundary": "a.bottom", "x": 0.0, "y": 0.0}, {"boundary": "c.top", "y": -squeezed}]}
+    scene = rectangles(
+        young, heights, moved=(0.0, 0.0), bonded=(True, True), poisson=0.0, degree=2, cell="quadrilateral", **more
+    )
+    solution = alone(scene)
+    assert solution.status is Status.CONVERGED
+    stress = squeezed / np.sum(np.array(heights) / young)
+    assert solution.contact.pressure == pytest.approx(stress, rel=1e-4)
+    tractions, rng = Tractions.of(solution.contact), np.random.default_rng(0)
+    for name in ("pressure", "shear"):
+        values = getattr(tractions, name)
+        wrong = replace(tractions, **{name: values + 1e-3 * stress * rng.standard_normal(values.shape)})
+        tagged, law = solution.discretisation.tagged, solution.certificate.law
+        assert certify(scene, tagged, solution.displacement, wrong, law=law).worst > 5 * CERTIFICATE_TOLERANCE
