@@ -43,7 +43,9 @@ class Status(Enum):
     TOO_LARGE = "deformation too large for linear elasticity"
     INVERTED = "cells turned inside out"
     UNSTABLE = "unstable equilibrium"
+    STABILITY_UNKNOWN = "stability not known"
     LIMIT = "no equilibrium found beyond a load"
+    NOT_SOLVED = "not solved beyond a load"
     NOT_CERTIFIED = "certificate does not hold"
     BUDGET = "budget ends before the accuracy"
     OUT_OF_REACH = "accuracy out of reach"
@@ -104,9 +106,17 @@ _ADVICE = {
         "the residual vanishes, but a displacement that contact admits lowers the energy: the body would leave this "
         "state. Begin with an imperfection, prescribe a displacement instead of a force, or lower the load"
     ),
+    Status.STABILITY_UNKNOWN: (
+        "the result is an equilibrium, but whether it is stable cannot be told: J is not the derivative of F, or the "
+        "machine lacks the memory for a factor of it. Give the derivative of F as J, or set stability=False"
+    ),
     Status.LIMIT: (
-        "the smallest step has no solution: prescribe a displacement instead of a force to follow the body beyond a "
-        "limit point, refine the mesh, or allow a smaller step"
+        "prescribe a displacement instead of a force to follow the body beyond a limit point, refine the mesh, or "
+        "allow a smaller step"
+    ),
+    Status.NOT_SOLVED: (
+        "Newton's method fails with the smallest step, and nothing says that there is no solution: allow a smaller "
+        "step, raise max_newton, give the derivative of F as J, or refine the mesh"
     ),
     Status.NOT_CERTIFIED: (
         "the check after the solve found that conditions of the problem are violated: see the certificate in the "

@@ -775,3 +775,7 @@ NORMAL_DIFFERENCE = 1e-6
 # What holds a contact point where the inertia of the tangent is looked at, in units of the largest entry on the
 # diagonal.  Choice.
 HOLDING_STIFFNESS = 1e4
+# A tangent is tried by differences of the residual over this strain, and is its derivative if both differ by less than
+# the second number, as a share of the norm.  Choice: differences of neo-Hookean forces over it are wrong by 1e-10, and
+# the stress that buckles a slender column is 1e-3 of its modulus.
+DIFFERENCE_STRAIN, SAME_DERIVATIVE = 1e-5, 1e-6

@@ -717,8 +717,8 @@ MUTANTS = (
     ),
     Mutant(
         "body/elastic",
-        "forces - action(self.forms, prescribed, np.flatnonzero(moved).astype(np.int32))",
-        "forces + action(self.forms, prescribed, np.flatnonzero(moved).astype(np.int32))",
+        "forces - self.forces_of(prescribed, np.flatnonzero(moved).astype(np.int32))",
+        "forces + self.forces_of(prescribed, np.flatnonzero(moved).astype(np.int32))",
         "lifting, sign",
     ),
     Mutant(

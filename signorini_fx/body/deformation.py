@@ -11,13 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import basix
-import basix.ufl
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx import compat, parallel
-from signorini_fx.body.assembly import adjugates
+from signorini_fx import parallel
+from signorini_fx.body.cell_gradients import gradients
 from signorini_fx.body.elastic import ElasticBody
 
 
@@ -63,25 +62,6 @@ def deformation_of(body: ElasticBody, displacement: fem.Function, size: float) -
 
 def _squares(body: ElasticBody, displacement: fem.Function) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """|grad u|^2 at the middle of each owned cell, and the sizes of these cells, shape (cells,)."""
-    mesh, space = body.space.mesh, body.space
-    cell = mesh.topology.cell_name()
-    middle = basix.geometry(getattr(basix.CellType, cell)).mean(axis=0, keepdims=True)
-    owned = slice(mesh.topology.index_map(mesh.topology.dim).size_local)
-
-    def slopes(degree: int) -> npt.NDArray[np.float64]:
-        """Derivatives of the scalar basis functions in the middle of the reference cell, shape (d, functions)."""
-        element = basix.ufl.element("Lagrange", cell, degree, lagrange_variant=basix.LagrangeVariant.equispaced)
-        derivatives: npt.NDArray[np.float64] = element.tabulate(1, middle)[1:, 0]
-        return derivatives
-
-    dim = mesh.topology.dim
-    x = mesh.geometry.x[compat.geometry_cells(mesh)[owned], :dim].astype(np.float64)
-    y = displacement.x.array.reshape(-1, body.dimension)[space.dofmap.list[owned]]
-
-    def along_cell(values: npt.NDArray[np.float64], degree: int) -> npt.NDArray[np.float64]:
-        """Derivatives of nodal values, shape (cells, functions, d), along the reference cell, shape (d, d, cells)."""
-        return np.array([[values[:, :, i] @ slope for slope in slopes(degree)] for i in range(values.shape[2])])
-
-    adjugate, determinant = adjugates(along_cell(x, compat.geometry_degree(mesh)))
-    gradient = np.einsum("ikc,kjc->ijc", along_cell(y, space.element.basix_element.degree), adjugate)
-    return np.einsum("ijc,ijc->c", gradient, gradient) / determinant**2, np.abs(determinant)
+    middle = basix.geometry(getattr(basix.CellType, body.space.mesh.topology.cell_name())).mean(axis=0, keepdims=True)
+    gradient, volume = next(gradients(displacement, middle))
+    return np.einsum("ijc,ijc->c", gradient, gradient), volume

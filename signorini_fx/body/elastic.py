@@ -25,6 +25,7 @@ from signorini_fx.body.contact_map import contact_map
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.elastic_law import ElasticLaw
 from signorini_fx.body.mesh_levels import MeshLevel
+from signorini_fx.body.nodal_stiffness import NodalStiffness
 from signorini_fx.body.pieces import BodyPieces
 from signorini_fx.body.rigid import RigidMotions, nearest_motion, rigid_motions, without_energy, without_strain
 from signorini_fx.body.rigid_bodies import Driven, with_more_unknowns, without_more
@@ -69,6 +70,8 @@ class ElasticBody:
         kinematics: of the displacement; which motions have no strain in forms of a user's own, these say themselves.
         compressible: whether the material is far enough from incompressible for multigrid.
         elastic: the law that ``terms`` are of, and its unknowns beside the displacement.
+        beside: what a(., .) has beside ``terms``; None: nothing.
+        definite: whether a(., .) is positive semi-definite, as far as ``elastic`` is.
         of_body: what has been computed of all these but ``boundary``, unless unknowns are along its normals.
         of_contact: what has been computed of the boundary too.
     """
@@ -86,6 +89,8 @@ class ElasticBody:
     kinematics: Kinematics
     compressible: bool = True
     elastic: ElasticLaw = field(default_factory=ElasticLaw)
+    beside: NodalStiffness | None = None
+    definite: bool = True
     of_body: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     of_contact: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
@@ -149,7 +154,8 @@ class ElasticBody:
             everywhere: Any = self.boundary.points.everywhere
             held = self.at_contact.held_by(everywhere, everywhere)
         if not self.elastic.pressed:
-            return SystemSize(self.comm, self.dofs, across, retained, held, self.compressible)
+            definite = self.definite
+            return SystemSize(self.comm, self.dofs, across, retained, held, self.compressible, definite=definite)
         touched = self.prescribed.copy()
         touched[_touched(self.contact)] = True
         enclosed = retained > 0 and self.elastic.encloses(self.vector, touched)
@@ -165,6 +171,8 @@ class ElasticBody:
         if aligned and boundary is not None and (aligned_frames := boundary.aligned()) is not None:
             frames.append(aligned_frames)
         stiffness = sum_of(self.forms, [] if frames else self.bcs)
+        if self.beside is not None:
+            self.beside.add_to(stiffness, None if frames else self.fixed)
         rotation, fixed = None, self._held
         if frames:
             rotation = block_rotation(stiffness, frames)
@@ -251,7 +259,7 @@ class ElasticBody:
         """What linear algebra needs to know of the body; ``coarser``: coarser meshes for multigrid."""
         free = self.motions.free.shape[1]
         of = self.stiffness, cases, self.contact, free, self.level(coarser)
-        return Elasticity(*of, definite=not self.elastic.pressed, rigid=self._rigid)
+        return Elasticity(*of, definite=self.definite and not self.elastic.pressed, rigid=self._rigid)
 
     def case(
         self,
@@ -274,7 +282,7 @@ class ElasticBody:
         prescribed_values, moved = prescribed.x.array[: forces.size], prescribed.x.array.reshape(-1, dim).any(axis=1)
         lifted, start = forces, self.vector(prescribed_values)
         if parallel.any_rank(comm, bool(moved.any())):
-            lifted = forces - action(self.forms, prescribed, np.flatnonzero(moved).astype(np.int32))
+            lifted = forces - self.forces_of(prescribed, np.flatnonzero(moved).astype(np.int32))
             nearest = nearest_motion(
                 self.motions, self.fixed.reshape(-1, dim), prescribed_values.reshape(-1, dim), self.turned, comm
             )
@@ -378,10 +386,22 @@ class ElasticBody:
             driven = driven - self.motions.foundations @ resting.motion
         x.getArray()[self.fixed.size : self._held.size] = driven[: self._rigid]
 
+    def forces_of(self, displacement: fem.Function, nodes: npt.NDArray[np.int32] | None = None) -> Array:
+        """a(y, .), supports left out, shape (owned dofs,); collective.
+
+        Args:
+            displacement: y.
+            nodes: outside of which y is zero, local numbers, ghosts included; None: there may be none.
+        """
+        if nodes is None:
+            nodes = np.arange(displacement.x.array.size // self.dimension, dtype=np.int32)
+        forces = action(self.forms, displacement, nodes)
+        return forces if self.beside is None else forces + self.beside.times(displacement)
+
     def energy_norm(self, x: PETSc.Vec) -> float:
         """Sqrt(a(y, y)) of a displacement, with what is prescribed; collective."""
         y = self.function(x)
-        forces = action(self.forms, y, np.arange(y.x.array.size // self.dimension, dtype=np.int32))
+        forces = self.forces_of(y)
         twice = float(parallel.global_sum(self.comm, forces @ y.x.array[: forces.size])) + self.elastic.energy(y)
         return float(np.sqrt(max(0.0, twice)))
 

@@ -480,17 +480,9 @@ class ContactProblem(SolvedProblem):
         self.tools = self._rigid.moved(self._elastic.driven(outcome.displacement(), self._task.rest))
         state = self._state = self._elastic.state(self._task, outcome, self._begun)
         self._fields.take(self._space, state)
-        self.certificate = judged(
-            self.u,
-            balance_of((self._a, self._L), self.u, *self._prescribed, self._scales),
-            sides_of(self._data, self.contact, self._named, self._space),
-            Tractions.of(state),
-            law=Law(*self._task.promised(outcome)),
-            before=self._previous_step,
-            rigid=[*zip(self.tools, self._rigid.drives(), strict=True)],
-        )
+        self.certificate = self._judged(outcome)
         self.status = outcome.status
-        if outcome.status is Status.CONVERGED and not self.certificate.holds:
+        if outcome.status is Status.CONVERGED and self.certificate is not None and not self.certificate.holds:
             self.status = Status.NOT_CERTIFIED
         if self.status is not Status.CONVERGED:  # the next solve begins where this one has begun
             self._task.iterate.newton.restore(self._checkpoint)
@@ -506,7 +498,7 @@ class ContactProblem(SolvedProblem):
         at_rest = self._foundations.at_rest(fixed, values)
         rigid = self._rigid = self._foundations.rigid_bodies
         fingerprints = (
-            digest(self._a, fixed, at_rest, *geometry, rigid.fixed),
+            digest(self._a, fixed, at_rest, *geometry, rigid.fixed, *self._beside()),
             digest(self._L, values, *rigid.driven_by),
         )
         last, self._last_pattern = self._last_pattern, None  # until all that follows has gone well
@@ -537,7 +529,7 @@ class ContactProblem(SolvedProblem):
             fallen = self._last.rest is not None and bool(self._fallen[fixed].any())
             self._start, resting = self._last.seen_from(boundary, held=parallel.any_rank(space.mesh.comm, fallen))
         self._boundary, self._first = boundary, None
-        elastic = self._elastic = elastic_body(space, self._a, self.bcs, fixed[:owned], boundary, self.settings)
+        elastic = self._elastic = self._body(fixed[:owned], boundary)
         self._scales = scales_of(elastic, boundary, self._foundations.facets)
         task = elastic.task(
             [self._case(values)],
@@ -557,7 +549,31 @@ class ContactProblem(SolvedProblem):
 
     def _case(self, values: Array) -> LoadCase:
         """See ``case_of``."""
-        return case_of(self._elastic, self._L, values, self._rigid.driven_together)
+        return case_of(self._elastic, self._forces(), values, self._rigid.driven_together)
+
+    def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
+        """See ``elastic_body``."""
+        return elastic_body(self._space, self._a, self.bcs, fixed, boundary, self.settings)
+
+    def _forces(self) -> Array:
+        """The right-hand side without what is prescribed, shape (owned dofs,); collective."""
+        return assemble(self._L)
+
+    def _beside(self) -> Sequence[npt.NDArray[Any]]:
+        """What the matrix is made of beside ``a`` and ``bcs``."""
+        return ()
+
+    def _judged(self, outcome: Outcome) -> Certificate | None:
+        """The certificate of a result; None: its owner makes another one; collective."""
+        return judged(
+            self.u,
+            balance_of((self._a, self._L), self.u, *self._prescribed, self._scales),
+            sides_of(self._data, self.contact, self._named, self._space),
+            Tractions.of(self.state),
+            law=Law(*self._task.promised(outcome)),
+            before=self._previous_step,
+            rigid=[*zip(self.tools, self._rigid.drives(), strict=True)],
+        )
 
     def _point_data(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
         """Gap, friction and regularisation at the contact points, as they are now; collective."""

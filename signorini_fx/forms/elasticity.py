@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from enum import Enum
 from hashlib import blake2b
 from typing import Any
 
@@ -13,7 +14,7 @@ from dolfinx import mesh as dmesh
 from petsc4py import PETSc
 
 from signorini_fx import compat, parallel
-from signorini_fx.body.assembly import assemble, facet_entities
+from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.pieces import find_pieces
@@ -46,8 +47,18 @@ def elastic_body(
     fixed: npt.NDArray[np.bool_],
     boundary: ContactBoundary,
     settings: SolverSettings,
+    **more: Any,
 ) -> ElasticBody:
     """The elastic body of a user's form, assembled, see ``ElasticBody``; collective.
+
+    Args:
+        space: of the displacement.
+        a: the form.
+        bcs: the supports.
+        fixed: see ``ElasticBody``.
+        boundary: the contact points.
+        settings: how it is to be solved.
+        more: ``beside`` and ``definite``.
 
     Raises:
         FormError: the form is not symmetric, not positive, or not finite; see also ``ContactBoundary.aligned``.
@@ -64,23 +75,24 @@ def elastic_body(
         settings=settings,
         inventory=Inventory(),
         kinematics=CARTESIAN[space.mesh.geometry.dim],
+        **more,
     )
     try:
         stiffness = body.stiffness
     except SceneError as error:
         raise FormError([("algorithm", message) for _, message in error.problems]) from None
-    check_energy(stiffness, fixed.size)
+    check_energy(stiffness, fixed.size, definite=body.definite)
     return body
 
 
-def case_of(elastic: ElasticBody, L: fem.Form, values: Array, driven: Driven | None) -> LoadCase:
-    """The right-hand side of L, of prescribed displacements, ghosts included, shape (dofs,), and of what drives rigid
-    bodies; collective.
+def case_of(elastic: ElasticBody, forces: Array, values: Array, driven: Driven | None) -> LoadCase:
+    """The right-hand side of the forces L, shape (owned dofs,), of prescribed displacements, ghosts included, shape
+    (dofs,), and of what drives rigid bodies; collective.
 
     Raises:
         FormError: one of them is not finite.
     """
-    function, forces = fem.Function(elastic.space), assemble(L)
+    function = fem.Function(elastic.space)
     function.x.array[:] = values
     for name, entries in (("bcs", values), ("L", forces)):
         if parallel.any_rank(elastic.comm, not np.isfinite(entries).all()):
@@ -88,15 +100,40 @@ def case_of(elastic: ElasticBody, L: fem.Form, values: Array, driven: Driven | N
     return elastic.case(forces, function, driven)
 
 
-def check_energy(matrix: PETSc.Mat, owned: int) -> None:
+class MatrixFault(Enum):
+    """Why the matrix of a form cannot be used."""
+
+    NOT_FINITE = "its matrix is not finite: check its coefficients"
+    NOT_SYMMETRIC = "is not symmetric: a(y, z) and a(z, y) differ; friction is what contact= adds"
+    NOT_POSITIVE = "is not positive: a(z, z) is not for some basis function z; check its sign"
+
+
+class MatrixError(FormError):
+    """The matrix of a form cannot be used.
+
+    Attributes:
+        fault: why.
+    """
+
+    def __init__(self, fault: MatrixFault) -> None:
+        super().__init__([("a", fault.value)])
+        self.fault = fault
+
+    def __reduce__(self) -> tuple[type, tuple[MatrixFault]]:  # type: ignore[override]
+        """Errors travel between ranks."""
+        return type(self), (self.fault,)
+
+
+def check_energy(matrix: PETSc.Mat, owned: int, *, definite: bool = True) -> None:
     """Whether a(x, y) = a(y, x) for two random vectors, and a(z, z) > 0 for each basis function z; collective.
 
     Args:
         matrix: of the form.
         owned: its unknowns on this rank, before those of rigid bodies.
+        definite: whether a(z, z) is looked at.
 
     Raises:
-        FormError: the form is not symmetric, not positive, or not finite.
+        MatrixError: the form is not symmetric, not positive, or not finite.
     """
     x, y = matrix.createVecs()
     generator = np.random.default_rng(matrix.comm.rank)
@@ -107,12 +144,14 @@ def check_energy(matrix: PETSc.Mat, owned: int) -> None:
     matrix.mult(y, forces_of_y)
     size = forces.norm()
     if not np.isfinite(size):
-        raise FormError([("a", "its matrix is not finite: check its coefficients")])
+        raise MatrixError(MatrixFault.NOT_FINITE)
     if abs(forces.dot(y) - forces_of_y.dot(x)) > SAME_ENTRY * size:
-        raise FormError([("a", "is not symmetric: a(y, z) and a(z, y) differ; friction is what contact= adds")])
+        raise MatrixError(MatrixFault.NOT_SYMMETRIC)
+    if not definite:
+        return
     diagonal = matrix.getDiagonal().getArray(readonly=True)[:owned]
     if parallel.any_rank(matrix.comm.tompi4py(), bool((diagonal <= 0).any())):
-        raise FormError([("a", "is not positive: a(z, z) is not for some basis function z; check its sign")])
+        raise MatrixError(MatrixFault.NOT_POSITIVE)
 
 
 def scales_of(body: ElasticBody, boundary: ContactBoundary, facets: Sequence[npt.NDArray[np.int32]]) -> Scales:

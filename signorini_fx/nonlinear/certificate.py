@@ -38,6 +38,7 @@ def certified(
     tractions: Tractions,
     law: Law,
     before: PreviousStep | None,
+    lost: Array | None = None,
 ) -> Certificate:
     """Check equilibrium and contact conditions at a displacement; collective.
 
@@ -51,21 +52,21 @@ def certified(
         tractions: what the solver claims, per area of the undeformed boundary.
         law: that the method promises.
         before: the end of the last step; None: there is none.
+        lost: round-off of the residual, forces, of its shape; None: it is not known.
     """
     space = u.function_space
     dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
     places, (fixed, values) = u.x.array.reshape(-1, dim), prescribed
     data, contact, facets = foundations
-    now, motion = list(data), np.zeros_like(places)
+    now = list(data)
     for number, moving in shapes.items():
         nodal_gap, along = np.full(len(places), np.nan), np.full(places.shape, np.nan)
         nodal_gap[moving.nodes], along[moving.nodes] = moving.seen_from(places[moving.nodes])
         now[number] = replace(
             data[number], gap=nodal_gap, shape=ShapeDistances(data[number].shape.factor, along, data[number].shape.axes)
         )
-        motion[moving.nodes] = moving.moved(moving.x + places[moving.nodes])
     if before is not None:
-        before = replace(before, moved=motion[before.tractions.nodes])
+        before = replace(before, moved=_motion(shapes, places, before.tractions))
     prescribed_rows, nowhere = fixed.reshape(-1, dim)[:owned], np.zeros(0, dtype=np.int64)
     supports = PrescribedNodes(
         prescribed_rows,
@@ -78,5 +79,19 @@ def certified(
     )
     forces = residual.reshape(-1, dim)
     nothing = np.zeros_like(forces)
-    balance = Balance(SurfaceQuadrature(space), forces, nothing, supports, scales, scales, nothing)
+    known = nothing if lost is None else lost.reshape(-1, dim)
+    balance = Balance(SurfaceQuadrature(space), forces, nothing, supports, scales, scales, nothing, lost=known)
     return judged(u, balance, sides_of(now, contact, (facets, {}), space), tractions, law=law, before=before)
+
+
+def _motion(shapes: Mapping[int, MovingShape], places: Array, points: Tractions) -> Array:
+    """How far the shape of each contact point has moved since the last step, length, shape (n, d).
+
+    A node that two shapes touch has a contact point for each.
+    """
+    motion = np.zeros((points.nodes.size, places.shape[1]))
+    for number, moving in shapes.items():
+        of_shape = np.flatnonzero(points.part == number)
+        at = np.searchsorted(moving.nodes, nodes := points.nodes[of_shape])
+        motion[of_shape] = moving.moved(moving.x[at] + places[nodes])
+    return motion

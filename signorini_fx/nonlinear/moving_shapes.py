@@ -7,12 +7,16 @@ With the unit normal n_f = grad phi at X + u the condition for a new displacemen
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.body.contact_state import ContactState
+from signorini_fx.body.nodal_stiffness import NodalStiffness
+from signorini_fx.errors import FormError, SceneError
 from signorini_fx.tuned import NORMAL_DIFFERENCE
 
 Array = npt.NDArray[np.float64]
@@ -64,3 +68,54 @@ class MovingShape:
         if self.shape == self.settled:
             return np.zeros_like(places)
         return np.asarray(self.shape.moved_from(self.settled, places))
+
+
+def curvature_of(shapes: Mapping[int, MovingShape], state: ContactState, places: Array, size: float) -> NodalStiffness:
+    """What the shapes add to the tangent as their normals turn with the displacement, at contact tractions.
+
+    The force of a pressure lambda along the normal n turns by -lambda H d, with H the second derivatives of the
+    distance; a shear m in the tangent plane turns by n (m . H d).  The latter is unsymmetric.  Its transpose is added,
+    which acts on displacements along the normal alone: where there is contact these are of second order in d.
+
+    Args:
+        shapes: by the numbers of their foundations.
+        state: of the contact points, with their tractions.
+        places: displacements of the nodes, shape (nodes, d).
+        size: of the body, length.
+    """
+    boundary = state.boundary
+    blocks = np.zeros((boundary.size, boundary.x.shape[1], boundary.x.shape[1]))
+    for number, moving in shapes.items():
+        points = np.flatnonzero(boundary.part == number)
+        normal = boundary.normal[points]
+        hessian = moving.curvature(boundary.x[points] + places[boundary.nodes[points]], size)
+        shear = np.einsum("nij,nj->ni", boundary.tangents[points], state.shear[points])
+        turning = np.einsum("ni,nj->nij", normal, np.einsum("nij,nj->ni", hessian, shear))
+        turned = turning + turning.transpose(0, 2, 1) - state.pressure[points, None, None] * hessian
+        blocks[points] = boundary.weight[points, None, None] * turned
+    return NodalStiffness.summed(boundary.nodes, blocks)
+
+
+def placed(shape: Any, number: int, placement: Mapping[str, Any]) -> Any:
+    """The shape of a foundation with another shift, rotation or pivot.
+
+    Raises:
+        FormError: one of them is wrong.
+    """
+    path = f"contact[{number}].shape"
+    try:
+        moved = shape.placed(**placement)
+    except SceneError as error:
+        raise FormError([(f"{path}.{key}", reason) for key, reason in error.problems]) from None
+    except (TypeError, ValueError) as error:
+        raise FormError([(path, str(error))]) from None
+    wrong = [key for key in placement if not _finite(getattr(moved, key, None))]
+    if wrong:
+        raise FormError([(f"{path}.{key}", "must be finite numbers") for key in wrong])
+    return moved
+
+
+def _finite(value: Any) -> bool:
+    """Whether a part of a placement has no number that is not finite."""
+    parts = value if isinstance(value, tuple) else (value,)
+    return all(np.isfinite(part) for part in parts if isinstance(part, int | float))

@@ -2,20 +2,17 @@
 ``NonlinearProblem``.
 
 Newton's method for the body has the semi-smooth method for contact inside: each of its iterations is a linear
-``ContactProblem`` for the whole displacement y,
-
-    a(y, z) = L(z),    a = F'(u) - lambda Hess phi,    L = a(u, .) - F(u),
-
-with the gaps and normals of the shapes at X + u.  Contact pressure and friction are those of the new displacement, so
-the old ones only enter through the curvature of the shapes.  A line search follows d . (R(u + s d) + B^T (lambda, mu)),
-the slope of the energy with contact where there is one; it needs no energy (P. Wriggers, Computational Contact
-Mechanics, 2006, chapter 10).
+``ContactProblem`` for the whole displacement, see ``linearised``.  Contact pressure and friction are those of the new
+displacement, so the old ones only enter through the curvature of the shapes.  A line search follows
+d . (R(u + s d) + B^T (lambda, mu)), the slope of the energy with contact where there is one; it needs no energy
+(P. Wriggers, Computational Contact Mechanics, 2006, chapter 10).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,71 +21,33 @@ import ufl
 from dolfinx import fem
 
 from signorini_fx import parallel
-from signorini_fx.body.assembly import action, assemble
+from signorini_fx.body.assembly import assemble
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.foundation import Foundation, Pair
-from signorini_fx.body.foundations import Foundations
+from signorini_fx.body.foundation import Foundation
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.arguments import conditions_of, foundations_of
-from signorini_fx.forms.contact_problem import ContactProblem
+from signorini_fx.forms.elasticity import MatrixError, MatrixFault
 from signorini_fx.machine.compilation import compiling
+from signorini_fx.nonlinear.arguments import checked
 from signorini_fx.nonlinear.certificate import certified
 from signorini_fx.nonlinear.inertia import negative_directions
-from signorini_fx.nonlinear.moving_shapes import MovingShape
+from signorini_fx.nonlinear.inversion import turned_inside_out
+from signorini_fx.nonlinear.line_search import share_of_increment
+from signorini_fx.nonlinear.linearised import LinearisedProblem
+from signorini_fx.nonlinear.moving_shapes import MovingShape, curvature_of, placed
+from signorini_fx.nonlinear.ramp import RampStep, StepSizes
+from signorini_fx.nonlinear.snapshot import Snapshot
+from signorini_fx.nonlinear.tangent import derivative, is_derivative, round_off
 from signorini_fx.records import History, Status
 from signorini_fx.results.certificate import Certificate
-from signorini_fx.results.promised_law import Law, Tractions
+from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.scene.rigid_shape import distance_from
-from signorini_fx.scene.values import kind_of
-from signorini_fx.tuned import (
-    BRACKET_MARGIN,
-    FEW_NEWTON_ITERATIONS,
-    LEAST_INCREMENT,
-    LINE_SEARCH_STEPS,
-    NO_LINE_SEARCH,
-    SAME_NUMBER,
-    SHORTENED_SLOPE,
-    SMALL_INCREMENT,
-    SMALLEST_STEP,
-    STEP_GROWTH,
-    WHOLE_SLOPE,
-)
+from signorini_fx.tuned import LEAST_INCREMENT, NO_LINE_SEARCH, SMALL_INCREMENT, SMALLEST_STEP
 
 Array = npt.NDArray[np.float64]
-
-
-class _MovingFoundations(Foundations):
-    """Foundations whose shapes are seen from displaced points."""
-
-    motion: Callable[[ContactBoundary], Array | None]
-
-    def moved(self, boundary: ContactBoundary) -> Array | None:
-        """See ``Foundations``."""
-        return self.motion(boundary)
-
-
-class _LinearisedProblem(ContactProblem):
-    """The contact problem of one iteration."""
-
-    _foundations_class = _MovingFoundations
-
-
-@dataclass(frozen=True)
-class RampStep:
-    """One step of a ramp.
-
-    Attributes:
-        load: how far it goes.
-        iterations: of Newton's method.
-        linear_solves: all of them, those of the contact included.
-    """
-
-    load: float
-    iterations: int
-    linear_solves: int
 
 
 class NonlinearContactProblem:
@@ -107,15 +66,17 @@ class NonlinearContactProblem:
             iterate.
         bcs: Dirichlet conditions as dolfinx makes them; their values may change between two solves.
         contact: the foundations.
-        J: the tangent, a UFL form with two arguments; None: the derivative of ``F``.
+        J: the tangent, a symmetric form with two arguments, UFL or compiled; None: the derivative of ``F``.
         update: called before anything is assembled at new values of ``u``, such as to return stresses to a yield
-            surface, from the state of the last ``commit``.
+            surface, from the state of the last ``commit``.  Where it raises an exception the increment is shortened.
         commit: called by ``advance``: the state at ``u`` is that from which the next step starts.
         petsc_options_prefix: see ``ContactProblem``.
         petsc_options: see ``ContactProblem``.
         form_compiler_options: see ``dolfinx.fem.form``.
         jit_options: see ``dolfinx.fem.form``.
-        stability: whether the inertia of the tangent is looked at after each solve; one more factorisation.
+        stability: whether the inertia of the tangent is looked at after each solve, one more factorisation; then
+            *converged* means that the equilibrium is stable.  The verdict is that of the derivative of ``F``: a ``J``
+            that differs from it, tried by a difference, only leads Newton's method.
         max_newton: iterations of Newton's method.
         settings: algorithm, coulomb, ..., see ``SolverSettings``.
 
@@ -123,10 +84,13 @@ class NonlinearContactProblem:
         u: the solution.
         contact: the foundations.
         pressure, shear, gap, slip: see ``ContactFields``.
-        status: how the last solve ended; None before the first one.
+        status: how the last solve ended; None before the first one, and after an error.
         certificate: the check of the last solution against F and the shapes; None before the first solve.
         iterations: of Newton's method in the last solve.
-        history: every linear solve of all solves so far.
+        history: every linear solve of all solves so far, those of solves that have failed too.
+
+    After a failure ``u``, ``pressure``, ``state``, ``certificate`` and all others are those of the last solution again,
+    and ``update`` has been called there.
 
     Raises:
         FormError: an argument is wrong.
@@ -151,92 +115,63 @@ class NonlinearContactProblem:
         max_newton: int = 30,
         **settings: Any,
     ) -> None:
-        self.u, self.contact = u, self._checked(F, u, foundations_of(contact))
+        self.u, self.contact = u, checked(F, u, J, foundations_of(contact), update, commit, max_newton, settings)
         self._update, self._commit = update or (lambda: None), commit or (lambda: None)
         self._stability, self._max_newton = stability, max_newton
         space = self._space = u.function_space
         self._dimension = int(space.mesh.geometry.dim)
         self._owned = space.dofmap.index_map.size_local * self._dimension
-        test, trial = F.arguments()[0], ufl.TrialFunction(space)
-        tangent = ufl.derivative(F, u, trial) if J is None else J
-        linear = ufl.derivative(F, u, u) if J is None else ufl.action(J, u)
-        shaped = [k for k, entry in enumerate(self.contact) if entry.shape is not None]
-        self._curvature: fem.Function | None = None
-        self._weights: Array = np.zeros(0)
-        if shaped and space.element.basix_element.degree == 1:
-            rate = self._curvature_term(F, tangent, test)
-            tangent, linear = tangent + rate(trial), linear + rate(u)
+        options: dict[str, Any] = {"form_compiler_options": form_compiler_options, "jit_options": jit_options}
+        given = J is not None
+        self._forms, self._tangents = (F, J, options), dict[bool, fem.Form]()  # by whether they are the user's
         with compiling():
-            self._residual = fem.form(F, form_compiler_options=form_compiler_options, jit_options=jit_options)
-        self._linear = _LinearisedProblem(
-            tangent,
-            linear - F,
+            self._residual = fem.form(F, **options)
+        shaped = [k for k, entry in enumerate(self.contact) if entry.shape is not None]
+        self.linear = LinearisedProblem(
+            self._tangent(given=given),
+            self._residual,
+            u,
             bcs,
             [self._seen(k, entry) if k in shaped else entry for k, entry in enumerate(self.contact)],
             petsc_options_prefix=petsc_options_prefix,
             petsc_options=petsc_options,
-            form_compiler_options=form_compiler_options,
-            jit_options=jit_options,
             **settings,
         )
-        self._linear._foundations.motion = self._moved  # type: ignore[attr-defined]
-        self._shapes = {k: self._shape_of(k) for k in shaped}
-        linear_problem = self._linear
-        self.pressure, self.shear = linear_problem.pressure, linear_problem.shear
-        self.gap, self.slip = linear_problem.gap, linear_problem.slip
+        self.linear.begin(self._moved)
+        self.shapes = {k: self._shape_of(k) for k in shaped}
+        self.pressure, self.shear = self.linear.pressure, self.linear.shear
+        self.gap, self.slip = self.linear.gap, self.linear.slip
         bounds = parallel.global_bounds(space.mesh.comm, space.mesh.geometry.x.astype(np.float64))
         self._size = float(np.linalg.norm(np.ptp(bounds, axis=0)))
         self.status: Status | None = None
         self.certificate: Certificate | None = None
         self.iterations = 0
-        self._advanced = u.x.array.copy()
-
-    @staticmethod
-    def _checked(F: Any, u: Any, contact: Sequence[Foundation | Pair]) -> tuple[Foundation, ...]:
-        """The foundations, if the arguments fit each other.
-
-        Raises:
-            FormError: they do not.
-        """
-        problems = list[tuple[str, str]]()
-        if not isinstance(u, fem.Function):
-            problems.append(("u", f"must be a Function, not {kind_of(u)}"))
-        if not isinstance(F, ufl.Form) or len(F.arguments()) != 1:
-            problems.append(("F", "must be a UFL form with one test function"))
-        foundations = list[Foundation]()
-        for k, entry in enumerate(contact):
-            if isinstance(entry, Pair):
-                problems.append((f"contact[{k}]", "two nonlinear bodies are not possible yet: give a Foundation"))
-            else:
-                foundations.append(entry)
-        if problems:
-            raise FormError(problems)
-        return tuple(foundations)
+        self._good: Snapshot | None = None  # the last solution, once there was a solve
 
     @property
     def bcs(self) -> Any:
         """The Dirichlet conditions; the list may change between two solves."""
-        return self._linear.bcs
+        return self.linear.bcs
 
     @bcs.setter
     def bcs(self, bcs: Any) -> None:
-        self._linear.bcs = bcs
+        self.linear.bcs = bcs
 
     @property
     def history(self) -> History:
         """Every linear solve of all solves so far."""
-        return self._linear.history
+        return self.linear.history
 
     @property
     def state(self) -> ContactState:
         """The contact points of this rank after the last solve, with forces and areas of the undeformed boundary."""
-        return self._linear.state
+        return self.linear.state
 
     # --- shapes -------------------------------------------------------------------------------------------------------
 
     def _shape_of(self, number: int) -> MovingShape:
         """The shape of a foundation at its nodes."""
-        entry, values = self.contact[number], self._linear._foundations._values[number]
+        entry, values = self.contact[number], self.linear.nodal_values[number]
         x = node_positions(self._space)[values.nodes]
         shape = self._distance(number, entry.shape)
         added = values(entry.gap, f"contact[{number}].gap")[values.nodes]
@@ -249,10 +184,10 @@ class NonlinearContactProblem:
             FormError: it does not.
         """
         try:
-            found = distance_from(shape, self._dimension).shape
-            if getattr(found, "driven", False):
+            fitting = distance_from(shape, self._dimension).shape
+            if getattr(fitting, "driven", False):
                 raise SceneError([("force", "cannot move it yet: place() it")])
-            return found
+            return fitting
         except SceneError as error:
             raise FormError([(f"contact[{number}].shape.{key}", reason) for key, reason in error.problems]) from None
 
@@ -260,57 +195,27 @@ class NonlinearContactProblem:
         """A foundation with a shape as the linearised problem has it: a gap and a direction."""
 
         def seen() -> tuple[Array, Array]:
-            moving = self._shapes[number]
+            moving = self.shapes[number]
             return moving.seen_from(self.u.x.array.reshape(-1, self._dimension)[moving.nodes])
 
         return replace(entry, shape=None, gap=lambda x: seen()[0], direction=lambda x: seen()[1].T)
 
     def _moved(self, boundary: ContactBoundary) -> Array | None:
         """How far the shapes have moved at the contact points since the last step."""
-        if all(moving.shape == moving.settled for moving in self._shapes.values()):
+        if all(moving.shape == moving.settled for moving in self.shapes.values()):
             return None
-        motion = np.zeros((self.u.x.array.size // self._dimension, self._dimension))
-        places = self.u.x.array.reshape(-1, self._dimension)
-        displacements = np.zeros_like(boundary.x)
-        for number, moving in self._shapes.items():
-            motion[moving.nodes] = moving.moved(moving.x + places[moving.nodes])
+        places, displacements = self.u.x.array.reshape(-1, self._dimension), np.zeros_like(boundary.x)
+        for number, moving in self.shapes.items():
             on_part = boundary.part == number
-            displacements[on_part] = motion[boundary.nodes[on_part]]
+            nodes = boundary.nodes[on_part]
+            displacements[on_part] = moving.moved(boundary.x[on_part] + places[nodes])
         return displacements
 
-    def _curvature_term(self, F: Any, tangent: Any, test: Any) -> Callable[[Any], Any]:
-        """The form of - lambda Hess phi, with the weights of nodes, as a function of its trial function."""
-        mesh, dim = self._space.mesh, self._dimension
-        data = [
-            integral.subdomain_data()
-            for form in (F, tangent)
-            for integral in form.integrals()
-            if integral.integral_type() == "exterior_facet"
-        ]
-        nodal = {"quadrature_rule": "vertex", "quadrature_degree": 1}
-        ds = ufl.Measure("ds", domain=mesh, subdomain_data=data[0] if data else None, metadata=nodal)
-        curvature = self._curvature = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (dim, dim))))
-        with compiling():
-            weights = fem.form(ufl.inner(ufl.as_vector([1.0] * dim), test) * ufl.Measure("ds", mesh, metadata=nodal))
-        self._weights = assemble(weights).reshape(-1, dim)[:, 0]
-        return lambda trial: -ufl.inner(ufl.dot(curvature, trial), test) * ds
-
     def _bend(self) -> None:
-        """Give the tangent the curvature of the shapes with the contact pressures of now; collective."""
-        if self._curvature is None or self._linear._state is None:
-            return
-        state, dim = self.state, self._dimension
-        boundary, places = state.boundary, self.u.x.array.reshape(-1, dim)
-        blocks = self._curvature.x.array.reshape(-1, dim, dim)
-        blocks[:] = 0.0
-        position = node_positions(self._space)[:, :dim]
-        for number, moving in self._shapes.items():
-            at = np.flatnonzero((boundary.part == number) & (state.pressure > 0))
-            nodes = boundary.nodes[at]
-            hessian = moving.curvature(position[nodes] + places[nodes], self._size)
-            share = state.pressure[at] * boundary.weight[at] / self._weights[nodes]
-            blocks[nodes] = share[:, None, None] * hessian
-        self._curvature.x.scatter_forward()
+        """Give the tangent the curvature of the shapes with the contact tractions of now; collective."""
+        if self.linear.solved.state is not None:
+            places = self.u.x.array.reshape(-1, self._dimension)
+            self.linear.curvature = curvature_of(self.shapes, self.state, places, self._size)
 
     def place(self, number: int, **placement: Any) -> None:
         """Turn and move a foundation that has a shape, for the next solve and those after it.
@@ -322,13 +227,10 @@ class NonlinearContactProblem:
         Raises:
             FormError: it has no shape, or the placement is wrong.
         """
-        moving = self._shapes.get(number)
+        moving = self.shapes.get(number)
         if moving is None or not hasattr(moving.shape, "placed"):
             raise FormError([(f"contact[{number}].shape", "this foundation has no shape that can be placed")])
-        try:
-            moving.shape = self._distance(number, moving.shape.placed(**placement))
-        except ValueError as error:
-            raise FormError([(f"contact[{number}].shape", str(error))]) from None
+        moving.shape = self._distance(number, placed(moving.shape, number, placement))
 
     # --- Newton's method ----------------------------------------------------------------------------------------------
 
@@ -339,34 +241,98 @@ class NonlinearContactProblem:
             ``u``.
 
         Raises:
-            ConvergenceError: no solution was reached; ``status`` says why, and ``u`` is the last iterate.
-            FormError: a value is not finite, or cannot be evaluated.
+            ConvergenceError: no solution was reached; ``status`` says why, and all else is as the last solution was.
+            FormError: a value is not finite, cannot be evaluated, or ``update`` raised an exception.
         """
-        self.certificate = None
-        self.status = self._iterate()
-        if self.status is Status.CONVERGED:
-            self.status = self._judge()
-        if self.status is not Status.CONVERGED:
-            smaller = "take smaller steps, as ramp does, or raise max_newton"
-            advice = smaller if self.status is Status.MAX_ITERATIONS else self.status.advice
-            raise ConvergenceError(self, f"{self.status.value}: {advice}")
+        self._attempt()
         return self.u
+
+    def _attempt(self, *, explain: bool = False) -> None:
+        """``solve``; ``explain``: whether a failure is asked why there may be no solution; collective."""
+        self._good = self._good or self._snapshot()
+        self.certificate, self.status, self._says_no = None, None, ""
+        try:
+            status = self._iterate()
+            if status is Status.CONVERGED:
+                status = self._judge()
+            elif explain:
+                self._says_no = self._reason_for_none()
+        except Exception:
+            self._go_back(self._good)
+            raise
+        self.status = status
+        if status is Status.CONVERGED:
+            self._good = self._snapshot()
+            return
+        judged, figure = self.certificate, ""
+        self._go_back(self._good)
+        if judged is not None and status is Status.NOT_CERTIFIED:
+            figure = f" ({judged.worst_name} {judged.worst:.1e})"
+        advice = _SMALLER if status is Status.MAX_ITERATIONS else status.advice
+        raise ConvergenceError(self, f"{status.value}{figure}: {advice}")
+
+    def _snapshot(self) -> Snapshot:
+        """All that a solve changes, and where the shapes are."""
+        fields, solved = (self.pressure, self.shear, self.gap, self.slip), (self.certificate, self.iterations)
+        return Snapshot.of(self.u, fields, self.linear, self.shapes, solved)
+
+    def _go_back(self, snapshot: Snapshot) -> None:
+        """Go back to the last solution; loads and shapes stay as they are now; collective."""
+        fields = self.pressure, self.shear, self.gap, self.slip
+        self.certificate, self.iterations = snapshot.restore(self.u, fields, self.linear)
+        with suppress(FormError):  # before the first solution it may not be possible
+            self._updated()
+
+    def _updated(self) -> None:
+        """Call ``update``; collective.
+
+        Raises:
+            FormError: it has raised an exception on some rank.
+        """
+        error: Exception | None = None
+        try:
+            self._update()
+        except Exception as raised:  # whatever a user's function may raise
+            error = raised
+        named = None if error is None else FormError([("update", f"raised {type(error).__name__}: {error}")])
+        try:
+            parallel.raise_together(self._space.mesh.comm, named)
+        except FormError as failed:
+            raise failed from error
+
+    def _forces_at(self, values: Array) -> Array | None:
+        """F at the owned unknowns for values of ``u``, which it gets; None: it is not finite there, or cells are turned
+        inside out; collective.
+
+        Raises:
+            FormError: ``update`` has raised an exception.
+        """
+        self.u.x.array[:] = values
+        self._updated()
+        forces = assemble(self._residual)
+        if parallel.any_rank(self._space.mesh.comm, not np.isfinite(forces).all()) or turned_inside_out(self.u):
+            return None
+        return forces
 
     def _iterate(self) -> Status:
         """Newton's method from the present ``u``; collective."""
         comm, u = self._space.mesh.comm, self.u
         for iteration in range(1, self._max_newton + 1):
             self.iterations = iteration
-            self._update()
-            self._bend()
-            residual, old = assemble(self._residual), u.x.array.copy()
-            if parallel.any_rank(comm, not np.isfinite(residual).all()):
+            old = u.x.array.copy()
+            residual = self._forces_at(old)
+            if residual is None:
                 return Status.INVERTED
+            self._bend()
             try:
-                self._linear.solve()
+                self.linear.solve_anew() if iteration == 1 else self.linear.solve()
             except ConvergenceError as error:
                 return error.solution.status or Status.NOT_FINITE
-            increment = self._linear.u.x.array - old
+            except MatrixError as error:
+                if error.fault is MatrixFault.NOT_FINITE:
+                    return Status.NOT_FINITE
+                raise self._refused(error) from None
+            increment = self.linear.u.x.array - old
             length = self._length(old, increment, residual, search=iteration > 1)
             if length == 0.0:
                 return Status.INVERTED
@@ -378,92 +344,122 @@ class NonlinearContactProblem:
                 return Status.CONVERGED
         return Status.MAX_ITERATIONS
 
+    def _refused(self, error: MatrixError) -> FormError:
+        """The error of a tangent that is not symmetric."""
+        if error.fault is not MatrixFault.NOT_SYMMETRIC:
+            return error
+        why = "such as that of loads that follow the body, is not possible yet: take loads that have a potential"
+        if self._forms[1] is None:
+            return FormError([("F", f"its derivative is not symmetric; an unsymmetric tangent, {why}")])
+        return FormError([("J", f"is not symmetric; an unsymmetric tangent, {why}, or the symmetric part as J")])
+
     def _length(self, old: Array, increment: Array, residual: Array, *, search: bool) -> float:
-        """The share of an increment to take; 0: the residual is not finite however short it is; collective.
+        """The share of an increment to take; 0: there are no forces however short it is; collective.
 
         Args:
             old: values of ``u``, ghosts included.
             increment: to them.
             residual: at them.
             search: whether the slope decides, too: not where prescribed values must arrive.
-        """
-        comm, u, moved = self._space.mesh.comm, self.u, fem.Function(self._space)
-        moved.x.array[:] = increment
-        nodes = np.arange(increment.size // self._dimension, dtype=np.int32)
-        linear = action((self._linear._a,), moved, nodes)
-        free = ~self._linear._prescribed[0][: self._owned]
-        ahead = np.where(free, increment[: self._owned], 0.0)
-        # The contact forces of the linearised problem are - a(d, .) - R(u).
-        contact = -linear - residual
 
-        def slope(length: float) -> float:
-            u.x.array[:] = old + length * increment
-            self._update()
-            forces = assemble(self._residual)
-            if parallel.any_rank(comm, not np.isfinite(forces).all()):
+        Raises:
+            FormError: ``update`` has raised an exception however short it is.
+        """
+        comm, moved = self._space.mesh.comm, fem.Function(self._space)
+        moved.x.array[:] = increment
+        linear, turning = self.linear.internal(moved)
+        free = ~self.linear.prescribed[0][: self._owned]
+        ahead = np.where(free, increment[: self._owned], 0.0)
+        # The contact forces of the linearised problem are - a(d, .) - R(u); along d they turn with the normals.
+        contact = -linear - residual
+        failed: FormError | None = None
+
+        def slope(share: float) -> float:
+            nonlocal failed
+            try:
+                forces, failed = self._forces_at(old + share * increment), None
+            except FormError as error:
+                forces, failed = None, error
+            if forces is None:
                 return np.inf
-            return float(parallel.global_sum(comm, np.array(ahead @ (forces + contact))))
+            return float(parallel.global_sum(comm, np.array(ahead @ (forces + contact + share * turning))))
 
         first = -float(parallel.global_sum(comm, np.array(ahead @ linear)))
-        length, now = 1.0, slope(1.0)
-        for _ in range(LINE_SEARCH_STEPS):
-            if np.isfinite(now):
-                break
-            length /= 2
-            now = slope(length)
-        if not np.isfinite(now):
-            return 0.0
-        size = float(parallel.largest(comm, np.abs(old), 0.0))
-        small = float(parallel.largest(comm, np.abs(increment), 0.0)) <= NO_LINE_SEARCH * size
-        if not search or small or first >= 0 or abs(now) <= WHOLE_SLOPE * abs(first):
-            return length
-        below, at_below, above, at_above = 0.0, first, length, now
-        for _ in range(LINE_SEARCH_STEPS):
-            if abs(now) <= SHORTENED_SLOPE * abs(first) or at_above <= 0:
-                break
-            length = (below * at_above - above * at_below) / (at_above - at_below)  # regula falsi
-            margin = BRACKET_MARGIN * (above - below)
-            length = min(max(length, below + margin), above - margin)
-            now = slope(length)
-            if now > 0:
-                above, at_above = length, now
-            else:
-                below, at_below = length, now
-        return length
+        size, change = (float(parallel.largest(comm, np.abs(values), 0.0)) for values in (old, increment))
+        share = share_of_increment(slope, first, search=search and change > NO_LINE_SEARCH * size)
+        if share == 0.0 and failed is not None:
+            raise failed
+        return share
+
+    # --- what is said of a solution -----------------------------------------------------------------------------------
 
     def _judge(self) -> Status:
         """Certify the solution, and look at the inertia of its tangent; collective."""
-        linear = self._linear
-        self._update()
-        last, outcome = linear._last, linear._outcome
-        assert outcome is not None
+        linear, values = self.linear, self.u.x.array.copy()
+        residual = self._forces_at(values)
+        if residual is None:
+            return Status.INVERTED
+        lost = round_off(self.u, residual, self._forces_at)
+        self._forces_at(values)
         self.certificate = certified(
             self.u,
-            assemble(self._residual),
-            linear._prescribed,
-            linear._scales,
-            (linear._data, self.contact, linear._named[0]),
-            self._shapes,
+            residual,
+            linear.prescribed,
+            linear.scales,
+            linear.foundations,
+            self.shapes,
             Tractions.of(self.state),
-            Law(*linear._task.promised(outcome)),
-            None if last is None else last.before,
+            linear.law,
+            linear.before,
+            lost,
         )
         if not self.certificate.holds:
             return Status.NOT_CERTIFIED
-        if self._stability and self._unstable():
-            return Status.UNSTABLE
-        return Status.CONVERGED
+        return self._verdict() if self._stability else Status.CONVERGED
 
-    def _unstable(self) -> bool:
-        """Whether the tangent has a negative direction that contact admits; collective."""
+    def _tangent(self, *, given: bool) -> fem.Form:
+        """The user's tangent, or the derivative of F, compiled when it is first needed; collective."""
+        if given not in self._tangents:
+            F, J, options = self._forms
+            form = J if given else derivative(F, self.u, ufl.TrialFunction(self._space))
+            with compiling():
+                self._tangents[given] = form if isinstance(form, fem.Form) else fem.form(form, **options)
+        return self._tangents[given]
+
+    def _verdict(self) -> Status:
+        """Whether the equilibrium is stable, by the derivative of F; collective."""
+        if not self.linear.factor_fits:
+            return Status.STABILITY_UNKNOWN
+        free, values = ~self.linear.prescribed[0][: self._owned], self.u.x.array.copy()
+        for given in (True, False) if self._forms[1] is not None else (False,):
+            tangent = self._tangent(given=given)
+            self._forces_at(values)
+            fits = is_derivative(tangent, self.u, self._forces_at, free)
+            self._forces_at(values)
+            if fits:
+                return Status.UNSTABLE if self._negative(tangent) else Status.CONVERGED
+        return Status.STABILITY_UNKNOWN
+
+    def _negative(self, tangent: fem.Form) -> int:
+        """In how many directions that contact admits the tangent is negative; collective."""
         self._bend()
-        boundary, sets = self.state.boundary, self._linear._outcome.problem.sets  # type: ignore[union-attr]
-        held = np.einsum("ni,nj->nij", boundary.normal, boundary.normal) * sets.contact[:, None, None]
-        rough = np.array([entry.friction is not None for entry in self.contact])[boundary.part]
-        sticks = sets.contact & ~sets.slip & rough
-        held += np.einsum("nik,njk->nij", boundary.tangents, boundary.tangents) * sticks[:, None, None]
-        bcs = conditions_of(self.bcs, self._space)
-        return negative_directions(self._linear._a, bcs, boundary.nodes, held) > 0
+        linear = self.linear
+        bcs, fixed = conditions_of(self.bcs, self._space), linear.prescribed[0][: self._owned]
+        return negative_directions(tangent, bcs, fixed, linear.curvature, self.state.boundary.nodes, linear.held)
+
+    def _reason_for_none(self) -> str:
+        """Why there may be no solution, at the last iterate; empty: nothing says so; collective."""
+        assert self._good is not None
+        comm, before = self._space.mesh.comm, self._good.displacement
+        away = float(parallel.largest(comm, np.abs(self.u.x.array - before), 0.0))
+        if not away <= max(self._size, float(parallel.largest(comm, np.abs(before), 0.0))):
+            return "the displacement runs away"
+        with suppress(FormError):
+            forces = self._forces_at(self.u.x.array.copy())
+            known = forces is not None and self.linear.solved.outcome is not None and self.linear.factor_fits
+            if known and self._negative(self._tangent(given=self._forms[1] is not None)):
+                return "the tangent has lost its stiffness in some direction"
+        return ""
 
     # --- load steps ---------------------------------------------------------------------------------------------------
 
@@ -475,11 +471,10 @@ class NonlinearContactProblem:
         """
         if self.status is not Status.CONVERGED:
             raise RuntimeError("there is no solution to advance from")
-        self._linear.advance()
+        self.linear.advance()
         self._commit()
-        for moving in self._shapes.values():
+        for moving in self.shapes.values():
             moving.settled = moving.shape
-        self._advanced = self.u.x.array.copy()
 
     def ramp(
         self,
@@ -494,13 +489,13 @@ class NonlinearContactProblem:
         """Raise the load from 0 in steps, with ``advance`` after each; collective.
 
         A step without a solution is halved, and begins again at the end of the last one; one that was easy makes the
-        next larger.
+        next larger.  Whatever ends the ramp, the problem is left at the last step that has a solution.
 
         Args:
             apply: changes the problem to what it is at a load; it may be called with a smaller one again.
-            to: the load to reach.
-            first: the first step; None: all of it.
-            largest: that any step may have; None: there is none.
+            to: the load to reach, which may be negative.
+            first: size of the first step; None: all of it.
+            largest: size that any step may have; None: there is none.
             smallest: share of ``to`` below which no step is halved.
             on_step: called after each step.
 
@@ -508,33 +503,49 @@ class NonlinearContactProblem:
             The steps.
 
         Raises:
-            ConvergenceError: a step cannot be shortened any more: ``status`` is ``LIMIT``, and the problem is left at
-                the last step that has a solution.  Or an equilibrium is unstable.
+            ConvergenceError: a step cannot be shortened any more.  ``status`` is ``LIMIT`` where the tangent or the
+                displacement says that there is no equilibrium, otherwise ``NOT_SOLVED``.  Or an equilibrium is
+                unstable, or its stability is not known.
+            FormError: an argument is wrong, or the smallest step ends with one.
         """
-        reached, step, steps = 0.0, to if first is None else first, list[RampStep]()
-        while reached < to:
-            load, solves = min(to, reached + step), len(self.history.iterations)
-            load = to if to - load < SAME_NUMBER * to else load
+        sizes, steps = StepSizes(to, first, largest, smallest), list[RampStep]()
+        while not sizes.done:
+            begun, load, solves = self._snapshot(), sizes.next, len(self.history.iterations)
             try:
                 apply(load)
-                self.solve()
-            except ConvergenceError:
+                self._attempt(explain=not sizes.may_halve)
+            except Exception as error:
                 failed = self.status
-                self.u.x.array[:] = self._advanced
-                apply(reached)
-                if failed is Status.UNSTABLE:
-                    raise
-                step = (load - reached) / 2
-                if step < smallest * to:
-                    self.status = Status.LIMIT
-                    because = "" if failed is None else f"; a further step ends with: {failed.value}"
-                    message = f"{Status.LIMIT.value}: there is one at {reached:g} of {to:g}{because}"
-                    raise ConvergenceError(self, f"{message}. {Status.LIMIT.advice}") from None
-                continue
+                self._begin_again(begun, lambda: apply(sizes.reached))
+                self.history.add(f"load {load:g} is given up, back at {sizes.reached:g}: {error}")
+                halves = isinstance(error, ConvergenceError | FormError) and failed not in _FINAL
+                if halves and sizes.may_halve:
+                    sizes.halve()
+                    continue
+                if halves and failed is not None:
+                    raise self._ended(failed, sizes.reached, to) from None
+                raise
             self.advance()
-            reached = load
+            sizes.accept(self.iterations)
             steps.append(RampStep(load, self.iterations, len(self.history.iterations) - solves))
             on_step(steps[-1])
-            if self.iterations <= FEW_NEWTON_ITERATIONS:
-                step = min(step * STEP_GROWTH, to if largest is None else largest)
         return steps
+
+    def _begin_again(self, begun: Snapshot, load: Callable[[], object]) -> None:
+        """Go back to where a step has begun, with its load and its shapes; collective."""
+        load()
+        for number, shape in begun.shapes.items():
+            self.shapes[number].shape = shape
+        self._go_back(begun)
+
+    def _ended(self, failed: Status, reached: float, to: float) -> ConvergenceError:
+        """How a ramp ends whose smallest step has no solution."""
+        self.status = Status.LIMIT if self._says_no else Status.NOT_SOLVED
+        because = f"a further step ends with: {failed.value}" + (f", and {self._says_no}" if self._says_no else "")
+        message = f"{self.status.value}: there is one at {reached:g} of {to:g}; {because}. {self.status.advice}"
+        return ConvergenceError(self, message)
+
+
+_SMALLER = "take smaller steps, as ramp does, or raise max_newton"
+# What smaller steps do not change.
+_FINAL = (Status.UNSTABLE, Status.STABILITY_UNKNOWN)

@@ -117,6 +117,11 @@ class Certificate:
         return float(np.max([getattr(self, name) for name in JUDGED]))
 
     @property
+    def worst_name(self) -> str:
+        """Which of them it is."""
+        return max(JUDGED, key=lambda name: np.nan_to_num(getattr(self, name), nan=np.inf))
+
+    @property
     def holds(self) -> bool:
         """Whether the result is a solution of the law that its method promises."""
         return self.worst <= CERTIFICATE_TOLERANCE

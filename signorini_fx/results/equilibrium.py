@@ -37,8 +37,8 @@ class Balance:
         initial: those of initial strains where they are prevented, forces, shape (owned nodes, d).
         prevented: energy of their stress then.
         dilation: see ``NodalForces.dilation``; None: the pressure is no unknown.
-        unstrained: the size of what strains are added to where ``internal`` is evaluated: 1 of a finite deformation
-            I + grad u, whose forces have its round-off, however small u is.
+        lost: round-off of ``internal`` that does not decrease with y, as that of a finite deformation I + grad u,
+            forces, shape (owned nodes, d); None: there is none.
     """
 
     surface: SurfaceQuadrature
@@ -51,7 +51,7 @@ class Balance:
     initial: Nodal | float = 0.0
     prevented: float = 0.0
     dilation: tuple[Nodal, Nodal] | None = None
-    unstrained: float = 0.0
+    lost: Nodal | None = None
 
     def of_pieces(self, pieces: RigidPart) -> tuple[list[Scales], list[Scales]]:
         """``scales`` and ``stiffest`` of each piece."""
@@ -125,7 +125,7 @@ def equilibrium(
         [piece_scales.stiffness(distance) for piece_scales, distance in zip(stiffest, spacing, strict=True)]
     )
     count = np.sqrt(nodes_of_pieces)
-    least = firmness * (pieces.norms(y) + balance.unstrained * np.array(spacing) * count)
+    least = firmness * pieces.norms(y)
     least = NO_FORCE * np.where(balance.unloaded(pieces), np.maximum(least, firmness.max() * reach * count), least)
     loads = balance.external + balance.initial
     acting = [supports.left(loads), supports.left(balance.resisted)]
@@ -147,6 +147,8 @@ def equilibrium(
     residual = supports.left(residual)
     digits = LOST_UNITS * np.finfo(float).eps
     missing = pieces.norms(residual) - digits * least / NO_FORCE
+    if balance.lost is not None:
+        missing = missing - LOST_UNITS * pieces.norms(balance.lost)
     residual_share = max(map(ratio, missing, force))
     if nodes is None:
         return residual_share, unjudged
@@ -156,6 +158,8 @@ def equilibrium(
     least_stress = digits * (
         (modulus * units.far)[reached_piece] / balance.stiffest.side(area) + load[reached_piece] / area
     )
+    if balance.lost is not None:
+        least_stress = least_stress + LOST_UNITS * np.linalg.norm(balance.lost[reached], axis=1) / area
     unbalanced = np.linalg.norm(residual[reached], axis=1) / area - least_stress
     return max(residual_share, share(comm, unbalanced, units.stress[reached_piece])), unjudged
 

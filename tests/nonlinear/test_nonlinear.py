@@ -6,7 +6,19 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from scipy.optimize import brentq, minimize
+from scipy.optimize import minimize
+from support.nonlinear_bodies import (
+    LAME,
+    MU,
+    PLATE,
+    POISSON,
+    YOUNG,
+    held,
+    polynomial,
+    rectangle,
+    residual,
+    stress_of_block,
+)
 
 from signorini_fx import (
     ContactProblem,
@@ -20,52 +32,6 @@ from signorini_fx import (
 )
 from signorini_fx.nonlinear.certificate import certified
 from signorini_fx.results.promised_law import Law, Tractions
-
-YOUNG, POISSON = 100.0, 0.3
-MU, LAME = YOUNG / 2 / (1 + POISSON), YOUNG * POISSON / (1 + POISSON) / (1 - 2 * POISSON)
-PLATE = {"shape": "plane", "point": (0.0, 1.0), "normal": (0.0, -1.0)}
-
-
-def rectangle(corner, cells, comm=MPI.COMM_WORLD, cell="quadrilateral"):
-    """A mesh from the origin to a corner, its vector space, and its sides by the axis and the coordinate."""
-    mesh = dmesh.create_rectangle(comm, [[0.0, 0.0], corner], cells, getattr(dmesh.CellType, cell))
-    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
-
-    def side(axis, at):
-        return dmesh.locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[axis], at))
-
-    return space, side
-
-
-def held(space, facets, component=None):
-    """A condition of zero displacement."""
-    where = space if component is None else space.sub(component)
-    dofs = fem.locate_dofs_topological(where, 1, facets)
-    return fem.dirichletbc(0.0 if component is not None else np.zeros(2), dofs, where)
-
-
-def neo_hooke(u):
-    """mu / 2 (tr C - 2) - mu ln J + lambda / 2 ln^2 J, plane strain."""
-    gradient = ufl.Identity(2) + ufl.grad(u)
-    volume = ufl.det(gradient)
-    return MU / 2 * (ufl.inner(gradient, gradient) - 2) - MU * ufl.ln(volume) + LAME / 2 * ufl.ln(volume) ** 2
-
-
-def polynomial(u):
-    """The same up to third order of the strain, finite for every displacement."""
-    gradient = ufl.Identity(2) + ufl.grad(u)
-    growth = ufl.det(gradient) - 1
-    return MU / 2 * (ufl.inner(gradient, gradient) - 2) - MU * growth + (LAME + MU) / 2 * growth**2
-
-
-def residual(u, energy=neo_hooke):
-    return ufl.derivative(energy(u) * ufl.dx, u, ufl.TestFunction(u.function_space))
-
-
-def stress_of_block(height):
-    """Nominal stress of a block whose sides are free, compressed to a height of 1."""
-    free = brentq(lambda width: MU * (width**2 - 1) + LAME * np.log(width * height), 0.5, 3.0)
-    return (MU * (height**2 - 1) + LAME * np.log(free * height)) / height
 
 
 @pytest.mark.mpi
@@ -354,7 +320,7 @@ def test_certificate_notices_what_is_wrong():
     problem = NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, algorithm="alm")
     problem.place(0, shift=(0.0, -0.1))
     problem.solve()
-    linear, form = problem._linear, fem.form(residual(u))
+    linear, form = problem.linear, fem.form(residual(u))
 
     def judged(of=lambda tractions: tractions):
         return certified(
@@ -363,7 +329,7 @@ def test_certificate_notices_what_is_wrong():
             linear._prescribed,
             linear._scales,
             (linear._data, problem.contact, linear._named[0]),
-            problem._shapes,
+            problem.shapes,
             of(Tractions.of(problem.state)),
             Law(*linear._task.promised(linear._outcome)),
             None,
@@ -374,11 +340,11 @@ def test_certificate_notices_what_is_wrong():
     assert judged().holds
     assert judged(lambda t: replace(t, pressure=1.001 * t.pressure)).equilibrium > 1e-4
     assert not judged(lambda t: replace(t, shear=-t.shear)).holds
-    problem._shapes[0].shape = problem._shapes[0].shape.placed(shift=(0.0, -0.1001))
+    problem.shapes[0].shape = problem.shapes[0].shape.placed(shift=(0.0, -0.1001))
     assert judged().entered > 1e-5
-    problem._shapes[0].shape = problem._shapes[0].shape.placed(shift=(0.0, -0.0999))
+    problem.shapes[0].shape = problem.shapes[0].shape.placed(shift=(0.0, -0.0999))
     assert judged().pressure_at_distance > 1e-5
-    problem._shapes[0].shape = problem._shapes[0].shape.placed(shift=(0.0, -0.1))
+    problem.shapes[0].shape = problem.shapes[0].shape.placed(shift=(0.0, -0.1))
     top = int(np.argmax(u.x.array))
     u.x.array[top] += 1e-4
     assert not judged().holds

@@ -1,0 +1,124 @@
+"""The derivative of a residual: made with the quadrature of the residual, and tried by differences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+from ufl.algorithms import compute_form_data
+
+from signorini_fx import parallel
+from signorini_fx.body.assembly import action
+from signorini_fx.tuned import DIFFERENCE_STRAIN, SAME_DERIVATIVE
+
+Array = npt.NDArray[np.float64]
+
+
+def derivative(F: Any, u: fem.Function, trial: Any) -> Any:
+    """F'(u), integrated at the points at which F is: by default UFL estimates a higher degree for it.
+
+    Args:
+        F: a UFL form with one argument.
+        u: the Function it is differentiated by.
+        trial: the direction.
+    """
+    lowered = compute_form_data(
+        F,
+        do_apply_function_pullbacks=True,
+        do_apply_integral_scaling=True,
+        do_apply_geometry_lowering=True,
+        preserve_geometry_types=(ufl.classes.Jacobian,),
+        do_apply_restrictions=True,
+        do_append_everywhere_integrals=False,
+    )
+    estimated = dict[tuple[str, Any], int]()
+    for data in lowered.integral_data:
+        for integral in data.integrals:
+            if "quadrature_degree" in integral.metadata():
+                continue
+            for number in data.subdomain_id:
+                key = (data.integral_type, number)
+                degree = int(np.max(integral.metadata()["estimated_polynomial_degree"]))
+                estimated[key] = max(estimated.get(key, 0), degree)
+
+    def as_assembled(integral: Any) -> Any:
+        numbers = integral.subdomain_id()
+        numbers = numbers if isinstance(numbers, tuple) else ("otherwise" if numbers == "everywhere" else numbers,)
+        degrees = [estimated[key] for number in numbers if (key := (integral.integral_type(), number)) in estimated]
+        if "quadrature_degree" in integral.metadata() or not degrees:
+            return integral
+        return integral.reconstruct(metadata={**integral.metadata(), "quadrature_degree": max(degrees)})
+
+    return ufl.derivative(ufl.Form([as_assembled(integral) for integral in F.integrals()]), u, trial)
+
+
+def spacing(space: fem.FunctionSpace) -> Array:
+    """The size of the smallest cell around each node, ghosts included, length, shape (nodes,); collective."""
+    mesh, tdim = space.mesh, space.mesh.topology.dim
+    cells = mesh.topology.index_map(tdim)
+    count = cells.size_local + cells.num_ghosts
+    size, function = mesh.h(tdim, np.arange(count, dtype=np.int32)), fem.Function(space)
+    smallest = np.full(function.x.array.size // space.dofmap.index_map_bs, np.inf)
+    np.minimum.at(smallest, space.dofmap.list[:count], np.asarray(size)[:, None])
+    function.x.array[:] = np.repeat(smallest, space.dofmap.index_map_bs)
+    function.x.scatter_forward()
+    return np.array(function.x.array[:: space.dofmap.index_map_bs])
+
+
+def is_derivative(
+    form: fem.Form, u: fem.Function, forces: Callable[[Array], Array | None], free: npt.NDArray[np.bool_]
+) -> bool:
+    """Whether a bilinear form is the derivative of forces, in a random direction; collective.
+
+    Args:
+        form: compiled.
+        u: the displacement.
+        forces: F at the owned unknowns for values of ``u``, ghosts included; None: it has none there.
+        free: which of the owned unknowns are not prescribed, shape (owned dofs,).
+    """
+    comm, direction = u.function_space.mesh.comm, random_direction(u, DIFFERENCE_STRAIN)
+    values, nodes = u.x.array.copy(), direction.x.array.size // u.function_space.dofmap.index_map_bs
+    change = action((form,), direction, np.arange(nodes, dtype=np.int32))
+    ahead, behind = (forces(values + sign * direction.x.array) for sign in (1.0, -1.0))
+    if ahead is None or behind is None:
+        return False
+    error = np.where(free, change - (ahead - behind) / 2, 0.0)
+    squares = parallel.global_sum(comm, np.array([error @ error, (change * free) @ change]))
+    return bool(squares[0] <= SAME_DERIVATIVE**2 * squares[1])
+
+
+def random_direction(u: fem.Function, strain: float) -> fem.Function:
+    """A displacement that strains each cell by about this much, the same on any number of ranks only in size.
+
+    Args:
+        u: gives the space.
+        strain: without unit.
+    """
+    space, direction = u.function_space, fem.Function(u.function_space)
+    generator = np.random.default_rng(space.mesh.comm.rank)
+    signs = generator.choice([-1.0, 1.0], direction.x.array.size)
+    direction.x.array[:] = strain * np.repeat(spacing(space), space.dofmap.index_map_bs) * signs
+    direction.x.scatter_forward()
+    return direction
+
+
+def round_off(u: fem.Function, residual: Array, forces: Callable[[Array], Array | None]) -> Array:
+    """What round-off of a deformation gradient changes of forces, shape (owned dofs,); collective.
+
+    F computes I + grad u, which is known to the unit of round-off however small u is: so it is measured what a strain
+    of this size, or a change of u in its last digits, does to F.
+
+    Args:
+        u: the displacement.
+        residual: F there.
+        forces: see ``is_derivative``.
+    """
+    unit, values = float(np.finfo(float).eps), u.x.array.copy()
+    change = random_direction(u, unit).x.array
+    last_digits = unit * np.abs(values) * np.sign(change)
+    changed = forces(values + np.where(np.abs(last_digits) > np.abs(change), last_digits, change))
+    return np.zeros_like(residual) if changed is None else np.abs(changed - residual)

@@ -1,0 +1,66 @@
+"""Newton's method of nonlinear bodies: what it solves, in how many iterations, and from where."""
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from support.nonlinear_bodies import MU, PLATE, held, rectangle, residual, stress_of_block
+
+from signorini_fx import Coulomb, Foundation, NonlinearContactProblem
+
+
+def test_the_residual_itself_is_solved():
+    """Forms without a quadrature degree: the certificate, which assembles F as it is compiled, is left round-off."""
+    space, side = rectangle([2.0, 1.0], [16, 8], MPI.COMM_SELF)
+    u = fem.Function(space)
+    circle = {"shape": "circle", "centre": (1.0, 1.3), "radius": 0.3}
+    contact = Foundation(side(1, 1.0), shape=circle)
+    problem = NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact)
+    for step in range(1, 10):
+        problem.place(0, shift=(0.0, -0.05 * step))
+        problem.solve()
+        problem.advance()
+        assert problem.certificate.worst < 1e-10
+        assert problem.iterations <= 6
+
+
+@pytest.mark.parametrize(("friction", "degree"), [(None, 1), (None, 2), (0.3, 1), (0.3, 2)])
+def test_iterations_with_curved_tools(friction, degree):
+    """A circle pressed and slid, with sliding friction too, in the iterations of a bonded body: normals and frictional
+    frames that turn are in the tangent, and normals in the slope of the line search.
+    """
+    space, side = rectangle([3.0, 1.0], [24 // degree, 8 // degree], MPI.COMM_SELF, degree=degree)
+    u = fem.Function(space)
+    circle = {"shape": "circle", "centre": (1.1, 1.4), "radius": 0.4}
+    contact = Foundation(side(1, 1.0), shape=circle, friction=None if friction is None else Coulomb(friction))
+    problem = NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, stability=False)
+    for shift in ((0.0, -0.05), (0.0, -0.1), (0.05, -0.1), (0.1, -0.1), (0.15, -0.1)):
+        problem.place(0, shift=shift)
+        problem.solve()
+        problem.advance()
+        assert problem.iterations <= 6
+    assert friction is None or sum(problem.state.forces)[0] > 1.0
+
+
+def test_line_search():
+    """Springs that soften like an arctangent, from far away: whole increments of Newton's method go ever farther."""
+    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    u = fem.Function(space)
+    spring = MU * ufl.atan(20 * u[0]) * ufl.TestFunction(space)[0] * ufl.dx
+    contact = Foundation(side(1, 1.0), shape=PLATE | {"shift": (0.0, -1e-3)})
+    problem = NonlinearContactProblem(residual(u) + spring, u, bcs=[held(space, side(1, 0.0), 1)], contact=contact)
+    u.x.array[::2] = 0.1
+    problem.solve()
+    assert np.abs(u.x.array).max() < 2e-3
+
+
+def test_gap_added_to_a_shape():
+    """A plate that leaves a gap meets the block by so much later."""
+    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    u = fem.Function(space)
+    bcs = [held(space, side(1, 0.0), 1), held(space, side(0, 0.0), 0)]
+    contact = Foundation(side(1, 1.0), shape=PLATE | {"shift": (0.0, -0.3)}, gap=0.1)
+    problem = NonlinearContactProblem(residual(u), u, bcs=bcs, contact=contact, algorithm="alm")
+    problem.solve()
+    assert problem.state.forces[0][1] == pytest.approx(stress_of_block(0.8), rel=1e-8)

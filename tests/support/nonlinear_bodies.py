@@ -1,0 +1,55 @@
+"""Hyperelastic rectangles for the tests of nonlinear bodies."""
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scipy.optimize import brentq
+
+YOUNG, POISSON = 100.0, 0.3
+MU, LAME = YOUNG / 2 / (1 + POISSON), YOUNG * POISSON / (1 + POISSON) / (1 - 2 * POISSON)
+PLATE = {"shape": "plane", "point": (0.0, 1.0), "normal": (0.0, -1.0)}
+
+
+def rectangle(corner, cells, comm=MPI.COMM_WORLD, cell="quadrilateral", degree=1):
+    """A mesh from the origin to a corner, its vector space, and its sides by the axis and the coordinate."""
+    mesh = dmesh.create_rectangle(comm, [[0.0, 0.0], corner], cells, getattr(dmesh.CellType, cell))
+    space = fem.functionspace(mesh, ("Lagrange", degree, (2,)))
+
+    def side(axis, at):
+        return dmesh.locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[axis], at))
+
+    return space, side
+
+
+def held(space, facets, component=None):
+    """A condition of zero displacement."""
+    where = space if component is None else space.sub(component)
+    dofs = fem.locate_dofs_topological(where, space.mesh.topology.dim - 1, facets)
+    return fem.dirichletbc(0.0 if component is not None else np.zeros(space.mesh.geometry.dim), dofs, where)
+
+
+def neo_hooke(u):
+    """mu / 2 (tr C - 2) - mu ln J + lambda / 2 ln^2 J, plane strain."""
+    gradient = ufl.Identity(2) + ufl.grad(u)
+    volume = ufl.det(gradient)
+    return MU / 2 * (ufl.inner(gradient, gradient) - 2) - MU * ufl.ln(volume) + LAME / 2 * ufl.ln(volume) ** 2
+
+
+def polynomial(u):
+    """The same up to third order of the strain, finite for every displacement."""
+    gradient = ufl.Identity(2) + ufl.grad(u)
+    growth = ufl.det(gradient) - 1
+    return MU / 2 * (ufl.inner(gradient, gradient) - 2) - MU * growth + (LAME + MU) / 2 * growth**2
+
+
+def residual(u, energy=neo_hooke):
+    """The form F of an energy."""
+    return ufl.derivative(energy(u) * ufl.dx, u, ufl.TestFunction(u.function_space))
+
+
+def stress_of_block(height):
+    """Nominal stress of a block whose sides are free, compressed to a height of 1."""
+    free = brentq(lambda width: MU * (width**2 - 1) + LAME * np.log(width * height), 0.5, 3.0)
+    return (MU * (height**2 - 1) + LAME * np.log(free * height)) / height
