@@ -778,4 +778,4 @@ HOLDING_STIFFNESS = 1e4
 # A tangent is tried by differences of the residual over this strain, and is its derivative if both differ by less than
 # the second number, as a share of the norm.  Choice: differences of neo-Hookean forces over it are wrong by 1e-10, and
 # the stress that buckles a slender column is 1e-3 of its modulus.
-DIFFERENCE_STRAIN, SAME_DERIVATIVE = 1e-5, 1e-6
+DIFFERENCE_STRAIN, SAME_TANGENT = 1e-5, 1e-6

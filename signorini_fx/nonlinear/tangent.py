@@ -13,7 +13,7 @@ from ufl.algorithms import compute_form_data
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import action
-from signorini_fx.tuned import DIFFERENCE_STRAIN, SAME_DERIVATIVE
+from signorini_fx.tuned import DIFFERENCE_STRAIN, SAME_TANGENT
 
 Array = npt.NDArray[np.float64]
 
@@ -88,7 +88,7 @@ def is_derivative(
         return False
     error = np.where(free, change - (ahead - behind) / 2, 0.0)
     squares = parallel.global_sum(comm, np.array([error @ error, (change * free) @ change]))
-    return bool(squares[0] <= SAME_DERIVATIVE**2 * squares[1])
+    return bool(squares[0] <= SAME_TANGENT**2 * squares[1])
 
 
 def random_direction(u: fem.Function, strain: float) -> fem.Function:
