@@ -5,7 +5,7 @@ No dolfinx here.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -178,15 +178,31 @@ class Deck:
 
     def boundary(self, name: str) -> str | None:
         """The boundary of the mesh that a set or surface of the file is, whatever its case and its instance."""
-        return _defined_name(name, (label for label, facets in self.mesh.boundaries.items() if facets.size))
+        return _defined_name(name, self._boundaries)
 
     def surface(self, name: str) -> str | None:
         """The surface of faces of the file with a name, also one inside the body."""
-        return _defined_name(name, (label for label in self.model.surfaces if self.model.surfaces[label]))
+        return _defined_name(name, self._surfaces)
 
     def region(self, name: str) -> str | None:
         """The same for a part of the body."""
-        return _defined_name(name, self.mesh.regions)
+        return _defined_name(name, self._regions)
+
+    @cached_property
+    def _boundaries(self) -> dict[str, str]:
+        return _by_capitals(label for label, facets in self.mesh.boundaries.items() if facets.size)
+
+    @cached_property
+    def _surfaces(self) -> dict[str, str]:
+        return _by_capitals(label for label, faces in self.model.surfaces.items() if faces)
+
+    @cached_property
+    def _regions(self) -> dict[str, str]:
+        return _by_capitals(self.mesh.regions)
+
+    @cached_property
+    def _node_sets(self) -> dict[str, str]:
+        return _by_capitals(self.model.raw.node_sets)
 
     @cached_property
     def numbers(self) -> Ints:
@@ -241,7 +257,7 @@ class Deck:
 
     def nodes(self, name: str) -> Ints:
         """Rows of the file of the nodes of a set that the body has."""
-        label = _defined_name(name, self.model.raw.node_sets)
+        label = _defined_name(name, self._node_sets)
         return np.empty(0, np.int64) if label is None else np.intersect1d(self.model.raw.node_sets[label], self.numbers)
 
     def single(self, name: str) -> int | None:
@@ -249,7 +265,7 @@ class Deck:
         plain = name.rpartition(".")[2]
         if plain.isdigit():
             return int(plain)
-        label = _defined_name(name, self.model.raw.node_sets)
+        label = _defined_name(name, self._node_sets)
         rows = [] if label is None else list(self.model.raw.node_sets[label])
         return (
             next((node for node, row in self.model.places.items() if row == rows[0]), None) if len(rows) == 1 else None
@@ -285,8 +301,12 @@ class Deck:
         return sum(int((~np.isin(nodes, held)).any(axis=1).sum()) for nodes in faces)
 
 
-def _defined_name(name: str, names: Iterable[str]) -> str | None:
-    by_capitals = {label.upper(): label for label in reversed(list(names))}
+def _by_capitals(names: Iterable[str]) -> dict[str, str]:
+    """Names by their capitals, which the programs do not distinguish; the first of several."""
+    return {label.upper(): label for label in reversed(list(names))}
+
+
+def _defined_name(name: str, by_capitals: Mapping[str, str]) -> str | None:
     return by_capitals.get(name.upper(), by_capitals.get(plain_name(name)))
 
 

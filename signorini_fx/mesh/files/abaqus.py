@@ -93,13 +93,13 @@ class _Reader:
         self._spelt: dict[str, str] = {}  # names in capitals, which the programs do not distinguish -> as they are here
         self._groups = Groups([])
         self.points: dict[int, list[float]] = {}
-        self.blocks: list[tuple[str, list[list[int]]]] = []
-        self.elements: dict[int, tuple[int, int]] = {}  # number -> (block, row)
+        self.blocks: dict[str, list[list[int]]] = {}  # one of each kind, as there may be thousands of keywords
+        self.elements: dict[int, tuple[str, int]] = {}  # number -> (kind, row)
         self.passed_over: set[int] = set()  # elements that are nothing of the body
         self.element_sets: dict[str, list[int]] = {}
         self.node_sets: dict[str, list[int]] = {}
         self.surfaces: dict[str, list[tuple[int, int]]] = {}  # name -> (element, face from 1 on)
-        self._element_blocks: list[DeckBlock] = []
+        self._element_blocks: list[tuple[str, int, DeckBlock]] = []  # kind, its elements so far, keyword
         self._sections: list[DeckBlock] = []
         self.bare: tuple[int, DeckBlock] | None = None
         self.sections: dict[int, str | None] = {}
@@ -132,7 +132,7 @@ class _Reader:
             case "SURFACE":
                 self._read_surface(parameters, rows)
             case "BOUNDARY" | "CLOAD" | "DLOAD":
-                apart = not any(completed(kind) for kind, _ in self.blocks)
+                apart = not any(map(completed, self.blocks))
                 sets = (partial(self._member, of) for of in (self.node_sets, self.element_sets))
                 self._groups.said += [(block, *group) for group in agreeing(block, *sets, apart=apart)]
             case "SYSTEM" if rows:
@@ -161,7 +161,7 @@ class _Reader:
             owner.update(dict.fromkeys(members[block.number], block.number))
         bare = (element for element in self.elements if element not in owner and self._is_body(element))
         if (element := next(bare, None)) is not None:
-            self.bare = element, self._element_blocks[self.elements[element][0]]
+            self.bare = element, self._defining(element)
         for block in self._sections:
             elements = members[block.number]
             owned = [element for element in elements if owner[element] == block.number]
@@ -186,13 +186,13 @@ class _Reader:
         if len(words) % (count + 1):
             raise ValueError(f"*ELEMENT, TYPE={parameters['TYPE']}: {count} nodes per element are expected")
         table = [words[n : n + count + 1] for n in range(0, len(words), count + 1)]
-        for row, (element, *_) in enumerate(table):
+        same_kind = self.blocks.setdefault(kind, []) if table else []
+        for element, *nodes in table:
             if element in self.elements:
                 raise ValueError(f"element {element} is defined twice")
-            self.elements[element] = len(self.blocks), row
-        if table:
-            self.blocks.append((kind, [nodes for _, *nodes in table]))
-            self._element_blocks.append(block)
+            self.elements[element] = kind, len(same_kind)
+            same_kind.append(nodes)
+        self._element_blocks.append((kind, len(same_kind), block))
         if "ELSET" in parameters:
             self.element_sets.setdefault(self._name(parameters["ELSET"]), []).extend(row[0] for row in table)
 
@@ -248,25 +248,34 @@ class _Reader:
     def result(self) -> RawMesh:
         """Everything with the numbering of arrays; members of sets that are nothing of the body are passed over."""
         self._resolve_sections()
-        tables = [nodes for _, nodes in self.blocks]
-        self.groups = self._groups.named(tables, self.node_sets, self.surfaces, self._free)
+        self.groups = self._groups.named(list(self.blocks.values()), self.node_sets, self.surfaces, self._free)
         node_rows = self.places = {node: index for index, node in enumerate(self.points)}
         width = max((len(x) for x in self.points.values()), default=2)
         points = np.array([x + [0.0] * (width - len(x)) for x in self.points.values()]).reshape(-1, width)
-        blocks = [(kind, self._table(block, nodes, node_rows)) for block, (kind, nodes) in enumerate(self.blocks)]
-        sets = {name: self._rows(name, members, len(blocks)) for name, members in self.element_sets.items()}
+        tables = {kind: self._table(kind, nodes, node_rows) for kind, nodes in self.blocks.items()}
+        sets = {name: self._rows(name, members) for name, members in self.element_sets.items()}
+        facets: dict[int, list[list[int]]] = {2: [], 3: [], 4: []}  # by the number of their corners
+        ranges: dict[str, dict[int, range]] = {}
         for name, faces in self.surfaces.items():
             solid = self._defined(name, [face for face in faces if self._is_body(face[0])], len(faces))
-            sides = [self._side(blocks, name, element, face) for element, face in solid]
-            for kind, corners in (("line", 2), ("triangle", 3), ("quad", 4)):
-                facets = [side for side in sides if len(side) == corners]
-                if not facets:
-                    continue
-                blocks.append((kind, np.array(facets, dtype=np.int64)))
-                no_rows = np.empty(0, dtype=np.int64)
-                sets = {label: [*members, no_rows] for label, members in sets.items()}
-                earlier = sets.get(name, [no_rows] * len(blocks))
-                sets[name] = [*earlier[:-1], np.arange(len(facets))]
+            first = {corners: len(sides) for corners, sides in facets.items()}
+            for element, face in solid:
+                side = self._side(tables, name, element, face)
+                facets[len(side)].append(side)
+            ranges[name] = {corners: range(first[corners], len(sides)) for corners, sides in facets.items()}
+        present = [corners for corners, sides in facets.items() if sides]
+        no_rows = np.empty(0, dtype=np.int64)
+        for name, rows in ranges.items():
+            if any(rows.values()):
+                earlier = sets.get(name, [no_rows] * len(tables))
+                sets[name] = [*earlier, *(np.array(rows[corners], dtype=np.int64) for corners in present)]
+        count = len(tables) + len(present)
+        sets = {name: [*members, *([no_rows] * (count - len(members)))] for name, members in sets.items()}
+        kinds = {2: "line", 3: "triangle", 4: "quad"}
+        blocks = [
+            *tables.items(),
+            *((kinds[corners], np.array(facets[corners], dtype=np.int64)) for corners in present),
+        ]
         if self._nodal:
             named = bodies(blocks, sets, self._free)
             self.bodies = tuple(named)
@@ -281,7 +290,12 @@ class _Reader:
 
     def _is_body(self, element: int) -> bool:
         """Whether an element is defined and no line."""
-        return element in self.elements and not self.blocks[self.elements[element][0]][0].startswith("line")
+        return element in self.elements and not self.elements[element][0].startswith("line")
+
+    def _defining(self, element: int) -> DeckBlock:
+        """The keyword that defines an element."""
+        kind, row = self.elements[element]
+        return next(block for defined, count, block in self._element_blocks if defined == kind and row < count)
 
     def _defined(self, name: str, members: list[Any], count: int) -> list[Any]:
         """The members of a set that the file defines; how many it does not is kept."""
@@ -289,32 +303,31 @@ class _Reader:
             self.undefined[name] = count - len(members)
         return members
 
-    def _table(self, block: int, nodes: list[list[int]], node_rows: dict[int, int]) -> Ints:
+    def _table(self, kind: str, nodes: list[list[int]], node_rows: dict[int, int]) -> Ints:
         try:
             return np.array([[node_rows[n] for n in row] for row in nodes], dtype=np.int64)
         except KeyError:
             row = next(k for k, row in enumerate(nodes) if not node_rows.keys() >= set(row))
-            element = next(number for number, where in self.elements.items() if where == (block, row))
+            element = next(number for number, where in self.elements.items() if where == (kind, row))
             node = next(n for n in nodes[row] if n not in node_rows)
             why = f"element {element} has the node {node}, which the file does not define"
-            raise DeckError(self._element_blocks[block], why) from None
+            raise DeckError(self._defining(element), why) from None
 
-    def _rows(self, name: str, members: list[int], count: int) -> list[Ints]:
-        by_block: list[list[int]] = [[] for _ in range(count)]
+    def _rows(self, name: str, members: list[int]) -> list[Ints]:
+        by_kind: dict[str, list[int]] = {kind: [] for kind in self.blocks}
         known_members = [member for member in members if member in self.elements or member in self.passed_over]
         for member in self._defined(name, known_members, len(members)):
             if member not in self.passed_over:
-                block, row = self.elements[member]
-                by_block[block].append(row)
-        return [np.array(rows, dtype=np.int64) for rows in by_block]
+                kind, row = self.elements[member]
+                by_kind[kind].append(row)
+        return [np.array(rows, dtype=np.int64) for rows in by_kind.values()]
 
-    def _side(self, blocks: list[tuple[str, Ints]], name: str, element: int, face: int) -> list[int]:
-        block, row = self.elements[element]
-        kind, nodes = blocks[block]
+    def _side(self, tables: dict[str, Ints], name: str, element: int, face: int) -> list[int]:
+        kind, row = self.elements[element]
         faces = _FACES.get(kind.rstrip("0123456789"), ())
         if not 1 <= face <= len(faces):
             raise ValueError(f"surface {name!r}: element {element} is a {kind} and has no face S{face}")
-        return [int(nodes[row, corner]) for corner in faces[face - 1]]
+        return [int(tables[kind][row, corner]) for corner in faces[face - 1]]
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ is.  Nodes of the second instance, and of the assembly, get higher numbers.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -89,7 +90,8 @@ def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
         part_scope.first, first = first, first + max(map(_largest_number, part_scope.blocks), default=0)
     if not any(block.keyword in ("NODE", "ELEMENT") for block in assembly.blocks):
         assembly.first = 0  # numbers are those of the only instance, in files that say so without its name
-    names = _Names(assembly, instances)
+    counts = Counter(name for part_scope in (*instances.values(), assembly) for name in part_scope.names)
+    names = _Names(assembly, instances, counts)
     joined: list[DeckBlock] = []
     for entry in order:
         joined += (
@@ -153,10 +155,11 @@ def _largest_number(block: DeckBlock) -> int:
 
 @dataclass(frozen=True)
 class _Names:
-    """How names and numbers of instances are written in the whole."""
+    """How names and numbers of instances are written in the whole; how many of them have a name."""
 
     whole: _Scope
     instances: dict[str, _Scope]
+    counts: Counter[str]
 
     def word(self, word: str, scope: _Scope, *, numbered: bool) -> str:
         """A set, a surface, a node or an element as it is called in the whole.
@@ -173,9 +176,7 @@ class _Names:
             return str(int(word) + scope.first) if numbered else word
         if scope is self.whole or word.upper() not in scope.names:
             return word
-        scopes = (self.whole, *self.instances.values())
-        alone = not any(word.upper() in candidate.names for candidate in scopes if candidate is not scope)
-        return word if alone else f"{scope.name}.{word}"
+        return word if self.counts[word.upper()] == 1 else f"{scope.name}.{word}"
 
     def written(self, block: DeckBlock, scope: _Scope) -> DeckBlock:
         """A keyword of a scope as one of the whole."""

@@ -202,8 +202,16 @@ def bodies(
         return named
     names: Iterator[str] = filter(None, map(free, map("body_{}".format, itertools.count(1))))
     no_rows = np.empty(0, dtype=np.int64)
-    for number in numbers:
-        rows = [np.flatnonzero(pieces[k] == number) if k in pieces else no_rows for k in range(len(blocks))]
-        alike = (name for name, listed in sets.items() if all(map(np.array_equal, map(np.sort, listed), rows)))
-        named[next(itertools.chain(alike, names))] = rows
+    # Of bodies by their numbers the rows in each block, which are sorted by body.
+    sorted_rows = {k: np.argsort(piece, kind="stable") for k, piece in pieces.items()}
+    parts = {k: np.split(rows, np.searchsorted(pieces[k][rows], numbers[1:])) for k, rows in sorted_rows.items()}
+    alike = {_key(listed): name for name, listed in reversed(sets.items()) if any(map(len, listed))}
+    for position in range(numbers.size):
+        rows = [parts[k][position] if k in parts else no_rows for k in range(len(blocks))]
+        named[alike.get(_key(rows)) or next(names)] = rows
     return named
+
+
+def _key(rows: Sequence[Ints]) -> tuple[bytes, ...]:
+    """The same for the same rows, in any order."""
+    return tuple(np.sort(part).tobytes() for part in rows)
