@@ -63,6 +63,11 @@ def load(group: str, name: str) -> Any:
         raise InstallationError(f"{name!r}, {entry.value}{package}, cannot be imported: {error}") from error
 
 
+def is_of_package(kind: type) -> bool:
+    """Whether a class is one of this package, and not one of a user's own."""
+    return kind.__module__.partition(".")[0] == __name__.partition(".")[0]
+
+
 def add_on(name: str) -> Any:
     """What an add-on of this package does; its name is in pyproject.toml.
 

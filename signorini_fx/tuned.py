@@ -390,6 +390,9 @@ DIGITS_OF_FILES = 1e-6
 # A vector field has no direction where it is below this share of its largest value, or parallel to the other one.
 # Choice.
 NO_DIRECTION = 1e-6
+# Axes are unit vectors at right angles if their products are those of such to this.  Choice: the round-off of vectors
+# that are nearly parallel.
+NOT_ORTHONORMAL = 1e-9
 # Steps in a reference cell or facet that end Newton's method: of points in cells; of overlaps, where the last one is
 # round-off and one below the second is the last but one, as errors are squared.  Choice.
 LAST_STEP_IN_CELL, LAST_STEP_IN_FACET, LAST_STEP_BUT_ONE = 1e-10, 1e-14, 1e-9

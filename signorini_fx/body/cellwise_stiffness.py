@@ -19,7 +19,7 @@ from signorini_fx.kinematics.cartesian import Kinematics, position
 from signorini_fx.materials.protocol import PAIRS, Array
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.scene.model import Scene
-from signorini_fx.tuned import ZERO_IN_SOLUTION
+from signorini_fx.tuned import NOT_ORTHONORMAL, ZERO_IN_SOLUTION
 
 
 @dataclass(frozen=True)
@@ -71,10 +71,19 @@ def cellwise_stiffness(scene: Scene, tagged: TaggedMesh) -> CellwiseStiffness | 
             continue  # which is reported elsewhere
         count = len(moduli.function_space.dofmap.list)
         cells = np.arange(count, dtype=np.int32) if material.region is None else tagged.cells(material.region)
-        axes = material.axes(middles(tagged, cells))
+        axes = np.asarray(material.axes(middles(tagged, cells)))
+        if parallel.any_rank(tagged.mesh.comm, axes.shape != (len(cells), 3, 3)):
+            wanted = f"axes of {material.words} must have the shape (n, 3, 3) for points of the shape (3, n)"
+            problems.append((f"material[{number}]", wanted))
+            continue
         if parallel.any_rank(tagged.mesh.comm, not np.isfinite(axes).all()):
             wanted = f"direction and second of {material.words} must be finite, not zero and not parallel"
             wanted += " in the middle of each cell"
+            problems.append((f"material[{number}]", wanted))
+            continue
+        askew = np.abs(axes.swapaxes(1, 2) @ axes - np.eye(3)).max(initial=0.0)
+        if parallel.any_rank(tagged.mesh.comm, bool(askew > NOT_ORTHONORMAL)):
+            wanted = f"axes of {material.words} must be unit vectors at right angles"
             problems.append((f"material[{number}]", wanted))
             continue
         turned = _turned(axes)

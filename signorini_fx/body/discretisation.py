@@ -42,6 +42,7 @@ from signorini_fx.errors import FormError, MeshError, SceneError, together
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.machine.petsc_objects import free_unused
+from signorini_fx.materials.trial import check_materials
 from signorini_fx.mesh.tagged import TaggedMesh, check_fits
 from signorini_fx.method import Settings
 from signorini_fx.records import Inventory, Timings
@@ -187,6 +188,7 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisatio
 
 
 def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisation:
+    check_materials(scene.material)
     facets, lame, stiffness, reduced, *_ = together(
         partial(boundary_facets, scene, tagged),
         partial(lame_coefficients, scene, tagged),

@@ -23,6 +23,7 @@ import numpy.typing as npt
 from pydantic import BeforeValidator, WithJsonSchema
 
 from signorini_fx.errors import FormError, SceneError
+from signorini_fx.extensions import is_of_package
 from signorini_fx.scene.base import Table
 from signorini_fx.scene.effect import is_zero, text
 from signorini_fx.scene.expressions import sample
@@ -150,7 +151,7 @@ class FrictionLaw(Table):
     @property
     def of_a_user(self) -> bool:
         """Whether it is none of the laws of this package."""
-        return type(self).__module__.rpartition(".")[0] != __name__.rpartition(".")[0]
+        return not is_of_package(type(self))
 
     @classmethod
     def refusal(cls, problems: list[tuple[str, str]]) -> SceneError:

@@ -86,7 +86,7 @@ class Material(Effect):
 
     @property
     def moduli(self) -> tuple[float, float]:
-        """Bounds of stress : strain over strain : strain, stresses; the first one is positive."""
+        """Bounds of stress : strain over strain : strain, stresses; both are positive."""
         raise NotImplementedError
 
     # --- what it may say ---
@@ -226,28 +226,44 @@ class Material(Effect):
             stress = stress - (stress[..., 2, 2] / out[2, 2])[..., None, None] * out
         return np.asarray(np.einsum("fia,fqab,fjb->fqij", axes, stress, axes, optimize=True))
 
-    def missed(self) -> float:
-        """By how much ``stress_at`` leaves the bounds ``moduli``, and is not that of an energy, relative."""
+    @property
+    def eigenvalues(self) -> tuple[float, float]:
+        """The least and the largest one of ``stress_at``, between which stress : strain is over strain : strain."""
+        matrix = self._products
+        least, *_, most = np.linalg.eigvalsh((matrix + matrix.T) / 2)
+        return float(least), float(most)
+
+    @property
+    def _products(self) -> Array:
+        """Those of unit strains ``PAIRS`` with the stresses of others, stresses, shape (6, 6)."""
         unit = [np.zeros((3, 3)) for _ in PAIRS]
         for strain, (i, j) in zip(unit, PAIRS, strict=True):
             strain[i, j] = strain[j, i] = 1.0 if i == j else math.sqrt(0.5)
-        matrix = np.array([[np.sum(strain * self.stress_at(other)) for other in unit] for strain in unit])
-        (least, *_, most), (low, high) = np.linalg.eigvalsh((matrix + matrix.T) / 2), self.moduli
-        return float(
-            max(low / least - 1 if least > 0 else np.inf, most / high - 1, np.abs(matrix - matrix.T).max() / most, 0.0)
-        )
+        return np.array([[np.sum(strain * self.stress_at(other)) for other in unit] for strain in unit])
+
+    def missed(self) -> float:
+        """By how much ``stress_at`` leaves the bounds ``moduli``, and is not that of an energy, relative; infinite
+        where they bound nothing.
+        """
+        matrix, (least, most), (low, high) = self._products, self.eigenvalues, self.moduli
+        if not (least > 0 and 0 < low <= high):  # of what is no number, neither
+            return math.inf
+        return float(max(low / least - 1, most / high - 1, np.abs(matrix - matrix.T).max() / most, 0.0))
 
 
 @cache
 def stiffness_of(material: Material) -> Array:
     """From ``Material.stress``, by one strain after the other."""
+    return np.column_stack([stress_of(material, strain) for strain in np.eye(len(PAIRS))])
+
+
+def stress_of(material: Material, components: Array) -> Array:
+    """The stresses ``PAIRS`` by ``Material.stress``, of strains that are twice epsilon_ij in shear, shape (6,)."""
     import ufl
     from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 
-    matrix = np.empty((6, 6))
-    for column, (i, j) in enumerate(PAIRS):
-        strain = np.zeros((3, 3))
-        strain[i, j] = strain[j, i] = 1.0 if i == j else 0.5
-        stress = apply_algebra_lowering(material.stress(ufl.as_matrix(strain.tolist())))
-        matrix[:, column] = [float(stress[pair](())) for pair in PAIRS]
-    return matrix
+    strain = np.zeros((3, 3))
+    for component, (i, j) in zip(components, PAIRS, strict=True):
+        strain[i, j] = strain[j, i] = component if i == j else component / 2
+    stress = apply_algebra_lowering(material.stress(ufl.as_matrix(strain.tolist())))
+    return np.array([float(stress[pair](())) for pair in PAIRS])

@@ -6,10 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scipy.spatial.transform import Rotation
 from test_orthotropic import assert_uniform, pressed, uniform
 from test_springs import body
 
 from signorini_fx import SceneError, extensions, solve
+from signorini_fx.body import discretisation
 from signorini_fx.extensions import MATERIALS
 from signorini_fx.materials.orthotropic import OrthotropicElastic
 from signorini_fx.materials.protocol import Material
@@ -139,12 +141,106 @@ class TooSoft(Fibres):
 
 @pytest.mark.mpi
 @pytest.mark.parametrize(("kind", "figure"), [(WrongTwin, "equilibrium"), (WrongBounds, "moduli"), (TooSoft, "moduli")])
-def test_the_certificate_notices(kind, figure):
-    """Faults of a material by the figures that judge it."""
+def test_the_certificate_notices(kind, figure, monkeypatch):
+    """Faults of a material by the figures that judge it, if nobody looks before."""
+    monkeypatch.setattr(discretisation, "check_materials", lambda _: None)
     scene = pressed(body("triangle"), own(2, kind), displacement={"boundary": "left", "x": 0.0})
     solution = solve(scene, COMM, check=False)
     assert solution.status is Status.NOT_CERTIFIED
     assert getattr(solution.certificate, figure) > 1e-4
+
+
+def lying(**methods):
+    """The material of the demo with other methods."""
+    return type("Lying", (Fibres,), {"__module__": __name__, **methods})
+
+
+def constant(value):
+    """A property."""
+    return property(lambda _: value)
+
+
+def halved(self, x):
+    """Axes that are half as long."""
+    return 0.5 * Fibres.axes(self, x)
+
+
+@pytest.mark.parametrize(
+    ("methods", "message"),
+    [
+        (
+            {"moduli": constant((-1.0, 1e5))},
+            r"moduli of Lying are -1 and 100000, not bounds of its eigenvalues 1200 to",
+        ),
+        ({"moduli": constant((np.nan, 1e5))}, "moduli of Lying are nan"),
+        ({"moduli": constant((1e-3, np.nan))}, "moduli of Lying are 0.001 and nan"),
+        ({"moduli": constant((1e5, 1e-3))}, "moduli of Lying are 100000"),
+        ({"moduli": constant((1300.0, 1e5))}, "moduli of Lying are 1300"),
+        ({"moduli": constant((1.0, 9000.0))}, "moduli of Lying are 1 and 9000"),
+        ({"moduli": constant(1.0)}, "moduli of Lying are no two numbers: TypeError"),
+        ({"stress": lambda law, e: law.p * e * np.nan}, "stress of Lying is not finite"),
+        ({"stress": lambda law, e: -law.p * e}, "does no work on some strain"),
+        ({"stress": lambda law, e: law.p * e * (2 + e[0, 0])}, "no linear function of the strain"),
+        ({"stress": lambda law, e: law.p * e + law.m}, "no linear function of the strain"),
+        ({"stress": Material.stress}, "Lying does not say its stress"),
+        ({"stress_at": Material.stress_at}, "Lying does not say its stress_at"),
+        ({"stress_at": lambda law, e: Fibres.stress_at(law, e) + 1e-3 * law.p * e}, "stress_at of Lying is not its"),
+        ({"stress_at": lambda law, e: Fibres.stress_at(law, e)[0]}, "stress_at of Lying has the shape"),
+        ({"stress_at": lambda law, e: e / law.nothing}, "stress_at of Lying fails: AttributeError"),
+        ({"stress_at": lambda law, e: np.triu(Fibres.stress_at(law, e))}, "stress_at of Lying is not its stress"),
+        ({"isotropic": constant(True)}, "Lying is not isotropic, as it says"),
+        ({"free_strain": constant((1.0, np.inf, 1.0))}, "free_strain of Lying"),
+        ({"axes": halved}, "must be unit vectors at right angles"),
+        ({"axes": lambda *_: np.eye(3)}, "must have the shape"),
+    ],
+)
+def test_materials_that_are_not_what_they_say(methods, message):
+    """Are refused by name before anything is assembled: no proof rests on them."""
+    scene = pressed(body("triangle", comm=MPI.COMM_SELF), own(2, lying(**methods)))
+    with pytest.raises(SceneError, match=message):
+        solve(scene, MPI.COMM_SELF)
+
+
+def test_no_energy():
+    """A stress that follows another strain than that which follows it has none."""
+    import ufl
+
+    def skew(law, e):
+        return Fibres.stress(law, e) + law.p * e[0, 0] * ufl.as_matrix([[0, 0, 0], [0, 1, 0], [0, 0, 0]])
+
+    scene = pressed(body("triangle", comm=MPI.COMM_SELF), own(2, lying(stress=skew)))
+    with pytest.raises(SceneError, match="has no energy: its stiffness is not symmetric"):
+        solve(scene, MPI.COMM_SELF)
+
+
+def test_missed():
+    """Moduli beyond the eigenvalues, moduli that bound nothing, and a stress that is not that of an energy."""
+
+    def skew(law, e):
+        return Fibres.stress_at(law, e) + law.p * e[..., :1, :1] * np.diag([0.0, 1.0, 0.0])
+
+    assert own(2).missed() <= 1e-12
+    least, most = own(2).eigenvalues
+    assert own(2, lying(moduli=constant((1.01 * least, 2 * most)))).missed() == pytest.approx(0.01)
+    assert own(2, lying(moduli=constant((0.5 * least, most / 1.02)))).missed() == pytest.approx(0.02)
+    assert np.isinf(own(2, lying(moduli=constant((-1.0, 2 * most)))).missed())
+    skewed = own(2, lying(stress_at=skew, moduli=constant((0.1 * least, 10 * most))))
+    assert skewed.missed() == pytest.approx(MODULI["p"] / skewed.eigenvalues[1])
+
+
+def test_mean_over_all_directions():
+    """Lame parameters against the mean of the stress over the rotations of the icosahedron, which is exact for tensors
+    of fourth order.
+    """
+    rotations = Rotation.create_group("I").as_matrix()
+    material = own(3)
+    for pair in ((0, 0), (0, 1)):
+        strain = np.zeros((3, 3))
+        strain[pair] = strain[pair[::-1]] = 1.0
+        turned = np.einsum("nai,ab,nbj->nij", rotations, strain, rotations)
+        mean = np.einsum("nai,nij,nbj->ab", rotations, material.stress_at(turned), rotations) / len(rotations)
+        first, second = material.lame
+        np.testing.assert_allclose(mean, first * np.trace(strain) * np.eye(3) + 2 * second * strain, atol=1e-9)
 
 
 def test_by_name():
