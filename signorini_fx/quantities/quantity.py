@@ -49,7 +49,8 @@ class Quantity(Protocol):
         kind: the type of its value in summary.json.
         scope: which solutions have it.
         stage: when it is computed: with the results, with the fields, or after the results stand, so that its failure
-            is a warning; never: its derivative or a column of the load steps is all there is.
+            is a warning, as one that another package adds always is; never: its derivative or a column of the load
+            steps is all there is.
         terminal: what ``solve`` prints before its value; "": nothing is printed.
         report: the label of its card in the report; "": it has none.
         steps: whether steps.csv has it as a number, or as several columns by axis and boundary.
@@ -80,7 +81,7 @@ class Quantity(Protocol):
         return None
 
     def entries(self, solution: Any) -> dict[str, Any]:
-        """What it adds to the summary; collective."""
+        """What it adds to the summary, one that another package adds under its own key; collective."""
         value = self.value(solution)
         return {} if value is None else {self.key: value}
 

@@ -8,11 +8,16 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
+from pydantic import TypeAdapter
+from pydantic.errors import PydanticUserError
+
 from signorini_fx.errors import InstallationError, SceneError
 from signorini_fx.extensions import QUANTITIES, load, names_of
+from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.quantities.families import FAMILIES
-from signorini_fx.quantities.quantity import Quantity
+from signorini_fx.quantities.quantity import Card, Quantity, Summary
 from signorini_fx.quantities.run import RowOfSteps, Run
+from signorini_fx.quantities.text import row
 
 # Keys of a summary that say how it was computed, and columns of steps.csv.
 RESERVED = {*Run.model_fields, *RowOfSteps.model_fields}
@@ -48,7 +53,50 @@ def _usable(name: str, extension: Any) -> Quantity:
         raise InstallationError(f"the quantity {name!r} is no signorini_fx.Quantity with a key and a title")
     if key != name or not name.isidentifier() or name in RESERVED or name in {known.key for known in of_package()}:
         raise InstallationError(f"the quantity {name!r} needs a key that is its name, an identifier that is not taken")
+    try:
+        TypeAdapter(quantity.kind).json_schema()
+    except PydanticUserError as error:
+        reason = str(error).splitlines()[0]
+        raise InstallationError(f"the kind of the quantity {name!r} is no type of values in JSON: {reason}") from None
     return quantity
+
+
+def is_added(quantity: Quantity) -> bool:
+    """Whether it is not of this package: what it does is tried, and its failure costs nothing else."""
+    return quantity not in of_package()
+
+
+def stage_of(quantity: Quantity) -> str:
+    """When it is computed: one that is added once the results stand."""
+    return "afterwards" if is_added(quantity) and quantity.stage != "never" else quantity.stage
+
+
+def shown_lines(quantity: Quantity, summary: Summary) -> list[TerminalLine]:
+    """What ``solve`` prints of a quantity; of one that is added, and whose own method fails, the reason."""
+    if not is_added(quantity):
+        return quantity.lines(summary)
+    lines = _shown(quantity, "lines", TerminalLine, summary)
+    return [row(quantity.key, lines, "warning")] if isinstance(lines, str) else lines
+
+
+def shown_cards(quantity: Quantity, summary: Summary) -> list[Card]:
+    """What the report shows large of a quantity, likewise."""
+    if not is_added(quantity):
+        return quantity.cards(summary)
+    cards = _shown(quantity, "cards", Card, summary)
+    return [Card(quantity.key, "not shown", remark=cards)] if isinstance(cards, str) else cards
+
+
+def _shown(quantity: Quantity, method: str, kind: type, summary: Summary) -> Any:
+    """What a method returns, a list of such entries; else why it does not, in words."""
+    try:
+        entries = list(getattr(quantity, method)(summary))
+    except Exception as error:
+        return f"is not shown, as {method} fails: {type(error).__name__}: {error}"
+    wrong = next((entry for entry in entries if not isinstance(entry, kind)), None)
+    return (
+        entries if wrong is None else f"is not shown, as {method} has a {type(wrong).__name__}, not a {kind.__name__}"
+    )
 
 
 def error_of(summary: Mapping[str, Any], key: str) -> float | None:

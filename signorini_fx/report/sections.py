@@ -16,7 +16,7 @@ from signorini_fx.pictures.fields import FIELDS
 from signorini_fx.quantities.answers import answers
 from signorini_fx.quantities.digits import figure, percent
 from signorini_fx.quantities.quantity import Card
-from signorini_fx.quantities.registry import quantities
+from signorini_fx.quantities.registry import quantities, shown_cards
 from signorini_fx.records import Status
 from signorini_fx.report.interactive import plots, turning
 from signorini_fx.report.markup import drawn_by, joined, long_table, picture, table, tag
@@ -43,7 +43,7 @@ def outcome(summary: dict[str, Any]) -> Markup:
     if not good and summary["linear_solves"] == 0:
         verdict += " No linear system was solved: the figures are those of the body without displacement."
     lacking = summary.get("incomplete", ())
-    cards = [card for quantity in quantities() for card in quantity.cards(summary)]
+    cards = [card for quantity in quantities() for card in shown_cards(quantity, summary)]
     cards += [Card(label, str(summary[key])) for key, label in _COUNTS.items() if key in summary]
     cards.append(Card("seconds", f"{seconds_of(summary):.3g}"))
     who, body = _sides(entry.get("against") for entry in summary["scene"].get("contact", []))

@@ -6,6 +6,8 @@ any of this begins.
 
 from __future__ import annotations
 
+import json
+import re
 import time
 import traceback
 from collections.abc import Callable
@@ -18,7 +20,7 @@ from pydantic import TypeAdapter
 
 from signorini_fx.quantities.kinds import Number
 from signorini_fx.quantities.quantity import Quantity
-from signorini_fx.quantities.registry import has, of_package, quantities
+from signorini_fx.quantities.registry import has, is_added, quantities, stage_of
 from signorini_fx.records import Finding
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import ERROR_PATIENCE
@@ -84,7 +86,11 @@ def missing(what: list[str]) -> list[dict[str, Any]]:
 
 
 def _afterwards(solution: Solution) -> list[Quantity]:
-    return [quantity for quantity in quantities() if quantity.stage == "afterwards" and quantity.asked(solution)]
+    return [
+        quantity
+        for quantity in quantities()
+        if stage_of(quantity) == "afterwards" and (is_added(quantity) or quantity.asked(solution))
+    ]
 
 
 def asked(solution: Solution) -> list[str]:
@@ -101,11 +107,11 @@ def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]
     """
     comm, entries = solution.comm, dict[str, Any]()
     for quantity in _afterwards(solution):
-        added = afterthought(comm, quantity.key, findings, partial(_valid, quantity, solution)) or {}
+        added = afterthought(comm, quantity.key, findings, partial(_entries, quantity, solution)) or {}
         entries |= added
         if added and has(quantity, "further"):
             value = added[quantity.key]
-            further = afterthought(comm, quantity.key, findings, partial(quantity.further, solution, value))
+            further = afterthought(comm, quantity.key, findings, partial(_further, quantity, solution, value))
             entries[quantity.key] = value if further is None else further
     return entries
 
@@ -113,29 +119,63 @@ def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]
 def columns_of(quantity: Quantity, solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]:
     """The entries of a quantity in a row of the load steps; collective.
 
-    One that is not of this package may fail, or have other values than numbers, which is told once.
+    One that is not of this package may fail, or have other values than numbers, or other columns than its own, which is
+    told once.
     """
-    if quantity in of_package():
+    if not is_added(quantity):
         return quantity.columns(solution)
     rows = list[dict[str, Any]]()
-    numbers: TypeAdapter[dict[str, Any]] = TypeAdapter(dict[str, Number])
-    columns = afterthought(
-        solution.comm, quantity.key, rows, lambda: numbers.validate_python(quantity.columns(solution))
-    )
+    columns = afterthought(solution.comm, quantity.key, rows, partial(_columns, quantity, solution))
     findings += [row for row in rows if row not in findings]
     return columns or {}
 
 
-def _valid(quantity: Quantity, solution: Solution) -> dict[str, Any]:
-    """The entries of a quantity; of one that is not of this package they must have the type that it says.
+def _entries(quantity: Quantity, solution: Solution) -> dict[str, Any]:
+    """The entries of a quantity; of one that is not of this package its own, of the type that it says.
 
     Raises:
-        ValueError: they have not.
+        ValueError: they are not.
     """
+    if not is_added(quantity):
+        return quantity.entries(solution)
+    if not quantity.asked(solution):
+        return {}
     entries = quantity.entries(solution)
-    if quantity in of_package():
-        return entries
+    _refuse_others(quantity, [name for name in entries if name != quantity.key])
+    return {key: _as_json(quantity, value) for key, value in entries.items()}
+
+
+def _further(quantity: Quantity, solution: Solution, value: Any) -> Any:
+    """The value with what is known besides, likewise."""
+    further = quantity.further(solution, value)
+    return _as_json(quantity, further) if is_added(quantity) else further
+
+
+def _columns(quantity: Quantity, solution: Solution) -> dict[str, Any]:
+    """The columns of one that is not of this package, numbers."""
+    columns = TypeAdapter(dict[str, Number]).validate_python(quantity.columns(solution))
+    key = re.escape(quantity.key)  # as the schema of the summary has them
+    _refuse_others(quantity, [name for name in columns if not re.fullmatch(rf"{key}(_[xyz])?( .+)?", name)])
+    return dict(columns)
+
+
+def _refuse_others(quantity: Quantity, names: list[str]) -> None:
+    """Keys that are not those of a quantity.
+
+    Raises:
+        ValueError: there are some.
+    """
+    if names:
+        raise ValueError(f"has {', '.join(map(repr, names))}, though only {quantity.key!r} is its own")
+
+
+def _as_json(quantity: Quantity, value: Any) -> Any:
+    """A value of the type that a quantity says, as JSON has it.
+
+    Raises:
+        ValueError: it is none.
+    """
     adapter: TypeAdapter[Any] = TypeAdapter(quantity.kind)
-    return {
-        key: adapter.dump_python(adapter.validate_python(value), exclude_unset=True) for key, value in entries.items()
-    }
+    plain = adapter.dump_python(adapter.validate_python(value), mode="json", exclude_unset=True)
+    json.dumps(plain)
+    return plain

@@ -22,7 +22,7 @@ from signorini_fx.errors import InstallationError, PictureError, cannot_be_writt
 from signorini_fx.extensions import add_on
 from signorini_fx.machine.terminal import printable, say
 from signorini_fx.mesh.tagged import TaggedMesh
-from signorini_fx.quantities.registry import quantities
+from signorini_fx.quantities.registry import quantities, stage_of
 from signorini_fx.records import as_columns
 from signorini_fx.result_files import read_csv, read_facets
 from signorini_fx.results import afterthoughts
@@ -174,7 +174,7 @@ class _Written:
             self.folder.reserve(size_of_fields(solution, fields))
             summary["fields"] = _together(comm, self.folder, lambda: write_fields(solution, part, fields))
             for quantity in quantities():
-                summary |= quantity.entries(solution) if quantity.stage == "fields" else {}
+                summary |= quantity.entries(solution) if stage_of(quantity) == "fields" else {}
 
         def write() -> None:
             for name, records in (("history", solution.history.iterations), ("outer", solution.history.outer)):

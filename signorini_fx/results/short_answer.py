@@ -11,7 +11,7 @@ from signorini_fx.machine.terminal import COLUMNS, TerminalLine, clauses, printa
 from signorini_fx.quantities.answers import error_in_words, largest_von_mises
 from signorini_fx.quantities.digits import between, figure
 from signorini_fx.quantities.families.stress import share_in_words
-from signorini_fx.quantities.registry import error_of, of_package, quantities
+from signorini_fx.quantities.registry import error_of, of_package, quantities, shown_lines
 from signorini_fx.quantities.text import point_in_words
 from signorini_fx.records import CERTIFICATE_TOLERANCE
 
@@ -212,5 +212,5 @@ def _effort(summary: dict[str, Any]) -> TerminalLine:
 def _asked(summary: dict[str, Any]) -> list[TerminalLine]:
     """What only some scenes have: rigid bodies, tightened sections, and the quantities of other packages."""
     ours = {quantity.key for quantity in of_package() if not quantity.brief}
-    lines = [line for quantity in quantities() if quantity.key not in ours for line in quantity.lines(summary)]
+    lines = [line for quantity in quantities() if quantity.key not in ours for line in shown_lines(quantity, summary)]
     return [_row(line.begin.strip(), line.text, line.kind) for line in lines]

@@ -14,7 +14,7 @@ from signorini_fx.accuracy import price_list
 from signorini_fx.body.pieces import extent
 from signorini_fx.display import effort_in_words, results_of, status_in_words
 from signorini_fx.machine.terminal import TerminalLine
-from signorini_fx.quantities.registry import quantities
+from signorini_fx.quantities.registry import quantities, shown_lines, stage_of
 from signorini_fx.quantities.run import SCHEMA_VERSION
 from signorini_fx.quantities.text import row
 from signorini_fx.records import OuterRecord, Record, StepRecord
@@ -56,7 +56,7 @@ def summary_of(solution: Solution) -> dict[str, Any]:
         "findings": [asdict(finding) for finding in solution.findings],
     }
     for quantity in quantities():
-        if quantity.stage == "results":
+        if stage_of(quantity) == "results":
             summary |= quantity.entries(solution)
     if solution.price_list:
         summary["price_list"] = [asdict(row) for row in solution.price_list]
@@ -139,7 +139,7 @@ def _figures(summary: dict[str, Any]) -> list[TerminalLine]:
     lines = [heading, *_outcome(summary), *_warnings(summary)]
     if not summary["converged"] and summary["linear_solves"] == 0:  # follows from statics: there are no figures
         return lines
-    lines += [line for quantity in quantities() if not quantity.first for line in quantity.lines(summary)]
+    lines += [line for quantity in quantities() if not quantity.first for line in shown_lines(quantity, summary)]
     lines.append(row("seconds", ", ".join(f"{name} {value:.2f}" for name, value in summary["timings"].items())))
     if "price_list" in summary:
         lines.append(TerminalLine(price_list.render([price_list.Price(**price) for price in summary["price_list"]])))
@@ -153,7 +153,7 @@ def _outcome(summary: dict[str, Any]) -> list[TerminalLine]:
         lines.append(row("results of", results_of(summary)))
     if not summary["converged"]:
         lines.append(row("what to do", summary["advice"], "advice"))
-    lines += [line for quantity in quantities() if quantity.first for line in quantity.lines(summary)]
+    lines += [line for quantity in quantities() if quantity.first for line in shown_lines(quantity, summary)]
     return [
         *lines,
         row("algorithm", f"{summary['algorithm']}, {effort_in_words(summary)}"),

@@ -14,6 +14,7 @@ from signorini_fx.check.petsc_options import refuse_mistyped
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import signals
 from signorini_fx.mesh.hierarchy import coarser_scenes
+from signorini_fx.quantities.registry import quantities
 from signorini_fx.records import History, Progress
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import ConvergenceError, Solution
@@ -65,11 +66,13 @@ def solve(
         MeshError: the mesh cannot be read or generated.
         OptionsError: PETSc does not accept an option that the user has set.
         MachineError: a form cannot be compiled.
+        InstallationError: a quantity of another package cannot be used.
         ConvergenceError: no solution was reached; it carries the last iterate.
     """
     scene = as_scene(scene)
     refuse_other_than_comm(comm)
     refuse_mistyped(comm)
+    quantities()  # those of others are refused before hours of work
     if callable(observers) or not all(map(callable, observers)):
         raise TypeError("observers: a list of functions is expected, such as [print_progress]")
     with signals.together(comm):

@@ -7,23 +7,30 @@ import error_bounds
 import error_bounds_in_space
 import numpy as np
 import pytest
+from mpi4py import MPI
 from scenes import alone, example1
 from scipy.linalg import eigh
 from spaces import box
 from test_coulomb_ways import one_triangle
 from test_fixed_point import energy_norm_of_difference
+from test_orthotropic import pressed
+from test_springs import body
 from test_uniqueness import random_points
 
+from signorini_fx.body.discretisation import prepare
+from signorini_fx.bounds.bounded_scene import moduli_of, why_estimated
 from signorini_fx.bounds.error_bound import Bounded, error_bound
 from signorini_fx.bounds.facets import POINTS, bernstein
 from signorini_fx.bounds.johnson_mercier import constant_forces
 from signorini_fx.bounds.korn import korn, on_edges
-from signorini_fx.bounds.simplices import IsotropicModuli, Simplices
+from signorini_fx.bounds.simplices import ROWS, IsotropicModuli, Simplices
 from signorini_fx.bounds.stress_products import energy as energy_of
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.laws.none import NoFriction
 from signorini_fx.laws.tresca import Tresca
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import Timings
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving import to_accuracy
@@ -278,6 +285,30 @@ def test_the_softest_strain():
         size = (strain**2 * [1, 1, 2]).sum(axis=2)
         share = (t.stress(strain) * strain * [1, 1, 2]).sum(axis=2) / size
         assert share.min() == pytest.approx(t.moduli.softest[0], rel=1e-9)
+
+
+@pytest.mark.parametrize(("cells", "dimension"), [("triangle", 2), ("tetrahedra", 3)])
+def test_the_softest_strain_of_an_anisotropic_material(cells, dimension):
+    """sigma : eps is at least alpha |eps|^2, for strains at random, and little more for the softest one."""
+    material = {"orthotropic": {"young": [9.0, 2.0, 1.0], "poisson": [0.3, 0.2, 0.1], "shear": [0.5, 0.7, 0.9]}}
+    scene = pressed(body(cells), material)
+    d = prepare(scene, load_mesh(scene, MPI.COMM_WORLD), Timings())
+    moduli = moduli_of(d, np.arange(1))
+    weight = np.where(np.arange(len(ROWS[dimension])) < dimension, 1, 2)
+    strain = np.random.default_rng(3).normal(size=(1, 200, len(weight)))
+    strain[0, ::2, :dimension] *= 1e-3  # mostly shear, which is soft
+    size = (strain**2 * weight).sum(axis=2)
+    share = (moduli.stress(strain) * strain * weight).sum(axis=2) / size
+    assert moduli.softest[0] <= share.min() <= 1.1 * moduli.softest[0]
+
+
+def test_a_function_of_python_is_no_proof():
+    """Data that are known at points alone make an estimate, those that are expressions a bound."""
+    scene = uniform(0, dip="none")
+    for load, reason in (("-x[0]", ""), (lambda x: -x[0], "the body force is a function of Python")):
+        loaded = scene.model_copy(update={"body_force": (BodyForce(x=load),)})
+        d = prepare(loaded, load_mesh(loaded, MPI.COMM_WORLD), Timings())
+        assert why_estimated(d) == reason
 
 
 @pytest.mark.parametrize("seed", range(2))

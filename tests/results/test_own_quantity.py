@@ -3,19 +3,30 @@
 import json
 import runpy
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import numpy as np
 import pytest
 from scenes import alone, example1
 
-from signorini_fx import InstallationError, Quantity, SceneError, extensions, read_results, sensitivity, write_results
+from signorini_fx import (
+    InstallationError,
+    Quantity,
+    SceneError,
+    extensions,
+    read_results,
+    sensitivity,
+    solve,
+    write_results,
+)
 from signorini_fx.errors import ResultError
 from signorini_fx.extensions import QUANTITIES
 from signorini_fx.quantities.model import summary_schema
 from signorini_fx.quantities.registry import quantities
 from signorini_fx.quantities.table import markdown
 from signorini_fx.report.page import page
+from signorini_fx.results.short_answer import short_answer
 from signorini_fx.results.summary import render, summarise
 
 DEMO = Path(__file__).parents[2] / "demos" / "extensions" / "quantity.py"
@@ -123,6 +134,100 @@ def test_failures_are_warnings(register, tmp_path):
     assert summary["converged"]
     write_results(solution, tmp_path, pictures=False, fields=False)
     assert read_results(tmp_path).summary.converged
+
+
+class Overwrites(Fails):
+    """Says that it converged, in the summary and in each load step."""
+
+    key, kind, steps = "overwrites", dict, "number"
+
+    def entries(self, solution):
+        return {"status": "converged!", "overwrites": {}}
+
+    def columns(self, solution):
+        return {"status": 1.0, "overwrites": 1.0}
+
+
+class Objects(Fails):
+    """What JSON does not have, under a type that allows for anything."""
+
+    key, kind, steps, stage = "objects", Any, "", "results"
+
+    def value(self, solution):
+        return object()
+
+
+class Late(Objects):
+    """Fails beside the fields."""
+
+    key, stage = "late", "fields"
+
+    def value(self, solution):
+        raise RuntimeError("not today")
+
+
+class Asked(Objects):
+    """Does not know whether it is asked for."""
+
+    key, stage = "asked", "results"
+
+    def asked(self, solution):
+        raise KeyError("what")
+
+
+class Further(Objects):
+    """Knows no more."""
+
+    key, kind, stage = "further", float, "afterwards"
+
+    def value(self, solution):
+        return 1.0
+
+    def further(self, solution, value):
+        return [value]
+
+
+class Shown(Further):
+    """Cannot be shown."""
+
+    key, terminal, report = "shown", "shown", "shown"
+
+    def lines(self, summary):
+        return [1 / 0]
+
+    def cards(self, summary):
+        return ["a card"]
+
+
+def test_each_costs_only_itself(register, tmp_path):
+    """Whatever a quantity of others does, all else is there, and a message has its name."""
+    plain = write_results(alone(scene()), tmp_path / "plain", pictures=False)
+    for quantity in (Overwrites, Objects, Late, Asked, Further, Shown):
+        register(quantity)
+    summary = write_results(alone(scene()), tmp_path / "more", pictures=False)
+    told = {row["path"]: row["message"] for row in summary["findings"]}
+    assert "has 'status', though only 'overwrites' is its own" in told["overwrites"]
+    assert "PydanticSerializationError" in told["objects"]
+    assert "RuntimeError in value: not today" in told["late"]
+    assert "KeyError in asked: 'what'" in told["asked"]
+    assert "ValidationError" in told["further"]
+    assert summary["status"] == plain["status"] == "converged"
+    assert [row["status"] for row in summary["steps"]] == ["converged", "converged"]
+    assert {*summary} == {*plain, "further", "shown"}
+    assert {*summary["steps"][0]} == {*plain["steps"][0]}
+    written = json.loads((tmp_path / "more" / "summary.json").read_text(encoding="utf-8"))
+    assert {*written} == {*summary}
+    assert "is not shown, as lines fails: ZeroDivisionError: division by zero" in render(summary)
+    assert short_answer(summary, tmp_path)
+    assert "is not shown, as cards has a str, not a Card" in page(tmp_path / "more")
+
+
+@pytest.mark.parametrize("kind", [type("Opaque", (), {}), "Nowhere"], ids=["class", "name"])
+def test_refused_before_anything_is_solved(register, kind):
+    """A quantity whose values have a type that JSON does not have."""
+    register(type("Opaque", (Fails,), {"key": "opaque", "kind": kind}))
+    with pytest.raises(InstallationError, match="the kind of the quantity 'opaque' is no type of values in JSON"):
+        solve(scene(), observers=[lambda record: pytest.fail("something is solved")])
 
 
 @pytest.mark.parametrize("key", ["status", "contact_force", "not a name", "step"])
