@@ -286,18 +286,24 @@ class ContactProblem(SolvedProblem):
         """Where a solve begins with what the problem is now; collective."""
         data, law = self._update()
         begun = self._start
-        data = data if (resting := self._task.rest) is None else resting.data_from(data)
-        if begun is None:
+        moved = self._foundations.moved(self._boundary)  # slip is relative to the foundation
+        drift = 0.0 if moved is None else np.einsum("nij,ni->nj", self._boundary.tangents, moved)
+        if begun is None:  # slip counts from the body without loads, and the shapes as they were given
+            self._previous_step = None
+            if moved is not None:
+                at_rest = PreviousStep(fem.Function(self._space), Tractions.none(self._boundary))
+                self._previous_step = relative_to(at_rest, self._boundary, moved)
+                data = replace(data, slip_origin=np.asarray(drift))
+            data = data if (resting := self._task.rest) is None else resting.data_from(data)
             begun = self._first_start(Start(data, law, ActiveSets.all_in_contact(*data.mu_hat.shape), 0))
         else:  # friction is that of the pressure with which the last step has ended
             assert begun.multipliers is not None
             assert self._last is not None
-            bound, origin = None if law is None else law.bound(begun.multipliers[0]), begun.data.slip_origin
-            moved = self._foundations.moved(self._boundary)
-            if moved is not None:  # slip is relative to the foundation
-                origin = origin + np.einsum("nij,ni->nj", self._boundary.tangents, moved)
+            assert begun.data.slip_origin is not None
+            gap = data.gap if (resting := self._task.rest) is None else resting.data_from(data).gap
+            bound, origin = None if law is None else law.bound(begun.multipliers[0]), begun.data.slip_origin + drift
             self._previous_step = relative_to(self._last.before, self._boundary, moved)
-            begun = replace(begun, data=replace(begun.data, gap=data.gap, bound=bound, slip_origin=origin), law=law)
+            begun = replace(begun, data=replace(begun.data, gap=gap, bound=bound, slip_origin=origin), law=law)
         begun = replace(begun, factors=np.ones(1))
         self._checkpoint = self._task.iterate.newton.checkpoint()
         return begun if self._solution is None else self._solution.begins(begun, self._boundary)

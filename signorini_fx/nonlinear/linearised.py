@@ -178,8 +178,8 @@ class LinearisedProblem(ContactProblem):
 
     @property
     def before(self) -> PreviousStep | None:
-        """The end of the last step."""
-        return None if self._last is None else self._last.before
+        """The end of the last step; before the first one, if the shapes have moved, the body at rest."""
+        return self._previous_step if self._last is None else self._last.before
 
     @property
     def held(self) -> Array:

@@ -19,6 +19,7 @@ from test_ramp import ramp
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Foundation, LoadPath, solve
 from signorini_fx.records import Status
+from signorini_fx.scene.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
 GAMMA = {"gamma_n": 1e6, "gamma_t": 1e6}
@@ -86,6 +87,66 @@ def test_a_ramp_is_that_of_a_scene(settings):
     at(solved.last_step.time)
     problem.solve()
     assert abs(-problem.state.forces[1][0] - push.value) <= 1e-6 * LIMIT
+
+
+@pytest.mark.parametrize("settings", [{}, {"algorithm": "alm"}], ids=["ssn", "alm"])
+def test_slip_of_the_first_time_is_that_of_a_scene(settings):
+    """A circle that moves from where it is given, of which the first time is not 0: what it has moved until then is
+    slip, of scenes, forms, and forms that are solved one by one.  All of the contact slides: friction is F times the
+    pressure, and against the motion of the circle in the first step already.
+    """
+    times, circle = (0.4, 0.6, 0.8, 1.0), {"shape": "circle", "centre": [0.5, 1.3], "radius": 0.3}
+    sides, centre = {"length": 1.0, "height": 1.0, "nx": 8, "ny": 8, "cell": "quadrilateral"}, (0.05, -0.02)
+    law = {"law": "coulomb", "coefficient": 0.4}
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": sides},
+            "material": {"young": 100.0, "poisson": 0.3},
+            "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0, "factors": [1.0] * 4},
+            "contact": {
+                "boundary": "top",
+                "foundation": circle | {"shift": [f"{v} * t" for v in centre]},
+                "friction": law,
+            },
+            "load_steps": {"times": times},
+            "solver": {**GAMMA, **settings},
+        }
+    )
+    solution = solve(scene, check=False)
+    expected = [step.contact.forces_of_each[0] for step in solution.steps]
+    for pressed, friction in expected:
+        assert friction[0] > 0.3 * abs(pressed[1]) > 0.0
+    mesh = forms.box((1.0, 1.0), (8, 8), dmesh.CellType.quadrilateral)
+    V = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    held = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, forms.side(mesh, 1, 0.0)), V)
+    tool = Foundation(forms.side(mesh, 1, 1.0), shape=circle, friction=Coulomb(0.4))
+
+    def problem():
+        return ContactProblem(
+            forms.hooke(u, v, 100.0),
+            ufl.inner(fem.Constant(mesh, (0.0, 0.0)), v) * ufl.dx,
+            [held],
+            tool,
+            **GAMMA,
+            **settings,
+        )
+
+    def shift(time):
+        return [component * time for component in centre]
+
+    by_run = problem()
+    steps = by_run.run(times, lambda t: by_run.place(0, shift=shift(t))).steps
+    for step, force in zip(steps, expected, strict=True):
+        assert step.contact.forces_of_each[0] == pytest.approx(force, rel=1e-7)
+    by_hand = problem()
+    for time, force in zip(times, expected, strict=True):
+        for tried in (1.1 * time, time):  # what was tried before does not count
+            by_hand.place(0, shift=shift(tried))
+            by_hand.solve()
+        by_hand.advance()
+        assert by_hand.state.forces_of_each[0] == pytest.approx(force, rel=1e-7)
+        assert by_hand.certificate.holds
 
 
 def test_limit_load():

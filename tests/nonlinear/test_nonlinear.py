@@ -311,6 +311,29 @@ def test_no_equilibrium_beyond_a_load():
     assert problem.status is Status.LIMIT
 
 
+def test_a_shape_that_moves_along_in_the_first_step():
+    """Its motion since it was given is slip, as of linear bodies, which small forces cannot tell from these: a circle
+    that moves along drags the body with all of its friction, in the first step too.
+    """
+    space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF)
+    u, trial, test = fem.Function(space), ufl.TrialFunction(space), ufl.TestFunction(space)
+    circle = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
+    contact = Foundation(side(1, 1.0), shape=circle, friction=Coulomb(0.3))
+    bcs = [held(space, side(1, 0.0))]
+    nonlinear = NonlinearContactProblem(residual(u), u, bcs=bcs, contact=contact, algorithm="alm")
+    strain = ufl.sym(ufl.grad(trial))
+    stress = 2 * MU * strain + LAME * ufl.tr(strain) * ufl.Identity(2)
+    load = ufl.inner(fem.Constant(space.mesh, (0.0, 0.0)), test) * ufl.dx
+    linear = ContactProblem(ufl.inner(stress, ufl.grad(test)) * ufl.dx, load, bcs, contact, algorithm="alm")
+    for problem in (nonlinear, linear):
+        problem.place(0, shift=(1e-4, -1e-5))
+        problem.solve()
+    (pressed, friction), expected = nonlinear.state.forces_of_each[0], linear.state.forces_of_each[0]
+    assert friction[0] == pytest.approx(0.3 * abs(pressed[1]), rel=1e-3)
+    assert friction == pytest.approx(expected[1], rel=1e-3, abs=1e-3 * abs(pressed[1]))
+    assert pressed == pytest.approx(expected[0], rel=1e-3, abs=1e-3 * abs(pressed[1]))
+
+
 def test_certificate_notices_what_is_wrong():
     """Another pressure, a displacement that is not in equilibrium, a shape at another place, friction the other way."""
     space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF)
@@ -332,7 +355,7 @@ def test_certificate_notices_what_is_wrong():
             problem.shapes,
             of(Tractions.of(problem.state)),
             Law(*linear._task.promised(linear._outcome)),
-            None,
+            linear._previous_step,
         )
 
     from dataclasses import replace
