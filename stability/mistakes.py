@@ -149,8 +149,8 @@ MUTANTS = (
     ),
     Mutant(
         "contact/laws",
-        "np.where(sets.contact, data.gamma_n, 0.0)",
-        "np.where(~sets.contact, data.gamma_n, 0.0)",
+        "np.where(pressing, data.gamma_n, 0.0)",
+        "np.where(~pressing, data.gamma_n, 0.0)",
         "tangent: contact set swapped",
     ),
     Mutant(
@@ -2594,10 +2594,24 @@ MUTANTS = (
     ),
     Mutant(
         "results/certificate",
-        "np.where(bilateral, 0.0, np.minimum(entered, 0.0))",
-        "np.minimum(entered, 0.0)",
-        "certificate: a distance that supports prescribe counts in bilateral contact",
+        "np.where(immovable, 0.0, entered)",
+        "entered",
+        "certificate: a distance that supports prescribe counts",
         tests=("certificate::test_bilateral_contact_where_a_support_holds_a_node",),
+    ),
+    Mutant(
+        "results/certificate",
+        "np.where(immovable, np.inf, np.where(bilateral, 0.0, np.maximum(-entered, 0.0)))",
+        "np.where(bilateral, 0.0, np.maximum(-entered, 0.0))",
+        "certificate: a pressure where supports decide about the distance not seen",
+        tests=("held_inside::test_a_pressure_at_such_a_node_is_refused",),
+    ),
+    Mutant(
+        "contact/laws",
+        "np.where(data.immovable, 0.0, trial)",
+        "trial",
+        "supports press nodes into the foundation, in augmentation",
+        tests=("held_inside::test_the_penalty_decides_about_nothing",),
     ),
     Mutant(
         "results/certificate",
@@ -3875,17 +3889,10 @@ MUTANTS = (
         tests=("safety::test_what_the_body_rests_on_counts",),
     ),
     Mutant(
-        "results/safety",
-        "_touching(d, contact, live + dead, step) & ~immovable",
-        "_touching(d, contact, live + dead, step)",
-        "safety: supports press for the foundation",
-        tests=("safety::test_a_support_takes_the_pressure",),
-    ),
-    Mutant(
-        "results/safety",
-        "np.where(immovable, contact.bound, law.given)",
-        "law.given",
-        "safety: no friction where a support takes the pressure",
+        "body/foundations",
+        "joined(parts, points).without_pressure(boundary.points.immovable)",
+        "joined(parts, points)",
+        "friction follows a pressure that supports take",
         tests=("safety::test_a_support_takes_the_pressure",),
     ),
     Mutant(
@@ -4560,13 +4567,6 @@ MUTANTS = (
         "t.normal[owners]",
         "bound: pressures have normals of other edges",
         tests=("jumping_loads::test_pressures_on_all_edges_of_a_triangle",),
-    ),
-    Mutant(
-        "results/equilibrium",
-        "slight = np.maximum(slight, NO_FORCE * pieces.norms(pressed))",
-        "pass",
-        "certificate: contact forces that supports take have no round-off",
-        tests=("certificate::test_pressure_that_supports_take_has_round_off",),
     ),
     Mutant(
         "results/equilibrium",

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from signorini_fx.algorithms.alm import augmented_lagrangian
 from signorini_fx.algorithms.augmentation import Augmentation
 from signorini_fx.algorithms.coulomb_statics import coulomb_start, proved
@@ -86,15 +84,13 @@ def _augmented_coulomb(
             return proved(task, newton.problem, law, status)
         multipliers = newton.multipliers()
     if monolithic:
-        immovable = task.motions.points.immovable  # whose pressure augmentation does not change, see ``shifts``
-        pressure = np.where(immovable, data.lambda_hat, multipliers[0])
         status = augmented_lagrangian(
             augmentation_on(task, task.iterate.unsymmetric_newton),
             replace(
                 data,
                 gamma_n=AUGMENTED_NEWTON_SHARE * data.gamma_n,
                 gamma_t=AUGMENTED_NEWTON_SHARE * data.gamma_t,
-                lambda_hat=pressure,
+                lambda_hat=multipliers[0],
                 mu_hat=multipliers[1],
                 bound=law.given,
                 follows=law,

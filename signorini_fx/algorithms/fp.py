@@ -50,8 +50,7 @@ def fixed_point(
     g, norms = start[0], newton.problem.groups.norms
     previous: Nodal | None = None
     if augmentation is not None:
-        immovable = newton.problem.points.immovable  # whose pressure augmentation does not change, see ``shifts``
-        data = replace(data, lambda_hat=np.where(immovable, data.lambda_hat, start[0]), mu_hat=start[1])
+        data = replace(data, lambda_hat=start[0], mu_hat=start[1])
     for _ in range(max_outer):
         data = replace(data, bound=law.bound(g))
         status = newton.solve(data, first_sets, measure=partial(_change, newton, data, g, augmentation))

@@ -96,7 +96,7 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     # lambda = gamma_1 (tau_N y - d) on A_c along the path.
     u_n, u_t = system.contact.traces(newton.x)
     slope_n, slope_t = system.contact.traces(first)
-    pressure_slope = points.norm(sets.contact * (u_n - data.gap + data.gamma_n * slope_n))
+    pressure_slope = points.norm(blocks[:, 0, 0] * (u_n - data.gap + data.gamma_n * slope_n))
     distance = float(np.sqrt(max(energy, 0.0)))
     # Of a node that is stiffer than the pole the model leaves some slip too, but less than half.
     slip, ahead = length(u_t - origin), points.felt(u_t - origin + reach * slope_t)

@@ -345,8 +345,7 @@ class SemismoothNewton:
     def shifts(self, data: RegularisedData) -> tuple[Nodal, Nodal]:
         """(lambda, mu) made feasible, as the next lambda_hat and mu_hat.
 
-        Where the supports allow no motion along the normal, the pressure would grow without end and without effect, so
-        it is kept.  Where a point slips but cannot move in some tangential direction, because of supports or of another
+        Where a point slips but cannot move in some tangential direction, because of supports or of another
         contact of its node, the shear along that would reach its limit, that of the direction of slip, the more slowly
         the smaller the slip, so it is set to it; likewise where supports prescribe a slip and the shear is below its
         bound.
@@ -361,7 +360,7 @@ class SemismoothNewton:
         limit = np.where(slips, bound, 0.0)[:, None] * unit(slip)
         missing = np.einsum("nij,nj->ni", still, np.where(slips[:, None], limit - shear, 0.0))
         shear = onto_disc(shear + missing, bound)
-        return np.where(points.immovable, data.lambda_hat, pressure), shear
+        return pressure, shear
 
     def continued_sets(self, data: RegularisedData) -> ActiveSets:
         """The first sets for ``data`` when the variables (y, lambda, xi, mu) of the last problem are its start."""

@@ -185,7 +185,9 @@ class Task:
         if has_coulomb is None:
             follows = law is not None and law.follows_pressure
             has_coulomb = parallel.any_rank(comm, follows)
-        data = RegularisedData.unshifted(gap, points.dimension - 1, settings, natural_gamma, law, bilateral)
+        data = RegularisedData.unshifted(
+            gap, points.dimension - 1, settings, natural_gamma, law, bilateral, points.immovable
+        )
         resting = resting_place(gap, bilateral, motions, system.resultant)
         sets = ActiveSets.all_in_contact(*data.mu_hat.shape)
         start = Start(data if resting is None else resting.data_from(data), law, sets, iteration=0)

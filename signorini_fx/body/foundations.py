@@ -429,12 +429,17 @@ class Foundations:
         parts = [k for k, contact_data in enumerate(data) if contact_data.bilateral]
         bilateral = np.isin(boundary.part, parts) if parts else None
         gap = self._gap(boundary, data)
-        return RegularisedData.unshifted(gap, self._dimension - 1, settings, scales.gamma, law, bilateral), law
+        regularised = RegularisedData.unshifted(
+            gap, self._dimension - 1, settings, scales.gamma, law, bilateral, boundary.points.immovable
+        )
+        return regularised, law
 
     def law(
         self, boundary: ContactBoundary, modulus: float, friction: Sequence[NodalFriction] | None = None
     ) -> PointFriction | None:
         """The friction at the points; None where none can act.
+
+        At points that cannot move along their normal it is that without pressure.
 
         Args:
             boundary: the points.
@@ -457,7 +462,7 @@ class Foundations:
             parts.append(friction_of(law, at.size))
             if entry.bonded:
                 parts[-1] = stuck(np.ones(at.size, dtype=bool))
-        return joined(parts, points)
+        return joined(parts, points).without_pressure(boundary.points.immovable)
 
     def _at_points(self, boundary: ContactBoundary, data: Sequence[FoundationData]) -> Array:
         """Gaps of the nodes at their points, length, shape (n,)."""

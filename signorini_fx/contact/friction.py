@@ -120,6 +120,13 @@ class PointFriction:
         """Points that can transmit shear, shape (n,)."""
         return np.asarray((self.given > 0) | (self.coefficient > 0))
 
+    def without_pressure(self, where: npt.NDArray[np.bool_]) -> PointFriction:
+        """The same where no pressure can act at some points, shape (n,): what the bound there is without one."""
+        if not where.any():
+            return self
+        given = np.where(where, self.bound(np.zeros_like(self.given)), self.given)
+        return replace(self, given=given, coefficient=np.where(where, 0.0, self.coefficient))
+
     def forces(self, weight: Nodal) -> PointFriction:
         """The envelope, which no bound exceeds, with forces for stresses at points with such weights, shape (n,)."""
         cap = self.cap

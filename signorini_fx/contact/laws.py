@@ -127,6 +127,8 @@ class RegularisedData:
         slip_origin: tau_T y from which slip counts, length, shape (n, d - 1): the law of the paper is total,
             with origin zero (None); with load steps it acts on the increment, with mu_hat the shear of the previous
             step.
+        immovable: points that cannot move along their normal, see ``ContactPoints``, shape (n,): no pressure acts
+            there, because the supports take whatever it would be; None: there are none.
     """
 
     gap: Nodal
@@ -139,6 +141,7 @@ class RegularisedData:
     follows: PointFriction | None = None
     bilateral: npt.NDArray[np.bool_] | None = None
     slip_origin: Nodal | None = None
+    immovable: npt.NDArray[np.bool_] | None = None
 
     @classmethod
     def unshifted(
@@ -149,6 +152,7 @@ class RegularisedData:
         natural_gamma: float,
         law: PointFriction | None = None,
         bilateral: npt.NDArray[np.bool_] | None = None,
+        immovable: npt.NDArray[np.bool_] | None = None,
     ) -> RegularisedData:
         """The problem without shifts, for points with d - 1 tangents, and with the given part of the friction bound.
 
@@ -159,6 +163,7 @@ class RegularisedData:
             natural_gamma: the unit of gamma where it is automatic, stress per length.
             law: of friction; None: there is none.
             bilateral: points whose contact cannot open, shape (n,); None: there are none.
+            immovable: points that cannot move along their normal, shape (n,); None: there are none.
         """
         automatic = AUTOMATIC_GAMMA * natural_gamma
         return cls(
@@ -170,6 +175,7 @@ class RegularisedData:
             np.zeros((gap.size, tangents)),
             None if law is None else law.given,
             bilateral=bilateral,
+            immovable=immovable,
         )
 
     def friction_bound(self, pressure: Nodal) -> Nodal:
@@ -218,8 +224,9 @@ def keep_closed(contact: npt.NDArray[np.bool_], data: RegularisedData) -> npt.ND
 
 
 def trial_pressure(u_n: Nodal, data: RegularisedData) -> Nodal:
-    """lambda_hat + gamma_1 (tau_N y - d), whose positive part is lambda (3.3b)."""
-    return data.lambda_hat + data.gamma_n * (u_n - data.gap)
+    """lambda_hat + gamma_1 (tau_N y - d), whose positive part is lambda (3.3b); zero at immovable points."""
+    trial = data.lambda_hat + data.gamma_n * (u_n - data.gap)
+    return trial if data.immovable is None else np.where(data.immovable, 0.0, trial)
 
 
 def trial_shear(u_t: Nodal, data: RegularisedData) -> Nodal:
@@ -348,7 +355,8 @@ def tangent(sets: ActiveSets, data: RegularisedData) -> Nodal:
     """
     count, tangents = sets.direction.shape
     blocks = np.zeros((count, 1 + tangents, 1 + tangents))
-    blocks[:, 0, 0] = np.where(sets.contact, data.gamma_n, 0.0)
+    pressing = sets.contact if data.immovable is None else sets.contact & ~data.immovable
+    blocks[:, 0, 0] = np.where(pressing, data.gamma_n, 0.0)
     if data.bound is None:
         return blocks
     identity = np.eye(tangents)

@@ -70,7 +70,7 @@ class ContactPoints:
     def immovable(self) -> npt.NDArray[np.bool_]:
         """Points that cannot move along their normal because they are free only perpendicular to it, shape (n,).
 
-        The support takes the normal contact force at these points.
+        Supports decide alone about their distance, and would take whatever contact did there: it transmits no pressure.
         """
         return np.asarray(np.linalg.norm(self.movable[:, 0], axis=1) <= SAME_DIRECTION)
 
@@ -127,8 +127,8 @@ class ContactPoints:
     def felt(self, values: Nodal, beside: Nodal | None = None) -> Nodal:
         """Size of the part of a pressure (n,) or a shear (n, d - 1) that no support takes, stress, shape (n,).
 
-        A support may press a node into the foundation.  The pressure there is that of the penalty, however large, and
-        does nothing to the body: it is no scale for other nodes.  Neither is what the other one of the two undoes.
+        What supports take does nothing to the body: it is no scale for other nodes.  Neither is what the other one of
+        the two undoes.
 
         Args:
             values: the pressure or the shear.

@@ -53,6 +53,15 @@ class PointState:
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.points.size} points of this rank, {self.in_contact.sum()} in contact>"
 
+    @property
+    def held_inside(self) -> Nodal:
+        """How far points that cannot move along their normal lie inside the foundation, or, where contact cannot open,
+        off it, length, shape (n,); zero at all others.
+        """
+        overlap = self.u_n - self.gap
+        depth = np.where(self.bilateral, np.abs(overlap), np.maximum(overlap, 0.0))
+        return np.where(self.points.immovable, depth, 0.0)
+
     @cached_property
     def friction_work(self) -> float:
         """Energy dissipated by slip in this load step, (mu, xi) with xi of (3.3c), never negative;

@@ -31,6 +31,7 @@ from signorini_fx.body.foundation import Foundation, Pair
 from signorini_fx.body.foundations import Foundations, ShapeDistances
 from signorini_fx.body.rigid_bodies import RigidBodies, RigidBodyMotion
 from signorini_fx.body.supports import prescribed
+from signorini_fx.check.pushed_nodes import pushed_nodes
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import ActiveSets, RegularisedData
 from signorini_fx.errors import FormError, SceneError
@@ -51,7 +52,7 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.method import Settings
 from signorini_fx.quantities.functional import Gradient
-from signorini_fx.records import History, Inventory, Status, Timings
+from signorini_fx.records import Finding, History, Inventory, Status, Timings
 from signorini_fx.results.certificate import Certificate, judged
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
@@ -241,6 +242,13 @@ class ContactProblem(SolvedProblem):
         )
 
     @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What is to be known about the last solution: contact nodes that supports hold inside their foundation, which
+        are left out of the contact; collective.
+        """
+        return tuple(pushed_nodes([self.state], self._scales.size))
+
+    @property
     def solver(self) -> PETSc.SNES:
         """The SNES of the semi-smooth Newton method, for monitors and options; set up if it is not yet; collective."""
         with options.applied(*self._options):
@@ -303,7 +311,11 @@ class ContactProblem(SolvedProblem):
             gap = data.gap if (resting := self._task.rest) is None else resting.data_from(data).gap
             bound, origin = None if law is None else law.bound(begun.multipliers[0]), begun.data.slip_origin + drift
             self._previous_step = relative_to(self._last.before, self._boundary, moved)
-            begun = replace(begun, data=replace(begun.data, gap=gap, bound=bound, slip_origin=origin), law=law)
+            begun = replace(
+                begun,
+                data=replace(begun.data, gap=gap, bound=bound, slip_origin=origin, immovable=data.immovable),
+                law=law,
+            )
         begun = replace(begun, factors=np.ones(1))
         self._checkpoint = self._task.iterate.newton.checkpoint()
         return begun if self._solution is None else self._solution.begins(begun, self._boundary)

@@ -40,7 +40,7 @@ from signorini_fx.nonlinear.moving_shapes import MovingShape, curvature_of, plac
 from signorini_fx.nonlinear.ramp import RampStep, StepSizes
 from signorini_fx.nonlinear.snapshot import Snapshot
 from signorini_fx.nonlinear.tangent import derivative, is_derivative, round_off
-from signorini_fx.records import History, Status
+from signorini_fx.records import Finding, History, Status
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.solution import ConvergenceError
@@ -166,6 +166,11 @@ class NonlinearContactProblem:
     def state(self) -> ContactState:
         """The contact points of this rank after the last solve, with forces and areas of the undeformed boundary."""
         return self.linear.state
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What is to be known about the last solution, see ``ContactProblem``; collective."""
+        return self.linear.findings
 
     # --- shapes -------------------------------------------------------------------------------------------------------
 

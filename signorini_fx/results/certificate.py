@@ -71,8 +71,9 @@ class Certificate:
         friction_cone: largest |mu| - F g, or shear that is not tangential, or across a plane of symmetry of two bodies.
         wrong_way_slip: slip against mu, in space also perpendicular to it, excluded by (2.3e'): the smaller of the slip
             and the part of the shear that does not point along it.
-        entered: largest tau_N y - d beyond what the law allows for.
-        pressure_at_distance: the complementarity (3.3b): the smaller of pressure and distance.
+        entered: largest tau_N y - d beyond what the law allows for; of points that can move along their normal.
+        pressure_at_distance: the complementarity (3.3b): the smaller of pressure and distance; the pressure of a point
+            that cannot move along its normal, where supports take it.
         slip_below_bound: the complementarity (3.3c): the smaller of the slip and the distance of the shear from its
             bound.
         coupling: largest error of the map that joins pairs of bodies, in its identities.
@@ -319,7 +320,8 @@ def judged(
     )
     units = PieceScales(np.maximum(length, still), np.maximum(far, still), stress, penalty)
     points = units.between(*at)
-    figures |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, supports, points)
+    immovable = nodes.immovable(supports, rigid)
+    figures |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, immovable, points)
     left, unjudged = equilibrium(balance, pieces, y, nodes, units, reach)
     for (motion, drive), faint in zip(rigid, _faint_forces(nodes, at[0], mean, moved), strict=True):
         resultant = nodes.resultant(motion.body.parts, motion.reference)
@@ -328,7 +330,13 @@ def judged(
 
 
 def contact_conditions(
-    nodes: ContactNodes, u_n: Nodal, slip: Nodal, origin: Nodal, law: Law, supports: PrescribedNodes, units: PieceScales
+    nodes: ContactNodes,
+    u_n: Nodal,
+    slip: Nodal,
+    origin: Nodal,
+    law: Law,
+    immovable: npt.NDArray[np.bool_],
+    units: PieceScales,
 ) -> dict[str, float]:
     """How far contact points are from the law, the figures of ``Certificate`` by name; collective.
 
@@ -338,7 +346,8 @@ def contact_conditions(
         slip: what tau_T y adds to the previous step, shape (n, d), see ``ContactNodes.rounded``.
         origin: shear at its end, shape (n, d), likewise.
         law: the contact law that the method promises.
-        supports: what is prescribed.
+        immovable: points that cannot move along their normal: supports take what contact would there, so that it has
+            no pressure, wherever they are, shape (n,).
         units: what stresses and lengths are relative to.
     """
     pressure, shear, bilateral = nodes.pressure, nodes.rounded(nodes.shear, -1), nodes.bilateral
@@ -347,11 +356,9 @@ def contact_conditions(
     overlap, sheared = u_n - nodes.gap, np.linalg.norm(shear, axis=1)
     entered = overlap - pressure / law.gamma_n
     xi = slip - (shear - origin) / law.gamma_t
-    if not np.isfinite(law.gamma_n):
-        # Where the supports prescribe the distance, what contact excludes of it belongs to the scene.
-        allowed = np.where(bilateral, 0.0, np.minimum(entered, 0.0))
-        entered = np.where(nodes.immovable(supports), allowed, entered)
-    distance = np.where(bilateral, 0.0, np.maximum(-entered, 0.0))
+    overlap, entered = np.where(immovable, np.minimum(overlap, 0.0), overlap), np.where(immovable, 0.0, entered)
+    distance = np.where(immovable, np.inf, np.where(bilateral, 0.0, np.maximum(-entered, 0.0)))
+    pushing = np.where(immovable, np.abs(pressure), pressure)
     slipped = np.linalg.norm(xi, axis=1)
     way = np.divide(xi, slipped[:, None], out=np.zeros_like(xi), where=(slipped > 0)[:, None])
     along = np.sum(shear * way, axis=1)
@@ -365,9 +372,9 @@ def contact_conditions(
         "friction_cone": (np.maximum(sheared - nodes.bound, excluded), stress),
         "wrong_way_slip": (_smaller(slipped, length, astray, stress), unity),
         "entered": (np.where(bilateral, np.abs(entered), entered), length),
-        "pressure_at_distance": (_smaller(distance, length, pressure, stress), unity),
+        "pressure_at_distance": (_smaller(distance, length, pushing, stress), unity),
         "slip_below_bound": (_smaller(slipped, length, nodes.bound - along, stress), unity),
-        "penetration": (np.where(bilateral, np.abs(overlap), overlap), far),
+        "penetration": (np.where(bilateral & ~immovable, np.abs(overlap), overlap), far),
         "complementarity": (np.abs(pressure * overlap), stress * far),
         "stick_slip": (
             np.where(sheared < nodes.bound - CERTIFICATE_TOLERANCE * stress, np.linalg.norm(slip, axis=1), 0.0),

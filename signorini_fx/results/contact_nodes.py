@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx import parallel
-from signorini_fx.body.rigid_bodies import RigidBodyMotion
+from signorini_fx.body.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
@@ -281,8 +281,7 @@ class ContactNodes:
     def felt(self, supports: PrescribedNodes) -> Nodal:
         """The larger of pressure and shear without what supports take of them, stress, shape (n,).
 
-        A support may press a node into the foundation: the resulting penalty pressure is not a scale for other nodes.
-        Neither is a part of the one that the other undoes.
+        What supports alone take is not a scale for other nodes.  Neither is a part of the one that the other undoes.
         """
         tractions = self.pressure[:, None] * self.normal, self.shear
         *alone, combined = (
@@ -290,9 +289,21 @@ class ContactNodes:
         )
         return np.minimum(np.maximum(*alone), combined)
 
-    def immovable(self, supports: PrescribedNodes) -> npt.NDArray[np.bool_]:
-        """Points that cannot move along their normal, because what is free at them is across it."""
-        return np.asarray(np.max(np.abs(self._movable(self.normal, supports)), axis=1, initial=0.0) <= SAME_DIRECTION)
+    def immovable(
+        self, supports: PrescribedNodes, rigid: Sequence[tuple[RigidBodyMotion, Drive]] = ()
+    ) -> npt.NDArray[np.bool_]:
+        """Points that cannot move along their normal, because what is free at them, and at the rigid body that they
+        touch, is across it.
+        """
+        movable = np.max(np.abs(self._movable(self.normal, supports)), axis=1, initial=0.0) > SAME_DIRECTION
+        for motion, (_, prescribed) in rigid:
+            points, dim = self.part(*motion.body.parts), motion.reference.size
+            for component in np.flatnonzero(np.isnan(prescribed)):
+                unit = np.eye(prescribed.size)[component]
+                moves = self._at(replace(motion, translation=unit[:dim], rotation=unit[dim:]).at(self._x))[points]
+                along = np.abs(np.sum(moves * self.normal[points], axis=1))
+                movable[points] |= along > SAME_DIRECTION * np.linalg.norm(moves, axis=1)
+        return ~movable
 
     def _movable(self, vectors: Nodal, supports: PrescribedNodes) -> Nodal:
         """The part of vectors at the points that is along directions in which something can move, shape (n, d)."""

@@ -95,7 +95,7 @@ def safety_of(d: Discretisation, contact: ContactState, step: float) -> Safety |
     motions, boundary, count = d.motions, contact.boundary, d.motions.free.shape[1]
     if not count:
         return None
-    at_contact, immovable = motions.at(boundary), boundary.points.immovable
+    at_contact = motions.at(boundary)
     nothing: npt.NDArray[np.float64] = np.zeros(len(motions.of_all) - len(motions.free))
     driving = sum((factor * load.driven.forces for factor, load in d.applied_at(step) if load.driven), nothing)
     works = (motions.load_of(forces, d.comm, on) for forces, on in zip(_loads(d, step), (driving, None), strict=True))
@@ -103,11 +103,7 @@ def safety_of(d: Discretisation, contact: ContactState, step: float) -> Safety |
         total_work([(1.0, work), *((1.0, load) for load in within)], count)
         for work, within in zip(works, _within(contact, at_contact, d.scene), strict=True)
     )
-    law = d.law
-    pressing = _touching(d, contact, live + dead, step) & ~immovable
-    if law is not None:
-        # Where a support takes the pressure, no other load changes the friction bound.
-        law = replace(law, given=np.where(immovable, contact.bound, law.given))
+    law, pressing = d.law, _touching(d, contact, live + dead, step)
     allowed = reactions(at_contact, law, contact.bilateral, pressing)
     present = None
     if d.scene.has_coulomb:

@@ -165,7 +165,8 @@ def on_moved_foundations(
             bound = moved.law.bound(start.multipliers[0])
             begun = replace(begun, law=moved.law, data=replace(begun.data, bound=bound))
     origin = tangential + np.einsum("nij,ni->nj", moved.boundary.tangents, drift)
-    data = replace(begun.data, gap=task.start.data.gap, slip_origin=origin)
+    first = task.start.data
+    data = replace(begun.data, gap=first.gap, slip_origin=origin, immovable=first.immovable)
     return task, replace(begun, data=data), relative_to(last, moved.boundary, drift)
 
 

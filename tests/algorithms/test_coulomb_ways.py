@@ -163,30 +163,6 @@ def test_friction_that_nothing_presses(solver):
     assert "friction at this pressure carries at most 0 of the loads" in solution.history.events
 
 
-def test_a_node_that_only_supports_press():
-    """In the second step a support pushes one corner into the foundation: no force that the body feels tells that the
-    bound of the first step is not that of the law, F times the pressure of the penalty.
-    """
-    contact = {
-        "boundary": "right",
-        "gap": "0.005 if x[1] > 0.9 else 1",
-        "friction": {"law": "coulomb", "coefficient": 0.3},
-    }
-    found = alone(
-        parse_scene(
-            {
-                "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 4, "ny": 4}},
-                "material": {"young": 100.0, "poisson": 0.3},
-                "displacement": {"boundary": "top", "x": 0.01, "y": 0.002, "factors": [0.0, 1.0]},
-                "contact": contact,
-            }
-        )
-    )
-    pressed = found.contact.pressure > 0
-    assert np.count_nonzero(pressed) == 1
-    assert found.contact.shear[pressed, 0] == pytest.approx(0.3 * found.contact.pressure[pressed], rel=1e-9)
-
-
 def test_friction_without_pressure():
     """No load acts on the free motion, and the gap stays open: friction would hold the body if anything pressed it on,
     which is another outcome than a body that no friction could hold.

@@ -95,14 +95,19 @@ def test_what_the_body_rests_on_counts(gap):
 
 
 def test_a_support_takes_the_pressure():
-    """It presses a corner into the foundation, whatever the push is: the friction bound there is the limit."""
-    scene = block(2.0, {"law": "coulomb", "coefficient": "0.8 if x[0] < 0.01 else 0"}, gap=-1e-4)
+    """It holds a corner inside the foundation: friction there is that without pressure, whatever gamma is."""
     sides = tuple(PrescribedDisplacement(boundary=name, y=0.0) for name in ("left", "right"))
-    solution = alone(scene.model_copy(update={"displacement": sides}))
+
+    def held(**friction):
+        scene = block(2.0, friction, gap=-1e-4).model_copy(update={"displacement": sides})
+        return solve(scene, MPI.COMM_SELF, check=False)
+
+    solution = held(law="tresca", bound="30 if x[0] < 0.01 else 0")
     contact, safety = solution.contact, solution.safety
     limit = contact.boundary.weight @ contact.bound
-    assert limit > 3.0
+    assert limit == pytest.approx(30.0 * LENGTH / 24)
     assert (safety.factor * 2.0, safety.bound * 2.0) == (pytest.approx(limit), pytest.approx(limit))
+    assert held(law="coulomb", coefficient="0.8 if x[0] < 0.01 else 0").status is Status.NOT_HELD
 
 
 @pytest.mark.parametrize("pushes", [(0.1, 0.2), (0.2, 0.1)])

@@ -1,0 +1,268 @@
+"""Contact nodes that supports hold inside their foundation: nothing is transmitted there, and the user is told.
+
+The reference is complementarity by hand: a minimiser over the free unknowns, in which no such node appears.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import ufl
+from boxes import Box, boxes_mesh
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scenes import alone
+from scipy.optimize import lsq_linear
+
+from signorini_fx import ContactProblem, Foundation, NonlinearContactProblem, solve
+from signorini_fx.mesh.tagged import tag_boundaries
+from signorini_fx.records import Status
+from signorini_fx.results.certificate import certify
+from signorini_fx.results.promised_law import Tractions
+from signorini_fx.scene.reading import parse_scene
+
+DEPTH, FORCE = 1e-3, 0.09197869954726  # of ``by_hand``, in the plane
+
+
+def square(gap=-DEPTH, unit=1.0, supports=None, contact=(), friction=None, cells=8, **solver):
+    """A square that is held at its top, with a foundation at its right side that overlaps with it."""
+    return parse_scene(
+        {
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"length": unit, "height": unit, "nx": cells, "ny": cells},
+            },
+            "material": {"young": 100.0, "poisson": 0.3},
+            "displacement": supports or {"boundary": "top", "x": 0.0, "y": 0.0},
+            "contact": {"boundary": "right", "gap": gap, "friction": friction or {"law": "none"}, **dict(contact)},
+            "solver": solver,
+        }
+    )
+
+
+def told(solution):
+    """The warnings about nodes that are held inside."""
+    return [found.message for found in solution.findings if "supports hold" in found.message]
+
+
+def forms(cells=8):
+    """The square as a form: space, its sides, bilinear form, and a(u, .) as a residual."""
+    mesh = dmesh.create_unit_square(MPI.COMM_SELF, cells, cells, dmesh.CellType.quadrilateral)
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    lame, shear = 100.0 * 0.3 / 1.3 / 0.4, 100.0 / 2.6
+
+    def stress(u):
+        return 2 * shear * ufl.sym(ufl.grad(u)) + lame * ufl.div(u) * ufl.Identity(2)
+
+    test, trial = ufl.TestFunction(space), ufl.TrialFunction(space)
+    sides = [dmesh.locate_entities_boundary(mesh, 1, lambda x, k=k: np.isclose(x[k], 1)) for k in (0, 1)]
+    bc = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(space, 1, sides[1]), space)
+    return space, sides[0], [bc], lambda u: ufl.inner(stress(u), ufl.grad(test)) * ufl.dx, test, trial
+
+
+def by_hand(cells=8):
+    """The force of the foundation: min of the energy over u_x <= -DEPTH at the free nodes of the right side."""
+    space, _, bcs, residual, _, trial = forms(cells)
+    matrix = fem.assemble_matrix(fem.form(residual(trial))).to_dense()
+    free = np.ones(len(matrix), dtype=bool)
+    free[bcs[0].dof_indices()[0]] = False
+    at = np.flatnonzero(np.repeat(np.isclose(space.tabulate_dof_coordinates()[:, 0], 1), 2) & free)[::2]
+    stiffness = matrix[np.ix_(free, free)]
+    rows = np.searchsorted(np.flatnonzero(free), at)
+    compliance = np.linalg.inv(stiffness)[np.ix_(rows, rows)]
+    root = np.linalg.cholesky(compliance).T  # min |root f - root^-T DEPTH|, f >= 0: the dual programme
+    found = lsq_linear(root, np.linalg.solve(root.T, np.full(len(rows), DEPTH)), bounds=(0, np.inf), tol=1e-14)
+    return float(found.x.sum())
+
+
+@pytest.mark.parametrize(
+    "solver",
+    [
+        {"algorithm": "alm"},
+        {"algorithm": "exact"},
+        {"gamma_n": 1e7},
+        {"gamma_n": 1e9},
+        {"algorithm": "path-following", "regularisation_error": 1e-5},
+    ],
+)
+def test_the_penalty_decides_about_nothing(solver):
+    """The force is that of the free nodes, whatever gamma is; the message says how many nodes, how deep and where."""
+    solution = alone(square(**solver))
+    assert solution.status is Status.CONVERGED
+    force, friction = solution.contact.forces
+    assert force[0] == pytest.approx(-FORCE, rel=1e-4)
+    assert not friction.any()
+    held = solution.contact.points.immovable
+    assert held.sum() == 1
+    assert not solution.contact.pressure[held].any()
+    table = solution.table.columns
+    assert table["state"][np.isclose(table["y"], 1.0)] == ["open"]
+    (message,) = told(solution)
+    assert message.startswith("supports hold 1 contact node inside the foundation, by 0.001 at (1, 1):")
+    assert message in str(solution.findings[0])
+
+
+def test_the_force_by_hand():
+    """That of the other tests."""
+    assert by_hand() == pytest.approx(FORCE, rel=1e-6)
+
+
+def test_a_pressure_at_such_a_node_is_refused():
+    """Of whatever size, by the certificate, for both laws."""
+    for solver in ({"algorithm": "alm"}, {"gamma_n": 1e7}):
+        solution = alone(square(**solver))
+        held = solution.contact.points.immovable
+        tractions = Tractions.of(solution.contact)
+        added = np.where(held, 1e-4 * solution.contact.pressure.max(), 0.0)
+        wrong = replace(tractions, pressure=tractions.pressure + added)
+        tagged = solution.discretisation.tagged
+        found = certify(solution.scene, tagged, solution.displacement, wrong, law=solution.certificate.law)
+        assert found.pressure_at_distance == pytest.approx(1e-4, rel=1e-2)
+        assert not found.holds
+
+
+@pytest.mark.parametrize("algorithm", ["ssn", "alm"])
+def test_forms(algorithm):
+    """Linear and nonlinear ones."""
+    space, right, bcs, residual, test, trial = forms()
+    load = ufl.inner(fem.Constant(space.mesh, np.zeros(2)), test) * ufl.dx
+    linear = ContactProblem(residual(trial), load, bcs, Foundation(right, -DEPTH), algorithm=algorithm)
+    linear.solve()
+    u = fem.Function(space)
+    nonlinear = NonlinearContactProblem(residual(u), u, bcs=bcs, contact=Foundation(right, -DEPTH), algorithm=algorithm)
+    nonlinear.solve()
+    for problem in (linear, nonlinear):
+        assert problem.state.forces[0][0] == pytest.approx(-FORCE, rel=1e-4)
+        (found,) = problem.findings
+        assert found.path == "contact[0], displacement"
+        assert "hold 1 contact node inside the foundation, by 0.001 at (1, 1)" in found.message
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("gap", [0.0, 1e-17, -1e-17])
+def test_a_gap_that_is_closed_at_the_support_is_no_conflict(gap, unit):
+    """But for round-off, in any unit of length; the load presses the body on."""
+    scene = square(gap=gap * unit, unit=unit, cells=3)
+    solution = alone(scene.model_copy(update={"traction": pulled("left", x=0.1)}))
+    assert solution.contact.in_contact.any()
+    assert not told(solution)
+
+
+def pulled(boundary, **components):
+    """A traction."""
+    given = square(cells=1).model_dump(mode="json", exclude_none=True)
+    return parse_scene(given | {"traction": [{"boundary": boundary, **components}]}).traction
+
+
+def test_a_support_along_another_direction_leaves_the_node_to_the_contact():
+    """Held along x alone, with contact along (1, 1): the node moves out along y, by what its pressure takes."""
+    solution = alone(
+        square(
+            supports=[{"boundary": "top", "x": 0.0}, {"boundary": "left", "x": 0.0, "y": 0.0}],
+            contact={"direction": [1.0, 1.0]},
+            algorithm="alm",
+        )
+    )
+    assert not told(solution)
+    table = solution.table.columns
+    top = np.isclose(table["y"], 1.0)
+    assert table["u_n"][top] == pytest.approx(-DEPTH, rel=1e-6)
+    assert table["pressure"][top] > 0
+    assert told(alone(square(supports=[{"boundary": "bottom", "x": 0.0, "y": 0.0}], contact={"direction": [1.0, 1.0]})))
+
+
+@pytest.mark.parametrize("law", [{"law": "coulomb", "coefficient": 0.4}, {"law": "tresca", "bound": 0.02}])
+def test_friction_there_is_that_without_pressure(law):
+    """Held along the normal alone: Coulomb's is zero, and Tresca's its bound."""
+    supports = [{"boundary": "top", "x": 0.0}, {"boundary": "left", "x": 0.0, "y": 0.0}]
+    scene = square(supports=supports, friction=law, algorithm="alm", cells=4)
+    scene = scene.model_copy(update={"traction": pulled("bottom", y=-1.0)})
+    solution = alone(scene)
+    held = solution.contact.points.immovable
+    assert held.sum() == 1
+    assert np.abs(solution.contact.shear[held]) == pytest.approx(law.get("bound", 0.0), rel=1e-9)
+    assert solution.certificate.holds
+
+
+def test_along_a_turned_support():
+    """A side that is across no axis is held along its normal on one half, and in contact on the other."""
+    angle = np.radians(30.0)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    mesh = dmesh.create_unit_square(MPI.COMM_SELF, 6, 6, dmesh.CellType.quadrilateral)
+    tags = {
+        "held": lambda x: np.isclose(x[1], 0.0) & (x[0] < 0.5 + 1e-9),
+        "touching": lambda x: np.isclose(x[1], 0.0) & (x[0] > 0.5 - 1e-9),
+        "left": lambda x: np.isclose(x[0], 0.0),
+    }
+    tagged = tag_boundaries(mesh, tags)
+    mesh.geometry.x[:, :2] = mesh.geometry.x[:, :2] @ turn.T
+    solution = solve(
+        parse_scene(
+            {
+                "mesh": tagged,
+                "material": {"young": 100.0, "poisson": 0.3},
+                "displacement": [{"boundary": "held", "normal": 0.0}, {"boundary": "left", "normal": 0.0}],
+                "contact": {"boundary": "touching", "gap": -DEPTH},
+                "solver": {"gamma_n": 1e9},
+            }
+        ),
+        MPI.COMM_SELF,
+    )
+    (message,) = told(solution)
+    assert "hold 1 contact node inside the foundation, by 0.001 at (0.433, 0.25)" in message
+    assert solution.contact.pressure.max() < 100 * DEPTH * 6 * 10
+
+
+def test_a_tool_that_can_move_is_moved():
+    """A tool that a force presses against nodes of which one is held: there is a pressure there, and a balance."""
+    scene = square(
+        gap="0.001 if x[1] > 0.9 else 0",
+        contact={
+            "boundary": "right",
+            "foundation": {
+                "shape": "plane",
+                "point": [1.0, 0.5],
+                "normal": [-1.0, 0.0],
+                "pivot": [1.0, 0.5],
+                "force": [-1.0, 0.0],
+                "prescribed": {"y": 0.0, "rotation": 0.0},
+            },
+        },
+        algorithm="alm",
+    )
+    solution = alone(scene)
+    assert solution.contact.forces[0][0] == pytest.approx(-1.0, rel=1e-8)
+    assert not solution.contact.points.immovable.any()
+    held = np.isclose(solution.table.columns["y"], 1.0)
+    assert solution.table.columns["pressure"][held] > 1.0
+    assert solution.certificate.holds
+    assert not told(solution)
+
+
+def test_two_bodies():
+    """Of a node of the carrying side that is held, its neighbours have the function: gamma decides about nothing."""
+    boxes = [Box(name, at, 0.0, 1.0, 1.0, 8, 8) for name, at in (("one", 0.0), ("other", 1.0))]
+    tagged, forces = boxes_mesh(MPI.COMM_SELF, boxes), []
+    for gamma in (1e7, 1e9):
+        scene = {
+            "mesh": tagged,
+            "material": {"young": 100.0, "poisson": 0.3},
+            "displacement": [{"boundary": f"top {box.name}", "x": 0.0, "y": 0.0} for box in boxes],
+            "contact": {"boundary": "right one", "against": "left other", "distance": "nominal", "gap": -DEPTH},
+            "solver": {"gamma_n": gamma},
+        }
+        solution = solve(parse_scene(scene), MPI.COMM_SELF)
+        forces.append(solution.contact.forces[0][0])
+        assert not solution.contact.points.immovable.any()
+    assert forces[0] == pytest.approx(forces[1], rel=1e-4)
+
+
+@pytest.mark.mpi
+def test_on_ranks():
+    """The message is the same on all of them."""
+    comm = MPI.COMM_WORLD
+    solution = solve(square(cells=6, friction={"law": "coulomb", "coefficient": 0.3}), comm)
+    (message,) = told(solution)
+    assert set(comm.allgather(message)) == {message}
+    assert "hold 1 contact node inside the foundation, by 0.001 at (1, 1)" in message
