@@ -162,9 +162,10 @@ class _Programme:
         assert isinstance(newton.problem, RegularisedProblem)
         self._newton, self._data, self._problem = newton, data, newton.problem
         self._points, self._comm = newton.problem.points, newton.problem.points.comm
-        everywhere = self._points.everywhere
-        self._one_sided = everywhere if data.bilateral is None else ~data.bilateral
-        self._bound = np.zeros(everywhere.size) if data.bound is None else data.bound
+        # Where supports alone decide about the distance, no pressure acts that could be bounded.
+        movable = ~self._points.immovable
+        self._one_sided = movable if data.bilateral is None else movable & ~data.bilateral
+        self._bound = np.zeros(movable.size) if data.bound is None else data.bound
         # Where it is zero there is no shear, where it is infinite no disc.
         self._rubs = (self._bound > 0) & np.isfinite(self._bound)
         self._bounds = self._number(self._one_sided) + self._number(self._rubs)
@@ -223,7 +224,7 @@ class _Programme:
             ):
                 break
         sets = natural_sets(*self._problem.system.contact.traces(newton.x), self._data)
-        return replace(sets, contact=closed)
+        return replace(sets, contact=np.where(self._one_sided, closed, sets.contact))
 
     def _indicated(
         self, step: _InnerStep
@@ -237,7 +238,7 @@ class _Programme:
         opens = np.divide(end.opening, begin.opening, out=none.copy(), where=one)
         slides = np.divide(end.rate, begin.rate, out=none.copy(), where=rubs)
         remains = np.divide(self._room(end.shear), self._room(begin.shear), out=none + 1.0, where=rubs)
-        undecided = one & ~self._points.immovable & (np.maximum(presses, opens) < DECIDED_QUOTIENT)
+        undecided = one & (np.maximum(presses, opens) < DECIDED_QUOTIENT)
         return presses > opens, rubs & (slides > remains), undecided
 
     def _on_a_soft_foundation(self, softest: float, *, exact: bool) -> _Inside | None:

@@ -21,7 +21,7 @@ from signorini_fx.solving.solver import solve
 
 COMM = MPI.COMM_WORLD
 # What a run says of itself, of which two runs have their own.
-OF_THE_RUN = {"compiled", "finished", "timings", "scene", "findings", "versions", "fields"}
+OF_THE_RUN = {"cost", "compiled", "finished", "timings", "scene", "findings", "versions", "fields"}
 
 
 def as_forms(scene, tagged, **arguments):
