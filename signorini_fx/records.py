@@ -45,7 +45,7 @@ class Status(Enum):
     UNSTABLE = "unstable equilibrium"
     STABILITY_UNKNOWN = "stability not known"
     LIMIT = "no equilibrium found beyond a load"
-    NOT_SOLVED = "not solved beyond a load"
+    NOT_SOLVED = "not solved"
     NOT_CERTIFIED = "certificate does not hold"
     BUDGET = "budget ends before the accuracy"
     OUT_OF_REACH = "accuracy out of reach"
@@ -115,8 +115,8 @@ _ADVICE = {
         "allow a smaller step"
     ),
     Status.NOT_SOLVED: (
-        "Newton's method fails with the smallest step, and nothing says that there is no solution: allow a smaller "
-        "step, raise max_newton, give the derivative of F as J, or refine the mesh"
+        "Newton's method fails, which does not prove that there is no solution: take smaller steps, raise max_newton, "
+        "give the derivative of F as J, or refine the mesh"
     ),
     Status.NOT_CERTIFIED: (
         "the check after the solve found that conditions of the problem are violated: see the certificate in the "

@@ -301,7 +301,8 @@ def without_energy(motions: RigidMotions, matrix: PETSc.Mat, vector: Callable[[_
         of = motions.assembly == number
         values, vectors = np.linalg.eigh(energy[np.ix_(of, of)])
         # Springs may have nothing to say of a motion: its energy is round-off of that of the others.
-        combinations = vectors[:, values <= NO_STRAIN * np.trace(scale[np.ix_(of, of)])]
+        # One that is negative is that of a tangent under stress: such a motion is not free.
+        combinations = vectors[:, np.abs(values) <= NO_STRAIN * np.trace(scale[np.ix_(of, of)])]
         columns.append(motions.free[:, of] @ combinations)
         numbers.append(np.full(combinations.shape[1], number))
     return replace(motions, free=np.concatenate(columns, axis=1), assembly=np.concatenate(numbers))

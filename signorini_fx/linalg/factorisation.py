@@ -72,7 +72,7 @@ def enough_memory(comm: MPI.Comm, needed: float) -> bool:
 
 # MUMPS takes more memory (per cent) than it predicts if large contact blocks disturb the pivot order; CHOLMOD's own
 # nested dissection has half the fill of its default orderings on large meshes.
-_FACTOR_DEFAULTS = {"mat_mumps_icntl_14": "100", "mat_cholmod_default_nesdis": "true"}
+_FACTOR_DEFAULTS = {"mat_mumps_icntl_14": "100", "mat_cholmod_default_nesdis": "true", "mat_cholmod_print": "0"}
 
 
 def factor_defaults(comm: MPI.Comm) -> dict[str, str]:

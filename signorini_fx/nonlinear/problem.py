@@ -260,7 +260,7 @@ class NonlinearContactProblem:
             status = self._iterate()
             if status is Status.CONVERGED:
                 status = self._judge()
-            elif explain:
+            elif explain and not self._says_no:
                 self._says_no = self._reason_for_none()
         except Exception:
             self._go_back(self._good)
@@ -269,7 +269,7 @@ class NonlinearContactProblem:
         if status is Status.CONVERGED:
             self._good = self._snapshot()
             return
-        judged, figure = self.certificate, ""
+        judged, figure = self.certificate, f" ({self._says_no})" if self._says_no else ""
         self._go_back(self._good)
         if judged is not None and status is Status.NOT_CERTIFIED:
             figure = f" ({judged.worst_name} {judged.worst:.1e})"
@@ -332,7 +332,7 @@ class NonlinearContactProblem:
             try:
                 self.linear.solve_anew() if iteration == 1 else self.linear.solve()
             except ConvergenceError as error:
-                return error.solution.status or Status.NOT_FINITE
+                return self._not_solved(error.solution.status)
             except MatrixError as error:
                 if error.fault is MatrixFault.NOT_FINITE:
                     return Status.NOT_FINITE
@@ -348,6 +348,15 @@ class NonlinearContactProblem:
             if change <= max(SMALL_INCREMENT * size, LEAST_INCREMENT * self._size):
                 return Status.CONVERGED
         return Status.MAX_ITERATIONS
+
+    def _not_solved(self, inner: Status) -> Status:
+        """How a solve ends in which a linear contact problem has no solution: what is proved of that is not proved of
+        the body.
+        """
+        if inner in _OF_LINEAR_BODIES:
+            self._says_no = f"the tangent does not hold it: {inner.value}"
+            return Status.NOT_SOLVED
+        return inner
 
     def _refused(self, error: MatrixError) -> FormError:
         """The error of a tangent that is not symmetric."""
@@ -551,6 +560,16 @@ class NonlinearContactProblem:
         return ConvergenceError(self, message)
 
 
+# What the statics of linear bodies prove.
+_OF_LINEAR_BODIES = (
+    Status.NOT_HELD,
+    Status.OPEN,
+    Status.TIPS,
+    Status.SLIDES,
+    Status.SLIDES_AT_PRESSURES,
+    Status.TOO_LARGE,
+    Status.SINGULAR,
+)
 _SMALLER = "take smaller steps, as ramp does, or raise max_newton"
 # What smaller steps do not change.
 _FINAL = (Status.UNSTABLE, Status.STABILITY_UNKNOWN)

@@ -1,0 +1,192 @@
+"""Load steps of nonlinear bodies: their sizes, what they go back to, and how a ramp ends."""
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from support.nonlinear_bodies import MU, held, neo_hooke, polynomial, rectangle, residual
+
+from signorini_fx import ConvergenceError, Coulomb, FormError, Foundation, NonlinearContactProblem, Status
+
+
+def pressed(update=None, energy=neo_hooke, **options):
+    """A block on its ground and a circle over it."""
+    space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF)
+    u = fem.Function(space)
+    circle = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
+    contact = Foundation(side(1, 1.0), shape=circle, friction=Coulomb(0.3))
+    return NonlinearContactProblem(
+        residual(u, energy), u, bcs=[held(space, side(1, 0.0))], contact=contact, update=update, **options
+    )
+
+
+def down(problem, depth=0.2):
+    """The circle moved down in proportion to the load."""
+    return lambda load: problem.place(0, shift=(0.0, -depth * load))
+
+
+def everything(problem):
+    """What belongs to a solution, as numbers."""
+    fields = (problem.u, problem.pressure, problem.shear, problem.gap, problem.slip)
+    figures = [] if problem.certificate is None else [problem.certificate.worst]
+    state = problem.state
+    forces = [*np.ravel(state.forces), *state.pressure, *np.ravel(state.shear), *np.ravel(state.u_t)]
+    place = problem.shapes[0].shape.shift
+    return np.concatenate([*(field.x.array for field in fields), figures, forces, place, [problem.iterations]])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "wrong"),
+    [
+        ({"first": 0.0}, "first: must be a positive number"),
+        ({"first": -0.5}, "first: must be a positive number"),
+        ({"largest": 0.0}, "largest: must be a positive number"),
+        ({"largest": 1e-9}, "largest: is below the smallest step"),
+        ({"smallest": 0.0}, "smallest: must be a share"),
+        ({"smallest": 2.0}, "smallest: must be a share"),
+        ({"to": float("nan")}, "to: must be a number other than 0, not nan"),
+        ({"to": 0.0}, "to: must be a number other than 0"),
+        ({"to": "1"}, "to: must be a number other than 0, not"),
+    ],
+)
+def test_wrong_sizes(arguments, wrong):
+    """Each is named before anything is solved."""
+    with pytest.raises(FormError, match=wrong):
+        pressed().ramp(lambda load: pytest.fail("it began"), **arguments)
+
+
+def test_sizes_of_steps():
+    """The largest step holds for the first one too, easy steps grow up to it, and loads may be negative."""
+    problem = pressed(stability=False)
+    loads = [step.load for step in problem.ramp(down(problem), first=0.1, largest=0.3)]
+    assert loads == pytest.approx([0.1, 0.25, 0.475, 0.775, 1.0])
+    problem = pressed(stability=False)
+    assert [step.load for step in problem.ramp(down(problem), largest=0.5)] == pytest.approx([0.5, 1.0])
+    problem = pressed(stability=False)
+    steps = problem.ramp(lambda load: problem.place(0, shift=(0.0, 0.2 * load)), -1.0, first=0.5)
+    assert [step.load for step in steps] == pytest.approx([-0.5, -1.0])
+    assert problem.state.forces[0][1] < -1.0
+
+
+class Unlike(Exception):
+    """What a user's function may raise."""
+
+
+@pytest.mark.parametrize("fault", ["update", "newton", "not finite", "unstable"])
+def test_a_failure_goes_back_to_the_last_step(fault):
+    """Displacement, tractions, certificate and shapes are those of the last step, at which ``update`` was called; a
+    step begins there again, not at the iterate that has failed.
+    """
+    called, ends, attempts = [], [], []
+    problem = None
+
+    def update():
+        called.append(problem.u.x.array.copy())
+        if fault == "update" and np.abs(problem.u.x.array).max() > 0.12:
+            raise Unlike("no return to the yield surface")
+
+    problem = pressed(update, max_newton=8, stability=fault == "unstable")
+    if fault == "not finite":
+        problem._forces_at = lambda values, whole=problem._forces_at: (
+            whole(values) if np.abs(values).max() < 0.12 else whole(values) * np.nan
+        )
+    iterate, negative = problem._iterate, problem._negative
+
+    def counted():
+        attempts.append(len(ends))
+        assert (problem.u.x.array == (ends[-1] if ends else 0.0)).all()
+        status = iterate()
+        fails = fault in ("newton", "not finite") and np.abs(problem.u.x.array).max() > 0.12
+        return Status.MAX_ITERATIONS if fails else status
+
+    problem._iterate = counted
+    problem._negative = lambda tangent: int(fault == "unstable" and np.abs(problem.u.x.array).max() > 0.12)
+    assert negative is not None
+    kept = []
+
+    def keep(step):
+        kept.append(everything(problem))
+        ends.append(problem.u.x.array.copy())
+
+    expected = FormError if fault == "update" else ConvergenceError
+    with pytest.raises(expected) as raised:
+        problem.ramp(down(problem), first=0.25, smallest=1 / 16, on_step=keep)
+    assert everything(problem) == pytest.approx(kept[-1], rel=0, abs=0)
+    assert (called[-1] == problem.u.x.array).all()
+    statuses = {"update": None, "unstable": Status.UNSTABLE}
+    assert problem.status is statuses.get(fault, Status.NOT_SOLVED)
+    if fault == "update":
+        assert "update: raised Unlike: no return to the yield surface" in str(raised.value)
+    if fault == "unstable":  # which no smaller step would change
+        assert attempts.count(len(kept)) == 1
+    else:
+        assert attempts.count(len(kept)) > 1
+    # It goes on from there.
+    problem._iterate, problem._negative = iterate, negative
+    problem.place(0, shift=(0.0, 1.05 * problem.shapes[0].shape.shift[1]))
+    fault = ""
+    problem.solve()
+    problem.advance()
+
+
+def test_errors_of_others_pass():
+    """An error of what applies the load is not one of the load: it passes at once, and the problem is where it was."""
+    problem, applied = pressed(), []
+
+    def apply(load):
+        applied.append(load)
+        if load > 0.5:
+            raise ZeroDivisionError
+        problem.place(0, shift=(0.0, -0.1 * load))
+
+    with pytest.raises(ZeroDivisionError):
+        problem.ramp(apply, first=0.5)
+    assert applied == [0.5, 1.0, 0.5]
+    assert problem.certificate.holds
+
+
+def test_cells_turned_inside_out():
+    """An energy that is finite for every displacement lets a plate press a block through its ground."""
+    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    u = fem.Function(space)
+    contact = Foundation(side(0, 1.0), shape={"shape": "plane", "point": (3.0, 0.0), "normal": (-1.0, 0.0)})
+    bcs = [held(space, side(1, 0.0)), push := held(space, side(1, 1.0))]
+    problem = NonlinearContactProblem(residual(u, polynomial), u, bcs=bcs, contact=contact, stability=False)
+    push.g.value[:] = (0.0, -1.2)
+    with pytest.raises(ConvergenceError, match="inside out"):
+        problem.solve()
+    assert problem.status is Status.INVERTED
+
+
+def test_shapes_stay_where_they_are_after_a_step():
+    """The motion of a shape counts once: nothing changes if nothing moves after ``advance``."""
+    problem = pressed(algorithm="alm")
+    for shift in ((0.0, -0.1), (0.002, -0.1)):
+        problem.place(0, shift=shift)
+        problem.solve()
+        problem.advance()
+    forces = sum(problem.state.forces)
+    problem.solve()
+    assert abs(forces[0]) > 0.05
+    assert sum(problem.state.forces) == pytest.approx(forces, rel=1e-7)
+
+
+def test_divergence_is_a_limit():
+    """A pull beyond what a softening bed can hold is a limit; Newton's method without enough iterations is none."""
+    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    u, pull = fem.Function(space), fem.Constant(space.mesh, 0.0)
+    z = ufl.TestFunction(space)
+    form = residual(u) + 0.1 * MU * u[1] / (1 + u[1] ** 2) * z[1] * ufl.dx - pull * z[1] * ufl.dx
+    contact = Foundation(side(1, 0.0), shape={"shape": "plane", "point": (0.0, 0.0), "normal": (0.0, 1.0)})
+
+    def ended(most, **options):
+        u.x.array[:] = 0.0
+        bcs = [held(space, side(0, 0.0), 0)]
+        problem = NonlinearContactProblem(form, u, bcs=bcs, contact=contact, max_newton=most, **options)
+        with pytest.raises(ConvergenceError):
+            problem.ramp(lambda load: setattr(pull, "value", 0.1 * MU * load), smallest=1 / 64)
+        return problem.status
+
+    assert ended(15, stability=False) is Status.LIMIT
+    assert ended(1) is Status.NOT_SOLVED

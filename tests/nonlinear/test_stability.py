@@ -1,0 +1,113 @@
+"""Verdicts on stability: by the derivative of F, with the curvature of shapes, in any units; or none."""
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from support.nonlinear_bodies import LAME, MU, PLATE, held, neo_hooke, rectangle, residual
+
+from signorini_fx import ConvergenceError, Coulomb, FormError, Foundation, NonlinearContactProblem, Status
+
+HIGH = PLATE | {"point": (0.0, 8.0)}
+
+
+def initial_stiffness(space):
+    """The tangent of the body at rest."""
+    w, z = ufl.TrialFunction(space), ufl.TestFunction(space)
+    strain = ufl.sym(ufl.grad(w))
+    return ufl.inner(2 * MU * strain + LAME * ufl.tr(strain) * ufl.Identity(2), ufl.grad(z)) * ufl.dx
+
+
+def column(**options):
+    """A column under a plate, pressed by 3 %, beyond Euler's load of its clamped and smooth ends."""
+    space, side = rectangle([1.0, 8.0], [2, 16], MPI.COMM_SELF)
+    u = fem.Function(space)
+    shape = HIGH | {"shift": (0.0, -0.24)}
+    contact = Foundation(side(1, 8.0), shape=shape)
+    make = {"J": initial_stiffness(space)} if options.pop("wrong", False) else {}
+    return NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, **make, **options)
+
+
+def test_a_wrong_tangent_is_no_verdict():
+    """The stiffness of the body at rest as J leads to the equilibrium, but does not say that it is stable; where
+    nothing else could say so, as a material returns its stresses by itself, that is the outcome.
+    """
+    with pytest.raises(ConvergenceError, match="unstable equilibrium"):
+        column(wrong=True).solve()
+    problem = column(wrong=True, stability=False)
+    problem.solve()
+    assert problem.certificate.holds
+
+
+def test_no_verdict_without_a_derivative():
+    """Stresses that ``update`` returns are not differentiated by UFL: without their tangent there is no verdict."""
+    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    u, followed = fem.Function(space), fem.Function(space)
+    form = ufl.replace(residual(u), {u: followed})
+
+    def update():
+        followed.x.array[:] = u.x.array
+
+    def problem(J):
+        contact = Foundation(side(1, 1.0), shape=PLATE | {"shift": (0.0, -0.05)})
+        bcs = [held(space, side(1, 0.0))]
+        return NonlinearContactProblem(form, u, bcs=bcs, contact=contact, J=J, update=update)
+
+    with pytest.raises(ConvergenceError, match="stability not known"):
+        problem(initial_stiffness(space)).solve()
+    exact = problem(ufl.derivative(form, followed, ufl.TrialFunction(space)))
+    exact.solve()
+    assert exact.status is Status.CONVERGED
+    assert (followed.x.array == u.x.array).all()  # the state is that of the solution, whatever was tried for verdicts
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_column_on_top_of_a_circle(degree):
+    """It would roll off: the curvature of the circle decides, which the tangent of the body does not have."""
+    space, side = rectangle([1.0, 2.0], [2, 4], MPI.COMM_SELF, degree=degree)
+    u, statuses = fem.Function(space), []
+    for hollow, radius in ((False, 3.0), (True, 3.0)):  # convex below the column, and a bowl around its end
+        centre = (0.5, -radius) if not hollow else (0.5, np.sqrt(radius**2 - 0.25))
+        circle = {"shape": "circle", "centre": centre, "radius": radius, "hollow": hollow}
+        u.x.array[:] = 0.0
+        soft = 1e-5 * MU * u[0] * ufl.TestFunction(space)[0] * ufl.ds  # holds the body where nothing else does
+        top = fem.locate_dofs_topological(space.sub(1), 1, side(1, 2.0))
+        push = fem.dirichletbc(-0.02, top, space.sub(1))
+        contact = Foundation(side(1, 0.0), shape=circle)
+        problem = NonlinearContactProblem(residual(u) + soft, u, bcs=[push], contact=contact)
+        try:
+            problem.solve()
+        except ConvergenceError:
+            assert problem.status is Status.UNSTABLE
+        statuses.append(problem.status)
+    assert statuses == [Status.UNSTABLE, Status.CONVERGED]
+
+
+@pytest.mark.parametrize("unit", [1.0, 2.1e9, 1e-9])
+def test_verdicts_in_any_units(unit):
+    """A column below a tilted plate, held across at its top: normals askew to what is prescribed."""
+    space, side = rectangle([1.0, 8.0], [2, 16], MPI.COMM_SELF)
+    u = fem.Function(space)
+    tilted = HIGH | {"normal": (np.sin(0.2), -np.cos(0.2))}
+    contact = Foundation(side(1, 8.0), shape=tilted)
+    bcs = [held(space, side(1, 0.0)), held(space, side(1, 8.0), 0)]
+    form = ufl.derivative(unit * neo_hooke(u) * ufl.dx, u, ufl.TestFunction(space))
+    problem = NonlinearContactProblem(form, u, bcs=bcs, contact=contact)
+    problem.place(0, shift=(0.0, -0.1))
+    problem.solve()
+    assert problem.certificate.holds
+
+
+def test_follower_loads_are_refused_by_name():
+    """Pressure on the deformed boundary that depends on the displacement has no potential."""
+    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    u = fem.Function(space)
+    gradient = ufl.Identity(2) + ufl.grad(u)
+    normal = ufl.det(gradient) * ufl.inv(gradient).T * ufl.FacetNormal(space.mesh)
+    form = residual(u) + 0.1 * MU * ufl.inner(normal, ufl.TestFunction(space)) * u[0] * ufl.ds
+    contact = Foundation(side(1, 1.0), shape=PLATE | {"shift": (0.0, -0.05)}, friction=Coulomb(0.1))
+    problem = NonlinearContactProblem(form, u, bcs=[held(space, side(1, 0.0))], contact=contact)
+    u.x.array[:] = 0.01 * np.random.default_rng(1).random(u.x.array.size)
+    with pytest.raises(FormError, match=r"F: its derivative is not symmetric; an unsymmetric tangent, such as"):
+        problem.solve()
