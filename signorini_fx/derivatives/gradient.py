@@ -36,6 +36,7 @@ from signorini_fx.derivatives.adjoint import Adjoint, TransposedTangent
 from signorini_fx.derivatives.law import LinearisedLaw, linearised
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.quantities.functional import Functional
+from signorini_fx.results.step_frames import turned
 
 Array = npt.NDArray[np.float64]
 # What of a load step, by its number, depends on a datum explicitly.
@@ -115,8 +116,8 @@ class SolvedStep:
         contact = _map_to(boundary, body)
         vector = body.vector(np.zeros(body.fixed.size))
         contact.add_forces(np.zeros(len(slips)), slips, vector)
-        turned = -self.compliance * np.einsum("njk,nj->nk", _rotation(earlier.state.boundary, boundary), slips)
-        return vector, np.column_stack((np.zeros(len(slips)), turned))
+        carried = -self.compliance * np.einsum("njk,nj->nk", turned(earlier.state.boundary, boundary), slips)
+        return vector, np.column_stack((np.zeros(len(slips)), carried))
 
 
 def adjoints_of(
@@ -159,11 +160,6 @@ def _map_to(boundary: ContactBoundary, body: ElasticBody) -> ContactMap:
     if not parallel.any_rank(body.comm, not unchanged):
         return body.contact
     return contact_map(boundary, body.prescribed, body.stiffness, body.rotation, body.dimension)
-
-
-def _rotation(earlier: ContactBoundary, later: ContactBoundary) -> Array:
-    """From the components of a shear in the frames of a load step to those of the next, shape (n, d - 1, d - 1)."""
-    return np.einsum("nij,nik->njk", later.cotangents, earlier.tangents)
 
 
 @dataclass(frozen=True)
@@ -279,7 +275,7 @@ def _relative(solved: SolvedStep, data: ChangedStep, previous: tuple[SolvedStep,
         earlier, earlier_data = previous
         u_t = u_t - contact.traces(_displaced(earlier, earlier_data, body))[1]
         if solved.compliance and data.boundary is not earlier_data.boundary:
-            shear = np.einsum("njk,nk->nj", _rotation(earlier_data.boundary, data.boundary), earlier.state.shear)
+            shear = np.einsum("njk,nk->nj", turned(earlier_data.boundary, data.boundary), earlier.state.shear)
             u_t = u_t + solved.compliance * shear
     return np.column_stack((u_n - data.gap, u_t))
 

@@ -300,7 +300,7 @@ class ContactProblem(SolvedProblem):
             self._previous_step = None
             if moved is not None:
                 at_rest = PreviousStep(fem.Function(self._space), Tractions.none(self._boundary))
-                self._previous_step = relative_to(at_rest, self._boundary, moved)
+                self._previous_step = replace(at_rest, moved=moved)
                 data = replace(data, slip_origin=np.asarray(drift))
             data = data if (resting := self._task.rest) is None else resting.data_from(data)
             begun = self._first_start(Start(data, law, ActiveSets.all_in_contact(*data.mu_hat.shape), 0))
@@ -310,7 +310,9 @@ class ContactProblem(SolvedProblem):
             assert begun.data.slip_origin is not None
             gap = data.gap if (resting := self._task.rest) is None else resting.data_from(data).gap
             bound, origin = None if law is None else law.bound(begun.multipliers[0]), begun.data.slip_origin + drift
-            self._previous_step = relative_to(self._last.before, self._boundary, moved)
+            self._previous_step = relative_to(
+                self._last.before, self._last.boundary, self._boundary, moved, self._spin(self._boundary)
+            )
             begun = replace(
                 begun,
                 data=replace(begun.data, gap=gap, bound=bound, slip_origin=origin, immovable=data.immovable),
@@ -425,7 +427,7 @@ class ContactProblem(SolvedProblem):
 
     def advance(self) -> None:
         """End a step of an own time loop: friction acts on what the next solve adds to the slip, from the shear of the
-        last one, of which the part along the new direction counts where that has changed.  Solves before the next call
+        last one, which turns with directions that change.  Solves before the next call
         start from here, whatever was tried between.
 
         Raises:
@@ -545,7 +547,8 @@ class ContactProblem(SolvedProblem):
         if self._last is not None:
             # A body that has fallen may have been taken hold of since: then it is counted from the initial position.
             fallen = self._last.rest is not None and bool(self._fallen[fixed].any())
-            self._start, resting = self._last.seen_from(boundary, held=parallel.any_rank(space.mesh.comm, fallen))
+            held, spin = parallel.any_rank(space.mesh.comm, fallen), self._spin(boundary)
+            self._start, resting = self._last.seen_from(boundary, held=held, spin=spin)
         self._boundary, self._first = boundary, None
         elastic = self._elastic = self._body(fixed[:owned], boundary)
         self._scales = scales_of(elastic, boundary, self._foundations.facets)
@@ -576,6 +579,12 @@ class ContactProblem(SolvedProblem):
     def _forces(self) -> Array:
         """The right-hand side without what is prescribed, shape (owned dofs,); collective."""
         return assemble(self._L)
+
+    def _spin(self, boundary: ContactBoundary) -> Array | None:
+        """By which rotation the foundation of each point has turned since ``advance``, shape (n, d, d); None: by none
+        that counts.
+        """
+        return None
 
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
         """What the matrix is made of beside ``a`` and ``bcs``."""

@@ -89,9 +89,13 @@ class LinearisedProblem(ContactProblem):
         dim = at.function_space.mesh.geometry.dim
         self.curvature = NodalStiffness(np.zeros(0, dtype=np.int64), np.zeros((0, dim, dim)))
 
-    def begin(self, motion: Callable[[ContactBoundary], Array | None]) -> None:
-        """Take the motion of shapes from here."""
-        self._foundations.motion = motion
+    def begin(
+        self,
+        motion: Callable[[ContactBoundary], Array | None],
+        spin: Callable[[ContactBoundary], Array | None],
+    ) -> None:
+        """Take the motion of shapes from here, and their rotations."""
+        self._foundations.motion, self._spin_of = motion, spin
 
     # --- what a ContactProblem asks for ---
 
@@ -108,6 +112,10 @@ class LinearisedProblem(ContactProblem):
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
         """See ``ContactProblem``."""
         return self.curvature.nodes, self.curvature.blocks
+
+    def _spin(self, boundary: ContactBoundary) -> Array | None:
+        """See ``ContactProblem``."""
+        return self._spin_of(boundary)
 
     def _judged(self, outcome: Outcome) -> Certificate | None:
         """None: the solution of the nonlinear problem gets one."""
@@ -178,8 +186,10 @@ class LinearisedProblem(ContactProblem):
 
     @property
     def before(self) -> PreviousStep | None:
-        """The end of the last step; before the first one, if the shapes have moved, the body at rest."""
-        return self._previous_step if self._last is None else self._last.before
+        """The end of the last step; before the first one, if the shapes have moved, the body at rest: with shears along the
+        foundations as they are now.
+        """
+        return self._previous_step
 
     @property
     def held(self) -> Array:

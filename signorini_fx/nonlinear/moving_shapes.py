@@ -17,6 +17,7 @@ import numpy.typing as npt
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.nodal_stiffness import NodalStiffness
 from signorini_fx.errors import FormError, SceneError
+from signorini_fx.scene.rigid_shape import Shape
 from signorini_fx.tuned import NORMAL_DIFFERENCE
 
 Array = npt.NDArray[np.float64]
@@ -63,10 +64,23 @@ class MovingShape:
             hessian[:, :, k] = (ahead - behind) / (2 * step)
         return np.asarray((hessian + hessian.transpose(0, 2, 1)) / 2)
 
+    @property
+    def rotation(self) -> Array:
+        """By which it has turned since the last step, shape (d, d); one of another kind has not."""
+        if not isinstance(self.shape, Shape) or not isinstance(self.settled, Shape):
+            return np.eye(self.x.shape[1])
+        return self.shape.turned_from(self.settled, self.x.shape[1])
+
     def moved(self, places: Array) -> Array:
-        """How far its closest points have moved since the last step, length, shape (n, d)."""
+        """How far it has carried points with it since the last step, length, shape (n, d).
+
+        They are those where the nodes are, not the closest ones: a node may be inside by the penalty, or away by a gap
+        that is added, and would slip as both turn.  Objects of other kinds know their closest points alone.
+        """
         if self.shape == self.settled:
             return np.zeros_like(places)
+        if isinstance(self.shape, Shape) and isinstance(self.settled, Shape):
+            return self.shape.carried_from(self.settled, places)
         return np.asarray(self.shape.moved_from(self.settled, places))
 
 

@@ -137,7 +137,7 @@ class NonlinearContactProblem:
             petsc_options=petsc_options,
             **settings,
         )
-        self.linear.begin(self._moved)
+        self.linear.begin(self._moved, self._spin)
         self.shapes = {k: self._shape_of(k) for k in shaped}
         self.pressure, self.shear = self.linear.pressure, self.linear.shear
         self.gap, self.slip = self.linear.gap, self.linear.slip
@@ -215,6 +215,17 @@ class NonlinearContactProblem:
             nodes = boundary.nodes[on_part]
             displacements[on_part] = moving.moved(boundary.x[on_part] + places[nodes])
         return displacements
+
+    def _spin(self, boundary: ContactBoundary) -> Array | None:
+        """By which rotation the shape of each contact point has turned since the last step; None: by none that counts,
+        as in the plane, where a direction along a shape has no other turn than that of the normal.
+        """
+        if self._dimension == 2 or all(moving.shape == moving.settled for moving in self.shapes.values()):
+            return None
+        rotation = np.tile(np.eye(self._dimension), (boundary.size, 1, 1))
+        for number, moving in self.shapes.items():
+            rotation[boundary.part == number] = moving.rotation
+        return rotation
 
     def _bend(self) -> None:
         """Give the tangent the curvature of the shapes with the contact tractions of now; collective."""

@@ -15,6 +15,7 @@ from signorini_fx.contact.laws import Nodal as Array
 from signorini_fx.contact.resting_place import RestingMotion
 from signorini_fx.errors import FormError
 from signorini_fx.results.promised_law import PreviousStep
+from signorini_fx.tuned import SAME_DIRECTION
 
 
 @dataclass(frozen=True)
@@ -37,12 +38,15 @@ class StepEnd:
     boundary: ContactBoundary
     before: PreviousStep
 
-    def seen_from(self, boundary: ContactBoundary, *, held: bool) -> tuple[Start, RestingMotion | None]:
+    def seen_from(
+        self, boundary: ContactBoundary, *, held: bool, spin: Array | None = None
+    ) -> tuple[Start, RestingMotion | None]:
         """The start of the step and the resting place, in the frames that the same points have now; collective.
 
         Args:
             boundary: the points as they are now.
             held: whether what has fallen to the resting place is held by now, so that slips count from the initial one.
+            spin: see ``turned``.
 
         Raises:
             FormError: see ``carried``.
@@ -52,7 +56,7 @@ class StepEnd:
             assert start.data.slip_origin is not None
             start = replace(start, data=replace(start.data, slip_origin=start.data.slip_origin + resting.u_t))
             resting = None
-        begun, carried_rest, _ = carried(start, resting, self.normal, self.boundary, boundary)
+        begun, carried_rest, _ = carried(start, resting, self.normal, self.boundary, boundary, spin)
         return begun, carried_rest
 
 
@@ -86,7 +90,7 @@ class LastSolution:
             return start if start.step != self.step else start.begin_from(self.sets, self.multipliers)
         if parallel.any_rank(boundary.comm, not np.array_equal(boundary.nodes, self.boundary.nodes)):
             return start
-        rotation = np.einsum("nij,nik->njk", boundary.cotangents, self.boundary.tangents)
+        rotation = turned(self.boundary, boundary)
         pressure, shear = self.multipliers
         direction, shear = (np.einsum("njk,nk->nj", rotation, vectors) for vectors in (self.sets.direction, shear))
         slips = self.sets.slip & (length(direction) > 0)
@@ -100,11 +104,12 @@ def carried(
     normal: Array,
     old_boundary: ContactBoundary,
     new_boundary: ContactBoundary,
+    spin: Array | None = None,
 ) -> tuple[Start, RestingMotion | None, Array]:
     """The start of a step, the place from which its slips are counted, and the normal displacement at that start, in
     the frames that the same points have now; collective.
 
-    A shear that is not along a foundation that has turned loses its part across it.
+    Shears turn with a foundation that has turned, see ``turned``.
 
     Raises:
         FormError: the points are others, or their normals where contact alone holds the body.
@@ -116,9 +121,9 @@ def carried(
     if turns and resting is not None:
         wrong = "its directions cannot change between the steps of a loop where contact alone holds the body"
         raise FormError([("contact", wrong)])
-    rotation = np.einsum("nij,nik->njk", new_boundary.cotangents, old_boundary.tangents)
+    rotation = turned(old_boundary, new_boundary, spin)
 
-    def turned(shear: Array) -> Any:
+    def along(shear: Array) -> Any:
         return np.einsum("njk,nk->nj", rotation, shear)
 
     def moved(slip: Array | None) -> Any:
@@ -134,26 +139,63 @@ def carried(
         normal, origin = relative[:, 0], relative[:, 1:]
     begun = replace(
         start,
-        data=replace(data, mu_hat=turned(data.mu_hat), slip_origin=origin),
-        multipliers=None if multipliers is None else (multipliers[0], turned(multipliers[1])),
-        elastic_slip=moved(start.elastic_slip),
+        data=replace(data, mu_hat=along(data.mu_hat), slip_origin=origin),
+        multipliers=None if multipliers is None else (multipliers[0], along(multipliers[1])),
+        elastic_slip=None if start.elastic_slip is None else along(start.elastic_slip),
     )
     return begun, None if resting is None else replace(resting, u_t=moved(resting.u_t)), normal
 
 
-def relative_to(previous: PreviousStep, boundary: ContactBoundary, moved: Array | None) -> PreviousStep:
+def relative_to(
+    previous: PreviousStep,
+    earlier: ContactBoundary,
+    boundary: ContactBoundary,
+    moved: Array | None,
+    spin: Array | None = None,
+) -> PreviousStep:
     """The end of the last step as one begins from it whose foundations may have turned and moved, with shears along
     them.
 
     Args:
         previous: as it was.
+        earlier: the points as they were then.
         boundary: the points as they are now.
         moved: by which the foundations have moved at them, shape (n, d); None: they have not.
+        spin: see ``turned``.
     """
+    rotation = rotations(earlier.normal, boundary.normal, spin)
 
     def along(vectors: Array) -> Array:
-        return vectors - np.einsum("ni,ni->n", vectors, boundary.normal)[:, None] * boundary.normal
+        return np.asarray(np.einsum("nij,nj->ni", rotation, vectors))
 
     tractions, elastic = previous.tractions, previous.elastic_slip
     tractions = replace(tractions, shear=along(tractions.shear))
     return replace(previous, tractions=tractions, elastic_slip=None if elastic is None else along(elastic), moved=moved)
+
+
+def rotations(earlier: Array, later: Array, spin: Array | None = None) -> Array:
+    """The least rotation that takes each normal to a later one, shape (n, d, d).
+
+    A shear that turns with the plane that it is in keeps its size, however far that turns.  The least rotation has no
+    part about the normal; where the foundation has one, the shear turns with it.  So the motion of body and foundation
+    as one changes nothing.
+
+    Args:
+        earlier: unit vectors, shape (n, d).
+        later: unit vectors, shape (n, d).
+        spin: the rotation of the foundation of each point, shape (n, d, d); None: it counts for nothing.
+    """
+    if spin is not None:
+        earlier = np.einsum("nij,nj->ni", spin, earlier)
+    identity, cosine, both = np.eye(later.shape[1]), np.einsum("ni,ni->n", earlier, later), earlier + later
+    # A plane that has turned over has no least rotation: then directions stay as they are.
+    turns = (earlier != later).any(axis=1) & (1 + cosine > SAME_DIRECTION)
+    across = np.einsum("ni,nj->nij", both, both) / np.where(turns, 1 + cosine, 1.0)[:, None, None]
+    rotation = identity + np.where(turns[:, None, None], 2 * np.einsum("ni,nj->nij", later, earlier) - across, 0.0)
+    return np.asarray(rotation if spin is None else rotation @ spin)
+
+
+def turned(earlier: ContactBoundary, later: ContactBoundary, spin: Array | None = None) -> Array:
+    """From the components of a shear in earlier frames to those in later ones, shape (n, d - 1, d - 1)."""
+    rotation = rotations(earlier.normal, later.normal, spin)
+    return np.asarray(np.einsum("nij,nil,nlk->njk", later.cotangents, rotation, earlier.tangents))

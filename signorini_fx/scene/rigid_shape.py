@@ -153,8 +153,15 @@ class Shape(RigidMotion):
     def moved_from(self, earlier: Shape, x: Array) -> Array:
         """How far its closest points have moved since it was placed like ``earlier``, length, shape (n, d)."""
         signed, normal = self.distance(x)
-        closest = x - signed[:, None] * normal
-        return closest - earlier._moved(self._moved_back(closest))
+        return self.carried_from(earlier, x - signed[:, None] * normal)
+
+    def carried_from(self, earlier: Shape, x: Array) -> Array:
+        """How far points that are fixed to it have moved since, which are at x now, length, shape (n, d)."""
+        return x - earlier._moved(self._moved_back(x))
+
+    def turned_from(self, earlier: Shape, dimension: int) -> Array:
+        """The rotation since it was placed like ``earlier``, shape (d, d)."""
+        return np.asarray(self._turning(dimension) @ earlier._turning(dimension).T)
 
     def placed(self, **placement: Any) -> Shape:
         """The same shape with another shift, rotation or pivot.

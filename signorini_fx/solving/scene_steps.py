@@ -167,7 +167,7 @@ def on_moved_foundations(
     origin = tangential + np.einsum("nij,ni->nj", moved.boundary.tangents, drift)
     first = task.start.data
     data = replace(begun.data, gap=first.gap, slip_origin=origin, immovable=first.immovable)
-    return task, replace(begun, data=data), relative_to(last, moved.boundary, drift)
+    return task, replace(begun, data=data), relative_to(last, earlier.boundary, moved.boundary, drift)
 
 
 def judged(status: Status, certificate: Certificate, deformation: Deformation, scene: Scene) -> Status:

@@ -31,10 +31,11 @@ def held(space, facets, component=None):
 
 
 def neo_hooke(u):
-    """mu / 2 (tr C - 2) - mu ln J + lambda / 2 ln^2 J, plane strain."""
-    gradient = ufl.Identity(2) + ufl.grad(u)
+    """mu / 2 (tr C - d) - mu ln J + lambda / 2 ln^2 J, in the plane of plane strain."""
+    dim = len(u)
+    gradient = ufl.Identity(dim) + ufl.grad(u)
     volume = ufl.det(gradient)
-    return MU / 2 * (ufl.inner(gradient, gradient) - 2) - MU * ufl.ln(volume) + LAME / 2 * ufl.ln(volume) ** 2
+    return MU / 2 * (ufl.inner(gradient, gradient) - dim) - MU * ufl.ln(volume) + LAME / 2 * ufl.ln(volume) ** 2
 
 
 def polynomial(u):

@@ -1,0 +1,100 @@
+"""What a user gives to ``NonlinearContactProblem``: each mistake is one error that names it."""
+
+import basix.ufl
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from support.nonlinear_bodies import PLATE, held, rectangle, residual
+
+from signorini_fx import ConvergenceError, FormError, Foundation, NonlinearContactProblem
+
+
+def block(**arguments):
+    """A block under a plate that presses it, with other arguments."""
+    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    u = fem.Function(space)
+    contact = Foundation(side(1, 1.0), shape=PLATE | {"shift": (0.0, -0.05)})
+    return NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, **arguments)
+
+
+def test_wrong_arguments_are_named():
+    """One line for each, before anything is solved."""
+    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    z, w = ufl.TestFunction(space), ufl.TrialFunction(space)
+    other = ufl.TrialFunction(rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)[0])
+    for arguments, wrong in (
+        ({"max_newton": 2.5}, "max_newton: must be a whole number, 1 or more, not 2.5"),
+        ({"max_newton": 0}, "max_newton: must be a whole number"),
+        ({"J": z[0] * ufl.dx}, "J: must have 2 arguments, not 1"),
+        ({"J": "K"}, "J: must be a UFL form"),
+        ({"J": ufl.inner(other, ufl.TestFunction(other.ufl_function_space())) * ufl.dx}, "J: its arguments are on"),
+        ({"P": ufl.inner(w, z) * ufl.dx}, "P: is not used"),
+        ({"kind": "mpi"}, "kind: is not used"),
+        ({"update": 3}, "update: must be a function without arguments"),
+        ({"gamma": 1.0}, "gamma"),
+    ):
+        with pytest.raises(FormError, match=wrong) as raised:
+            block(**arguments)
+        assert len(raised.value.problems) == 1
+    mesh = space.mesh
+    vector = basix.ufl.element("Lagrange", "quadrilateral", 1, shape=(2,))
+    mixed = fem.functionspace(
+        mesh, basix.ufl.mixed_element([vector, basix.ufl.element("Lagrange", "quadrilateral", 1)])
+    )
+    u = fem.Function(mixed)
+    form = ufl.inner(u, ufl.TestFunction(mixed)) * ufl.dx
+    with pytest.raises(FormError, match=r"u: its space is .* a vector Lagrange space of degree 1 or 2 is needed"):
+        NonlinearContactProblem(form, u, contact=Foundation(side(1, 1.0), shape=PLATE))
+    tetrahedra = dmesh.create_unit_cube(MPI.COMM_SELF, 1, 1, 1)
+    u = fem.Function(fem.functionspace(tetrahedra, ("Lagrange", 2, (3,))))
+    top = dmesh.locate_entities_boundary(tetrahedra, 2, lambda x: np.isclose(x[2], 1.0))
+    ball = {"shape": "sphere", "centre": (0.5, 0.5, 2.0), "radius": 1.0}
+    with pytest.raises(FormError, match="on quadratic tetrahedra a shape must be a plane"):
+        NonlinearContactProblem(residual(u), u, contact=Foundation(top, shape=ball))
+
+
+def test_wrong_placements_are_named():
+    """Numbers that are none, other keys, and other kinds of values; the shape stays where it is."""
+    problem = block()
+    before = problem.shapes[0].shape
+    for placement in ({"shift": (0.0, np.nan)}, {"rotation": np.inf}, {"turn": 3.0}, {"shift": "up"}):
+        with pytest.raises(FormError, match=r"contact\[0\]\.shape"):
+            problem.place(0, **placement)
+    assert problem.shapes[0].shape == before
+
+
+def test_update_that_raises():
+    """It is named, with what it has raised; where a shorter increment does it is none."""
+    problem = None
+
+    def update():
+        if np.abs(problem.u.x.array).max() > limit:
+            raise ValueError("no return")
+
+    limit, problem = 0.01, block(update=update)
+    with pytest.raises(FormError, match="update: raised ValueError: no return") as raised:
+        problem.solve()
+    assert isinstance(raised.value.__cause__, ValueError)
+    assert problem.status is None
+    assert not problem.u.x.array.any()
+    limit = 0.051
+    problem.solve()
+    assert problem.certificate.holds
+
+
+def test_messages_name_the_figure():
+    """A certificate that does not hold is told with its figure, though it goes back to the last solution."""
+    problem = block()
+    judge = problem._judge
+
+    def spoilt():
+        problem.u.x.array[2:4] += 1e-3
+        return judge()
+
+    problem._judge = spoilt
+    with pytest.raises(ConvergenceError, match=r"certificate does not hold \((equilibrium|entered|supports) [0-9.]+e"):
+        problem.solve()
+    assert problem.certificate is None

@@ -1,0 +1,130 @@
+"""What happened before: released bodies, nodes that two shapes touch, and shears that turn with the tool."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from support.nonlinear_bodies import PLATE, held, rectangle, residual
+
+from signorini_fx import Coulomb, Foundation, NonlinearContactProblem
+from signorini_fx.nonlinear.certificate import certified
+from signorini_fx.nonlinear.tangent import round_off
+from signorini_fx.results.promised_law import Tractions
+
+
+@pytest.mark.parametrize("algorithm", ["ssn", "alm"])
+@pytest.mark.parametrize("friction", [None, 0.3])
+def test_pressed_and_released(algorithm, friction):
+    """A body without stress is in equilibrium to round-off, however small its displacement; wrong ones are none."""
+    space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF)
+    u = fem.Function(space)
+    circle = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
+    contact = Foundation(side(1, 1.0), shape=circle, friction=None if friction is None else Coulomb(friction))
+    problem = NonlinearContactProblem(
+        residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, algorithm=algorithm
+    )
+    for depth in (0.1, -0.1, 0.0, -0.2, 0.15, -0.1):  # 0: it touches
+        problem.ramp(lambda load, depth=depth: problem.place(0, shift=(0.0, -depth * load)))
+        assert problem.certificate.holds
+        if depth < 0:
+            assert np.abs(u.x.array).max() < 1e-12
+
+    def judged(change=lambda tractions: tractions):
+        forces, values = problem._forces_at(u.x.array.copy()), u.x.array.copy()
+        lost = round_off(u, forces, problem._forces_at)
+        problem._forces_at(values)
+        linear = problem.linear
+        tractions, before = change(Tractions.of(problem.state)), linear.before
+        return certified(
+            u,
+            forces,
+            linear.prescribed,
+            linear.scales,
+            linear.foundations,
+            problem.shapes,
+            tractions,
+            linear.law,
+            before,
+            lost,
+        )
+
+    # The whole modulus times 1e-12 is a pressure that is none of round-off, as is a displacement of 1e-12.
+    assert judged().holds
+    assert not judged(lambda t: replace(t, pressure=t.pressure + 1e-10)).holds
+    assert not judged(lambda t: replace(t, shear=t.shear + 1e-10)).holds
+    u.x.array[np.argmax(~problem.linear.prescribed[0])] += 1e-11
+    assert not judged().holds
+
+
+def test_a_node_of_two_shapes():
+    """The corner of a block under a plate and at a wall, both rough and moving: slips are relative to each of them."""
+    space, side = rectangle([1.0, 1.0], [4, 4], MPI.COMM_SELF)
+    u = fem.Function(space)
+    wall = {"shape": "plane", "point": (1.0, 0.0), "normal": (-1.0, 0.0)}
+    contact = [
+        Foundation(side(1, 1.0), shape=PLATE, friction=Coulomb(0.3)),
+        Foundation(side(0, 1.0), shape=wall, friction=Coulomb(0.3)),
+    ]
+    bcs = [held(space, side(1, 0.0), 1), held(space, side(0, 0.0))]
+    problem = NonlinearContactProblem(residual(u), u, bcs=bcs, contact=contact)
+    for step in (1, 2, 3):
+        problem.place(0, shift=(0.01 * step, -0.02 * step))
+        problem.place(1, shift=(-0.02 * step, 0.01 * step))
+        problem.solve()
+        problem.advance()
+        assert problem.certificate.holds
+        assert problem.iterations <= 6
+
+
+def turned(angle, dimension):
+    """The rotation in the plane, and in space about the normal of a plate, by degrees."""
+    cosine, sine = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    rotation = np.eye(dimension)
+    rotation[:2, :2] = [[cosine, -sine], [sine, cosine]]
+    return rotation
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("algorithm", ["ssn", "alm"])
+def test_stuck_contact_that_turns(algorithm, dimension):
+    """A block that sticks to a tool turns by 90 degrees with it and with its ground, in three steps: forces and shears
+    turn too, as nothing else has changed; with the elastic slip of the regularised law, and about the normal.
+    """
+    comm = MPI.COMM_SELF
+    if dimension == 2:
+        space, side = rectangle([2.0, 1.0], [4, 2], comm)
+    else:
+        mesh = dmesh.create_unit_cube(comm, 2, 2, 1, dmesh.CellType.hexahedron)
+        space = fem.functionspace(mesh, ("Lagrange", 1, (3,)))
+
+        def side(axis, at):
+            return dmesh.locate_entities_boundary(mesh, 2, lambda x: np.isclose(x[axis], at))
+
+    up = dimension - 1
+    point, normal, shift = np.eye(dimension)[up], -np.eye(dimension)[up], np.zeros(dimension)
+    shift[[0, up]] = 0.05, -0.1
+    u, ground, x = fem.Function(space), fem.Function(space), space.tabulate_dof_coordinates()[:, :dimension]
+    bottom = fem.dirichletbc(ground, fem.locate_dofs_topological(space, up, side(up, 0.0)))
+    plate = {"shape": "plane", "point": tuple(point), "normal": tuple(normal)}
+    contact = Foundation(side(up, 1.0), shape=plate, friction=Coulomb(2.0))
+    problem = NonlinearContactProblem(residual(u), u, bcs=[bottom], contact=contact, algorithm=algorithm)
+    problem.place(0, shift=tuple(shift), pivot=(0.0,) * dimension)
+    problem.solve()
+    problem.advance()
+    force = sum(problem.state.forces)
+    shear = problem.shear.x.array.reshape(-1, dimension).copy()
+    step = turned(30.0, dimension)
+    for angle in (30.0, 60.0, 90.0):
+        turn = turned(angle, dimension)
+        ground.x.array[:] = (x @ turn.T - x).ravel()
+        u.x.array[:] = ((x + u.x.array.reshape(-1, dimension)) @ step.T - x).ravel()
+        rotation = angle if dimension == 2 else (0.0, 0.0, angle)
+        problem.place(0, shift=tuple(turn @ shift), rotation=rotation, pivot=(0.0,) * dimension)
+        problem.solve()
+        problem.advance()
+        assert sum(problem.state.forces) == pytest.approx(turn @ force, abs=1e-9 * np.linalg.norm(force))
+        now = problem.shear.x.array.reshape(-1, dimension)
+        assert now == pytest.approx(shear @ turn.T, abs=1e-9 * np.abs(shear).max())
