@@ -42,6 +42,7 @@ class Status(Enum):
     ROUND_OFF = "residual stagnates"
     TOO_LARGE = "deformation too large for linear elasticity"
     INVERTED = "cells turned inside out"
+    INSIDE = "rigid shape inside the body"
     UNSTABLE = "unstable equilibrium"
     STABILITY_UNKNOWN = "stability not known"
     LIMIT = "no equilibrium found beyond a load"
@@ -105,6 +106,10 @@ _ADVICE = {
     Status.UNSTABLE: (
         "the residual vanishes, but a displacement that contact admits lowers the energy: the body would leave this "
         "state. Begin with an imperfection, prescribe a displacement instead of a force, or lower the load"
+    ),
+    Status.INSIDE: (
+        "a part of a rigid shape is inside the body, or has passed through it since the last solution: begin where it "
+        "is outside, move it in smaller steps, as ramp does, and take facets that are not wider than the shape"
     ),
     Status.STABILITY_UNKNOWN: (
         "the result is an equilibrium, but whether it is stable cannot be told: J is not the derivative of F, or the "

@@ -782,3 +782,11 @@ HOLDING_STIFFNESS = 1e4
 # the second number, as a share of the norm.  Choice: differences of neo-Hookean forces over it are wrong by 1e-10, and
 # the stress that buckles a slender column is 1e-3 of its modulus.
 DIFFERENCE_STRAIN, SAME_TANGENT = 1e-5, 1e-6
+# Shares of the radius of a cell, and of that of the largest ball in a rigid shape, beyond which the shape lies inside
+# the body; of the latter by which it is moved at a time to see its way.  Choice: a chord between two nodes cuts a
+# circle whose radius is six tenths of its length to less than the first.
+SHAPE_INSIDE, SHAPE_STEP = 0.5, 0.25
+# Share of the radius of the largest ball in a rigid shape at which its middle is.  Choice.
+SHAPE_MIDDLE = 0.9
+# Parts of cells that are smaller than this share of the depth allowed are not divided.  Choice.
+SMALLEST_PART = 1 / 16

@@ -17,6 +17,7 @@ from signorini_fx.body.averages import averaging, averaging_forms, from_owners
 from signorini_fx.body.contact_boundary import ContactBoundary, contact_part, join, unit_contact_form
 from signorini_fx.body.foundation import Foundation, Pair
 from signorini_fx.body.rigid_bodies import RigidBodies
+from signorini_fx.body.shapes_inside import BodyCells
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.body.values import NodalValues
 from signorini_fx.contact.friction import PointFriction, joined, stuck
@@ -353,11 +354,16 @@ class Foundations:
         adjusted_gap[pair.slave.nodes[pair.coupling.nodes] - first] += pair.coupling.adjusted(contact.adjust)
         return adjusted_gap, allowance
 
+    @cached_property
+    def _cells(self) -> BodyCells:
+        """The cells of the body."""
+        return BodyCells.of(self._space)
+
     def _distance_of(self, number: int) -> Array:
         """The signed distance from the shape of one contact at all nodes of this rank; collective.
 
         Raises:
-            FormError: the whole body is inside of it.
+            FormError: the whole body is inside of it, or its middle is inside the body.
         """
         comm, distance = self._space.mesh.comm, self._distances[number]
         distances = self._values[number](distance, f"contact[{number}].shape")
@@ -366,6 +372,13 @@ class Foundations:
             if not parallel.any_rank(comm, bool((at_vertices >= 0).any())):
                 message = "the whole body is inside of the foundation: move it, or set hollow if the body belongs there"
                 raise FormError([(f"contact[{number}]", message)])
+        if (swallowed := self._cells.swallowed(distance.shape)) is not None:
+            at = ", ".join(f"{c:.4g}" for c in swallowed.at)
+            message = (
+                f"the foundation lies inside the body, at ({at}), where its contact boundary does not see it: begin "
+                "where it touches from outside; a nonlinear body may be pressed farther, in steps"
+            )
+            raise FormError([(f"contact[{number}]", message)])
         return distances
 
     @property

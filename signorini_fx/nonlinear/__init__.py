@@ -1,7 +1,8 @@
 """Contact of nonlinear bodies: any residual in UFL, shapes at finite displacements, load steps of automatic size.
 
 ``problem`` has the public class and its Newton method, ``moving_shapes`` distances and normals at displaced points,
-``certificate`` the check of a solution against the residual itself, ``inertia`` that of the tangent.
+``certificate`` the check of a solution against the residual itself, ``inertia`` that of the tangent, ``overlap``
+whether a shape is inside the body.
 """
 
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.body

@@ -26,6 +26,7 @@ from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.foundation import Foundation
 from signorini_fx.body.node_positions import node_positions
+from signorini_fx.body.shapes_inside import BodyCells
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.arguments import conditions_of, foundations_of
 from signorini_fx.forms.elasticity import MatrixError, MatrixFault
@@ -37,6 +38,7 @@ from signorini_fx.nonlinear.inversion import turned_inside_out
 from signorini_fx.nonlinear.line_search import share_of_increment
 from signorini_fx.nonlinear.linearised import LinearisedProblem
 from signorini_fx.nonlinear.moving_shapes import MovingShape, curvature_of, placed
+from signorini_fx.nonlinear.overlap import overlap
 from signorini_fx.nonlinear.ramp import RampStep, StepSizes
 from signorini_fx.nonlinear.snapshot import Snapshot
 from signorini_fx.nonlinear.tangent import derivative, is_derivative, round_off
@@ -147,6 +149,7 @@ class NonlinearContactProblem:
         self.certificate: Certificate | None = None
         self.iterations = 0
         self._good: Snapshot | None = None  # the last solution, once there was a solve
+        self._cells, self._overlap = BodyCells.of(space), ""  # where a shape was inside the body in the last solve
 
     @property
     def bcs(self) -> Any:
@@ -282,7 +285,9 @@ class NonlinearContactProblem:
             return
         judged, figure = self.certificate, f" ({self._says_no})" if self._says_no else ""
         self._go_back(self._good)
-        if judged is not None and status is Status.NOT_CERTIFIED:
+        if status is Status.INSIDE:
+            figure = f" ({self._overlap})"
+        elif judged is not None and status is Status.NOT_CERTIFIED:
             figure = f" ({judged.worst_name} {judged.worst:.1e})"
         advice = _SMALLER if status is Status.MAX_ITERATIONS else status.advice
         raise ConvergenceError(self, f"{status.value}{figure}: {advice}")
@@ -424,6 +429,10 @@ class NonlinearContactProblem:
         residual = self._forces_at(values)
         if residual is None:
             return Status.INVERTED
+        assert self._good is not None
+        self._overlap = overlap(self.u, self._cells, self.shapes, self._good)
+        if self._overlap:
+            return Status.INSIDE
         lost = round_off(self.u, residual, self._forces_at)
         self._forces_at(values)
         self.certificate = certified(

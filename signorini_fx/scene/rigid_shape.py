@@ -75,6 +75,13 @@ class Shape(RigidMotion):
     rigid: str | None = None
 
     @property
+    def inradius(self) -> float:
+        """Radius of the largest ball in it, or a bound below it, length; infinite where there is none, as in a hollow
+        one, or it is not known.
+        """
+        return math.inf
+
+    @property
     def driven(self) -> bool:
         """Whether its motion is an unknown."""
         return self.drives or self.rigid is not None
@@ -163,6 +170,20 @@ class Shape(RigidMotion):
         """The rotation since it was placed like ``earlier``, shape (d, d)."""
         return np.asarray(self._turning(dimension) @ earlier._turning(dimension).T)
 
+    def on_way_from(self, earlier: Shape, share: float, dimension: int) -> Shape:
+        """The shape after a share of the way from where ``earlier`` is: of the shift of its pivot, and of its turn.
+
+        Args:
+            earlier: the same shape elsewhere.
+            share: from 0 to 1.
+            dimension: of space.
+        """
+        moved, pivot = self._translations(dimension)
+        begun = (earlier._moved(pivot[None]) - pivot)[0]
+        before, now = (np.zeros(3 if dimension == 3 else 1) + np.array(shape._angles()) for shape in (earlier, self))
+        shift, turn = ((1 - share) * begun + share * moved).tolist(), ((1 - share) * before + share * now).tolist()
+        return self.model_copy(update={"shift": tuple(shift), "rotation": tuple(turn) if dimension == 3 else turn[0]})
+
     def placed(self, **placement: Any) -> Shape:
         """The same shape with another shift, rotation or pivot.
 
@@ -189,11 +210,12 @@ class Shape(RigidMotion):
 
     def _turning(self, dimension: int) -> Array:
         """The matrix of its rotation, shape (d, d)."""
+        return turning(self._angles(), dimension)
+
+    def _angles(self) -> float | tuple[float, ...]:
+        """Its rotation as numbers, degrees."""
         rotation = self.rotation
-        return turning(
-            tuple(map(_at_its_time, rotation)) if isinstance(rotation, tuple) else _at_its_time(rotation or 0.0),
-            dimension,
-        )
+        return tuple(map(_at_its_time, rotation)) if isinstance(rotation, tuple) else _at_its_time(rotation or 0.0)
 
 
 def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 import numpy as np
@@ -25,6 +26,11 @@ class Cylinder(Shape):
     centre: Vector
     axis: Direction
     radius: Positive
+
+    @property
+    def inradius(self) -> float:
+        """See ``Shape``."""
+        return math.inf if self.hollow else self.radius
 
     def initial(self, x: Array) -> tuple[Array, Array]:
         """See ``Shape``."""

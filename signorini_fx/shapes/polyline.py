@@ -48,6 +48,16 @@ class LineShape(Shape):
         return self.points[0] == self.points[-1]
 
     @property
+    def inradius(self) -> float:
+        """See ``Shape``: of a closed line its area over its perimeter, which no inradius is below."""
+        if self.hollow or not self.closed:
+            return np.inf
+        x = np.array(self.points)
+        x = x - x[0]
+        area = abs(float(x[:-1, 0] @ x[1:, 1] - x[1:, 0] @ x[:-1, 1])) / 2
+        return area / float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())
+
+    @property
     def walked(self) -> Array:
         """Its points in the order in which the body is on the left, shape (m, 2)."""
         x = np.array(self.points)

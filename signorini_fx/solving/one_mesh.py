@@ -25,6 +25,7 @@ from signorini_fx.check.findings import result_findings, scene_findings
 from signorini_fx.check.one_step import tilted_frames
 from signorini_fx.check.pushed_nodes import pushed_nodes
 from signorini_fx.check.refusals import refuse_beforehand
+from signorini_fx.check.shapes_in_results import shapes_in_results
 from signorini_fx.contact.laws import RegularisedData
 from signorini_fx.linalg import finite, options
 from signorini_fx.linalg.choice import choose_system
@@ -170,11 +171,14 @@ def _findings(discretisation: Discretisation, steps: Sequence[StepResult]) -> li
     touching = parallel.any_rank(discretisation.comm, bool(np.any(contacts))) if contacts else None
     if (last := steps[-1]).contact is not None:
         findings += tilted_frames(discretisation.placed(last.place), 0.0, last.contact)
+    shown = _shown(steps)
+    inside = shapes_in_results(discretisation.scene.placed(shown.place), shown.displacement)
     pushed = pushed_nodes([step.contact for step in steps], discretisation.tagged.size)
     lost = sorted({piece for step in steps for piece in step.certificate.unjudged})
     names = [discretisation.motions.pieces.called(piece) for piece in lost]
     return [
         *pushed,
+        *inside,
         *findings,
         *result_findings([step.deformation for step in steps], touching=touching, unjudged=names),
     ]

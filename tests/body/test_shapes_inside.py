@@ -1,0 +1,202 @@
+"""Rigid shapes inside a body: depths against dense sampling, shapes between nodes, ways that pass through, refusals."""
+
+import numpy as np
+import pytest
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from signorini_fx.body.shapes_inside import BodyCells
+from signorini_fx.errors import SceneError
+from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scene.rigid_shape import read_shape
+from signorini_fx.solving.solver import solve
+
+PLANE, SPACE = ("triangle", "quadrilateral"), ("tetrahedron", "hexahedron")
+
+
+def body(cell, degree=1, comm=MPI.COMM_SELF):
+    """A block [0, 4] x [0, 1] (x [0, 1]) of cells of size 0.25."""
+    kind = getattr(dmesh.CellType, cell)
+    if cell in PLANE:
+        mesh = dmesh.create_rectangle(comm, [[0, 0], [4, 1]], (16, 4), kind)
+    else:
+        mesh = dmesh.create_box(comm, [[0, 0, 0], [4, 1, 1]], (16, 4, 4), kind)
+    return BodyCells.of(fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,))))
+
+
+def ball(cells, centre, radius, **more):
+    """A circle, or a sphere in the middle of the width."""
+    plane = cells.x.shape[1] == 2
+    centre = centre if plane else (centre[0], 0.53, centre[1])
+    return read_shape({"shape": "circle" if plane else "sphere", "centre": centre, "radius": radius, **more})
+
+
+def in_body(cell, centre, radius):
+    """Depth by the distance of the centre from the block [0, 4] x [0, 1]: the closest point is that deep."""
+    outside = np.linalg.norm(np.array(centre) - np.clip(centre, [0.0, 0.0], [4.0, 1.0]))
+    return radius - outside
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("cell", [*PLANE, *SPACE])
+@pytest.mark.parametrize(
+    ("centre", "radius"),
+    [
+        ((1.52, 0.74), 0.05),  # between nodes
+        ((1.6, 1.003), 0.05),  # half of it
+        ((2.1, 0.5), 0.002),  # tiny
+        ((2.0, 0.3), 0.7),  # larger than cells, out of the block on one side
+        ((1.6, 1.03), 0.05),  # not deeper than a chord may be
+        ((1.5, 1.48), 0.5),
+        ((1.5, 1.06), 0.05),  # outside
+        ((-3.0, 0.5), 2.9),
+    ],
+)
+def test_depth_of_a_ball(cell, degree, centre, radius):
+    """By the distance of its centre from the block; a point that is said to be deep is in the body, and that deep."""
+    cells = body(cell, degree)
+    shape, depth = ball(cells, centre, radius), in_body(cell, centre, radius)
+    deep = cells.inside(cells.x, shape)
+    cell_radius = 0.125 * cells.x.shape[1] ** 0.5
+    if depth < 0.4 * min(radius, cell_radius):
+        assert deep is None
+    if depth > 0.6 * min(radius, 1.3 * cell_radius):
+        assert deep is not None
+    if deep is not None:
+        at = np.array(deep.at)
+        assert np.all(at >= 0)
+        assert np.all(at <= [4.0, *[1.0] * (at.size - 1)])
+        assert -shape.distance(at[None])[0][0] == pytest.approx(deep.depth)
+        assert deep.depth <= depth + 1e-12
+
+
+@pytest.mark.parametrize("cell", PLANE)
+def test_in_a_bent_body(cell):
+    """Places are the displaced ones, of curved cells too: a quarter of a ring."""
+    cells = body(cell, degree=2)
+    angle, radius = np.pi / 8 * cells.x[:, 0], 2.0 + cells.x[:, 1]
+    places = radius[:, None] * np.column_stack((np.sin(angle), np.cos(angle)))
+    where = 2.4 * np.array([np.sin(0.7), np.cos(0.7)])
+    assert cells.inside(places, ball(cells, where, 0.05)) is not None
+    assert cells.inside(places, ball(cells, where * 1.96 / 2.4, 0.05)) is None
+    assert cells.inside(places, ball(cells, where * 3.04 / 2.4, 0.05)) is None
+
+
+@pytest.mark.parametrize("cell", ["quadrilateral", "hexahedron"])
+def test_on_the_way(cell):
+    """Through the block, over it, round it; and with it, where all moves together."""
+    cells = body(cell)
+    still = np.zeros(cells.x.shape[1])
+
+    def way(centre, x=cells.x, **placement):
+        shape = ball(cells, centre, 0.3)
+        return cells.passed((cells.x, shape), (x, ball(cells, centre, 0.3, **placement)))
+
+    def shift(*components):
+        moved = still.copy()
+        moved[[0, -1]] = components
+        return moved.tolist()
+
+    assert way((-4.0, 0.5), shift=shift(10.0, 0.0)) is not None
+    assert way((2.0, 1.4), shift=shift(0.0, -1.8)) is not None
+    assert way((-4.0, 1.31), shift=shift(10.0, 0.0)) is None
+    assert way((2.0, 1.31), shift=shift(0.0, -0.1)) is None  # a step of which the surface is to tell
+    assert way((-4.0, 0.5), x=cells.x + shift(10.0, 0.0), shift=shift(10.0, 0.0)) is None
+    turn, pivot = (180.0, [2.0, 2.0]) if still.size == 2 else ([0.0, -180.0, 0.0], [2.0, 0.53, 2.0])
+    assert way((1.0, 2.0), rotation=turn, pivot=pivot) is not None
+    back = -180.0 if still.size == 2 else [0.0, 180.0, 0.0]
+    assert way((1.0, 2.0), rotation=back, pivot=pivot) is None
+
+
+def test_on_the_way_from_another_pivot():
+    """The start of a way is where the shape was, whatever its pivot; the end where it is."""
+    given = {"shape": "circle", "centre": (1.0, 2.0), "radius": 0.3}
+    earlier = read_shape(given | {"shift": (0.5, 0.1), "rotation": 30.0, "pivot": (3.0, 0.0)})
+    now = read_shape(given | {"shift": (0.2, -0.4), "rotation": 70.0, "pivot": (0.0, 1.0)})
+    x = np.random.default_rng(1).normal(size=(5, 2))
+    for share, shape in ((0.0, earlier), (1.0, now)):
+        for between, exact in zip(now.on_way_from(earlier, share, 2).distance(x), shape.distance(x), strict=True):
+            np.testing.assert_allclose(between, exact, atol=1e-14)
+
+
+def test_shapes_with_and_without_an_inside():
+    """A closed line has one that is at least as large as its area over its perimeter; planes and hollow ones none."""
+    cells = body("quadrilateral")
+    square = [[1.0, 0.4], [1.2, 0.4], [1.2, 0.6], [1.0, 0.6], [1.0, 0.4]]
+    line = read_shape({"shape": "polyline", "points": square})
+    assert line.inradius == pytest.approx(0.05)
+    assert cells.inside(cells.x, line) is not None
+    for shape in (
+        {"shape": "polyline", "points": square[:-1]},
+        {"shape": "polyline", "points": square, "hollow": True},
+        {"shape": "plane", "point": [0.0, 0.5], "normal": [0.0, 1.0]},
+        {"shape": "circle", "centre": [1.0, 0.5], "radius": 0.1, "hollow": True},
+    ):
+        assert cells.inside(cells.x, read_shape(shape)) is None
+
+
+def test_what_is_added_to_the_distance():
+    """The shape is smaller by it."""
+    cells = body("quadrilateral")
+    assert cells.inside(cells.x, ball(cells, (1.52, 0.74), 0.05), 0.02) is not None
+    assert cells.inside(cells.x, ball(cells, (1.52, 0.74), 0.05), 0.06) is None
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_a_linear_body_refuses_a_circle_in_it(unit):
+    """The contact boundary does not see it; one that reaches in from outside is seen."""
+
+    def scene(height):
+        return parse_scene(
+            {
+                "mesh": {
+                    "generator": "rectangle",
+                    "parameters": {"length": 2 * unit, "height": unit, "nx": 8, "ny": 4},
+                },
+                "material": {"young": 100.0, "poisson": 0.3},
+                "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+                "contact": {
+                    "boundary": "top",
+                    "foundation": {"shape": "circle", "centre": [unit, height * unit], "radius": 0.05 * unit},
+                },
+            }
+        )
+
+    with pytest.raises(SceneError, match=r"contact\[0\]: the foundation lies inside the body, at \("):
+        solve(scene(0.7), MPI.COMM_SELF)
+    assert solve(scene(1.049), MPI.COMM_SELF).contact.pressure.max() > 0
+
+
+def test_a_linear_result_names_a_circle_between_its_nodes():
+    """It is not refused, as the nodes keep to what contact says; and not named where the facets are finer."""
+
+    def told(cells):
+        scene = parse_scene(
+            {
+                "mesh": {"generator": "rectangle", "parameters": {"nx": cells, "ny": 4}},
+                "material": {"young": 100.0, "poisson": 0.3},
+                "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+                "traction": {"boundary": "right", "x": 0.1},
+                "contact": {
+                    "boundary": "top",
+                    "foundation": {"shape": "circle", "centre": [0.11, 1.01], "radius": 0.05},
+                },
+            }
+        )
+        solution = solve(scene, MPI.COMM_SELF)
+        return [found.message for found in solution.findings if "lies inside the deformed body" in found.message]
+
+    assert len(told(4)) == 1
+    assert not told(60)
+
+
+@pytest.mark.mpi
+def test_on_ranks():
+    """All of them say the same."""
+    comm = MPI.COMM_WORLD
+    cells = body("triangle", comm=comm)
+    deep = cells.inside(cells.x, ball(cells, (3.9, 0.5), 0.05))
+    assert deep is not None
+    assert set(comm.allgather(deep)) == {deep}
+    assert cells.inside(cells.x, ball(cells, (4.06, 0.5), 0.05)) is None

@@ -1,0 +1,72 @@
+"""Shapes that a step leads into the body, or through it: never *converged*, halved by a ramp, or seen in time."""
+
+import numpy as np
+import pytest
+from dolfinx import fem
+from mpi4py import MPI
+from support.nonlinear_bodies import held, rectangle, residual
+
+from signorini_fx import ConvergenceError, Foundation, NonlinearContactProblem, Status
+
+
+def problem(corner, cells, circle, sides=((1, 1.0),), degree=1, comm=MPI.COMM_SELF):
+    """A body that is held at its bottom, and a circle at some of its sides."""
+    space, side = rectangle(corner, cells, comm, degree=degree)
+    touching = np.unique(np.concatenate([side(*where) for where in sides]))
+    u = fem.Function(space)
+    shape = {"shape": "circle", **circle}
+    contact = Foundation(touching, shape=shape)
+    return NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_circle_that_is_moved_into_the_body_in_one_step(degree):
+    """No node lies in it, and the residual is zero: all is left as it was before."""
+    circle = {"centre": (1.52, 1.051), "radius": 0.05}
+    found = problem((4.0, 1.0), (16, 4), circle, degree=degree, comm=MPI.COMM_WORLD)
+    found.place(0, shift=(0.0, -0.3))
+    with pytest.raises(ConvergenceError, match=r"rigid shape inside the body \(contact\[0\]: 0\.0\d+ at \(1\.5"):
+        found.solve()
+    assert found.status is Status.INSIDE
+    assert not found.u.x.array.any()
+    found.place(0, shift=(0.0, -0.01))
+    assert found.solve() is found.u
+    assert found.status is Status.CONVERGED
+
+
+@pytest.mark.parametrize("first", [None, 0.02])
+def test_a_post_is_not_passed_through(first):
+    """A circle that a ramp moves through a post bends it: the force is not zero in steps that touch it."""
+    sides = ((0, 0.0), (0, 0.5), (1, 2.0))
+    found = problem((0.5, 2.0), (3, 10), {"centre": (-4.0, 1.5), "radius": 0.3}, sides)
+    forces = []
+
+    def on_step(step):
+        forces.append((step.load, found.state.forces[0][0]))
+
+    found.ramp(lambda t: found.place(0, shift=(8.0 * t, 0.0)), 0.49, first=first, on_step=on_step)
+    assert forces[-1][0] == 0.49
+    assert forces[-1][1] > 0.05
+
+
+def test_a_step_through_is_refused():
+    """After a solution on one side there is none on the other, however free of overlap both are."""
+    sides = ((0, 0.0), (0, 0.5), (1, 2.0))
+    found = problem((0.5, 2.0), (2, 8), {"centre": (-1.0, 1.5), "radius": 0.3}, sides)
+    found.solve()
+    found.place(0, shift=(3.0, 0.0))
+    with pytest.raises(ConvergenceError, match=r"rigid shape inside the body \(contact\[0\]: on its way, "):
+        found.solve()
+    for place in ((0.0, 2.0), (3.0, 2.0), (3.0, 0.0)):  # around it
+        found.place(0, shift=place)
+        found.solve()
+    assert found.status is Status.CONVERGED
+
+
+def test_a_shape_that_is_given_inside_and_placed_outside():
+    """Nothing is said of the way before the first solution from where the shape was only defined."""
+    found = problem((2.0, 1.0), (4, 2), {"centre": (1.0, 0.5), "radius": 0.3})
+    found.place(0, shift=(0.0, 0.9))
+    found.solve()
+    assert found.status is Status.CONVERGED
