@@ -60,17 +60,20 @@ def on_several_bodies(summary: dict[str, Any]) -> bool:
     return touch_each_other(summary) and len(summary.get("contact_boundaries", ())) > 1
 
 
+def load_step(row: dict[str, Any]) -> str:
+    """A load step by its number, name and time."""
+    named = f"{row['name']}, " if row["name"] else ""
+    return f"load step {row['step']} ({named}time {row['time']:.6g})"
+
+
 def results_of(summary: dict[str, Any]) -> str:
     """The load step that the results are of."""
-    of, count = summary["results_of"], len(summary["steps"])
+    of, last = summary["results_of"], summary["steps"][-1]
     if of["status"] != Status.CONVERGED.value:
-        qualifier = "the last iterate of "
-    else:
-        qualifier = "" if summary["converged"] else "the last one with a solution, "
-    named = f"{of['name']}, " if of["name"] else ""
-    failed = "" if summary["converged"] or of["step"] == count else f"; load step {count} has none"
-    until = f" at time {summary['steps'][-1]['time']:.6g}" if failed else ""
-    return f"{qualifier}load step {of['step']} ({named}time {of['time']:.6g}){failed}{until}"
+        return f"the last iterate of {load_step(of)}"
+    if of["step"] == last["step"]:
+        return load_step(of)
+    return f"{load_step(of)}; no solution of load step {last['step']}, time {last['time']:.6g}"
 
 
 def effort_in_words(summary: dict[str, Any]) -> str:

@@ -82,9 +82,9 @@ _ADVICE = {
         "prescribe a displacement"
     ),
     Status.SLIDES_AT_PRESSURES: (
+        "lower the load, raise the friction or what presses the contact, or find the limit with load_steps.steps: "
         "friction at the contact pressures that were found, such as those of a fit or of tightened bolts, cannot carry "
-        "the loads; the history says which share of them it carries. Nothing is proved of other pressures. Lower the "
-        "load, raise the friction or what presses the contact, or find the limit with load_steps.steps"
+        "the loads; the history says which share of them it carries; nothing is proved of other pressures"
     ),
     Status.SINGULAR: "check that supports and contact hold the body, and that no cell of the mesh is degenerate",
     Status.NOT_FINITE: (
@@ -128,15 +128,19 @@ _ADVICE = {
         "summary; lower solver.gamma_n and solver.gamma_t, with Coulomb friction solver.tolerance, or check the mesh"
     ),
     Status.BUDGET: (
-        "the result is a certified solution on the last mesh that the budget allowed, less accurate than required: "
-        "see the price list for what is missing; raise the budget, or require less"
+        "raise the budget, or require less: this is a certified solution on the last mesh that the budget allowed, "
+        "less accurate than required"
     ),
     Status.OUT_OF_REACH: (
-        "the result is a certified solution, less accurate than required, and no finer mesh would reach the accuracy: "
-        "the events of the history say why"
+        "require less, or the accuracy of the energy or of a force: this is a certified solution, less accurate than "
+        "required, and no finer mesh would reach the accuracy"
     ),
     Status.ROUND_OFF: "gamma is too large for double precision: lower solver.gamma_n and solver.gamma_t",
 }
+
+
+# The outcomes of a certified solution that is less accurate than required.
+SHORT_OF_ACCURACY = (Status.BUDGET, Status.OUT_OF_REACH)
 
 
 @dataclass(frozen=True)

@@ -16,12 +16,9 @@ import numpy.typing as npt
 from signorini_fx.csv_text import as_name
 from signorini_fx.errors import ResultError
 from signorini_fx.manifest import PART
-from signorini_fx.records import Status
 
 # Columns of our files that are text even if every entry looks like a number: a boundary may be called "1".
 _TEXT_COLUMNS = frozenset({"against", "boundary", "friction", "name", "state", "status"})
-# The outcomes of a solution that is less accurate than required.
-SHORT_OF_ACCURACY = (Status.BUDGET.value, Status.OUT_OF_REACH.value)
 _LARGEST_SUMMARY = 100_000_000  # bytes; it grows with the load steps only
 
 

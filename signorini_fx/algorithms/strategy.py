@@ -28,7 +28,7 @@ from signorini_fx.algorithms.continuation import continuation
 from signorini_fx.algorithms.coulomb_newton import coulomb_newton
 from signorini_fx.algorithms.coulomb_statics import coulomb_start, proved
 from signorini_fx.algorithms.fp import fixed_point
-from signorini_fx.algorithms.path_following import path_following
+from signorini_fx.algorithms.path_following import path_following, path_model
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.attempts import (
     AUGMENTED,
@@ -115,6 +115,8 @@ def _augmented_or_regularised(task: Task, start: Start) -> Outcome:
         return first
     if second.augmented:
         return second
+    if second.newton is newton:  # its last linear system is that of the solution
+        second = replace(second, regularisation_error=path_model(newton, second.data).distance)
     solved, begun = second.newton.checkpoint(), start.begin_from(second.problem.sets, second.newton.multipliers())
     monolithic = start.law is not None and _may_be_monolithic(start.law, second.data)
     data = replace(second.data, slip_origin=without_elastic_slip(start, second.data))

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from signorini_fx.cli.exit_codes import EXIT_INCOMPLETE, EXIT_NO_SOLUTION, EXIT_OK
+from signorini_fx.cli.exit_codes import EXIT_INCOMPLETE, EXIT_NO_SOLUTION, EXIT_OK, of_solve
 from signorini_fx.cli.options import changes
 from signorini_fx.errors import InstallationError, OutputError, SceneError, SignoriniError, cannot_be_written
 from signorini_fx.extensions import add_on
@@ -53,7 +53,20 @@ def _read_scenes(
 
 def solve(options: argparse.Namespace) -> int:
     """Solve a scene and write its results."""
-    return _solved(options)[1]
+    solution, code = _solved(options)
+    if code == EXIT_INCOMPLETE:
+        _say_of_another_problem(f"the scene lacks {len(solution.scene.incomplete)} of what was meant, see incomplete")
+    return code
+
+
+def _say_of_another_problem(why: str) -> None:
+    """Tell why the results, which are there, are not those that were asked for."""
+    from mpi4py import MPI
+
+    from signorini_fx import parallel
+
+    told = terminal.TerminalLine("signorini-fx: ", f"these are results of another problem: {why}", "error")
+    parallel.log_on_root(MPI.COMM_WORLD, [told], error=True)
 
 
 def _solved(options: argparse.Namespace) -> tuple[Solution, int]:
@@ -123,7 +136,7 @@ def _solved(options: argparse.Namespace) -> tuple[Solution, int]:
         # The summary above has said what to do.
         ended = terminal.TerminalLine("signorini-fx: ", outcome(solution, advice=options.quiet), "error")
         parallel.log_on_root(comm, [ended], error=True)
-    return solution, EXIT_OK if solution.converged else EXIT_NO_SOLUTION
+    return solution, of_solve(converged=solution.converged, incomplete=bool(solution.scene.incomplete))
 
 
 def run(options: argparse.Namespace) -> int:
@@ -157,10 +170,9 @@ def run(options: argparse.Namespace) -> int:
     if not options.quiet:
         named = ", ".join(file.name for file in written)
         parallel.log_on_root(MPI.COMM_WORLD, [terminal.TerminalLine("  and ", named)])
-    if lost and code == EXIT_OK:
+    if lost and code in (EXIT_OK, EXIT_INCOMPLETE):
         count = "1 thing that changes" if lost == 1 else f"{lost} things that change"
-        said = terminal.TerminalLine("signorini-fx: ", f"left out of the deck: {count} the answer", "error")
-        parallel.log_on_root(MPI.COMM_WORLD, [said], error=True)
+        _say_of_another_problem(f"left out of the deck: {count} the answer")
         return EXIT_INCOMPLETE
     return code
 

@@ -185,7 +185,7 @@ def solution_of(problem: ProblemParts, title: str = "") -> FormSolution:
         forms=problem._forms if settled else (None, None),
         boundaries=problem._boundaries if settled else {},
         fixed=fixed,
-    )
+    ).with_law_told()
 
 
 def _stress_of(problem: ProblemParts, y: fem.Function, shared: dict[str, StressRecovery]) -> RawStresses:

@@ -1,20 +1,40 @@
-"""What is asked of a result first, in words: does it hold, how much is left, where is the largest stress, how sure."""
+"""What is asked of a result first, in words: does it hold, how much is left, where is the largest stress, how sure.
+
+The four answers are of what the figures are of, see ``validity``: of a solution, of the last load step that has one, or
+of none; then there is no figure among them.  The page that docs/answers.py writes lists what they say of every outcome.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from signorini_fx.display import results_of, status_in_words
+from signorini_fx.display import load_step
 from signorini_fx.quantities.digits import between, figure, percent, solved_prices
-from signorini_fx.quantities.families.stress import share_in_words
+from signorini_fx.quantities.families.stress import largest_von_mises, share_in_words
 from signorini_fx.quantities.registry import error_of
 from signorini_fx.quantities.text import point_in_words
+from signorini_fx.quantities.validity import Validity, validity_of
 from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
 from signorini_fx.units import with_unit
 
 # The errors of a price list that say something to somebody who has asked for none of them, as they are called there.
 _ESTIMATED = ("pressure", "force", "energy")
+# What statics proves of a body without a solution, or finds before one is looked for.
+_MOVES_AWAY = {
+    Status.NOT_HELD: "nothing resists a rigid motion",
+    Status.OPEN: "the loads move it off its foundation",
+    Status.TIPS: "it tips over",
+    Status.SLIDES: "it slides",
+}
+# The other outcomes, of which nothing follows but that no solution was found.
+_UNDECIDED = {
+    Status.SLIDES_AT_PRESSURES: "it slides at the contact pressures found, and of others nothing is proved",
+    Status.UNSTABLE: "it would leave the equilibrium that was found; another one may hold",
+    Status.LIMIT: "no equilibrium was found beyond a load, which is no proof that there is none",
+    Status.TOO_LARGE: "the deformation is larger than linear elasticity can judge",
+    Status.NOT_CERTIFIED: "the check after the solve finds conditions violated",
+}
 
 
 @dataclass(frozen=True)
@@ -36,107 +56,226 @@ class Answer:
 
 def answers(summary: dict[str, Any]) -> list[Answer]:
     """Those that the report begins with; ``summary``: the content of summary.json."""
-    return [_holds(summary), _left(summary), _stress(summary), _sure(summary)]
+    questions = {
+        "Does it hold?": _holds,
+        "How much is left?": _left,
+        "Where is the largest stress?": _stress,
+        "How sure is it?": _sure,
+    }
+    told = [replace(answer(summary), question=question) for question, answer in questions.items()]
+    if not (summary.get("incomplete") and validity_of(summary).solved):
+        return told
+    holds, *others = told
+    return [
+        holds,
+        *(replace(each, details=(*each.details, "of the scene without what was left out"), tone="") for each in others),
+    ]
 
 
 def _holds(summary: dict[str, Any]) -> Answer:
     """Whether an equilibrium was found that keeps the laws of contact, and whether the material stays elastic."""
-    question = "Does it hold?"
-    if not summary["converged"]:
-        return _level_of_failure(question, summary)
+    validity = validity_of(summary)
     if summary.get("incomplete"):
-        return Answer(question, "not known", ("what was left out changes the answer",), "bad")
+        return Answer("", "not known", ("what was left out changes the answer",), "bad")
+    if validity is Validity.NO_SOLUTION:
+        return Answer("", "no" if _status(summary) in _MOVES_AWAY else "not known", (_failure(summary),), "bad")
     if not summary["certificate"]["holds"]:
-        return Answer(question, "not shown", ("the certificate does NOT hold",), "bad")
-    share = (summary.get("utilisation") or {}).get("value")
-    balance = "in balance under these loads" + (f": {results_of(summary)}" if "results_of" in summary else "")
-    if share is None:
-        return Answer(question, "yes", (balance, "strength is not judged: yield_stress in [[material]]"), "good")
-    used = f"{share_in_words(summary)} of the yield stress used"
-    if share > 1:
-        return Answer(question, "no, it would yield", (balance, used), "bad")
-    return Answer(question, "yes", (balance, used), "good")
+        return Answer("", "not shown", ("the certificate does NOT hold",), "bad")
+    strength = Strength.of(summary)
+    details = [_balance(summary), strength.told]
+    if strength.exceeded:
+        return Answer("", "no, it would yield", tuple(details), "bad")
+    if validity is Validity.EARLIER_STEP:
+        step = load_step(summary["results_of"])
+        return Answer("", f"up to {step}", tuple(details), "bad")
+    if law := _other_law(summary):
+        details.append("not with the contact law that was asked for")
+    if strength.singular:
+        return Answer("", "in balance; strength not shown", tuple(details), "short")
+    if validity is Validity.LESS_ACCURATE:
+        return Answer("", "yes", (*details, f"less accurate than required: {summary['status']}"), "short")
+    return Answer("", "yes", tuple(details), "short" if law else "good")
 
 
-def _level_of_failure(question: str, summary: dict[str, Any]) -> Answer:
-    """Of a solve that has failed: up to which level of the loads there is a solution."""
-    of, ended = summary.get("results_of", {}), status_in_words(summary)
-    if of.get("status") != Status.CONVERGED.value:
-        return Answer(question, "not known", (f"no solution: {ended}",), "bad")
-    failed = summary["steps"][-1]
-    names = [f"{row['name']}, time" if row["name"] else "time" for row in (of, failed)]
-    until = f"up to {names[0]} {of['time']:.4g}"
-    return Answer(question, until, (f"none found at {names[1]} {failed['time']:.4g}: {ended}",), "bad")
+def _balance(summary: dict[str, Any]) -> str:
+    """Under which loads there is an equilibrium, and under which none was found."""
+    of, steps = summary.get("results_of"), summary.get("steps", [])
+    if of is None:
+        return "in balance under these loads"
+    if validity_of(summary) is Validity.EARLIER_STEP:
+        return f"{load_step(steps[-1])}: {_failure(summary)}"
+    return f"in balance in all {len(steps)} load steps" if len(steps) > 1 else "in balance in its load step"
+
+
+def _status(summary: dict[str, Any]) -> Status:
+    return Status(summary["status"])
+
+
+def _failure(summary: dict[str, Any]) -> str:
+    """Why there is no solution."""
+    status = _status(summary)
+    return {**_MOVES_AWAY, **_UNDECIDED}.get(status, f"no solution was found ({status.value}), and none is excluded")
+
+
+@dataclass(frozen=True)
+class Strength:
+    """How much of the yield stress is used.
+
+    Attributes:
+        told: the share with what limits it, or why it is not judged.
+        share: the share; "": it is not known.
+        exceeded: whether it is above 1.
+        singular: whether it is below 1 at a place where the stress has no limit.
+    """
+
+    told: str
+    share: str = ""
+    exceeded: bool = False
+    singular: bool = False
+
+    @property
+    def known(self) -> bool:
+        """Whether there is a share."""
+        return bool(self.share)
+
+    @classmethod
+    def of(cls, summary: dict[str, Any]) -> Strength:
+        """That of the load step that the figures are of."""
+        largest = summary.get("utilisation") or {}
+        value, no_limit = largest.get("value"), bool(largest.get("no_limit"))
+        materials = (summary.get("scene") or {}).get("material") or []
+        if value is None:
+            if any(material.get("yield_stress") for material in materials):
+                return cls("strength is not judged: no fields were written, leave --no-fields out")
+            if materials and not any("yield_stress" in material for material in materials):
+                return cls("strength is not judged: no yield stress is known of such a material")
+            return cls("strength is not judged: give yield_stress in [[material]]")
+        told = share = f"{share_in_words(summary)} of the yield stress used"
+        if "results_of" in summary:
+            told += f" at {load_step(summary['results_of'])}"
+        if no_limit:
+            told += " on this mesh, where the stress has no limit as it is refined: judge it at a distance"
+        if len(summary.get("steps", ())) > 1:
+            told += "; other load steps are not judged"
+        unjudged = [material.get("region") or "the body" for material in materials if not material.get("yield_stress")]
+        if unjudged:
+            told += f"; without a yield stress: {', '.join(unjudged)}"
+        return cls(told, share, value > 1, no_limit and value <= 1)
 
 
 def _left(summary: dict[str, Any]) -> Answer:
-    """How many times the loads until it moves, and how much of the strength."""
-    question, details, texts = "How much is left?", list[str](), list[str]()
-    safety, largest = summary.get("safety"), summary.get("utilisation")
-    if safety is not None and summary["converged"]:
-        factor = safety["factor"] if safety["exact"] else safety["bound"]
-        limit = "no limit by statics" if factor is None else f"{factor:.3g} times these loads"
-        texts.append(limit if safety["exact"] or factor is None else f"at most {limit}")
-        each = {name: safety[name] for name in ("sliding", "overturning") if name in safety}
-        details += [f"{name}: {'no limit' if at is None else f'{at:.3g}'}" for name, at in each.items()]
-        if safety["friction_used"] is not None:
-            details.append(f"friction used: {100 * safety['friction_used']:.2g} %")
-    if largest is not None:
-        singular = ", where the stress has no limit as the mesh is refined" if largest.get("no_limit") else ""
-        used = f"yield stress used: {share_in_words(summary)}{singular}"
-        (details if texts else texts).append(used)
-    if not texts:
-        return Answer(question, "not known", ("supports hold the body; strength: yield_stress in [[material]]",))
-    return Answer(question, "; ".join(texts), tuple(details))
+    """How much of the strength, and how many times the loads until it moves."""
+    validity, moves_away = validity_of(summary), _status(summary) in _MOVES_AWAY
+    if not validity.solved:
+        known = moves_away and not summary.get("incomplete")
+        return Answer("", "nothing" if known else "not known", (_failure(summary),), "bad")
+    strength, (limit, details) = Strength.of(summary), _limit_of_statics(summary)
+    if strength.exceeded:
+        at = f"at {load_step(summary['results_of'])}: " if validity is Validity.EARLIER_STEP else ""
+        return Answer("", f"nothing: {strength.share}", tuple(f"{at}{text}" for text in (limit, *details)), "bad")
+    if validity is Validity.EARLIER_STEP:
+        last, failed = (load_step(step) for step in (summary["results_of"], summary["steps"][-1]))
+        text = f"nothing at {failed}" if moves_away else f"no solution was found beyond {last}"
+        first = strength.share if strength.known else strength.told
+        return Answer("", text, (f"at {last}: {first}", limit, *details), "bad")
+    texts = [strength.share] if strength.known and not strength.singular else []
+    if summary.get("safety") is None:
+        details.insert(0, limit)
+    else:
+        texts.append(limit)
+    if not texts or strength.singular:
+        details.append(strength.told)
+    return Answer("", "; ".join(texts) or "not known", tuple(details))
+
+
+def _limit_of_statics(summary: dict[str, Any]) -> tuple[str, list[str]]:
+    """How many times the live loads until the body moves away, and what else is known of that."""
+    safety = summary.get("safety")
+    if safety is None:
+        if summary.get("held_by_supports"):
+            return "supports hold it, so that no load moves it away", []
+        return "no multiple of the loads is known at which it moves away", []
+    factor = safety["factor"] if safety["exact"] else safety["bound"]
+    limit = "statics sets no limit" if factor is None else f"{factor:.3g} times the live loads until it moves away"
+    each = {name: safety[name] for name in ("sliding", "overturning") if name in safety and factor is not None}
+    details = [
+        f"{name}: {'no limit' if multiple is None else f'{multiple:.3g} times'}" for name, multiple in each.items()
+    ]
+    if safety["friction_used"] is not None:
+        details.append(f"friction used: {100 * safety['friction_used']:.2g} %")
+    return (limit if safety["exact"] or factor is None else f"at most {limit}"), details
 
 
 def _stress(summary: dict[str, Any]) -> Answer:
-    question, details = "Where is the largest stress?", []
+    validity, details = validity_of(summary), list[str]()
+    if not validity.solved:
+        return Answer("", "not known", ("there is no solution, and so no stress",))
     if pressed := summary.get("max_pressure"):
         pressure = with_unit(figure(pressed, error_of(summary, "max_pressure")), "stress")
         details.append(f"largest contact pressure {pressure}")
+    if "results_of" in summary:
+        details.append(f"of {load_step(summary['results_of'])} alone")
     stress = largest_von_mises(summary)
     if stress is None:
-        return Answer(question, "not computed", tuple(details))
+        return Answer("", "not computed", ("no stress was written: leave --no-fields out", *details))
     if region := stress.get("region"):
         details.insert(0, f"in {region}")
     if why := stress.get("no_limit"):
-        details.append(f"no limit as the mesh is refined: {why}")
+        details.insert(0, f"no limit as the mesh is refined: {why}")
     value = with_unit(figure(stress["value"], between(summary["stress"])), "stress")
     place = with_unit(point_in_words(stress["place"]), "length")
-    return Answer(question, f"at {place}", (f"von Mises stress {value}", *details))
-
-
-def largest_von_mises(summary: dict[str, Any]) -> dict[str, Any] | None:
-    """The larger one of the raw and the recovered von Mises stress; None: there is none."""
-    stress = summary.get("stress") or {}
-    entries = [(extremes or {}).get("von_mises") for extremes in (stress, stress.get("recovered"))]
-    known = [entry for entry in entries if entry and entry["value"] is not None]
-    return max(known, key=lambda entry: float(entry["value"])) if known else None
+    return Answer("", f"at {place}", (f"von Mises stress {value}, {stress['of']}", *details))
 
 
 def _sure(summary: dict[str, Any]) -> Answer:
     """How far the mesh and the solution can be trusted."""
-    question = "How sure is it?"
-    error, known = error_in_words(summary)
-    holds = summary["certificate"]["holds"]
+    validity, holds = validity_of(summary), summary["certificate"]["holds"]
     checked = "the certificate holds" if holds else "the certificate does NOT hold"
+    if not validity.solved:
+        if _status(summary) in _MOVES_AWAY:
+            return Answer("", "proved by statics, on this mesh")
+        return Answer("", "no figure may be used", () if holds else (checked,), "bad")
     if holds:
         checked += f": each condition to {CERTIFICATE_TOLERANCE:.0e}"
-    text = f"error {error}" if known else "error of the mesh not estimated"
-    return Answer(question, text, (checked, *([] if known else [error])), "" if holds else "bad")
+    error, known = error_in_words(summary)
+    details = [checked, *([] if known else [_way_to_an_estimate(summary)])]
+    goal, law = (summary.get("scene") or {}).get("accuracy"), _other_law(summary)
+    if validity is Validity.LESS_ACCURATE and goal is not None:
+        details.insert(0, f"{percent(goal['target'])} of the {goal['of']} was asked for")
+    if law:
+        details.append(law)
+    if (cost := summary.get("cost") or {}).get("error") is not None:
+        details.append(cost["statement"])
+    tone = "bad" if not holds else "short" if law or validity is Validity.LESS_ACCURATE else ""
+    return Answer("", f"error {error}" if known else "error of the mesh not estimated", tuple(details), tone)
+
+
+def _way_to_an_estimate(summary: dict[str, Any]) -> str:
+    """How to learn how wrong a result is."""
+    scene = summary.get("scene") or {}
+    if scene.get("contact") and "forms" not in scene:
+        return "--accuracy 5% asks for an estimate"
+    return "solve on a finer mesh as well, and compare"
+
+
+def _other_law(summary: dict[str, Any]) -> str:
+    """In what the law of the result is not the one that was asked for; "": it is, or none was."""
+    return str((summary.get("law") or {}).get("differs", ""))
 
 
 def error_in_words(summary: dict[str, Any]) -> tuple[str, bool]:
     """How wrong the results are: proved, estimated, or how to know it; and whether it is known."""
     bound = summary.get("error_bound") or {}
-    if bound.get("relative_error") is not None and bound.get("guaranteed"):
-        return f"at most {percent(bound['relative_error'])} of the energy norm, guaranteed", True
+    relative = bound.get("relative_error")
+    if relative is not None and bound.get("guaranteed"):
+        return f"at most {percent(relative)} of the energy norm, guaranteed", True
     prices = solved_prices(summary)
     known = [f"{name} {percent(prices[name])}" for name in _ESTIMATED if prices.get(name) is not None]
     if known:
         return f"{', '.join(known)}, estimated", True
+    if relative is not None:
+        return f"about {percent(relative)} of the energy norm, estimated", True
     of_stress = (summary.get("stress") or {}).get("error")
     if of_stress is not None:
         return f"of the stress {percent(of_stress)} in the mean, estimated", True
-    return "not estimated; --accuracy 5% asks for one and reaches it", False
+    return f"not estimated: {_way_to_an_estimate(summary)}", False

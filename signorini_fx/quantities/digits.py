@@ -35,13 +35,18 @@ def figure(value: Any, error: float | None = None) -> str:
         error: estimated error relative to its size; None: not known, four digits are shown.
     """
     if isinstance(value, list | tuple):
-        size = math.hypot(*value)
-        return f"({', '.join(_rounded(component, size, error) for component in value)})"
+        return f"({', '.join(components(list(value), error))})"
     if isinstance(value, bool) or not isinstance(value, int | float):
         return "" if value is None else str(value)
     if isinstance(value, int):
         return str(value)
     return _rounded(value, abs(value), error)
+
+
+def components(vector: list[float], error: float | None = None) -> list[str]:
+    """The components of a vector one by one, rounded alike, see ``figure``."""
+    size = math.hypot(*vector)
+    return [_rounded(component, size, error) for component in vector]
 
 
 def _rounded(value: float, size: float, error: float | None) -> str:

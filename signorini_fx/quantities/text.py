@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.display import clean, touch_each_other
+from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.quantities.digits import figure
 
@@ -42,6 +43,18 @@ def resultant(summary: dict[str, Any], key: str) -> str:
     kind = key.partition("_")[2]
     size = float(np.abs([summary[f"contact_{kind}"], summary[f"friction_{kind}"]]).max())
     return in_brackets(clean(summary[key], size))
+
+
+def named_components(kinematics: Kinematics, count: int) -> dict[int, str]:
+    """The components of a force on a body by their names; over a revolution radial ones cancel each other.
+
+    Args:
+        kinematics: of the body.
+        count: of components.
+    """
+    if kinematics.uniform:
+        return dict(enumerate("xyz"[:count]))
+    return {1: "along the axis"}
 
 
 def force_lines(summary: dict[str, Any], key: str) -> list[TerminalLine]:

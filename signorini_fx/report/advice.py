@@ -9,8 +9,9 @@ import numpy as np
 
 from signorini_fx.display import duration, storage
 from signorini_fx.quantities.digits import percent
-from signorini_fx.records import FEW_NODES, Status
-from signorini_fx.result_files import SHORT_OF_ACCURACY, in_space
+from signorini_fx.quantities.validity import Validity, validity_of
+from signorini_fx.records import FEW_NODES
+from signorini_fx.result_files import in_space
 
 
 def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
@@ -20,13 +21,13 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
         summary: the content of summary.json.
         contact: columns of contact.csv; empty without contact.
     """
-    advice = []
-    if summary["status"] != Status.CONVERGED.value:
+    advice, validity = [], validity_of(summary)
+    if validity is not Validity.SOLUTION:
         advice.append(
             "The first thing to do is stated at the top. Before the next solve, signorini-fx check SCENE reports what "
             "may go wrong, and why."
         )
-        if summary["status"] not in SHORT_OF_ACCURACY:
+        if validity is not Validity.LESS_ACCURATE:
             return advice
     prices = summary.get("price_list", [])
     if prices:

@@ -5,7 +5,6 @@ function turn(place) {
   var gl = canvas.getContext("webgl", { antialias: true });
   if (!gl || !gl.getExtension("OES_standard_derivatives") || !gl.getExtension("OES_element_index_uint")) return;
   place.hidden = false;
-  document.querySelectorAll("figure.overview").forEach(function (one) { one.classList.add("replaced"); });
   function element(kind, parent, text, name) {
     var made = document.createElement(kind);
     if (text) made.textContent = text;

@@ -71,8 +71,11 @@ def certificate(summary: dict[str, Any]) -> Markup:
     parts.append(full_table if missed else folded("Every figure of the certificate", full_table))
     if "functionals" in summary:
         gap = summary["functionals"]["relative_duality_gap"]
-        parts.append(tag("p", in_text(f"The relative difference of primal and dual functional is {gap:.1e}.")))
-    bound = "Guaranteed error" if summary.get("error_bound", {}).get("guaranteed") else "Bound of the error"
+        difference = f"{gap:.1e}" if gap else "zero"
+        parts.append(tag("p", in_text(f"The relative difference of primal and dual functional is {difference}.")))
+    error = summary.get("error_bound") or {}
+    known = "Estimated error" if error.get("relative_error") is not None else "Bound of the error"
+    bound = "Guaranteed error" if error.get("guaranteed") else known
     for name, title in (("error_bound", bound), ("uniqueness", "Uniqueness")):
         if name in summary:
             parts.append(tag("p", in_text(f"{title}: {summary[name]['statement']}.")))
@@ -213,8 +216,8 @@ def history(summary: dict[str, Any], folder: ResultFiles, history: dict[str, Any
     return joined(parts)
 
 
-def made_with(summary: dict[str, Any]) -> Markup:
-    """When and with what: date, versions, ranks, compiled forms and times."""
+def made_with(summary: dict[str, Any], size: str) -> Markup:
+    """When and with what: date, versions, ranks, compiled forms and times; ``size``: of the problem, in words."""
     versions = summary["versions"]
     when = (
         f"Solved on {summary['finished'].replace('T', ' ').replace('+00:00', ' UTC')}"
@@ -226,4 +229,5 @@ def made_with(summary: dict[str, Any]) -> Markup:
     timings = table(["phase", "seconds"], [(name, _two_digits(value)) for name, value in summary["timings"].items()])
     tables = tag("div", timings, table(["program", "version"], list(versions.items())), class_="pictures")
     compiled = tag("p", f"Compiled: {', '.join(summary['compiled'])}.")
-    return joined([tag("p", f"{when} by {programs} on {ranks}."), folded("Times and versions", compiled, tables)])
+    took = f"{when} by {programs} on {ranks}: {size}."
+    return joined([tag("p", took), folded("Times and versions", compiled, tables)])

@@ -15,6 +15,7 @@ from typing import Any
 from signorini_fx import __version__, manifest
 from signorini_fx.display import status_in_words
 from signorini_fx.errors import OutputError, ResultError, cannot_be_written
+from signorini_fx.quantities.validity import validity_of
 from signorini_fx.report import evidence, sections
 from signorini_fx.report.advice import next_steps
 from signorini_fx.report.interactive import head
@@ -51,11 +52,12 @@ def page(folder: Path) -> str:
 def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     solid = in_space(summary)
     contact = folder.columns("contact.csv", summary["contact_nodes"]) if "contact_nodes" in summary else {}
+    overview = sections.overview(folder, solid=solid, stressed="stress" in summary["scene"].get("forms", ["stress"]))
+    # First what is asked first, then what was found, then why it may be trusted, last how it was computed.
     chapters = {
-        "Outcome": sections.outcome(summary),
-        "Deformed body": sections.deformed(
-            folder, solid=solid, stressed="stress" in summary["scene"].get("forms", ["stress"])
-        ),
+        "Outcome": sections.outcome(summary, overview),
+        "Figures": sections.figures(summary) if validity_of(summary).solved else "",
+        "Further pictures": sections.further_pictures(folder, solid=solid),
     }
     if contact and solid:
         from signorini_fx.report import sections_in_space
@@ -77,13 +79,14 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     if lines:
         chapters["What to do next"] = tag("ul", *lines)
     if "price_list" in summary:
-        chapters["Price list"] = evidence.price_list(summary["price_list"])
+        cost = (summary.get("cost") or {}).get("statement", "")
+        chapters["Price list"] = joined([tag("p", cost), evidence.price_list(summary["price_list"])])
     chapters["Certificate"] = evidence.certificate(summary)
+    chapters["Scene and effects"] = evidence.scene(summary)
     if contact:
         columns = folder.columns("history.csv", summary["linear_solves"])
         chapters["Iteration"] = evidence.history(summary, folder, columns, dimension=3 if "shear_z" in contact else 2)
-    chapters["Scene and effects"] = evidence.scene(summary)
-    chapters["Made with"] = evidence.made_with(summary)
+    chapters["Made with"] = evidence.made_with(summary, sections.size(summary))
     files = resources.files("signorini_fx.report")
     block = summary["scene"].get("title_block", {})
     text = rendered(
@@ -96,7 +99,7 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
         block={key: entry for key, entry in block.items() if entry},
         head=joined(head() if 'class="plots' in chapters.get("Contact boundary", "") else []),
         style=Markup(files.joinpath("report.css").read_text(encoding="utf-8")),
-        chapters=chapters,
+        chapters={heading: text for heading, text in chapters.items() if text},
     )
     return f"{text}\n"
 

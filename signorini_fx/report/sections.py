@@ -14,51 +14,61 @@ from signorini_fx.kinematics import of_data
 from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.pictures.fields import FIELDS
 from signorini_fx.quantities.answers import answers
-from signorini_fx.quantities.digits import figure, percent
+from signorini_fx.quantities.digits import components, figure, percent
 from signorini_fx.quantities.quantity import Card
 from signorini_fx.quantities.registry import quantities, shown_cards
-from signorini_fx.records import Status
+from signorini_fx.quantities.text import named_components
+from signorini_fx.quantities.validity import Validity, validity_of
 from signorini_fx.report.interactive import plots, turning
 from signorini_fx.report.markup import drawn_by, joined, long_table, picture, table, tag
 from signorini_fx.report.templating import Markup, rendered
-from signorini_fx.result_files import SHORT_OF_ACCURACY, ResultFiles, in_space, seconds_of
-from signorini_fx.units import bracketed, unit, with_unit
+from signorini_fx.result_files import ResultFiles, in_space, seconds_of
+from signorini_fx.units import bracketed, unit
 
-# Counts that are shown large behind the quantities.
+_TONES = {Validity.SOLUTION: "good", Validity.LESS_ACCURATE: "short"}
+_TONES |= dict.fromkeys((Validity.EARLIER_STEP, Validity.NO_SOLUTION), "bad")
+# Counts that are of interest to those who solve.
 _COUNTS = {"dofs": "unknowns", "contact_nodes": "contact nodes"}
 
 
-def outcome(summary: dict[str, Any]) -> Markup:
-    """Status, verdict of the certificate, warnings and the most important figures."""
-    good = summary["status"] == Status.CONVERGED.value
-    short = summary["status"] in SHORT_OF_ACCURACY
+def outcome(summary: dict[str, Any], overview: str = "") -> Markup:
+    """Status, verdict of the certificate, four answers beside the picture of the body, and warnings."""
+    validity = validity_of(summary)
     verdict = "The certificate holds." if summary["certificate"]["holds"] else "The certificate does NOT hold."
-    if not good:
-        last = "the last mesh" if short else "the last iterate: do not use them"
-        if summary.get("results_of", {}).get("status") == Status.CONVERGED.value:
-            last = results_of(summary)
-        verdict = f"{verdict} All figures are of {last}."
+    if not validity.solved:
+        verdict = f"{verdict} All figures are of the last iterate: do not use them."
+        if summary["linear_solves"] == 0:
+            verdict += " No linear system was solved: the figures are those of the body without displacement."
     elif "results_of" in summary:
         verdict = f"{verdict} All figures are of {results_of(summary)}."
-    if not good and summary["linear_solves"] == 0:
-        verdict += " No linear system was solved: the figures are those of the body without displacement."
+    elif validity is Validity.LESS_ACCURATE:
+        verdict = f"{verdict} All figures are of the last mesh."
     lacking = summary.get("incomplete", ())
-    cards = [card for quantity in quantities() for card in shown_cards(quantity, summary)]
-    cards += [Card(label, str(summary[key])) for key, label in _COUNTS.items() if key in summary]
-    cards.append(Card("seconds", f"{seconds_of(summary):.3g}"))
-    who, body = _sides(entry.get("against") for entry in summary["scene"].get("contact", []))
     return rendered(
         "outcome",
-        tone="bad" if lacking else "short" if short else "good" if good else "bad",
+        tone="bad" if lacking else _TONES[validity],
         status=status_in_words(summary),
         verdict=verdict,
         lacking=lacking,
-        advice="" if good else summary["advice"],
+        advice="" if validity is Validity.SOLUTION else summary["advice"],
         answers=answers(summary),
+        overview=overview,
         warnings=_warnings(summary),
-        cards=[(card, _estimate(card)) for card in cards],
-        note=_note(summary, who, body),
     )
+
+
+def figures(summary: dict[str, Any]) -> Markup:
+    """The figures of all quantities by their names, with units, and what is to be known of each."""
+    cards = [card for quantity in quantities() for card in shown_cards(quantity, summary)]
+    rows = [(card.label, card.text, card.remark or _estimate(card)) for card in cards]
+    who, body = _sides(entry.get("against") for entry in summary["scene"].get("contact", []))
+    return joined([table(["figure", "value", ""], rows), tag("p", _note(summary, who, body), class_="note")])
+
+
+def size(summary: dict[str, Any]) -> str:
+    """What the solve took, for those who make such solves."""
+    counts = [f"{summary[key]} {label}" for key, label in _COUNTS.items() if key in summary]
+    return ", ".join([*counts, f"{seconds_of(summary):.3g} seconds"])
 
 
 def _note(summary: dict[str, Any], who: str, body: str) -> str:
@@ -95,8 +105,8 @@ def _warnings(summary: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 _COLOURS = (
-    "Colour: von Mises stress; recovered, it is continuous in each material and smooths peaks that are narrower than a "
-    "cell. "
+    "Colour: recovered von Mises stress, which smooths peaks narrower than a cell; the largest stress of the tables is "
+    "the larger one of it and the raw stress. "
 )
 _DISPLACEMENT = "Colour: size of the displacement; the stress is not known. "
 _PLANE_BODY = (
@@ -116,8 +126,8 @@ _APART = (
 )
 
 
-def deformed(folder: ResultFiles, *, solid: bool = False, stressed: bool = True) -> Markup:
-    """The picture of the deformed body, and those of the other fields that were asked for.
+def overview(folder: ResultFiles, *, solid: bool = False, stressed: bool = True) -> Markup:
+    """The picture of the deformed body, or why there is none.
 
     Args:
         folder: of the result.
@@ -125,14 +135,17 @@ def deformed(folder: ResultFiles, *, solid: bool = False, stressed: bool = True)
         stressed: whether its stress is known.
     """
     data = folder.picture("deformed.png")
-    turned = turning(folder) if solid else []
     if data is None:
         reason = "this was solved with --no-pictures"
         if solid:
             reason += f", or has too many facets to be drawn, or without {PYVISTA}"
-        return joined([*turned, tag("p", f"No picture: {reason}.", class_="note")])
+        return tag("p", f"No picture: {reason}.", class_="note")
     caption = (_COLOURS if stressed else _DISPLACEMENT) + (_SOLID_BODY if solid else _PLANE_BODY)
-    overview = picture(data, "png", "deformed body on its foundation", caption, "still overview")
+    return picture(data, "png", "deformed body on its foundation", caption, "still overview")
+
+
+def further_pictures(folder: ResultFiles, *, solid: bool = False) -> Markup:
+    """The body to be turned, a section, bodies apart, and the pictures of other fields that were asked for."""
     cut, apart = folder.picture("section.png"), folder.picture("exploded.png")
     inside = [] if cut is None else [picture(cut, "png", "section through the body", _SECTION)]
     inside += [] if apart is None else [picture(apart, "png", "bodies moved apart", _APART)]
@@ -141,7 +154,8 @@ def deformed(folder: ResultFiles, *, solid: bool = False, stressed: bool = True)
         for name, field in FIELDS.items()
         if (data := folder.picture(f"field_{name}.png")) is not None
     ]
-    return joined([overview, *turned, *([tag("div", *further, class_="pictures")] if further else [])])
+    turned = turning(folder) if solid else []
+    return joined([*turned, *([tag("div", *further, class_="pictures")] if further else [])])
 
 
 def profiles(contact: dict[str, Any]) -> Markup:
@@ -176,21 +190,40 @@ def forces(summary: dict[str, Any]) -> Markup:
 
 
 def _resultants(summary: dict[str, Any]) -> Markup | None:
-    """Force, moment and point of action through each boundary."""
-    nowhere = "nowhere: a couple or none" if _kinematics(summary).uniform else ""
-    rows = [
-        (
-            entry.get("boundary") or "whole body",
-            " and ".join(entry.get("acts", [])),
-            with_unit(figure(entry.get("force")), "force"),
-            with_unit(figure(entry.get("moment")), "moment"),
-            with_unit(figure(entry.get("acts_at")), "length") or nowhere,
-        )
-        for entry in summary.get("resultants", [])
-    ]
-    if not rows:
+    """Force, moment and point of action through each boundary, component by component."""
+    entries = summary.get("resultants", [])
+    if not entries:
         return None
-    return table(["resultant of", "by", "force on the body", "moment about the origin", "acts at"], rows)
+    kinematics = _kinematics(summary)
+    axes = named_components(kinematics, len(entries[0]["force"]))
+    moments = [list(entry["moment"]) if isinstance(entry["moment"], list) else [entry["moment"]] for entry in entries]
+    turns = [k for k in range(len(moments[0])) if kinematics.uniform or any(moment[k] for moment in moments)]
+    places = [_place_of_action(summary, entry.get("acts_at")) for entry in entries]
+    names = [f"force {name}{bracketed('force')}" for name in axes.values()]
+    names += [f"moment{f' {chr(120 + k)}' * (len(moments[0]) > 1)}{bracketed('moment')}" for k in turns]
+    names += [f"acts at {axis}{bracketed('length')}" for axis in "xyz"[: len(axes)]] if any(places) else []
+    rows = []
+    for entry, moment, place in zip(entries, moments, places, strict=True):
+        row = [entry.get("boundary") or "whole body", " and ".join(entry.get("acts", []))]
+        row += [*components([entry["force"][k] for k in axes]), *components([moment[k] for k in turns])]
+        row += (components(place) if place else [""] * len(axes)) if any(places) else []
+        rows.append(tuple(row))
+    note = "Forces on the body."
+    if turns:
+        note += " Moments are about the origin" + (", counterclockwise." if len(moments[0]) == 1 else ".")
+    if any(places) and not all(places):
+        note += " Where no point is named the force acts far outside the body or nowhere: the moment counts."
+    return joined([table(["boundary", "by", *names], rows), tag("p", note, class_="note")])
+
+
+def _place_of_action(summary: dict[str, Any], point: list[float] | None) -> list[float] | None:
+    """A point of the line of action that is not farther from the body than the body is large."""
+    bounds = [piece["bounds"] for piece in summary.get("pieces", ())]
+    if point is None or not bounds:
+        return point
+    low, high = np.min([bound[0] for bound in bounds], axis=0), np.max([bound[1] for bound in bounds], axis=0)
+    away = np.maximum(0.0, np.maximum(low - point, point - high))
+    return point if np.linalg.norm(away) <= np.linalg.norm(high - low) else None
 
 
 def _contact_boundaries(summary: dict[str, Any]) -> Markup | None:
@@ -225,12 +258,15 @@ def _zones(summary: dict[str, Any]) -> Markup | None:
     rows = []
     for name, runs in summary["zones"].items():
         for first, last in runs:
-            ends = (figure(clean(end, size)) for end in (first, last))
-            rows.append((name, *ends, with_unit(figure(math.dist(first, last)), "length")))
+            ends = (c for end in (first, last) for c in components(clean(end, size)))
+            rows.append((name, *ends, figure(math.dist(first, last))))
     if not rows:
         return tag("p", "Nothing is in contact.")
     note = "From node to node: the true ends lie up to one element further out. Stick and slip within the contact."
-    return joined([table(["zone", "from", "to", "chord"], rows), tag("p", note, class_="note")])
+    names = [
+        f"{side} {axis}{bracketed('length')}" for side in ("from", "to") for axis in "xyz"[: (len(rows[0]) - 2) // 2]
+    ]
+    return joined([table(["zone", *names, f"chord{bracketed('length')}"], rows), tag("p", note, class_="note")])
 
 
 def steps(folder: ResultFiles, steps: dict[str, Any], contact: dict[str, Any]) -> Markup:

@@ -8,10 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.display import clean, on_several_bodies, touch_each_other
-from signorini_fx.quantities.digits import figure
+from signorini_fx.quantities.digits import components, figure
 from signorini_fx.quantities.registry import error_of
 from signorini_fx.report.markup import drawn_by, joined, long_table, table, tag
 from signorini_fx.report.templating import Markup
+from signorini_fx.units import bracketed
 
 # Vectors of contact.csv, whose components are shown together.
 _VECTORS = {"position": ("x", "y", "z"), "normal": ("n_x", "n_y", "n_z")}
@@ -26,16 +27,21 @@ def resultants(summary: dict[str, Any], contact: dict[str, Any]) -> Markup:
     lever = float(np.nanmax(np.abs([moment, twist]), initial=0.0))
     error = error_of(summary, "contact_force")
     several = on_several_bodies(summary)
-    rows = (
-        []
-        if several
-        else [
+    forces = [*(f"{axis}{bracketed('force')}" for axis in "xyz"), f"size{bracketed('force')}"]
+    if several:  # their moments are among the resultants of all boundaries
+        rows = [
+            (f"{kind} on {row['boundary']}", *components(row[name]), figure(float(np.linalg.norm(row[name]))))
+            for kind, name in (("contact force", "contact_force"), ("friction force", "friction_force"))
+            for row in summary["contact_boundaries"]
+        ]
+        parts = [table(["between bodies", *forces], rows)]
+    else:
+        rows = [
             (
                 name,
-                *(
-                    figure(c, error)
-                    for c in (clean(f.tolist(), size), float(np.linalg.norm(f)), clean(m.tolist(), lever))
-                ),
+                *components(clean(f.tolist(), size), error),
+                figure(float(np.linalg.norm(f)), error),
+                *components(clean(m.tolist(), lever), error),
             )
             for name, f, m in (
                 ("contact force", force, moment),
@@ -43,22 +49,21 @@ def resultants(summary: dict[str, Any], contact: dict[str, Any]) -> Markup:
                 ("both", force + friction, moment + twist),
             )
         ]
-    )
-    whom = summary["contact_boundaries"][0]["boundary"] if touch_each_other(summary) else "the body"
-    parts = [table([f"on {whom}", "components", "size", "moment about the origin"], rows)]
-    if several:  # their moments are among the resultants of all boundaries
-        force_rows = [
-            (f"{kind} on {row['boundary']}", figure(row[name]), figure(float(np.linalg.norm(row[name]))))
-            for kind, name in (("contact force", "contact_force"), ("friction force", "friction_force"))
-            for row in summary["contact_boundaries"]
-        ]
-        parts = [table(["between bodies", "components", "size"], force_rows)]
+        whom = summary["contact_boundaries"][0]["boundary"] if touch_each_other(summary) else "the body"
+        moments = [f"moment {axis}{bracketed('moment')}" for axis in "xyz"]
+        parts = [table([f"on {whom}", *forces, *moments], rows)]
     through = None if several else summary["contact_force_through"]
     if through is not None:
         extent = max(float(np.ptp(contact[axis])) for axis in "xyz")
         axial_moment = float(force @ moment / np.linalg.norm(force))
-        row = (figure(clean(through, extent)), figure(axial_moment if abs(axial_moment) > 1e-9 * lever else 0.0))
-        parts.append(table(["axis of the contact force, through", "moment about this axis"], [row]))
+        about = figure(axial_moment if abs(axial_moment) > 1e-9 * lever else 0.0)
+        named = [f"{axis}{bracketed('length')}" for axis in "xyz"]
+        heads = [
+            "the contact force acts along the line through",
+            *named,
+            f"moment about this axis{bracketed('moment')}",
+        ]
+        parts.append(table(heads, [("", *components(clean(through, extent)), about)]))
     names = np.asarray(contact["boundary"])
     weight, touching = np.asarray(contact["weight"]), contact["state"] != "open"
     rubs = np.asarray(contact["friction"])
@@ -76,7 +81,7 @@ def resultants(summary: dict[str, Any], contact: dict[str, Any]) -> Markup:
         areas.append(("all", *(sum(column) for column in list(zip(*areas, strict=True))[1:])))
     shown = [(name, *map(figure, sizes)) for name, *sizes in areas]
     parts.append(table(["area of", "whole", "in contact", "sticks", "slips"], shown))
-    note = "Areas are sums of the weights of the nodes. Stick and slip where friction can act."
+    note = "Moments are about the origin. Areas are sums of weights of nodes, stick and slip where friction can act."
     return joined([*parts, tag("p", note, class_="note")])
 
 

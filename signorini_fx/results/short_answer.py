@@ -8,71 +8,84 @@ from typing import Any
 
 from signorini_fx.display import clean, effort_in_words, results_of, status_in_words, touch_each_other
 from signorini_fx.machine.terminal import COLUMNS, TerminalLine, clauses, printable
-from signorini_fx.quantities.answers import error_in_words, largest_von_mises
+from signorini_fx.quantities.answers import error_in_words
 from signorini_fx.quantities.digits import between, figure
-from signorini_fx.quantities.families.stress import share_in_words
+from signorini_fx.quantities.families.stress import largest_von_mises, share_in_words
 from signorini_fx.quantities.registry import error_of, of_package, quantities, shown_lines
 from signorini_fx.quantities.text import point_in_words
+from signorini_fx.quantities.validity import Validity, validity_of
 from signorini_fx.records import CERTIFICATE_TOLERANCE
 
 # Lines of the whole answer.
 MOST_LINES = 10
+# How many lines of figures stay whatever has to be said beside them, by what they are of.
+_KEPT = {Validity.SOLUTION: 6, Validity.LESS_ACCURATE: 5, Validity.EARLIER_STEP: 4, Validity.NO_SOLUTION: 0}
+_EFFORT = 9  # the rank of what goes first, and of what another line says too
 _LABEL = 14
 
 
 def short_answer(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
-    """The outcome, the forces, the contact, what is left until the body moves, the largest stress, how wrong it is,
-    what that took and the next digit would take, whether the certificate holds, and where the results are.
+    """The outcome, what to do unless it is a solution, the forces, the contact, the largest stress, what is left until
+    the body moves, how wrong it is, what that took and the next digit would take, whether the certificate holds, and
+    where the results are.
+
+    Without a solution there are no figures; those of an earlier load step are as many as there is room for.
 
     Args:
         summary: what ``summarise`` returns.
         folder: of the results.
     """
-    first = [_heading(summary), *_warnings(summary)]
-    last = _row("results", f"{folder}/")
-    if not summary["converged"]:
-        first += [_row("results of", results_of(summary))] if "results_of" in summary else []
-        known = [_row("error", error_in_words(summary)[0]), *_cost(summary)] if _is_forecast(summary) else []
-        first += _advice(summary["advice"], MOST_LINES - len(first) - len(known) - 1)
-        return [*first, *known, last]
-    room = MOST_LINES - 2 - len(first)
-    fixed = next((lines for merged in range(3) if len(lines := _fixed(summary, merged)) <= room), _fixed(summary, 2))
+    validity = validity_of(summary)
+    heading = _heading(summary)
+    of = _words("results of", results_of(summary), 2) if "results_of" in summary and not summary["converged"] else []
+    figures = _figures(summary) if validity.solved else []
+    # As many lines as words need, but not those of the most important figures.
+    warned = _warned(summary)
+    pressed = bool(warned) and validity in (Validity.LESS_ACCURATE, Validity.EARLIER_STEP)
+    kept = min(len(figures), _KEPT[validity] - pressed)
+    room = MOST_LINES - len([heading, *of]) - 1 - kept
+    advice = [] if summary["converged"] else _words("what to do", summary["advice"], room - bool(warned), "advice")
+    warnings = _words("warning", warned, max(room - len(advice), 1), "warning") if warned else []
+    first = [heading, *warnings, *of, *advice]
+    shown, left_out = _most_important(figures, MOST_LINES - len(first) - 1)
+    more = f" ({left_out} more line{'s' * (left_out > 1)}: --verbose)" if left_out else ""
+    return [*first, *shown, _row("results", f"{folder}/{more}")]
+
+
+def _figures(summary: dict[str, Any]) -> list[tuple[int, TerminalLine]]:
+    """The lines of all figures, each with its rank: where there is no room for all, those of the last ranks go."""
     forces, others = _forces(summary), _asked(summary)
-    room = MOST_LINES - len(first) - len(fixed) - 1
-    effort = [_effort(summary)] if room > 1 else []
-    room -= len(effort)
-    shown = _beginning(forces, max(room - len(others), 1))
-    return [*first, *shown, *_beginning(others, room - len(shown)), *fixed, *effort, last]
+    groups: list[tuple[int, list[TerminalLine]]] = [
+        (4, forces[:1]),
+        (7, forces[1:]),
+        (6, others[:1]),
+        (8, others[1:]),
+        (5, _contact(summary)),
+        (1, _stress(summary)),
+        (2, _safety(summary)),
+        (_EFFORT if _in_cost(summary) else 3, [_row("error", error_in_words(summary)[0])]),
+        (2 if validity_of(summary) is Validity.LESS_ACCURATE else 3, _cost(summary)),
+        (0, [_certificate(summary)]),
+        (_EFFORT, [_effort(summary)]),
+    ]
+    return [(rank, line) for rank, lines in groups for line in lines]
 
 
-def _fixed(summary: dict[str, Any], merged: int) -> list[TerminalLine]:
-    """What is never left out.
-
-    Args:
-        summary: of the solve.
-        merged: 0: each has its line; from 1 on the line of the cost has the error, if it is about no other one; from 2
-            on the certificate stands behind the contact.
-    """
-    contact, error, certificate = (
-        _contact(summary),
-        [_row("error", error_in_words(summary)[0])],
-        [_certificate(summary)],
-    )
-    alike = "price_list" not in summary and (summary.get("error_bound") or {}).get("relative_error") is None
-    if merged > 0 and alike and _is_forecast(summary):
-        error = []
-    if merged > 1 and contact:
-        holds, law = summary["certificate"]["holds"], summary["certificate"]["law"].partition(",")[0]
-        verdicts = [f"certificate holds for {law}", "certificate holds", "certified"]
-        failures = [f"certificate DOES NOT HOLD for {law}", "certificate DOES NOT HOLD", "NOT certified"]
-        texts = [f"{contact[0].text}; {verdict}" for verdict in (verdicts if holds else failures)]
-        text = next((text for text in texts if len(text) <= COLUMNS - _LABEL), texts[-1])
-        contact, certificate = [_row("contact", text, "" if holds else "error")], []
-    return [*contact, *_safety(summary), *_stress(summary), *error, *_cost(summary), *certificate]
+def _most_important(figures: list[tuple[int, TerminalLine]], room: int) -> tuple[list[TerminalLine], int]:
+    """As many lines as there is room for, in their order, and how many others there are beside that of the effort."""
+    by_rank = sorted(range(len(figures)), key=lambda k: figures[k][0])
+    left_out = sum(figures[k][0] != _EFFORT for k in by_rank[room:])
+    return [figures[k][1] for k in sorted(by_rank[:room])], left_out
 
 
 def _is_forecast(summary: dict[str, Any]) -> bool:
     return (summary.get("cost") or {}).get("error") is not None
+
+
+def _in_cost(summary: dict[str, Any]) -> bool:
+    """Whether the line of the cost says the error, too."""
+    guaranteed = (summary.get("error_bound") or {}).get("relative_error") is not None
+    return _is_forecast(summary) and "price_list" not in summary and not guaranteed
 
 
 def _cost(summary: dict[str, Any]) -> list[TerminalLine]:
@@ -90,15 +103,6 @@ def _row(label: str, text: str, kind: str = "") -> TerminalLine:
     )
 
 
-def _beginning(lines: list[TerminalLine], room: int) -> list[TerminalLine]:
-    """The first lines of a list, and how many more there are."""
-    if len(lines) <= room or room <= 0:
-        return lines[: max(room, 0)]
-    kept = lines[:room]
-    more = f"; {len(lines) - room} more: --verbose"
-    return [*kept[:-1], TerminalLine(kept[-1].begin, kept[-1].text[: COLUMNS - _LABEL - len(more)] + more)]
-
-
 def _heading(summary: dict[str, Any]) -> TerminalLine:
     ended = status_in_words(summary)
     if "results_of" in summary and summary["converged"]:
@@ -109,23 +113,20 @@ def _heading(summary: dict[str, Any]) -> TerminalLine:
     return TerminalLine(shorten(f"{title}: {ended}", COLUMNS, placeholder="..."), kind="good" if good else "")
 
 
-def _warnings(summary: dict[str, Any]) -> list[TerminalLine]:
-    """The first warning, and how many there are."""
+def _warned(summary: dict[str, Any]) -> str:
+    """The first warning, and how many there are; "": there is none."""
     texts = [
         f"{finding['path']}: {finding['message']}"
         for finding in summary["findings"]
         if finding["level"] == "warning" and finding["message"] != summary["advice"]
     ]
-    if not texts:
-        return []
-    text = printable(texts[0] if len(texts) == 1 else f"(1 of {len(texts)}) {texts[0]}")
-    lines = clauses(text, COLUMNS - _LABEL, 2)
-    return [_row("warning" if k == 0 else "", line, "warning") for k, line in enumerate(lines)]
+    return "" if not texts else texts[0] if len(texts) == 1 else f"(1 of {len(texts)}) {texts[0]}"
 
 
-def _advice(text: str, most: int) -> list[TerminalLine]:
-    lines = clauses(text, COLUMNS - _LABEL, most)
-    return [_row("what to do" if k == 0 else "", line, "advice" if k == 0 else "") for k, line in enumerate(lines)]
+def _words(label: str, text: str, most: int, kind: str = "") -> list[TerminalLine]:
+    """A text on several lines; one that is too long ends where one of its statements does."""
+    lines = clauses(printable(text), COLUMNS - _LABEL, most)
+    return [_row(label if k == 0 else "", line, kind if k == 0 else "") for k, line in enumerate(lines)]
 
 
 def _forces(summary: dict[str, Any]) -> list[TerminalLine]:
@@ -189,9 +190,11 @@ def _stress(summary: dict[str, Any]) -> list[TerminalLine]:
     if largest is None:
         return []
     limit = " (no limit there)" if largest.get("no_limit") else ""
-    used = f", {share_in_words(summary)} of yield" if "utilisation" in summary else ""
+    share = (summary.get("utilisation") or {}).get("value")
+    used = "" if share is None else f", {share_in_words(summary)} of yield"
+    kind = "" if share is None or share <= 1 else "warning"
     value = figure(largest["value"], between(summary["stress"]))
-    return [_row("stress", f"von Mises {value}{limit}{used}, at {point_in_words(largest['place'])}")]
+    return [_row("stress", f"von Mises {value}{limit}{used}, at {point_in_words(largest['place'])}", kind)]
 
 
 def _certificate(summary: dict[str, Any]) -> TerminalLine:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from dolfinx import fem
 from mpi4py import MPI
@@ -26,7 +26,8 @@ from signorini_fx.errors import SignoriniError
 from signorini_fx.extensions import add_on
 from signorini_fx.linalg.choice import krylov_from
 from signorini_fx.quantities.registry import requested
-from signorini_fx.records import Finding, History, Status, StepRecord, Timings
+from signorini_fx.records import SHORT_OF_ACCURACY, Finding, History, Status, StepRecord, Timings
+from signorini_fx.results.asked_law import AskedLaw, asked_law
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.closed_boundaries import Turning, turning_of
 from signorini_fx.results.contact_boundaries import ContactFigures, contact_figures
@@ -157,6 +158,11 @@ class Solution:
         return self.status is Status.CONVERGED
 
     @property
+    def certified(self) -> bool:
+        """Whether this is a solution, certificate included, be it less accurate than required."""
+        return self.status in (Status.CONVERGED, *SHORT_OF_ACCURACY)
+
+    @property
     def advice(self) -> str:
         """What to do about the outcome: nothing that the scene has done already.
 
@@ -170,9 +176,9 @@ class Solution:
             return next(named, self.status.advice)
         if self.status in _UNDECIDED and self.scene.automatic_steps is not None and last is not failed:
             return (
-                f"there is a solution at time {last.time:.6g}, and none was found at time {failed.time:.6g}: most "
-                "likely a limit load is between them, though it is not proved: lower the load, raise the friction, or "
-                "prescribe a displacement"
+                "lower the load, raise the friction, or prescribe a displacement: there is a solution at time "
+                f"{last.time:.6g}, and none was found at time {failed.time:.6g}; most likely a limit load is between "
+                "them, though it is not proved"
             )
         if self.history.late and self.status in _UNDECIDED:
             return (
@@ -183,10 +189,27 @@ class Solution:
             ways += [] if settings.fallbacks else ["set solver.fallbacks = true"]
             ways += ["lower solver.gamma_n and solver.gamma_t", "set another solver.initial_contact"]
             return f"{', or '.join(ways)}; beyond a limit load there is no solution: lower the load"
+        if self.status in SHORT_OF_ACCURACY:
+            begin = "accuracy: "
+            told = [event.removeprefix(begin) for event in self.history.events if event.startswith(begin)]
+            return f"{self.status.advice}; {told[-1]}" if told else self.status.advice
         if self.status is Status.LINEAR_SOLVER:
             alternatives = [repr(kind) for kind in ("krylov", "full") if kind != settings.linear_algebra]
             return self.status.advice.replace("'krylov' or 'full'", " or ".join(alternatives))
         return self.status.advice
+
+    @property
+    def law(self) -> AskedLaw | None:
+        """The contact law of the results beside the one that was asked for; None without contact or solution."""
+        if self.contact is None or self.last_step.status is not Status.CONVERGED:
+            return None
+        certificates = {step.step: step.certificate for step in self.shown_steps}
+        return asked_law(self.scene, certificates, self.parameters.get("regularisation_error"))
+
+    def with_law_told(self) -> Self:
+        """The same with a finding, the first one, if the law of the results is not the one that was asked for."""
+        law = self.law
+        return self if law is None else replace(self, findings=(*law.findings, *self.findings))
 
     @property
     def has_stress(self) -> bool:
@@ -280,7 +303,7 @@ class Solution:
     @cached_property
     def uniqueness(self) -> Uniqueness | None:
         """Whether this is the only solution on its mesh; None without contact, or if it is none; collective."""
-        if self.contact is None or not self.converged:
+        if self.contact is None or not self.certified:
             return None
         return add_on("uniqueness")(self.discretisation, self.contact, place=self._position)
 
@@ -292,7 +315,7 @@ class Solution:
     @cached_property
     def error_bound(self) -> ErrorBound | str | None:
         """A guaranteed bound of the error, or why there is none; None if this is no solution; collective."""
-        if not self.converged:
+        if not self.certified:
             return None
         if isinstance(body := self.stated_body, str):
             return body
@@ -303,7 +326,7 @@ class Solution:
         """The proved distance from the solution with Coulomb friction on the same mesh; None without this friction, or
         if this is no solution; collective.
         """
-        if self.contact is None or not self.converged or not self.scene.has_coulomb:
+        if self.contact is None or not self.certified or not self.scene.has_coulomb:
             return None
         return add_on("fixed_point")(self.discretisation, self.contact, self._position)
 
@@ -355,7 +378,7 @@ class Solution:
         return self._interval("force_bounds", boundary, direction)
 
     def _interval(self, bounds: str, boundary: str, direction: tuple[float, float]) -> Interval | str:
-        if not self.converged:
+        if not self.certified:
             return "there is no solution"
         if isinstance(body := self.stated_body, str):
             return body

@@ -126,7 +126,7 @@ def solve_contact(
         functionals=values,
         parameters=used_parameters(ended, data, shown.strain_energy),
         linear_algebra=task.linear_algebra,
-    )
+    ).with_law_told()
     return solution, task, ended
 
 

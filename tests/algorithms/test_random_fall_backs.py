@@ -25,5 +25,9 @@ def test_ssn_in_place_of_alm(seed, most, tmp_path):
     verdict, about = examined(drawn, "space")
     assert (verdict.kind, about["algorithm"].startswith("alm")) == (RIGHT, seed == 500077), verdict
     assert about["solves"] <= most
-    events = list(map(str, solution_of(drawn.write(tmp_path)).history.events))
+    solution = solution_of(drawn.write(tmp_path))
+    assert [finding.path for finding in solution.findings if finding.level == "warning"][:1] == (
+        ["solver.algorithm"] if seed == 500087 else []
+    )
+    events = list(map(str, solution.history.events))
     assert any(event.endswith(str(REGULARISED)) for event in events)

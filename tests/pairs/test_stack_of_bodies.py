@@ -19,7 +19,6 @@ from signorini_fx.report import evidence, sections
 from signorini_fx.report.advice import next_steps
 from signorini_fx.report.comparison import compare
 from signorini_fx.report.markup import Markup, long_table
-from signorini_fx.report.sections import outcome
 from signorini_fx.report.sections_in_space import resultants
 from signorini_fx.result_files import ResultFiles, read_csv
 from signorini_fx.results.summary import render, summarise
@@ -109,10 +108,10 @@ def test_forces_of_each_contact(tmp_path, monkeypatch):
     np.testing.assert_array_equal(lines["pad.top: contact force y"], steps["contact_force_y pad.top"])
     np.testing.assert_array_equal(lines["pad.bottom: friction force x"], steps["friction_force_x pad.bottom"])
     np.testing.assert_array_equal(lower.lines[1].get_ydata(), steps["friction_force_x pad.top"])
-    cards = str(outcome(summary))
-    assert "largest contact pressure" in cards
-    assert "contact force on" not in cards
-    assert "what the other body exerts on the body of the boundary;" in cards
+    shown = str(sections.figures(summary))
+    assert "largest contact pressure" in shown
+    assert "contact force on" not in shown
+    assert "what the other body exerts on the body of the boundary;" in shown
     told = str(evidence.scene(summary))
     assert re.search(
         "body<small>pad</small>.*rectangle length = 20, height = 5, nx = 4, ny = 2; shift = .10, 20.<", told

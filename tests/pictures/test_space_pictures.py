@@ -33,7 +33,7 @@ from signorini_fx.pictures.deformed_body import magnification
 from signorini_fx.pictures.foundation import FoundationSurface, normals_of, plane_of
 from signorini_fx.pictures.solid_body import Skin, solid_figure
 from signorini_fx.pictures.style import VALUES
-from signorini_fx.quantities.digits import figure
+from signorini_fx.quantities.digits import components
 from signorini_fx.report import page, sections_in_space
 from signorini_fx.result_files import read_csv, read_facets
 from signorini_fx.results.files import write_results
@@ -420,8 +420,9 @@ def test_page(folder):
     """Well-formed, whole in itself, with the sections of space and none of the plane, and the numbers of the files."""
     found, summary = Page(folder), summary_of(folder)
     headings = found.of("h2")
-    assert headings[:4] == ["Outcome", "Deformed body", "Contact surface", "Forces and areas"]
-    assert {"Contact surface", "Forces and areas", "Iteration", "Deformed body"} <= set(headings)
+    assert headings[:3] == ["Outcome", "Figures", "Further pictures"]
+    assert headings[3:5] == ["Contact surface", "Forces and areas"]
+    assert {"Contact surface", "Forces and areas", "Iteration"} <= set(headings)
     assert not {"Zones", "Contact boundary", "Price list"} & set(headings)
     assert not set(found.tags) & {"link", "iframe"}
     assert found.source.count("<script") == 2  # the body that can be turned: its data, and what turns it
@@ -434,7 +435,9 @@ def test_page(folder):
     cells = found.of("td")
     size = max(np.abs(summary["contact_force"] + summary["friction_force"]))
     for name in ("contact_force", "friction_force"):
-        assert figure([0.0 if abs(c) <= 1e-9 * size else c for c in summary[name]]) in cells
+        force = components([0.0 if abs(c) <= 1e-9 * size else c for c in summary[name]])
+        place = cells.index(name.replace("_", " "))
+        assert cells[place + 1 : place + 4] == force
         assert f"{np.linalg.norm(summary[name]):.4g}" in cells
     names = [entry["boundary"] for entry in summary["scene"]["contact"]]
     start = cells.index("all" if len(names) > 1 else names[0], cells.index("both"))
@@ -507,11 +510,11 @@ def test_moments_and_line_of_action(folders):
     summary["contact_moment"] = list(np.array(summary["contact_moment"]) + 3.0 * direction)
     markup = sections_in_space.resultants(summary, contact)
     line = markup.split("moment about this axis")[1].split("</table>")[0]
-    (row,) = re.findall(r"<tr><td[^>]*>\(([^)]*)\)</td><td[^>]*>([^<]*)</td></tr>", line)
-    through = np.array([float(c) for c in row[0].split(",")])
+    _, *numbers = re.findall(r"<td[^>]*>([^<]*)</td>", line)
+    through = np.array(numbers[:3], dtype=float)
     force, moment = np.array(summary["contact_force"]), np.array(summary["contact_moment"])
-    assert float(row[1]) == pytest.approx(3.0, rel=5e-4)
-    along = float(row[1]) * force / np.linalg.norm(force)
+    assert float(numbers[3]) == pytest.approx(3.0, rel=5e-4)
+    along = float(numbers[3]) * force / np.linalg.norm(force)
     np.testing.assert_allclose(np.cross(through, force) + along, moment, rtol=5e-4, atol=5e-4 * np.abs(moment).max())
     by_hand = contact["weight"] * contact["pressure"]
     assert through[0] == pytest.approx(np.average(contact["x"], weights=by_hand), rel=5e-4)

@@ -460,8 +460,8 @@ def test_files_of_a_failed_ramp(failed):
     assert summary["friction_force"][0] == float(steps[-2]["friction_force_x"])
     told = next(line for line in render(summary).splitlines() if line.startswith("  results of"))
     assert told == (
-        f"  results of       the last one with a solution, load step {last.step} (push, time {last.time:.6g}); "
-        f"load step {last.step + 1} has none at time {solution.steps[-1].time:.6g}"
+        f"  results of       load step {last.step} (push, time {last.time:.6g}); no solution of load step "
+        f"{last.step + 1}, time {solution.steps[-1].time:.6g}"
     )
     numbers = {int(row["step"]) for row in rows(folder, "contact_steps.csv")}
     assert numbers == set(range(1, last.step + 1))

@@ -3,5 +3,5 @@
 # Files of this folder; each has QUANTITIES.
 FAMILIES = (
     *("safety", "contact_nodes", "forces", "pressures", "zones", "moments", "displacements", "contact_boundaries"),
-    *("tools", "sections", "resultants", "energies", "stress", "deformation", "certificate", "proofs", "cost"),
+    *("tools", "sections", "resultants", "energies", "stress", "deformation", "law", "certificate", "proofs", "cost"),
 )

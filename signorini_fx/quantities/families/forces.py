@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from signorini_fx.display import clean, on_several_bodies, touch_each_other
+from signorini_fx.kinematics import of_data
 from signorini_fx.machine.terminal import TerminalLine
-from signorini_fx.quantities.digits import figure, solved_prices
+from signorini_fx.quantities.digits import components, solved_prices
 from signorini_fx.quantities.kinds import Vector
 from signorini_fx.quantities.quantity import Card, Quantity, Summary
 from signorini_fx.quantities.requests import axis_of, contact_of
 from signorini_fx.quantities.step_columns import by_axis, of_boundaries
-from signorini_fx.quantities.text import force_lines
+from signorini_fx.quantities.text import force_lines, named_components
 from signorini_fx.units import with_unit
 
 if TYPE_CHECKING:
@@ -58,8 +59,11 @@ class _Force(Quantity):
             label = label.replace("the body", boundaries[0]["boundary"])
         size = max(abs(f) for key in ("contact_force", "friction_force") for f in summary[key])
         error = self.error(summary)
-        text = with_unit(figure(clean(summary[self.key], size), error), self.unit)
-        return [Card(label, text, error)]
+        force = clean(summary[self.key], size)
+        names = named_components(of_data(summary["scene"], len(force)), len(force))
+        texts = components([force[k] for k in names], error)
+        pairs = zip(names.values(), texts, strict=True)
+        return [Card(f"{label}, {name}", with_unit(text, self.unit), error) for name, text in pairs]
 
 
 class TotalContactForce(_Force):

@@ -69,6 +69,17 @@ class SafetyOfSolution(Quantity):
         return [Card(self.report, safety_factor(safety), remark=remark, wide=True)]
 
 
+class HeldBySupports(Quantity):
+    """So that there is no safety factor to be asked for."""
+
+    key, kind, scope, stage = "held_by_supports", bool, "all", "results"
+    title = "Whether supports leave the body no rigid motion, so that no load can move it away."
+
+    def value(self, solution: Any) -> Any:
+        """See ``Quantity``."""
+        return solution.discretisation.motions.free.shape[1] == 0
+
+
 def safety_assumed(safety: dict[str, Any]) -> list[str]:
     """What a safety factor rests on."""
     return [f"assumed: {safety['assumed']}"] if safety.get("assumed") else []
@@ -104,4 +115,4 @@ def friction_in_use(safety: dict[str, Any]) -> list[str]:
     return [f"friction may give way before{share}"]
 
 
-QUANTITIES = (SafetyOfSolution(),)
+QUANTITIES = (SafetyOfSolution(), HeldBySupports())

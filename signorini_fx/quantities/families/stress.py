@@ -63,17 +63,16 @@ class Stress(Quantity):
         """See ``Quantity``: the larger one of the raw and the recovered one, and what it is worth."""
         if self.key not in summary:
             return []
-        stress = summary[self.key]
-        stresses = {"raw": stress["von_mises"]}
-        if stress.get("recovered"):
-            stresses["recovered"] = stress["recovered"]["von_mises"]
-        values = {name: entry["value"] for name, entry in stresses.items()}
-        shown = {name: with_unit(figure(value, between(stress)), self.unit) for name, value in values.items()}
-        inside = {name: f" in {entry['region']}" if entry.get("region") else "" for name, entry in stresses.items()}
-        remark = ", ".join(f"{name} {value}{inside[name]}" for name, value in shown.items())
-        if why := stress["von_mises"].get("no_limit"):
-            remark = f"no limit as the mesh is refined: {why} ({remark})"
-        return [Card(self.report, shown[max(values, key=lambda name: values[name] or 0.0)], remark=remark)]
+        largest = largest_von_mises(summary)
+        if largest is None:
+            return []
+        value = with_unit(figure(largest["value"], between(summary[self.key])), self.unit)
+        remark = f"{largest['of']}, at {with_unit(point_in_words(largest['place']), 'length')}"
+        if region := largest.get("region"):
+            remark += f" in {region}"
+        if why := largest.get("no_limit"):
+            remark += f"; no limit as the mesh is refined: {why}"
+        return [Card(self.report, value, remark=remark)]
 
 
 class Utilisation(Quantity):
@@ -103,6 +102,14 @@ class Utilisation(Quantity):
         if why := largest.get("no_limit"):
             text += f"; no limit as the mesh is refined: {why}"
         return [Card(self.report, share_in_words(summary), remark=text)]
+
+
+def largest_von_mises(summary: Summary) -> dict[str, Any] | None:
+    """The larger one of the raw and the recovered von Mises stress, and which it is ``of``; None: there is none."""
+    stress = summary.get("stress") or {}
+    extremes = {"raw": stress.get("von_mises"), "recovered": (stress.get("recovered") or {}).get("von_mises")}
+    known = [entry | {"of": name} for name, entry in extremes.items() if entry and entry["value"] is not None]
+    return max(known, key=lambda entry: float(entry["value"])) if known else None
 
 
 def share_in_words(summary: Summary) -> str:

@@ -1,0 +1,236 @@
+"""Write docs/answers.md: what the first lines of a result say after every outcome, and of everything that is known.
+
+    ./env python3 docs/answers.py
+
+Nothing is solved: the answers are those of ``signorini_fx/quantities/answers.py`` to summaries that are put together
+here.  A test checks that the page is up to date, and the statements of all products of outcomes with what is known.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "answers.md"
+sys.path.insert(0, str(ROOT))
+
+from signorini_fx.cli.exit_codes import of_solve  # noqa: E402
+from signorini_fx.quantities.answers import answers  # noqa: E402
+from signorini_fx.quantities.validity import Validity  # noqa: E402
+from signorini_fx.records import SHORT_OF_ACCURACY, Status  # noqa: E402
+from signorini_fx.results.short_answer import short_answer  # noqa: E402
+
+QUESTIONS = ("Does it hold?", "How much is left?", "Where is the largest stress?", "How sure is it?")
+_LAW = "the regularised law, gamma_n = 3.16e+04, gamma_t = 3.16e+04"
+_DIFFERS = (
+    "'alm' was not reached, the regularised law with gamma_n = 3.16e+04 was solved instead; it leaves penetration "
+    "1.1e-05 and elastic slip 3.0e-06 times the largest displacement; raise solver.gamma_n and solver.gamma_t to "
+    "lessen them, or change the loads in smaller steps"
+)
+_CERTIFICATE = {"holds": True, "law": "the unregularised law"}
+_STRESS = {"value": 96.0, "place": [1.25, 0.0], "region": None, "no_limit": None}
+_SAFETY = {"factor": 2.4, "bound": 2.4, "exact": True, "friction_used": None, "motion": "it slides", "sliding": 2.4}
+_SAFETY |= {"overturning": None}
+_PRICE = {"predicted": False, "energy": 0.031, "pressure": 0.012, "force": 0.0004, "seconds": 0.8}
+
+# A summary of which everything is known, by the keys that the first lines look at.
+BASE: dict[str, Any] = {
+    "title": "block",
+    "status": Status.CONVERGED.value,
+    "converged": True,
+    "advice": Status.CONVERGED.advice,
+    "incomplete": [],
+    "findings": [],
+    "certificate": _CERTIFICATE,
+    "held_by_supports": False,
+    "contact_force": [0.0, 20.0],
+    "friction_force": [-3.0, 0.0],
+    "contact_nodes": 121,
+    "touching_nodes": 61,
+    "max_pressure": 31.8,
+    "linear_solves": 9,
+    "factorisations": 4,
+    "dofs": 9922,
+    "ranks": 1,
+    "timings": {"iterate": 0.8},
+    "scene": {
+        "contact": [{"boundary": "bottom", "friction": {"law": "coulomb"}}],
+        "material": [{"yield_stress": 235.0}],
+    },
+    "stress": {"von_mises": _STRESS, "recovered": {"von_mises": {**_STRESS, "value": 93.0}}, "error": 0.08},
+    "utilisation": {"value": 0.41, "place": [1.25, 0.0], "region": None, "no_limit": None},
+    "safety": _SAFETY,
+    "cost": {"error": 0.08, "statement": "8 % of stress and displacement took 0.8 s; 0.8 % would take about 8 s"},
+}
+
+
+def known(**changes: Any) -> dict[str, Any]:
+    """The base with some entries changed; None: that entry is not known."""
+    return {key: value for key, value in (BASE | changes).items() if value is not None}
+
+
+def ended(status: Status, *, step: bool = False) -> dict[str, Any]:
+    """The entries of an outcome: of a single load, or of load steps of which the last one ended so."""
+    changes: dict[str, Any] = {
+        "status": status.value,
+        "converged": status is Status.CONVERGED,
+        "advice": status.advice,
+    }
+    solved = status is Status.CONVERGED or status in SHORT_OF_ACCURACY
+    if not solved and not step:
+        changes["certificate"] = {"holds": False, "law": _LAW}
+    if step:
+        of = {"step": 3, "name": "", "time": 0.75, "status": Status.CONVERGED.value}
+        last = {"step": 4, "name": "pull", "time": 0.8125, "status": status.value}
+        changes |= {"results_of": last if solved else of, "steps": [of] * 3 + [last]}
+        if solved:
+            changes["results_of"] = {**last, "status": Status.CONVERGED.value}
+    if status in SHORT_OF_ACCURACY:
+        changes["price_list"] = [_PRICE]
+        changes["scene"] = {**BASE["scene"], "accuracy": {"target": 0.01, "of": "energy"}}
+    return changes
+
+
+_SINGULAR = {"no_limit": "a reentrant corner of 270 degrees"}
+# What may be known beside the outcome, by the key that says it.
+STRENGTHS: dict[str, dict[str, Any]] = {
+    "41 % of the yield stress": {},
+    "125 % of the yield stress": {"utilisation": {**BASE["utilisation"], "value": 1.25}},
+    "41 % at a corner": {
+        "utilisation": {**BASE["utilisation"], **_SINGULAR},
+        "stress": {**BASE["stress"], "von_mises": {**_STRESS, **_SINGULAR}},
+    },
+    "no yield stress": {
+        "utilisation": None,
+        "scene": {**BASE["scene"], "material": [{"yield_stress": None}]},
+    },
+    "no fields": {"utilisation": None, "stress": None},
+}
+STATICS: dict[str, dict[str, Any]] = {
+    "a limit": {},
+    "an upper limit": {"safety": {**_SAFETY, "exact": False, "factor": 1.9, "friction_used": 0.37}},
+    "no limit": {"safety": {**_SAFETY, "factor": None, "bound": None, "sliding": None}},
+    "supports": {"safety": None, "held_by_supports": True},
+    "nothing": {"safety": None},
+}
+ERRORS: dict[str, dict[str, Any]] = {
+    "of the stress": {},
+    "none": {"stress": {"error": None}},
+    "estimated": {"price_list": [_PRICE]},
+    "guaranteed": {"error_bound": {"relative_error": 0.043, "guaranteed": True}},
+    "bound that is an estimate": {"error_bound": {"relative_error": 0.043, "guaranteed": False}},
+}
+LAWS: dict[str, dict[str, Any]] = {
+    "as asked": {},
+    "another one": {
+        "law": {"differs": _DIFFERS},
+        "findings": [{"level": "warning", "path": "solver.algorithm", "message": _DIFFERS}],
+        "certificate": {"holds": True, "law": _LAW},
+    },
+}
+COMPLETE: dict[str, dict[str, Any]] = {"whole": {}, "incomplete": {"incomplete": ["*FILM on the surface hot"]}}
+
+
+def all_products() -> Iterator[tuple[Status, bool, tuple[str, ...], dict[str, Any]]]:
+    """Every outcome, of one load and of load steps, with everything that may be known: names and summaries."""
+    parts = (STRENGTHS, STATICS, ERRORS, LAWS, COMPLETE)
+    for status, step, *names in product(Status, (False, True), *parts):
+        changes = ended(status, step=step)
+        for part, name in zip(parts, names, strict=True):
+            for key, entry in part[name].items():
+                before = changes.get(key, BASE.get(key))
+                lost = key in changes and before is None  # what is not known is not known in part either
+                both = isinstance(entry, dict) and isinstance(before, dict)
+                changes[key] = None if lost else {**before, **entry} if both else entry
+        yield status, step, tuple(names), known(**changes)
+
+
+def code(summary: dict[str, Any]) -> int:
+    """With which the command ends."""
+    return of_solve(converged=summary["converged"], incomplete=bool(summary["incomplete"]))
+
+
+def _cells(summary: dict[str, Any]) -> str:
+    """The four answers as cells of a table, each with its details behind a line break."""
+    told = (f"**{answer.text}**<br>{'; '.join(answer.details)}".removesuffix("<br>") for answer in answers(summary))
+    return " | ".join(text.replace("|", "\\|") for text in told)
+
+
+def _table(first: str, rows: list[tuple[str, dict[str, Any]]], *, columns: tuple[int, ...] = (0, 1, 2, 3)) -> list[str]:
+    """A row for each summary, with its name and the answers to some of the questions."""
+    names = [QUESTIONS[k] for k in columns]
+    lines = [f"| {' | '.join([first, *names])} |", f"|{'---|' * (len(names) + 1)}"]
+    for name, summary in rows:
+        cells = _cells(summary).split(" | ")
+        lines.append(f"| {' | '.join([name, *(cells[k] for k in columns)])} |")
+    return lines
+
+
+def _terminal(summary: dict[str, Any]) -> list[str]:
+    """What ``solve`` prints."""
+    return ["```text", *map(str, short_answer(summary, Path("results/block"))), "```"]
+
+
+HEAD = """# The first lines after every outcome
+
+`./env python3 docs/answers.py` writes this page. The report begins with four answers; the terminal says the same in
+ten lines. What they say depends on how the solve ended and on what is known. A test goes through all products of what
+this page lists. [Outcomes](outcomes.md) says what to do about each.
+"""
+
+
+def written() -> str:
+    """The page."""
+    parts = [HEAD, "## One load", ""]
+    parts += _table("outcome", _outcomes(step=False), columns=(0, 1))
+    parts += [
+        "",
+        "The number behind an outcome is the exit code.",
+        "",
+        "## Load steps, of which the fourth ended so",
+        "",
+    ]
+    parts += _table("outcome", _outcomes(step=True), columns=(0, 1))
+    parts += ["", "## Of what the figures are", ""]
+    parts += _table("figures of", [(validity.value, _of(validity)) for validity in Validity])
+    sections = {
+        "## What is known of the strength": (STRENGTHS, (0, 1, 2)),
+        "## What statics says": (STATICS, (0, 1)),
+        "## What is known of the error": (ERRORS, (3,)),
+        "## The law of the result": (LAWS, (0, 3)),
+        "## What the scene lacks": (COMPLETE, (0, 1, 2, 3)),
+    }
+    for heading, (part, columns) in sections.items():
+        parts += ["", heading, ""]
+        parts += _table("known", [(name, known(**changes)) for name, changes in part.items()], columns=columns)
+    parts += ["", "## On the terminal"]
+    shown = {
+        **{validity.value: _of(validity) for validity in Validity},
+        "a solution with another law than was asked for": known(**LAWS["another one"]),
+    }
+    for name, summary in shown.items():
+        parts += ["", f"{name[0].upper()}{name[1:]}, exit code {code(summary)}:", "", *_terminal(summary)]
+    return "\n".join(parts) + "\n"
+
+
+def _outcomes(*, step: bool) -> list[tuple[str, dict[str, Any]]]:
+    summaries = {status: known(**ended(status, step=step)) for status in Status}
+    return [(f"*{status.value}*, {code(summary)}", summary) for status, summary in summaries.items()]
+
+
+def _of(validity: Validity) -> dict[str, Any]:
+    """An example of what figures may be of."""
+    return {
+        Validity.SOLUTION: known(),
+        Validity.LESS_ACCURATE: known(**ended(Status.OUT_OF_REACH)),
+        Validity.EARLIER_STEP: known(**ended(Status.SLIDES_AT_PRESSURES, step=True)),
+        Validity.NO_SOLUTION: known(**ended(Status.SLIDES)),
+    }[validity]
+
+
+if __name__ == "__main__":
+    PAGE.write_text(written(), encoding="utf-8")

@@ -1,0 +1,118 @@
+"""Whether the contact law of a result is the one that its settings ask for.
+
+Where the method of a scene fails, another one is tried, and its solution may keep to another law: augmentation leaves
+no regularisation where a gamma was given, and where augmentation fails the regularised law stays.  The path in gamma
+may end at the largest gamma before it reaches the error that was asked for.  All of these are solutions of the law that
+the certificate names, and none of them is what was asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from signorini_fx.records import Finding
+from signorini_fx.results.certificate import Certificate
+from signorini_fx.results.promised_law import UNREGULARISED, Law
+from signorini_fx.scene.model import Scene
+from signorini_fx.scene.settings import SolverSettings
+
+# The algorithms whose result is to have no regularisation.
+_UNREGULARISED = ("alm", "exact")
+
+
+@dataclass(frozen=True)
+class AskedLaw:
+    """What was asked for, and what the result is.
+
+    Attributes:
+        asked: in words; "": nothing particular.
+        delivered: the law of the load step that the results are of.
+        differs: in what the result is not what was asked for, in words, with what to do; "": in nothing.
+        key: of the scene that asks for it.
+    """
+
+    asked: str
+    delivered: str
+    differs: str
+    key: str = "solver.algorithm"
+
+    def as_dict(self) -> dict[str, str]:
+        """Without the key."""
+        return {"asked": self.asked, "delivered": self.delivered, "differs": self.differs}
+
+    @property
+    def findings(self) -> list[Finding]:
+        """A warning, if the result is not what was asked for."""
+        return [Finding("warning", self.key, self.differs)] if self.differs else []
+
+
+def asked_law(scene: Scene, certificates: Mapping[int, Certificate], left: float | None) -> AskedLaw:
+    """The law that a scene asks for beside that of its load steps.
+
+    Args:
+        scene: with its settings.
+        certificates: of the load steps with a solution, by their numbers, in order.
+        left: the regularisation error of the last one relative to its energy norm, where a path in gamma has found it.
+    """
+    settings, laws = scene.solver, {step: certificate.law for step, certificate in certificates.items()}
+    last = list(laws.values())[-1]
+    delivered = str(last)
+    if settings.algorithm in _UNREGULARISED:
+        others = [step for step, law in laws.items() if law.regularised]
+        asked = str(UNREGULARISED)
+        if not others:
+            return AskedLaw(asked, delivered, "")
+        worst = max((certificates[step] for step in others), key=lambda certificate: certificate.penetration)
+        error = "" if left is None else f", a regularisation error of {left:.1e} by estimate{_beside(settings)}"
+        left_over = f"penetration {worst.penetration:.1e} and elastic slip {worst.stick_slip:.1e}"
+        told = (
+            f"'{settings.algorithm}' was not reached{_where(laws, others)}, the regularised law with gamma_n = "
+            f"{laws[others[-1]].gamma_n:.3g} was solved instead; it leaves {left_over} "
+            f"times the largest displacement{error}; raise solver.gamma_n and solver.gamma_t to lessen them, or change "
+            "the loads in smaller steps"
+        )
+        return AskedLaw(asked, delivered, told)
+    if scene.accuracy is not None:  # which raises gamma as it needs to
+        return AskedLaw("", delivered, "")
+    if settings.algorithm == "path-following":
+        allowed = settings.regularisation_error
+        if allowed == "auto":
+            return AskedLaw("", delivered, "")
+        asked = f"a regularisation error of {allowed:.2g}"
+        if left is None or left <= allowed:
+            return AskedLaw(asked, delivered, "", "solver.regularisation_error")
+        told = (
+            f"{asked} was asked for and {left:.2g} is left; with a gamma above {last.gamma_n:.3g} round-off would "
+            "take over; take algorithm = 'exact' or 'alm', which leave none"
+        )
+        return AskedLaw(asked, delivered, told, "solver.regularisation_error")
+    given = {name: value for name in ("gamma_n", "gamma_t") if (value := getattr(settings, name)) != "auto"}
+    if not given:
+        return AskedLaw("", delivered, "")
+    asked = ", ".join(f"{name} = {value:.3g}" for name, value in given.items())
+    others = [step for step, law in laws.items() if not _has(law, given)]
+    if not others:
+        return AskedLaw(asked, delivered, "", "solver.gamma_n")
+    told = (
+        f"{asked} was asked for, and a fall-back has solved {laws[others[-1]]} in its place"
+        f"{_where(laws, others)}; lower gamma, or set solver.fallbacks = false to have this gamma or nothing"
+    )
+    return AskedLaw(asked, delivered, told, "solver.gamma_n")
+
+
+def _has(law: Law, given: dict[str, float]) -> bool:
+    return all(getattr(law, name) == value for name, value in given.items())
+
+
+def _beside(settings: SolverSettings) -> str:
+    """The error that is asked for, beside the one that is left."""
+    allowed = settings.regularisation_error
+    return "" if allowed == "auto" else f" where {allowed:.1e} was asked for"
+
+
+def _where(steps: Iterable[int], others: list[int]) -> str:
+    """In which load steps, if there are several."""
+    if len([*steps]) == 1:
+        return ""
+    return f" in load step{'s' * (len(others) > 1)} {', '.join(map(str, others))}"

@@ -1,0 +1,151 @@
+"""The first lines after every outcome, and of everything that may be known: true, and no figure where there is none.
+
+What must be said follows here from the entries of the summary alone, in other words than those of the package.
+"""
+
+import random
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from signorini_fx.quantities.answers import answers
+from signorini_fx.records import Status
+from signorini_fx.report import evidence
+from signorini_fx.results.short_answer import short_answer
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "docs"))
+import answers as page  # noqa: E402
+
+SOLVED = ("converged", "budget ends before the accuracy", "accuracy out of reach")
+PROVED = ("body not held", "contact opens", "tips over", "slides, no static")
+# Figures of the summaries: von Mises stress and its place, pressure, multiple of the loads, share of the yield stress.
+FIGURES = re.compile(r"\b(96|93|1\.25|31\.8|2\.4|41 %|125 %|4\.3 %|8 %)")
+MOST = 1500
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    """Some of all products, another choice of them for each outcome."""
+    every = list(page.all_products())
+    assert len(every) == len(Status) * 2 * 5 * 5 * 5 * 2 * 2
+    return random.Random(4).sample(every, MOST)
+
+
+def told(summary):
+    return [(answer.text, "; ".join([answer.text, *answer.details])) for answer in answers(summary)]
+
+
+def test_page_is_up_to_date():
+    """Run ./env python3 docs/answers.py where it is not."""
+    assert page.PAGE.read_text(encoding="utf-8") == page.written()
+
+
+def test_every_answer_is_true(drawn):
+    """Whether it holds, from status, certificate, strength and what is left out; the others from what is known."""
+    for status, step, (strength, statics, error, law, complete), summary in drawn:
+        solved = status.value in SOLVED
+        earlier = step and not solved
+        (holds, why), (left, limits), (place, _), (_, sure) = told(summary)
+        about = (status, step, strength, statics, error, law, complete)
+        if complete == "incomplete":
+            assert holds == "not known", about
+        elif not (solved or earlier):
+            assert holds == ("no" if status.value.startswith(PROVED) else "not known"), about
+        elif strength.startswith("125"):
+            assert holds == "no, it would yield", about
+        elif earlier:
+            assert holds == "up to load step 3 (time 0.75)", about
+        elif strength == "41 % at a corner":
+            assert holds == "in balance; strength not shown", about
+        else:
+            assert holds == "yes", about
+        if strength.startswith("125") and (solved or earlier):
+            assert left.startswith("nothing: 125 %"), about
+        known = statics in ("a limit", "an upper limit")
+        assert ("2.4 times" in limits) == (known and (solved or earlier)), about
+        assert ("at most" in limits) == (statics == "an upper limit" and (solved or earlier)), about
+        assert ("supports hold it" in limits) == (statics == "supports" and (solved or earlier)), about
+        if not (solved or earlier):
+            assert (left == "nothing") == (status.value.startswith(PROVED) and complete == "whole"), about
+        assert place.startswith("at (") == (strength != "no fields" and (solved or earlier)), about
+        assert ("guaranteed" in sure) == (error == "guaranteed" and (solved or earlier)), about
+        if complete == "whole" and solved and law == "another one" and not strength.startswith("125"):
+            assert "not with the contact law that was asked for" in why, about
+        assert ("'alm' was not reached" in sure) == (law == "another one" and (solved or earlier)), about
+
+
+def test_no_figure_without_a_solution(drawn):
+    """Neither in the answers nor on the terminal."""
+    seen = 0
+    for status, step, _, summary in drawn:
+        if status.value in SOLVED or step:
+            continue
+        lines = "\n".join(map(str, short_answer(summary, Path("results"))))
+        text = " ".join(said for _, said in told(summary))
+        assert not FIGURES.search(text), text
+        assert not FIGURES.search(lines), lines
+        seen += 1
+    assert seen > 100
+
+
+def test_figures_of_a_load_step_name_it(drawn):
+    """And an answer that is none says why or what to do."""
+    for status, step, _, summary in drawn:
+        for answer in answers(summary):
+            if answer.text.startswith(("not ", "in balance;")):
+                assert answer.details, (status, answer)
+            if step and FIGURES.search(answer.text) and "stress" in answer.question:
+                assert any("load step" in detail for detail in answer.details), answer
+
+
+def test_terminal_and_exit_code(drawn):
+    """Ten short lines; what to do is there unless it is a solution; what is used of the yield stress is never cut."""
+    for status, step, (strength, _, _, law, complete), summary in drawn:
+        lines = list(map(str, short_answer(summary, Path("results/scene"))))
+        labels = [line[:14].strip() for line in lines]
+        assert len(lines) <= 10
+        assert max(map(len, lines)) <= 80
+        figures = status.value in SOLVED or step
+        good = status is Status.CONVERGED
+        assert ("what to do" in labels) == (not good)
+        assert ("certificate" in labels) == figures
+        assert ("stress" in labels) == (figures and strength != "no fields")
+        if figures and strength.startswith("125"):
+            assert any("125 % of yield" in line for line in lines)
+        assert any("'alm' was not reached" in line for line in lines) == (law == "another one"), lines
+        assert (page.code(summary) == 0) == (good and complete == "whole")
+        assert (page.code(summary) == 1) == (not good)
+        assert ("incomplete" in lines[0]) == (complete == "incomplete")
+
+
+@pytest.mark.parametrize(("raw", "recovered"), [(96.0, 93.0), (93.0, 96.0), (96.0, None)])
+def test_larger_one_of_two_stresses(raw, recovered):
+    """In the answer, and on the terminal with its place."""
+    entries = {"raw": (raw, [1.0, 0.0]), "recovered": (recovered, [2.0, 0.0])}
+    extremes = {
+        name: {"von_mises": {"value": value, "place": place, "region": None, "no_limit": None}}
+        for name, (value, place) in entries.items()
+    }
+    stress = {**extremes["raw"], "recovered": extremes["recovered"], "error": None}
+    summary = page.known(stress=stress)
+    where = "(2, 0)" if recovered == 96.0 else "(1, 0)"
+    text, details = told(summary)[2]
+    assert text == f"at {where}"
+    assert "von Mises stress 96" in details
+    (line,) = (str(line) for line in short_answer(summary, Path("results")) if str(line).startswith("  stress"))
+    assert "von Mises 96" in line
+    assert line.endswith(f"at {where}")
+
+
+@pytest.mark.parametrize("guaranteed", [True, False])
+def test_an_estimate_is_not_called_guaranteed(guaranteed):
+    """Neither in the answers, on the terminal, nor in the section of the certificate."""
+    bound = {"relative_error": 0.043, "guaranteed": guaranteed, "statement": "at most 4.3 %"}
+    summary = page.known(error_bound=bound, certificate={"holds": True, "law": "a law", "equilibrium": 1e-12})
+    said = [told(summary)[3][1], *map(str, short_answer(summary, Path("results")))]
+    said.append(re.sub("<[^>]*>", "", evidence.certificate(summary)))
+    assert "4.3 %" in said[0]
+    assert [bool(re.search("[gG]uaranteed", text)) for text in said if "4.3 %" in text] == [guaranteed] * 3
