@@ -135,7 +135,10 @@ _ADVICE = {
         "require less, or the accuracy of the energy or of a force: this is a certified solution, less accurate than "
         "required, and no finer mesh would reach the accuracy"
     ),
-    Status.ROUND_OFF: "gamma is too large for double precision: lower solver.gamma_n and solver.gamma_t",
+    Status.ROUND_OFF: (
+        "gamma is too large for double precision: lower solver.gamma_n and solver.gamma_t; without contact the smallest "
+        "cells are too flat or too small"
+    ),
 }
 
 

@@ -649,6 +649,9 @@ SLIVER = 1e-3
 ABOVE_THE_MEAN = 1e3
 # Units in the last place of displacements and loads that an evaluation of their nodal forces may lose.  Choice.
 LOST_UNITS = 100.0
+# A linear solve leaves at most so many times what units in the last place of the displacement leave, which is estimated
+# from so many random signs.  Choice: one to five, by any factorisation.
+LAST_DIGITS, ROUNDINGS = 10.0, 4
 # Contact stresses below this share of the mean stress in the body cannot be distinguished from zero, nor can forces
 # below this share of the reactions of its supports.  Choice.
 FAINT = 1e-3

@@ -32,8 +32,9 @@ from signorini_fx.linalg.choice import choose_system
 from signorini_fx.linalg.krylov import KrylovSystem
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
-from signorini_fx.results.certificate import certify
+from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.functionals import functionals
+from signorini_fx.results.last_digits import left_by_last_digits
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving.first_start import first_start
@@ -42,7 +43,7 @@ from signorini_fx.solving.load_steps import all_load_steps, step_result
 from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.scene_steps import SceneSteps, judged
 from signorini_fx.solving.stepped_problem import LoadStep
-from signorini_fx.tuned import PATH_ERROR_SHARE
+from signorini_fx.tuned import LAST_DIGITS, PATH_ERROR_SHARE
 
 # Called after a load step that has a solution.
 AfterStep = Callable[[LoadStep[SceneSteps]], object]
@@ -240,12 +241,14 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
             displacement = discretisation.function(x)
             certificate = certify(scene, discretisation.tagged, displacement, None, step=path_step)
             deformation = deformation_of(discretisation, displacement, discretisation.tagged.size)
-            status = judged(status, certificate, deformation, scene)
+            status, reason = judged(status, certificate, deformation, scene), None
+            if status is Status.NOT_CERTIFIED:
+                status, reason = _named(discretisation, displacement, certificate, path_step)
         solves = int(status is not Status.NOT_HELD)
         step = step_result(
             scene.path, len(steps), path_step, status, displacement, None, certificate, deformation, solves
         )
-        steps.append(step)
+        steps.append(replace(step, reason=reason))
         if status is Status.CONVERGED:
             path.advance(solves)
         elif path.shorten(status, solves):
@@ -253,6 +256,20 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
         else:
             break
     return replace(_solution(discretisation, steps, history, timings), linear_algebra=linear_algebra)
+
+
+def _named(
+    d: Discretisation, displacement: fem.Function, certificate: Certificate, step: float
+) -> tuple[Status, Finding | None]:
+    """Whether a linear solve without a certificate has lost digits that no solver has, and why; collective."""
+    share = left_by_last_digits(d.scene, d.tagged, displacement, step)
+    if not certificate.worst <= LAST_DIGITS * share:
+        return Status.NOT_CERTIFIED, None
+    message = (
+        f"cells are too flat or too small beside the body: the last digit of the displacement alone leaves {share:.1g} "
+        f"of the loads, and the solution may be wrong by as much; make the smallest cells larger, and less flat"
+    )
+    return Status.ROUND_OFF, Finding("warning", "mesh", message)
 
 
 def contact_task(d: Discretisation, history: History, coarser: MeshLevel | None = None) -> Task:

@@ -1,0 +1,40 @@
+"""What the last digits of a displacement leave of equilibrium, which no solver in double precision can do better than.
+
+In cells that are flat or small beside the body, stiffness times displacement has digits that the forces do not have:
+their ratio is that of the sides of cells.  Refining a linear solve, or another factorisation, changes nothing there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from dolfinx import fem
+
+from signorini_fx import parallel
+from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.results.nodal_forces import NodalForces
+from signorini_fx.results.supports import PrescribedNodes
+from signorini_fx.scene.model import Scene
+from signorini_fx.tuned import ROUNDINGS
+
+
+def left_by_last_digits(scene: Scene, tagged: TaggedMesh, displacement: fem.Function, step: float) -> float:
+    """The forces at free unknowns that one unit in the last place of each displacement makes, with random signs, as a
+    share of the loads there; collective.
+
+    Args:
+        scene: the scene.
+        tagged: its mesh.
+        displacement: y.
+        step: the place of the load step.
+    """
+    forces, comm = NodalForces(scene, tagged, displacement.function_space), tagged.mesh.comm
+    supports, changed = PrescribedNodes.of(forces, step, 1.0), displacement.copy()
+    loads = supports.left(forces.external(step) + forces.initial(step, displacement=displacement)[0])
+    rng, squares = np.random.default_rng(comm.rank), 0.0
+    for _ in range(ROUNDINGS):
+        signs = rng.choice(np.array([-1.0, 1.0]), displacement.x.array.size)
+        changed.x.array[:] = np.finfo(float).eps * signs * displacement.x.array
+        changed.x.scatter_forward()
+        squares += float(np.sum(supports.left(forces.internal(changed)) ** 2)) / ROUNDINGS
+    left, acting = np.sqrt(parallel.global_sum(comm, np.array([squares, np.sum(loads**2)])))
+    return float(left / acting) if acting > 0 else 0.0
