@@ -547,6 +547,23 @@ def test_what_was_done_is_not_done_again(tmp_path, text):
     assert [record.solve for record in solution.history.iterations] == list(range(1, own[-1] + 1))
 
 
+def test_seconds_of_the_earlier_run_count_once(tmp_path, monkeypatch):
+    """A run that goes on shows what both have taken: that of the last step that it recalls, which has those before."""
+    given, figures, hours = scene(PUSHED), Checkpoint.figures, 3600.0
+    interrupted(given, MPI.COMM_SELF, tmp_path, 4)
+
+    def slow(self, level, step):
+        found = figures(self, level, step)
+        return found and found | {"seconds": {"iterate": hours * (step + 1), "mesh": hours}}
+
+    monkeypatch.setattr(Checkpoint, "figures", slow)
+    solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
+    taken = solution.timings.total
+    assert solution.timings.seconds["iterate"] > 0.0
+    assert taken["iterate"] == pytest.approx(3 * hours + solution.timings.seconds["iterate"], rel=1e-12)
+    assert taken["mesh"] == pytest.approx(hours + solution.timings.seconds["mesh"], rel=1e-12)
+
+
 def broken(folder, what):
     """Damage the last of three load steps, or the scene; returns the file."""
     step = folder / CHECKPOINT / "0-00002"
