@@ -20,6 +20,7 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.assembly import action
+from signorini_fx.body.block_stiffness import block_stiffness, why_not
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_map import contact_map
 from signorini_fx.body.contact_state import ContactState
@@ -38,13 +39,13 @@ from signorini_fx.contact.motions import FreeMotions
 from signorini_fx.contact.resting_place import RestingMotion
 from signorini_fx.errors import SceneError
 from signorini_fx.kinematics.cartesian import Kinematics
-from signorini_fx.linalg import ElasticSystem, row_by_row
-from signorini_fx.linalg.choice import SystemSize, choose_system
+from signorini_fx.linalg import ElasticSystem, options, row_by_row
+from signorini_fx.linalg.choice import SystemSize, choose_kind, choose_system
 from signorini_fx.linalg.elasticity import Elasticity, LoadCase
 from signorini_fx.method import Settings
 from signorini_fx.records import Inventory
 from signorini_fx.scene.settings import SolverSettings
-from signorini_fx.tuned import FINER_LEVELS
+from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, FINER_LEVELS
 
 Array = npt.NDArray[np.float64]
 
@@ -128,10 +129,16 @@ class ElasticBody:
         return self._free if self.boundary is None else self._free.joined(self.boundary).with_foundations(self.boundary)
 
     @shared_in("of_body")
-    def _free(self) -> RigidMotions:
+    def _supported(self) -> RigidMotions:
+        """The motions without strain that the supports leave free, whatever else resists them."""
         motions = rigid_motions(self.space, self.fixed.reshape(-1, self.dimension), self.pieces, self.turned)
         if self.kinematics.motions_without_strain is not None:
             motions = without_strain(motions, self.kinematics)
+        return motions
+
+    @shared_in("of_body")
+    def _free(self) -> RigidMotions:
+        motions = self._supported
         if motions.free.shape[1] == 0 or (self.resists is not None and not self.resists):
             return motions
         if self.resists is None:
@@ -147,12 +154,16 @@ class ElasticBody:
     @property
     def system_size(self) -> SystemSize:
         """The figures that decide which kind of elastic system it gets."""
+        return self._size(self.at_contact)
+
+    def _size(self, at_contact: FreeMotions | None) -> SystemSize:
+        """The same, with these motions at the contact points."""
         retained, held, across = 0, False, int(self.space.mesh.topology.dim)
-        if self.boundary is not None and self.at_contact is not None:
+        if self.boundary is not None and at_contact is not None:
             reached = parallel.gather_rows(self.comm, np.unique(self.boundary.reached))
             retained = self.dimension * int(np.unique(reached).size)
             everywhere: Any = self.boundary.points.everywhere
-            held = self.at_contact.held_by(everywhere, everywhere)
+            held = at_contact.held_by(everywhere, everywhere)
         if not self.elastic.pressed:
             definite = self.definite
             return SystemSize(self.comm, self.dofs, across, retained, held, self.compressible, definite=definite)
@@ -165,6 +176,8 @@ class ElasticBody:
     def _assembled(self) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
         """``stiffness`` and ``rotation``, and this without rigid bodies."""
         self.inventory.matrices.append("stiffness")
+        if self._fit_for_blocks and self._no_blocks is None:
+            return self.elastic.joined(block_stiffness(self.forms, self.fixed), None, None, self.fixed)
         owned, turned, boundary = self.space.dofmap.index_map.size_local, self.turned, self.boundary
         frames = [] if turned is None else [(turned.nodes[on_rank := turned.nodes < owned], turned.frames[on_rank])]
         aligned = self.settings.algorithm == "exact"  # each component of a relative displacement must be an unknown
@@ -191,6 +204,23 @@ class ElasticBody:
         values[fixed] = parallel.largest(self.comm, values) or 1.0
         stiffness.setDiagonal(diagonal)
         return self.elastic.joined(stiffness, rotation, turning, fixed)
+
+    @shared_in("of_body")
+    def _fit_for_blocks(self) -> bool:
+        """Whether a Krylov method with multigrid will solve for contact, for which a stiffness by blocks is faster."""
+        boundary = self.boundary
+        if boundary is None or boundary.moving is not None or self.turned is not None or self.elastic.pressed:
+            return False
+        if self.settings.algorithm == "exact" or options.user_chooses_solver() or self.dofs < FEWEST_BLOCK_UNKNOWNS:
+            return False
+        # Nothing that resists is assembled yet: without it more motions are free, and contact holds them or not.
+        at_contact = self._supported.joined(boundary).at(boundary)
+        return choose_kind(self._size(at_contact), self.settings.linear_algebra)[0] == "krylov"
+
+    @shared_in("of_body")
+    def _no_blocks(self) -> str | None:
+        """Why products by blocks cannot be compiled; None: they are; collective."""
+        return why_not(self.comm)
 
     @property
     def _rigid(self) -> int:
@@ -238,7 +268,9 @@ class ElasticBody:
     def level(self, coarser: MeshLevel | None = None, solved: fem.Function | None = None) -> MeshLevel:
         """Its mesh over coarser ones, of which those are left out that are hardly coarser, or far too coarse."""
         dimension, (least, greatest) = self.dimension, FINER_LEVELS
-        level = MeshLevel(self.space, self.fixed, self._assembled[2], self.motions, coarser, solved)
+        alone = not self.elastic.pressed and (self.boundary is None or self.boundary.moving is None)
+        stiffness = self.stiffness if alone else None
+        level = MeshLevel(self.space, self.fixed, self._assembled[2], self.motions, coarser, solved, stiffness)
         while level.coarser is not None and level.dofs < least**dimension * level.coarser.dofs:
             level.coarser = level.coarser.coarser
         if level.coarser is not None and level.dofs > greatest**dimension * level.coarser.dofs:
@@ -326,6 +358,8 @@ class ElasticBody:
         """
         assert self.at_contact is not None
         system, reason = choose(self.elasticity(cases, coarser), self.system_size, self.settings.linear_algebra)
+        if self._fit_for_blocks and self._no_blocks is not None:
+            reason = f"{reason}; its products are slower than by blocks: {self._no_blocks}"
         system.set_load(factors)
         share = self.settings.regularisation_error
 

@@ -36,6 +36,7 @@ class MeshLevel:
         motions: the rigid motions.
         coarser: the same on the next coarser mesh; None: there is none.
         solved: a displacement to begin with on a finer mesh; None: there is none.
+        stiffness: of these unknowns; None: it has others as well.
     """
 
     space: fem.FunctionSpace
@@ -44,6 +45,7 @@ class MeshLevel:
     motions: RigidMotions
     coarser: MeshLevel | None
     solved: fem.Function | None = None
+    stiffness: PETSc.Mat | None = None
 
     @property
     def dofs(self) -> int:

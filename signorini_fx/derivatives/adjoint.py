@@ -127,14 +127,15 @@ class TransposedTangent:
         return ksp.getPC()
 
     def _set_up(self) -> None:
-        system, matrix = self._system, self._system.matrix.duplicate(copy=True)
+        system = self._system
+        self._tangent = ContactTangent(system.matrix, system.contact)
+        matrix = self._tangent.create()
         self._ksp = PETSc.KSP().create(system.comm)
         self._ksp.setOptionsPrefix(options.PREFIX)
         self._ksp.setOperators(matrix)
         with options.defaults(system.solver_defaults):
             system.configure(self._ksp, symmetric=self._symmetric)
             self._ksp.setFromOptions()
-        self._tangent = ContactTangent(system.matrix, system.contact)
         if self._symmetric:
             matrix.setOption(PETSc.Mat.Option.SPD, True)
 

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.linalg import row_by_row
+from signorini_fx.linalg.blocks import is_by_blocks
 from signorini_fx.linalg.elasticity import Elasticity, LoadCase
 from signorini_fx.linalg.plain import PlainSystem
 
@@ -31,7 +32,7 @@ class AssembledSystem(PlainSystem):
         """The system as it was assembled, with all load cases once."""
         e = elasticity
         load, start = e.matrix.createVecRight(), e.matrix.createVecRight()
-        matrix = row_by_row(e.contact.admitted(e.matrix))
+        matrix = e.matrix if is_by_blocks(e.matrix) else row_by_row(e.contact.admitted(e.matrix))
         if e.definite:
             matrix.setOption(PETSc.Mat.Option.SPD, True)
         system = cls(matrix, load, start, np.zeros(e.free), e.contact, e, list(e.cases))

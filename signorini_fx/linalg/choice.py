@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.linalg import ElasticSystem, options
+from signorini_fx.linalg.blocks import by_entries, is_by_blocks
 from signorini_fx.linalg.condensed import CondensedSystem
 from signorini_fx.linalg.elasticity import Elasticity
 from signorini_fx.linalg.factorisation import can_factorise, enough_memory, factor_memory, has_package
@@ -66,6 +67,8 @@ def choose_system(elasticity: Elasticity, size: SystemSize, requested: str) -> t
         requested: ``full``, ``krylov``, ``condensed``, ``auto``, or the name of a solver of another package.
     """
     kind, reason = choose_kind(size, requested)
+    if kind != "krylov" and is_by_blocks(elasticity.matrix):
+        elasticity = replace(elasticity, matrix=by_entries(elasticity.matrix))
     try:
         if kind not in _KINDS:
             return UserSystem.named(kind, elasticity), f"{kind}: {reason}"

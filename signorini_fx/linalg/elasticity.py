@@ -38,6 +38,7 @@ class Level(Protocol):
         block: unknowns per node.
         interpolation: from the unknowns on the coarser level, prescribed ones left out; None: there is none.
         positions: of the unknowns of this rank, shape (n, 3).
+        stiffness: the matrix on this mesh; None: it has other unknowns as well.
     """
 
     @property
@@ -54,6 +55,10 @@ class Level(Protocol):
 
     @property
     def positions(self) -> npt.NDArray[np.float64]:
+        """See above."""
+
+    @property
+    def stiffness(self) -> PETSc.Mat | None:
         """See above."""
 
     def modes(self) -> PETSc.NullSpace:

@@ -83,10 +83,14 @@ def factor_defaults(comm: MPI.Comm) -> dict[str, str]:
 
 def use_factorisation(ksp: PETSc.KSP, *, symmetric: bool, definite: bool = True) -> None:
     """Make a linear solver a direct one: Cholesky if the matrix is symmetric, else LU."""
-    pc = ksp.getPC()
     ksp.setType(PETSc.KSP.Type.PREONLY)
+    use_factor(ksp.getPC(), symmetric=symmetric, definite=definite)
+
+
+def use_factor(pc: PETSc.PC, *, symmetric: bool, definite: bool = True) -> None:
+    """Make a preconditioner such a factorisation."""
     pc.setType(factor_type(symmetric=symmetric))
-    pc.setFactorSolverType(factorisation_package(ksp.comm.tompi4py(), symmetric=symmetric, definite=definite))
+    pc.setFactorSolverType(factorisation_package(pc.comm.tompi4py(), symmetric=symmetric, definite=definite))
 
 
 def use_direct(pc: PETSc.PC, unknowns: int, *, symmetric: bool) -> None:

@@ -18,6 +18,7 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.linalg import options
 from signorini_fx.linalg.assembled import AssembledSystem
+from signorini_fx.linalg.blocks import is_by_blocks, use_entries
 from signorini_fx.linalg.callbacks import called_back, weakly
 from signorini_fx.linalg.elasticity import Elasticity
 from signorini_fx.linalg.factorisation import (
@@ -25,6 +26,7 @@ from signorini_fx.linalg.factorisation import (
     enough_memory,
     factor_defaults,
     factor_memory,
+    use_factor,
     use_factorisation,
 )
 from signorini_fx.linalg.multigrid import ContactLevels, ContactPreconditioner, Hierarchy
@@ -58,7 +60,9 @@ class KrylovSystem(AssembledSystem):
         return parallel.any_rank(self.comm, self.elasticity.rigid > 0)
 
     def _tell(self, matrix: PETSc.Mat) -> None:
-        """Give a matrix of the nodes the size of its blocks and the rigid motions."""
+        """Give a matrix of the nodes the size of its blocks and the rigid motions; by blocks it needs none."""
+        if is_by_blocks(matrix):
+            return
         matrix.setBlockSize(self.contact.points.dimension)
         if self.elasticity.level is not None:
             matrix.setNearNullSpace(self.elasticity.level.modes())
@@ -112,7 +116,10 @@ class KrylovSystem(AssembledSystem):
             ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
         ksp.setTolerances(rtol=KRYLOV_TOLERANCE, max_it=KRYLOV_STEPS)
         pc = ksp.getPC()
-        pc.setType(PETSc.PC.Type.GAMG)
+        if is_by_blocks(self.matrix):
+            use_entries(pc, self._as_aggregation)
+        else:
+            pc.setType(PETSc.PC.Type.GAMG)
         contact = int(parallel.global_sum(self.comm, np.array(self._touched.size)))
         if contact == 0 or options.user_sets("pc_type") or not self.hierarchy.interpolations:
             return
@@ -125,6 +132,13 @@ class KrylovSystem(AssembledSystem):
         # A tolerance of the user's is one of the residual that the exact solve at the contact unknowns leaves.
         call("KSPConvergedDefaultSetUIRNorm", ksp)
 
+    def _as_aggregation(self, pc: PETSc.PC) -> None:
+        """Smoothed aggregation alone, of the entries of a matrix by blocks."""
+        if self.elasticity.level is not None:
+            pc.getOperators()[0].setNearNullSpace(self.elasticity.level.modes())
+        pc.setType(PETSc.PC.Type.GAMG)
+        pc.setFromOptions()
+
     def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
         """Where the user has chosen no solver, and a factor, without symmetry two of them, fits into the memory."""
         if options.user_sets("ksp_") or options.user_sets("pc_") or not can_factorise(self.comm):
@@ -132,7 +146,16 @@ class KrylovSystem(AssembledSystem):
         unknowns, dimension = self.matrix.getSize()[0], self.contact.points.dimension
         if not enough_memory(self.comm, (1 if symmetric else 2) * factor_memory(unknowns, dimension)):
             return False
-        use_factorisation(ksp, symmetric=symmetric)
+        if not is_by_blocks(self.matrix):
+            use_factorisation(ksp, symmetric=symmetric)
+            return True
+
+        def as_factor(pc: PETSc.PC) -> None:
+            pc.getOperators()[0].setOption(PETSc.Mat.Option.SPD, symmetric)
+            use_factor(pc, symmetric=symmetric)
+
+        ksp.setType(PETSc.KSP.Type.PREONLY)
+        use_entries(ksp.getPC(), as_factor)
         return True
 
     @called_back

@@ -26,6 +26,7 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.contact.map import ContactMap
 from signorini_fx.linalg import options, row_by_row
+from signorini_fx.linalg.blocks import by_entries, is_by_blocks, rough
 from signorini_fx.linalg.callbacks import called_back
 from signorini_fx.linalg.elasticity import Level
 from signorini_fx.linalg.factorisation import use_direct
@@ -34,7 +35,13 @@ from signorini_fx.linalg.nodal_blocks import NodalBlocks
 from signorini_fx.linalg.petsc_c import call
 from signorini_fx.linalg.rigid_unknowns import relative_to_rigid_bodies, with_rigid_bodies
 from signorini_fx.linalg.truncation import TruncatedLevels
-from signorini_fx.tuned import MOST_COARSEST_UNKNOWNS, SAME_HELD_DIRECTION, SAME_SOFT_STIFFNESS, SMOOTHED_SPECTRUM
+from signorini_fx.tuned import (
+    MOST_COARSEST_UNKNOWNS,
+    SAME_COARSE_STIFFNESS,
+    SAME_HELD_DIRECTION,
+    SAME_SOFT_STIFFNESS,
+    SMOOTHED_SPECTRUM,
+)
 
 Array = npt.NDArray[np.float64]
 _ESTIMATING_STEPS = 10
@@ -65,11 +72,10 @@ class Hierarchy:
         """
         chain = [] if level is None or options.user_sets("pc_gamg") else _interpolations(level)
         if not chain:
-            return cls._aggregated(matrix)
+            return cls._aggregated(matrix, level)
         coarse: list[PETSc.Mat] = []
         for at, interpolation in chain:
-            coarse.append((coarse[-1] if coarse else matrix).ptap(interpolation))
-            _fill_diagonal(coarse[-1])
+            coarse.append(_coarse_matrix(coarse[-1] if coarse else matrix, interpolation, at))
             coarse[-1].setBlockSize(at.block)
         interpolations = [interpolation for _, interpolation in chain]
         if coarse[-1].getSize()[0] > MOST_COARSEST_UNKNOWNS:
@@ -87,8 +93,12 @@ class Hierarchy:
         return replace(self, interpolations=interpolations, coarse=coarse)
 
     @classmethod
-    def _aggregated(cls, matrix: PETSc.Mat) -> Hierarchy:
+    def _aggregated(cls, matrix: PETSc.Mat, level: Level | None = None) -> Hierarchy:
         """Set up GAMG and keep what it has found; collective."""
+        if is_by_blocks(matrix):
+            matrix = by_entries(matrix)
+            if level is not None:
+                matrix.setNearNullSpace(level.modes())
         gamg = PETSc.PC().create(matrix.comm)
         gamg.setOptionsPrefix(options.PREFIX)
         gamg.setOperators(matrix)
@@ -116,6 +126,46 @@ def _interpolations(level: Level) -> list[tuple[Level, PETSc.Mat]]:
     return chain
 
 
+def _coarse_matrix(matrix: PETSc.Mat, interpolation: PETSc.Mat, level: Level) -> PETSc.Mat:
+    """P^T A P; collective.
+
+    Where meshes are nested and cells straight that is the stiffness of the coarser mesh, which is there already: one
+    product with a vector tells.
+
+    Args:
+        matrix: A.
+        interpolation: P, without prescribed unknowns.
+        level: the coarser mesh.
+    """
+    stiffness = level.stiffness
+    if stiffness is not None and stiffness.getSizes() == (interpolation.getSizes()[1],) * 2:
+        coarse, wanted = stiffness.createVecs()
+        fine, forces = matrix.createVecs()
+        interpolation.multTranspose(_irregular(fine), coarse)  # zero where unknowns are prescribed
+        free = coarse.getArray(readonly=True) != 0
+        interpolation.mult(coarse, fine)
+        matrix.mult(fine, forces)
+        interpolation.multTranspose(forces, wanted)
+        given = coarse.duplicate()
+        coarse.getArray()[~free] = _irregular(given).getArray(readonly=True)[~free]  # which must not act on the others
+        stiffness.mult(coarse, given)
+        given.getArray()[~free] = 0.0
+        size = wanted.norm()
+        given.axpy(-1.0, wanted)
+        if given.norm() <= SAME_COARSE_STIFFNESS * size:
+            return by_entries(stiffness)
+    product = by_entries(matrix).ptap(interpolation)
+    _fill_diagonal(product)
+    return product
+
+
+def _irregular(x: PETSc.Vec) -> PETSc.Vec:
+    """The vector itself with entries that are the same on any number of ranks, and no smooth function of the place."""
+    first, last = x.getOwnershipRange()
+    x.getArray()[:] = np.sin(1e4 * np.arange(first + 1, last + 1))
+    return x
+
+
 def _fill_diagonal(matrix: PETSc.Mat) -> None:
     """Give unknowns that interpolate to nothing, such as prescribed ones, a row of their own."""
     diagonal = matrix.getDiagonal()
@@ -134,10 +184,7 @@ def _largest_eigenvalue(matrix: PETSc.Mat) -> float:
     ksp.setTolerances(rtol=1e-12, max_it=_ESTIMATING_STEPS)
     ksp.setComputeEigenvalues(True)
     x, b = matrix.createVecs()
-    first, last = b.getOwnershipRange()
-    # The same on any number of ranks, and no smooth function of the place.
-    b.getArray()[:] = np.sin(1e4 * np.arange(first + 1, last + 1))
-    ksp.solve(b, x)
+    ksp.solve(_irregular(b), x)
     return float(np.max(ksp.computeEigenvalues().real, initial=1.0))
 
 
@@ -320,8 +367,8 @@ class ContactPreconditioner:
             self._reduced = self._contact.ptap(joined.lift, result=self._reduced)
         self._held = self._levels.nodes.split(self._contact, self._contact_rows)
         self._truncate()
-        self._finest.setOperators(tangent, self._levels.inverse)
-        self._cycle.setOperators(tangent)
+        self._finest.setOperators(rough(tangent), self._levels.inverse)
+        self._cycle.setOperators(rough(tangent))
         self._cycle.setUp()
 
     def _truncate(self) -> None:

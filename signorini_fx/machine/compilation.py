@@ -16,9 +16,10 @@ import shutil
 import sysconfig
 import time
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from importlib.machinery import EXTENSION_SUFFIXES
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
@@ -110,6 +111,41 @@ def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None
                 return
         signals.serve()
         time.sleep(LOCK_PAUSE)
+
+
+def library(folder: Path, name: str, declarations: str, source: str, arguments: Sequence[str]) -> Any:
+    """A module of C functions, with ``lib`` and ``ffi`` of cffi, compiled beside the forms unless it is there.
+
+    Args:
+        folder: of compiled forms.
+        name: of the module, which must be another one for another source.
+        declarations: of its functions.
+        source: of its functions.
+        arguments: for the compiler.
+
+    Raises:
+        MachineError: there is no compiler, or the folder cannot be written.
+    """
+    from cffi import FFI, VerificationError
+
+    try:
+        with signals.deferred(), ExitStack() as held:
+            prepare(folder, name, 0.0, held)
+            if not _compiled(folder, name):
+                builder = FFI()
+                builder.cdef(declarations)
+                builder.set_source(name, source, extra_compile_args=list(arguments))
+                builder.compile(tmpdir=str(folder))
+                _mark(folder, name).touch()
+    except (OSError, RuntimeError, VerificationError) as error:
+        raise MachineError(f"C functions cannot be compiled: {_no_compiler() or error}") from error
+    file = next(path for suffix in EXTENSION_SUFFIXES if (path := folder / f"{name}{suffix}").exists())
+    found = spec_from_file_location(name, file)
+    assert found is not None
+    assert found.loader is not None
+    module = module_from_spec(found)
+    found.loader.exec_module(module)
+    return module
 
 
 def _source(folder: Path, module: str) -> Path:

@@ -205,11 +205,15 @@ class Problem(ABC):
         return bool(largest * np.finfo(float).eps > tolerance * self.force_scale)
 
     def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
-        """A matrix with the pattern of the Jacobian: a copy of A."""
-        jacobian = self.system.matrix.duplicate(copy=True)
+        """A matrix for the Jacobian, so far A; collective."""
+        jacobian = self.new_jacobian()
         if symmetric and self.system.definite:
             self._definite.add(jacobian.handle)
         return jacobian
+
+    def new_jacobian(self) -> PETSc.Mat:
+        """See ``create_jacobian``."""
+        return self.system.matrix.duplicate(copy=True)
 
     def _declare(self, jacobian: PETSc.Mat) -> None:
         """PETSc forgets it at every assembly, and LAPACK's Cholesky is three times as fast as its LDL^T."""

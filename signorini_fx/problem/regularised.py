@@ -85,6 +85,10 @@ class RegularisedProblem(Problem):
         # PETSc keeps its factor as long as the matrix is not changed.
         self.insert(jacobian, tangent(self.sets, self.data))
 
+    def new_jacobian(self) -> PETSc.Mat:
+        """See ``Problem``."""
+        return self.tangent.create()
+
     def insert(self, jacobian: PETSc.Mat, blocks: Nodal) -> None:
         """Make A + B^T D B of a Jacobian; D: shape (n, d, d), stress per length; collective."""
         self.moved = self.tangent.insert(jacobian, blocks)

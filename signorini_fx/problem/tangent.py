@@ -1,4 +1,4 @@
-"""A + B^T D B: the Jacobian of the regularised problem, put into a copy of A where the blocks D have changed."""
+"""A + B^T D B: the Jacobian of the regularised problem, put into a copy of A, or beside blocks, where D changes."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.map import ContactMap
+from signorini_fx.linalg.blocks import change_added, is_by_blocks, with_added
 
 
 class ContactTangent:
     """What the Jacobians of one problem hold, by their handles.  Of A only the entries that contact adds to are set.
 
     Args:
-        matrix: A, whose pattern has that of B^T D B, see ``ContactMap.admitted``.
+        matrix: A, by blocks or with a pattern that has that of B^T D B, see ``ContactMap.admitted``.
         contact: B.
 
     Attributes:
@@ -40,19 +41,30 @@ class ContactTangent:
         self._product = self._operator.transposeMatMult(self._half)
         starts, self._columns, _ = self._product.getValuesCSR()
         touched = np.flatnonzero(np.diff(starts))
+        self._matrix = matrix
         self._rows = (matrix.getOwnershipRange()[0] + touched).astype(PETSc.IntType)
         self._starts = np.append(starts[touched], starts[-1]).astype(PETSc.IntType)
+        if is_by_blocks(matrix):
+            return
         elastic = [
             matrix.getValues([row], self._columns[a:b]).ravel()
             for row, (a, b) in zip(self._rows, pairwise(self._starts), strict=True)
         ]
         self._elastic = np.concatenate([np.empty(0), *elastic])
 
+    def create(self) -> PETSc.Mat:
+        """A matrix to insert blocks into, so far A; collective."""
+        if not is_by_blocks(self._matrix):
+            return self._matrix.duplicate(copy=True)
+        added = self._product.copy()
+        added.zeroEntries()
+        return with_added(self._matrix, added)
+
     def insert(self, matrix: PETSc.Mat, blocks: Nodal) -> int | None:
-        """Put A + B^T D B into a copy of A, if it is not there; collective.
+        """Put A + B^T D B into a matrix, if it is not there; collective.
 
         Args:
-            matrix: a matrix with the pattern and, elsewhere, the values of A.
+            matrix: one that ``create`` made, or a copy of A.
             blocks: D of each point, stress per length, shape (n, d, d).
 
         Returns:
@@ -69,6 +81,9 @@ class ContactTangent:
             self.inserted[matrix.handle] = blocks
             self._law(self._weight * blocks, self._blocks).matMult(self._operator, result=self._half)
             self._operator.transposeMatMult(self._half, result=self._product)
+            if is_by_blocks(matrix):
+                change_added(matrix, self._product)
+                return since
             _, _, added = self._product.getValuesCSR()
             if self._rows.size:
                 matrix.setValuesIJV(self._starts, self._columns, self._elastic + added, rowmap=self._rows)

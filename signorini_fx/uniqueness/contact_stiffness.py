@@ -7,6 +7,7 @@ from petsc4py import PETSc
 
 from signorini_fx.body.named_body import NamedBody
 from signorini_fx.contact.laws import Nodal
+from signorini_fx.linalg.blocks import by_entries
 from signorini_fx.linalg.schur import SchurComplement
 from signorini_fx.scene.features import refused_by
 
@@ -45,7 +46,7 @@ def contact_stiffness(d: NamedBody, step: float | None = None) -> tuple[Nodal, N
     rows = np.zeros((len(starts) - 1, retained.size))
     rows[np.repeat(np.arange(len(rows)), np.diff(starts)), np.searchsorted(retained, columns)] = values
     try:
-        of = elasticity.matrix, retained, (), elasticity.positions
+        of = by_entries(elasticity.matrix), retained, (), elasticity.positions
         condensed = SchurComplement(*of, definite=elasticity.definite).dense[np.ix_(free, free)]
     except PETSc.Error:
         return "a part of the body moves freely though its contact points are fixed"

@@ -1,0 +1,286 @@
+"""Matrices by blocks: products against scipy and PETSc, and whole solves against those with sparse matrices."""
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+import ufl
+from dolfinx import default_scalar_type, fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from petsc4py import PETSc
+from scenes import example1
+from spaces import block, box
+from test_krylov import LAWS, agree
+from test_ranks import same_on_all_ranks
+from test_two_bodies import paraboloids
+
+from signorini_fx.body import block_stiffness, elastic
+from signorini_fx.errors import MachineError
+from signorini_fx.linalg import blocks, callbacks, factorisation, kernels, krylov
+from signorini_fx.records import Status
+from signorini_fx.solving.solver import solve
+
+WORLD = MPI.COMM_WORLD
+
+
+@pytest.mark.parametrize("precision", [np.float64, np.float32])
+@pytest.mark.parametrize("size", kernels.SIZES)
+def test_products_of_random_blocks(size, precision):
+    """As scipy's, to the round-off of sums in double precision, with rows and columns that are empty."""
+    generator = np.random.default_rng(7)
+    assert kernels.load(MPI.COMM_SELF, block_stiffness._folder()) is None
+    pattern = sp.random_array((40, 31), density=0.05, rng=generator, format="csr")
+    pattern.sort_indices()
+    assert (np.diff(pattern.indptr) == 0).any()
+    entries = generator.standard_normal((pattern.nnz, size, size)).astype(precision)
+    product = kernels.BlockProduct(block_stiffness._folder(), size, pattern.indptr, pattern.indices)
+    x, y = generator.standard_normal(31 * size), np.full(40 * size, np.nan)
+    product(entries, 0.5, x, y)
+    wanted = sp.bsr_array((entries.astype(float), pattern.indices, pattern.indptr), shape=(40 * size, 31 * size))
+    np.testing.assert_allclose(y, 0.5 * (wanted @ x), rtol=0, atol=1e-14 * size * np.abs(y).max())
+
+
+def two_matrices(dimension, comm):
+    """A stiffness with random moduli and one end prescribed, by blocks and sparse."""
+    mesh = (
+        box("tetrahedra", (5, 3, 4), comm=comm).mesh
+        if dimension == 3
+        else dmesh.create_rectangle(comm, [(0.0, 0.0), (3.0, 1.0)], (9, 4), dmesh.CellType.quadrilateral)
+    )
+    space = fem.functionspace(mesh, ("Lagrange", 1, (dimension,)))
+    moduli = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    moduli.x.array[:] = 1 + np.random.default_rng(comm.rank).random(moduli.x.array.size)
+    moduli.x.scatter_forward()
+    y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
+    strain = moduli * ufl.inner(ufl.sym(ufl.grad(y)), ufl.sym(ufl.grad(z)))
+    forms = [fem.form(strain * ufl.dx), fem.form(moduli * ufl.div(y) * ufl.div(z) * ufl.dx)]
+    nodes = np.flatnonzero(space.tabulate_dof_coordinates()[:, 0] < 1e-9)
+    zero, first = default_scalar_type(0), (dimension * nodes).astype(np.int32)
+    bcs = [fem.dirichletbc(zero, first + np.int32(axis), space.sub(axis)) for axis in range(dimension)]
+    fixed = np.zeros(space.dofmap.index_map.size_local * dimension, dtype=bool)
+    fixed.reshape(-1, dimension)[nodes[nodes < len(fixed) // dimension]] = True
+    assert kernels.load(comm, block_stiffness._folder()) is None
+    ours, theirs = block_stiffness.block_stiffness(forms, fixed), elastic.sum_of(forms, bcs)
+    diagonal = theirs.getDiagonal()
+    diagonal.getArray()[fixed] = comm.allreduce(diagonal.getArray().max(initial=0.0), op=MPI.MAX)
+    theirs.setDiagonal(diagonal)
+    return ours, theirs, space  # whose communicator is that of the matrices
+
+
+def difference(matrix, other):
+    """The largest entry of the difference of two sparse matrices, relative."""
+    change = matrix.copy()
+    change.axpy(-1.0, other, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    return change.norm(PETSc.NormType.NORM_INFINITY) / other.norm(PETSc.NormType.NORM_INFINITY)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_stiffness_by_blocks(dimension):
+    """Products, diagonal, rows and entries are those of PETSc's matrix on any number of ranks; rounded to single
+    precision products differ by as much, and never more in other units.
+    """
+    ours, theirs, _space = two_matrices(dimension, WORLD)
+    assert blocks.is_by_blocks(ours)
+    assert not blocks.is_by_blocks(theirs)
+    assert ours.getSizes() == theirs.getSizes()
+    x, y = ours.createVecs()
+    wanted = y.duplicate()
+    x.getArray()[:] = np.random.default_rng(WORLD.rank).standard_normal(x.getLocalSize())
+    theirs.mult(x, wanted)
+    for matrix, share in ((ours, 1e-15), (blocks.rough(ours), 1e-7), (blocks.rough(theirs), 0.0)):
+        matrix.mult(x, y)
+        assert (y - wanted).norm() <= share * wanted.norm()
+    assert ours.getDiagonal().array == pytest.approx(theirs.getDiagonal().array, rel=1e-15)
+    assert difference(blocks.by_entries(ours), theirs) <= 1e-15
+    assert ours.norm(PETSc.NormType.NORM_INFINITY) == pytest.approx(theirs.norm(PETSc.NormType.NORM_INFINITY))
+    first, last = ours.getOwnershipRange()
+    places = PETSc.IS().createGeneral(np.arange(first, last, 3, dtype=PETSc.IntType), comm=WORLD)
+    for columns in (None, places):
+        assert difference(ours.createSubMatrix(places, columns), theirs.createSubMatrix(places, columns)) <= 1e-15
+    # C: random blocks on the diagonal, then others.
+    added = theirs.duplicate()
+    for scale in (1.0, 7.0):
+        added.zeroEntries()
+        for row in places.getIndices():
+            added.setValue(row, row, scale * (1 + row % 5))
+        added.assemble()
+        if scale == 1.0:
+            tangent = blocks.with_added(ours, added.copy())
+            rows = tangent.createSubMatrix(places, None)
+        else:
+            before = tangent.stateGet()
+            blocks.change_added(tangent, added)
+            assert tangent.stateGet() > before
+            tangent.createSubMatrix(places, None, rows)
+        both = theirs.copy()
+        both.axpy(1.0, added)
+        both.mult(x, wanted)
+        for matrix, share in ((tangent, 1e-15), (blocks.rough(tangent), 1e-7)):
+            matrix.mult(x, y)
+            assert (y - wanted).norm() <= share * wanted.norm()
+        assert tangent.getDiagonal().array == pytest.approx(both.getDiagonal().array, rel=1e-14)
+        assert difference(blocks.by_entries(tangent), both) <= 1e-15
+        assert difference(rows, both.createSubMatrix(places, None)) <= 1e-15
+
+
+def test_single_precision_in_small_units():
+    """Entries far below the range of single precision are as good as others."""
+    ours, _, _space = two_matrices(3, MPI.COMM_SELF)
+    rows = ours.getPythonContext().rows
+    small = replace(rows, blocks=1e-60 * rows.blocks).in_single_precision()
+    assert 1e60 * small.scale * small.blocks == pytest.approx(rows.blocks, rel=1e-6, abs=1e-7 * rows.blocks.max())
+
+
+@pytest.fixture
+def either(monkeypatch):
+    """Solves a scene by blocks and with a sparse matrix; with each solution the Krylov steps of all solves."""
+
+    def solved(make, comm=MPI.COMM_SELF, *, solving=True):
+        answers = []
+        configure = krylov.KrylovSystem.configure
+        for fewest in (0, np.inf):
+            steps, kinds = [], set()
+
+            def watched(self, ksp, *, _steps=steps, _kinds=kinds, **how):
+                configure(self, ksp, **how)
+                _kinds.add(blocks.is_by_blocks(self.matrix))
+                ksp.setPostSolve(lambda solver, b, x: _steps.append((b.getSize(), solver.getIterationNumber())))
+
+            monkeypatch.setattr(elastic, "FEWEST_BLOCK_UNKNOWNS", fewest)
+            monkeypatch.setattr(krylov.KrylovSystem, "configure", watched)
+            solution = solve(make(), comm) if solving else make()
+            assert kinds == {fewest == 0}
+            answers.append((solution, steps))
+        return answers
+
+    return solved
+
+
+BODIES = {
+    **{
+        f"{cells}, {law}": functools.partial(block, 12, cells, gamma=1e6, linear_algebra="krylov", **LAWS[law])
+        for cells in ("hexahedra", "tetrahedra")
+        for law in LAWS
+    },
+    "plane": functools.partial(example1, bound=1.5, nx=60, ny=20, linear_algebra="krylov"),
+    "quadratic": functools.partial(block, 6, degree=2, gamma=1e6, linear_algebra="krylov", bound=1.5),
+}
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_blocks_change_no_answer(name, either):
+    """As many Krylov steps, displacements and tractions to 1e-12: the V-cycle in single precision costs nothing."""
+    (ours, steps), (theirs, wanted) = either(BODIES[name])
+    assert steps == wanted
+    agree(ours, theirs, 1e-12)
+
+
+def test_two_bodies_by_blocks(either):
+    """What contact adds couples nodes that the stiffness does not; forms of a user's own."""
+    (ours, steps), (theirs, wanted) = either(
+        lambda: paraboloids("hexahedron", 1, (4, 5), linear_algebra="krylov"), solving=False
+    )
+    assert steps == wanted
+    assert ours.certificate.holds
+    far = np.abs(theirs.u.x.array).max()
+    np.testing.assert_allclose(ours.u.x.array, theirs.u.x.array, rtol=0, atol=1e-12 * far)
+
+
+@pytest.mark.mpi
+def test_solves_by_blocks_on_ranks(either):
+    """As with PETSc's matrix on as many ranks."""
+    (ours, steps), (theirs, wanted) = either(
+        lambda: block(9, "tetrahedra", coefficient=0.3, gamma=1e6, linear_algebra="krylov", comm=WORLD), WORLD
+    )
+    assert same_on_all_ranks(steps) == wanted
+    assert ours.status is theirs.status is Status.CONVERGED
+    far = WORLD.allreduce(np.abs(theirs.displacement.x.array).max(), op=MPI.MAX)
+    np.testing.assert_allclose(ours.displacement.x.array, theirs.displacement.x.array, rtol=0, atol=1e-12 * far)
+
+
+def test_without_a_compiler(monkeypatch):
+    """The matrix is sparse, the answer the same, and the summary says why it took longer."""
+
+    def refuse(*_):
+        raise MachineError("there is no C compiler")
+
+    monkeypatch.setattr(kernels, "library", refuse)
+    monkeypatch.setattr(kernels, "_LOADED", {})
+    monkeypatch.setattr(elastic, "FEWEST_BLOCK_UNKNOWNS", 0)
+    scene = block(6, bound=1.5, linear_algebra="krylov")
+    solution = solve(scene, MPI.COMM_SELF)
+    assert solution.converged
+    assert not blocks.is_by_blocks(solution.discretisation.stiffness)
+    assert solution.linear_algebra == (
+        "krylov: as asked for; its products are slower than by blocks: there is no C compiler"
+    )
+
+
+@pytest.mark.parametrize("symmetric", [True, False])
+@pytest.mark.parametrize("regular", [True, False])
+def test_a_factor_of_blocks(symmetric, regular):
+    """Solves as a factor of the sparse matrix, and a singular one fails for the same reason."""
+    ours, theirs, _space = two_matrices(3, MPI.COMM_SELF)
+    added = theirs.duplicate()
+    added.setDiagonal(theirs.getDiagonal())
+    if not regular:
+        added.zeroEntries()
+        added.axpy(-1.0, theirs)  # A + C = 0
+    tangent = blocks.with_added(ours, added)
+    results = []
+    for matrix in (tangent, blocks.by_entries(tangent)):
+        ksp = PETSc.KSP().create(MPI.COMM_SELF)
+        ksp.setOperators(matrix)
+        if matrix is tangent:
+            ksp.setType(PETSc.KSP.Type.PREONLY)
+            blocks.use_entries(ksp.getPC(), lambda pc: factorisation.use_factor(pc, symmetric=symmetric))
+        else:
+            factorisation.use_factorisation(ksp, symmetric=symmetric)
+        x, right = matrix.createVecs()
+        right.set(1.0)
+        try:
+            callbacks.solve(ksp.solve, right, x)
+            results.append((ksp.getConvergedReason(), ksp.getPC().getFailedReason(), x.array.copy()))
+        except PETSc.Error as error:
+            results.append((error.ierr, None, None))
+    (*reasons, solution), (*wanted, reference) = results
+    assert reasons == wanted
+    if regular:
+        assert reasons[0] > 0
+        np.testing.assert_allclose(solution, reference, rtol=0, atol=1e-13 * np.abs(reference).max())
+    else:
+        assert reasons[1] is None or reasons[1] != PETSc.PC.FailedReason.NOERROR
+
+
+@pytest.mark.parametrize("coulomb", ["fp", "newton"])
+def test_what_fails_by_blocks_is_factorised(coulomb, monkeypatch):
+    """As with sparse matrices: one step of the Krylov method is too few, and the answer is that of a factorisation."""
+    usual = krylov.KrylovSystem.keep_factor
+
+    def keep(self, ksp, *arguments, **how):
+        kept = usual(self, ksp, *arguments, **how)
+        ksp.setTolerances(max_it=1)
+        return kept
+
+    monkeypatch.setattr(elastic, "FEWEST_BLOCK_UNKNOWNS", 0)
+    monkeypatch.setattr(krylov.KrylovSystem, "keep_factor", keep)
+    scene = block(6, coefficient=0.3, coulomb=coulomb, linear_algebra="krylov", fallbacks=False)
+    found = solve(scene, MPI.COMM_SELF, check=False)
+    assert blocks.is_by_blocks(found.discretisation.stiffness)
+    assert "linear solver failed: the matrix is factorised" in found.history.events
+    full = scene.model_copy(update={"solver": scene.solver.model_copy(update={"linear_algebra": "full"})})
+    agree(found, solve(full, MPI.COMM_SELF, check=False))
+
+
+def test_a_body_of_one_level(monkeypatch):
+    """Smoothed aggregation finds nothing coarser: it alone preconditions, made for the entries."""
+    monkeypatch.setattr(elastic, "FEWEST_BLOCK_UNKNOWNS", 0)
+    scene = block(3, bound=1.5, linear_algebra="krylov")
+    solution = solve(scene, MPI.COMM_SELF, check=False)
+    assert blocks.is_by_blocks(solution.discretisation.stiffness)
+    full = scene.model_copy(update={"solver": scene.solver.model_copy(update={"linear_algebra": "full"})})
+    agree(solution, solve(full, MPI.COMM_SELF, check=False))
