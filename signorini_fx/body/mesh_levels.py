@@ -16,9 +16,11 @@ import scipy.sparse
 from dolfinx import fem
 from petsc4py import PETSc
 
+from signorini_fx import parallel
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.body.rigid import RigidMotions, rigid_modes
 from signorini_fx.linalg import row_by_row
+from signorini_fx.mesh.lattice_points import at_lattice
 from signorini_fx.mesh.points import at_points
 from signorini_fx.tuned import OUTSIDE_COARSER_MESH, SAME_ENTRY
 
@@ -134,13 +136,6 @@ class MeshLevel:
         """Shares of the coarse nodes (global numbers) in each owned node, scipy sparse; None: some node is nowhere."""
         shape = coarse.space.ufl_element().sub_elements[0]
         dofmap = coarse.space.dofmap
-
-        def numbers_and_shares(cells: npt.NDArray[np.int32], points: Array) -> Array:
-            shares = shape.tabulate(0, points)[0].reshape(len(cells), -1)
-            shares[np.abs(shares) < SAME_ENTRY] = 0.0
-            nodes = dofmap.list[cells]
-            return np.hstack((dofmap.index_map.local_to_global(nodes.ravel()).reshape(nodes.shape), shares))
-
         x = node_positions(self.space)[: self._owned]
         coarse_pieces, motions = coarse.motions.pieces, self.motions
         # Bodies in contact touch or overlap: a node belongs to its own one.  Pieces are in the order of their places.
@@ -149,11 +144,34 @@ class MeshLevel:
             if coarse_pieces.count == motions.pieces.count > 1
             else None
         )
-        located = at_points(coarse.space.mesh, x, OUTSIDE_COARSER_MESH, numbers_and_shares, pieces)
-        if located is None:
-            return None
-        row = np.repeat(np.arange(self._owned), shape.dim)
-        columns, values = located[:, : shape.dim].ravel().astype(np.int64), located[:, shape.dim :].ravel()
+
+        def numbers(cells: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
+            nodes = dofmap.list[cells]
+            return np.asarray(dofmap.index_map.local_to_global(nodes.ravel()).reshape(nodes.shape))
+
+        def shares_at(points: Array) -> Array:
+            shares = shape.tabulate(0, points)[0].reshape(len(points), -1)
+            shares[np.abs(shares) < SAME_ENTRY] = 0.0
+            return np.asarray(shares)
+
+        # Where cells were halved the places are known; what is elsewhere, or on another rank, is sought.
+        cells, at, lattice = at_lattice(coarse.space.mesh, x, 2 * shape.degree, pieces)
+        known = cells >= 0
+        columns, values = np.zeros((len(x), shape.dim), dtype=np.int64), np.zeros((len(x), shape.dim))
+        columns[known], values[known] = numbers(cells[known]), shares_at(lattice)[at[known]]
+        if parallel.any_rank(self.space.mesh.comm, not known.all()):
+            located = at_points(
+                coarse.space.mesh,
+                x[~known],
+                OUTSIDE_COARSER_MESH,
+                lambda cells, points: np.hstack((numbers(cells), shares_at(points))),
+                None if pieces is None else (pieces[0][~known], pieces[1]),
+            )
+            if located is None:
+                return None
+            if located.size:
+                columns[~known], values[~known] = located[:, : shape.dim].astype(np.int64), located[:, shape.dim :]
         used = values != 0
+        row = np.repeat(np.arange(self._owned), used.sum(axis=1))
         total = dofmap.index_map.size_global
-        return scipy.sparse.csr_matrix((values[used], (row[used], columns[used])), shape=(self._owned, total))
+        return scipy.sparse.csr_matrix((values[used], (row, columns[used])), shape=(self._owned, total))

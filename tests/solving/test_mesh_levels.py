@@ -10,10 +10,13 @@ from spaces import block, box, friction_of
 from test_krylov import LAWS, agree, set_ups, steps  # noqa: F401
 from test_ranks import same_on_all_ranks
 from test_space_patch import rotation
+from two_bodies import assembled, grid
 
+from signorini_fx.body import mesh_levels
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.linalg import multigrid
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.mesh.points import at_points
+from signorini_fx.mesh.tagged import load_mesh, tag_boundaries
 from signorini_fx.records import History, Timings
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.first_start import begin_at_coarse
@@ -85,6 +88,51 @@ def test_linear_functions_are_interpolated_exactly(name):
     fine.interpolation.mult(vectors[0], found)
     wanted = vectors[1].getArray()
     np.testing.assert_allclose(found.getArray(), wanted, rtol=0, atol=1e-9 * vectors[1].norm(PETSc.NormType.INF))
+
+
+# Whether all nodes are looked up on one rank.
+LOOKED_UP = dict.fromkeys(("rectangle", "quadratic", "hexahedra", "tetrahedra"), True)
+LOOKED_UP |= dict.fromkeys(("not nested", "cylinder"), False)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", [*LOOKED_UP, "touching"])
+def test_places_that_are_looked_up_are_those_that_are_found(name, monkeypatch):
+    """The same interpolation to round-off as by the search alone, also of two bodies whose nodes are at the same
+    places; where meshes are nested nothing is sought on one rank.
+    """
+    if name == "touching":
+        coarse, fine = (level(touching(n), WORLD) for n in (1, 2))
+    else:
+        coarse, fine = (level(scene(WORLD), WORLD) for scene in MESHES[name])
+    fine.coarser, sought = coarse, []
+
+    def search(mesh, x, *arguments):
+        sought.append(len(x))
+        return at_points(mesh, x, *arguments)
+
+    monkeypatch.setattr(mesh_levels, "at_points", search)
+    interpolation = fine.interpolation
+    if WORLD.size == 1:
+        assert (sum(sought) == 0) == LOOKED_UP.get(name, True)
+    del fine.interpolation
+    monkeypatch.setattr(mesh_levels, "at_lattice", nowhere)
+    interpolation.axpy(-1.0, fine.interpolation, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    assert interpolation.norm(PETSc.NormType.NORM_INFINITY) <= 1e-9
+
+
+def touching(n):
+    """Two cubes on each other that are not joined, each held at its end, with the same nodes where they touch."""
+    cubes = (grid("hexahedron", (n, n, n), (0, 0, z), (1, 1, z + 1)) for z in (0, 1))
+    mesh = assembled("hexahedron", *cubes, comm=WORLD)
+    tagged = tag_boundaries(mesh, {"bottom": lambda x: x[2] < 1e-9, "top": lambda x: x[2] > 2 - 1e-9})
+    held = [{"boundary": name, "x": 0.0, "y": 0.0, "z": 0.0} for name in ("bottom", "top")]
+    return parse_scene({"mesh": tagged, "material": {"young": 1.0, "poisson": 0.3}, "displacement": held})
+
+
+def nowhere(mesh, x, *_):
+    """No point is at a lattice point."""
+    return np.full(len(x), -1), np.zeros(len(x), dtype=np.int64), np.zeros((1, mesh.topology.dim))
 
 
 def test_prescribed_unknowns_do_not_move():
