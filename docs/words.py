@@ -13,7 +13,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 LONG = 30
 # What is not for users of the package, or written by a command; the others, with the README, are the guide.
-OTHERS = ("theory", "architecture", "trust", "evidence", "refusals", "answers")
+OTHERS = ("theory", "architecture", "trust", "evidence", "refusals", "answers", "decks")
 
 
 def guide() -> list[Path]:

@@ -631,6 +631,9 @@ HARD_CONTACT = 1e4
 # Forces at nodes that differ by less than this share of the largest from those of a uniform traction are those; points
 # and moments that differ by its square are the same.  Choice: decks have few digits.
 ALIKE_IN_DECK = 1e-3
+# Where a deck asks for NLGEOM and the strain that linear elasticity neglects is more than this share of its own, the
+# answer is another one.  Choice: as much as an accuracy that is usually asked for.
+LINEAR_IN_DECK = 0.01
 
 # --- contact between two bodies --------------------------------------------------------------------------------------
 

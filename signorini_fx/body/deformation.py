@@ -60,8 +60,34 @@ def deformation_of(body: ElasticBody, displacement: fem.Function, size: float) -
     return Deformation(gradient, share)
 
 
+def neglected_strain(body: ElasticBody, displacement: fem.Function) -> tuple[float, float]:
+    """What the strain of linear elasticity leaves out of Green's; collective.
+
+    Both are root mean squares over the piece where they are largest.
+
+    Returns:
+        The rotation, radians, and |grad u^T grad u / 2| over |sym grad u|; nan for a displacement without strain.
+    """
+    pieces = body.motions.pieces
+    gradient, areas = _gradients(body, displacement)
+    turned = gradient.swapaxes(0, 1)
+    tensors = ((gradient - turned) / 2**1.5, np.einsum("kic,kjc->ijc", gradient, gradient) / 2, (gradient + turned) / 2)
+    squares = [np.einsum("ijc,ijc->c", tensor, tensor) * areas for tensor in tensors]
+    rows = np.column_stack((*squares, areas))
+    total = parallel.sums_by(body.comm, pieces.of_cell[: areas.size], rows, pieces.count)
+    rotation, neglected, strain = np.sqrt(total[:, :3] / total[:, 3:]).max(axis=0)
+    return float(rotation), float(neglected / strain) if strain > 0 else np.nan
+
+
 def _squares(body: ElasticBody, displacement: fem.Function) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """|grad u|^2 at the middle of each owned cell, and the sizes of these cells, shape (cells,)."""
+    gradient, areas = _gradients(body, displacement)
+    return np.einsum("ijc,ijc->c", gradient, gradient), areas
+
+
+def _gradients(
+    body: ElasticBody, displacement: fem.Function
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Grad u at the middle of each owned cell, shape (d, d, cells), and the sizes of these cells, shape (cells,)."""
     middle = basix.geometry(getattr(basix.CellType, body.space.mesh.topology.cell_name())).mean(axis=0, keepdims=True)
-    gradient, volume = next(gradients(displacement, middle))
-    return np.einsum("ijc,ijc->c", gradient, gradient), volume
+    return next(gradients(displacement, middle))

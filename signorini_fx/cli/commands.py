@@ -165,6 +165,11 @@ def run(options: argparse.Namespace) -> int:
     except SceneError as error:
         problems = [(path, _with_origin(path, message, options.deck, origins)) for path, message in error.problems]
         raise SceneError(problems, str(options.scene)) from None
+    said, larger = add_on("deck_rotations")(solution, deck)
+    lost += larger
+    if said and not options.quiet:
+        graded = ("changes the answer: ", said, "error") if larger else ("does not change it: ", said, "")
+        parallel.log_on_root(MPI.COMM_WORLD, [terminal.TerminalLine(*graded)])
     written = add_on("deck_tables")(solution, deck, out, options.deck.stem)
     written.append(parallel.on_root(MPI.COMM_WORLD, lambda: add_on("report")(out, None)))
     if not options.quiet:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from signorini_fx.decks.keywords import CONSTRAINT, PLAIN
 from signorini_fx.kinematics import of_materials
 from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.mesh.files.abaqus import Model
@@ -21,6 +22,9 @@ from signorini_fx.mesh.files.arrays import MeshArrays
 from signorini_fx.mesh.files.cells import dimension
 from signorini_fx.mesh.files.shape import Floats, Ints
 from signorini_fx.scene.point_values import same_places
+
+# CalculiX takes a body of revolution as a sector of so many degrees, whose nodal forces it prints.
+_SECTOR = 2.0
 
 
 @dataclass
@@ -87,8 +91,8 @@ class Deck:
     ``bolts`` has the surface of each reference node of a *PRE-TENSION SECTION.  ``stiffness`` and ``sticking`` are
     those of interactions, stress per length, and ``adjusted`` has the ADJUST of pairs: a length, or a set of nodes.
     ``pairing`` has the keyword of each pair and tie, ``heating`` those that give temperatures.
-    ``ends`` has the times at the ends of steps.  ``assumed`` is what the elements of the plane read last assume, in
-    words, of which ``hypothesis`` is the key.
+    ``ends`` has the times at the ends of steps.  ``nonlinear`` is the last step with NLGEOM.
+    ``assumed`` is what the elements of the plane read last assume, in words, of which ``hypothesis`` is the key.
     """
 
     mesh: MeshArrays
@@ -127,11 +131,38 @@ class Deck:
     bolts: dict[int, str] = field(default_factory=dict)
     drawn: dict[str, list[list[str]]] = field(default_factory=dict)
     rough: set[str] = field(default_factory=set)
+    nonlinear: DeckBlock | None = None
 
     @property
     def kinematics(self) -> Kinematics:
         """That of its cells."""
         return of_materials([(self.hypothesis, False)])
+
+    @property
+    def printed_share(self) -> float:
+        """Of the forces of a scene those that CalculiX prints: over the thickness, or of its sector of a ring."""
+        if self.mesh.dim == 3:
+            return 1.0
+        return self.thickness if self.kinematics.uniform else _SECTOR / 360.0
+
+    def outside(self, block: DeckBlock, what: str) -> None:
+        """Say that something is given at nodes that are no part of the body; it matters where a constraint or an
+        element that is none either ties them to it.
+        """
+        keywords = {keyword.keyword for keyword in self.model.blocks}
+        constrained = "RIGIDBODY" in keywords or any(
+            rule.effect == CONSTRAINT for keyword, rule in PLAIN.items() if keyword in keywords
+        )
+        if self.model.tied or constrained:
+            self.lose(block, f"{what}: no part of the body, which a constraint may tie to it")
+        else:
+            self.note(block, f"{what}: no part of the body")
+
+    @property
+    def touches(self) -> bool:
+        """Whether it has contact, which may not be in the scene."""
+        words = ("CONTACT", "CONTACTPAIR", "TIE", "GAP")
+        return any(block.keyword in words for block in self.model.blocks)
 
     @property
     def step(self) -> int:

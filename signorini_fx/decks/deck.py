@@ -14,46 +14,30 @@ import numpy as np
 
 from signorini_fx.decks.bolts import read_bolt
 from signorini_fx.decks.content import Deck, plain_name
+from signorini_fx.decks.keywords import (
+    CHANGED_WITHIN,
+    NOT_WRITTEN,
+    OTHER_PROCEDURE,
+    PERTURBATION,
+    PLAIN,
+    RULES,
+    SECTOR,
+    SMALL,
+    UNKNOWN,
+    WRITTEN,
+    Grade,
+)
 from signorini_fx.decks.loads import read_body_forces, read_boundary, read_forces, read_surface_loads
 from signorini_fx.decks.material import frame, read_constants, read_section
 from signorini_fx.decks.temperatures import read_temperatures
 from signorini_fx.errors import MeshError
-from signorini_fx.mesh.files.abaqus import NO_BODY, read_model
-from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, real
+from signorini_fx.mesh.files.abaqus import NO_BODY, POINTS, read_model
+from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, DeckError, real
 from signorini_fx.mesh.files.arrays import MeshArrays, plain
 
-# Keywords that the mesh is read from, that only group others, or that ask for output; without blanks.
-_SILENT = {
-    *("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE", "PART", "ENDPART", "ASSEMBLY", "ENDASSEMBLY", "INSTANCE"),
-    *("ENDINSTANCE", "PREPRINT", "RESTART", "OUTPUT", "NODEOUTPUT", "ELEMENTOUTPUT", "CONTACTOUTPUT", "FIELDOUTPUT"),
-    *("HISTORYOUTPUT", "NODEPRINT", "ELPRINT", "NODEFILE", "ELFILE", "CONTACTPRINT", "PRINT", "CONTACTFILE"),
-    *("ENERGYOUTPUT", "ENERGYPRINT", "MONITOR", "FILEFORMAT", "CONTROLS", "ENDSTEP", "HOURGLASSSTIFFNESS", "MASS"),
-    *(
-        "TIMEPOINTS",
-        "SECTIONPRINT",
-        "PRE-TENSIONSECTION",
-        "FACEPRINT",
-        "ORIENTATION",
-        "AMPLITUDE",
-        "TRANSFORM",
-        "DENSITY",
-        "RIGIDBODY",
-    ),
-}
-# Data of other physics and of other procedures.
-_WITHOUT_EFFECT = {
-    *("CONDUCTIVITY", "SPECIFICHEAT", "PHYSICALCONSTANTS", "GAPCONDUCTANCE", "GAPHEATGENERATION", "DAMPING"),
-    *("CONTACTDAMPING", "DESIGNVARIABLES", "VIEWFACTOR", "CFLUX", "DFLUX", "FILM", "RADIATE", "EMISSIVITY"),
-}
-_POINTS = re.compile("MASS|ROTARYI|HEATCAP")  # elements without stiffness
 _STRESS = re.compile(r"CPS|STRI|M3D|S\d")  # plane stress, if they are a plane body
 # What a step does, unless it is static.
-_PROCEDURES = re.compile(
-    "FREQUENCY|COMPLEXFREQUENCY|BUCKLE|DYNAMIC|MODALDYNAMIC|STEADYSTATEDYNAMICS|STEADYSTATETRANSPORT|HEATTRANSFER|VISCO"
-    "|(UN)?COUPLEDTEMPERATURE-DISPLACEMENT|COUPLEDTHERMAL-ELECTRICAL|GREEN|SUBSTRUCTUREGENERATE|SENSITIVITY|CFD|ANNEAL"
-    "|ELECTROMAGNETICS|NOANALYSIS|RANDOMRESPONSE|RESPONSESPECTRUM|GEOSTATIC|SOILS|MASSDIFFUSION|DIRECTCYCLIC"
-    "|CRACKPROPAGATION|ROBUSTDESIGN|FEASIBLEDIRECTION"
-)
+_PROCEDURES = {rule.key for rule in RULES if rule.effect == OTHER_PROCEDURE}
 
 
 def read_deck(file: Path, mesh: MeshArrays) -> Deck:
@@ -89,7 +73,7 @@ def read_deck(file: Path, mesh: MeshArrays) -> Deck:
         with _placed(file, block):
             match block.keyword:
                 case "ELASTIC" | "EXPANSION" | "FRICTION" | "SURFACEBEHAVIOR" if deck.steps:
-                    deck.lose(block, "a change within a step: what holds at the beginning is taken")
+                    deck.lose(block, CHANGED_WITHIN)
                 case "MATERIAL":
                     material = block.parameters["NAME"].upper()
                     deck.materials.setdefault(material, {})
@@ -122,10 +106,12 @@ def _placed(file: Path, block: DeckBlock) -> Iterator[None]:
     """Add the place in the file to an error."""
     try:
         yield
+    except DeckError as error:  # of another keyword that this one refers to
+        raise MeshError(f"{file}: {error.text}") from None
     except (ValueError, IndexError) as error:
-        raise MeshError(f"{file}: {block.place}, *{block.name}: {error}") from None
+        raise MeshError(f"{file}: {block.origin}: {error}") from None
     except KeyError as error:
-        raise MeshError(f"{file}: {block.place}, *{block.name}: {error} is missing") from None
+        raise MeshError(f"{file}: {block.origin}: {error} is missing") from None
 
 
 def _used_keywords(deck: Deck) -> Iterator[DeckBlock]:
@@ -141,12 +127,14 @@ def _used_keywords(deck: Deck) -> Iterator[DeckBlock]:
         step.append(block)
         if block.keyword != "ENDSTEP":
             continue
-        procedure = next((entry.name for entry in step if _PROCEDURES.fullmatch(entry.keyword)), None)
+        procedure = next((entry.name for entry in step if entry.keyword in _PROCEDURES), None)
         if procedure is not None:
-            deck.lose(step[0], f"the step, *{procedure}: only static steps are taken")
+            deck.lose(step[0], f"the step, *{procedure}: {OTHER_PROCEDURE}")
         elif steps and "PERTURBATION" in step[0].parameters:
             deck.lose(step[0], "the step, a perturbation of the one before it")
         else:
+            if "PERTURBATION" in step[0].parameters:
+                deck.lose(step[0], PERTURBATION)
             steps += 1
             yield from step
         step = None
@@ -163,14 +151,15 @@ def _read(deck: Deck, block: DeckBlock) -> None:
         case "ELEMENT":
             kind = parameters["TYPE"].upper()
             _hypothesis(deck, block, kind)
-            if NO_BODY.match(kind) and not _POINTS.match(kind):
+            if NO_BODY.match(kind) and not POINTS.match(kind):
                 deck.lose(block, f"{kind}, which is no part of the body")
         case "STEP":
             deck.steps.append(parameters.get("NAME", f"step {len(deck.steps) + 1}"))
             deck.time += deck.period if deck.step else 0.0
             deck.period = 1.0
             if parameters.get("NLGEOM", "NO").upper() == "YES" or ("NLGEOM" in parameters and not parameters["NLGEOM"]):
-                deck.note(block, "NLGEOM: displacements and rotations are taken as small")
+                deck.note(block, SMALL)
+                deck.nonlinear = block
         case "STATIC":
             deck.period = real(rows[0][1]) if rows and len(rows[0]) > 1 else 1.0
             deck.ends[deck.step] = deck.time + deck.period
@@ -190,20 +179,31 @@ def _read(deck: Deck, block: DeckBlock) -> None:
             deck.pairing |= dict.fromkeys(pairs, block)
             if "ADJUST" in parameters:
                 deck.adjusted |= dict.fromkeys(pairs, parameters["ADJUST"])
-        case "CONTACT" | "CONTACTINCLUSIONS":
-            deck.lose(block, "general contact: name the pairs of surfaces, in [[contact]]")
         case "TIE" if "CYCLICSYMMETRY" in parameters:
             deck.lose(block, "cyclic symmetry: model the whole body")
         case "TIE":
             ties = [_pair(row, "")[:2] for row in rows]
             deck.ties += ties
             deck.pairing |= dict.fromkeys(ties, block)
-        case keyword if keyword in _WITHOUT_EFFECT:
-            deck.note(block, "without effect in static steps")
-        case "EQUATION" | "MPC" | "COUPLING" | "KINEMATIC" | "DISTRIBUTING" | "DISTRIBUTINGCOUPLING":
-            deck.lose(block, "a constraint between nodes")
-        case keyword if keyword not in _SILENT:
-            deck.lose(block, "not known to scenes")
+        case keyword if keyword in WRITTEN:
+            _output(deck, block)
+        case keyword:
+            rule = PLAIN.get(keyword)
+            if rule is None or rule.grade is Grade.LOST:
+                deck.lose(block, UNKNOWN if rule is None else rule.effect)
+            elif rule.grade is Grade.NOTED:
+                deck.note(block, rule.effect)
+
+
+def _output(deck: Deck, block: DeckBlock) -> None:
+    """Say which tables are not written, and of which body forces are."""
+    file, written = WRITTEN[block.keyword]
+    words = [word.upper() for row in block.rows for word in row]
+    missing = [word for word in words if word[:4] not in written]
+    if missing:
+        deck.note(block, f"{', '.join(missing)} in {file}: {NOT_WRITTEN}")
+    if "RF" in words and "RF" in written and not deck.kinematics.uniform:
+        deck.note(block, f"RF in {file}: {SECTOR}")
 
 
 def _hypothesis(deck: Deck, block: DeckBlock, kind: str) -> None:

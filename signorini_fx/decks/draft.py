@@ -94,6 +94,8 @@ def _tables(deck: Deck, target: Path, files: dict[Path, str]) -> list[tuple[str,
     tables += [*material_tables(deck, heated=bool(heat)), *_loads(deck, steps), *heat]
     tables += bolt_tables(deck, steps)
     contacts, stiffness = contact_tables(deck, steps)
+    if not contacts and deck.touches:
+        deck.lose(None, "all of its contact: bodies do not touch in the scene")
     tables += [("[[contact]]", lines) for lines in contacts]
     all_lines = [line for _, lines in tables for line in lines]
     timed = any(line.startswith("foundation") and " if t < " in line for line in all_lines)

@@ -10,7 +10,7 @@ import numpy as np
 
 from signorini_fx.decks.bolts import drive, hold
 from signorini_fx.decks.content import Deck, DeckLoad, plain_name
-from signorini_fx.mesh.files.abaqus_blocks import ROTATIONS, DeckBlock, components, quoted, real
+from signorini_fx.mesh.files.abaqus_blocks import ROTATIONS, DeckBlock, DeckError, components, quoted, real
 from signorini_fx.mesh.files.abaqus_groups import Group
 from signorini_fx.mesh.files.cells import completed
 from signorini_fx.mesh.files.raw import rows_of
@@ -63,7 +63,7 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
         if where is not None and len(held) <= _POINTS and np.setdiff1d(deck.held(where), held).size:
             where = None  # facets have nodes in the middle of their sides that stay free
         if not held.size:
-            deck.note(block, f"support of {_shown(name, nodes)}: no part of the body")
+            deck.outside(block, f"support of {_shown(name, nodes)}")
         elif not clamped and not deck.turned.keys().isdisjoint(map(int, held)):
             if where is not None and not np.setdiff1d(held, deck.held(where)).size:
                 values = {_COMPONENTS[axis]: value for axis, value in along.items()}
@@ -339,15 +339,36 @@ def share_of(deck: Deck, block: DeckBlock) -> float:
     ):
         deck.lose(block, f"the amplitude {name!r}: the whole load is taken")
         return 1.0
-    words = [real(word) for row in amplitude.rows for word in row]
+    given_times, values = _course_of(amplitude)
     start = deck.time if "TIME" in amplitude.parameters else 0.0
-    times, values = np.array(words[0::2]) + real(block.parameters.get("TIMEDELAY", "0")), np.array(words[1::2])
+    times = given_times + real(block.parameters.get("TIMEDELAY", "0"))
+    if np.count_nonzero(times == start + deck.period) > 1:
+        deck.lose(block, f"the amplitude {name!r} jumps at the end of the step: its value after it is taken")
     within = values[(times > start) & (times < start + deck.period)]
     share = float(np.interp(start + deck.period, times, values))
     course = np.diff([float(np.interp(start, times, values)), *within, share])
     if (course > 0).any() and (course < 0).any():
         deck.lose(block, f"the amplitude {name!r} within the step: its value at the end is taken")
     return share
+
+
+def _course_of(amplitude: DeckBlock) -> tuple[Floats, Floats]:
+    """The times and values of an amplitude.
+
+    Raises:
+        DeckError: they are no pairs of numbers, or a time is before the one in front of it.
+    """
+    try:
+        words = np.array([real(word) for row in amplitude.rows for word in row])
+    except ValueError as error:
+        raise DeckError(amplitude, str(error)) from None
+    if words.size % 2:
+        raise DeckError(amplitude, "pairs of a time and a value are expected")
+    times, values = words[0::2], words[1::2]
+    back = np.flatnonzero(np.diff(times) < 0)
+    if back.size:
+        raise DeckError(amplitude, f"its times go back, from {times[back[0]]:g} to {times[back[0] + 1]:g}")
+    return times, values
 
 
 def _set_load(deck: Deck, load: DeckLoad, value: float) -> None:

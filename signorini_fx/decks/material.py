@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.decks.content import Deck, DeckSection
+from signorini_fx.decks.keywords import FIRST_LINE
 from signorini_fx.mesh.files.abaqus_blocks import DeckBlock, DeckError, quoted, real
 from signorini_fx.mesh.files.arrays import plain
 from signorini_fx.mesh.files.shape import Floats
@@ -67,7 +68,7 @@ def read_constants(deck: Deck, block: DeckBlock, material: str) -> None:
     else:
         properties["young"], properties["poisson"] = (real(word) for word in (*block.rows[0], "0")[:2])
     if rows > 1:
-        deck.lose(block, "constants that depend on temperature: the first line is taken")
+        deck.lose(block, FIRST_LINE)
 
 
 def _engineering(words: list[float]) -> list[float]:

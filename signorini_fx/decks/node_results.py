@@ -152,9 +152,8 @@ def _sorted(deck: Deck, numbers: Ints, nodal: Floats, stress: Floats, contact: F
     rows = numbers[contact[:, 0].astype(np.int64)]
     given = rows < count  # nodes that were added to the cells are none of the deck's
     touching[rows[given]] = contact[given, 1:]
-    share = deck.thickness if dim == 2 else 1.0
     displacement = np.pad(nodal[:count, :dim], ((0, 0), (0, 3 - dim)))
-    return NodeResults(displacement, share * forces[:count], stress[:count], touching)
+    return NodeResults(displacement, deck.printed_share * forces[:count], stress[:count], touching)
 
 
 def _give_back(deck: Deck, forces: Floats) -> None:

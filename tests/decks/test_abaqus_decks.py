@@ -461,9 +461,9 @@ def test_what_is_no_body(tmp_path, capsys):
     _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *lines, "1001, 1"], capsys)
     assert "displacement" not in data
     assert lines_of(said) == [
-        "BOUNDARY: support of node 1001: no part of the body",
         "RIGIDBODY: a rigid part of the body: it deforms here",
         "ELEMENT: SPRINGA, which is no part of the body",
+        "BOUNDARY: support of node 1001: no part of the body, which a constraint may tie to it",
     ]
     deck = tmp_path / "beams.inp"
     deck.write_text("*NODE\n1, 0., 0.\n2, 1., 0.\n*ELEMENT, TYPE=B21\n1, 1, 2\n")

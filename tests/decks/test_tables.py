@@ -99,3 +99,69 @@ def test_a_column_in_space(tmp_path, kind):
     first = cgx.split("    3C")[1].splitlines()[2:]
     if middles:  # those on upright edges before those on top
         assert first[1].split()[1:] == [str(number[p]) for p in whole[10:12] + whole[16:20] + whole[12:16]]
+
+
+def test_a_state_of_shear_in_space(tmp_path):
+    """A cube under the tractions of a uniform stress has it at all of its nodes, each component in its column."""
+    stress = np.array([[1.0, 4.0, 6.0], [4.0, 2.0, 5.0], [6.0, 5.0, 3.0]])
+    corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+    lines = ["*NODE", *(f"{n}, {x}., {y}., {z}." for n, (x, y, z) in enumerate(corners, 1))]
+    lines += ["*ELEMENT, TYPE=C3D8, ELSET=ALL", "1, 1, 2, 3, 4, 5, 6, 7, 8", *STEEL]
+    lines += ["*SOLID SECTION, ELSET=ALL, MATERIAL=STEEL"]
+    normals = {"S1": (0, 0, -1), "S2": (0, 0, 1), "S3": (0, -1, 0), "S4": (1, 0, 0), "S5": (0, 1, 0), "S6": (-1, 0, 0)}
+    for face in normals:
+        lines += [f"*SURFACE, NAME=F{face}", f"1, {face}"]
+    lines += ["*BOUNDARY", "1, 1, 3", "2, 2, 3", "4, 3", "*STEP", "*STATIC", "*DSLOAD"]
+    for face, normal in normals.items():
+        traction = stress @ normal
+        lines.append(f"F{face}, TRVEC, {float(np.linalg.norm(traction))!r}, {', '.join(map(repr, traction.tolist()))}")
+    _, cgx = solved(tmp_path, [*lines, "*END STEP"])
+    block = cgx.split(" -4  STRESS")[1].split(" -3")[0].splitlines()
+    assert [line.split()[1] for line in block if line.startswith(" -5")] == ["SXX", "SYY", "SZZ", "SXY", "SYZ", "SZX"]
+    rows = [[float(line[k : k + 12]) for k in range(13, 85, 12)] for line in block if line.startswith(" -1")]
+    assert len(rows) == len(corners)
+    np.testing.assert_allclose(rows, [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]] * len(corners), rtol=1e-5)
+
+
+def test_the_order_of_nodes(tmp_path):
+    """That of their numbers, whatever the order of the set and of the nodes in the file."""
+    lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD"])
+    first, second = lines.index("*NODE"), lines.index("*ELEMENT, TYPE=CPE4, ELSET=LOW")
+    lines[first + 1 : second] = lines[second - 1 : first : -1]
+    at = lines.index("*STEP")
+    lines[at:at] = ["*NSET, NSET=SOME, UNSORTED", "13, 2, 101, 7", "3"]
+    lines[-1:] = ["*NODE PRINT, NSET=SOME", "U", "*END STEP"]
+    (moved,), _ = (list(part.values()) if isinstance(part, dict) else part for part in solved(tmp_path, lines))
+    assert list(moved) == [2, 3, 7, 13, 101]
+    sinks = PRESSURE * (1 - POISSON**2) / YOUNG
+    heights = np.array([0.0, 0.0, 0.5, 1.0, 1.0])
+    np.testing.assert_allclose([y[1] for y in moved.values()], -sinks * heights, rtol=1e-4)
+
+
+def test_forces_of_a_body_of_revolution(tmp_path):
+    """Those of a sector of 2 degrees, as CalculiX prints them: of a ring under pressure its share of the force."""
+    lines = [
+        "*NODE",
+        "1, 1., 0.",
+        "2, 2., 0.",
+        "3, 2., 1.",
+        "4, 1., 1.",
+        "*ELEMENT, TYPE=CAX4, ELSET=E",
+        "1, 1, 2, 3, 4",
+    ]
+    lines += [*STEEL, "*SOLID SECTION, ELSET=E, MATERIAL=STEEL", "*NSET, NSET=LOW", "1, 2", "*BOUNDARY", "LOW, 2"]
+    lines += [
+        "*STEP",
+        "*STATIC",
+        "*DLOAD",
+        f"1, P3, {PRESSURE}",
+        "*NODE PRINT, NSET=LOW, TOTALS=YES",
+        "RF",
+        "*END STEP",
+    ]
+    found, _ = solved(tmp_path, lines)
+    nodal, total = found.values()
+    # Areas of the ring that its nodes have: the integrals of 2 pi r (2 - r) and 2 pi r (r - 1) from 1 to 2.
+    shares = np.array([[2 / 3], [5 / 6]]) * 2 * np.pi * PRESSURE * 2 / 360
+    np.testing.assert_allclose([nodal[1][1], nodal[2][1]], shares.ravel(), rtol=1e-6)
+    np.testing.assert_allclose(total[0][1], shares.sum(), rtol=1e-6)

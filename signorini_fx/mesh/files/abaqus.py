@@ -33,6 +33,7 @@ _LINE = re.compile(r"(?:T2D|T3D|R2D|B2|B3|DC1D)([123])")
 _KIND = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
 _SOLID = re.compile(r"(?:C3D|DC3D|AC3D)(\d+)")
 # Points, springs, dampers, couplings and networks of fluid: nothing of the body.
+POINTS = re.compile("MASS|ROTARYI|HEATCAP")  # these have no stiffness
 NO_BODY = re.compile(r"MASS|ROTARYI|HEATCAP|DASHPOT|SPRING|GAP|DCOUP|CONN|D$")
 _KIND_IN_SPACE = {
     4: "tetra",
@@ -95,6 +96,7 @@ class _Reader:
         self.points: dict[int, list[float]] = {}
         self.blocks: dict[str, list[list[int]]] = {}  # one of each kind, as there may be thousands of keywords
         self.elements: dict[int, tuple[str, int]] = {}  # number -> (kind, row)
+        self.tied = False
         self.passed_over: set[int] = set()  # elements that are nothing of the body
         self.element_sets: dict[str, list[int]] = {}
         self.node_sets: dict[str, list[int]] = {}
@@ -177,6 +179,7 @@ class _Reader:
     def _read_elements(self, block: DeckBlock) -> None:
         parameters, rows = block.parameters, block.rows
         if NO_BODY.match(parameters["TYPE"].upper()):
+            self.tied |= not POINTS.match(parameters["TYPE"].upper())
             self.passed_over.update(int(row[0]) for row in rows)
             if "ELSET" in parameters:
                 self.element_sets.setdefault(self._name(parameters["ELSET"]), [])
@@ -344,6 +347,7 @@ class Model:
         places: number of a node -> its row in the mesh.
         surfaces: name of a surface -> its elements, each with a face from 1 on.
         bare: an element of the body that is in no section, and the keyword that defines it; None: all are in one.
+        tied: whether there are elements with stiffness that are nothing of the body, such as springs.
         bodies: names of the parts that share no node, if there are several and the file gives nodes values.
     """
 
@@ -356,6 +360,7 @@ class Model:
     surfaces: dict[str, list[tuple[int, int]]]
     bare: tuple[int, DeckBlock] | None
     bodies: tuple[str, ...]
+    tied: bool
 
 
 def read_model(file: Path) -> Model:
@@ -391,6 +396,7 @@ def read_model(file: Path) -> Model:
         reader.surfaces,
         reader.bare,
         reader.bodies,
+        reader.tied,
     )
 
 

@@ -1,0 +1,57 @@
+"""Write docs/decks.md: what becomes of each keyword of an Abaqus input file, from signorini_fx/decks/keywords.py.
+
+    ./env python3 docs/decks.py
+
+A test reads a deck with each of them, and checks that the page is up to date.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "decks.md"
+sys.path.insert(0, str(ROOT))
+
+from signorini_fx.decks.keywords import RULES, Grade, Rule  # noqa: E402
+
+HEAD = """# How a deck is read
+
+- **Mesh.** Included files are in its folder or below. Instances of `*PART` are put in their place; a set
+  that several have is called `INSTANCE.SET`.
+- **Materials.** Of elements in several sections the last holds; an element without a material is an error.
+  `*ELASTIC` of type `ORTHO` or `ENGINEERING CONSTANTS` becomes `orthotropic`.
+- **Supports and loads.** Nodes or faces become a boundary if they fill whole facets; up to twelve supported nodes
+  become points. Forces of one `*CLOAD` on several sides are several loads, each spread evenly; another moment is
+  lost. Each static `*STEP` is a load step, `*PRE-TENSION SECTION` a `preload`.
+- **Contact.** Each `*CONTACT PAIR` has its `*FRICTION` and `ADJUST`. The slope of `PRESSURE-OVERCLOSURE=LINEAR` and
+  CalculiX's stiffness of sticking become `gamma_n` and `gamma_t`, which a scene has once. `*TIE` is a bond.
+- **Rigid bodies.** Planes, and in the plane lines and arcs, become foundations, or [tools](scene.md#shapes) where
+  their reference node moves; one of nodes becomes a bonded tool.
+- **Nodes.** Values at nodes belong to their bodies, which share none with others: `body_1` and so on, unless the file
+  has a set with the same elements. Temperatures of each are a table, and a single support names its body where another
+  one has a node at the same place.
+- **Places.** Each table of the draft says which line of the deck it is from, and so does an error of `run`.
+
+`./env python3 docs/decks.py` writes this page, with the table that `convert` and `run` grade by. A keyword that is not
+listed is *not known to scenes*, which changes the answer.
+"""
+
+
+def written() -> str:
+    """The page."""
+    rows: dict[tuple[Grade, str, str], list[Rule]] = {}
+    for rule in RULES:
+        rows.setdefault((rule.grade, rule.effect, rule.case), []).append(rule)
+    parts = [HEAD.rstrip()]
+    for grade in Grade:
+        parts += [f"\n## What {grade}\n", "| keyword | with | what becomes of it |", "|---|---|---|"]
+        for (row_grade, effect, case), rules in rows.items():
+            if row_grade is grade:
+                parts.append(f"| {', '.join(f'`*{rule.keyword}`' for rule in rules)} | {case} | {effect} |")
+    return "\n".join(parts) + "\n"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(written(), encoding="utf-8")

@@ -1,0 +1,139 @@
+"""What becomes of the keywords of an Abaqus input file: its effect on the scene, and whether the answer changes.
+
+``docs/decks.md`` is written from this table, and the tests read a deck with each of its rows.  No dolfinx here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Grade(StrEnum):
+    """Whether a scene has what a keyword says."""
+
+    TAKEN = "is in the scene"
+    NOTED = "does not change the answer"
+    LOST = "changes the answer"
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What becomes of a keyword.
+
+    Attributes:
+        keyword: as it is written, in capitals.
+        case: with which parameter or data; empty: in all other cases.
+        grade: whether the answer changes.
+        effect: what becomes of it; in words that are said where it is not taken.
+    """
+
+    keyword: str
+    case: str
+    grade: Grade
+    effect: str
+
+    @property
+    def key(self) -> str:
+        """The keyword without blanks, which the programs ignore."""
+        return self.keyword.replace(" ", "")
+
+
+def _rules(grade: Grade, effect: str, *keywords: str, case: str = "") -> list[Rule]:
+    return [Rule(keyword, case, grade, effect) for keyword in keywords]
+
+
+CONSTRAINT = "a constraint between nodes"
+WITHOUT_EFFECT = "without effect in static steps"
+SMALL = "NLGEOM: displacements and rotations are taken as small"
+PERTURBATION = "PERTURBATION: contact may open and close here, and does not in such a step"
+UNKNOWN = "not known to scenes"
+OTHER_PROCEDURE = "only static steps are taken"
+CHANGED_WITHIN = "a change within a step: what holds at the beginning is taken"
+GENERAL_CONTACT = "general contact: name the pairs of surfaces, in [[contact]]"
+FIRST_LINE = "constants that depend on temperature: the first line is taken"
+SECTOR = "forces on a sector of 2 degrees, as CalculiX prints them"
+NOT_WRITTEN = "not written"
+# Of the tables that output is asked for, those that are written, by their words: U, RF of *NODE PRINT and so on.
+WRITTEN = {
+    **{"NODEPRINT": (".dat", ("U", "RF")), "CONTACTPRINT": (".dat", ("CDIS", "CSTR"))},
+    **{"ELPRINT": (".dat", ()), "FACEPRINT": (".dat", ()), "SECTIONPRINT": (".dat", ())},
+    **{"NODEFILE": (".frd", ("U", "RF")), "ELFILE": (".frd", ("S",)), "CONTACTFILE": (".frd", ("CDIS", "CSTR"))},
+}
+_STRESSED = "as a plane body under plane stress, without bending"
+PROCEDURES = (
+    *("FREQUENCY", "COMPLEX FREQUENCY", "BUCKLE", "DYNAMIC", "MODAL DYNAMIC", "STEADY STATE DYNAMICS"),
+    *("STEADY STATE TRANSPORT", "HEAT TRANSFER", "VISCO", "COUPLED TEMPERATURE-DISPLACEMENT"),
+    *("UNCOUPLED TEMPERATURE-DISPLACEMENT", "COUPLED THERMAL-ELECTRICAL", "GREEN", "SUBSTRUCTURE GENERATE"),
+    *("SENSITIVITY", "CFD", "ANNEAL", "ELECTROMAGNETICS", "NO ANALYSIS", "RANDOM RESPONSE", "RESPONSE SPECTRUM"),
+    *("GEOSTATIC", "SOILS", "MASS DIFFUSION", "DIRECT CYCLIC", "CRACK PROPAGATION", "ROBUST DESIGN"),
+    "FEASIBLE DIRECTION",
+)
+_MESH = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE", "PART", "END PART", "ASSEMBLY", "END ASSEMBLY", "INSTANCE")
+_OUTPUT = (
+    *("PREPRINT", "RESTART", "OUTPUT", "NODE OUTPUT", "ELEMENT OUTPUT", "CONTACT OUTPUT", "FIELD OUTPUT"),
+    *("HISTORY OUTPUT", "PRINT", "ENERGY OUTPUT", "ENERGY PRINT", "MONITOR", "FILE FORMAT", "CONTROLS"),
+    *("HOURGLASS STIFFNESS", "TIME POINTS"),
+)
+_OTHER_PHYSICS = (
+    *("CONDUCTIVITY", "SPECIFIC HEAT", "PHYSICAL CONSTANTS", "GAP CONDUCTANCE", "GAP HEAT GENERATION", "DAMPING"),
+    *("CONTACT DAMPING", "DESIGN VARIABLES", "VIEW FACTOR", "CFLUX", "DFLUX", "FILM", "RADIATE", "EMISSIVITY"),
+)
+RULES: tuple[Rule, ...] = (
+    *_rules(Grade.TAKEN, "mesh, and names of boundaries and regions", *_MESH, "END INSTANCE"),
+    *_rules(Grade.TAKEN, "the lines of another file of the folder", "INCLUDE"),
+    *_rules(Grade.TAKEN, "title", "HEADING"),
+    *_rules(Grade.TAKEN, "material", "MATERIAL", "ELASTIC", "EXPANSION", "DENSITY", "ORIENTATION", "SOLID SECTION"),
+    *_rules(Grade.LOST, FIRST_LINE, "ELASTIC", "EXPANSION", case="several temperatures"),
+    *_rules(Grade.LOST, CHANGED_WITHIN, "ELASTIC", "EXPANSION", "FRICTION", "SURFACE BEHAVIOR", case="within a step"),
+    *_rules(Grade.NOTED, _STRESSED, "SHELL SECTION", "MEMBRANE SECTION", case="of a plane mesh"),
+    *_rules(Grade.LOST, "which is no part of the body", "ELEMENT", case="springs, gaps, connectors"),
+    *_rules(Grade.LOST, "beside elements of another kind", "ELEMENT", case="CPE, CPS and CAX in one file"),
+    *_rules(Grade.TAKEN, "directions of supports along normals", "TRANSFORM"),
+    *_rules(Grade.TAKEN, "load step", "STEP", "STATIC", "END STEP"),
+    *_rules(Grade.NOTED, SMALL, "STEP", case="NLGEOM; small rotations"),
+    *_rules(Grade.LOST, SMALL, "STEP", case="NLGEOM; run finds rotations that matter"),
+    *_rules(Grade.LOST, PERTURBATION, "STEP", case="PERTURBATION"),
+    *_rules(Grade.LOST, OTHER_PROCEDURE, *PROCEDURES),
+    *_rules(Grade.TAKEN, "factors of load steps", "AMPLITUDE"),
+    *_rules(Grade.LOST, "the whole load is taken", "AMPLITUDE", case="DEFINITION other than TABULAR, SMOOTH STEP"),
+    *_rules(Grade.TAKEN, "displacement, prescribed motion of rigid bodies", "BOUNDARY"),
+    *_rules(Grade.NOTED, "no part of the body", "BOUNDARY", case="of other nodes"),
+    *_rules(
+        Grade.LOST, "no part of the body, which a constraint may tie to it", "BOUNDARY", case="of tied other nodes"
+    ),
+    *_rules(Grade.TAKEN, "traction, force, gravity or rotation", "CLOAD", "DLOAD", "DSLOAD"),
+    *_rules(Grade.LOST, "a part of the body", "DLOAD", case="body force or weight on a part"),
+    *_rules(Grade.LOST, "moments at nodes", "CLOAD", case="components 4 to 6"),
+    *_rules(Grade.LOST, "is no boundary of the body", "DSLOAD", case="on another surface"),
+    *_rules(Grade.TAKEN, "temperature, body by body", "TEMPERATURE", "INITIAL CONDITIONS"),
+    *_rules(Grade.LOST, UNKNOWN, "INITIAL CONDITIONS", case="neither TEMPERATURE nor VELOCITY"),
+    *_rules(Grade.NOTED, WITHOUT_EFFECT, "INITIAL CONDITIONS", case="VELOCITY"),
+    *_rules(Grade.TAKEN, "preload", "PRE-TENSION SECTION"),
+    *_rules(Grade.TAKEN, "contact", "CONTACT PAIR", "SURFACE INTERACTION", "FRICTION", "SURFACE BEHAVIOR"),
+    *_rules(Grade.LOST, "here it is hard", "SURFACE BEHAVIOR", case="neither HARD, LINEAR nor TIED"),
+    *_rules(Grade.LOST, "contact that does not open again", "SURFACE BEHAVIOR", case="NO SEPARATION"),
+    *_rules(Grade.LOST, "rough friction, which never slides", "FRICTION", case="ROUGH"),
+    *_rules(Grade.LOST, "is no boundary of the body", "CONTACT PAIR", "TIE", case="of another surface"),
+    *_rules(Grade.LOST, GENERAL_CONTACT, "CONTACT", "CONTACT INCLUSIONS"),
+    *_rules(Grade.TAKEN, "bond", "TIE"),
+    *_rules(Grade.LOST, "cyclic symmetry: model the whole body", "TIE", case="CYCLIC SYMMETRY"),
+    *_rules(Grade.TAKEN, "rigid foundation, or a bonded tool", "RIGID BODY"),
+    *_rules(Grade.LOST, "a rigid part of the body: it deforms here", "RIGID BODY", case="of elements of the body"),
+    *_rules(
+        Grade.LOST, CONSTRAINT, "EQUATION", "MPC", "COUPLING", "KINEMATIC", "DISTRIBUTING", "DISTRIBUTING COUPLING"
+    ),
+    *_rules(Grade.NOTED, WITHOUT_EFFECT, *_OTHER_PHYSICS),
+    *_rules(Grade.TAKEN, "nothing: static steps do not need it", "MASS"),
+    *_rules(Grade.TAKEN, "nothing: a result folder has all output", *_OUTPUT),
+    *_rules(Grade.TAKEN, "tables of NAME.dat", "NODE PRINT", "CONTACT PRINT"),
+    *_rules(Grade.TAKEN, "fields of NAME.frd", "NODE FILE", "EL FILE", "CONTACT FILE"),
+    *_rules(Grade.NOTED, NOT_WRITTEN, "NODE PRINT", case="other than U, RF"),
+    *_rules(Grade.NOTED, NOT_WRITTEN, "CONTACT PRINT", case="other than CDIS, CSTR"),
+    *_rules(Grade.NOTED, NOT_WRITTEN, "NODE FILE", case="other than U, RF"),
+    *_rules(Grade.NOTED, NOT_WRITTEN, "EL FILE", case="other than S"),
+    *_rules(Grade.NOTED, NOT_WRITTEN, "EL PRINT", "FACE PRINT", "SECTION PRINT"),
+    *_rules(Grade.NOTED, SECTOR, "NODE PRINT", "NODE FILE", case="RF of a body of revolution"),
+)
+# What a keyword is without any special case.
+PLAIN = {rule.key: rule for rule in RULES if not rule.case}

@@ -1,0 +1,164 @@
+"""What becomes of each keyword: the table, its page, and decks with each of its rows."""
+
+import sys
+from pathlib import Path
+
+import pytest
+from deck_lines import STEEL, squares, stacked
+
+from signorini_fx import cli
+from signorini_fx.decks.draft import draft
+from signorini_fx.decks.keywords import PLAIN, RULES, Grade
+from signorini_fx.mesh.files.formats import read_file
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent.parent / "docs"))
+import decks
+
+BASE = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD"])
+STEP, END = BASE.index("*STEP"), BASE.index("*END STEP")
+NODE = ["*NODE", "900, 5., 5."]
+ELSEWHERE = (None, None)  # a row that another test is about
+# By keyword and case: lines before the first step, or another first line of it; lines of the step.
+SAID = {
+    ("INCLUDE", ""): (["*INCLUDE, INPUT=more.inp"], []),
+    ("EXPANSION", ""): (["*MATERIAL, NAME=STEEL", "*EXPANSION", "1e-5"], []),
+    ("DENSITY", ""): (["*MATERIAL, NAME=STEEL", "*DENSITY", "1."], []),
+    ("ORIENTATION", ""): (["*ORIENTATION, NAME=O", "1., 0., 0., 0., 1., 0."], []),
+    ("TRANSFORM", ""): (["*TRANSFORM, NSET=UP_WALL", "1., 0., 0., 0., 1., 0."], []),
+    ("AMPLITUDE", ""): (["*AMPLITUDE, NAME=A", "0., 0., 1., 1."], ["*DSLOAD, AMPLITUDE=A", "UP_TOP, P, 1."]),
+    ("CLOAD", ""): ([], ["*CLOAD", "111, 2, -.5", "112, 2, -1.", "113, 2, -1.", "114, 2, -1.", "115, 2, -.5"]),
+    ("DLOAD", ""): ([], ["*DLOAD", "LOW, BY, -1.", "UP, BY, -1."]),
+    ("TEMPERATURE", ""): ([], ["*TEMPERATURE", "UP_HEAD, 5."]),
+    ("INITIALCONDITIONS", ""): (["*INITIAL CONDITIONS, TYPE=TEMPERATURE", "UP_HEAD, 5."], []),
+    ("FRICTION", ""): (["*SURFACE INTERACTION, NAME=I", "*FRICTION", ".3"], []),
+    ("PRE-TENSIONSECTION", ""): ELSEWHERE,
+    ("TIE", ""): ELSEWHERE,
+    ("RIGIDBODY", ""): ELSEWHERE,
+    ("ELASTIC", "several temperatures"): (["*MATERIAL, NAME=M", "*ELASTIC", "1., .3, 20.", "2., .3, 90."], []),
+    ("EXPANSION", "several temperatures"): (["*MATERIAL, NAME=M", "*EXPANSION", "1., 20.", "2., 90."], []),
+    ("ELASTIC", "within a step"): ([], ["*ELASTIC", "1., .3"]),
+    ("EXPANSION", "within a step"): ([], ["*EXPANSION", "1."]),
+    ("FRICTION", "within a step"): ([], ["*FRICTION", ".3"]),
+    ("SURFACEBEHAVIOR", "within a step"): ([], ["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "1."]),
+    ("SHELLSECTION", "of a plane mesh"): (["*SHELL SECTION, ELSET=UP, MATERIAL=STEEL", "1."], []),
+    ("MEMBRANESECTION", "of a plane mesh"): (["*MEMBRANE SECTION, ELSET=UP, MATERIAL=STEEL", "1."], []),
+    ("ELEMENT", "springs, gaps, connectors"): (["*ELEMENT, TYPE=SPRINGA, ELSET=S", "900, 1, 2"], []),
+    ("ELEMENT", "CPE, CPS and CAX in one file"): ("CPS", []),
+    ("STEP", "NLGEOM; small rotations"): ("*STEP, NLGEOM", []),
+    ("STEP", "NLGEOM; run finds rotations that matter"): ELSEWHERE,
+    ("STEP", "PERTURBATION"): ("*STEP, PERTURBATION", []),
+    ("AMPLITUDE", "DEFINITION other than TABULAR, SMOOTH STEP"): (
+        ["*AMPLITUDE, NAME=A, DEFINITION=PERIODIC", "1, 2., 0., 1."],
+        ["*DSLOAD, AMPLITUDE=A", "UP_TOP, P, 1."],
+    ),
+    ("BOUNDARY", "of other nodes"): ([*NODE, "*BOUNDARY", "900, 1"], []),
+    ("BOUNDARY", "of tied other nodes"): ([*NODE, "*EQUATION", "2", "900,1,1.,111,1,1.", "*BOUNDARY", "900, 1"], []),
+    ("DLOAD", "body force or weight on a part"): ([], ["*DLOAD", "LOW, BY, -1."]),
+    ("CLOAD", "components 4 to 6"): ([], ["*CLOAD", "111, 6, 1."]),
+    ("DSLOAD", "on another surface"): ([], ["*DSLOAD", "NOWHERE, P, 1."]),
+    ("INITIALCONDITIONS", "neither TEMPERATURE nor VELOCITY"): (["*INITIAL CONDITIONS, TYPE=STRESS", "UP, 1."], []),
+    ("INITIALCONDITIONS", "VELOCITY"): (["*INITIAL CONDITIONS, TYPE=VELOCITY", "UP, 1, 1."], []),
+    ("SURFACEBEHAVIOR", "neither HARD, LINEAR nor TIED"): (
+        ["*SURFACE INTERACTION, NAME=J", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=EXPONENTIAL", "1., 1."],
+        [],
+    ),
+    ("SURFACEBEHAVIOR", "NO SEPARATION"): (["*SURFACE INTERACTION, NAME=J", "*SURFACE BEHAVIOR, NO SEPARATION"], []),
+    ("FRICTION", "ROUGH"): (["*SURFACE INTERACTION, NAME=I", "*FRICTION, ROUGH"], []),
+    ("CONTACTPAIR", "of another surface"): (["*CONTACT PAIR, INTERACTION=I", "NOWHERE, UP_TOP"], []),
+    ("TIE", "of another surface"): (["*TIE, NAME=T", "NOWHERE, UP_TOP"], []),
+    ("TIE", "CYCLIC SYMMETRY"): (["*TIE, CYCLIC SYMMETRY, NAME=T", "UP_TOP, LOW_BOTTOM"], []),
+    ("RIGIDBODY", "of elements of the body"): ([*NODE, "*RIGID BODY, ELSET=UP, REF NODE=900"], []),
+    ("NODEPRINT", ""): ([], ["*NODE PRINT, NSET=UP_HEAD", "U, RF"]),
+    ("CONTACTPRINT", ""): ([], ["*CONTACT PRINT", "CDIS, CSTR"]),
+    ("NODEPRINT", "other than U, RF"): ([], ["*NODE PRINT, NSET=UP_HEAD", "NT"]),
+    ("CONTACTPRINT", "other than CDIS, CSTR"): ([], ["*CONTACT PRINT", "CF"]),
+    ("NODEFILE", "other than U, RF"): ([], ["*NODE FILE", "NT"]),
+    ("ELFILE", "other than S"): ([], ["*EL FILE", "E"]),
+    ("ELPRINT", ""): ([], ["*EL PRINT, ELSET=UP", "S"]),
+    ("FACEPRINT", ""): ([], ["*FACE PRINT, SURFACE=UP_TOP", "DRAG"]),
+    ("SECTIONPRINT", ""): ([], ["*SECTION PRINT, SURFACE=UP_TOP, NAME=P", "SOF"]),
+    ("NODEPRINT", "RF of a body of revolution"): ("CAX", ["*NODE PRINT, NSET=UP_HEAD", "RF"]),
+    ("NODEFILE", "RF of a body of revolution"): ("CAX", ["*NODE FILE", "RF"]),
+}
+# These make sense with others around them, which the decks of other tests have.
+AROUND = ("PART", "ENDPART", "ASSEMBLY", "ENDASSEMBLY", "INSTANCE", "ENDINSTANCE", "MATERIAL", "SURFACEINTERACTION")
+
+
+def written(folder, before, within):
+    """A deck with more lines, or another first line of its step, or other elements."""
+    lines = [*BASE[:STEP], *(before if isinstance(before, list) else []), *BASE[STEP:END], *within, "*END STEP"]
+    if before in ("CAX", "CPS"):
+        at = [k for k, line in enumerate(lines) if "CPE4" in line]
+        for k in at if before == "CAX" else at[:1]:
+            lines[k] = lines[k].replace("CPE4", f"{before}4")
+    elif isinstance(before, str):
+        lines[lines.index("*STEP")] = before
+    (folder / "more.inp").write_text("** nothing\n", encoding="utf-8")
+    deck = folder / "deck.inp"
+    deck.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return deck
+
+
+def graded(deck):
+    """The remarks of a draft that change the answer, and those that do not."""
+    drafted = draft(deck, read_file(deck), deck.with_suffix(".toml"))
+    return drafted.lost, drafted.noted
+
+
+@pytest.mark.parametrize("grade", Grade)
+def test_grades(tmp_path, grade):
+    """A deck with each row of the table has the grade of this row, and says so with the words of it."""
+    wrong = []
+    in_base = {line.partition(",")[0].lstrip("*").replace(" ", "") for line in BASE if line.startswith("*")}
+    assert graded(written(tmp_path, [], [])) == ([], [])
+    for rule in (rule for rule in RULES if rule.grade is grade):
+        here = (rule.key, rule.case)
+        if here not in SAID:
+            if rule.key in in_base or rule.key in AROUND:
+                continue
+            assert not rule.case, rule
+        before, within = SAID.get(here, ([], [f"*{rule.keyword}"]))  # a keyword that needs no data
+        if before is None:
+            continue
+        lost, noted = graded(written(tmp_path, before, within))
+        said = {Grade.LOST: lost, Grade.NOTED: noted, Grade.TAKEN: []}[grade]
+        others = {Grade.LOST: [], Grade.NOTED: lost, Grade.TAKEN: [*lost, *noted]}[grade]
+        if others or (grade is not Grade.TAKEN and not any(rule.effect in remark for remark in said)):
+            wrong.append((here, lost, noted))
+    assert not wrong
+
+
+def test_rows_of_the_table(tmp_path):
+    """Each is there once; what is not there changes the answer."""
+    assert len(RULES) == len({(rule.key, rule.case, rule.effect) for rule in RULES})
+    assert SAID.keys() <= {(rule.key, rule.case) for rule in RULES}
+    assert "PLASTIC" not in PLAIN
+    lost, _ = graded(written(tmp_path, ["*PLASTIC", "1., 0."], []))
+    assert ["*PLASTIC: not known to scenes" in remark for remark in lost] == [True]
+
+
+def test_page():
+    """Run ./env python3 docs/decks.py where it is not."""
+    assert decks.PAGE.read_text(encoding="utf-8") == decks.written()
+
+
+def test_all_contact_is_lost(tmp_path):
+    """That bodies do not touch at all is said, not only why one pair is lost."""
+    lines = ["UP_BOTTOM, NOWHERE" if line == "UP_BOTTOM, LOW_TOP" else line for line in BASE]
+    deck = tmp_path / "deck.inp"
+    deck.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert "all of its contact: bodies do not touch in the scene" in graded(deck)[0]
+
+
+@pytest.mark.parametrize(("length", "code"), [(1.0, 0), (40.0, 4)])
+def test_rotations_that_matter(tmp_path, capsys, length, code):
+    """NLGEOM changes the answer where rotations matter beside strains: of a slender cantilever, not of a short one."""
+    lines = [*squares(8, 1, size=(length, 1.0)), "*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL", *STEEL, "*BOUNDARY"]
+    lines += ["BODY_WALL, 1, 2", "*STEP, NLGEOM", "*STATIC", "*DSLOAD", "BODY_TOP, P, .001", "*END STEP"]
+    deck = tmp_path / "deck.inp"
+    deck.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert cli.main(["run", str(deck), "--out", str(tmp_path / "out"), "--no-pictures", "--no-fields"]) == code
+    said = " ".join(capsys.readouterr().out.split())
+    grade = "changes the answer: " if code else "does not change it: "
+    at = lines.index("*STEP, NLGEOM") + 1
+    assert f"{grade}line {at}, *STEP: NLGEOM: displacements and rotations are taken as small: they are up to" in said
