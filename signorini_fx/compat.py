@@ -81,11 +81,16 @@ def geometry_in_space(domain: mesh.Mesh) -> Any:
     return type(geometry)(geometry.index_map(), geometry_cells(domain), cmap, x, geometry.input_global_indices)
 
 
+def packed_constants(form: fem.Form) -> npt.NDArray[Any]:
+    """The values of the Constants of a form, one after the other."""
+    return np.asarray(cpp.fem.pack_constants(form._cpp_object))
+
+
 def form_data(form: fem.Form) -> list[npt.NDArray[Any]]:
     """The values of the constants and coefficients of a compiled form on this rank, in a fixed order."""
     packed = cpp.fem.pack_coefficients(form._cpp_object)
     kinds = sorted(packed, key=lambda kind: (kind[0].name, kind[1]))
-    return [np.asarray(cpp.fem.pack_constants(form._cpp_object)), *(packed[kind] for kind in kinds)]
+    return [packed_constants(form), *(packed[kind] for kind in kinds)]
 
 
 def topology(holder: mesh.Mesh | mesh.MeshTags) -> Any:

@@ -136,8 +136,8 @@ _ADVICE = {
         "required, and no finer mesh would reach the accuracy"
     ),
     Status.ROUND_OFF: (
-        "gamma is too large for double precision: lower solver.gamma_n and solver.gamma_t; without contact the smallest "
-        "cells are too flat or too small"
+        "gamma is too large for double precision: lower solver.gamma_n and solver.gamma_t; without contact the "
+        "smallest cells are too flat or too small"
     ),
 }
 

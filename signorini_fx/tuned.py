@@ -788,7 +788,8 @@ LINE_SEARCH_STEPS, BRACKET_MARGIN = 12, 0.1
 # A ramp takes a step larger by the second number after one of at most as many iterations as the first, and none below
 # the third share of the load.  Choice.
 FEW_NEWTON_ITERATIONS, STEP_GROWTH, SMALLEST_STEP = 6, 1.5, 1 / 256
-# Differences of the normals of shapes are taken over this share of the size of the body.  Choice, from round-off.
+# Differences of distances and normals of shapes are taken over this share of the size of the body.  Choice, from
+# round-off.
 NORMAL_DIFFERENCE = 1e-6
 # What holds a contact point where the inertia of the tangent is looked at, in units of the largest entry on the
 # diagonal.  Choice.
@@ -805,3 +806,6 @@ SHAPE_INSIDE, SHAPE_STEP = 0.5, 0.25
 SHAPE_MIDDLE = 0.9
 # Parts of cells that are smaller than this share of the depth allowed are not divided.  Choice.
 SMALLEST_PART = 1 / 16
+# Along a normal of a shape of a user's own its distance may grow by so much less than a distance does: normals that are
+# smoothed where facets meet.  Choice: eight degrees.
+WRONG_NORMAL = 1e-2

@@ -16,6 +16,7 @@ from signorini_fx import parallel
 from signorini_fx.body.averages import averaging, averaging_forms, from_owners
 from signorini_fx.body.contact_boundary import ContactBoundary, contact_part, join, unit_contact_form
 from signorini_fx.body.foundation import Foundation, Pair
+from signorini_fx.body.node_positions import node_positions
 from signorini_fx.body.rigid_bodies import RigidBodies
 from signorini_fx.body.shapes_inside import BodyCells
 from signorini_fx.body.turned_supports import TurnedNodes
@@ -32,6 +33,7 @@ from signorini_fx.records import Inventory
 from signorini_fx.scales import Scales
 from signorini_fx.scene.rigid_motion import RigidMotion, driven_twice, rigid_bodies
 from signorini_fx.scene.rigid_shape import Distance, distance_from
+from signorini_fx.scene.rigid_shape import fault_of as fault_of_shape
 from signorini_fx.tuned import SAME_DIRECTION, ZERO_SUM
 
 if TYPE_CHECKING:
@@ -135,9 +137,29 @@ class Foundations:
                 distances[k] = distance_from(contact.shape, self._dimension, turns=contact.measure is None)
             except SceneError as error:
                 problems += [(f"contact[{k}].shape.{key}".rstrip("."), reason) for key, reason in error.problems]
+                continue
+            self.check_shape(k, distances[k].shape)
         if problems:
             raise FormError(problems)
         return distances
+
+    def check_shape(self, number: int, shape: Any) -> None:
+        """Refuse a shape of a user's own whose distance is none at the nodes; collective.
+
+        Raises:
+            FormError: it is not.
+        """
+        x = node_positions(self._space)[self._values[number].nodes, : self._dimension]
+        fault = fault_of_shape(shape, x, self._length)
+        error = FormError([(f"contact[{number}].shape", fault)]) if fault else None
+        parallel.raise_together(self._space.mesh.comm, error)
+
+    @cached_property
+    def _length(self) -> float:
+        """The size of the body; collective."""
+        mesh = self._space.mesh
+        bounds = parallel.global_bounds(mesh.comm, mesh.geometry.x[:, : self._dimension].astype(np.float64))
+        return float(np.linalg.norm(np.ptp(bounds, axis=0)))
 
     @property
     def driven(self) -> list[Any]:
@@ -149,11 +171,7 @@ class Foundations:
     def rigid_bodies(self) -> RigidBodies:
         """Those that forces move."""
         bodies = rigid_bodies(self.driven, self._names)
-        mesh, dim, length = self._space.mesh, self._dimension, 1.0
-        if bodies:
-            bounds = parallel.global_bounds(mesh.comm, mesh.geometry.x[:, :dim].astype(np.float64))
-            length = float(np.linalg.norm(np.ptp(bounds, axis=0)))
-        return RigidBodies(bodies, CARTESIAN[dim], length)
+        return RigidBodies(bodies, CARTESIAN[self._dimension], self._length if bodies else 1.0)
 
     def check_driven(self, algorithm: str) -> None:
         """Refuse what foundations that forces move are not possible with, and bonds to others.

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 import ufl
-from dolfinx import cpp, fem
+from dolfinx import fem
 from ufl.algorithms.analysis import extract_constants
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.expand_indices import expand_indices
 
+from signorini_fx import compat
 from signorini_fx.scene.expressions import Expression
 
 _FUNCTIONS = {"sin": "sin", "cos": "cos", "exp": "exp", "sqrt": "sqrt", "tan": "tan", "tanh": "tanh", "ln": "log"}
@@ -76,7 +77,7 @@ def _text(node: Any) -> str:
 
 def constants_of(compiled: Iterable[fem.Form], entries: Any) -> list[float]:
     """The values of all Constants of forms, and of contacts with what belongs to them."""
-    values = [float(number) for form in compiled for number in cpp.fem.pack_constants(form._cpp_object)]
+    values = [float(number) for form in compiled for number in compat.packed_constants(form)]
     if isinstance(entries, Mapping):
         return values + constants_of((), list(entries.values()))
     if isinstance(entries, list | tuple):

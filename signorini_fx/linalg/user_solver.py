@@ -8,12 +8,15 @@ digits.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Protocol
 
 from petsc4py import PETSc
 
+from signorini_fx.errors import InstallationError
 from signorini_fx.extensions import LINEAR_SOLVERS, load
 from signorini_fx.linalg import options
 from signorini_fx.linalg.assembled import AssembledSystem
@@ -37,16 +40,28 @@ class _Preconditioner:
     """What PETSc calls for one KSP."""
 
     solver: LinearSolver
+    name: str
 
     @called_back
     def setUp(self, pc: PETSc.PC) -> None:  # PETSc calls it so
         """Give the solver the new matrix."""
-        self.solver.set_up(pc.getOperators()[1])
+        with self._named():
+            self.solver.set_up(pc.getOperators()[1])
 
     @called_back
     def apply(self, pc: PETSc.PC, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Let the solver solve."""
-        self.solver.solve(b, x)
+        with self._named():
+            self.solver.solve(b, x)
+
+    @contextmanager
+    def _named(self) -> Iterator[None]:
+        """What it raises says by whom."""
+        try:
+            yield
+        except Exception as error:
+            error.add_note(f"The linear solver {self.name!r} raised this.")
+            raise
 
 
 @called_back
@@ -63,16 +78,25 @@ class UserSystem(AssembledSystem):
 
     Attributes:
         solver: makes one.
+        name: of the solver.
     """
 
     solver: type[LinearSolver] | None = None
+    name: str = ""
     _preconditioners: dict[int, _Preconditioner] = field(default_factory=dict)  # by the handles of their KSP
 
     @classmethod
     def named(cls, name: str, elasticity: Elasticity) -> UserSystem:
-        """The system as it was assembled, with the solver of this name."""
+        """The system as it was assembled, with the solver of this name.
+
+        Raises:
+            InstallationError: it cannot be imported, or is no ``LinearSolver``.
+        """
         system = cls.of(elasticity)
-        system.solver = load(LINEAR_SOLVERS, name)
+        system.solver, system.name = load(LINEAR_SOLVERS, name), name
+        absent = [method for method in ("set_up", "solve") if not callable(getattr(system.solver, method, None))]
+        if absent:
+            raise InstallationError(f"the linear solver {name!r} has no method {' and no '.join(absent)}")
         return system
 
     @property
@@ -82,14 +106,27 @@ class UserSystem(AssembledSystem):
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """FGMRES with the solver as its preconditioner, to a residual against the forces."""
-        assert self.solver is not None
         ksp.setType(PETSc.KSP.Type.FGMRES)
         ksp.setTolerances(rtol=KRYLOV_TOLERANCE, max_it=KRYLOV_STEPS)
-        preconditioner = self._preconditioners[ksp.handle] = _Preconditioner(self.solver())
+        preconditioner = self._preconditioners[ksp.handle] = _Preconditioner(self._made(), self.name)
         pc = ksp.getPC()
         pc.setType(PETSc.PC.Type.PYTHON)
         pc.setPythonContext(SimpleNamespace(setUp=weakly(preconditioner.setUp), apply=weakly(preconditioner.apply)))
         ksp.setPostSolve(_judge)
+
+    def _made(self) -> LinearSolver:
+        """A solver.
+
+        Raises:
+            InstallationError: it is not made without arguments.
+        """
+        assert self.solver is not None
+        try:
+            return self.solver()
+        except TypeError as error:
+            raise InstallationError(
+                f"the linear solver {self.name!r} must be made without arguments: {error}"
+            ) from None
 
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
         """For the same matrix; the residual is measured against the forces."""

@@ -178,6 +178,10 @@ class LinearisedProblem(ContactProblem):
         """Of the foundations: a callable for each that evaluates at its nodes."""
         return self._foundations._values
 
+    def check_shape(self, number: int, shape: Any) -> None:
+        """See ``Foundations``."""
+        self._foundations.check_shape(number, shape)
+
     @property
     def law(self) -> Law:
         """That the last solution keeps to."""
@@ -186,8 +190,9 @@ class LinearisedProblem(ContactProblem):
 
     @property
     def before(self) -> PreviousStep | None:
-        """The end of the last step; before the first one, if the shapes have moved, the body at rest: with shears along the
-        foundations as they are now.
+        """The end of the last step, with shears along the foundations as they are now.
+
+        Before the first one, if the shapes have moved, the body at rest.
         """
         return self._previous_step
 

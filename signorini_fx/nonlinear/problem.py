@@ -182,6 +182,7 @@ class NonlinearContactProblem:
         entry, values = self.contact[number], self.linear.nodal_values[number]
         x = node_positions(self._space)[values.nodes]
         shape = self._distance(number, entry.shape)
+        self.linear.check_shape(number, shape)
         added = values(entry.gap, f"contact[{number}].gap")[values.nodes]
         return MovingShape(shape, shape, added, values.nodes, x[:, : self._dimension].astype(np.float64))
 

@@ -23,7 +23,7 @@ from signorini_fx.body.named_body import NamedBody
 from signorini_fx.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.display import html_table
 from signorini_fx.errors import SignoriniError
-from signorini_fx.extensions import add_on
+from signorini_fx.extensions import LINEAR_SOLVERS, add_on, names_of
 from signorini_fx.linalg.choice import krylov_from
 from signorini_fx.quantities.registry import requested
 from signorini_fx.records import SHORT_OF_ACCURACY, Finding, History, Status, StepRecord, Timings
@@ -194,6 +194,8 @@ class Solution:
             told = [event.removeprefix(begin) for event in self.history.events if event.startswith(begin)]
             return f"{self.status.advice}; {told[-1]}" if told else self.status.advice
         if self.status is Status.LINEAR_SOLVER:
+            if (name := settings.linear_algebra) in names_of(LINEAR_SOLVERS):
+                return f"the linear solver {name!r} of another package does not solve: take 'auto', 'full' or 'krylov'"
             alternatives = [repr(kind) for kind in ("krylov", "full") if kind != settings.linear_algebra]
             return self.status.advice.replace("'krylov' or 'full'", " or ".join(alternatives))
         return self.status.advice

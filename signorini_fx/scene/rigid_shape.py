@@ -20,10 +20,12 @@ import numpy.typing as npt
 from pydantic import BeforeValidator, TypeAdapter, ValidationError, WithJsonSchema
 
 from signorini_fx.errors import SceneError
+from signorini_fx.extensions import is_of_package
 from signorini_fx.scene.expressions import Expression, sample
 from signorini_fx.scene.rigid_motion import COMPONENTS, PivotSprings, Prescribed, RigidMotion, TimedAngle, TimedVector
 from signorini_fx.scene.validation import problems_of
 from signorini_fx.scene.values import Vector, kind_of, shown
+from signorini_fx.tuned import NORMAL_DIFFERENCE, NOT_ORTHONORMAL, WRONG_NORMAL, ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
 
@@ -309,6 +311,41 @@ def distance_from(source: Any, dimension: int, *, turns: bool = True) -> Distanc
         if problems:
             raise SceneError(problems)
     return Distance(shape, 0.0, dimension)
+
+
+def fault_of(shape: Any, x: Array, size: float) -> str:
+    """What the distance of a shape of a user's own is not, at points of the boundary; "": nothing was found.
+
+    From a point back along its normal the way to the closest point is shorter by as much, wherever it is.
+
+    Args:
+        shape: with a method ``distance``, see ``Shape``; those of this package are not tried.
+        x: points, length, shape (n, d).
+        size: of the body, length.
+    """
+    if is_of_package(type(shape)):
+        return ""
+    name, step = type(shape).__name__, NORMAL_DIFFERENCE * size
+    try:
+        signed, normal = (np.asarray(values, dtype=np.float64) for values in shape.distance(x.copy()))
+        if signed.shape != x.shape[:1] or normal.shape != x.shape:
+            wanted = f"{x.shape[:1]} and {x.shape} for points of the shape {x.shape}"
+            return f"distance of {name} has the shapes {signed.shape} and {normal.shape}, not {wanted}"
+        behind = np.asarray(shape.distance(x - step * normal)[0], dtype=np.float64)
+    except Exception as error:
+        return f"distance of {name} fails: {type(error).__name__}: {error}"
+    length = np.linalg.norm(normal, axis=1)
+    for reason, wrong in (
+        (f"distance of {name} is not finite", ~np.isfinite(np.column_stack((signed, normal))).all(axis=1)),
+        (f"the normals of {name} are not of unit length", ~(np.abs(length - 1) <= NOT_ORTHONORMAL)),
+        (
+            f"distance of {name} does not grow along its normals as a distance does",
+            ~(np.abs(signed - behind - step) <= WRONG_NORMAL * step + ZERO_IN_SOLUTION * np.abs(signed)),
+        ),
+    ):
+        if wrong.any():
+            return f"{reason} at {tuple(map(float, x[wrong.argmax()]))}"
+    return ""
 
 
 # --- how they are found ----------------------------------------------------------------------------------------------

@@ -391,3 +391,11 @@ def test_honest_laws(kind, modulus):
     """Are not refused, however far their bounds bend from the modulus of the body."""
     law = kind(F, K).sampled(np.zeros((3, 2)))
     assert not fault_of(law, 2, modulus)
+
+
+@pytest.mark.parametrize("more", [{}, {"cap": 2.0}])
+def test_a_law_derived_from_coulomb(more):
+    """Has the bound, the derivative and the second opinion of Coulomb's law, beyond its cap too."""
+    law = type("Mine", (Coulomb,), {"__module__": __name__})(F, **more).sampled(np.zeros((3, 2)))
+    assert law.of_a_user
+    assert not fault_of(law, 2, 1000.0)

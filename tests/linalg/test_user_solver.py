@@ -68,20 +68,45 @@ def test_same_answer(register, monkeypatch, kind):
     assert np.allclose(*pressures, rtol=0, atol=1e-7 * np.abs(pressures[1]).max(initial=0))
 
 
-def test_one_that_does_nothing(register):
+class NotANumber(Diagonal):
+    """Returns nothing that is one."""
+
+    def solve(self, b, x):
+        x.set(np.nan)
+
+
+@pytest.mark.parametrize("kind", [Nothing, NotANumber])
+def test_one_that_does_nothing(register, kind):
     """The outcome names the linear solver, and there is no traceback."""
-    register("nothing", Nothing)
+    register("nothing", kind)
     solution = solve(example1(coefficient=0.3, nx=12, ny=4, linear_algebra="nothing"), check=False)
     assert solution.status is Status.LINEAR_SOLVER
+    assert "the linear solver 'nothing' of another package" in solution.advice
     assert "'krylov'" in solution.advice
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        (type("Without", (), {}), "the linear solver 'wrong' has no method set_up and no solve"),
+        (type("Needs", (Diagonal,), {"__init__": lambda self, a: None}), "'wrong' must be made without arguments"),
+    ],
+    ids=["without", "needs"],
+)
+def test_what_is_no_solver(register, kind, message):
+    """Is named."""
+    register("wrong", kind)
+    with pytest.raises(InstallationError, match=message):
+        solve(example1(coefficient=0.3, nx=12, ny=4, linear_algebra="wrong"))
 
 
 @pytest.mark.mpi
 def test_exceptions_arrive(register):
     """What a solver raises ends the solve as itself."""
     register("raises", Raises)
-    with pytest.raises(ZeroDivisionError, match="not today"):
+    with pytest.raises(ZeroDivisionError, match="not today") as error:
         solve(example1(coefficient=0.3, nx=12, ny=4, linear_algebra="raises"))
+    assert error.value.__notes__ == ["The linear solver 'raises' raised this."]
 
 
 def test_names(register, tmp_path, monkeypatch):

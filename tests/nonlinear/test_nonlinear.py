@@ -391,3 +391,16 @@ def test_wrong_arguments():
         problem.place(0, shift=(0.0, 1.0))
     with pytest.raises(RuntimeError, match="no solution"):
         problem.advance()
+
+
+def test_a_shape_of_a_users_own():
+    """Is tried before anything is solved, as in linear problems."""
+
+    class Steep:
+        def distance(self, x):
+            return 2.0 - 2.0 * x[:, 1], np.broadcast_to([0.0, -1.0], x.shape)
+
+    space, side = rectangle([1.0, 1.0], [2, 2])
+    u = fem.Function(space)
+    with pytest.raises(FormError, match=r"contact\[0\].shape: distance of Steep does not grow along its normals"):
+        NonlinearContactProblem(residual(u), u, contact=Foundation(side(1, 1.0), shape=Steep()))

@@ -378,6 +378,39 @@ def test_gap_is_added():
     assert u.x.array == pytest.approx(v.x.array, abs=1e-14)
 
 
+class Ball:
+    """A circle about (.5, -1) through (.5, 0), which may be wrong."""
+
+    def __init__(self, signed=lambda away, x: away, normal=lambda unit, x: unit):
+        self.signed, self.normal = signed, normal
+
+    def distance(self, x):
+        away = x - [0.5, -1.0]
+        size = np.linalg.norm(away, axis=1)
+        return self.signed(size - 1.0, x), self.normal(away / size[:, None], x)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"signed": lambda away, x: away * np.nan}, r"distance of Ball is not finite at \("),
+        ({"normal": lambda unit, x: unit * np.nan}, "distance of Ball is not finite"),
+        ({"signed": lambda away, x: away[:, None]}, r"has the shapes \(\d+, 1\) and"),
+        ({"normal": lambda unit, x: unit[0]}, r"has the shapes \(\d+,\) and \(2,\), not"),
+        ({"normal": lambda unit, x: 2 * unit}, "the normals of Ball are not of unit length"),
+        ({"normal": lambda unit, x: -unit}, "does not grow along its normals"),
+        ({"normal": lambda unit, x: unit[:, ::-1]}, "does not grow along its normals"),
+        ({"signed": lambda away, x: 1.1 * away}, "does not grow along its normals"),
+        ({"signed": lambda away, x: away / x.nothing}, "distance of Ball fails: AttributeError"),
+    ],
+)
+def test_shapes_that_are_not_what_they_say(wrong, message):
+    """An object with a distance that is none is refused, with its name, before anything is solved."""
+    with pytest.raises(FormError, match=message):
+        pressed(Ball(**wrong), block(2, MPI.COMM_SELF))
+    assert pressed(Ball(), block(2, MPI.COMM_SELF))[0].certificate.holds
+
+
 # --- scenes ----------------------------------------------------------------------------------------------------------
 
 
