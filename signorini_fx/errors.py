@@ -109,16 +109,5 @@ class ResultError(SignoriniError):
     """A result folder cannot be read: it is not a result folder, or it is incomplete."""
 
 
-_CHANNELS = """FEniCSx with dolfinx >= 0.9 is needed; pip does not have it. Install it by one of
-    apt install python3-dolfinx python3-gmsh                              (Debian 13)
-    conda install -c conda-forge fenics-dolfinx mpich python-gmsh
-    docker build -t signorini-fx .                                        (in the checkout, or use its ./env)"""
-
-
 class InstallationError(SignoriniError, ImportError):
     """What is installed lacks something, or cannot be used."""
-
-
-def needs_fenicsx(message: str) -> InstallationError:
-    """The error of an installation whose FEniCSx is missing, too old, or lacks something; it says where to get it."""
-    return InstallationError(f"{message}: {_CHANNELS}")

@@ -35,9 +35,9 @@ from signorini_fx.body.assembly import adjugates, assemble, over_ranks
 from signorini_fx.body.elastic_law import LawStress, SceneLaw, VolumeForces, compliance
 from signorini_fx.body.moduli import isotropic
 from signorini_fx.body.pieces import BodyPieces
-from signorini_fx.errors import needs_fenicsx
 from signorini_fx.kinematics.cartesian import position
 from signorini_fx.linalg.factorisation import has_package
+from signorini_fx.machine.fenicsx import needs_fenicsx
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.scales import Scales

@@ -5,7 +5,8 @@ from __future__ import annotations
 import resource
 from importlib.util import find_spec
 
-from signorini_fx.errors import MachineError, needs_fenicsx
+from signorini_fx.errors import MachineError
+from signorini_fx.machine.fenicsx import needs_fenicsx
 from signorini_fx.tuned import ADDRESS_SPACE, DATA_SEGMENT
 
 FENICSX = ("mpi4py", "petsc4py", "ufl", "basix", "dolfinx")

@@ -13,7 +13,7 @@ from dolfinx import fem, io
 from dolfinx.plot import vtk_mesh
 
 from signorini_fx import compat, parallel
-from signorini_fx.errors import needs_fenicsx
+from signorini_fx.machine.fenicsx import needs_fenicsx
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.vtu import bytes_of, write_vtu
 

@@ -3,14 +3,17 @@
 import importlib
 import subprocess
 import sys
+import tomllib
+from pathlib import Path
 
 import dolfinx
 import pytest
+from packaging.requirements import Requirement
 
 from signorini_fx import cli, compat
 from signorini_fx.cli.exit_codes import EXIT_BAD_INPUT
 from signorini_fx.errors import InstallationError
-from signorini_fx.machine import requirements
+from signorini_fx.machine import fenicsx, requirements
 
 CHANNELS = ("apt install python3-dolfinx", "conda install -c conda-forge fenics-dolfinx", "docker build")
 
@@ -47,3 +50,54 @@ def test_too_old(monkeypatch):
     finally:
         monkeypatch.undo()
         importlib.reload(compat)
+
+
+def on(**other):
+    """A machine: Python 3.12 of its own on Linux, or another one."""
+    surroundings = {
+        "python": (3, 12),
+        "executable": "python3",
+        "system": "Linux",
+        "processor": "x86_64",
+        "debian": False,
+        "conda": False,
+        "managed": False,
+        "source": "/src",
+        "which": lambda name: None,
+    }
+    return fenicsx.Surroundings(**surroundings | other)
+
+
+WHEELS = "'dolfinx-solver-real>=0.11' 'gmsh>=4.12'"
+IN_A_NEW_PLACE = f"-m venv ~/signorini && ~/signorini/bin/pip install {WHEELS} /src"
+
+
+@pytest.mark.parametrize(
+    ("other", "command"),
+    [
+        ({}, f"python3 -m pip install {WHEELS}"),
+        ({"debian": True, "managed": True, "python": (3, 13)}, "sudo apt install python3-dolfinx python3-gmsh"),
+        ({"managed": True}, f"python3 {IN_A_NEW_PLACE}"),
+        ({"python": (3, 11), "which": lambda name: name == "python3.13"}, f"python3.13 {IN_A_NEW_PLACE}"),
+        ({"conda": True}, "conda install -c conda-forge fenics-dolfinx mpich python-gmsh"),
+        (
+            {"system": "Darwin", "processor": "arm64", "which": lambda name: name in ("conda", "python3.13")},
+            "conda install -c conda-forge fenics-dolfinx mpich python-gmsh",
+        ),
+        ({"python": (3, 11)}, "docker build -t signorini-fx . && ./env signorini-fx info"),
+        ({"processor": "aarch64"}, "docker build -t signorini-fx . && ./env signorini-fx info"),
+    ],
+)
+def test_the_next_command(other, command):
+    """What can be done on this machine, by Python's version, the platform, and who manages its packages."""
+    assert on(**other).command == command
+
+
+def test_the_extra_has_the_same_wheels():
+    """With markers, so that elsewhere ``pip install .[fenicsx]`` does not end in a search without a match."""
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    wheels = [Requirement(wheel) for wheel in project["optional-dependencies"]["fenicsx"]]
+    assert [f"{wheel.name}{wheel.specifier}" for wheel in wheels] == [*fenicsx.WHEELS]
+    here = {"python_version": "3.12", "sys_platform": "linux", "platform_machine": "x86_64"}
+    for other, there in (({}, True), ({"python_version": "3.11"}, False), ({"platform_machine": "aarch64"}, False)):
+        assert all(wheel.marker.evaluate(here | other) is there for wheel in wheels)
