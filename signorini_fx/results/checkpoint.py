@@ -163,8 +163,8 @@ class Checkpoint:
                 (part / _FIGURES).write_text(json.dumps(all_figures), encoding="utf-8")
                 target = self._folder(level, step)
                 shutil.rmtree(target, ignore_errors=True)
-                manifest.add(self.path, [f"{target.name}/{name}" for name in manifest.files(part)])
-                part.rename(target)
+                manifest.add(self.path, [f"{target.name}/{name}" for name in manifest.files_of_part(self.path)])
+                manifest.complete_part(self.path, target)
             except OSError as reason:
                 raise cannot_be_written(self.path, reason) from None
 
@@ -195,8 +195,7 @@ class Checkpoint:
                     description = {"format": _FORMAT, "scene": _described(self._scene)}
                     description["digest"] = _digest_of(description)
                     (self.path / _SCENE).write_text(json.dumps(description), encoding="utf-8")
-                shutil.rmtree(self.path / manifest.PART, ignore_errors=True)
-                (self.path / manifest.PART).mkdir()
+                manifest.begin_part(self.path)
             except OSError as reason:
                 raise cannot_be_written(self.path, reason) from None
 
@@ -273,10 +272,10 @@ def _digests(folder: Path, figures: Figures) -> dict[str, str]:
 
 
 def _of_files(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file in a folder but the figures, by its name."""
+    """SHA-256 of every file in a folder but the figures and the mark of what is not complete, by its name."""
     digests = {}
     for path in sorted(folder.rglob("*")):
-        if path.is_file() and path.name != _FIGURES:
+        if path.is_file() and path.name not in (_FIGURES, manifest.MANIFEST):
             with path.open("rb") as file:
                 digests[str(path.relative_to(folder))] = hashlib.file_digest(file, "sha256").hexdigest()
     return digests

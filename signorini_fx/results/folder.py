@@ -13,7 +13,6 @@ import contextlib
 import errno
 import fcntl
 import os
-import shutil
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Self
@@ -111,7 +110,7 @@ class ResultFolder:
 
     def _move(self, begin: Callable[[list[str]], None]) -> None:
         try:
-            new = manifest.files(self.part)
+            new = manifest.files_of_part(self.path)
             self._refuse(manifest.foreign(self.path, new))
             begin(new)
             for name in sorted(new, key=lambda name: name == SUMMARY):
@@ -124,9 +123,8 @@ class ResultFolder:
 
     def clear(self) -> None:
         """Remove what is written and not yet in place; on one rank."""
-        shutil.rmtree(self.part, ignore_errors=True)
         with contextlib.suppress(OSError):
-            self.part.mkdir()
+            manifest.begin_part(self.path)
 
     def _refuse(self, foreign: Sequence[str]) -> None:
         if foreign:
@@ -142,7 +140,7 @@ class ResultFolder:
         parallel.on_root(self._comm, lambda: self._remove() if self._lock is not None else None)
 
     def _remove(self) -> None:
-        shutil.rmtree(self.part, ignore_errors=True)
+        manifest.remove_part(self.path)
         if self._made:
             with contextlib.suppress(OSError):
                 self.path.rmdir()  # fails if there is something else in it
@@ -160,8 +158,7 @@ class ResultFolder:
             self._lock = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)
             _lock(self._lock)
             self._refuse(manifest.foreign(self.path, self._names))
-            shutil.rmtree(self.part, ignore_errors=True)
-            self.part.mkdir()
+            manifest.begin_part(self.path)
         except OutputError:
             self._release()
             raise

@@ -123,9 +123,10 @@ def test_what_a_killed_run_leaves(tmp_path, monkeypatch):
     solution = solve(scene, SELF, checkpoint=out)
     with ResultFolder(SELF, out / files.LAST_LEVEL, files.FILES, inner=True) as inner:
         files.write_results(solution, inner, fields=False, pictures=False)
-    (out / "checkpoint" / manifest.PART).mkdir()
+    manifest.begin_part(out / "checkpoint")
     (out / "checkpoint" / manifest.PART / "half").write_text("half")
-    (out / manifest.PART).mkdir()
+    manifest.begin_part(out)
+    (out / manifest.PART / manifest.MANIFEST).write_text("")  # killed before there was a mark
     assert Checkpoint(SELF, out, scene, restart=True).found == 2
     monkeypatch.setattr(manifest, "remove", lambda _: 1 / 0)  # killed while the folder is put in order
     with pytest.raises(ZeroDivisionError):
@@ -136,6 +137,24 @@ def test_what_a_killed_run_leaves(tmp_path, monkeypatch):
     tables = {f"{name}.csv" for name in ("contact", "history", "outer", "price_list")}
     assert set(content(out)) == {"summary.json", manifest.MANIFEST, *tables}
     assert not (out / "checkpoint").exists()
+
+
+@pytest.mark.parametrize(
+    "name", [f"{manifest.MANIFEST}.new", f"{manifest.PART}/mine", f"checkpoint/{manifest.PART}/mine"]
+)
+def test_hidden_names_of_others(solution, tmp_path, name):
+    """A file or a folder with the name of what is not complete, but without its mark, is somebody else's."""
+    (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / name).write_text("mine")
+    with pytest.raises(OutputError, match=r"signorini_fx\.|File exists"):
+        solve(parse_scene(tomllib.loads(SCENE)), SELF, checkpoint=tmp_path)
+    if not name.startswith("checkpoint"):
+        with pytest.raises(OutputError, match=r"signorini_fx\.(new|part): no earlier run lists this"):
+            files.write_results(solution, tmp_path, fields=False, pictures=False)
+    assert (tmp_path / name).read_text() == "mine"
+    with pytest.raises(OSError, match="File exists"):
+        manifest.add(tmp_path, []) if name.endswith("new") else manifest.begin_part((tmp_path / name).parent.parent)
+    assert (tmp_path / name).read_text() == "mine"
 
 
 def test_a_checkpoint_of_others(tmp_path):

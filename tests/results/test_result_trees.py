@@ -46,6 +46,7 @@ STRANGERS = (
         "last_level/summary.json",
         "last_level/mine",
     ),
+    *(".signorini_fx.new", ".signorini_fx.part/mine", "checkpoint/.signorini_fx.part/mine"),
 )
 
 
@@ -112,9 +113,9 @@ class Tree:
         elif what == "level":
             self.run(folder, partial(write_level, self.solution))
         elif what == "part" and not (folder / manifest.PART).exists():
-            (folder / manifest.PART).mkdir()
+            manifest.begin_part(folder)
             (folder / manifest.PART / "half").write_text("half")
-            self.writer[folder / manifest.PART / "half"] = folder
+            self.writer.update(dict.fromkeys(every(folder / manifest.PART), folder))
         elif what == "file":
             path = folder / self.chance.choice(STRANGERS)
             if not os.path.lexists(path) and not any(map(Path.is_symlink, path.parents)):
@@ -164,7 +165,7 @@ def killed(tmp_path_factory, solution):
     solve(parse_scene(tomllib.loads(SCENE)), SELF, checkpoint=folder)
     with ResultFolder(SELF, folder / files.LAST_LEVEL, files.FILES, inner=True) as inner:
         files.write_results(solution, inner, fields=False, pictures=False)
-    (folder / manifest.PART).mkdir()
+    manifest.begin_part(folder)
     (folder / manifest.PART / "half").write_text("half")
     return folder
 
