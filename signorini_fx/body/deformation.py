@@ -66,7 +66,7 @@ def neglected_strain(body: ElasticBody, displacement: fem.Function) -> tuple[flo
     Both are root mean squares over the piece where they are largest.
 
     Returns:
-        The rotation, radians, and |grad u^T grad u / 2| over |sym grad u|; nan for a displacement without strain.
+        The rotation, radians, and |grad u^T grad u / 2| over |sym grad u|; 0 for a displacement without strain.
     """
     pieces = body.motions.pieces
     gradient, areas = _gradients(body, displacement)
@@ -76,7 +76,7 @@ def neglected_strain(body: ElasticBody, displacement: fem.Function) -> tuple[flo
     rows = np.column_stack((*squares, areas))
     total = parallel.sums_by(body.comm, pieces.of_cell[: areas.size], rows, pieces.count)
     rotation, neglected, strain = np.sqrt(total[:, :3] / total[:, 3:]).max(axis=0)
-    return float(rotation), float(neglected / strain) if strain > 0 else np.nan
+    return float(rotation), float(neglected / strain) if strain > 0 else 0.0
 
 
 def _squares(body: ElasticBody, displacement: fem.Function) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
