@@ -14,6 +14,8 @@ import numpy as np
 from signorini_fx.machine.compilation import compiling
 
 T = TypeVar("T")
+# How an event begins that is about a requested accuracy.
+ACCURACY = "accuracy: "
 
 # The certificate does not hold if a violation exceeds this share of the solution's own scale.
 CERTIFICATE_TOLERANCE = 1e-6
@@ -49,6 +51,7 @@ class Status(Enum):
     NOT_SOLVED = "not solved"
     NOT_CERTIFIED = "certificate does not hold"
     BUDGET = "budget ends before the accuracy"
+    MEMORY = "memory ends before the accuracy"
     OUT_OF_REACH = "accuracy out of reach"
 
     @property
@@ -130,6 +133,10 @@ _ADVICE = {
     Status.BUDGET: (
         "raise the budget, or require less: this is a certified solution on the last mesh that the budget allowed, "
         "less accurate than required"
+    ),
+    Status.MEMORY: (
+        "use a larger machine, or require less: this is a certified solution on the last mesh that this machine has the "
+        "memory for, less accurate than required"
     ),
     Status.OUT_OF_REACH: (
         "require less, or the accuracy of the energy or of a force: this is a certified solution, less accurate than "
@@ -354,6 +361,12 @@ class History:
     def exhausted(self) -> bool:
         """Whether neither linear solves nor time are left; collective."""
         return self.linear_solves >= self.limit or self.overdue()
+
+    def advice(self, status: Status) -> str:
+        """What to do about an outcome; of an accuracy that was not reached with the reason."""
+        short = status in (Status.BUDGET, Status.MEMORY, Status.OUT_OF_REACH)
+        reasons = [event for event in self.events if event.startswith(ACCURACY)] if short else []
+        return "; ".join([status.advice, *(reason.removeprefix(ACCURACY) for reason in reasons[-1:])])
 
     @contextmanager
     def at_most(self, solves: float) -> Iterator[None]:

@@ -45,6 +45,29 @@ REFUSES = {
     "shape so far",
     "friction axes": "friction that depends on the direction has no guaranteed bound yet",
 }
+# What else it does not know, by name.
+RANKS, CURVED, POINT = "several ranks", "curved cells", "parts that share a point"
+QUADRATIC_QUADRILATERALS, HEXAHEDRA = "quadrilaterals of degree 2", "hexahedra"
+FORM_AS_GAP, FORM_AS_BOUND = "gap given as a form", "friction bound given as a form"
+REFUSES_BESIDES = {
+    RANKS: "a guaranteed bound is computed on one rank so far",
+    CURVED: "a guaranteed bound is for straight cells so far",
+    QUADRATIC_QUADRILATERALS: "on quadrilaterals a guaranteed bound is for degree 1 so far",
+    HEXAHEDRA: "in space a guaranteed bound is for tetrahedra so far",
+    POINT: "a body whose parts share nothing but a point has no guaranteed bound yet",
+    FORM_AS_GAP: "a gap given as a form is not known between the nodes",
+    FORM_AS_BOUND: "a friction bound given as a form is not known between the nodes",
+}
+
+
+def knows(kind: type) -> bool:
+    """Whether the proof knows what entries of this class do to the body."""
+    return kind in _KNOWN_EFFECTS or issubclass(kind, Material)
+
+
+def without_bound(label: str) -> str:
+    """The reason of an entry that the proof does not know."""
+    return f"{label} has no guaranteed bound yet"
 
 
 @dataclass(frozen=True)
@@ -120,27 +143,21 @@ def refuse_unknown(d: NamedBody) -> None:
     """
     mesh, degree = d.tagged.mesh, d.space.element.basix_element.degree
     kind = mesh.topology.cell_name()
+    bounds = [value for entry in d.scene.contact for value in entry.friction.parameters.values()]
+    present = {
+        RANKS: d.comm.size > 1,
+        CURVED: compat.geometry_degree(mesh) > 1,
+        QUADRATIC_QUADRILATERALS: kind == "quadrilateral" and degree > 1,
+        HEXAHEDRA: kind == "hexahedron",
+        POINT: d.motions.pieces.pins.size > 0,
+        FORM_AS_GAP: any(hasattr(entry.gap, "ufl_shape") for entry in d.scene.contact),
+        FORM_AS_BOUND: any(hasattr(value, "ufl_shape") for value in bounds),
+    }
     for wrong, reason in (
-        (d.comm.size > 1, "a guaranteed bound is computed on one rank"),
         ("guaranteed bound" in d.kinematics.refuses, d.kinematics.refuses.get("guaranteed bound", "")),
-        (compat.geometry_degree(mesh) > 1, "a guaranteed bound is for straight cells"),
-        (kind == "quadrilateral" and degree > 1, "on quadrilaterals a guaranteed bound is for degree 1"),
-        (kind == "hexahedron", "in space a guaranteed bound is for tetrahedra"),
-        (d.motions.pieces.pins.size > 0, "a body whose parts share nothing but a point has no guaranteed bound"),
+        *((present[name], reason) for name, reason in REFUSES_BESIDES.items()),
         *((True, reason) for _, reason in refused_by(d.scene, REFUSES)),
-        (
-            any(hasattr(entry.gap, "ufl_shape") for entry in d.scene.contact),
-            "a gap given as a form is not known between the nodes",
-        ),
-        (
-            any(hasattr(v, "ufl_shape") for entry in d.scene.contact for v in entry.friction.parameters.values()),
-            "a friction bound given as a form is not known between the nodes",
-        ),
-        *(
-            (type(entry) not in _KNOWN_EFFECTS, f"{entry.label} has no guaranteed bound yet")
-            for _, entry in d.scene.listed()
-            if not isinstance(entry, Material)
-        ),
+        *((not knows(type(entry)), without_bound(entry.label)) for _, entry in d.scene.listed()),
     ):
         if wrong:
             raise Refused(reason)

@@ -102,7 +102,7 @@ class SolvedMeshes:
     def outcome(self) -> str:
         """How the last mesh ended, and what to do."""
         if self.path.converged:
-            return f"{self.status.value}: {self.status.advice}"
+            return f"{self.status.value}: {self.history.advice(self.status)}"
         return self.path.outcome()
 
 

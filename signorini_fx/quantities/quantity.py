@@ -89,6 +89,10 @@ class Quantity(Protocol):
         """The value with what is known besides, whose failure leaves it as it is; collective."""
         return value
 
+    def missed(self, value: Any) -> str:
+        """What of its value somebody who has asked for it has to know first; "": nothing."""
+        return ""
+
     def asked(self, solution: Any) -> bool:
         """Whether the scene asks for it."""
         return True

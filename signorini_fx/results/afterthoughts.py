@@ -109,6 +109,8 @@ def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]
     for quantity in _afterwards(solution):
         added = afterthought(comm, quantity.key, findings, partial(_entries, quantity, solution)) or {}
         entries |= added
+        if quantity.key in added and (message := quantity.missed(added[quantity.key])):
+            findings.append(asdict(Finding("warning", quantity.key, message)))
         if added and has(quantity, "further"):
             value = added[quantity.key]
             further = afterthought(comm, quantity.key, findings, partial(_further, quantity, solution, value))

@@ -198,7 +198,7 @@ class Solution:
                 return f"the linear solver {name!r} of another package does not solve: take 'auto', 'full' or 'krylov'"
             alternatives = [repr(kind) for kind in ("krylov", "full") if kind != settings.linear_algebra]
             return self.status.advice.replace("'krylov' or 'full'", " or ".join(alternatives))
-        return self.status.advice
+        return self.history.advice(self.status)
 
     @property
     def law(self) -> AskedLaw | None:
@@ -224,14 +224,16 @@ class Solution:
         return self.shown_steps[-1]
 
     def at(self, step: StepResult) -> Solution:
-        """The solution with the results of another one of its load steps."""
+        """The solution with the results of another one of its load steps; those before it count as its past."""
+        number = next(number for number, other in enumerate(self.steps) if other is step)
+        past = self.steps[:number] if step.status is Status.CONVERGED else ()
         return replace(
             self,
             status=step.status,
             displacement=step.displacement,
             contact=step.contact,
             certificate=step.certificate,
-            steps=(step,),
+            steps=(*past, step),
             functionals=None,
         )
 

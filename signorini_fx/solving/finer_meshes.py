@@ -47,6 +47,7 @@ class Meshes(Generic[S]):
         adaptive: see above.
         any_jump: see above.
         seconds: time of the last refinement; 0 where the mesh is made with the solve.
+        finer: how many times finer, on average over the body, the last division of some cells has made the mesh.
     """
 
     def __init__(
@@ -75,6 +76,7 @@ class Meshes(Generic[S]):
         self._divisions = 1
         self._coarser: MeshLevel | None = None
         self.seconds: float = 0.0
+        self.finer: float = 1.0
 
     def keep(self, solved: SolvedMesh[S]) -> None:
         """Keep what was chosen on the first mesh."""
@@ -125,13 +127,20 @@ class Meshes(Generic[S]):
         smallest = SMALLEST_JUMP if compared else 1.0
         return float(np.clip(excess ** (1 / rate), smallest, LARGEST_JUMP[dimension]))
 
+    def whole(self, jump: float) -> float:
+        """How many times finer the next mesh will be: where meshes are made anew, cells are divided a whole number of
+        times.
+        """
+        if not (self._made and self.any_jump):
+            return jump
+        return max(ceil(self._divisions * jump - 1e-9), self._divisions + 1) / self._divisions
+
     def refine(self, solved: SolvedMesh[S], excess: float, jump: float) -> None:
         """Make the next mesh."""
         begin = parallel.clock(self._comm)
         if self._made:
             # Whole multiples of the coarsest mesh keep its nodes, where loads may jump.
-            finer = max(ceil(self._divisions * jump - 1e-9), self._divisions + 1)
-            self._divisions = finer if self.any_jump else 2 * self._divisions
+            self._divisions = round(self._divisions * (self.whole(jump) if self.any_jump else 2))
             self.problem = self.problem.divided(self._divisions)
         else:
             cells = None
@@ -142,6 +151,8 @@ class Meshes(Generic[S]):
             tagged = refine(solved.tagged, cells)
             if self._of == "pressure" and self.adaptive and tagged.dimension == 2:
                 tagged = self._divide_corners(tagged, solved, excess)
+            counts = [mesh.mesh.topology.index_map(mesh.dimension).size_global for mesh in (tagged, solved.tagged)]
+            self.finer = fineness_of(counts[0] / counts[1], tagged.dimension)
             self.problem = self.problem.on(tagged)
         self.seconds = parallel.clock(self._comm) - begin
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import inf
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -133,16 +134,23 @@ def solve_to_accuracy(
             # That of the pressure is corrected by its change from mesh to mesh, which is extrapolated.
             compared, rate = goal.of not in LOCAL or goal.of == "pressure", rates.get(goal.of) or _seen_rate(levels)
             jump = meshes.jump(excess, rate, compared=compared, dimension=level.dimension)
-            if enough:
-                jump, beyond = budget.affordable(rows, jump, level, any_jump=meshes.any_jump)
-                if beyond:
-                    notify(f"accuracy: the next mesh would take {beyond}")
-                if beyond or len(levels) >= MOST_MESHES:
-                    return replace(solution, status=Status.BUDGET)
+            if enough and len(levels) >= MOST_MESHES:
+                notify(f"accuracy: {MOST_MESHES} meshes have not reached it")
+                return replace(solution, status=Status.OUT_OF_REACH)
+            beyond = None
+            if enough and not meshes.adaptive:
+                jump, beyond = budget.affordable(rows, jump, level, meshes)
+            if beyond is None:
+                meshes.refine(solved, excess, jump)
+                if enough and meshes.adaptive:  # how much larger it is shows once it is made
+                    beyond = budget.exceeded(rows, meshes.finer, level)
+            if beyond is not None:
+                notify(f"accuracy: the next mesh would take {beyond.reason}")
+                return replace(solution, status=beyond.status)
             on_level(solution)
-            meshes.refine(solved, excess, jump)
         elif outcome.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
-            return replace(solution, status=Status.BUDGET)
+            notify("accuracy: the regularisation leaves more, and gamma is as large as double precision allows")
+            return replace(solution, status=Status.OUT_OF_REACH)
 
 
 def _certified(solved: SolvedMesh[S], *, first: bool) -> tuple[SolvedMesh[S], float, str]:
@@ -197,6 +205,14 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size
 
 
 @dataclass(frozen=True)
+class Exceeded:
+    """How a mesh exceeds a budget or the machine: the outcome, and why."""
+
+    status: Status
+    reason: str
+
+
+@dataclass(frozen=True)
 class Budget:
     """A requested accuracy, with the memory before it, MB, and the clock when it began, seconds."""
 
@@ -214,32 +230,36 @@ class Budget:
             history.is_late = lambda: parallel.clock(comm) - budget.begin >= allowed
         return budget
 
-    def affordable(self, rows: list[Price], jump: float, last: LevelResult, *, any_jump: bool) -> tuple[float, str]:
-        """The jump, or if there may be any a smaller one that keeps to the budget; and why the next mesh would exceed
-        it all the same, "" if it would not.
+    def affordable(
+        self, rows: list[Price], jump: float, last: LevelResult, meshes: Meshes[Any]
+    ) -> tuple[float, Exceeded | None]:
+        """The jump, or if there may be any a smaller one that keeps to the budget; and how the next mesh would exceed
+        it all the same, None if it would not.
         """
-        beyond = self._exceeded(rows, jump, last)
-        while beyond and any_jump and jump > SMALLEST_JUMP:
+        beyond = self.exceeded(rows, meshes.whole(jump), last)
+        while beyond is not None and meshes.any_jump and jump > SMALLEST_JUMP:
             jump = max(jump / 2, SMALLEST_JUMP)
-            beyond = self._exceeded(rows, jump, last)
+            beyond = self.exceeded(rows, meshes.whole(jump), last)
         return jump, beyond
 
-    def _exceeded(self, rows: list[Price], jump: float, last: LevelResult) -> str:
-        """Why a mesh ``jump`` times finer than the last one exceeds the budget or the machine; "" if it does not."""
+    def exceeded(self, rows: list[Price], finer: float, last: LevelResult) -> Exceeded | None:
+        """How a mesh so many times finer than the last one exceeds the budget or the machine; None if it does not."""
         goal = self.goal
         following = predict(
-            rows[:-1], self.base_memory, finer=jump, dimension=last.dimension, krylov_from=last.krylov_from
+            rows[:-1], self.base_memory, finer=finer, dimension=last.dimension, krylov_from=last.krylov_from
         )
         spent = parallel.clock(self.comm) - self.begin
         if goal.seconds is not None and spent + following.seconds > goal.seconds:
-            return f"about {duration(following.seconds)}, and {duration(spent)} of {goal.seconds:g} s are spent"
+            reason = f"about {duration(following.seconds)}, and {duration(spent)} of {goal.seconds:g} s are spent"
+            return Exceeded(Status.BUDGET, reason)
         # A process that takes more memory than there is would be killed, and its results with it.
         available = parallel.machine_memory(self.comm) / 1024**3
         allowed = MEMORY_SHARE * available if goal.memory is None else goal.memory
         if following.memory <= 1024 * allowed:
-            return ""
+            return None
         reason = f"this machine has {available:.2g}" if goal.memory is None else f"{goal.memory:g} are allowed"
-        return f"about {following.memory / 1024:.2g} GB of memory, {reason}"
+        reason = f"about {following.memory / 1024:.2g} GB of memory, {reason}"
+        return Exceeded(Status.MEMORY if goal.memory is None else Status.BUDGET, reason)
 
 
 def _estimate_on_one(level: LevelResult, goal: Accuracy) -> float | None:

@@ -11,13 +11,14 @@ from mpi4py import MPI
 from scenes import example1, on_mesh, rectangle
 
 from signorini_fx import compat, parallel
-from signorini_fx.accuracy.price_list import predict
+from signorini_fx.accuracy.price_list import fineness_of, predict
 from signorini_fx.check.checks import check_scene
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.formats import read_file, write_file
 from signorini_fx.mesh.tagged import generate_mesh
 from signorini_fx.records import History, IterationRecord, Status
 from signorini_fx.results.summary import render, summarise
+from signorini_fx.scene.model import MeshGenerator
 from signorini_fx.scene.reading import parse_scene, read_scene
 from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving import to_accuracy
@@ -214,12 +215,34 @@ def test_the_memory_of_the_machine_is_a_budget(monkeypatch):
     """Without a budget a mesh that the machine has no memory for is not begun: the system would kill the process."""
     monkeypatch.setattr(parallel, "machine_memory", lambda comm: 1e6)
     solution = solve(asked("tresca", target=1e-6), check=False)
-    assert solution.status is Status.BUDGET
+    assert solution.status is Status.MEMORY
     assert solution.certificate.holds
+    assert "this machine has 0.00093" in solution.advice
     assert "of memory, this machine has 0.00093" in solution.history.events[-1]
     told = render(summarise(solution)).splitlines()
     assert any(line.startswith("  accuracy         the next mesh would take about") for line in told)
     assert not any(line.startswith("  fall-backs") for line in told)
+
+
+@pytest.mark.parametrize("refinement", ["adaptive", "uniform"])
+def test_forecasts_are_of_the_mesh_that_follows(monkeypatch, refinement):
+    """How much finer it is was guessed once, as twice the unknowns: in space there were six times as many."""
+    finer = []
+
+    def noted(*given, **named):
+        finer.append(named["finer"])
+        return predict(*given, **named)
+
+    monkeypatch.setattr(to_accuracy, "predict", noted)
+    scene = asked("tresca", target=0.03, of="energy", refinement=refinement)
+    if refinement == "adaptive":
+        cells = {**scene.mesh.parameters, "cell": "triangle", "nx": 24, "ny": 8}
+        scene = scene.model_copy(update={"mesh": MeshGenerator(generator="block", parameters=cells)})
+    solution = solve(scene, MPI.COMM_SELF)
+    dofs = [level.dofs for level in solution.levels][-1 - len(finer) :]
+    made = [fineness_of(fine / coarse, 2) for coarse, fine in pairwise(dofs)]
+    assert len(made) >= 1
+    assert finer == pytest.approx(made, rel=0.1)  # cells are counted, and not unknowns
 
 
 def test_no_more_than_asked_for():
@@ -281,6 +304,7 @@ def test_the_largest_pressure_at_a_corner_has_no_value():
     assert solution.status is Status.OUT_OF_REACH
     assert solution.price_list[-2].peak is None
     assert any("no finite value" in event and "at (2, " in event for event in solution.history.events)
+    assert "the largest pressure has no finite value" in solution.advice  # and so in the first lines
 
 
 def test_a_pressure_without_a_finite_norm():

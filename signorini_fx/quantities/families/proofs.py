@@ -9,6 +9,9 @@ from signorini_fx.quantities.kinds import Number, Row, described
 from signorini_fx.quantities.quantity import Quantity, Summary
 from signorini_fx.quantities.text import row
 
+# How the statement begins where there is no bound.
+_NONE = "none: "
+
 
 class ErrorBoundFigures(Row):
     """A guaranteed bound."""
@@ -57,8 +60,13 @@ class ErrorBoundOfSolution(Quantity):
         """See ``Quantity``."""
         bound = solution.error_bound
         if isinstance(bound, str):
-            return {"statement": f"none: {bound}"}
+            return {"statement": f"{_NONE}{bound}"}
         return None if bound is None else bound.as_dict()
+
+    def missed(self, value: Any) -> str:
+        """See ``Quantity``: that there is no bound."""
+        none = value["statement"].startswith(_NONE)
+        return f"there is no guaranteed bound: {value['statement'].removeprefix(_NONE)}" if none else ""
 
     def further(self, solution: Any, value: Any) -> Any:
         """See ``Quantity``: the distance from the fixed point of friction."""
