@@ -150,7 +150,7 @@ _ADVICE = {
 
 
 # The outcomes of a certified solution that is less accurate than required.
-SHORT_OF_ACCURACY = (Status.BUDGET, Status.OUT_OF_REACH)
+SHORT_OF_ACCURACY = (Status.BUDGET, Status.MEMORY, Status.OUT_OF_REACH)
 
 
 @dataclass(frozen=True)
@@ -364,7 +364,7 @@ class History:
 
     def advice(self, status: Status) -> str:
         """What to do about an outcome; of an accuracy that was not reached with the reason."""
-        short = status in (Status.BUDGET, Status.MEMORY, Status.OUT_OF_REACH)
+        short = status in SHORT_OF_ACCURACY
         reasons = [event for event in self.events if event.startswith(ACCURACY)] if short else []
         return "; ".join([status.advice, *(reason.removeprefix(ACCURACY) for reason in reasons[-1:])])
 

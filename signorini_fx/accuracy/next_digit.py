@@ -29,7 +29,9 @@ from signorini_fx.tuned import (
     MOST_FINER,
     NEXT_ERROR,
     SECONDS_OF_UNKNOWNS,
-    SLOWEST_RATE,
+    SLOWEST_FORECAST,
+    SPREAD_OF_SECONDS,
+    TIME_POWER,
 )
 
 # The errors that a forecast is made of, in this order, and what they are of.
@@ -71,12 +73,13 @@ class CostOfAccuracy:
     @property
     def known(self) -> str:
         """What was solved."""
-        return f"{_percent(self.error)} of {NAMES[self.of]} took {duration(self.seconds)}"
+        return f"{100 * self.error:.2g} % of {NAMES[self.of]} took {duration(self.seconds)}"
 
     @property
     def forecast(self) -> str:
         """What would be solved."""
-        return f"{_percent(self.next_error)}: {between(self.next_seconds)}, {count(self.next_dofs)} unknowns"
+        figures = 1 if self.next_error * 5 < self.error else 2  # a digit less
+        return f"{100 * self.next_error:.{figures}g} %: {between(self.next_seconds)}, {count(self.next_dofs)} unknowns"
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-safe."""
@@ -90,10 +93,6 @@ class CostOfAccuracy:
             "next_dofs": self.next_dofs,
             "statement": str(self),
         }
-
-
-def _percent(error: float) -> str:
-    return f"{100 * error:.2g} %"
 
 
 def between(seconds: tuple[float, float]) -> str:
@@ -160,10 +159,11 @@ def seconds_on_finer(
         krylov_from: as in ``LevelResult``.
         constant: the least part of the seconds that does not grow, such as that of compilation.
     """
-    power, _ = powers(dofs * growth, dimension, krylov_from)
-    per_unknown, usual = SECONDS_OF_UNKNOWNS[dimension], powers(0.0, dimension, inf)[0]
-    growing = float(np.clip(per_unknown * dofs**usual, 0.0, max(seconds - constant, 0.0)))
-    return seconds + growing * (growth**power - 1)
+    power = TIME_POWER[dimension]
+    last_factorised = min(max(krylov_from, dofs), dofs * growth)
+    times = (last_factorised / dofs) ** power * (dofs * growth / last_factorised)
+    growing = float(np.clip(SECONDS_OF_UNKNOWNS[dimension] * dofs**power, 0.0, max(seconds - constant, 0.0)))
+    return seconds + growing * (times - 1)
 
 
 def from_one_mesh(
@@ -211,13 +211,14 @@ def growth_before(degree: int, dimension: int) -> tuple[float, float]:
 
 
 def from_prices(
-    prices: Sequence[Price], dimension: int, krylov_from: float, asked: str | None = None
+    prices: Sequence[Price], dimension: int, degree: int, krylov_from: float, asked: str | None = None
 ) -> CostOfAccuracy | str:
     """From the price list; or why it says nothing.
 
     Args:
         prices: at least two solved meshes, and the next one.
         dimension: of the body.
+        degree: of the elements, the best rate of the energy norm whatever was seen on the first meshes.
         krylov_from: as in ``LevelResult``.
         asked: the error that it is to be about; None: the first one that is known.
     """
@@ -230,7 +231,10 @@ def from_prices(
     finer = fineness_of(following.dofs / last.dofs, dimension)
     expected = log(error / getattr(following, of)) / log(finer)
     seen = _seen_rate(solved, of, dimension)
-    rates = sorted(max(rate, SLOWEST_RATE) for rate in (expected, expected if seen is None else seen))
+    best = float(degree) if of == "energy" else inf
+    rates = sorted(
+        float(np.clip(rate, SLOWEST_FORECAST, best)) for rate in (expected, expected if seen is None else seen)
+    )
     took = sum(price.seconds for price in solved)
 
     def growth(rate: float) -> float:
@@ -256,7 +260,7 @@ def from_prices(
         took,
         last.dofs,
         times * error,
-        (took + still(fast), took + still(slow)),
+        ((took + still(fast)) / SPREAD_OF_SECONDS, (took + still(slow)) * SPREAD_OF_SECONDS),
         last.dofs * growth(middle),
     )
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from signorini_fx.display import load_step
 from signorini_fx.quantities.digits import between, figure, percent, solved_prices
+from signorini_fx.quantities.families.cost import cost_in_words
 from signorini_fx.quantities.families.stress import largest_von_mises, share_in_words
 from signorini_fx.quantities.registry import error_of
 from signorini_fx.quantities.text import point_in_words
@@ -244,8 +245,8 @@ def _sure(summary: dict[str, Any]) -> Answer:
         details.insert(0, f"{percent(goal['target'])} of the {goal['of']} was asked for")
     if law:
         details.append(law)
-    if (cost := summary.get("cost") or {}).get("error") is not None:
-        details.append(cost["statement"])
+    if took := cost_in_words(summary):
+        details.append(took)
     tone = "bad" if not holds else "short" if law or validity is Validity.LESS_ACCURATE else ""
     return Answer("", f"error {error}" if known else "error of the mesh not estimated", tuple(details), tone)
 

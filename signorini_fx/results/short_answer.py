@@ -10,6 +10,7 @@ from signorini_fx.display import clean, effort_in_words, results_of, status_in_w
 from signorini_fx.machine.terminal import COLUMNS, TerminalLine, clauses, printable
 from signorini_fx.quantities.answers import error_in_words
 from signorini_fx.quantities.digits import between, figure
+from signorini_fx.quantities.families.cost import cost_in_words
 from signorini_fx.quantities.families.stress import largest_von_mises, share_in_words
 from signorini_fx.quantities.registry import error_of, of_package, quantities, shown_lines
 from signorini_fx.quantities.text import point_in_words
@@ -90,10 +91,10 @@ def _in_cost(summary: dict[str, Any]) -> bool:
 
 def _cost(summary: dict[str, Any]) -> list[TerminalLine]:
     """What the error took, and what a smaller one would take; or why that is not known."""
-    if "cost" not in summary:
+    if not (statement := cost_in_words(summary)):
         return []
-    statement = summary["cost"]["statement"]
-    return [_row("cost", statement if _is_forecast(summary) else f"no forecast: {statement}")]
+    texts = [statement, statement.replace(" of the ", " of "), statement.rpartition(",")[0]]
+    return [_row("cost", next((text for text in texts if 0 < len(text) <= COLUMNS - _LABEL), texts[0]))]
 
 
 def _row(label: str, text: str, kind: str = "") -> TerminalLine:

@@ -189,10 +189,6 @@ class Solution:
             ways += [] if settings.fallbacks else ["set solver.fallbacks = true"]
             ways += ["lower solver.gamma_n and solver.gamma_t", "set another solver.initial_contact"]
             return f"{', or '.join(ways)}; beyond a limit load there is no solution: lower the load"
-        if self.status in SHORT_OF_ACCURACY:
-            begin = "accuracy: "
-            told = [event.removeprefix(begin) for event in self.history.events if event.startswith(begin)]
-            return f"{self.status.advice}; {told[-1]}" if told else self.status.advice
         if self.status is Status.LINEAR_SOLVER:
             if (name := settings.linear_algebra) in names_of(LINEAR_SOLVERS):
                 return f"the linear solver {name!r} of another package does not solve: take 'auto', 'full' or 'krylov'"
@@ -340,10 +336,11 @@ class Solution:
         if self.last_step.status is not Status.CONVERGED:
             return "no solution"
         d, dimension = self.discretisation, self.discretisation.tagged.dimension
+        degree = int(self.displacement.function_space.element.basix_element.degree)
         iterative_from = krylov_from(d.system_size, self.scene.solver.linear_algebra)
         if self.price_list:
             asked = None if self.scene.accuracy is None else self.scene.accuracy.of
-            return from_prices(self.price_list, dimension, iterative_from, asked)
+            return from_prices(self.price_list, dimension, degree, iterative_from, asked)
         if not self.has_stress:
             return "forms alone have no error estimate: give stress="
         if not (error := self.stress.error):
@@ -352,7 +349,7 @@ class Solution:
         return from_one_mesh(
             error,
             crowded_share(self.comm, self.stress.squares),
-            degree=int(self.displacement.function_space.element.basix_element.degree),
+            degree=degree,
             dofs=d.dofs,
             dimension=dimension,
             seconds=sum(seconds.values()),

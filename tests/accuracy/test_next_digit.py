@@ -10,7 +10,7 @@ from scenes import alone, example1
 from signorini_fx.accuracy import next_digit
 from signorini_fx.accuracy.price_list import predict
 from signorini_fx.check.checks import check_scene
-from signorini_fx.tuned import CORNER_EXPONENTS, NEXT_ERROR
+from signorini_fx.tuned import CORNER_EXPONENTS, NEXT_ERROR, SPREAD_OF_SECONDS
 
 
 @pytest.mark.parametrize("degree", [1, 2])
@@ -47,19 +47,20 @@ def price(dofs, seconds, pressure, *, predicted=False):
 def test_forecast_from_a_price_list():
     """Of errors that decrease like h, and seconds like n^1.2, the next digit is foretold as it is."""
     rows = [price(n, 1e-6 * n**1.2, n**-0.5, predicted=n > 40_000) for n in (10_000, 40_000, 160_000)]
-    cost = next_digit.from_prices(rows, 2, np.inf)
+    cost = next_digit.from_prices(rows, 2, 1, np.inf)
     assert (cost.of, cost.error, cost.dofs) == ("pressure", pytest.approx(40_000**-0.5), 40_000)
     assert cost.seconds == pytest.approx(1e-6 * (10_000**1.2 + 40_000**1.2))
     assert cost.next_dofs == pytest.approx(4_000_000, rel=1e-6)
     meshes = [40_000 * 100 ** (k / 4) for k in range(1, 5)]  # each no more than four times as large as the one before
-    assert cost.next_seconds == pytest.approx([cost.seconds + sum(1e-6 * n**1.2 for n in meshes)] * 2)
-    assert next_digit.from_prices(rows, 2, np.inf, "force") == "no error of the force is known"
+    spent = cost.seconds + sum(1e-6 * n**1.2 for n in meshes)
+    assert cost.next_seconds == pytest.approx((spent / SPREAD_OF_SECONDS, spent * SPREAD_OF_SECONDS))
+    assert next_digit.from_prices(rows, 2, 1, np.inf, "force") == "no error of the force is known"
 
 
 def test_range_of_a_price_list():
     """Where the rate that was seen is another one than that expected, both are told."""
     rows = [price(10_000, 1.0, 4e-2), price(40_000, 4.0, 1e-2), price(160_000, 16.0, 5e-3, predicted=True)]
-    low, high = next_digit.from_prices(rows, 2, np.inf).next_seconds
+    low, high = next_digit.from_prices(rows, 2, 1, np.inf).next_seconds
     assert high > 4 * low
 
 
@@ -69,8 +70,9 @@ def test_seconds_that_stay_do_not_grow():
     assert next_digit.seconds_on_finer(1.0, 1e8, 4.0, 2, np.inf) == pytest.approx(4**1.2)
     small = next_digit.seconds_on_finer(1.0, 1e3, 4.0, 2, np.inf)
     assert 1.0 < small < 1.1
-    # A Krylov method takes as long as there are unknowns.
-    assert next_digit.seconds_on_finer(1e-3, 1e5, 8.0, 3, 8e5) == pytest.approx(8e-3)
+    # A Krylov method takes as long as there are unknowns, from the mesh on where it is taken.
+    assert next_digit.seconds_on_finer(1e-3, 1e5, 8.0, 3, 1e5) == pytest.approx(8e-3)
+    assert next_digit.seconds_on_finer(1e-3, 1e5, 8.0, 3, 4e5) == pytest.approx(1e-3 * 4**1.6 * 2)
 
 
 @pytest.mark.parametrize(
@@ -116,7 +118,7 @@ def test_check_foretells_what_it_costs():
 def test_prediction_and_forecast_agree():
     """A mesh as much finer as the price list predicts has the error that it predicts."""
     rows = list(alone(example1(bound=1.5, gamma="auto", nx=40, ny=12, levels=3)).price_list)
-    cost = next_digit.from_prices(rows, 2, np.inf)
+    cost = next_digit.from_prices(rows, 2, 1, np.inf)
     assert cost.error == rows[-2].pressure
     rate = np.log(rows[-2].pressure / rows[-1].pressure) / np.log((rows[-1].dofs / rows[-2].dofs) ** 0.5)
     following = predict(rows[:-1], 0.0, finer=float(10 ** (1 / rate)))

@@ -90,9 +90,9 @@ def test_result_folder(tmp_path):
 def without_times(value):
     """Summary or rows without what a clock or the operating system says."""
     if isinstance(value, dict):
-        return {
-            key: without_times(v) for key, v in value.items() if key not in ("timings", "seconds", "memory", "finished")
-        }
+        times = {"timings", "seconds", "memory", "finished", "next_seconds"}
+        times |= {"statement"} if "next_seconds" in value else set()
+        return {key: without_times(v) for key, v in value.items() if key not in times}
     return [without_times(item) for item in value] if isinstance(value, list) else value
 
 

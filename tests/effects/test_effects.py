@@ -1,6 +1,8 @@
 """Only what a scene lists is compiled, assembled and solved; counted by the package, and behind its back."""
 
+import tomllib
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import dolfinx
 import numpy as np
@@ -10,7 +12,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import on_mesh, rectangle
 
-from signorini_fx.scene.reading import parse_scene
+from signorini_fx.check.checks import check_scene
+from signorini_fx.scene.reading import parse_scene, read_scene
 from signorini_fx.solving.solver import solve
 
 PETSc.Log.begin()
@@ -131,6 +134,17 @@ def changed(before, after):
 
 
 ITERATION = {"recorded_solves", "linear_solves", "factorisations", "newton_iterations"}
+
+
+def test_example_1_pays_for_what_it_lists(count):
+    """README counts: of 19 effects that a scene may list it has six, for which there are three forms and a matrix."""
+    file = Path(__file__).parents[2] / "demos" / "scenes" / "example1_tresca.toml"
+    effects = check_scene(read_scene(file), MPI.COMM_SELF).effects
+    assert (len(effects), sum(effect.on for effect in effects)) == (19, 6)
+    data = {key: value for key, value in tomllib.loads(file.read_text(encoding="utf-8")).items() if key != "mesh"}
+    _, counts = count(data, rectangle(MPI.COMM_SELF, length=3.0, nx=12, ny=4))
+    assert counts.named == ("elasticity", "traction top", "contact bottom")
+    assert (counts.compiled, counts.matrices_named, counts.matrices) == (3, 1, 1)
 
 
 def test_elasticity_is_one_matrix_and_one_solve(count):

@@ -126,7 +126,7 @@ def test_a_rank_that_fails_while_the_others_wait(ranks, rank, what, how, tmp_pat
     assert (told in ended.stderr) == (how == "error" or rank == 0)
     summary = json.loads((out / "summary.json").read_text())
     missing = [found["path"] for found in summary["findings"] if found["message"].startswith("is missing")]
-    assert missing == (["pictures"] if what == "pictures" else ["safety", "uniqueness", "tables", "pictures"])
+    assert missing == (["pictures"] if what == "pictures" else ["safety", "uniqueness", "cost", "tables", "pictures"])
     assert ("uniqueness" in summary) == (what == "pictures")
     assert len((out / "contact.csv").read_text().splitlines()) == 8
 

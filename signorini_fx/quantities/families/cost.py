@@ -26,10 +26,19 @@ class CostFigures(Row):
     statement: str = described("All of it in a sentence, or why there is no forecast.")
 
 
+def cost_in_words(summary: Summary) -> str:
+    """What the error took, and what a smaller one would take; or why that is not known; "": nobody has asked."""
+    cost = summary.get("cost")
+    if cost is None:
+        return ""
+    statement: str = cost["statement"]
+    return statement if cost.get("error") is not None else f"no forecast: {statement}"
+
+
 class CostOfSolution(Quantity):
     """See ``accuracy.next_digit``."""
 
-    key, kind, scope, stage = "cost", CostFigures, "all", "results"
+    key, kind = "cost", CostFigures
     title = "What the accuracy took, and what a better one would take; a forecast."
     terminal = "cost"
 
@@ -40,7 +49,7 @@ class CostOfSolution(Quantity):
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
         """See ``Quantity``."""
-        return [row(self.terminal, summary[self.key]["statement"])] if self.key in summary else []
+        return [row(self.terminal, cost_in_words(summary))] if self.key in summary else []
 
 
 QUANTITIES = (CostOfSolution(),)
