@@ -135,8 +135,8 @@ _ADVICE = {
         "less accurate than required"
     ),
     Status.MEMORY: (
-        "use a larger machine, or require less: this is a certified solution on the last mesh that this machine has the "
-        "memory for, less accurate than required"
+        "use a larger machine, or require less: this is a certified solution on the last mesh that this machine has "
+        "the memory for, less accurate than required"
     ),
     Status.OUT_OF_REACH: (
         "require less, or the accuracy of the energy or of a force: this is a certified solution, less accurate than "
