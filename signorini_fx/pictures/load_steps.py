@@ -40,7 +40,7 @@ _DOTS: dict[str, Any] = {"marker": "o", "markersize": 2.5}
 _COLOURS = (INK, BLUE, ORANGE, "#009e73", "#cc79a7", MUTED)  # of boundaries
 
 
-def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] = SCREEN) -> None:
+def load_steps(path_stem: str | Path, steps: Table, *, around: bool = False, suffixes: Sequence[str] = SCREEN) -> None:
     """Draw the forces of the foundation on the body step by step, and the friction force against the motion; the
     torque of friction where there is one; between bodies those of each boundary.  On a boundary that closes around a
     body forces balance each other: there the integral of the pressure and the moment of friction.
@@ -48,6 +48,7 @@ def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] =
     Args:
         path_stem: where to write, without suffix.
         steps: columns of ``steps.csv`` of a scene with contact, each of shape (n,).
+        around: whether the body is one of revolution: radial components cancel each other, and are no forces.
         suffixes: of the files to write.
     """
     solved = np.asarray(steps["status"]) == Status.CONVERGED.value
@@ -58,9 +59,9 @@ def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] =
         figure = Figure(figsize=(4.4, 4.6 + 0.3 * len(names)), layout="constrained")  # with room for the legend
         upper, lower = figure.subplots(2, 1)
         if names:
-            _draw_of_each(upper, lower, steps, names)
+            _draw_of_each(upper, lower, steps, names, around=around)
         else:
-            _draw(upper, lower, steps)
+            _draw(upper, lower, steps, around=around)
         upper.set_xlabel("time")
         lower.locator_params(axis="x", nbins=6)
         lay_out(figure)  # for the width of the names
@@ -72,11 +73,11 @@ def load_steps(path_stem: str | Path, steps: Table, *, suffixes: Sequence[str] =
         finish(figure, path_stem, "", suffixes)
 
 
-def _draw(upper: Axes, lower: Axes, steps: Table) -> None:
+def _draw(upper: Axes, lower: Axes, steps: Table, *, around: bool) -> None:
     """The components of the forces over time, and the largest one of the friction force over the motion."""
     times = np.asarray(steps["time"], dtype=np.float64)
     turns, in_space = "torque" in steps, "contact_force_z" in steps
-    shown = "y" if turns else "xyz" if in_space else "xy"  # over a revolution the others cancel
+    shown = "y" if turns or around else "xyz" if in_space else "xy"  # over a revolution the others cancel
     count = len(shown)
     names = [f"{kind}_{axis}" for kind in ("contact_force", "friction_force") for axis in shown]
     forces = {name: np.asarray(steps[name], dtype=np.float64) for name in names}
@@ -120,10 +121,10 @@ def _boundaries(steps: Table) -> list[str]:
     return [name.removeprefix("contact_force_x ") for name in steps if name.startswith("contact_force_x ")]
 
 
-def _draw_of_each(upper: Axes, lower: Axes, steps: Table, boundaries: Sequence[str]) -> None:
+def _draw_of_each(upper: Axes, lower: Axes, steps: Table, boundaries: Sequence[str], *, around: bool) -> None:
     """The largest component of both forces of each boundary over time, and that of friction over its motion."""
     times = np.asarray(steps["time"], dtype=np.float64)
-    axes = [axis for axis in "xyz" if f"contact_force_{axis} {boundaries[0]}" in steps]
+    axes = [axis for axis in ("y" if around else "xyz") if f"contact_force_{axis} {boundaries[0]}" in steps]
 
     def largest(kind: str, boundary: str) -> tuple[str, Floats]:
         """The axis, and the component."""

@@ -91,7 +91,7 @@ class ResultPictures:
         if self.prices:
             errors_and_costs(folder / "price_list", self.prices, title=title, suffixes=self.suffixes)
         if contact is not None and steps is not None:
-            load_steps(folder / "load_steps", steps, suffixes=self.suffixes)
+            load_steps(folder / "load_steps", steps, around=self.mirrored, suffixes=self.suffixes)
         if contact is not None and self.dimension == 2:
             from signorini_fx.pictures.boundary_profiles import boundary_profiles
 

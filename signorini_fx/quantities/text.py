@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.display import clean, touch_each_other
+from signorini_fx.kinematics import of_data
 from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.quantities.digits import figure
@@ -43,6 +44,11 @@ def resultant(summary: dict[str, Any], key: str) -> str:
     kind = key.partition("_")[2]
     size = float(np.abs([summary[f"contact_{kind}"], summary[f"friction_{kind}"]]).max())
     return in_brackets(clean(summary[key], size))
+
+
+def kinematics_of(summary: dict[str, Any]) -> Kinematics:
+    """That of the body of a summary."""
+    return of_data(summary.get("scene") or {}, 3 if summary.get("dimension") == 3 else 2)
 
 
 def named_components(kinematics: Kinematics, count: int) -> dict[int, str]:

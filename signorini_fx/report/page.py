@@ -74,7 +74,9 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     elif summary.get("resultants"):
         chapters["Forces"] = sections.forces(summary)
     if "steps" in summary:
-        chapters["Load steps"] = sections.steps(folder, folder.columns("steps.csv", len(summary["steps"])), contact)
+        chapters["Load steps"] = sections.steps(
+            folder, folder.columns("steps.csv", len(summary["steps"])), contact, around=sections.is_around(summary)
+        )
     lines = [tag("li", line) for line in next_steps(summary, contact)]
     if lines:
         chapters["What to do next"] = tag("ul", *lines)

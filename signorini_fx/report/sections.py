@@ -10,19 +10,17 @@ import numpy as np
 
 from signorini_fx.display import clean, results_of, status_in_words
 from signorini_fx.errors import PYVISTA
-from signorini_fx.kinematics import of_data
-from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.pictures.fields import FIELDS
 from signorini_fx.quantities.answers import answers
 from signorini_fx.quantities.digits import components, figure, percent
 from signorini_fx.quantities.quantity import Card
 from signorini_fx.quantities.registry import quantities, shown_cards
-from signorini_fx.quantities.text import named_components
+from signorini_fx.quantities.text import kinematics_of, named_components
 from signorini_fx.quantities.validity import Validity, validity_of
 from signorini_fx.report.interactive import plots, turning
 from signorini_fx.report.markup import drawn_by, joined, long_table, picture, table, tag
 from signorini_fx.report.templating import Markup, rendered
-from signorini_fx.result_files import ResultFiles, in_space, seconds_of
+from signorini_fx.result_files import ResultFiles, seconds_of
 from signorini_fx.units import bracketed, unit
 
 _TONES = {Validity.SOLUTION: "good", Validity.LESS_ACCURATE: "short"}
@@ -74,15 +72,16 @@ def size(summary: dict[str, Any]) -> str:
 def _note(summary: dict[str, Any], who: str, body: str) -> str:
     """What the forces are, and how many digits are shown."""
     forms = "forms" in summary["scene"]  # their measure says what is integrated
-    measure = "what" if forms or _kinematics(summary).whole else "per unit thickness, and what"
+    measure = "what" if forms or kinematics_of(summary).whole else "per unit thickness, and what"
     integrated = ", integrated by the measure of the forms" if forms else ""
     named = "" if summary["scene"].get("units", {}).get("length") else "; units are those of the scene"
     digits = "Figures with an estimated error are rounded to it, others to four digits; all digits are in summary.json."
     return f"Forces are {measure} {who} exerts on {body}{integrated}{named}. {digits}"
 
 
-def _kinematics(summary: dict[str, Any]) -> Kinematics:
-    return of_data(summary["scene"], 3 if in_space(summary) else 2)
+def is_around(summary: dict[str, Any]) -> bool:
+    """Whether the body is one of revolution."""
+    return not kinematics_of(summary).uniform
 
 
 def _sides(against: Iterable[str | None]) -> tuple[str, str]:
@@ -194,7 +193,7 @@ def _resultants(summary: dict[str, Any]) -> Markup | None:
     entries = summary.get("resultants", [])
     if not entries:
         return None
-    kinematics = _kinematics(summary)
+    kinematics = kinematics_of(summary)
     axes = named_components(kinematics, len(entries[0]["force"]))
     moments = [list(entry["moment"]) if isinstance(entry["moment"], list) else [entry["moment"]] for entry in entries]
     turns = [k for k in range(len(moments[0])) if kinematics.uniform or any(moment[k] for moment in moments)]
@@ -232,7 +231,7 @@ def _contact_boundaries(summary: dict[str, Any]) -> Markup | None:
     if not entries:
         return None
     length = unit("length")
-    solid = _kinematics(summary).whole
+    solid = kinematics_of(summary).whole
     area = f"area{f' ({length}²)' if length else ''}" if solid else f"length{bracketed('length')}"
     names = {
         "boundary": "contact boundary",
@@ -269,8 +268,15 @@ def _zones(summary: dict[str, Any]) -> Markup | None:
     return joined([table(["zone", *names, f"chord{bracketed('length')}"], rows), tag("p", note, class_="note")])
 
 
-def steps(folder: ResultFiles, steps: dict[str, Any], contact: dict[str, Any]) -> Markup:
-    """Forces step by step, the animation, and the table of the steps; ``contact``: columns of ``contact.csv``."""
+def steps(folder: ResultFiles, steps: dict[str, Any], contact: dict[str, Any], *, around: bool = False) -> Markup:
+    """Forces step by step, the animation, and the table of the steps.
+
+    Args:
+        folder: of the result.
+        steps: columns of ``steps.csv``.
+        contact: columns of ``contact.csv``.
+        around: whether the body is one of revolution.
+    """
     from signorini_fx.pictures.load_steps import load_steps
     from signorini_fx.pictures.step_animation import step_animation
 
@@ -285,7 +291,7 @@ def steps(folder: ResultFiles, steps: dict[str, Any], contact: dict[str, Any]) -
         caption = f"Above: forces of {who} on {whom}. Below: {resisting} over displacement."
         if any(name.startswith("friction_moment") for name in steps):
             caption = f"Forces of {who} on {whom}, and of friction; where they balance each other, pressure and moment."
-        pictures = [drawn_by(load_steps, steps, caption=caption)]
+        pictures = [drawn_by(load_steps, steps, caption=caption, around=around)]
         solid = any(name.startswith("contact_force_z") for name in steps)
         if (not solid or "torque" in steps) and (folder.path / "contact_steps.csv").is_file():
             caption = "Pressure, shear and states along the contact boundary, step by step."

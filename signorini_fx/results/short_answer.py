@@ -13,7 +13,7 @@ from signorini_fx.quantities.digits import between, figure
 from signorini_fx.quantities.families.cost import cost_in_words
 from signorini_fx.quantities.families.stress import largest_von_mises, share_in_words
 from signorini_fx.quantities.registry import error_of, of_package, quantities, shown_lines
-from signorini_fx.quantities.text import point_in_words
+from signorini_fx.quantities.text import kinematics_of, named_components, point_in_words
 from signorini_fx.quantities.validity import Validity, validity_of
 from signorini_fx.records import CERTIFICATE_TOLERANCE
 
@@ -139,14 +139,19 @@ def _forces(summary: dict[str, Any]) -> list[TerminalLine]:
         rows = [{**summary, "name": ""}]
     size = max(abs(part) for row in rows for key in ("contact_force", "friction_force") for part in row[key])
 
+    kinematics = kinematics_of(summary)
+
     def of(row: dict[str, Any], key: str) -> str:
-        return figure(clean(row[key], size), error_of(summary, key))
+        force = clean(row[key], size)
+        names = named_components(kinematics, len(force))
+        return figure(force if len(names) == len(force) else force[next(iter(names))], error_of(summary, key))
 
     slides = any(entry.get("friction") for entry in (summary.get("scene") or {}).get("contact", ()))
     texts = []
     for row in rows:
         friction = f", friction {of(row, 'friction_force')}" if slides else ""
-        texts.append(f"{of(row, 'contact_force')}{friction}{row['name']}")
+        along = "" if kinematics.uniform else " along the axis"
+        texts.append(f"{of(row, 'contact_force')}{friction}{along}{row['name']}")
     return [_row("force" if k == 0 else "", text) for k, text in enumerate(texts)]
 
 

@@ -176,3 +176,12 @@ displacement = { boundary = "left", x = 0.0 }
     file.write_text(file.read_text().replace('incomplete = ["a load"]', ""))
     assert main(command) == 0
     assert capsys.readouterr().err == ""
+
+
+def test_forces_around_an_axis_are_those_along_it(summary):
+    """Radial components cancel each other over a revolution."""
+    around = {"material": [{"hypothesis": "axisymmetric"}], "contact": [{"boundary": "bottom", "friction": {}}]}
+    forces = {"contact_force": [13760.0, 25.0], "friction_force": [0.0, -1376.0]}
+    rubs = around["contact"][0] | {"friction": {"law": "coulomb"}}
+    (line,) = (line for line in told(summary | forces | {"scene": around | {"contact": [rubs]}}) if "force" in line)
+    assert line.split(maxsplit=1)[1] == "25, friction -1376 along the axis"

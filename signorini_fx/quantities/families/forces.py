@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from signorini_fx.display import clean, on_several_bodies, touch_each_other
-from signorini_fx.kinematics import of_data
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.quantities.digits import components, solved_prices
 from signorini_fx.quantities.kinds import Vector
 from signorini_fx.quantities.quantity import Card, Quantity, Summary
 from signorini_fx.quantities.requests import axis_of, contact_of
 from signorini_fx.quantities.step_columns import by_axis, of_boundaries
-from signorini_fx.quantities.text import force_lines, named_components
+from signorini_fx.quantities.text import force_lines, kinematics_of, named_components
 from signorini_fx.units import with_unit
 
 if TYPE_CHECKING:
@@ -60,7 +59,7 @@ class _Force(Quantity):
         size = max(abs(f) for key in ("contact_force", "friction_force") for f in summary[key])
         error = self.error(summary)
         force = clean(summary[self.key], size)
-        names = named_components(of_data(summary["scene"], len(force)), len(force))
+        names = named_components(kinematics_of(summary), len(force))
         texts = components([force[k] for k in names], error)
         pairs = zip(names.values(), texts, strict=True)
         return [Card(f"{label}, {name}", with_unit(text, self.unit), error) for name, text in pairs]
