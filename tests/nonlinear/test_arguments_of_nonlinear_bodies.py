@@ -85,6 +85,25 @@ def test_update_that_raises():
     assert problem.certificate.holds
 
 
+@pytest.mark.mpi
+def test_update_that_raises_on_one_rank():
+    """All ranks have the error of the one, and go on together."""
+    space, side = rectangle([1.0, 1.0], [2, 2])
+    comm, u, raising = space.mesh.comm, fem.Function(space), True
+
+    def update():
+        if raising and comm.rank == comm.size - 1:
+            raise ValueError("no return")
+
+    contact = Foundation(side(1, 1.0), shape=PLATE | {"shift": (0.0, -0.05)})
+    problem = NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, update=update)
+    with pytest.raises(FormError, match="update: raised ValueError: no return"):
+        problem.solve()
+    raising = False
+    problem.solve()
+    assert problem.certificate.holds
+
+
 def test_messages_name_the_figure():
     """A certificate that does not hold is told with its figure, though it goes back to the last solution."""
     problem = block()
