@@ -22,7 +22,7 @@ from signorini_fx.scene.values import kind_of
 
 Facets = npt.NDArray[np.int32]
 # Settings of a scene that concern its meshes, or its first load step.
-_NOT_HERE = ("levels", "initial_contact", "largest_deformation")
+_NOT_HERE = ("levels", "initial_contact")
 
 
 def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:

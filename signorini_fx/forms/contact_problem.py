@@ -26,6 +26,7 @@ from signorini_fx.body.averages import averaging
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import contact_table
+from signorini_fx.body.deformation import Deformation, deformation_of
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.foundation import Foundation, Pair
 from signorini_fx.body.foundations import Foundations, ShapeDistances
@@ -64,6 +65,7 @@ from signorini_fx.scene.load_steps import LoadPath
 from signorini_fx.solving.first_start import CoarserMesh, first_start
 from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.load_steps import all_load_steps
+from signorini_fx.solving.load_steps import judged as judged_status
 from signorini_fx.solving.restart import MeshCheckpoint, open_checkpoint
 
 
@@ -156,6 +158,7 @@ class ContactProblem(SolvedProblem):
         self.history = History()
         self.status: Status | None = None
         self.certificate: Certificate | None = None
+        self.deformation: Deformation | None = None  # of the last solution, beside the limit of the settings
         self._last_pattern: tuple[bytes, bytes] | None = None
         self._boundary: ContactBoundary
         self._elastic: ElasticBody
@@ -502,8 +505,9 @@ class ContactProblem(SolvedProblem):
         self._fields.take(self._space, state)
         self.certificate = self._judged(outcome)
         self.status = outcome.status
-        if outcome.status is Status.CONVERGED and self.certificate is not None and not self.certificate.holds:
-            self.status = Status.NOT_CERTIFIED
+        if self.certificate is not None:
+            self.deformation = deformation_of(self._elastic, self.u, self._scales.size)
+            self.status = judged_status(outcome.status, self.certificate, self.deformation, self.settings)
         if self.status is not Status.CONVERGED:  # the next solve begins where this one has begun
             self._task.iterate.newton.restore(self._checkpoint)
         else:

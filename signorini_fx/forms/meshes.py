@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from dolfinx import fem
 from dolfinx import mesh as dmesh
@@ -36,6 +36,9 @@ from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.first_start import CoarserMesh
 from signorini_fx.solving.meshed_problem import SolvedMesh, measured
 from signorini_fx.solving.restart import MeshCheckpoint
+
+if TYPE_CHECKING:
+    from signorini_fx.quantities.statements import ErrorBound
 
 AnyMesh: TypeAlias = "dmesh.Mesh | TaggedMesh"
 Make = Callable[[Any], Any]
@@ -95,9 +98,9 @@ class SolvedMeshes:
         return contact_table(state, self.problem._names)
 
     @property
-    def error_bound(self) -> str:
-        """Why there is no guaranteed bound of the error."""
-        return "forms of your own have estimates only"
+    def error_bound(self) -> ErrorBound | str | None:
+        """A guaranteed bound of the error of the last mesh, or why there is none, see ``Solution``; collective."""
+        return self.problem.error_bound
 
     def outcome(self) -> str:
         """How the last mesh ended, and what to do."""
@@ -317,7 +320,7 @@ def solve_to_accuracy(
     if not first.estimable:
         wrong.append(("stress", "is needed for an accuracy: errors are estimated from stresses, without a measure"))
     if accuracy.certified:
-        wrong.append(("accuracy.certified", "is for scenes: forms of your own have estimates only"))
+        wrong.append(("accuracy.certified", "is for scenes: ask the result for error_bound"))
     if adaptive and made:
         wrong.append(("accuracy.refinement", "'adaptive' divides cells: give the coarsest mesh, not a function"))
     if adaptive and first.paired:

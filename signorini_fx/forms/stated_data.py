@@ -6,7 +6,7 @@ checked that a is its energy.  What cannot be read is refused.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -28,7 +28,7 @@ from signorini_fx.forms.stated_values import stated
 from signorini_fx.forms.stress import cellwise_moduli, exterior_facets, isotropic_moduli
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.quantities.statements import Refused
-from signorini_fx.tuned import SAME_ENTRY
+from signorini_fx.tuned import SAME_DIRECTION, SAME_ENTRY
 
 Facets = npt.NDArray[np.int32]
 
@@ -103,7 +103,7 @@ def _loads(
     """The loads with their keys; the parts of the boundary that they act on are added to ``parts``."""
     dim, force = body.dimension, [ufl.as_ufl(0.0)] * body.dimension
     (test,) = L.arguments()
-    for number, integral in enumerate(L.integrals()):
+    for integral in L.integrals():
         kind, integrand = integral.integral_type(), integral.integrand()
         if any(
             isinstance(node, ufl.differentiation.Derivative) and test in ufl.algorithms.extract_arguments(node)
@@ -114,15 +114,53 @@ def _loads(
         if kind == "cell" and integral.subdomain_id() in ("everywhere", ("everywhere",)):
             force = [total + component for total, component in zip(force, components, strict=True)]
         elif kind == "exterior_facet":
-            name = f"load {number}"
-            parts[name] = exterior_facets(integral, body.space.mesh)
-            values = [_stated(component, "a traction") for component in components]
-            yield "traction", SurfaceTraction(boundary=name, **dict(zip("xyz", values, strict=False)))
+            facets = exterior_facets(integral, body.space.mesh)
+            for part, normal in _flat_parts(components, facets, body.space.mesh):
+                name = f"load {len(parts)}"
+                parts[name] = part
+                acting = [ufl.replace(component, normal) for component in components]
+                values = [_stated(component, "a traction") for component in acting]
+                yield "traction", SurfaceTraction(boundary=name, **dict(zip("xyz", values, strict=False)))
         else:
             raise Refused(f"a load that is an integral over a part of the body, or of the kind {kind!r}, has no bound")
     values = [_stated(component, "the body force") for component in force]
     if any(value != 0.0 for value in values):
         yield "body_force", BodyForce(**dict(zip("xyz", values, strict=False)))
+
+
+def _flat_parts(components: Sequence[Any], facets: Facets, mesh: dmesh.Mesh) -> Iterator[tuple[Facets, dict[Any, Any]]]:
+    """Straight facets, those of one outward normal together, and what stands for the normal in a load there.
+
+    Args:
+        components: of the load; without the normal in them the facets are one part.
+        facets: of this rank, local numbers.
+        mesh: with straight cells.
+    """
+    normals = {node for component in components for node in unique_pre_traversal(component) if _is_normal(node)}
+    if not normals:
+        yield facets, {}
+        return
+    outward = _outward(mesh, facets)
+    _, first, part = np.unique(np.round(outward / SAME_DIRECTION), axis=0, return_index=True, return_inverse=True)
+    for number, row in enumerate(first):
+        yield facets[part.ravel() == number], dict.fromkeys(normals, ufl.as_vector(outward[row].tolist()))
+
+
+def _is_normal(node: Any) -> bool:
+    return isinstance(node, ufl.FacetNormal)
+
+
+def _outward(mesh: dmesh.Mesh, facets: Facets) -> npt.NDArray[np.float64]:
+    """Outward unit normals of exterior facets with straight edges, shape (f, d)."""
+    dim = mesh.topology.dim
+    corners = mesh.geometry.x[dmesh.entities_to_geometry(mesh, dim - 1, facets)][:, :dim, :dim]
+    along = corners[:, 1:] - corners[:, :1]
+    normals = np.column_stack((along[:, 0, 1], -along[:, 0, 0])) if dim == 2 else np.cross(along[:, 0], along[:, 1])
+    mesh.topology.create_connectivity(dim - 1, dim)
+    cells = mesh.topology.connectivity(dim - 1, dim)
+    inside = dmesh.compute_midpoints(mesh, dim, cells.array[cells.offsets[facets]])[:, :dim]
+    normals *= np.sign(np.sum(normals * (corners[:, 0] - inside), axis=1, keepdims=True))
+    return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
 
 
 def _supports(problem: ProblemParts, parts: dict[str, Facets]) -> Iterator[PrescribedDisplacement]:

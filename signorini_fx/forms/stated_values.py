@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import fem
+from ufl.algorithms import expand_derivatives
 from ufl.algorithms.analysis import extract_constants
-from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.expand_indices import expand_indices
 
 from signorini_fx import compat
@@ -42,7 +42,7 @@ def stated(value: Any) -> Any:
         return float(value)
     if not hasattr(value, "ufl_shape"):
         return value
-    text = _text(expand_indices(apply_algebra_lowering(value)))
+    text = _text(expand_indices(expand_derivatives(value)))
     expression = Expression(text)
     return expression if "x[" in text else float(expression(np.zeros((3, 1)))[0])
 

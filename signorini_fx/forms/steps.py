@@ -13,7 +13,7 @@ from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.deformation import deformation_of
+from signorini_fx.body.deformation import Deformation
 from signorini_fx.body.elastic import ElasticBody
 from signorini_fx.body.joint_pressure import JointPressure
 from signorini_fx.body.rigid_bodies import RigidBodyMotion
@@ -59,6 +59,7 @@ class LoopedForms(Protocol):
     u: fem.Function
     status: Status | None
     certificate: Certificate | None
+    deformation: Deformation | None
     tools: tuple[RigidBodyMotion, ...]
     _elastic: ElasticBody
     _task: Task
@@ -170,10 +171,10 @@ class FormSteps:
             problem._take(outcome)
             assert problem.status is not None
             assert problem.certificate is not None
+            assert problem.deformation is not None
             y = problem.u.copy()
             y.name = problem.u.name
-            deformation = deformation_of(self.body, y, self.size)
-        state, certificate = problem.state, problem.certificate
+        state, certificate, deformation = problem.state, problem.certificate, problem.deformation
         result = step_result(self.path, start.step, start.place, problem.status, y, state, certificate, deformation)
         return replace(result, tools=problem.tools)
 

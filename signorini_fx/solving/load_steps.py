@@ -23,6 +23,7 @@ from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.solution import StepResult
 from signorini_fx.scene.load_steps import LoadPath
+from signorini_fx.scene.settings import SolverSettings
 from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.loose_bodies import explained
 from signorini_fx.solving.restart import MeshCheckpoint
@@ -252,3 +253,15 @@ def step_result(
         strain_energy=certificate.strain_energy,
         linear_solves=linear_solves,
     )
+
+
+def judged(status: Status, certificate: Certificate, deformation: Deformation, settings: SolverSettings) -> Status:
+    """The status of an iteration after its result has been checked.
+
+    If the residual stagnates, the usual reason is a body that has moved far away: therefore this is checked first.
+    """
+    if status not in (Status.CONVERGED, Status.ROUND_OFF):
+        return status
+    if deformation.largest > settings.largest_deformation:
+        return Status.TOO_LARGE
+    return Status.NOT_CERTIFIED if status is Status.CONVERGED and not certificate.holds else status

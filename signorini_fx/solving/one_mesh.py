@@ -39,9 +39,9 @@ from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.scene.model import Scene
 from signorini_fx.solving.first_start import first_start
 from signorini_fx.solving.load_path import Increments
-from signorini_fx.solving.load_steps import all_load_steps, step_result
+from signorini_fx.solving.load_steps import all_load_steps, judged, step_result
 from signorini_fx.solving.restart import MeshCheckpoint
-from signorini_fx.solving.scene_steps import SceneSteps, judged
+from signorini_fx.solving.scene_steps import SceneSteps
 from signorini_fx.solving.stepped_problem import LoadStep
 from signorini_fx.tuned import LAST_DIGITS, PATH_ERROR_SHARE
 
@@ -241,7 +241,7 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
             displacement = discretisation.function(x)
             certificate = certify(scene, discretisation.tagged, displacement, None, step=path_step)
             deformation = deformation_of(discretisation, displacement, discretisation.tagged.size)
-            status, reason = judged(status, certificate, deformation, scene), None
+            status, reason = judged(status, certificate, deformation, scene.solver), None
             if status is Status.NOT_CERTIFIED:
                 status, reason = _named(discretisation, displacement, certificate, path_step)
         solves = int(status is not Status.NOT_HELD)

@@ -10,20 +10,19 @@ import numpy as np
 from dolfinx import fem
 
 from signorini_fx.algorithms.task import Outcome, Start, Task
-from signorini_fx.body.deformation import Deformation, deformation_of
+from signorini_fx.body.deformation import deformation_of
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.joint_pressure import JointPressure
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.interfaces.protocol import LoadStepStart, solve_step
 from signorini_fx.linalg import ElasticSystem
 from signorini_fx.records import Status, Timings
-from signorini_fx.results.certificate import Certificate, certify
+from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import carried, relative_to
 from signorini_fx.scene.load_steps import LoadPath
-from signorini_fx.scene.model import Scene
-from signorini_fx.solving.load_steps import step_result
+from signorini_fx.solving.load_steps import judged, step_result
 from signorini_fx.solving.stepped_problem import BegunStep, LoadStep, UncertifiedStep
 
 
@@ -105,7 +104,7 @@ class SceneSteps:
                 rigid=rigid,
             )
             deformation = deformation_of(discretisation, displacement, self.size)
-            status = judged(outcome.status, certificate, deformation, scene)
+            status = judged(outcome.status, certificate, deformation, scene.solver)
         result = step_result(
             self.path, start.step, start.place, status, displacement, contact, certificate, deformation
         )
@@ -168,15 +167,3 @@ def on_moved_foundations(
     first = task.start.data
     data = replace(begun.data, gap=first.gap, slip_origin=origin, immovable=first.immovable)
     return task, replace(begun, data=data), relative_to(last, earlier.boundary, moved.boundary, drift)
-
-
-def judged(status: Status, certificate: Certificate, deformation: Deformation, scene: Scene) -> Status:
-    """The status of an iteration after its result has been checked.
-
-    If the residual stagnates, the usual reason is a body that has moved far away: therefore this is checked first.
-    """
-    if status not in (Status.CONVERGED, Status.ROUND_OFF):
-        return status
-    if deformation.largest > scene.solver.largest_deformation:
-        return Status.TOO_LARGE
-    return Status.NOT_CERTIFIED if status is Status.CONVERGED and not certificate.holds else status

@@ -265,6 +265,14 @@ def test_what_is_refused():
             wrong()
 
 
+def test_the_bound_of_the_last_mesh():
+    """Is that of its problem."""
+    solved = solve_nested(block(), forms.box((3.0, 1.0), (6, 2), comm=MPI.COMM_SELF), 1)
+    bound = solved.error_bound
+    assert not isinstance(bound, str), bound
+    assert bound.error == solved.problem.error_bound.error > 0.0
+
+
 def test_without_stress_there_is_no_estimate():
     """The meshes are nested all the same."""
 

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import forms as supported
 import jsonschema
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from mpi4py import MPI
 from scenes import example1
 from two_bodies import stress_of
 
-from signorini_fx import ContactProblem, Coulomb, Foundation, Pair, read_results, write_results
+from signorini_fx import ContactProblem, Coulomb, Foundation, Pair, Tresca, read_results, write_results
 from signorini_fx.quantities.model import summary_schema
 from signorini_fx.quantities.statements import ErrorBound
 from signorini_fx.scene.reading import parse_scene
@@ -277,6 +278,37 @@ def test_forms_alone(tmp_path):
     assert problem.uniqueness.proved
     np.testing.assert_array_equal(problem.table().columns["state"], solution.table.columns["state"])
     assert set(problem.plot().png) == {"deformed", "profiles", "history"}
+
+
+def test_loads_along_the_normal_have_bounds():
+    """A pressure by the normal on a top and a side, and a load by a gradient or an index, are those of numbers."""
+    mesh = dmesh.create_unit_square(MPI.COMM_SELF, 6, 6)
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    x, n, p, k = ufl.SpatialCoordinate(mesh), ufl.FacetNormal(mesh), fem.Constant(mesh, 0.01), ufl.Index()
+    sides = [supported.side(mesh, *place) for place in ((1, 1.0), (0, 1.0), (1, 0.0), (0, 0.0))]
+    order = np.argsort(np.concatenate(sides))
+    marks = np.repeat(np.arange(1, 5, dtype=np.int32), [side.size for side in sides])[order]
+    ds = ufl.ds(domain=mesh, subdomain_data=dmesh.meshtags(mesh, 1, np.concatenate(sides)[order], marks))
+    held = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(space, 1, sides[3]), space)
+    floor = Foundation(sides[2], 0.001, friction=Tresca(0.002))
+
+    def bound(L):
+        a = ufl.inner(stress_of(u, 1.0, 0.3), ufl.sym(ufl.grad(v))) * ufl.dx
+        problem = ContactProblem(a, L, [held], floor, stress=lambda y: stress_of(y, 1.0, 0.3))
+        problem.solve()
+        assert isinstance(problem.error_bound, ErrorBound), problem.error_bound
+        return problem.error_bound.error
+
+    pull = ufl.as_tensor([[0.0, 0.0], [0.0, -p]])
+    expected = bound(-0.01 * v[1] * ds(1) - 0.01 * v[0] * ds(2))
+    assert expected > 0.0
+    assert bound(-p * ufl.inner(n, v) * ds((1, 2))) == pytest.approx(expected, rel=1e-9)
+    assert bound(-p * n[k] * v[k] * (ds(1) + ds(2))) == pytest.approx(expected, rel=1e-9)
+    down = bound(-0.01 * v[1] * ds(1))
+    assert down != pytest.approx(expected, rel=1e-3)
+    for L in (ufl.inner(pull * n, v), ufl.inner(ufl.grad(-p * x[1]), v), ufl.as_vector([x[0], -p])[1] * v[1]):
+        assert bound(L * ds(1)) == pytest.approx(down, rel=1e-9)
 
 
 def test_what_bounds_refuse():
