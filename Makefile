@@ -71,7 +71,7 @@ mutants-drawn: $(COSMIC_RAY)  ## put mistakes drawn by cosmic-ray on the lines t
 	git diff -U0 $(SINCE) -- signorini_fx | ./env python3 -m stability.drawn
 
 docs: $(SPHINX)  ## build README, docs/, demos and docstrings as a site; warnings are errors (build/docs/docs/index.html)
-	PYTHONPATH=$(SPHINX) python3 -m sphinx -q -E -n -W --keep-going -c docs . build/docs
+	$(SPHINX)/bin/python -m sphinx -q -E -n -W --keep-going -c docs . build/docs
 
 dist: $(BUILD)  ## make an archive of the sources and a wheel, and check them (dist/)
 	rm -rf dist build/installed
@@ -98,10 +98,12 @@ $(COSMIC_RAY):
 	$(PIP) -qq --no-deps --target $@.d cosmic-ray==$(@:build/cosmic-ray-%=%)
 	mv $@.d $@
 
+# An environment of its own: what else is installed on this machine has no say in which versions fit.
 $(SPHINX):
 	rm -rf $@.d
-	$(PIP) -qq --target $@.d sphinx==$(@:build/sphinx-%=%) myst-parser==5.2.0 furo==2025.12.19 \
-		numpy==2.4.2 pydantic==2.12.5
+	python3 -m venv --without-pip $@.d
+	python3 -m pip --python $@.d/bin/python install --retries 9 -qq sphinx==$(@:build/sphinx-%=%) \
+		myst-parser==5.2.0 furo==2025.12.19 numpy==2.4.2 pydantic==2.12.5
 	mv $@.d $@
 
 $(BUILD):

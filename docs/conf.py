@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import sys
+import tomllib
 from dataclasses import is_dataclass
 from importlib import import_module
 from pathlib import Path
@@ -23,7 +25,9 @@ sys.path[:0] = [str(_ROOT), str(_ROOT / "docs")]
 
 from percent import as_markdown  # noqa: E402  # in this folder
 
+import signorini_fx  # noqa: E402
 from signorini_fx.attempts import PLAN  # noqa: E402
+from signorini_fx.extensions import ADD_ONS  # noqa: E402
 from signorini_fx.quantities.table import markdown  # noqa: E402
 
 project = "signorini_fx"
@@ -65,8 +69,8 @@ autodoc_preserve_defaults = True
 napoleon_use_ivar = True
 # Without mpi4py the arguments of a generator cannot be validated.
 pydantic.validate_call = lambda **_: lambda function: function
-# Pygments does not know gmsh's language; a link to a folder is for readers of the repository. The tests check links.
-suppress_warnings = ["misc.highlighting_failure", "myst.xref_missing"]
+# Pygments does not know gmsh's language.
+suppress_warnings = ["misc.highlighting_failure"]
 nitpick_ignore_regex = [(r"py:.*", r".*")]  # names of other packages in docstrings
 
 
@@ -87,8 +91,13 @@ class DemoParser(MystParser):
 
 
 def _escape(_app: Any, _what: str, _name: str, _object: Any, _options: Any, lines: list[str]) -> None:
-    """|x| is an absolute value in docstrings, not a substitution."""
-    lines[:] = [line.replace("|", r"\|") for line in lines]
+    """|x| is an absolute value in docstrings, not a substitution, and what is indented below a sentence is code."""
+    shown = list[str]()
+    for k, line in enumerate(lines):
+        above = lines[k - 2] if k >= 2 and not lines[k - 1] else ""
+        shown += ["::", ""] if line.startswith("    ") and re.match(r"\S.*\.$", above) else []
+        shown.append(line.replace("|", r"\|"))
+    lines[:] = shown
 
 
 def _parameters(_app: Any, _page: str, text: list[str]) -> None:
@@ -135,9 +144,49 @@ def _api_lists(_app: Any, page: str, text: list[str]) -> None:
 
 
 def _links(block: re.Match[str]) -> str:
-    names = [line.partition(":")[0].rpartition(".")[2] for line in block[1].splitlines()]
+    paths = [line.partition(":")[0] for line in block[1].splitlines()]
+    names = [path.rpartition(".")[2] for path in paths]
     tree = "\n".join(("```{toctree}", ":hidden:", "", *(f"api/{name}" for name in names), "```"))
-    return f"{', '.join(f'[`{name}`](api/{name}.md)' for name in names)}\n\n{tree}"
+    rows = [f"- [`{name}`](api/{name}.md): {_sentence(path)}" for name, path in zip(names, paths, strict=True)]
+    return "\n".join((*rows, "", tree))
+
+
+def _sentence(path: str) -> str:
+    """The first one that the source says of a name of the package."""
+    module, _, name = path.rpartition(".")
+    add_ons = tomllib.loads((_ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["entry-points"][ADD_ONS]
+    if not module:
+        where = add_ons[name] if name in signorini_fx._ADDED else f"{signorini_fx._MODULE_OF[name]}:{name}"
+        module, _, name = where.removeprefix("signorini_fx.").partition(":")
+    source = (_ROOT / "signorini_fx" / f"{module.replace('.', '/')}.py").read_text(encoding="utf-8")
+    for node in ast.parse(source).body:
+        if getattr(node, "name", None) == name:
+            docstring = " ".join((ast.get_docstring(node) or "").partition("\n\n")[0].split())
+            return re.split(r"(?<=\S\.)\s(?=[A-Z])", docstring, maxsplit=1)[0]
+        if isinstance(node, ast.ImportFrom) and name in (alias.name for alias in node.names):
+            return _sentence(f"{str(node.module).removeprefix('signorini_fx.')}.{name}")
+    above = source[: source.index(f"\n{name} =")].rpartition("\n\n")[2]  # data have comments
+    words = " ".join(line.lstrip("# ") for line in above.splitlines())
+    return f"{words.partition('. ')[0].rstrip('.')}."
+
+
+def _demos(_app: Any, page: str, text: list[str]) -> None:
+    """All demos are pages below the gallery, not beside the guides."""
+    if page == "docs/gallery":
+        listed = "/demos/[!t]*\n/demos/forms/*\n/demos/torsion_of_a_pressed_cylinder"
+        text[0] += f"\n```{{toctree}}\n:hidden:\n:glob:\n\n{listed}\n```\n"
+
+
+def _files(_app: Any, _page: str, text: list[str]) -> None:
+    """Scripts that are no pages are files to download, where a link would lead nowhere."""
+    pages = {*(_ROOT / "demos").glob("*.py"), *(_ROOT / "demos" / "forms").glob("*.py")}
+    folder = (_ROOT / _page).parent
+
+    def link(found: re.Match[str]) -> str:
+        file = (folder / found[1]).resolve()
+        return found[0] if file in pages or not file.is_file() else f"](path:{found[1]})"
+
+    text[0] = re.sub(r"\]\(([\w./]+\.py)\)", link, text[0])
 
 
 def _broad(_app: Any, tree: nodes.document, page: str) -> None:
@@ -213,7 +262,9 @@ def setup(app: Any) -> None:
     app.connect("autodoc-process-docstring", _escape)
     app.connect("builder-inited", _api_pages)
     app.connect("source-read", _api_lists)
+    app.connect("source-read", _demos)
     app.connect("source-read", _parameters)
+    app.connect("source-read", _files)
     app.connect("doctree-resolved", _broad)
     app.add_html_math_renderer("mathml", (_formula, None), (_formula, None))
     app.add_source_suffix(".py", "percent")

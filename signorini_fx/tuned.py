@@ -798,9 +798,10 @@ NORMAL_DIFFERENCE = 1e-6
 # diagonal.  Choice.
 HOLDING_STIFFNESS = 1e4
 # A tangent is tried by differences of the residual over this strain, and is its derivative if both differ by less than
-# the second number, as a share of the norm.  Choice: differences of neo-Hookean forces over it are wrong by 1e-10, and
-# the stress that buckles a slender column is 1e-3 of its modulus.
-DIFFERENCE_STRAIN, SAME_TANGENT = 1e-5, 1e-6
+# the second number, as a share of the norm.  Choice: the strain is far below that at which metals yield, where over
+# 1e-5 differences of a radial return are wrong by more; round-off of neo-Hookean forces is 1e-9 of them; the stress
+# that buckles a slender column is 1e-3 of its modulus.
+DIFFERENCE_STRAIN, SAME_TANGENT = 1e-7, 1e-6
 # Shares of the radius of a cell, and of that of the largest ball in a rigid shape, beyond which the shape lies inside
 # the body; of the latter by which it is moved at a time to see its way.  Choice: a chord between two nodes cuts a
 # circle whose radius is six tenths of its length to less than the first.

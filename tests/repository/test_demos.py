@@ -217,3 +217,16 @@ def test_joint_diagram(run):
     assert bolt[1] - bolt[0] == pytest.approx(found["share"] * loads[1], rel=0.02)
     assert bolt[-1] == pytest.approx(loads[-1], rel=1e-9)
     pictures("joint_diagram/joint_diagram")
+
+
+def test_dent(run):
+    """The force grows less and less, is gone before the circle is back, and leaves a dent; as on any ranks."""
+    found = run("dent", 6)
+    depth, force = found["path"].T
+    assert found["problem"].certificate.holds
+    assert (np.diff(force[:9]) > 0).all()
+    assert force[8] < 0.6 * 8 * force[1]
+    assert force[-1] == 0
+    assert depth[-1] < found["dent"] < depth.max()
+    if COMM.size == 1:
+        pictures("dent")
