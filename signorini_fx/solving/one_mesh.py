@@ -61,9 +61,11 @@ def solve_mesh(
     on_step: AfterStep = _nothing_more,
     coarser: MeshLevel | None = None,
     kept: MeshCheckpoint | None = None,
+    *,
+    with_findings: bool = True,
 ) -> tuple[Solution, Task | None, Outcome | None]:
     """Solve on one mesh, starting from the contact state of a coarser one if there is one, with it as a level of
-    multigrid.
+    multigrid; ``with_findings``: whether the solution says what is odd about the scene on this mesh.
     """
     timings = Timings()
     with timings.phase("mesh"):
@@ -84,7 +86,7 @@ def solve_mesh(
         task = contact_task(discretisation, history, coarser)
     with timings.phase("iterate"):
         start = first_start(task, task.start, discretisation, state, None if scene.several_steps else coarser)
-    return solve_contact(discretisation, task, start, timings, on_step, kept)
+    return solve_contact(discretisation, task, start, timings, on_step, kept, with_findings=with_findings)
 
 
 def solve_contact(
@@ -94,6 +96,8 @@ def solve_contact(
     timings: Timings,
     on_step: AfterStep = _nothing_more,
     level_checkpoint: MeshCheckpoint | None = None,
+    *,
+    with_findings: bool = True,
 ) -> tuple[Solution, Task, Outcome]:
     """All load steps, until one has no solution, the contact problem of the last one, and how the last one with a
     solution ended.
@@ -105,6 +109,7 @@ def solve_contact(
         timings: of the mesh.
         on_step: called after each load step with a solution.
         level_checkpoint: the checkpoint, which load steps are taken from and stored in; None: there is none.
+        with_findings: see ``solve_mesh``.
     """
     history, scene = task.history, discretisation.scene
 
@@ -122,7 +127,7 @@ def solve_contact(
         assert shown.contact is not None
         values = functionals(shown.certificate.potential_energy, shown.contact, replace(data, gap=shown.contact.gap))
     solution = replace(
-        _solution(discretisation, progress.results, history, timings),
+        _solution(discretisation, progress.results, history, timings, with_findings=with_findings),
         algorithm=algorithm_name(discretisation.scene, ended),
         functionals=values,
         parameters=used_parameters(ended, data, shown.strain_energy),
@@ -141,7 +146,12 @@ def _shown(steps: Sequence[StepResult]) -> StepResult:
 
 
 def _solution(
-    discretisation: Discretisation, steps: Sequence[StepResult], history: History, timings: Timings
+    discretisation: Discretisation,
+    steps: Sequence[StepResult],
+    history: History,
+    timings: Timings,
+    *,
+    with_findings: bool = True,
 ) -> Solution:
     """The load steps as a solution, without what contact adds; collective."""
     shown = _shown(steps)
@@ -156,7 +166,7 @@ def _solution(
         certificate=shown.certificate,
         steps=tuple(steps),
         history=history,
-        findings=tuple(_findings(discretisation, steps)),
+        findings=tuple(_findings(discretisation, steps)) if with_findings else (),
         timings=timings,
     )
 

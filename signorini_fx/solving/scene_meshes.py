@@ -42,6 +42,7 @@ class SceneMesh:
         stored: the checkpoint; None: there is none.
         plan: how the mesh is refined for a requested accuracy; None: it is not.
         coarsest: how many times larger than those of the plan's scene the cells of the first mesh are.
+        shown: whether somebody may look at the result; else nothing is said about the scene on this mesh.
     """
 
     scene: Scene
@@ -50,6 +51,7 @@ class SceneMesh:
     stored: Checkpoint | None = None
     plan: Plan | None = None
     coarsest: float = 1.0
+    shown: bool = True
 
     @property
     def settings(self) -> SolverSettings:
@@ -129,7 +131,7 @@ class SceneMesh:
 
             checkpoint = None if self.stored is None else MeshCheckpoint(self.stored, number)
             solution, task, outcome = solve_mesh(
-                self.scene, self.comm, self.history, state, estimate, coarser, checkpoint
+                self.scene, self.comm, self.history, state, estimate, coarser, checkpoint, with_findings=self.shown
             )
             d = solution.discretisation
             return SolvedMesh(solution, d.tagged, d, task, outcome, solution.scene.sides)

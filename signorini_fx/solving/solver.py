@@ -36,7 +36,7 @@ def solve(
     *,
     check: bool = True,
     observers: Sequence[Callable[[Any], None]] = (),
-    on_level: Callable[[Solution], object] = lambda solution: None,
+    on_level: Callable[[Solution], object] | None = None,
     on_progress: Callable[[Progress], object] | None = None,
     checkpoint: str | Path | None = None,
     restart: bool = False,
@@ -53,7 +53,8 @@ def solve(
         check: raise if no solution was reached; otherwise look at ``Solution.status``.
         observers: called with each ``IterationRecord``, ``OuterRecord`` and event when it occurs, and with a
             ``StepRecord`` where one of several load steps begins.
-        on_level: called with the solution on each mesh but the last, before the next one is solved; collective.
+        on_level: called with the solution on each mesh but the last, before the next one is solved; collective; None:
+            nothing is.
         on_progress: called with where the solve is, at each step of a Krylov method; given on all ranks or on none.
         checkpoint: the result folder, in which every load step on every mesh is stored as soon as it is complete,
             until ``write_results`` writes the result there; None: nowhere. Needs a scene with contact and several load
@@ -88,7 +89,7 @@ def _solved(
     scene: Scene,
     comm: MPI.Comm,
     history: History,
-    on_level: Callable[[Solution], object],
+    on_level: Callable[[Solution], object] | None,
     checkpoint: str | Path | None,
     *,
     restart: bool,
@@ -98,7 +99,7 @@ def _solved(
     stored = _checkpoint(scene, comm, history, checkpoint, restart=restart)
     if (goal := scene.accuracy) is not None:
         budget = Budget.begins(goal, comm, history)
-        return solve_to_accuracy(meshes_of(scene, goal, comm, history), budget, history, on_level)
+        return solve_to_accuracy(meshes_of(scene, goal, comm, history), budget, history, on_level or _nobody)
     if not coarse:
         return _solve_alone(scene, comm, history, None if stored is None else MeshCheckpoint(stored, 0))
     return _solve_nested([*coarse, scene], comm, history, on_level, stored)
@@ -142,12 +143,17 @@ def _solve_nested(
     scenes: Sequence[Scene],
     comm: MPI.Comm,
     history: History,
-    on_level: Callable[[Solution], object] = lambda solution: None,
+    on_level: Callable[[Solution], object] | None = None,
     stored: Checkpoint | None = None,
 ) -> Solution:
     """See ``solve_nested``."""
-    meshes = [SceneMesh(scene, comm, history, stored) for scene in scenes]
-    return solve_nested(meshes, len(meshes), comm, history, on_level)
+    shown = [on_level is not None or scene is scenes[-1] for scene in scenes]
+    meshes = [SceneMesh(scene, comm, history, stored, shown=each) for scene, each in zip(scenes, shown, strict=True)]
+    return solve_nested(meshes, len(meshes), comm, history, on_level or _nobody)
+
+
+def _nobody(solution: Solution) -> None:
+    """Nobody looks at the solution on a coarser mesh."""
 
 
 def _solve_alone(scene: Scene, comm: MPI.Comm, history: History, level_checkpoint: MeshCheckpoint | None) -> Solution:

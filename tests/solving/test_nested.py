@@ -7,11 +7,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scenes import example1
 
 from signorini_fx.body.discretisation import discretise
+from signorini_fx.check.findings import scene_findings
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Timings
 from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving import one_mesh
 from signorini_fx.solving.nested import carry_over
 from signorini_fx.solving.solver import solve
 
@@ -149,3 +152,21 @@ def test_neighbours_at_the_same_distance():
 
     for order in permutations(range(4)):
         np.testing.assert_array_equal(of(order), of(range(4)))
+
+
+@pytest.mark.parametrize("looked_at", [True, False])
+def test_nothing_is_said_about_meshes_that_nobody_looks_at(looked_at, monkeypatch):
+    """Findings about the scene are those of the last mesh, and of each mesh that a function is called with."""
+    asked, given = [], []
+
+    def findings(body, **how):
+        asked.append(body.dofs)
+        return scene_findings(body, **how)
+
+    monkeypatch.setattr(one_mesh, "scene_findings", findings)
+    solution = solve(
+        example1(bound=1.5, nx=24, ny=8, levels=3), MPI.COMM_SELF, on_level=given.append if looked_at else None
+    )
+    assert asked == [*(each.discretisation.dofs for each in given), solution.discretisation.dofs]
+    assert len(given) == (2 if looked_at else 0)
+    assert all(each.findings for each in (*given, solution))
