@@ -28,7 +28,7 @@ HEAD = """# How a deck is read
 - **Contact.** Each `*CONTACT PAIR` has its `*FRICTION` and `ADJUST`. The slope of `PRESSURE-OVERCLOSURE=LINEAR` and
   CalculiX's stiffness of sticking become `gamma_n` and `gamma_t`, which a scene has once. `*TIE` is a bond.
 - **Rigid bodies.** Planes, and in the plane lines and arcs, become foundations, or [tools](scene.md#shapes) where
-  their reference node moves; one of nodes becomes a bonded tool.
+  their reference node moves. A `*RIGID BODY` of a node set becomes a tool that is bonded to these nodes.
 - **Nodes.** Values at nodes belong to their bodies, which share none with others: `body_1` and so on, unless the file
   has a set with the same elements. Temperatures of each are a table, and a single support names its body where another
   one has a node at the same place.

@@ -108,7 +108,7 @@ class ErrorBound:
             "strain_energy": list(self.strain_energy),
             "work": None if self.work is None else list(self.work),
             **{name: getattr(self, name) for name in ("error", "duality", "data", "moved", "round_off")},
-            "guaranteed": not self.grounds.estimated,
+            "guaranteed": not self.grounds.estimated and bool(np.isfinite(self.error)),
             "statement": str(self),
         }
 
