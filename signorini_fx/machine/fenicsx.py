@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
-import shutil
+import subprocess
 import sys
 import sysconfig
 from collections.abc import Callable
@@ -18,6 +18,7 @@ from signorini_fx.errors import InstallationError
 WHEELS = ("dolfinx-solver-real>=0.11", "gmsh>=4.12")
 _OLDEST_PYTHON, _SYSTEM, _PROCESSOR = (3, 12), "Linux", "x86_64"
 _NEWER = ("python3.14", "python3.13", "python3.12")
+_PATIENCE = 20.0  # seconds for a program that says its version
 _CONDA = "install -c conda-forge fenics-dolfinx mpich python-gmsh"
 _ELSEWHERE = """or, on other machines, by one of
     apt install python3-dolfinx python3-gmsh                              (Debian 13 or later, Python of the system)
@@ -39,7 +40,7 @@ class Surroundings:
         conda: whether it is that of an environment of conda.
         managed: whether pip must not install into it, since the system does.
         source: of this package, a path for pip.
-        which: the path of a program, or None.
+        runs: whether a program is there, and runs; of a Python, whether it can make environments.
     """
 
     python: tuple[int, int]
@@ -50,7 +51,7 @@ class Surroundings:
     conda: bool
     managed: bool
     source: str
-    which: Callable[[str], str | None]
+    runs: Callable[[str], bool]
 
     @classmethod
     def present(cls) -> Surroundings:
@@ -65,7 +66,7 @@ class Surroundings:
             conda=(Path(sys.prefix) / "conda-meta").is_dir(),
             managed=not alone and (Path(sysconfig.get_path("stdlib")) / "EXTERNALLY-MANAGED").is_file(),
             source=_source(),
-            which=shutil.which,
+            runs=_runs,
         )
 
     @property
@@ -83,12 +84,11 @@ class Surroundings:
         wheels = " ".join(f"'{wheel}'" for wheel in WHEELS)
         if self._has_wheels(self.python) and not self.managed:
             return f"{self.executable} -m pip install {wheels}"
-        others = [name for name in _NEWER if self.which(name)]
-        suitable = [self.executable] * self._has_wheels(self.python) + others * self._has_wheels(_OLDEST_PYTHON)
-        if suitable:  # with this package once more, as it is installed for another Python
-            place = "~/signorini"
-            return f"{suitable[0]} -m venv {place} && {place}/bin/pip install {wheels} {self.source}"
-        return f"conda {_CONDA}" if self.which("conda") else "docker build -t signorini-fx . && ./env signorini-fx info"
+        pythons = [self.executable] * self._has_wheels(self.python) + [*_NEWER] * self._has_wheels(_OLDEST_PYTHON)
+        if suitable := next((python for python in pythons if self.runs(python)), None):
+            place = "~/signorini"  # with this package once more, as it is installed for another Python
+            return f"{suitable} -m venv {place} && {place}/bin/pip install {wheels} {self.source}"
+        return f"conda {_CONDA}" if self.runs("conda") else f"cd {self.source} && ./env signorini-fx info"
 
     def _has_wheels(self, python: tuple[int, int]) -> bool:
         return python >= _OLDEST_PYTHON and (self.system, self.processor) == (_SYSTEM, _PROCESSOR)
@@ -103,8 +103,18 @@ def _debian() -> int:
         return 0
 
 
+def _runs(program: str) -> bool:
+    """See ``Surroundings``: what is on the path may be a placeholder that starts nothing."""
+    arguments = ["-c", "import ensurepip, venv"] if "python" in program else ["--version"]
+    try:
+        ended = subprocess.run([program, *arguments], capture_output=True, check=False, timeout=_PATIENCE)
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+    return ended.returncode == 0
+
+
 def _source() -> str:
-    """Where pip has this package from, or its checkout."""
+    """The folder that pip has this package from, or its checkout."""
     try:
         url = json.loads(distribution("signorini_fx").read_text("direct_url.json") or "{}").get("url", "")
     except PackageNotFoundError:

@@ -63,7 +63,7 @@ def on(**other):
         "conda": False,
         "managed": False,
         "source": "/src",
-        "which": lambda name: None,
+        "runs": lambda name: name == "python3",
     }
     return fenicsx.Surroundings(**surroundings | other)
 
@@ -78,14 +78,15 @@ IN_A_NEW_PLACE = f"-m venv ~/signorini && ~/signorini/bin/pip install {WHEELS} /
         ({}, f"python3 -m pip install {WHEELS}"),
         ({"debian": True, "managed": True, "python": (3, 13)}, "sudo apt install python3-dolfinx python3-gmsh"),
         ({"managed": True}, f"python3 {IN_A_NEW_PLACE}"),
-        ({"python": (3, 11), "which": lambda name: name == "python3.13"}, f"python3.13 {IN_A_NEW_PLACE}"),
+        ({"python": (3, 11), "runs": lambda name: name == "python3.13"}, f"python3.13 {IN_A_NEW_PLACE}"),
         ({"conda": True}, "conda install -c conda-forge fenics-dolfinx mpich python-gmsh"),
         (
-            {"system": "Darwin", "processor": "arm64", "which": lambda name: name in ("conda", "python3.13")},
+            {"system": "Darwin", "processor": "arm64", "runs": lambda name: name in ("conda", "python3.13")},
             "conda install -c conda-forge fenics-dolfinx mpich python-gmsh",
         ),
-        ({"python": (3, 11)}, "docker build -t signorini-fx . && ./env signorini-fx info"),
-        ({"processor": "aarch64"}, "docker build -t signorini-fx . && ./env signorini-fx info"),
+        ({"python": (3, 11)}, "cd /src && ./env signorini-fx info"),
+        ({"managed": True, "runs": lambda name: False}, "cd /src && ./env signorini-fx info"),
+        ({"processor": "aarch64"}, "cd /src && ./env signorini-fx info"),
     ],
 )
 def test_the_next_command(other, command):
@@ -101,3 +102,13 @@ def test_the_extra_has_the_same_wheels():
     here = {"python_version": "3.12", "sys_platform": "linux", "platform_machine": "x86_64"}
     for other, there in (({}, True), ({"python_version": "3.11"}, False), ({"platform_machine": "aarch64"}, False)):
         assert all(wheel.marker.evaluate(here | other) is there for wheel in wheels)
+
+
+def test_what_runs(tmp_path, monkeypatch):
+    """A placeholder on the path that starts nothing is no Python."""
+    shim = tmp_path / "python3.12"
+    shim.write_text("#!/bin/sh\nexit 127\n")
+    shim.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    assert not fenicsx._runs("python3.12")
+    assert not fenicsx._runs("python3.no-such")
