@@ -33,6 +33,7 @@ _UNDECIDED = {
     Status.SLIDES_AT_PRESSURES: "it slides at the contact pressures found, and of others nothing is proved",
     Status.UNSTABLE: "it would leave the equilibrium that was found; another one may hold",
     Status.LIMIT: "no equilibrium was found beyond a load, which is no proof that there is none",
+    Status.INSIDE: "a rigid shape is inside the body, or has passed through it",
     Status.TOO_LARGE: "the deformation is larger than linear elasticity can judge",
     Status.NOT_CERTIFIED: "the check after the solve finds conditions violated",
 }

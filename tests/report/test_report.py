@@ -817,3 +817,20 @@ def test_no_difference_is_told_in_words(folders):
     assert "functional is zero." in str(evidence.certificate(none))
     some = {**none, "functionals": {**summary["functionals"], "relative_duality_gap": 2e-12}}
     assert "functional is 2.0" in str(evidence.certificate(some))
+
+
+def test_motion_of_a_rigid_body_is_in_the_figures():
+    """Each component by its name, with its unit; a rotation in the plane is one number."""
+    tool = {"boundary": "top", "reference": [0.0, 1.0], "displacement": [0.5, -0.25], "rotation": 0.125}
+    tool |= {"force": [0.0, -20.0], "moment": 3.0, "gap_error": None}
+    tools = next(quantity for quantity in quantities() if quantity.key == "tools")
+    with labelled({"force": "N/mm", "moment": "N", "length": "mm"}):
+        shown = {card.label: card.text for card in tools.cards({"tools": [tool]})}
+    assert shown == {
+        "top: moved, x": "0.5 mm",
+        "top: moved, y": "-0.25 mm",
+        "top: turned (radians)": "0.125",
+        "top: force on it, x": "0 N/mm",
+        "top: force on it, y": "-20 N/mm",
+        "top: moment on it": "3 N",
+    }

@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from signorini_fx.machine.terminal import TerminalLine
+from signorini_fx.quantities.digits import components
 from signorini_fx.quantities.kinds import Number, Row, Vector, described
-from signorini_fx.quantities.quantity import Quantity, Summary
+from signorini_fx.quantities.quantity import Card, Quantity, Summary
 from signorini_fx.quantities.text import labelled
+from signorini_fx.units import with_unit
 
 
 class Tool(Row):
@@ -40,9 +42,26 @@ class Tools(Quantity):
         kinematics = solution.discretisation.kinematics
         return [motion.as_dict(contact, effects, kinematics) for motion in solution.last_step.tools] or None
 
+    def cards(self, summary: Summary) -> list[Card]:
+        """See ``Quantity``: its motion, force and moment."""
+        return [card for tool in summary.get(self.key, ()) for card in _of_tool(tool)]
+
     def lines(self, summary: Summary) -> list[TerminalLine]:
         """See ``Quantity``."""
         return labelled(self.terminal, [tool_in_words(tool) for tool in summary.get(self.key, ())])
+
+
+def _of_tool(tool: dict[str, Any]) -> list[Card]:
+    """Its motion and what the body does to it, component by component."""
+    units = {"displacement": "length", "rotation": "", "force": "force", "moment": "moment"}
+    names = {"displacement": "moved", "rotation": "turned (radians)", "force": "force on it", "moment": "moment on it"}
+    cards = []
+    for key, name in names.items():
+        value = tool[key] if isinstance(tool[key], list) else [tool[key]]
+        axes = [f", {axis}" for axis in "xyz"] if len(value) > 1 else [""]
+        texts = [with_unit(text, units[key]) for text in components(value)]
+        cards += [Card(f"{tool['boundary']}: {name}{axis}", text) for axis, text in zip(axes, texts, strict=False)]
+    return cards
 
 
 def tool_in_words(tool: dict[str, Any]) -> str:
