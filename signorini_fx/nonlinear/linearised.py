@@ -100,8 +100,11 @@ class LinearisedProblem(ContactProblem):
     # --- what a ContactProblem asks for ---
 
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
-        """See ``ContactProblem``: a tangent that is not definite is factorised whole."""
-        settings = self.settings if self._definite else self.settings.model_copy(update={"linear_algebra": "full"})
+        """See ``ContactProblem``: a tangent that is not definite is factorised whole.  Its contact problem may have no
+        solution: then a smaller increment of the load is what helps, not another method.
+        """
+        indefinite = {"linear_algebra": "full", "fallbacks": False}
+        settings = self.settings if self._definite else self.settings.model_copy(update=indefinite)
         beside = {"beside": self.curvature, "definite": self._definite}
         return elastic_body(self._space, self._a, self.bcs, fixed, boundary, settings, **beside)
 

@@ -49,13 +49,16 @@ def test_no_verdict_without_a_derivative():
     def update():
         followed.x.array[:] = u.x.array
 
-    def problem(J):
+    def problem(J, **options):
         contact = Foundation(side(1, 1.0), shape=PLATE | {"shift": (0.0, -0.05)})
         bcs = [held(space, side(1, 0.0))]
-        return NonlinearContactProblem(form, u, bcs=bcs, contact=contact, J=J, update=update)
+        return NonlinearContactProblem(form, u, bcs=bcs, contact=contact, J=J, update=update, **options)
 
     with pytest.raises(ConvergenceError, match="stability not known"):
         problem(initial_stiffness(space)).solve()
+    unjudged = problem(initial_stiffness(space), stability=False)
+    unjudged.solve()
+    assert (followed.x.array == u.x.array).all()
     exact = problem(ufl.derivative(form, followed, ufl.TrialFunction(space)))
     exact.solve()
     assert exact.status is Status.CONVERGED
