@@ -249,18 +249,18 @@ class Judge:
         held = np.isclose(self.x[:, 1], 0.0, atol=1e-9 * size)
         outline = self.outline(u)
         faults = []
-        if (gap[~held] < -1e-6 * size).any():
-            faults.append(f"node inside the circle by {-gap.min() / size:.1e}")
+        boundary = _boundary(self.x, body.size) & ~held
+        if (gap[boundary] < -1e-6 * size).any():
+            faults.append(f"node inside the circle by {-gap[boundary].min() / size:.1e}")
         if _inside(outline, centre[None])[0]:
             faults.append("circle inside the body")
-        depth = body.radius - np.linalg.norm(outline - centre, axis=1)
+        depth = body.radius - np.linalg.norm(np.concatenate((outline, (self.x + u)[~held])) - centre, axis=1)
         if depth.max() > 0.75 * body.radius:
             faults.append(f"outline {depth.max() / body.radius:.2f} radii inside the circle")
         forces = self.forces(u)
         scale = np.abs(forces).max() + np.abs(self.loads()).max() + 1e-9 * body.moduli[0] * size
         pressing = np.einsum("ni,ni->n", forces, normal)
         shear = forces - pressing[:, None] * normal
-        boundary = _boundary(self.x, body.size) & ~held
         open_ = ~held & ~(boundary & (gap < 1e-6 * size))
         if np.abs(forces[open_]).max(initial=0.0) > 1e-5 * scale:
             faults.append(f"forces of {np.abs(forces[open_]).max() / scale:.1e} without contact")

@@ -577,7 +577,8 @@ class NonlinearContactProblem:
         """How a ramp ends whose smallest step has no solution."""
         self.status = Status.LIMIT if self._says_no else Status.NOT_SOLVED
         because = f"a further step ends with: {failed.value}" + (f", and {self._says_no}" if self._says_no else "")
-        message = f"{self.status.value}: there is one at {reached:g} of {to:g}; {because}. {self.status.advice}"
+        advice = failed.advice if failed is Status.INSIDE else self.status.advice
+        message = f"{self.status.value}: there is one at {reached:g} of {to:g}; {because}. {advice}"
         return ConvergenceError(self, message)
 
 
