@@ -51,8 +51,13 @@ def status_in_words(summary: dict[str, Any]) -> str:
 
 
 def touch_each_other(summary: dict[str, Any]) -> bool:
-    """Whether bodies touch each other: then the contact force of a boundary acts on the body that it is of."""
-    return any(effect.get("against") for effect in (summary.get("scene") or {}).get("contact", ()))
+    """Whether bodies touch each other, or a rigid one several boundaries: then the contact force of a boundary acts on
+    the body that it is of, and the sum of all says nothing.
+    """
+    contacts = (summary.get("scene") or {}).get("contact", ())
+    named = [(effect.get("foundation") or {}).get("rigid") for effect in contacts]
+    rigid = [name for name in named if name]
+    return any(effect.get("against") for effect in contacts) or len(set(rigid)) < len(rigid)
 
 
 def on_several_bodies(summary: dict[str, Any]) -> bool:

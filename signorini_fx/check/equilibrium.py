@@ -133,6 +133,9 @@ def _equilibrium_of(
     with_base_bound = contact.given[:, None, None] > 0
     stuck = np.linalg.matrix_rank((with_base_bound * contact.tangential).reshape(-1, free.shape[1])) == free.shape[1]
     if not any(load.any() for load in loads) and not (stuck or without_load or contact.bilateral.any()):
+        if imposed(body):
+            text += "; no load presses it on, and whether prescribed displacements do only the iteration can say"
+            return Finding("note", "displacement", text)
         message = f"{text}, but no load presses {subject} on its foundation: its position is not determined"
         return Finding("warning", scene.forces_at, message)
     pressed = "it is squeezed without a load" if without_load else "the loads press the body on"
@@ -170,6 +173,16 @@ def _runs(steps: list[int]) -> str:
         else:
             runs.append([step])
     return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]} to {run[-1]}" for run in runs)
+
+
+def imposed(body: Discretisation) -> bool:
+    """Whether supports or rigid bodies are moved in any load step; collective."""
+    applied = [load for step in range(body.scene.steps) for factor, load in body.applied_at(step) if factor]
+    moved = [
+        bool(load.prescribed.x.array.any()) or (load.driven is not None and bool(load.driven.motion.any()))
+        for load in applied
+    ]
+    return parallel.any_rank(body.comm, any(moved))
 
 
 def load_on(body: Discretisation, step: int) -> _Rows:

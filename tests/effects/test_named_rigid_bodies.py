@@ -16,6 +16,8 @@ from signorini_fx.derivatives.of_scene import sensitivity
 from signorini_fx.records import Status, StepRecord
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Tractions
+from signorini_fx.results.short_answer import short_answer
+from signorini_fx.results.summary import summarise
 from signorini_fx.scene.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
@@ -443,3 +445,17 @@ def test_a_rigid_body_needs_a_contact_and_one_name():
     for other, words in (("key", "no contact names it"), ("roller", "two rigid bodies have the name 'roller'")):
         with pytest.raises(SceneError, match=words):
             parse_scene(scene | {"rigid": [scene["rigid"], scene["rigid"] | {"name": other}]})
+
+
+def test_the_first_lines_have_each_contact_and_the_motion():
+    """The forces of both plates on the roller cancel: each contact has its own line, and the roller one of its motion;
+    that it is moved by supports is no reason to say that nothing presses it.
+    """
+    solution = solve(parse_scene(roller(upper=(2.5e-3, -0.01))))
+    contacts = [{"foundation": {"rigid": contact.foundation.rigid}} for contact in solution.scene.contact]
+    summary = summarise(solution) | {"scene": {"contact": contacts}}
+    lines = [line.text for line in short_answer(summary, "out")]
+    forces = [line for line in lines if line.endswith((" on lower.top", " on upper.bottom"))]
+    assert len(forces) == 2
+    assert any("roller: moved by (0.00125, -0.005" in line for line in lines)
+    assert not any("no load presses" in found.message for found in solution.findings if found.level == "warning")

@@ -496,7 +496,7 @@ def test_a_body_that_falls_far():
         force = fem.Constant(block.mesh, (0.0, -1e-3))
         L = ufl.inner(force, ufl.TestFunction(block.V)) * ufl.dx
         floor = Foundation(block.bottom, gap=gap, friction=Coulomb(0.3))
-        problem = ContactProblem(block.a, L, [], floor, gamma_n=1e6, gamma_t=1e6)
+        problem = ContactProblem(block.a, L, [], floor, gamma_n=1e6, gamma_t=1e6, largest_deformation=1e6)
         shears[gap] = []
         for block.young.value, push in ((1000.0, 0.0), (1000.0, 2e-4), (900.0, 1e-4)):
             force.value[0] = push
