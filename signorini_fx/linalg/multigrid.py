@@ -75,8 +75,12 @@ class Hierarchy:
             return cls._aggregated(matrix, level)
         coarse: list[PETSc.Mat] = []
         for at, interpolation in chain:
-            coarse.append(_coarse_matrix(coarse[-1] if coarse else matrix, interpolation, at))
-            coarse[-1].setBlockSize(at.block)
+            level_matrix = _coarse_matrix(coarse[-1] if coarse else matrix, interpolation, at)
+            if coarse or len(chain) == 1:  # what is small, or factorised
+                level_matrix = by_entries(level_matrix)
+            if not is_by_blocks(level_matrix):
+                row_by_row(level_matrix).setBlockSize(at.block)
+            coarse.append(level_matrix)
         interpolations = [interpolation for _, interpolation in chain]
         if coarse[-1].getSize()[0] > MOST_COARSEST_UNKNOWNS:
             coarse[-1].setNearNullSpace(chain[-1][0].modes())
@@ -84,7 +88,7 @@ class Hierarchy:
             interpolations += below.interpolations
             coarse += below.coarse
         for level_matrix in coarse:
-            row_by_row(level_matrix).setOption(PETSc.Mat.Option.SPD, True)
+            level_matrix.setOption(PETSc.Mat.Option.SPD, True)
         return cls(tuple(interpolations), tuple(coarse), _largest_eigenvalue(matrix))
 
     def with_rigid_bodies(self, free: npt.NDArray[np.bool_], stiffness: npt.NDArray[np.float64]) -> Hierarchy:
@@ -153,7 +157,7 @@ def _coarse_matrix(matrix: PETSc.Mat, interpolation: PETSc.Mat, level: Level) ->
         size = wanted.norm()
         given.axpy(-1.0, wanted)
         if given.norm() <= SAME_COARSE_STIFFNESS * size:
-            return by_entries(stiffness)
+            return stiffness
     product = by_entries(matrix).ptap(interpolation)
     _fill_diagonal(product)
     return product

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.linalg import row_by_row
+from signorini_fx.linalg.blocks import change_added, is_by_blocks, with_added
 from signorini_fx.tuned import SHARE_OF_COARSE_DIAGONAL
 
 Array = npt.NDArray[np.float64]
@@ -99,10 +100,14 @@ class TruncatedLevels:
         for interpolation in self._below:
             self._products.append(self._changes[-1].matMult(interpolation))
             self._changes.append(interpolation.transposeMatMult(self._products[-1]))
+        # Of a matrix by blocks what is beside it.
         self._untruncated = [_widened(level, change) for level, change in zip(coarse, self._changes, strict=True)]
-        self.coarse = [level.copy() for level in self._untruncated]
+        self.coarse = [
+            with_added(level, beside.copy()) if is_by_blocks(level) else row_by_row(beside.copy())
+            for level, beside in zip(coarse, self._untruncated, strict=True)
+        ]
         for level in self.coarse:
-            row_by_row(level).setOption(PETSc.Mat.Option.SPD, True)
+            level.setOption(PETSc.Mat.Option.SPD, True)
 
     def _in_all_rows(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """A matrix with rows at the contact unknowns as one with rows at all unknowns; collective."""
@@ -146,13 +151,25 @@ class TruncatedLevels:
             change.matMult(interpolation, result=product)
             interpolation.transposeMatMult(product, result=below)
         for level, untruncated, change in zip(self.coarse, self._untruncated, self._changes, strict=True):
-            untruncated.copy(level, _SAME_PATTERN)
-            level.axpy(1.0, change, structure=_SUBSET_PATTERN)
+            if is_by_blocks(level):
+                beside = untruncated.copy()
+                beside.axpy(1.0, change, structure=_SUBSET_PATTERN)
+                change_added(level, beside)
+            else:
+                untruncated.copy(level, _SAME_PATTERN)
+                level.axpy(1.0, change, structure=_SUBSET_PATTERN)
 
 
 def _widened(matrix: PETSc.Mat, pattern: PETSc.Mat) -> PETSc.Mat:
-    """A coarse matrix with a little more on its diagonal, and room for what a pattern, a matrix of zeros, has."""
-    wider, diagonal = matrix.copy(), matrix.getDiagonal()
+    """A coarse matrix, or zero if by blocks, with a little more on its diagonal, and the room of a pattern of zeros."""
+    diagonal = matrix.getDiagonal()
+    if is_by_blocks(matrix):
+        first, last = matrix.getOwnershipRange()
+        numbers = np.arange(first, last + 1, dtype=PETSc.IntType)
+        csr = numbers - first, numbers[:-1], np.zeros(last - first)
+        wider = PETSc.Mat().createAIJ(matrix.getSizes(), csr=csr, comm=matrix.comm)
+    else:
+        wider = matrix.copy()
     wider.axpy(1.0, pattern, structure=_DIFFERENT_PATTERN)
     diagonal.scale(SHARE_OF_COARSE_DIAGONAL)
     wider.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD_VALUES)

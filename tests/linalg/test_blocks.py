@@ -284,3 +284,14 @@ def test_a_body_of_one_level(monkeypatch):
     assert blocks.is_by_blocks(solution.discretisation.stiffness)
     full = scene.model_copy(update={"solver": scene.solver.model_copy(update={"linear_algebra": "full"})})
     agree(solution, solve(full, MPI.COMM_SELF, check=False))
+
+
+def test_levels_by_blocks(either):
+    """A coarser mesh by blocks has what truncation changes beside it: the same steps and answer on three meshes."""
+    sizes = {"length": 3.0, "width": 1.0, "height": 1.0, "nx": 12, "ny": 4, "nz": 4}
+    mesh = {"generator": "box", "parameters": sizes}
+    made = functools.partial(block, mesh=mesh, coefficient=0.3, levels=3, linear_algebra="krylov")
+    (ours, steps), (theirs, wanted) = either(made)
+    assert len({size for size, _ in steps}) == 3
+    assert steps == wanted
+    agree(ours, theirs, 1e-12)
