@@ -77,11 +77,16 @@ class BodyCells:
         mesh = space.mesh
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
         x = node_positions(space)[:, : mesh.geometry.dim].astype(np.float64)
-        return cls(space.element.basix_element, space.dofmap.list[:owned], x[:, : mesh.topology.dim], space)
+        return cls(space.element.basix_element, space.dofmap.list[:owned], x, space)
 
     def placed(self, displacement: Array) -> Array:
-        """Positions of the nodes at a displacement, its values with ghosts, length, shape (nodes, d)."""
-        return np.asarray(self.x + displacement.reshape(len(self.x), -1)[:, : self.x.shape[1]])
+        """Positions of the nodes at a displacement, its values with ghosts, length, shape (nodes, d).
+
+        Sections of bodies of revolution stay in their plane, whatever turns around the axis.
+        """
+        places, within = self.x.copy(), slice(self.space.mesh.topology.dim)
+        places[:, within] += displacement.reshape(len(places), -1)[:, within]
+        return places
 
     def inside(self, places: Array, shape: Any, added: float = 0.0) -> InsideBody | None:
         """Where the shape lies inside the body, None: nowhere; collective.
