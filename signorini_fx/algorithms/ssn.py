@@ -421,7 +421,7 @@ class SemismoothNewton:
         lost = (self._changes[-4][1] - self._changes[-1][1]) / 3
         left = self._changes[-1][1] if lost > 0 else self._point_count - self._changes[-1][1]
         enough = sum(changes[-3:]) >= max(SLOW_CHANGES, STILL_CHANGING * sum(changes[:3]))
-        return (enough and abs(lost) * STEPS_LEFT <= left) or k >= SLOWEST_STEPS
+        return (enough and 0 < abs(lost) * STEPS_LEFT <= left) or k >= SLOWEST_STEPS
 
     def _settled(self, residual: float, law: float) -> bool:
         """Whether sets that repeat are those of a solution.
