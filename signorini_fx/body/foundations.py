@@ -375,7 +375,7 @@ class Foundations:
     @cached_property
     def _cells(self) -> BodyCells:
         """The cells of the body."""
-        return BodyCells.of(self._space)
+        return BodyCells.of(self._space, self._space.mesh.geometry.dim)
 
     def _distance_of(self, number: int) -> Array:
         """The signed distance from the shape of one contact at all nodes of this rank; collective.

@@ -72,11 +72,11 @@ class BodyCells:
     space: fem.FunctionSpace
 
     @classmethod
-    def of(cls, space: fem.FunctionSpace) -> BodyCells:
-        """Those of a space of displacements."""
+    def of(cls, space: fem.FunctionSpace, dimension: int) -> BodyCells:
+        """Those of a space of displacements; ``dimension``: of the points that shapes are asked at, d."""
         mesh = space.mesh
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
-        x = node_positions(space)[:, : mesh.geometry.dim].astype(np.float64)
+        x = node_positions(space)[:, :dimension].astype(np.float64)
         return cls(space.element.basix_element, space.dofmap.list[:owned], x, space)
 
     def placed(self, displacement: Array) -> Array:

@@ -21,7 +21,8 @@ def shapes_in_results(scene: Scene, displacement: fem.Function) -> list[Finding]
         shape = effect.surface
         if shape is None or shape.driven or not isinstance(effect.gap, int | float):
             continue
-        cells = cells or BodyCells.of(displacement.function_space)
+        space = displacement.function_space  # a section with torsion is one of space, its foundations are plane
+        cells = cells or BodyCells.of(space, space.mesh.topology.dim)
         deep = cells.inside(cells.placed(displacement.x.array), shape, float(effect.gap))
         if deep is not None:
             message = (

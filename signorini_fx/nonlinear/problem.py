@@ -149,7 +149,10 @@ class NonlinearContactProblem:
         self.certificate: Certificate | None = None
         self.iterations = 0
         self._good: Snapshot | None = None  # the last solution, once there was a solve
-        self._cells, self._overlap = BodyCells.of(space), ""  # where a shape was inside the body in the last solve
+        self._cells, self._overlap = (
+            BodyCells.of(space, space.mesh.geometry.dim),
+            "",
+        )  # where a shape was inside the body in the last solve
 
     @property
     def bcs(self) -> Any:

@@ -22,7 +22,7 @@ def body(cell, degree=1, comm=MPI.COMM_SELF):
         mesh = dmesh.create_rectangle(comm, [[0, 0], [4, 1]], (16, 4), kind)
     else:
         mesh = dmesh.create_box(comm, [[0, 0, 0], [4, 1, 1]], (16, 4, 4), kind)
-    return BodyCells.of(fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,))))
+    return BodyCells.of(fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,))), mesh.geometry.dim)
 
 
 def ball(cells, centre, radius, **more):

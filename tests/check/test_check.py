@@ -724,6 +724,9 @@ def test_what_is_switched_off_can_be_switched_on(line):
         text = TEMPLATE.replace(rigid, switched + "\n").replace(roller, roller[1:])
         parse_scene_text(text, Path("scene.toml"))
         return
+    if line.startswith("#region") and before.rstrip().splitlines()[-1].startswith("#at ="):  # it goes with a point
+        at = before.rstrip().splitlines()[-1]
+        text, key = text.replace(at, at[1:], 1), "at"
     if key in ("boundaries", "regions", "data", "size"):  # they go with a file
         text, key = text.replace("#file =", "file =", 1), "file"
     if key == "body":
