@@ -778,8 +778,8 @@ ALONG_AXIS, UPRIGHT, VIEW_DISTANCE = 0.99, 0.9, 4.0
 
 # --- nonlinear bodies -------------------------------------------------------------------------------------------------
 
-# An increment of Newton's method below this share of the largest displacement, or below the second of the size of the
-# body, ends it: the next one would be round-off.  Choice, from quadratic convergence.
+# After an increment of Newton's method below this share of the largest displacement, or below the second of the size of
+# the body, the certificate is asked: with quadratic convergence the next one would be round-off.  Choice.
 SMALL_INCREMENT, LEAST_INCREMENT = 1e-8, 1e-13
 # Shares of the first slope up to which a whole increment and a shortened one are accepted.  Source: a prototype on a
 # disc with J2 plasticity, which fails without a line search.

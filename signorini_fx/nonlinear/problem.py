@@ -276,9 +276,9 @@ class NonlinearContactProblem:
         self.certificate, self.status, self._says_no = None, None, ""
         try:
             status = self._iterate()
-            if status is Status.CONVERGED:
-                status = self._judge()
-            elif explain and not self._says_no:
+            if status is Status.CONVERGED and self._stability:
+                status = self._verdict()
+            elif explain and status not in (Status.CONVERGED, *_AFTER_NEWTON) and not self._says_no:
                 self._says_no = self._reason_for_none()
         except Exception:
             self._go_back(self._good)
@@ -291,7 +291,7 @@ class NonlinearContactProblem:
         self._go_back(self._good)
         if status is Status.INSIDE:
             figure = f" ({self._overlap})"
-        elif judged is not None and status is Status.NOT_CERTIFIED:
+        elif judged is not None and status in (Status.NOT_CERTIFIED, Status.MAX_ITERATIONS):
             figure = f" ({judged.worst_name} {judged.worst:.1e})"
         advice = _SMALLER if status is Status.MAX_ITERATIONS else status.advice
         raise ConvergenceError(self, f"{status.value}{figure}: {advice}")
@@ -340,8 +340,12 @@ class NonlinearContactProblem:
         return forces
 
     def _iterate(self) -> Status:
-        """Newton's method from the present ``u``; collective."""
-        comm, u = self._space.mesh.comm, self.u
+        """Newton's method from the present ``u``; collective.
+
+        It ends where increments are small and the certificate holds.  Where increments are small and it does not, as
+        with a tangent that is not the derivative of F, iterations go on for as long as they make it better.
+        """
+        comm, u, worst = self._space.mesh.comm, self.u, np.inf
         for iteration in range(1, self._max_newton + 1):
             self.iterations = iteration
             old = u.x.array.copy()
@@ -366,7 +370,10 @@ class NonlinearContactProblem:
                 float(parallel.largest(comm, np.abs(values), 0.0)) for values in (length * increment, u.x.array)
             )
             if change <= max(SMALL_INCREMENT * size, LEAST_INCREMENT * self._size):
-                return Status.CONVERGED
+                status = self._judge()
+                if status is not Status.NOT_CERTIFIED or self.certificate is None or not self.certificate.worst < worst:
+                    return status
+                worst = self.certificate.worst
         return Status.MAX_ITERATIONS
 
     def _not_solved(self, inner: Status) -> Status:
@@ -428,7 +435,7 @@ class NonlinearContactProblem:
     # --- what is said of a solution -----------------------------------------------------------------------------------
 
     def _judge(self) -> Status:
-        """Certify the solution, and look at the inertia of its tangent; collective."""
+        """Whether an iterate is a solution: no shape is inside the body, and the certificate holds; collective."""
         linear, values = self.linear, self.u.x.array.copy()
         residual = self._forces_at(values)
         if residual is None:
@@ -451,9 +458,7 @@ class NonlinearContactProblem:
             linear.before,
             lost,
         )
-        if not self.certificate.holds:
-            return Status.NOT_CERTIFIED
-        return self._verdict() if self._stability else Status.CONVERGED
+        return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED
 
     def _tangent(self, *, given: bool) -> fem.Form:
         """The user's tangent, or the derivative of F, compiled when it is first needed; collective."""
@@ -595,6 +600,8 @@ _OF_LINEAR_BODIES = (
     Status.TOO_LARGE,
     Status.SINGULAR,
 )
-_SMALLER = "take smaller steps, as ramp does, or raise max_newton"
+_SMALLER = "take smaller steps, as ramp does, raise max_newton, or give the derivative of F as J"
+# How a solve ends whose Newton's method does not fail.
+_AFTER_NEWTON = (Status.INSIDE, Status.NOT_CERTIFIED)
 # What smaller steps do not change.
 _FINAL = (Status.UNSTABLE, Status.STABILITY_UNKNOWN)

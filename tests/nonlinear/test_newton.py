@@ -7,7 +7,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from support.nonlinear_bodies import MU, PLATE, held, rectangle, residual, stress_of_block
 
-from signorini_fx import Coulomb, Foundation, NonlinearContactProblem
+from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
 
 
 def test_the_residual_itself_is_solved():
@@ -53,6 +53,28 @@ def test_line_search():
     u.x.array[::2] = 0.1
     problem.solve()
     assert np.abs(u.x.array).max() < 2e-3
+
+
+def test_a_wrong_tangent_goes_on_until_the_forces_balance():
+    """Increments of a method that converges linearly are small before the residual is: it goes on, or says that its
+    iterations have ended.
+    """
+    space, side = rectangle([1.0, 1.0], [1, 1], MPI.COMM_SELF)
+    u, trial, test = fem.Function(space), ufl.TrialFunction(space), ufl.TestFunction(space)
+    F = residual(u) - 1e-2 * MU * test[1] * ufl.ds
+    J = ufl.derivative(residual(u), u, trial) + 0.5 * MU * ufl.inner(ufl.grad(trial), ufl.grad(test)) * ufl.dx
+    contact = Foundation(side(1, 1.0), shape=PLATE | {"shift": (0.0, 1.0)})
+    options = {"bcs": [held(space, side(1, 0.0))], "contact": contact, "J": J}
+    problem = NonlinearContactProblem(F, u, **options)
+    problem.solve()
+    free = space.tabulate_dof_coordinates()[:, 1] > 0.5
+    forces = fem.assemble_vector(problem._residual).array.reshape(-1, 2)
+    assert np.abs(forces[free]).max() < 1e-9 * np.abs(forces[~free]).max()
+    u.x.array[:] = 0.0
+    short = NonlinearContactProblem(F, u, max_newton=problem.iterations - 1, **options)
+    with pytest.raises(ConvergenceError, match=r"maximum iterations reached \(equilibrium .*give the derivative"):
+        short.solve()
+    assert short.status is Status.MAX_ITERATIONS
 
 
 def test_gap_added_to_a_shape():
