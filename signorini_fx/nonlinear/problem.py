@@ -149,10 +149,9 @@ class NonlinearContactProblem:
         self.certificate: Certificate | None = None
         self.iterations = 0
         self._good: Snapshot | None = None  # the last solution, once there was a solve
-        self._cells, self._overlap = (
-            BodyCells.of(space, space.mesh.geometry.dim),
-            "",
-        )  # where a shape was inside the body in the last solve
+        self._cells = BodyCells.of(space, space.mesh.geometry.dim)
+        self._overlap = ""  # where a shape was inside the body in the last solve
+        self._failure = ""  # how the last solve failed that did
 
     @property
     def bcs(self) -> Any:
@@ -287,14 +286,14 @@ class NonlinearContactProblem:
         if status is Status.CONVERGED:
             self._good = self._snapshot()
             return
-        judged, figure = self.certificate, f" ({self._says_no})" if self._says_no else ""
+        judged, figure = self.certificate, self._says_no
         self._go_back(self._good)
         if status is Status.INSIDE:
-            figure = f" ({self._overlap})"
+            figure = self._overlap
         elif judged is not None and status in (Status.NOT_CERTIFIED, Status.MAX_ITERATIONS):
-            figure = f" ({judged.worst_name} {judged.worst:.1e})"
-        advice = _SMALLER if status is Status.MAX_ITERATIONS else status.advice
-        raise ConvergenceError(self, f"{status.value}{figure}: {advice}")
+            figure = f"{judged.worst_name} {judged.worst:.1e}"
+        self._failure = status.value + (f" ({figure})" if figure else "")
+        raise ConvergenceError(self, f"{self._failure}: {_advice(status)}")
 
     def _snapshot(self) -> Snapshot:
         """All that a solve changes, and where the shapes are."""
@@ -547,9 +546,9 @@ class NonlinearContactProblem:
 
         Raises:
             ConvergenceError: a step cannot be shortened any more.  ``status`` is ``LIMIT`` where the tangent or the
-                displacement says that there is no equilibrium, otherwise ``NOT_SOLVED``.  Or an equilibrium is
-                unstable, or its stability is not known.
-            FormError: an argument is wrong, or the smallest step ends with one.
+                displacement says that there is no equilibrium, otherwise how the smallest step ends.  Or an
+                equilibrium is unstable, or its stability is not known.
+            FormError: an argument is wrong, or the smallest step ends with one, such as one of ``update``.
         """
         sizes, steps = StepSizes(to, first, largest, smallest), list[RampStep]()
         while not sizes.done:
@@ -558,16 +557,14 @@ class NonlinearContactProblem:
                 apply(load)
                 self._attempt(explain=not sizes.may_halve)
             except Exception as error:
-                failed = self.status
                 self._begin_again(begun, lambda: apply(sizes.reached))
                 self.history.add(f"load {load:g} is given up, back at {sizes.reached:g}: {error}")
-                halves = isinstance(error, ConvergenceError | FormError) and failed not in _FINAL
-                if halves and sizes.may_halve:
+                if not isinstance(error, ConvergenceError | FormError):
+                    raise
+                if sizes.may_halve and self.status not in _FINAL:
                     sizes.halve()
                     continue
-                if halves and failed is not None:
-                    raise self._ended(failed, sizes.reached, to) from None
-                raise
+                raise self._ended(error, load, sizes.reached if steps else None, to) from error.__cause__
             self.advance()
             sizes.accept(self.iterations)
             steps.append(RampStep(load, self.iterations, len(self.history.iterations) - solves))
@@ -581,13 +578,22 @@ class NonlinearContactProblem:
             self.shapes[number].shape = shape
         self._go_back(begun)
 
-    def _ended(self, failed: Status, reached: float, to: float) -> ConvergenceError:
-        """How a ramp ends whose smallest step has no solution."""
-        self.status = Status.LIMIT if self._says_no else Status.NOT_SOLVED
-        because = f"a further step ends with: {failed.value}" + (f", and {self._says_no}" if self._says_no else "")
-        advice = failed.advice if failed is Status.INSIDE else self.status.advice
-        message = f"{self.status.value}: there is one at {reached:g} of {to:g}; {because}. {advice}"
-        return ConvergenceError(self, message)
+    def _ended(
+        self, error: ConvergenceError | FormError, load: float, reached: float | None, to: float
+    ) -> ConvergenceError | FormError:
+        """How a ramp ends whose last step has no solution: with the reason, the load, and what was reached."""
+        last = "there is no solution before it" if reached is None else f"there is a solution at {reached:g} of {to:g}"
+        if isinstance(error, FormError):
+            reasons = [(key, f"{reason} (at load {load:g}; {last})") for key, reason in error.problems]
+            return FormError(reasons, error.source)
+        assert self.status is not None
+        if self._says_no:
+            self.status = Status.LIMIT
+            text = f"{self.status.value}: {last}; a step to {load:g} ends with: {self._failure}"
+        else:
+            text = f"{self._failure}: at load {load:g}; {last}"
+        advice = _advice(self.status)
+        return ConvergenceError(self, f"{text}. {advice[0].upper()}{advice[1:]}")
 
 
 # What the statics of linear bodies prove.
@@ -600,8 +606,12 @@ _OF_LINEAR_BODIES = (
     Status.TOO_LARGE,
     Status.SINGULAR,
 )
-_SMALLER = "take smaller steps, as ramp does, raise max_newton, or give the derivative of F as J"
 # How a solve ends whose Newton's method does not fail.
 _AFTER_NEWTON = (Status.INSIDE, Status.NOT_CERTIFIED)
 # What smaller steps do not change.
 _FINAL = (Status.UNSTABLE, Status.STABILITY_UNKNOWN)
+
+
+def _advice(status: Status) -> str:
+    """What to do about the outcome of a solve."""
+    return (Status.NOT_SOLVED if status is Status.MAX_ITERATIONS else status).advice

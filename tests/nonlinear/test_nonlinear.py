@@ -306,7 +306,7 @@ def test_no_equilibrium_beyond_a_load():
     form = residual(u) - spring - pull * z[1] * ufl.dx
     contact = Foundation(side(1, 0.0), shape={"shape": "plane", "point": (0.0, 0.0), "normal": (0.0, 1.0)})
     problem = NonlinearContactProblem(form, u, bcs=[held(space, side(0, 0.0), 0)], contact=contact, max_newton=15)
-    with pytest.raises(ConvergenceError, match=r"no equilibrium found beyond a load: there is one at 0\.9"):
+    with pytest.raises(ConvergenceError, match=r"no equilibrium found beyond a load: there is a solution at 0\.9"):
         problem.ramp(lambda load: setattr(pull, "value", 1.05 * load * MU), first=0.5)
     assert problem.status is Status.LIMIT
 
