@@ -13,7 +13,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -44,6 +44,7 @@ class RandomBody:
     """A rectangle [0, w] x [0, h] that is held at y = 0, and a circle on a straight way.
 
     Attributes:
+        kind: *pressed* against the top, *down* into it, *through* from the side, or *slid* along the top.
         cell: of the mesh.
         degree: of the displacement.
         size: w and h, length.
@@ -58,6 +59,7 @@ class RandomBody:
         first: the first step of a ramp; None: one solve.
     """
 
+    kind: str
     cell: str
     degree: int
     size: tuple[float, float]
@@ -95,6 +97,7 @@ class RandomBody:
         }[str(kind)]
         pull = young * rng.uniform(-1, 1, 2) * rng.choice([0.0, 0.0, 3e-3])
         return cls(
+            str(kind),
             str(rng.choice(["triangle", "quadrilateral"])),
             degree,
             (width * unit, height * unit),
@@ -419,18 +422,27 @@ def tried(seed: int) -> tuple[str, list[str]]:
 
 
 def main(count: int, first: int = 0) -> int:
-    """Try seeds, print what is wrong and the counts; the number of wrong ones."""
-    ends, wrong, begun = Counter[str](), 0, time.process_time()
+    """Try seeds, print what is wrong and how each kind of scene ends; the number of wrong ones."""
+    ends, wrong, begun = Counter[tuple[str, str]](), Counter[str](), time.process_time()
     for seed in range(first, first + count):
-        end, faults = tried(seed)
-        ends[end] += 1
-        wrong += bool(faults)
+        kind, (end, faults) = RandomBody.drawn(seed).kind, tried(seed)
+        ends[end, kind] += 1
+        wrong[kind] += bool(faults)
         if faults:
             print(f"seed {seed}: {end}: {'; '.join(faults[:3])}", flush=True)
-    print(f"{count} bodies, {wrong} wrong, {time.process_time() - begun:.0f} s")
-    for end, number in ends.most_common():
-        print(f"  {number:4d} {end}")
-    return wrong
+    print(f"{count} bodies, {wrong.total()} wrong, {time.process_time() - begun:.0f} s\n")
+    kinds, totals = sorted({kind for _, kind in ends}), Counter[str]()
+    for (end, _), number in ends.items():
+        totals[end] += number
+
+    def row(title: str, numbers: Sequence[object], total: object) -> None:
+        print(f"{title:36}" + "".join(f"{number!s:>9}" for number in (*numbers, total)))
+
+    row("", kinds, "all")
+    for end, total in totals.most_common():
+        row(end, [ends[end, kind] for kind in kinds], total)
+    row("wrong", [wrong[kind] for kind in kinds], wrong.total())
+    return wrong.total()
 
 
 if __name__ == "__main__":
