@@ -90,6 +90,13 @@ def largest(comm: MPI.Comm, values: npt.NDArray[Any], default: float = 0.0) -> f
     return global_max(comm, local_max(values, default))
 
 
+def largest_of_each(comm: MPI.Comm, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Largest value over the ranks, entry by entry; the shape is kept."""
+    most = np.empty_like(values)
+    comm.Allreduce(np.ascontiguousarray(values), most, op=MPI.MAX)
+    return most
+
+
 def on_root(comm: MPI.Comm, function: Callable[[], T]) -> T:
     """Run ``function`` on the first rank and give its result, or its error, to all ranks.
 

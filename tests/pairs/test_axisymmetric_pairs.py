@@ -120,6 +120,35 @@ def test_force_that_pushes_a_shaft_out():
     assert all(found.table.columns["state"] != "stick")
 
 
+@pytest.mark.parametrize(
+    ("radii", "height", "along", "stiff", "fit", "force"),
+    [((1.2, 1.8, 2.2), 1.46, 9, 1000.0, 0.02, -0.2), ((0.9, 1.7, 3.2), 2.1, 7, 20.0, -0.01, -0.2)],
+)
+def test_ring_that_the_friction_of_a_fit_holds(radii, height, along, stiff, fit, force):
+    """A ring that nothing but friction holds along its axis, in one that is too small or pressed on it.
+
+    Its normals have an axial part, the round-off of places such as 1.46 / 9: no resistance, and no way to come to rest.
+    """
+    low, high = np.array([0.0, height])
+    bodies = Bodies(
+        "quadrilateral",
+        [
+            Box("a", (3, along), (radii[0], low), (radii[1], high), 50.0, 0.1),
+            Box("b", (3, along), (radii[1], low), (radii[2], high), stiff, 0.3),
+        ],
+        held=[("b.bottom", {"y": 0.0})],
+        pressed=[("b.right", 2.0), ("a.top", force)],
+        touching=[Touching("a.right", "b.left", -fit, {"law": "coulomb", "coefficient": 0.3})],
+    )
+    found = solve(bodies.scene(), check=False)
+    assert found.status is Status.CONVERGED
+    axial = force * np.pi * (radii[1] ** 2 - radii[0] ** 2)
+    assert abs(found.contact_figures[0].friction_force[1]) == pytest.approx(abs(axial), rel=1e-9)
+    apart, pressure = difference(bodies, found)
+    assert apart < 1e-4
+    assert pressure < 1e-3
+
+
 RADII, SOFT, NU = (1.0, 2.0, 3.0), (100.0, 300.0), (0.3, 0.25)
 
 
