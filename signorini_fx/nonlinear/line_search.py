@@ -5,8 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
 
-from signorini_fx.tuned import BRACKET_MARGIN, LINE_SEARCH_STEPS, SHORTENED_SLOPE, WHOLE_SLOPE
+from signorini_fx import parallel
+from signorini_fx.errors import FormError
+from signorini_fx.nonlinear.linearised import LinearisedProblem
+from signorini_fx.tuned import BRACKET_MARGIN, LINE_SEARCH_STEPS, NO_LINE_SEARCH, SHORTENED_SLOPE, WHOLE_SLOPE
+
+Array = npt.NDArray[np.float64]
 
 
 def share_of_increment(slope: Callable[[float], float], first: float, *, search: bool) -> float:
@@ -42,4 +49,50 @@ def share_of_increment(slope: Callable[[float], float], first: float, *, search:
             above, at_above = share, now
         else:
             below, at_below = share, now
+    return share
+
+
+def length_of_increment(
+    linear: LinearisedProblem,
+    forces_at: Callable[[Array], Array | None],
+    at: tuple[Array, Array, Array],
+    *,
+    search: bool,
+) -> float:
+    """The share of an increment to take; 0: there are no forces however short it is; collective.
+
+    Args:
+        linear: the contact problem that gives the increment.
+        forces_at: F at the owned unknowns for values of ``u``; None: it has none there.
+        at: values of ``u`` and the increment to them, ghosts included, and F at the owned unknowns.
+        search: whether the slope decides, too: not where prescribed values must arrive.
+
+    Raises:
+        FormError: ``forces_at`` has raised one however short it is.
+    """
+    old, increment, residual = at
+    moved = fem.Function(linear.u.function_space)
+    moved.x.array[:] = increment
+    comm, owned = moved.function_space.mesh.comm, len(residual)
+    internal, turning = linear.internal(moved)
+    ahead = np.where(linear.prescribed[0][:owned], 0.0, increment[:owned])
+    # The contact forces of the linearised problem are - a(d, .) - R(u); along d they turn with the normals.
+    contact = -internal - residual
+    failed: FormError | None = None
+
+    def slope(share: float) -> float:
+        nonlocal failed
+        try:
+            forces, failed = forces_at(old + share * increment), None
+        except FormError as error:
+            forces, failed = None, error
+        if forces is None:
+            return np.inf
+        return float(parallel.global_sum(comm, np.array(ahead @ (forces + contact + share * turning))))
+
+    first = -float(parallel.global_sum(comm, np.array(ahead @ internal)))
+    size, change = (float(parallel.largest(comm, np.abs(values), 0.0)) for values in (old, increment))
+    share = share_of_increment(slope, first, search=search and change > NO_LINE_SEARCH * size)
+    if share == 0.0 and failed is not None:
+        raise failed
     return share

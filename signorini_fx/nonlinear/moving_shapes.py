@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.nodal_stiffness import NodalStiffness
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.scene.rigid_shape import Shape
+from signorini_fx.scene.rigid_shape import Shape, distance_from
 from signorini_fx.tuned import NORMAL_DIFFERENCE
 
 Array = npt.NDArray[np.float64]
@@ -108,6 +109,51 @@ def curvature_of(shapes: Mapping[int, MovingShape], state: ContactState, places:
         turned = turning + turning.transpose(0, 2, 1) - state.pressure[points, None, None] * hessian
         blocks[points] = boundary.weight[points, None, None] * turned
     return NodalStiffness.summed(boundary.nodes, blocks)
+
+
+def motion_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array) -> Array | None:
+    """How far shapes have moved at contact points since the last step, length, shape (n, d); None: none has.
+
+    Args:
+        boundary: the contact points.
+        shapes: by the numbers of their foundations.
+        places: displacements of the nodes, shape (nodes, d).
+    """
+    if all(moving.shape == moving.settled for moving in shapes.values()):
+        return None
+    displacements = np.zeros_like(boundary.x)
+    for number, moving in shapes.items():
+        on_part = boundary.part == number
+        displacements[on_part] = moving.moved(boundary.x[on_part] + places[boundary.nodes[on_part]])
+    return displacements
+
+
+def spin_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape]) -> Array | None:
+    """By which rotation the shape of each contact point has turned since the last step, shape (n, d, d); None: by none
+    that counts, as in the plane, where a direction along a shape has no other turn than that of the normal.
+    """
+    dimension = boundary.x.shape[1]
+    if dimension == 2 or all(moving.shape == moving.settled for moving in shapes.values()):
+        return None
+    rotation = np.tile(np.eye(dimension), (boundary.size, 1, 1))
+    for number, moving in shapes.items():
+        rotation[boundary.part == number] = moving.rotation
+    return rotation
+
+
+def fitting(number: int, shape: Any, dimension: int) -> Any:
+    """The shape of a foundation, if it fits a mesh of this dimension.
+
+    Raises:
+        FormError: it does not.
+    """
+    try:
+        distance = distance_from(shape, dimension).shape
+        if getattr(distance, "driven", False):
+            raise SceneError([("force", "cannot move it yet: place() it")])
+        return distance
+    except SceneError as error:
+        raise FormError([(f"contact[{number}].shape.{key}", reason) for key, reason in error.problems]) from None
 
 
 def placed(shape: Any, number: int, placement: Mapping[str, Any]) -> Any:

@@ -17,37 +17,34 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import ufl
 from dolfinx import fem
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble
-from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.foundation import Foundation
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.body.shapes_inside import BodyCells
-from signorini_fx.errors import FormError, SceneError
-from signorini_fx.forms.arguments import conditions_of, foundations_of
+from signorini_fx.errors import FormError
+from signorini_fx.forms.arguments import foundations_of
 from signorini_fx.forms.elasticity import MatrixError, MatrixFault
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.nonlinear.arguments import checked
 from signorini_fx.nonlinear.certificate import certified
-from signorini_fx.nonlinear.inertia import negative_directions
 from signorini_fx.nonlinear.inversion import turned_inside_out
-from signorini_fx.nonlinear.line_search import share_of_increment
+from signorini_fx.nonlinear.line_search import length_of_increment
 from signorini_fx.nonlinear.linearised import LinearisedProblem
-from signorini_fx.nonlinear.moving_shapes import MovingShape, curvature_of, placed
+from signorini_fx.nonlinear.moving_shapes import MovingShape, curvature_of, fitting, motion_at, placed, spin_at
 from signorini_fx.nonlinear.overlap import overlap
 from signorini_fx.nonlinear.ramp import RampStep, StepSizes
 from signorini_fx.nonlinear.snapshot import Snapshot
-from signorini_fx.nonlinear.tangent import derivative, is_derivative, round_off
+from signorini_fx.nonlinear.stability import Stability
+from signorini_fx.nonlinear.tangent import Tangents, round_off
 from signorini_fx.records import Finding, History, Status
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.scene.rigid_shape import distance_from
-from signorini_fx.tuned import LEAST_INCREMENT, NO_LINE_SEARCH, SMALL_INCREMENT, SMALLEST_STEP
+from signorini_fx.tuned import LEAST_INCREMENT, SMALL_INCREMENT, SMALLEST_STEP
 
 Array = npt.NDArray[np.float64]
 
@@ -119,18 +116,16 @@ class NonlinearContactProblem:
     ) -> None:
         self.u, self.contact = u, checked(F, u, J, foundations_of(contact), update, commit, max_newton, settings)
         self._update, self._commit = update or (lambda: None), commit or (lambda: None)
-        self._stability, self._max_newton = stability, max_newton
+        self._max_newton, self._asks_stability = max_newton, stability
         space = self._space = u.function_space
         self._dimension = int(space.mesh.geometry.dim)
-        self._owned = space.dofmap.index_map.size_local * self._dimension
         options: dict[str, Any] = {"form_compiler_options": form_compiler_options, "jit_options": jit_options}
-        given = J is not None
-        self._forms, self._tangents = (F, J, options), dict[bool, fem.Form]()  # by whether they are the user's
+        self._tangents = Tangents(F, J, u, options)
         with compiling():
             self._residual = fem.form(F, **options)
         shaped = [k for k, entry in enumerate(self.contact) if entry.shape is not None]
         self.linear = LinearisedProblem(
-            self._tangent(given=given),
+            self._tangents.leading,
             self._residual,
             u,
             bcs,
@@ -139,7 +134,10 @@ class NonlinearContactProblem:
             petsc_options=petsc_options,
             **settings,
         )
-        self.linear.begin(self._moved, self._spin)
+        self.linear.begin(
+            lambda boundary: motion_at(boundary, self.shapes, self._places),
+            lambda boundary: spin_at(boundary, self.shapes),
+        )
         self.shapes = {k: self._shape_of(k) for k in shaped}
         self.pressure, self.shear = self.linear.pressure, self.linear.shear
         self.gap, self.slip = self.linear.gap, self.linear.slip
@@ -149,6 +147,7 @@ class NonlinearContactProblem:
         self.certificate: Certificate | None = None
         self.iterations = 0
         self._good: Snapshot | None = None  # the last solution, once there was a solve
+        self._stability = Stability(u, self.linear, self._tangents, self._forces_at, self._bend)
         self._cells = BodyCells.of(space, space.mesh.geometry.dim)
         self._overlap = ""  # where a shape was inside the body in the last solve
         self._failure = ""  # how the last solve failed that did
@@ -177,67 +176,35 @@ class NonlinearContactProblem:
         """What is to be known about the last solution, see ``ContactProblem``; collective."""
         return self.linear.findings
 
+    @property
+    def _places(self) -> Array:
+        """Displacements of the nodes, shape (nodes, d)."""
+        return self.u.x.array.reshape(-1, self._dimension)
+
     # --- shapes -------------------------------------------------------------------------------------------------------
 
     def _shape_of(self, number: int) -> MovingShape:
         """The shape of a foundation at its nodes."""
         entry, values = self.contact[number], self.linear.nodal_values[number]
         x = node_positions(self._space)[values.nodes]
-        shape = self._distance(number, entry.shape)
+        shape = fitting(number, entry.shape, self._dimension)
         self.linear.check_shape(number, shape)
         added = values(entry.gap, f"contact[{number}].gap")[values.nodes]
         return MovingShape(shape, shape, added, values.nodes, x[:, : self._dimension].astype(np.float64))
-
-    def _distance(self, number: int, shape: Any) -> Any:
-        """The shape, if it fits the mesh.
-
-        Raises:
-            FormError: it does not.
-        """
-        try:
-            fitting = distance_from(shape, self._dimension).shape
-            if getattr(fitting, "driven", False):
-                raise SceneError([("force", "cannot move it yet: place() it")])
-            return fitting
-        except SceneError as error:
-            raise FormError([(f"contact[{number}].shape.{key}", reason) for key, reason in error.problems]) from None
 
     def _seen(self, number: int, entry: Foundation) -> Foundation:
         """A foundation with a shape as the linearised problem has it: a gap and a direction."""
 
         def seen() -> tuple[Array, Array]:
             moving = self.shapes[number]
-            return moving.seen_from(self.u.x.array.reshape(-1, self._dimension)[moving.nodes])
+            return moving.seen_from(self._places[moving.nodes])
 
         return replace(entry, shape=None, gap=lambda x: seen()[0], direction=lambda x: seen()[1].T)
-
-    def _moved(self, boundary: ContactBoundary) -> Array | None:
-        """How far the shapes have moved at the contact points since the last step."""
-        if all(moving.shape == moving.settled for moving in self.shapes.values()):
-            return None
-        places, displacements = self.u.x.array.reshape(-1, self._dimension), np.zeros_like(boundary.x)
-        for number, moving in self.shapes.items():
-            on_part = boundary.part == number
-            nodes = boundary.nodes[on_part]
-            displacements[on_part] = moving.moved(boundary.x[on_part] + places[nodes])
-        return displacements
-
-    def _spin(self, boundary: ContactBoundary) -> Array | None:
-        """By which rotation the shape of each contact point has turned since the last step; None: by none that counts,
-        as in the plane, where a direction along a shape has no other turn than that of the normal.
-        """
-        if self._dimension == 2 or all(moving.shape == moving.settled for moving in self.shapes.values()):
-            return None
-        rotation = np.tile(np.eye(self._dimension), (boundary.size, 1, 1))
-        for number, moving in self.shapes.items():
-            rotation[boundary.part == number] = moving.rotation
-        return rotation
 
     def _bend(self) -> None:
         """Give the tangent the curvature of the shapes with the contact tractions of now; collective."""
         if self.linear.solved.state is not None:
-            places = self.u.x.array.reshape(-1, self._dimension)
-            self.linear.curvature = curvature_of(self.shapes, self.state, places, self._size)
+            self.linear.curvature = curvature_of(self.shapes, self.state, self._places, self._size)
 
     def place(self, number: int, **placement: Any) -> None:
         """Turn and move a foundation that has a shape, for the next solve and those after it.
@@ -252,7 +219,7 @@ class NonlinearContactProblem:
         moving = self.shapes.get(number)
         if moving is None or not hasattr(moving.shape, "placed"):
             raise FormError([(f"contact[{number}].shape", "this foundation has no shape that can be placed")])
-        moving.shape = self._distance(number, placed(moving.shape, number, placement))
+        moving.shape = fitting(number, placed(moving.shape, number, placement), self._dimension)
 
     # --- Newton's method ----------------------------------------------------------------------------------------------
 
@@ -275,10 +242,10 @@ class NonlinearContactProblem:
         self.certificate, self.status, self._says_no = None, None, ""
         try:
             status = self._iterate()
-            if status is Status.CONVERGED and self._stability:
-                status = self._verdict()
+            if status is Status.CONVERGED and self._asks_stability:
+                status = self._stability.verdict()
             elif explain and status not in (Status.CONVERGED, *_AFTER_NEWTON) and not self._says_no:
-                self._says_no = self._reason_for_none()
+                self._says_no = self._stability.reason_for_none(self._good.displacement, self._size)
         except Exception:
             self._go_back(self._good)
             raise
@@ -359,9 +326,9 @@ class NonlinearContactProblem:
             except MatrixError as error:
                 if error.fault is MatrixFault.NOT_FINITE:
                     return Status.NOT_FINITE
-                raise self._refused(error) from None
+                raise self._tangents.refused(error) from None
             increment = self.linear.u.x.array - old
-            length = self._length(old, increment, residual, search=iteration > 1)
+            length = length_of_increment(self.linear, self._forces_at, (old, increment, residual), search=iteration > 1)
             if length == 0.0:
                 return Status.INVERTED
             u.x.array[:] = old + length * increment
@@ -383,53 +350,6 @@ class NonlinearContactProblem:
             self._says_no = f"the tangent does not hold it: {inner.value}"
             return Status.NOT_SOLVED
         return inner
-
-    def _refused(self, error: MatrixError) -> FormError:
-        """The error of a tangent that is not symmetric."""
-        if error.fault is not MatrixFault.NOT_SYMMETRIC:
-            return error
-        why = "such as that of loads that follow the body, is not possible yet: take loads that have a potential"
-        if self._forms[1] is None:
-            return FormError([("F", f"its derivative is not symmetric; an unsymmetric tangent, {why}")])
-        return FormError([("J", f"is not symmetric; an unsymmetric tangent, {why}, or the symmetric part as J")])
-
-    def _length(self, old: Array, increment: Array, residual: Array, *, search: bool) -> float:
-        """The share of an increment to take; 0: there are no forces however short it is; collective.
-
-        Args:
-            old: values of ``u``, ghosts included.
-            increment: to them.
-            residual: at them.
-            search: whether the slope decides, too: not where prescribed values must arrive.
-
-        Raises:
-            FormError: ``update`` has raised an exception however short it is.
-        """
-        comm, moved = self._space.mesh.comm, fem.Function(self._space)
-        moved.x.array[:] = increment
-        linear, turning = self.linear.internal(moved)
-        free = ~self.linear.prescribed[0][: self._owned]
-        ahead = np.where(free, increment[: self._owned], 0.0)
-        # The contact forces of the linearised problem are - a(d, .) - R(u); along d they turn with the normals.
-        contact = -linear - residual
-        failed: FormError | None = None
-
-        def slope(share: float) -> float:
-            nonlocal failed
-            try:
-                forces, failed = self._forces_at(old + share * increment), None
-            except FormError as error:
-                forces, failed = None, error
-            if forces is None:
-                return np.inf
-            return float(parallel.global_sum(comm, np.array(ahead @ (forces + contact + share * turning))))
-
-        first = -float(parallel.global_sum(comm, np.array(ahead @ linear)))
-        size, change = (float(parallel.largest(comm, np.abs(values), 0.0)) for values in (old, increment))
-        share = share_of_increment(slope, first, search=search and change > NO_LINE_SEARCH * size)
-        if share == 0.0 and failed is not None:
-            raise failed
-        return share
 
     # --- what is said of a solution -----------------------------------------------------------------------------------
 
@@ -458,50 +378,6 @@ class NonlinearContactProblem:
             lost,
         )
         return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED
-
-    def _tangent(self, *, given: bool) -> fem.Form:
-        """The user's tangent, or the derivative of F, compiled when it is first needed; collective."""
-        if given not in self._tangents:
-            F, J, options = self._forms
-            form = J if given else derivative(F, self.u, ufl.TrialFunction(self._space))
-            with compiling():
-                self._tangents[given] = form if isinstance(form, fem.Form) else fem.form(form, **options)
-        return self._tangents[given]
-
-    def _verdict(self) -> Status:
-        """Whether the equilibrium is stable, by the derivative of F; collective."""
-        if not self.linear.factor_fits:
-            return Status.STABILITY_UNKNOWN
-        free, values = ~self.linear.prescribed[0][: self._owned], self.u.x.array.copy()
-        for given in (True, False) if self._forms[1] is not None else (False,):
-            tangent = self._tangent(given=given)
-            self._forces_at(values)
-            fits = is_derivative(tangent, self.u, self._forces_at, free)
-            self._forces_at(values)
-            if fits:
-                return Status.UNSTABLE if self._negative(tangent) else Status.CONVERGED
-        return Status.STABILITY_UNKNOWN
-
-    def _negative(self, tangent: fem.Form) -> int:
-        """In how many directions that contact admits the tangent is negative; collective."""
-        self._bend()
-        linear = self.linear
-        bcs, fixed = conditions_of(self.bcs, self._space), linear.prescribed[0][: self._owned]
-        return negative_directions(tangent, bcs, fixed, linear.curvature, self.state.boundary.nodes, linear.held)
-
-    def _reason_for_none(self) -> str:
-        """Why there may be no solution, at the last iterate; empty: nothing says so; collective."""
-        assert self._good is not None
-        comm, before = self._space.mesh.comm, self._good.displacement
-        away = float(parallel.largest(comm, np.abs(self.u.x.array - before), 0.0))
-        if not away <= max(self._size, float(parallel.largest(comm, np.abs(before), 0.0))):
-            return "the displacement runs away"
-        with suppress(FormError):
-            forces = self._forces_at(self.u.x.array.copy())
-            known = forces is not None and self.linear.solved.outcome is not None and self.linear.factor_fits
-            if known and self._negative(self._tangent(given=self._forms[1] is not None)):
-                return "the tangent has lost its stiffness in some direction"
-        return ""
 
     # --- load steps ---------------------------------------------------------------------------------------------------
 

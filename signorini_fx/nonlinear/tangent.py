@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,57 @@ from ufl.algorithms import compute_form_data
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import action
+from signorini_fx.errors import FormError
+from signorini_fx.forms.elasticity import MatrixError, MatrixFault
+from signorini_fx.machine.compilation import compiling
 from signorini_fx.tuned import DIFFERENCE_STRAIN, SAME_TANGENT
 
 Array = npt.NDArray[np.float64]
+
+
+class Tangents:
+    """The user's tangent and the derivative of F, each compiled when it is first needed.
+
+    Args:
+        F: a UFL form with one argument.
+        J: the user's, UFL or compiled; None: there is none.
+        u: the Function that F is differentiated by.
+        options: of the form compiler, as ``dolfinx.fem.form`` takes them.
+
+    Attributes:
+        given: whether there is one of the user's.
+    """
+
+    def __init__(self, F: Any, J: Any, u: fem.Function, options: dict[str, Any]) -> None:
+        self.given = J is not None
+        self._F, self._J, self._u, self._options = F, J, u, options
+
+    @property
+    def leading(self) -> fem.Form:
+        """The one that leads Newton's method; collective."""
+        return self._leading if self.given else self.derivative
+
+    @cached_property
+    def _leading(self) -> fem.Form:
+        return self._compiled(self._J)
+
+    @cached_property
+    def derivative(self) -> fem.Form:
+        """That of F; collective."""
+        return self._compiled(derivative(self._F, self._u, ufl.TrialFunction(self._u.function_space)))
+
+    def refused(self, error: MatrixError) -> FormError:
+        """The error of a matrix that the leading one has not been able to give."""
+        if error.fault is not MatrixFault.NOT_SYMMETRIC:
+            return error
+        why = "such as that of loads that follow the body, is not possible yet: take loads that have a potential"
+        if not self.given:
+            return FormError([("F", f"its derivative is not symmetric; an unsymmetric tangent, {why}")])
+        return FormError([("J", f"is not symmetric; an unsymmetric tangent, {why}, or the symmetric part as J")])
+
+    def _compiled(self, form: Any) -> fem.Form:
+        with compiling():
+            return form if isinstance(form, fem.Form) else fem.form(form, **self._options)
 
 
 def derivative(F: Any, u: fem.Function, trial: Any) -> Any:
