@@ -80,7 +80,9 @@ def certified(
     forces = residual.reshape(-1, dim)
     nothing = np.zeros_like(forces)
     known = nothing if lost is None else lost.reshape(-1, dim)
-    balance = Balance(SurfaceQuadrature(space), forces, nothing, supports, scales, scales, nothing, lost=known)
+    balance = Balance(
+        SurfaceQuadrature(space), forces, nothing, supports, scales, scales, nothing, lost=known, with_loads=True
+    )
     return judged(u, balance, sides_of(now, contact, (facets, {}), space), tractions, law=law, before=before)
 
 

@@ -251,6 +251,7 @@ def judged(
     # Of the initial strains it is not known which piece they strain.
     halves = works[:, 0] / 2 if balance.dilation is None or strain_energy == half else np.full(pieces.count, strained)
     mean = np.array([piece_scales.stress(max(half, 0.0)) for piece_scales, half in zip(scales, halves, strict=True)])
+    mean = np.maximum(mean, balance.reaction_stress(pieces))
     far = pieces.largest(np.linalg.norm(y, axis=1))
     deformed = pieces.largest_beside(y)
     length = np.maximum(deformed, NO_FORCE * far.max())

@@ -39,6 +39,7 @@ class Balance:
         dilation: see ``NodalForces.dilation``; None: the pressure is no unknown.
         lost: round-off of ``internal`` that does not decrease with y, as that of a finite deformation I + grad u,
             forces, shape (owned nodes, d); None: there is none.
+        with_loads: whether ``internal`` is a whole residual, from which loads cannot be told.
     """
 
     surface: SurfaceQuadrature
@@ -52,6 +53,18 @@ class Balance:
     prevented: float = 0.0
     dilation: tuple[Nodal, Nodal] | None = None
     lost: Nodal | None = None
+    with_loads: bool = False
+
+    def reaction_stress(self, pieces: RigidPart) -> Nodal:
+        """The stress that the supports of each piece feel, over its surface, where ``internal`` has the loads: their
+        work is none then, and tells of no stress without contact; shape (pieces,); collective.
+        """
+        if not self.with_loads:
+            return np.zeros(pieces.count)
+        held = np.linalg.norm(self.internal - self.supports.left(self.internal), axis=1)
+        forces = pieces.works(held[:, None])[:, 0]
+        surface = np.array([piece_scales.surface for piece_scales in self.of_pieces(pieces)[0]])
+        return np.asarray(forces / surface)
 
     def of_pieces(self, pieces: RigidPart) -> tuple[list[Scales], list[Scales]]:
         """``scales`` and ``stiffest`` of each piece."""

@@ -46,6 +46,23 @@ def test_the_judge_needs_no_geometry_of_the_package(monkeypatch, seed, fault):
     assert any(fault in text for text in faults)
 
 
+@pytest.mark.parametrize("seed", [26, 29, 276])
+def test_loads_alone(seed):
+    """Without contact forces are relative to reactions: with a tangent that is not the derivative, and with stiffness
+    far above the load, a solution is called so, and what is beside it by 1e-7 of the displacement is not.
+    """
+    body = RandomBody.drawn(seed)
+    problem, judge = posed(body)
+    problem.place(0, shift=tuple(body.centre(0.005) - body.start))
+    problem.solve()
+    assert not problem.pressure.x.array.any()
+    free = judge.x[:, 1] > 1e-9 * body.size[1]
+    forces = judge.forces(problem.u.x.array.reshape(-1, 2))
+    assert np.linalg.norm(forces[free]) < 1e-9 * np.linalg.norm(forces[~free])
+    problem.u.x.array[:] *= 1 + 1e-7
+    assert problem._judge() is Status.NOT_CERTIFIED
+
+
 @pytest.mark.long
 def test_three_hundred():
     """No wrong one, and enough that converge."""
