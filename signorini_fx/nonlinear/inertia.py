@@ -39,7 +39,7 @@ def negative_directions(
         nodes: of the contact points, local numbers of owned nodes, shape (n,).
         held: directions that contact holds at each of them, zero where it holds none, shape (n, directions, d).
     """
-    matrix = fem_petsc.assemble_matrix(tangent, bcs=list(bcs), diagonal=0.0)
+    matrix = fem_petsc.assemble_matrix(tangent, list(bcs), 0.0)
     matrix.assemble()
     diagonal = matrix.getDiagonal()
     values = diagonal.getArray()
