@@ -456,7 +456,7 @@ FIRST_SHEAR = 0.5
 # unless full steps would be through with all points in fewer steps than the fourth number; and whatever has changed
 # after the last number of full steps.  None of 400 random compact problems gets there, nor do the tables of the paper;
 # with 6 steps and a share of 0.6 two of 200 did.
-SLOW_STEPS, SLOW_CHANGES, STILL_CHANGING, STEPS_LEFT, SLOWEST_STEPS = 7, 6, 0.7, 15, 15
+SLOW_STEPS, SLOW_CHANGES, STILL_CHANGING, STEPS_LEFT, SLOWEST_STEPS = 7, 6, 0.7, 15, 25
 # They propose sets once their products are at most the first share of the first ones, a step has gone at least the
 # second share of its way, and the sets of at most the third share of the points still change.  Of two iterates the
 # quotient either of the pressures or of the openings tends to 1; while both are below the first number at more than
