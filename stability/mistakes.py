@@ -2293,8 +2293,8 @@ MUTANTS = (
     Mutant("body/rigid", "-arm[:, second]", "arm[:, second]", "rotation is a shear"),
     Mutant(
         "contact/motions",
-        "parallel.global_sum(self.points.comm, rows.T @ rows)",
-        "rows.T @ rows",
+        "parallel.global_sum(self.points.comm, np.vstack((rows.T @ rows, moved)))",
+        "np.vstack((rows.T @ rows, moved))",
         "a body is held by the contact nodes of this rank",
         ranks=2,
         tests=("parts_on_ranks::test_what_holds_a_body",),

@@ -77,7 +77,7 @@ class RigidMotions:
     def at(self, boundary: ContactBoundary) -> FreeMotions:
         """The free motions at the contact points of this rank: B times them; collective.
 
-        What is prescribed at a point does not move.
+        What is prescribed at a point does not move but for round-off.
         """
         piece = self.piece[boundary.nodes]
         free_modes = self.free.reshape(self.pieces.count, self.each, -1)
@@ -94,8 +94,7 @@ class RigidMotions:
             moved = moved - boundary.moving.modes @ self.foundations
         relative = boundary.points.movable @ np.einsum("nij,nik->njk", boundary.frames, moved)
         groups = PointGroups.of(boundary.points, self._reached(boundary))
-        of_point = self.pieces.assembly[piece]
-        return FreeMotions.without_round_off(boundary.points, relative, self.assembly, of_point, groups)
+        return FreeMotions(boundary.points, relative, self.assembly, self.pieces.assembly[piece], groups)
 
     def _reached(self, boundary: ContactBoundary) -> npt.NDArray[np.bool_]:
         """Which pieces the relative displacement at each point is of, shape (n, pieces); collective."""

@@ -87,25 +87,7 @@ class FreeMotions:
             relative[:, 0, number], relative[:, 1:, number] = contact.traces(mode)
         assembly, points = np.zeros(len(modes), dtype=np.int64), contact.points
         groups = PointGroups.of(points, points.everywhere[:, None])
-        return cls.without_round_off(points, relative, assembly, np.zeros(points.size, dtype=np.int64), groups)
-
-    @classmethod
-    def without_round_off(
-        cls,
-        points: ContactPoints,
-        relative: Nodal,
-        assembly: npt.NDArray[np.int64],
-        of_point: npt.NDArray[np.int64],
-        groups: PointGroups,
-    ) -> FreeMotions:
-        """Motions whose components that are round-off beside the largest one of the same motion are zero; collective.
-
-        A ring that moves along its axis does not move along its normals.  The round-off of these would resist it, at a
-        place 1e13 gaps away.
-        """
-        size = parallel.largest_of_each(points.comm, np.abs(relative).max(axis=(0, 1), initial=0.0))
-        relative = np.where(np.abs(relative) <= NOTHING_LEFT * size, 0.0, relative)
-        return cls(points, relative, assembly, of_point, groups)
+        return cls(points, relative, assembly, np.zeros(points.size, dtype=np.int64), groups)
 
     @cached_property
     def count(self) -> int:
@@ -150,10 +132,13 @@ class FreeMotions:
             across = tangential - directions[slip][:, :, None] * along[:, None]
             resisted += [*across.swapaxes(0, 1)]
         rows = np.concatenate(resisted)
-        gram = parallel.global_sum(self.points.comm, rows.T @ rows)
+        moved = np.square(self.relative).sum(axis=(0, 1))
+        gram = parallel.global_sum(self.points.comm, np.vstack((rows.T @ rows, moved)))
         for number, columns in self.assemblies:
-            values = np.linalg.eigvalsh(gram[np.ix_(columns, columns)])
-            unresisted[number] = not values[0] > NOT_HELD * values[-1] > 0
+            values = np.linalg.eigvalsh(gram[:-1][np.ix_(columns, columns)])
+            # The resistance relative to the motion of the points: below this it is the round-off of their positions.
+            real = values[-1] > NOTHING_LEFT**2 * gram[-1][columns].max()
+            unresisted[number] = not (real and values[0] > NOT_HELD * values[-1] > 0)
         return unresisted
 
     def held_by(

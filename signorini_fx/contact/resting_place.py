@@ -16,7 +16,7 @@ from scipy.optimize import linprog
 from signorini_fx import parallel
 from signorini_fx.contact.laws import Nodal, RegularisedData
 from signorini_fx.contact.motions import FreeMotions
-from signorini_fx.tuned import CLOSED_GAP
+from signorini_fx.tuned import CLOSED_GAP, NOTHING_LEFT
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,10 @@ def resting_place(
         return None
     comm = motions.points.comm
     sides = np.zeros(motions.points.size) if bilateral is None else bilateral
-    table = parallel.gather_rows(comm, np.column_stack((motions.normal, gap, sides, motions.of_point)))
+    # A ring that moves along its axis does not move along its normals: their round-off would stop it 1e13 gaps away.
+    sizes = parallel.largest_of_each(comm, np.abs(motions.relative).max(axis=(0, 1), initial=0.0))
+    normal = np.where(np.abs(motions.normal) <= NOTHING_LEFT * sizes, 0.0, motions.normal)
+    table = parallel.gather_rows(comm, np.column_stack((normal, gap, sides, motions.of_point)))
     motion = np.zeros(motions.count)
     for number, columns in motions.assemblies:
         rows = table[table[:, -1] == number]
