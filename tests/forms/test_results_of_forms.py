@@ -121,7 +121,11 @@ def numbers(value, path=""):
 
 
 def differences(scene, forms):
-    """What two summaries differ in: keys of one alone, and figures that are further apart than round-off."""
+    """What two summaries differ in: keys of one alone, and figures that are further apart than round-off.
+
+    A penetration is rounded relative to the displacement and multiplied by gamma_n = 1e4 moduli, so that two
+    assemblies of one problem agree to a few 1e4 eps = 2e-12 of the forces, and to 1e-11 on any number of ranks.
+    """
     apart = []
     for summary in (scene, forms):
         summary["resultants"] = {str(row["boundary"]): row for row in summary["resultants"]}
@@ -130,7 +134,7 @@ def differences(scene, forms):
         beside = numbers(scene[key.replace("friction", "contact")]) if key.startswith("friction_") else {}
         size = 1.0 if key == "certificate" else max(map(abs, [*ours.values(), *beside.values()]), default=1.0)
         common = ours.keys() & theirs.keys() - {"certificate/displacement"}  # relative to another size of the body
-        apart += [(k, ours[k], theirs[k]) for k in common if not abs(ours[k] - theirs[k]) <= 1e-12 * max(size, 1e-300)]
+        apart += [(k, ours[k], theirs[k]) for k in common if not abs(ours[k] - theirs[k]) <= 1e-11 * max(size, 1e-300)]
         apart += [(k, "not in both") for k in ours.keys() ^ theirs.keys()]
     return apart
 
@@ -171,7 +175,7 @@ def test_a_problem_of_forms_has_the_results_of_its_scene(scene, tmp_path):
         ours, theirs = read.table("contact"), expected.table("contact")
         assert ours.keys() == theirs.keys()
         assert (ours["boundary"] == theirs["boundary"]).all()
-        np.testing.assert_allclose(ours["pressure"], theirs["pressure"], atol=1e-12 * theirs["pressure"].max(), rtol=0)
+        np.testing.assert_allclose(ours["pressure"], theirs["pressure"], atol=1e-11 * theirs["pressure"].max(), rtol=0)
         summary = json.loads((folder / "forms/summary.json").read_text())
         jsonschema.Draft202012Validator(summary_schema()).validate(summary)
 
