@@ -25,6 +25,11 @@ class NodalStiffness:
     blocks: Array
 
     @classmethod
+    def none(cls, dimension: int) -> NodalStiffness:
+        """At no node."""
+        return cls(np.zeros(0, dtype=np.int64), np.zeros((0, dimension, dimension)))
+
+    @classmethod
     def summed(cls, nodes: npt.NDArray[np.integer], blocks: Array) -> NodalStiffness:
         """Blocks of contact points, of which a node may have several."""
         each, position = np.unique(nodes, return_inverse=True)

@@ -86,8 +86,7 @@ class LinearisedProblem(ContactProblem):
     ) -> None:
         super().__init__(tangent, residual, bcs, contact, fem.Function(at.function_space), **settings)
         self._at, self._definite = at, True
-        dim = at.function_space.mesh.geometry.dim
-        self.curvature = NodalStiffness(np.zeros(0, dtype=np.int64), np.zeros((0, dim, dim)))
+        self.curvature = NodalStiffness.none(at.function_space.mesh.geometry.dim)
 
     def begin(
         self,
@@ -157,7 +156,7 @@ class LinearisedProblem(ContactProblem):
     def go_back(self, solution: LinearSolution) -> None:
         """Make an earlier solution the last one; the next solve assembles anew."""
         self._state, self._outcome, self._solution = solution.state, solution.outcome, solution.begins
-        self._last_pattern = None
+        self._last_pattern, self.curvature = None, NodalStiffness.none(self._at.function_space.mesh.geometry.dim)
 
     # --- what the certificate and the verdict on stability ask for ---
 

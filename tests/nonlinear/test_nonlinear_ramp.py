@@ -136,6 +136,19 @@ def test_a_failure_goes_back_to_the_last_step(fault, monkeypatch):
     problem.advance()
 
 
+def test_a_failure_before_the_first_solution_leaves_nothing():
+    """A solve after it is the one of a problem that has never failed: no curvature of its last iterate is left."""
+    problem, fresh = pressed(max_newton=4, fallbacks=False), pressed(max_newton=12)
+    problem.place(0, shift=(0.0, -0.5))
+    with pytest.raises(ConvergenceError):
+        problem.solve()
+    for each in (problem, fresh):
+        each._max_newton = 12
+        each.place(0, shift=(0.0, -0.1))
+        each.solve()
+    assert everything(problem) == pytest.approx(everything(fresh), rel=0, abs=0)
+
+
 def test_errors_of_others_pass():
     """An error of what applies the load is not one of the load: it passes at once, and the problem is where it was."""
     problem, applied = pressed(), []
