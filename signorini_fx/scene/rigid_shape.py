@@ -325,9 +325,10 @@ def fault_of(shape: Any, x: Array, size: float) -> str:
     """
     if is_of_package(type(shape)):
         return ""
-    name, step = type(shape).__name__, NORMAL_DIFFERENCE * size
+    name, step, x = type(shape).__name__, NORMAL_DIFFERENCE * size, x.copy()
+    x.flags.writeable = False  # a shape that changes its argument moves the points of others
     try:
-        signed, normal = (np.asarray(values, dtype=np.float64) for values in shape.distance(x.copy()))
+        signed, normal = (np.asarray(values, dtype=np.float64) for values in shape.distance(x))
         if signed.shape != x.shape[:1] or normal.shape != x.shape:
             wanted = f"{x.shape[:1]} and {x.shape} for points of the shape {x.shape}"
             return f"distance of {name} has the shapes {signed.shape} and {normal.shape}, not {wanted}"

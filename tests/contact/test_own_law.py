@@ -296,6 +296,7 @@ def lying(**methods):
         ({"limit": lambda _, p: p + np.nan}, "limit of Lying is not finite at the pressure 0"),
         ({"limit": lambda law, p: np.where(p > 20, np.nan, law.claimed(p))}, "limit of Lying is not finite at .* 2"),
         ({"limit": lambda _, p: p // 0}, "limit of Lying is not finite"),
+        ({"limit": lambda law, p: np.multiply(p, law.coefficient, out=p)}, "limit of Lying fails: .* read-only"),
         ({"limit": lambda law, p: law.claimed(p) + law.steepness}, "limit of Lying fails: AttributeError"),
         ({"derivative": lambda _, p: p + np.nan}, "derivative of Lying is not finite at the pressure 0"),
         ({"derivative": lambda law, p: law.coefficient + 0 * p}, "derivative of Lying is not that of its limit"),

@@ -187,6 +187,7 @@ def halved(self, x):
         ({"stress_at": lambda law, e: Fibres.stress_at(law, e) + 1e-3 * law.p * e}, "stress_at of Lying is not its"),
         ({"stress_at": lambda law, e: Fibres.stress_at(law, e)[0]}, "stress_at of Lying has the shape"),
         ({"stress_at": lambda law, e: e / law.nothing}, "stress_at of Lying fails: AttributeError"),
+        ({"stress_at": lambda law, e: Fibres.stress_at(law, np.add(e, 0, out=e))}, "stress_at of Lying fails: .*only"),
         ({"stress_at": lambda law, e: np.triu(Fibres.stress_at(law, e))}, "stress_at of Lying is not its stress"),
         ({"isotropic": constant(True)}, "Lying is not isotropic, as it says"),
         ({"free_strain": constant((1.0, np.inf, 1.0))}, "free_strain of Lying"),
