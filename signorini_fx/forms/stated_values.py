@@ -61,6 +61,7 @@ def _text(node: Any) -> str:
             return f"x[{index[0]}]"
         if isinstance(tensor, fem.Constant):
             return f"({float(tensor.value[index])!r})"
+        kind = type(tensor).__name__
     if isinstance(node, ufl.SpatialCoordinate):
         return "x[0]"
     if kind in _BETWEEN:
