@@ -13,6 +13,7 @@ from dolfinx import fem, jit, la
 from petsc4py import PETSc
 
 from signorini_fx import parallel
+from signorini_fx.body.nodal_stiffness import NodalStiffness
 from signorini_fx.linalg import kernels
 from signorini_fx.linalg.blocks import BlockRows, block_matrix
 
@@ -27,13 +28,16 @@ def _folder() -> Path:
     return Path(jit.get_options()["cache_dir"])
 
 
-def block_stiffness(forms: Sequence[fem.Form], fixed: npt.NDArray[np.bool_]) -> PETSc.Mat:
+def block_stiffness(
+    forms: Sequence[fem.Form], fixed: npt.NDArray[np.bool_], beside: NodalStiffness | None = None
+) -> PETSc.Mat:
     """The matrix of a sum of bilinear forms of a vector Lagrange space by blocks; collective.
 
     Args:
         forms: the bilinear forms.
         fixed: which unknowns of this rank are prescribed: their rows and columns are left out, and have the largest
             entry of the diagonal.
+        beside: what is added to it; None: nothing.
     """
     entries = fem.create_matrix(forms[0], la.BlockMode.compact)
     for form in forms:
@@ -43,6 +47,9 @@ def block_stiffness(forms: Sequence[fem.Form], fixed: npt.NDArray[np.bool_]) -> 
     owned = entries.index_map(0).size_local
     starts = np.asarray(entries.indptr[: owned + 1], dtype=np.int64)
     columns, blocks = entries.indices[: starts[-1]], entries.data.reshape(-1, size, size)[: starts[-1]]
+    if beside is not None:
+        of_node = np.repeat(np.arange(owned), np.diff(starts))
+        blocks[np.flatnonzero(of_node == columns)[beside.nodes]] += beside.blocks
     extended = la.vector(nodes, size)
     extended.array[: fixed.size] = fixed
     extended.scatter_forward()

@@ -177,7 +177,7 @@ class ElasticBody:
         """``stiffness`` and ``rotation``, and this without rigid bodies."""
         self.inventory.matrices.append("stiffness")
         if self._fit_for_blocks and self._no_blocks is None:
-            return self.elastic.joined(block_stiffness(self.forms, self.fixed), None, None, self.fixed)
+            return self.elastic.joined(block_stiffness(self.forms, self.fixed, self.beside), None, None, self.fixed)
         owned, turned, boundary = self.space.dofmap.index_map.size_local, self.turned, self.boundary
         frames = [] if turned is None else [(turned.nodes[on_rank := turned.nodes < owned], turned.frames[on_rank])]
         aligned = self.settings.algorithm == "exact"  # each component of a relative displacement must be an unknown

@@ -18,6 +18,7 @@ from test_ranks import same_on_all_ranks
 from test_two_bodies import paraboloids
 
 from signorini_fx.body import block_stiffness, elastic
+from signorini_fx.body.nodal_stiffness import NodalStiffness
 from signorini_fx.errors import MachineError
 from signorini_fx.linalg import blocks, callbacks, factorisation, kernels, krylov
 from signorini_fx.records import Status
@@ -44,7 +45,7 @@ def test_products_of_random_blocks(size, precision):
 
 
 def two_matrices(dimension, comm):
-    """A stiffness with random moduli and one end prescribed, by blocks and sparse."""
+    """A stiffness with random moduli and one end prescribed, and random springs at nodes, by blocks and sparse."""
     mesh = (
         box("tetrahedra", (5, 3, 4), comm=comm).mesh
         if dimension == 3
@@ -63,7 +64,11 @@ def two_matrices(dimension, comm):
     fixed = np.zeros(space.dofmap.index_map.size_local * dimension, dtype=bool)
     fixed.reshape(-1, dimension)[nodes[nodes < len(fixed) // dimension]] = True
     assert kernels.load(comm, block_stiffness._folder()) is None
-    ours, theirs = block_stiffness.block_stiffness(forms, fixed), elastic.sum_of(forms, bcs)
+    some = np.arange(0, len(fixed) // dimension, 3)
+    springs = np.random.default_rng(comm.rank).standard_normal((len(some), dimension, dimension))
+    beside = NodalStiffness(some, springs @ springs.transpose(0, 2, 1))
+    ours, theirs = block_stiffness.block_stiffness(forms, fixed, beside), elastic.sum_of(forms, bcs)
+    beside.add_to(theirs, fixed)
     diagonal = theirs.getDiagonal()
     diagonal.getArray()[fixed] = comm.allreduce(diagonal.getArray().max(initial=0.0), op=MPI.MAX)
     theirs.setDiagonal(diagonal)

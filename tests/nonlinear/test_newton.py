@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from support.nonlinear_bodies import MU, PLATE, held, rectangle, residual, stress_of_block
+from support.nonlinear_bodies import MU, PLATE, held, neo_hooke, rectangle, residual, stress_of_block
 
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
+from signorini_fx.linalg.blocks import is_by_blocks
 
 
 def test_the_residual_itself_is_solved():
@@ -41,6 +43,23 @@ def test_iterations_with_curved_tools(friction, degree):
         problem.advance()
         assert problem.iterations <= 6
     assert friction is None or sum(problem.state.forces)[0] > 1.0
+
+
+@pytest.mark.mpi
+def test_a_ball_with_multigrid():
+    """A matrix by blocks has the curvature of shapes too: otherwise its solution is not that of the residual."""
+    mesh = dmesh.create_box(MPI.COMM_WORLD, [[0.0, 0.0, 0.0], [2.0, 2.0, 1.0]], [12, 12, 5], dmesh.CellType.hexahedron)
+    space = fem.functionspace(mesh, ("Lagrange", 1, (3,)))
+    bottom, top = (dmesh.locate_entities_boundary(mesh, 2, lambda x, at=at: np.isclose(x[2], at)) for at in (0.0, 1.0))
+    u = fem.Function(space)
+    ball = {"shape": "sphere", "centre": (1.0, 1.0, 1.55), "radius": 0.6}
+    F = ufl.derivative(neo_hooke(u) * ufl.dx(metadata={"quadrature_degree": 2}), u, ufl.TestFunction(space))
+    options = {"linear_algebra": "krylov", "stability": False}
+    problem = NonlinearContactProblem(F, u, bcs=[held(space, bottom)], contact=Foundation(top, shape=ball), **options)
+    problem.solve()
+    assert problem.status is Status.CONVERGED
+    assert problem.iterations <= 5
+    assert is_by_blocks(problem.linear._elastic.stiffness)
 
 
 def test_line_search():
