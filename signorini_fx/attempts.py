@@ -57,6 +57,11 @@ DAMPED = {
     )
     for damping in DAMPING
 }
+RAISED = Attempt(
+    "fixed point with raised bounds",
+    "if the body slides at the contact pressures found: bounds are raised until friction carries the loads, as long as "
+    "those of the law do not",
+)
 METHOD = Attempt("the method of the scene", "`algorithm` and `coulomb` of the scene")
 AUGMENTED = Attempt("augmented Lagrangian", "with a small gamma; its limit is the solution without regularisation")
 AUGMENTED_NEWTON = Attempt(
@@ -97,7 +102,7 @@ PLAN: dict[str, tuple[Attempt, ...]] = {
         SMALLER_GAMMA,
         CONVEX,
     ),
-    "Coulomb friction": (FIXED_POINT, MONOLITHIC, AUGMENTED, AUGMENTED_NEWTON, *DAMPED.values()),
+    "Coulomb friction": (FIXED_POINT, MONOLITHIC, AUGMENTED, AUGMENTED_NEWTON, *DAMPED.values(), RAISED),
     "load step": (METHOD, AUGMENTED, REGULARISED, RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION, HALF),
     "mesh": (COARSER,),
 }
@@ -169,10 +174,10 @@ def for_coulomb(
         first: whether that is tried first; the fixed point is then its documented fall-back.
         fallbacks: whether others are to be tried.
         augmented: whether the augmented Lagrangian method is among them: it takes far fewer linear solves than damping.
-        damped: whether damped fixed points are.
+        damped: whether damped fixed points are, and that with raised bounds.
     """
     by_augmentation = (AUGMENTED, AUGMENTED_NEWTON)[: 1 + monolithic] if augmented else ()
-    ways = [FIXED_POINT, *by_augmentation, *(DAMPED.values() if damped else ())]
+    ways = [FIXED_POINT, *by_augmentation, *((*DAMPED.values(), RAISED) if damped else ())]
     if monolithic:
         ways.insert(0 if first else 1, MONOLITHIC)
     return tuple(ways if fallbacks else ways[: 2 if monolithic and first else 1])

@@ -440,6 +440,8 @@ SMALL_FORCES_OF_BODY = 1e-3
 # A friction bound that differs from the last but one by less than this share of its change has come back: an error that
 # alternates and decreases so slowly takes thousands of steps.  Choice.
 BOUND_CAME_BACK = 1e-3
+# Raised friction bounds carry this multiple of the loads: with that of a limit load the shears have no choice.  Choice.
+RAISED_SHARE = 1.01
 # Interior points: each step goes at most this share of the way to the nearest bound.  Source: usual value.
 SHARE_OF_WAY = 0.99
 # Stiffness of the foundation with which they begin, in units of the natural stiffness, and the least share of this if

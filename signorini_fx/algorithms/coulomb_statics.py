@@ -61,14 +61,14 @@ def proved(task: Task, problem: Problem, law: PointFriction, status: Status) -> 
     if lost is not None:
         return lost.status
     task.history.add(f"{status.value}: with the friction bound of the pressure before, not by the law itself")
-    share = np.inf if status is Status.NOT_HELD else _share_of_loads(task, data)
+    share = np.inf if status is Status.NOT_HELD else share_of_loads(task, data)
     if share >= 1.0:
         return Status.OUTER_MAX_ITERATIONS
     task.history.add(f"friction at this pressure carries at most {share:.5g} of the loads")
     return Status.SLIDES_AT_PRESSURES
 
 
-def _share_of_loads(task: Task, data: RegularisedData) -> float:
+def share_of_loads(task: Task, data: RegularisedData) -> float:
     """A multiple of the loads above which no pressures, and no shears up to the given bound, carry them; collective."""
     motions, load = task.motions, task.system.resultant
     allowed = reactions(motions, as_given(data.bound), data.bilateral)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -14,7 +15,7 @@ from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import ActiveSets, Nodal, RegularisedData
 from signorini_fx.contact.points import shares
 from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
-from signorini_fx.tuned import BOUND_CAME_BACK
+from signorini_fx.tuned import BOUND_CAME_BACK, RAISED_SHARE
 
 
 def fixed_point(
@@ -28,6 +29,7 @@ def fixed_point(
     max_outer: int,
     augmentation: Augmentation | None = None,
     damping: float = 1.0,
+    carried: Callable[[RegularisedData], float] | None = None,
 ) -> Status:
     """Iterate g <- lambda until g changes by no more than ``tolerance``; with augmentation, until mu has settled too.
 
@@ -46,13 +48,21 @@ def fixed_point(
         augmentation: also lambda_hat <- lambda and mu_hat <- mu, which is Algorithm (ALM-FP): its limit is the
             unregularised solution.
         damping: fraction of the step to the new bound that is taken, for iterations that oscillate or diverge.
+        carried: gives the share of the loads up to which friction with the bound of a problem carries them; bounds at
+            which it is below 1 are raised in proportion.  None: they stay, and the body slides.
     """
     g, norms = start[0], newton.problem.groups.norms
     previous: Nodal | None = None
     if augmentation is not None:
         data = replace(data, lambda_hat=start[0], mu_hat=start[1])
     for _ in range(max_outer):
-        data = replace(data, bound=law.bound(g))
+        bound = law.bound(g)
+        data = replace(data, bound=bound)
+        share = 1.0 if carried is None else carried(data)
+        if share == 0.0:
+            return Status.SLIDES_AT_PRESSURES
+        if share < 1.0:
+            data = replace(data, bound=RAISED_SHARE / share * bound)
         status = newton.solve(data, first_sets, measure=partial(_change, newton, data, g, augmentation))
         if status is not Status.CONVERGED:
             return status
@@ -60,6 +70,11 @@ def fixed_point(
         change = newton.history.outer[-1].change
         pressure, _ = newton.multipliers()
         if change is not None and change <= tolerance and (augmentation is None or augmentation.settled):
+            if share < 1.0:  # at pressures that do not change any more
+                newton.history.add(
+                    f"friction carries at most {share:.5g} of the loads at the pressures of raised bounds"
+                )
+                return Status.SLIDES_AT_PRESSURES
             if _missed(newton, data, law) <= max(tolerance, CERTIFICATE_TOLERANCE):
                 return Status.CONVERGED
             torn = law.ends_open is not None and bool(np.any(law.ends_open & (g != 0) & (pressure == 0)))

@@ -26,7 +26,7 @@ from signorini_fx.algorithms.augmented import (
 )
 from signorini_fx.algorithms.continuation import continuation
 from signorini_fx.algorithms.coulomb_newton import coulomb_newton
-from signorini_fx.algorithms.coulomb_statics import coulomb_start, proved
+from signorini_fx.algorithms.coulomb_statics import coulomb_start, proved, share_of_loads
 from signorini_fx.algorithms.fp import fixed_point
 from signorini_fx.algorithms.path_following import path_following, path_model
 from signorini_fx.algorithms.task import Outcome, Start, Task
@@ -37,6 +37,7 @@ from signorini_fx.attempts import (
     FIXED_POINT,
     METHOD,
     MONOLITHIC,
+    RAISED,
     REGULARISED,
     Attempt,
     for_coulomb,
@@ -55,6 +56,9 @@ from signorini_fx.tuned import (
     LARGEST_GAMMA_RATIO,
     START_GAMMA,
 )
+
+# How much of the loads friction carries with the bound of a problem.
+Carried = Callable[[RegularisedData], float]
 
 
 def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Outcome:
@@ -268,7 +272,7 @@ def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
             first_sets = ActiveSets.of(newton.problem.next.sets.contact, np.zeros_like(data.mu_hat))
     data = replace(first_outcome.data, bound=law.given)
 
-    def fixed(damping: float) -> Status:
+    def fixed(damping: float, carried: Carried | None = None) -> Status:
         return fixed_point(
             newton,
             data,
@@ -279,6 +283,7 @@ def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
             max_outer=s.max_outer_iterations,
             augmentation=augmentation_on(task, newton) if s.algorithm == "alm" else None,
             damping=damping,
+            carried=carried,
         )
 
     def monolithic() -> Status:
@@ -301,20 +306,20 @@ def _either_way(
     start: Start,
     law: PointFriction,
     begun: Outcome,
-    fixed: Callable[[float], Status],
+    fixed: Callable[..., Status],
     monolithic: Callable[[], Status],
     *,
     monolithic_first: bool,
 ) -> Outcome:
     """The fixed-point iteration or the monolithic Newton method; if it fails the other one, then augmentation, then
-    damped ones.
+    damped ones, and where the body slides that with raised bounds.
 
     Args:
         task: the contact problem.
         start: where the load step starts.
         law: its friction law.
         begun: the outcome so far; its inner method holds the start of all of them.
-        fixed: the fixed-point iteration with a given damping.
+        fixed: the fixed-point iteration with a given damping, and with what tells which bounds to raise.
         monolithic: the monolithic Newton method.
         monolithic_first: whether Newton's method comes first.
     """
@@ -324,6 +329,7 @@ def _either_way(
         FIXED_POINT: partial(fixed, 1.0),
         MONOLITHIC: monolithic,
         **{attempt: partial(fixed, damping) for damping, attempt in DAMPED.items()},
+        RAISED: partial(fixed, 1.0, partial(share_of_loads, task)),
     }
     names = for_coulomb(
         monolithic=_may_be_monolithic(law, begun.data),
@@ -342,7 +348,7 @@ def _either_way(
             return by_augmentation(task, start, begun, data, monolithic=coupled)
         nonlocal slid
         status = proved(task, newton.problem, law, ways[name]())
-        slid = slid if name is MONOLITHIC else status is Status.SLIDES_AT_PRESSURES
+        slid = slid if name in (MONOLITHIC, RAISED) else status is Status.SLIDES_AT_PRESSURES
         return replace(begun, status=status, monolithic=name is MONOLITHIC)
 
     def settled(outcome: Outcome) -> bool:
@@ -353,7 +359,11 @@ def _either_way(
         return not task.gave_up(outcome.status)
 
     last = tried(
-        ((name if name in augmented else f"{name} from the same start", partial(ended, name)) for name in names),
+        (
+            (name if name in augmented else f"{name} from the same start", partial(ended, name))
+            for name in names
+            if slid or name is not RAISED
+        ),
         history=task.history,
         settled=settled,
         restore=lambda: newton.restore(checkpoint),
@@ -374,13 +384,23 @@ def _exact(task: Task, start: Start, regularised: Outcome) -> Outcome:
         problem = replace(limit, bound=None if law is None else law.bound(pressure))
         return replace(begun, status=newton.solve(problem, sets))
 
-    def fixed(damping: float) -> Status:
+    def fixed(damping: float, carried: Carried | None = None) -> Status:
         data = replace(limit, bound=law.bound(pressure))
         status = newton.solve(data, sets)
         if status is not Status.CONVERGED:
             return status
         first, max_outer = newton.multipliers(), s.max_outer_iterations
-        return fixed_point(newton, data, law, first, None, tolerance=s.tolerance, max_outer=max_outer, damping=damping)
+        return fixed_point(
+            newton,
+            data,
+            law,
+            first,
+            None,
+            tolerance=s.tolerance,
+            max_outer=max_outer,
+            damping=damping,
+            carried=carried,
+        )
 
     def monolithic() -> Status:
         return coulomb_newton(task.iterate.exact_unsymmetric_newton, limit, law, sets)

@@ -12,6 +12,7 @@ from signorini_fx.attempts import (
     FIXED_POINT,
     MONOLITHIC,
     PLAN,
+    RAISED,
     for_coulomb,
     for_mesh,
     step_limit,
@@ -64,6 +65,7 @@ def test_ways_of_coulomb_friction(monolithic):
         AUGMENTED,
         AUGMENTED_NEWTON,
         *DAMPED.values(),
+        RAISED,
     )
     assert for_coulomb(monolithic=True, first=False, fallbacks=True, augmented=False, damped=False) == (
         FIXED_POINT,

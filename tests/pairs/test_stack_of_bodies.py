@@ -9,9 +9,10 @@ import re
 import numpy as np
 import pytest
 from mpi4py import MPI
+from revolved import Bodies, Box, Touching
 from test_summary_schema import VALIDATOR
 
-from signorini_fx import solve, write_results
+from signorini_fx import Status, solve, write_results
 from signorini_fx.display import on_several_bodies
 from signorini_fx.pictures import load_steps
 from signorini_fx.pictures.boundary_profiles import boundaries_of, panels_of
@@ -201,3 +202,43 @@ def test_whom_the_forces_of_one_contact_in_space_act_on(against, whom):
     table = {name: np.full(4, given) for name, given in (("boundary", "pad.top"), ("state", "open"), ("friction", ""))}
     page = str(resultants({**summary, "scene": {"contact": [row]}}, {**table, "weight": np.ones(4)}))
     assert f">on {whom}<" in page
+
+
+def squeezed(force):
+    """Three blocks between a ground and a plate that comes down, with gaps; a pressure pushes the middle one aside."""
+    return Bodies(
+        "triangle",
+        [
+            Box("a", (4, 4), (0.0, 0.0), (0.977, 1.4), 33.6, 0.05),
+            Box("b", (4, 3), (0.0, 1.4), (0.977, 2.62), 703.0, 0.23),
+            Box("c", (4, 1), (0.0, 2.62), (0.977, 3.57), 47.7, 0.12),
+        ],
+        held=[("a.bottom", {"x": 0.0, "y": 0.0}), ("c.top", {"x": 0.0, "y": -0.00308})],
+        pressed=[("b.right", force)],
+        touching=[
+            Touching("a.top", "b.bottom", 0.00147, {"law": "coulomb", "coefficient": 0.568}),
+            Touching("c.bottom", "b.top", "-0.00107 - 0.0024 * x[0]", {"law": "coulomb", "coefficient": 0.282}),
+        ],
+    ).scene(material={"hypothesis": "plane strain"})
+
+
+def test_friction_of_pressures_that_first_carry_too_little():
+    """The pressures without slip carry too little of the load, those of the solution enough: the bounds of the first
+    problems are raised.  Pressures are those of a fixed point of convex programmes, least squares within bounds.
+    """
+    found = solve(squeezed(0.0471), check=False)
+    assert found.status is Status.CONVERGED
+    assert found.certificate.holds
+    assert any("fixed point with raised bounds" in str(event) for event in found.history.events)
+    friction = [figures.friction_force[0] for figures in found.contact_figures]
+    assert np.abs(friction).sum() == pytest.approx(0.0471 * 1.22, rel=1e-6)
+    beneath = found.contact.boundary.part == 0
+    pressure = np.sort(found.contact.pressure[beneath])
+    assert pressure == pytest.approx([0.0, 0.0130764, 0.0584255, 0.0884118, 0.2537261], rel=1e-3)
+
+
+def test_friction_that_no_raised_bounds_make_enough():
+    """Beyond the limit the bounds stay raised, and the outcome keeps its name."""
+    found = solve(squeezed(0.15), check=False)
+    assert found.status is Status.SLIDES_AT_PRESSURES
+    assert any("raised bounds" in str(event) for event in found.history.events)
