@@ -365,12 +365,20 @@ class Foundations:
             gap = at(0.0 if contact.bonded else contact.gap, f"contact[{number}].gap")
             return (gap + self._distance_of(number) if number in self._distances else gap), None
         pair = self._pairs[number]
+        key, value = ("gap", 0.0 if contact.bonded else contact.gap)
+        if pair.by_geometry:
+            key, value = "allowance", contact.allowance
+        given = at(value, f"contact[{number}].{key}")
+        if pair.held is not None:
+            comm, owned = self._space.mesh.comm, self._space.dofmap.index_map.size_local
+            bilateral = contact.bilateral or contact.bonded
+            held = pair.held.with_gap(given[:owned], comm, by_geometry=pair.by_geometry, bilateral=bilateral)
+            self._pairs[number] = replace(pair, held=held)
         if not pair.by_geometry:
-            return at(0.0 if contact.bonded else contact.gap, f"contact[{number}].gap"), None
-        allowance = at(contact.allowance, f"contact[{number}].allowance")
-        adjusted_gap, first = allowance.copy(), self._space.dofmap.index_map.local_range[0]
+            return given, None
+        adjusted_gap, first = given.copy(), self._space.dofmap.index_map.local_range[0]
         adjusted_gap[pair.slave.nodes[pair.coupling.nodes] - first] += pair.coupling.adjusted(contact.adjust)
-        return adjusted_gap, allowance
+        return adjusted_gap, given
 
     @cached_property
     def _cells(self) -> BodyCells:

@@ -17,13 +17,14 @@ from signorini_fx.body.assembly import adjugates, facet_entities
 from signorini_fx.body.averages import Averages, from_owners
 from signorini_fx.body.contact_boundary import ContactBoundary, segments_of
 from signorini_fx.body.foundation import Pair
+from signorini_fx.body.held_pairs import HeldPairs, held_along
 from signorini_fx.body.mirrored_points import mirrored
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.body.turned_supports import TurnedNodes
 from signorini_fx.errors import FormError
 from signorini_fx.pairs.coupling import Coupling, PairingError, couple
 from signorini_fx.pairs.surface import Lagrange, PairSurface
-from signorini_fx.tuned import SAME_DIRECTION, ZERO_SUM
+from signorini_fx.tuned import ZERO_SUM
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -97,6 +98,7 @@ class PairedSides:
         coupling: of both.
         by_geometry: whether the gap is the distance of both sides.
         axes: the frame of each point that supports hold it in, shape (n, d, d); None: the axes of space.
+        held: where supports hold both sides, on this rank; None: nowhere.
     """
 
     slave: PairedSide
@@ -104,6 +106,7 @@ class PairedSides:
     coupling: Coupling
     by_geometry: bool
     axes: Array | None = None
+    held: HeldPairs | None = None
 
     @classmethod
     def of(
@@ -169,10 +172,10 @@ class PairedSides:
             replace(side, surface=replace(side.surface, across=planes))
             for side, planes in zip((slave, master), across, strict=True)
         )
-        normals = np.abs(np.einsum("nij,ni->nj", frames, slave.surface.nodal_normals))
-        unable = np.where(entries[:, :dim], 0.0, normals).max(axis=1) <= SAME_DIRECTION
-        unable[~normals.any(axis=1)] = False  # nodes that no point belongs to
-        unable |= entries[:, -1]
+        normals = slave.surface.nodal_normals
+        supported = held_along(normals, frames, entries[:, :dim])
+        supported[~normals.any(axis=1)] = False  # nodes that no point belongs to
+        unable = supported | entries[:, -1]
         first, last = space.dofmap.index_map.local_range
         mine = (slave.nodes >= first) & (slave.nodes < last)
         by_geometry = not pair.bonded and isinstance(pair.gap, str)
@@ -189,8 +192,11 @@ class PairedSides:
             )
         except PairingError as error:
             raise FormError([(name, str(error))]) from None
-        turns = None if turned is None else frames[coupling.nodes]
-        return cls(slave, master, coupling, by_geometry, turns)
+        turns, held = None if turned is None else frames[coupling.nodes], None
+        if (alone := supported & ~entries[:, -1]).any():
+            sides, names = (slave.surface, master.surface), (slave.nodes, master.nodes)
+            held = HeldPairs.of(sides, names, alone, (axes, reached[:, :dim]), coupling, pair.adjust)
+        return cls(slave, master, coupling, by_geometry, turns, held)
 
     @property
     def across(self) -> Array:

@@ -54,7 +54,8 @@ def out(normals: Array, excess: Array, free: Array, tiny: float) -> Array:
     size = np.linalg.norm(along, axis=1)
     stuck = size <= SAME_LENGTH
     if (excess[stuck] > 4 * tiny).any():
-        raise Refused("a support pushes the body into its foundation")
+        # By more than the round-off of this proof; what is more than that of a scene is refused at its nodes.
+        raise Refused("supports leave no way out of the foundation")
     along, excess, normals = along[~stuck], excess[~stuck].clip(min=0.0), normals[~stuck]
     if not len(along):
         return np.zeros(len(free))

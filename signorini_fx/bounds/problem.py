@@ -18,6 +18,7 @@ from signorini_fx.bounds.arrays import Array, Ints
 from signorini_fx.bounds.bounded_scene import BoundPoints, grounds, moduli_of, refuse_unknown
 from signorini_fx.bounds.facets import NODES, POINTS, SEEN, bernstein, coefficients
 from signorini_fx.bounds.simplices import Simplices, divide
+from signorini_fx.contact.points import pushed
 from signorini_fx.effects.contact import Contact
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.quantities.statements import Grounds, Refused
@@ -99,6 +100,8 @@ class PlainProblem:
     ) -> None:
         self._d, self._position, self._dimension, self._scene = d, step, d.tagged.dimension, d.scene.placed(step)
         refuse_unknown(d)
+        if contact is not None and pushed(contact.held_inside, d.tagged.size).any():
+            raise Refused("supports push the body into its foundation")
         self._divide(y)
         self._before = self._begin_of_slip(contact, before)
         self.held: Array = np.zeros((len(self.t.facets), self._dimension, self._dimension))

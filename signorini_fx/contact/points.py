@@ -15,7 +15,27 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.contact.laws import Nodal, length
-from signorini_fx.tuned import NO_FORCE, SAME_DIRECTION, ZERO_IN_SOLUTION
+from signorini_fx.tuned import NO_FORCE, SAME_DIRECTION, SAME_LENGTH, ZERO_IN_SOLUTION
+
+
+def inside(overlap: Nodal, bilateral: npt.NDArray[np.bool_] | bool) -> Nodal:
+    """How far what is held lies inside the foundation, or, where contact cannot open, off it too, length, shape (n,).
+
+    Args:
+        overlap: tau_N y - d, length, shape (n,); what is returned where contact can open.
+        bilateral: where it cannot.
+    """
+    return np.where(bilateral, np.abs(overlap), overlap)
+
+
+def pushed(depth: Nodal, size: float) -> npt.NDArray[np.bool_]:
+    """Where supports push the body into its foundation, and not round-off, shape (n,).
+
+    Args:
+        depth: see ``ContactPoints.held_inside``, length, shape (n,).
+        size: of the body, length.
+    """
+    return np.asarray(depth > SAME_LENGTH * size)
 
 
 @dataclass(frozen=True)
@@ -73,6 +93,10 @@ class ContactPoints:
         Supports decide alone about their distance, and would take whatever contact did there: it transmits no pressure.
         """
         return np.asarray(np.linalg.norm(self.movable[:, 0], axis=1) <= SAME_DIRECTION)
+
+    def held_inside(self, overlap: Nodal, bilateral: npt.NDArray[np.bool_]) -> Nodal:
+        """``inside`` of immovable points, never negative; zero at all others, length, shape (n,)."""
+        return np.where(self.immovable, np.maximum(inside(overlap, bilateral), 0.0), 0.0)
 
     @cached_property
     def still(self) -> Nodal:

@@ -55,12 +55,8 @@ class PointState:
 
     @property
     def held_inside(self) -> Nodal:
-        """How far points that cannot move along their normal lie inside the foundation, or, where contact cannot open,
-        off it, length, shape (n,); zero at all others.
-        """
-        overlap = self.u_n - self.gap
-        depth = np.where(self.bilateral, np.abs(overlap), np.maximum(overlap, 0.0))
-        return np.where(self.points.immovable, depth, 0.0)
+        """See ``ContactPoints.held_inside``."""
+        return self.points.held_inside(self.u_n - self.gap, self.bilateral)
 
     @cached_property
     def friction_work(self) -> float:

@@ -32,7 +32,7 @@ from signorini_fx.body.foundation import Foundation, Pair
 from signorini_fx.body.foundations import Foundations, ShapeDistances
 from signorini_fx.body.rigid_bodies import RigidBodies, RigidBodyMotion
 from signorini_fx.body.supports import prescribed
-from signorini_fx.check.pushed_nodes import pushed_nodes
+from signorini_fx.check.pushed_nodes import held_in_result, pushed_nodes
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import ActiveSets, RegularisedData
 from signorini_fx.errors import FormError, SceneError
@@ -249,7 +249,8 @@ class ContactProblem(SolvedProblem):
         """What is to be known about the last solution: contact nodes that supports hold inside their foundation, which
         are left out of the contact; collective.
         """
-        return tuple(pushed_nodes([self.state], self._scales.size))
+        held = held_in_result(self.state, self.u, self._foundations.pairs)
+        return tuple(pushed_nodes(self._space.mesh.comm, [held], self._scales.size))
 
     @property
     def solver(self) -> PETSc.SNES:

@@ -15,7 +15,7 @@ from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.deformation import deformation_of
 from signorini_fx.body.named_body import NamedBody
 from signorini_fx.check.findings import result_findings
-from signorini_fx.check.pushed_nodes import pushed_nodes
+from signorini_fx.check.pushed_nodes import held_in_result, pushed_nodes
 from signorini_fx.forms.certificate import balance_of, sides_of
 from signorini_fx.forms.named_parts import named_body, path_of
 from signorini_fx.forms.parts import ProblemParts
@@ -158,8 +158,9 @@ def solution_of(problem: ProblemParts, title: str = "") -> FormSolution:
     touching = parallel.any_rank(body.comm, bool(np.any(contacts)))
     lost = sorted({piece for step in steps for piece in step.certificate.unjudged})
     unjudged = [body.motions.pieces.called(piece) for piece in lost]
+    held = [held_in_result(step.contact, step.displacement, body.pairs) for step in steps]
     findings = [
-        *pushed_nodes([step.contact for step in steps], body.tagged.size),
+        *pushed_nodes(body.comm, held, body.tagged.size),
         *result_findings([step.deformation for step in steps], touching=touching, unjudged=unjudged),
     ]
     law, fixed, values_of_bcs = problem._law, *problem._prescribed

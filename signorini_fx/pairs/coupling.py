@@ -109,8 +109,13 @@ class Coupling:
         return np.einsum("nd,nd->n", self.normal, self.distance)
 
     def adjusted(self, limit: float | None) -> Array:
-        """The gap, zero where it is at most a limit; None: there is no such limit."""
-        return self.gap if limit is None else np.where(self.gap <= (1.0 + SAME_PLACE_IN_CELL) * limit, 0.0, self.gap)
+        """See ``closed_within``."""
+        return closed_within(self.gap, limit)
+
+
+def closed_within(gap: Array, limit: float | None) -> Array:
+    """A gap, zero where it is at most a limit; None: there is no such limit."""
+    return gap if limit is None else np.where(gap <= (1.0 + SAME_PLACE_IN_CELL) * limit, 0.0, gap)
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.check.cost import estimated_cost
 from signorini_fx.check.findings import result_findings, scene_findings
 from signorini_fx.check.one_step import tilted_frames
-from signorini_fx.check.pushed_nodes import pushed_nodes
+from signorini_fx.check.pushed_nodes import held_in_result, pushed_nodes
 from signorini_fx.check.refusals import refuse_beforehand
 from signorini_fx.check.shapes_in_results import shapes_in_results
 from signorini_fx.contact.laws import RegularisedData
@@ -184,7 +184,8 @@ def _findings(discretisation: Discretisation, steps: Sequence[StepResult]) -> li
         findings += tilted_frames(discretisation.placed(last.place), 0.0, last.contact)
     shown = _shown(steps)
     inside = shapes_in_results(discretisation.scene.placed(shown.place), shown.displacement)
-    pushed = pushed_nodes([step.contact for step in steps], discretisation.tagged.size)
+    held = [held_in_result(step.contact, step.displacement, discretisation.pairs) for step in steps]
+    pushed = pushed_nodes(discretisation.comm, held, discretisation.tagged.size)
     lost = sorted({piece for step in steps for piece in step.certificate.unjudged})
     names = [discretisation.motions.pieces.called(piece) for piece in lost]
     return [

@@ -436,7 +436,11 @@ HURTING = [
     (coulomb(1.5), "contact[0].friction.coefficient", "F = 1.5 is above 0.958"),
     (coulomb("0.5 + x[0]"), "contact[0].friction.coefficient", "F = 3.5 is above 0.958"),
     (contact(gap=1e3), "contact.gap", "contact is unlikely to close"),
-    (contact(gap=-1.0), "contact.gap", "penetrates its foundation"),
+    (
+        {"displacement": {"boundary": "top", "x": 0.0, "y": 0.0}, **contact(gap=-1.0)},
+        "contact.gap",
+        "penetrates its foundation",
+    ),
     ({"traction": [], **contact(gap=0.1)}, "traction, body_force, displacement", "the solution is 0"),
     (
         {"traction": [], "displacement": {"boundary": "left", "x": 1e-3, "y": 0.0}, **contact(gap=0.1)},

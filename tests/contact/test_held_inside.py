@@ -15,7 +15,8 @@ from mpi4py import MPI
 from scenes import alone
 from scipy.optimize import lsq_linear
 
-from signorini_fx import ContactProblem, Foundation, NonlinearContactProblem, solve
+from signorini_fx import ContactProblem, Foundation, NonlinearContactProblem, Pair, solve
+from signorini_fx.check.checks import check_scene
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import certify
@@ -139,6 +140,24 @@ def test_forms(algorithm):
         assert "hold 1 contact node inside the foundation, by 0.001 at (1, 1)" in found.message
 
 
+def test_two_bodies_as_a_form():
+    """The same, with the distance of the meshes and with a gap that is given."""
+    for gap, away in ((-DEPTH, 0.0), ("geometry", DEPTH)):
+        boxes = [Box(name, x, 0.0, 1.0, 1.0, 4, 4) for name, x in (("one", 0.0), ("other", 1.0 - away))]
+        tagged = boxes_mesh(MPI.COMM_SELF, boxes)
+        space = fem.functionspace(tagged.mesh, ("Lagrange", 1, (2,)))
+        test, trial = ufl.TestFunction(space), ufl.TrialFunction(space)
+        stiffness = 100.0 * ufl.inner(ufl.sym(ufl.grad(trial)), ufl.grad(test)) * ufl.dx
+        load = ufl.inner(fem.Constant(space.mesh, np.zeros(2)), test) * ufl.dx
+        tops = np.concatenate([tagged.facets(f"top {box.name}") for box in boxes])
+        held = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(space, 1, tops), space)
+        sides = tagged.facets("right one"), tagged.facets("left other")
+        problem = ContactProblem(stiffness, load, [held], Pair(*sides, gap))
+        problem.solve()
+        (found,) = problem.findings
+        assert "hold 1 contact node inside the other body, by 0.001 at (1, 1)" in found.message
+
+
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize("gap", [0.0, 1e-17, -1e-17])
 def test_a_gap_that_is_closed_at_the_support_is_no_conflict(gap, unit):
@@ -240,22 +259,145 @@ def test_a_tool_that_can_move_is_moved():
     assert not told(solution)
 
 
+def pair(
+    comm, cells=8, distance="nominal", moved=0.0, held=("one", "other"), degree=1, gamma="auto", kind="unilateral"
+):
+    """Two squares side by side with their tops held, which overlap by DEPTH, or touch in the middle between them.
+
+    Args:
+        comm: the ranks.
+        cells: along a side of the second one; the first has 8.
+        distance: how the gap is known.
+        moved: how far the top of the second one is moved towards the first one.
+        held: which tops are held; bottoms are if their tops are not.
+        degree: of the displacement.
+        gamma: gamma_n.
+        kind: of contact.
+    """
+    by_geometry = distance == "geometry"
+    at = (0.0, 1.0 - DEPTH * by_geometry)
+    boxes = [Box(name, x, 0.0, 1.0, 1.0, n, n) for name, x, n in zip(("one", "other"), at, (8, cells), strict=True)]
+    ways = {"one": 0.0, "other": -moved}
+    return {
+        "mesh": boxes_mesh(comm, boxes),
+        "element": {"degree": degree},
+        "material": {"young": 100.0, "poisson": 0.3},
+        "displacement": [
+            {"boundary": f"{'top' if name in held else 'bottom'} {name}", "x": way, "y": 0.0}
+            for name, way in ways.items()
+        ],
+        "contact": {
+            "boundary": "right one",
+            "against": "left other",
+            "distance": distance,
+            "kind": kind,
+            **({} if by_geometry else {"gap": moved / 2 if moved else -DEPTH}),
+        },
+        "solver": {"gamma_n": gamma},
+    }
+
+
 def test_two_bodies():
-    """Of a node of the carrying side that is held, its neighbours have the function: gamma decides about nothing."""
-    boxes = [Box(name, at, 0.0, 1.0, 1.0, 8, 8) for name, at in (("one", 0.0), ("other", 1.0))]
-    tagged, forces = boxes_mesh(MPI.COMM_SELF, boxes), []
+    """Of a node of the carrying side that is held, its neighbours have the function: gamma decides about nothing.
+
+    The node has no point, and is told all the same.
+    """
+    forces = []
     for gamma in (1e7, 1e9):
-        scene = {
-            "mesh": tagged,
-            "material": {"young": 100.0, "poisson": 0.3},
-            "displacement": [{"boundary": f"top {box.name}", "x": 0.0, "y": 0.0} for box in boxes],
-            "contact": {"boundary": "right one", "against": "left other", "distance": "nominal", "gap": -DEPTH},
-            "solver": {"gamma_n": gamma},
-        }
-        solution = solve(parse_scene(scene), MPI.COMM_SELF)
+        solution = solve(parse_scene(pair(MPI.COMM_SELF, gamma=gamma)), MPI.COMM_SELF)
         forces.append(solution.contact.forces[0][0])
         assert not solution.contact.points.immovable.any()
+        (message,) = told(solution)
+        assert message.startswith("supports hold 1 contact node inside the other body, by 0.001 at (1, 1):")
     assert forces[0] == pytest.approx(forces[1], rel=1e-4)
+
+
+def before(scene, comm=MPI.COMM_SELF):
+    """The same warnings of ``check``."""
+    return [found.message for found in check_scene(scene, comm).findings if "supports hold" in found.message]
+
+
+@pytest.mark.parametrize(
+    ("changed", "deep"),
+    [
+        ({"cells": 5}, 0.001),
+        ({"distance": "geometry"}, 0.001),
+        ({"distance": "geometry", "cells": 5, "degree": 2}, 0.001),
+        ({"moved": 0.02}, 0.01),  # half of the way closes the gap
+        ({"moved": -0.02}, None),
+        ({"moved": -0.02, "kind": "bilateral"}, 0.01),
+        ({"held": ("one",)}, None),  # the other one moves out
+        ({"held": ("other",)}, None),
+    ],
+)
+def test_two_bodies_before_they_are_solved(changed, deep):
+    """``check`` says where supports of both push them into each other: by node, gap and supports."""
+    found = before(parse_scene(pair(MPI.COMM_SELF, **changed)))
+    where = "off" if "kind" in changed else "inside"
+    said = f"supports hold 1 contact node {where} the other body, by {deep:.3g} at (1, 1):" if deep else ""
+    assert [message.startswith(said) for message in found] == [True] * bool(deep)
+
+
+@pytest.mark.parametrize(
+    ("changed", "deep"),
+    [
+        ({}, 0.001),
+        ({"gap": 0.0}, None),
+        ({"gap": 0.01}, None),
+        ({"gap": -0.02}, 0.02),
+        ({"gap": 0.004, "supports": {"boundary": "top", "x": 0.005, "y": 0.0, "factors": [0.5, 1.0, 0.7]}}, 0.001),
+        ({"gap": 0.003, "contact": {"kind": "bilateral"}}, 0.003),
+        ({"supports": {"boundary": "bottom", "x": 0.0, "y": 0.0}, "contact": {"direction": [1.0, 1.0]}}, 0.001),
+        ({"supports": {"boundary": "left", "x": 0.0, "y": 0.0}}, None),
+    ],
+)
+def test_check_says_what_the_solution_says(changed, deep):
+    """Before the solve, with the depth of the deepest load step."""
+    scene = square(cells=3, **changed)
+    found = before(scene)
+    assert found == told(alone(scene))
+    assert [f", by {deep:.3g} at (1, " in message for message in found] == [True] * bool(deep)
+
+
+def test_check_of_a_tool_that_is_driven():
+    """How far it is driven counts, and where it is free to move nothing is said."""
+    tool = {"shape": "plane", "point": [1.002, 0.5], "normal": [-1.0, 0.0], "pivot": [1.0, 0.5]}
+    moves = {"prescribed": {"x": -0.005, "y": 0.0, "rotation": 0.0}}
+    for motion, deep in ((moves, True), ({"force": [-1.0, 0.0], "prescribed": {"y": 0.0, "rotation": 0.0}}, False)):
+        scene = square(gap=0.0, cells=3, contact={"boundary": "right", "foundation": tool | motion})
+        found = before(scene)
+        assert found == told(alone(scene))
+        assert [", by 0.003 at (1, 1)" in message for message in found] == [True] * deep
+
+
+def test_check_in_space_with_quadratic_tetrahedra():
+    """Where points average, one is held where all of its nodes are."""
+    scene = parse_scene(
+        {
+            "mesh": {
+                "generator": "box",
+                "parameters": {
+                    "length": 1.0,
+                    "width": 1.0,
+                    "height": 1.0,
+                    "nx": 2,
+                    "ny": 1,
+                    "nz": 2,
+                    "cell": "tetrahedron",
+                },
+            },
+            "element": {"degree": 2},
+            "material": {"young": 100.0, "poisson": 0.3},
+            "displacement": {"boundary": "top", "x": 0.0, "y": 0.0, "z": 0.0},
+            "contact": {"boundary": "right", "gap": -DEPTH},
+        }
+    )
+    assert before(scene) == told(alone(scene))
+
+
+def test_bounds_refuse_by_the_same_rule():
+    """At the nodes that are told, and with the words of the finding."""
+    assert str(alone(square(cells=3)).error_bound) == "supports push the body into its foundation"
 
 
 @pytest.mark.mpi
@@ -263,6 +405,9 @@ def test_on_ranks():
     """The message is the same on all of them."""
     comm = MPI.COMM_WORLD
     solution = solve(square(cells=6, friction={"law": "coulomb", "coefficient": 0.3}), comm)
-    (message,) = told(solution)
-    assert set(comm.allgather(message)) == {message}
-    assert "hold 1 contact node inside the foundation, by 0.001 at (1, 1)" in message
+    paired = solve(parse_scene(pair(comm, cells=5, distance="geometry")), comm)
+    for result, thing in ((solution, "foundation"), (paired, "other body")):
+        (message,) = told(result)
+        assert before(result.scene, comm) == [message]
+        assert set(comm.allgather(message)) == {message}
+        assert f"hold 1 contact node inside the {thing}, by 0.001 at (1, 1)" in message
