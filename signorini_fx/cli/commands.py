@@ -69,8 +69,12 @@ def _say_of_another_problem(why: str) -> None:
     parallel.log_on_root(MPI.COMM_WORLD, [told], error=True)
 
 
-def _solved(options: argparse.Namespace) -> tuple[Solution, int]:
-    """The solution of a scene, whose results are written, and the exit code."""
+def _solved(
+    options: argparse.Namespace, judged: Callable[[Solution], Solution] | None = None
+) -> tuple[Solution, int]:
+    """The solution of a scene, whose results are written, and the exit code; ``judged``: the solution with what it says
+    of where its scene is from, collective.
+    """
     from mpi4py import MPI
 
     from signorini_fx import parallel
@@ -124,6 +128,7 @@ def _solved(options: argparse.Namespace) -> tuple[Solution, int]:
                 )
             finally:
                 line.erase()
+            solution = solution if judged is None else judged(solution)
             progress.solved = True
             progress.is_written = lambda: folder.committed
             pictures = False if options.no_pictures else options.picture or True
@@ -158,18 +163,27 @@ def run(options: argparse.Namespace) -> int:
         return len(draft.lost), [terminal.TerminalLine(*line) for line in graded], draft.origins
 
     lost, lines, origins = parallel.on_root(MPI.COMM_WORLD, drafted)
+    remarks: list[terminal.TerminalLine] = []
+
+    def judged(solution: Solution) -> Solution:
+        nonlocal lost
+        graded = add_on("deck_rotations")(solution, deck)
+        larger = graded.scene.incomplete[len(solution.scene.incomplete) :]
+        small = [finding.message for finding in graded.findings[len(solution.findings) :]]
+        lost += len(larger)
+        remarks.extend(terminal.TerminalLine("changes the answer: ", remark, "error") for remark in larger)
+        remarks.extend(terminal.TerminalLine("does not change it: ", remark) for remark in small)
+        return graded
+
     try:
         if not options.quiet:
             parallel.log_on_root(MPI.COMM_WORLD, lines)
-        solution, code = _solved(options)
+        solution, code = _solved(options, judged)
     except SceneError as error:
         problems = [(path, _with_origin(path, message, options.deck, origins)) for path, message in error.problems]
         raise SceneError(problems, str(options.scene)) from None
-    said, larger = add_on("deck_rotations")(solution, deck)
-    lost += larger
-    if said and not options.quiet:
-        graded = ("changes the answer: ", said, "error") if larger else ("does not change it: ", said, "")
-        parallel.log_on_root(MPI.COMM_WORLD, [terminal.TerminalLine(*graded)])
+    if not options.quiet:
+        parallel.log_on_root(MPI.COMM_WORLD, remarks)
     written = add_on("deck_tables")(solution, deck, out, options.deck.stem)
     written.append(parallel.on_root(MPI.COMM_WORLD, lambda: add_on("report")(out, None)))
     if not options.quiet:

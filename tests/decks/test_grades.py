@@ -1,5 +1,6 @@
 """What becomes of each keyword: the table, its page, and decks with each of its rows."""
 
+import json
 import sys
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from signorini_fx import cli
 from signorini_fx.decks.draft import draft
 from signorini_fx.decks.keywords import PLAIN, RULES, Grade
 from signorini_fx.mesh.files.formats import read_file
+from signorini_fx.quantities.answers import answers
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent.parent / "docs"))
 import decks
@@ -152,7 +154,10 @@ def test_all_contact_is_lost(tmp_path):
 
 @pytest.mark.parametrize(("length", "code"), [(1.0, 0), (40.0, 4)])
 def test_rotations_that_matter(tmp_path, capsys, length, code):
-    """NLGEOM changes the answer where rotations matter beside strains: of a slender cantilever, not of a short one."""
+    """NLGEOM changes the answer where rotations matter beside strains: of a slender cantilever, not of a short one.
+
+    The summary has the grade, too: what the results lack, or a note, and the first answer of the report keeps to it.
+    """
     lines = [*squares(8, 1, size=(length, 1.0)), "*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL", *STEEL, "*BOUNDARY"]
     lines += ["BODY_WALL, 1, 2", "*STEP, NLGEOM", "*STATIC", "*DSLOAD", "BODY_TOP, P, .001", "*END STEP"]
     deck = tmp_path / "deck.inp"
@@ -162,3 +167,9 @@ def test_rotations_that_matter(tmp_path, capsys, length, code):
     grade = "changes the answer: " if code else "does not change it: "
     at = lines.index("*STEP, NLGEOM") + 1
     assert f"{grade}line {at}, *STEP: NLGEOM: displacements and rotations are taken as small: they are up to" in said
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    lacks = [remark for remark in summary["incomplete"] if "NLGEOM" in remark]
+    notes = [finding["message"] for finding in summary["findings"] if "NLGEOM" in finding["message"]]
+    assert (len(lacks), len(notes)) == ((1, 0) if code else (0, 1))
+    assert all(note.endswith("it does not change the answer") for note in notes)
+    assert ("not known" in [answer.text for answer in answers(summary)][0]) == bool(code)
