@@ -30,6 +30,7 @@ from signorini_fx.records import SMALL_DEFORMATION, Finding
 from signorini_fx.scene.effect import Force, Resistance, is_zero
 from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.model import Scene
+from signorini_fx.scene.point_values import PointValues
 from signorini_fx.tuned import (
     FAR_GAP,
     GAP_DIFFERENCE,
@@ -55,7 +56,14 @@ def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Find
     note = body.tagged.note
     findings = [Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in scene.incomplete]
     findings += [Finding("note", "mesh", note)] if note else []
-    findings += [*_pieces(body), *_locking(body), *_idle(body), *equilibrium(body), *jumping_loads(body)]
+    findings += [
+        *_pieces(body),
+        *_locking(body),
+        *_idle(body),
+        *_across_bodies(scene),
+        *equilibrium(body),
+        *jumping_loads(body),
+    ]
     # Without an estimate it only matters whether anything acts at all; it is that of a beam in the plane or in space.
     unsolved = estimates
     estimates = estimates and not scene.of(Resistance) and "bending" not in scene.kinematics.refuses
@@ -99,6 +107,22 @@ def _locking(body: Discretisation) -> list[Finding]:
         )
         for index, material in enumerate(scene.material)
         if material.locks
+    ]
+
+
+def _across_bodies(scene: Scene) -> list[Finding]:
+    """Values at points that are interpolated over all bodies, where these touch: each body may have its own there."""
+    if not any(contact.against for contact in scene.contact):
+        return []
+    message = (
+        "its values are interpolated between points of all bodies, of another one beside them where they touch: give "
+        "each body a file of its own, with region"
+    )
+    return [
+        Finding("warning", f"{path}.file", message)
+        for path, effect in scene.listed()
+        if getattr(effect, "region", None) is None
+        and any(isinstance(value, PointValues) for value in effect.given.values())
     ]
 
 

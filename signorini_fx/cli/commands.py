@@ -69,9 +69,7 @@ def _say_of_another_problem(why: str) -> None:
     parallel.log_on_root(MPI.COMM_WORLD, [told], error=True)
 
 
-def _solved(
-    options: argparse.Namespace, judged: Callable[[Solution], Solution] | None = None
-) -> tuple[Solution, int]:
+def _solved(options: argparse.Namespace, judged: Callable[[Solution], Solution] | None = None) -> tuple[Solution, int]:
     """The solution of a scene, whose results are written, and the exit code; ``judged``: the solution with what it says
     of where its scene is from, collective.
     """

@@ -15,6 +15,7 @@ class Grade(StrEnum):
     TAKEN = "is in the scene"
     NOTED = "does not change the answer"
     LOST = "changes the answer"
+    REFUSED = "is an error"
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,18 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.LOST, FIRST_LINE, "ELASTIC", "EXPANSION", case="several temperatures"),
     *_rules(Grade.LOST, CHANGED_WITHIN, "ELASTIC", "EXPANSION", "FRICTION", "SURFACE BEHAVIOR", case="within a step"),
     *_rules(Grade.NOTED, _STRESSED, "SHELL SECTION", "MEMBRANE SECTION", case="of a plane mesh"),
+    *_rules(Grade.LOST, "which are no part of the body", "BEAM SECTION"),
+    *_rules(
+        Grade.LOST, "which are no part of the body", "SHELL SECTION", "MEMBRANE SECTION", case="of no part of the mesh"
+    ),
     *_rules(Grade.LOST, "which is no part of the body", "ELEMENT", case="springs, gaps, connectors"),
+    *_rules(Grade.LOST, UNKNOWN, "GAP"),
+    *_rules(
+        *(Grade.REFUSED, "nodes and elements are not generated here"),
+        *("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY"),
+    ),
+    *_rules(Grade.REFUSED, "coordinates are expected along x, y and z", "SYSTEM", case="of other axes"),
+    *_rules(Grade.REFUSED, "coordinates are expected along x, y and z", "NODE", case="SYSTEM other than R"),
     *_rules(Grade.LOST, "beside elements of another kind", "ELEMENT", case="CPE, CPS and CAX in one file"),
     *_rules(Grade.TAKEN, "directions of supports along normals", "TRANSFORM"),
     *_rules(Grade.TAKEN, "load step", "STEP", "STATIC", "END STEP"),

@@ -24,7 +24,7 @@ def read_section(deck: Deck, block: DeckBlock) -> None:
     word = _SECTIONS.get(block.keyword)
     name = deck.model.sections.get(block.number, block.parameters["ELSET"])
     region = None if name is None else deck.region(name)
-    if word is not None and (deck.mesh.dim == 3 or region is None):
+    if word is not None and (deck.mesh.dim == 3 or region is None or word == "beams"):
         deck.lose(block, f"{word}, which are no part of the body")
         return
     if word is not None:

@@ -1,5 +1,6 @@
 """What becomes of each keyword: the table, its page, and decks with each of its rows."""
 
+import ast
 import json
 import sys
 from pathlib import Path
@@ -7,15 +8,18 @@ from pathlib import Path
 import pytest
 from deck_lines import STEEL, squares, stacked
 
+import signorini_fx
 from signorini_fx import cli
 from signorini_fx.decks.draft import draft
 from signorini_fx.decks.keywords import PLAIN, RULES, Grade
+from signorini_fx.errors import MeshError
 from signorini_fx.mesh.files.formats import read_file
 from signorini_fx.quantities.answers import answers
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent.parent / "docs"))
 import decks
 
+PACKAGE = Path(signorini_fx.__file__).parent
 BASE = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD"])
 STEP, END = BASE.index("*STEP"), BASE.index("*END STEP")
 NODE = ["*NODE", "900, 5., 5."]
@@ -44,6 +48,12 @@ SAID = {
     ("SURFACEBEHAVIOR", "within a step"): ([], ["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "1."]),
     ("SHELLSECTION", "of a plane mesh"): (["*SHELL SECTION, ELSET=UP, MATERIAL=STEEL", "1."], []),
     ("MEMBRANESECTION", "of a plane mesh"): (["*MEMBRANE SECTION, ELSET=UP, MATERIAL=STEEL", "1."], []),
+    ("BEAMSECTION", ""): (["*BEAM SECTION, ELSET=UP, MATERIAL=STEEL", "1., 1."], []),
+    ("SHELLSECTION", "of no part of the mesh"): (["*SHELL SECTION, ELSET=ELSEWHERE, MATERIAL=STEEL", "1."], []),
+    ("MEMBRANESECTION", "of no part of the mesh"): (["*MEMBRANE SECTION, ELSET=ELSEWHERE, MATERIAL=STEEL", "1."], []),
+    ("NGEN", ""): (["*NGEN", "1, 2, 1"], []),
+    ("SYSTEM", "of other axes"): (["*SYSTEM", "0., 0., 0., 0., 1., 0."], []),
+    ("NODE", "SYSTEM other than R"): (["*NODE, SYSTEM=C", "900, 1., 1."], []),
     ("ELEMENT", "springs, gaps, connectors"): (["*ELEMENT, TYPE=SPRINGA, ELSET=S", "900, 1, 2"], []),
     ("ELEMENT", "CPE, CPS and CAX in one file"): ("CPS", []),
     ("STEP", "NLGEOM; small rotations"): ("*STEP, NLGEOM", []),
@@ -122,6 +132,10 @@ def test_grades(tmp_path, grade):
         before, within = SAID.get(here, ([], [f"*{rule.keyword}"]))  # a keyword that needs no data
         if before is None:
             continue
+        if grade is Grade.REFUSED:
+            with pytest.raises(MeshError, match=rule.effect):
+                graded(written(tmp_path, before, within))
+            continue
         lost, noted = graded(written(tmp_path, before, within))
         said = {Grade.LOST: lost, Grade.NOTED: noted, Grade.TAKEN: []}[grade]
         others = {Grade.LOST: [], Grade.NOTED: lost, Grade.TAKEN: [*lost, *noted]}[grade]
@@ -137,6 +151,45 @@ def test_rows_of_the_table(tmp_path):
     assert "PLASTIC" not in PLAIN
     lost, _ = graded(written(tmp_path, ["*PLASTIC", "1., 0."], []))
     assert ["*PLASTIC: not known to scenes" in remark for remark in lost] == [True]
+
+
+def named_in_code(path):
+    """The keywords that a file of the package compares those of a deck with: ``.keyword == "X"``, ``case "X"``."""
+    tree, names = ast.parse(path.read_text(encoding="utf-8")), set()
+    constants = {
+        node.targets[0].id: node.value
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
+    }
+
+    def is_keyword(node):
+        return isinstance(node, ast.Attribute) and node.attr == "keyword"
+
+    def collect(node):
+        local = {part.id for part in ast.walk(node) if isinstance(part, ast.Name)} & constants.keys()
+        for part in (node, *(constants[name] for name in local)):
+            names.update(
+                leaf.value for leaf in ast.walk(part) if isinstance(leaf, ast.Constant) and isinstance(leaf.value, str)
+            )
+
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Compare) and any(map(is_keyword, (node.left, *node.comparators))):
+            collect(node)
+        elif isinstance(node, ast.Match) and is_keyword(node.subject):
+            for case in node.cases:
+                collect(case.pattern)
+        elif isinstance(node, ast.Subscript | ast.Call) and any(map(is_keyword, ast.walk(node))):
+            collect(node.value if isinstance(node, ast.Subscript) else node.func)
+    return names
+
+
+def test_the_table_has_all_keywords_of_the_code():
+    """Whatever the reading of decks and of their meshes asks for has a row, and so a grade, on the page."""
+    rooms = (PACKAGE / "decks", PACKAGE / "mesh" / "files")
+    named = {name: path.name for room in rooms for path in room.glob("*.py") for name in named_in_code(path)}
+    assert {"NGEN", "STEP", "GAP", "CONTACTPRINT", "BEAMSECTION", "ENDINSTANCE"} <= named.keys()
+    keys = {rule.key for rule in RULES}
+    assert {name: file for name, file in named.items() if name not in keys and name.isupper()} == {}
 
 
 def test_page():
@@ -172,4 +225,4 @@ def test_rotations_that_matter(tmp_path, capsys, length, code):
     notes = [finding["message"] for finding in summary["findings"] if "NLGEOM" in finding["message"]]
     assert (len(lacks), len(notes)) == ((1, 0) if code else (0, 1))
     assert all(note.endswith("it does not change the answer") for note in notes)
-    assert ("not known" in [answer.text for answer in answers(summary)][0]) == bool(code)
+    assert ("not known" in next(answer.text for answer in answers(summary))) == bool(code)

@@ -441,6 +441,29 @@ def test_a_mesh_around_the_body_does_not_cover_it(tmp_path):
         alone(parse_scene({**given, "temperature": {"file": "rim.vtu"}}, folder=tmp_path), check=False)
 
 
+def test_values_across_bodies_that_touch(tmp_path):
+    """``check`` warns of one table for both; of a file for each, or of bodies that do not touch, it says nothing."""
+    corners = [f"{x},{y},{x}" for x in (0.0, 1.0, 2.0) for y in (0.0, 1.0)]
+    (tmp_path / "all.csv").write_text("\n".join(("x,y,change", *corners)), encoding="utf-8")
+    squares = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 2, "ny": 2}}
+    touching, apart = ({"boundary": "one.right", **other} for other in ({"against": "other.left"}, {}))
+
+    def warned(regions, contact):
+        given = {
+            "body": [{"name": name, "shift": [k, 0.0], "mesh": squares} for k, name in enumerate(("one", "other"))],
+            "material": [{**STEEL, "region": name} for name in ("one", "other")],
+            "displacement": [{"boundary": f"{name}.bottom", "x": 0.0, "y": 0.0} for name in ("one", "other")],
+            "temperature": [{"file": "all.csv", **({"region": name} if name else {})} for name in regions],
+            "contact": contact,
+        }
+        found = check_scene(parse_scene(given, folder=tmp_path), MPI.COMM_SELF).warnings
+        return [finding.path for finding in found if "points of all bodies" in finding.message]
+
+    assert warned([None], touching) == ["temperature[0].file"]
+    assert warned(["one", "other"], touching) == []
+    assert warned([None], apart) == []
+
+
 @pytest.mark.parametrize(
     ("temperature", "material", "place", "words"),
     [
