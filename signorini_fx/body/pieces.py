@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,8 @@ from signorini_fx.errors import MeshError
 _Labels = npt.NDArray[np.int64]
 # With more pieces the cells of the mesh do not share their nodes; rigid motions are dense objects of this size.
 MOST_PIECES = 200
+# The pieces of each mesh that still exists.
+_known: WeakKeyDictionary[dmesh.Mesh, BodyPieces] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True)
@@ -103,13 +106,22 @@ def extent(bounds: npt.ArrayLike) -> str:
 
 
 def find_pieces(mesh: dmesh.Mesh) -> BodyPieces:
-    """The connected pieces of a body, in the order of their smallest coordinates; collective.
-
-    Each rank labels the components of its own cells.  The labels of the sides between two ranks then determine which
-    of these components are one piece, so that no rank ever holds the whole mesh.
+    """The connected pieces of a body, in the order of their smallest coordinates, which a mesh is asked for once;
+    collective.
 
     Raises:
         MeshError: there are more than ``MOST_PIECES``.
+    """
+    if mesh not in _known:
+        _known[mesh] = _pieces_of(mesh)
+    return _known[mesh]
+
+
+def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
+    """See ``find_pieces``.
+
+    Each rank labels the components of its own cells.  The labels of the sides between two ranks then determine which
+    of these components are one piece, so that no rank ever holds the whole mesh.
     """
     comm, topology = mesh.comm, mesh.topology
     dim = topology.dim

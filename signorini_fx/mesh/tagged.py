@@ -6,7 +6,7 @@ import contextlib
 import inspect
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -333,7 +333,7 @@ def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:
         raise SceneError([("mesh.generator", f"no generator {name!r}; there are: {', '.join(generators) or 'none'}")])
     try:
         generate: Callable[..., Any] = generators[name]()
-        types = get_type_hints(inspect.unwrap(generate), include_extras=True)
+        _types(generate)
     except Exception as error:  # of the code of the user
         message = f"{name!r} cannot be imported: {type(error).__name__}: {error}"
         raise SceneError([("mesh.generator", message)]) from error
@@ -345,12 +345,24 @@ def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:
             problems.append((path, f"unknown key; there are: {', '.join(names)}"))
             continue
         try:
-            TypeAdapter(types.get(key, Any)).validate_python(value)
+            _adapter(generate, key).validate_python(value)
         except ValidationError as error:
             problems += [(path, plain_message(detail)) for detail in error.errors()]
     if problems:
         raise SceneError(problems)
     return generate
+
+
+@cache
+def _types(generate: Callable[..., Any]) -> dict[str, Any]:
+    """The annotations of a generator."""
+    return get_type_hints(inspect.unwrap(generate), include_extras=True)
+
+
+@cache
+def _adapter(generate: Callable[..., Any], key: str) -> TypeAdapter[Any]:
+    """What checks a parameter of a generator; pydantic takes longer to make it than gmsh to make a small mesh."""
+    return TypeAdapter(_types(generate).get(key, Any))
 
 
 def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: float = 1.0) -> TaggedMesh:

@@ -96,11 +96,11 @@ def _parts(corners: Array, along: Array, jumps: Sequence[Expression]) -> list[Ar
     """
     parts = [corners]
     for value in jumps:
-        for number in range(len(value.switches(np.zeros((3, 1))))):
+        for number in range(value.switch_count):
 
             def sign(at: Array, value: Expression = value, number: int = number) -> Array:
                 at = at @ along[:-1] + along[-1]
-                return np.asarray(np.nan_to_num(value.switches(in_space(at))[number]))
+                return np.asarray(np.nan_to_num(value.switch(number, in_space(at))))
 
             every = [sign(part) for part in parts]
             most = max(float(np.abs(here).max()) for here in every)

@@ -45,12 +45,12 @@ def exactly_cut(x: Array, values: Iterable[Any]) -> tuple[Ints, Array, npt.NDArr
     for value in values:
         if not isinstance(value, Expression):
             continue
-        for number in range(len(value.switches(np.zeros((3, 1))))):
+        for number in range(value.switch_count):
 
             def sign(owner: Ints, places: Array, value: Expression = value, number: int = number) -> Array:
                 """The function that changes its sign, at barycentric places (m, q, k), shape (m, q)."""
                 at = np.einsum("mqk,mkd->mqd", places, x[owner])
-                return value.switches(in_space(at.reshape(-1, x.shape[2])))[number].reshape(at.shape[:2])
+                return value.switch(number, in_space(at.reshape(-1, x.shape[2]))).reshape(at.shape[:2])
 
             corners = np.nan_to_num(sign(owner, parts))
             most: Array = np.zeros(count)

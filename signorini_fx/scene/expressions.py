@@ -212,8 +212,8 @@ class _Evaluator:
             case ast.UnaryOp(op=op, operand=operand):
                 return _SIGNS[type(op)](self.value(operand))
             case ast.BinOp(left=left, op=op, right=right):
-                logic = {ast.BitAnd: backend.both, ast.BitOr: backend.either}
-                return (_ARITHMETIC | logic)[type(op)](self.value(left), self.value(right))
+                apply = _ARITHMETIC.get(type(op)) or (backend.both if isinstance(op, ast.BitAnd) else backend.either)
+                return apply(self.value(left), self.value(right))
             case ast.BoolOp(op=op, values=values):
                 return reduce(backend.both if isinstance(op, ast.And) else backend.either, map(self.value, values))
             case ast.Compare(left=left, ops=ops, comparators=comparators):
@@ -361,12 +361,23 @@ class Expression:
         Args:
             x: points, shape (dim or 3, n).
         """
-        evaluator, differences = _Evaluator(_NUMPY, x, self._present_time), []
+        return np.array([self.switch(k, x) for k in range(self.switch_count)]).reshape(self.switch_count, x.shape[1])
+
+    def switch(self, number: int, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """One of the rows of ``switches``, shape (n,)."""
+        evaluator = _Evaluator(_NUMPY, x, self._present_time)
         with np.errstate(all="ignore"):
-            for pair in _switches(self._tree):
-                first, *second = (np.asarray(evaluator.value(node), dtype=float) for node in pair)
-                differences.append(np.broadcast_to(first - second[0] if second else first, x.shape[1:]))
-        return np.array(differences).reshape(len(differences), x.shape[1])
+            first, *second = (np.asarray(evaluator.value(node), dtype=float) for node in self._switches[number])
+            return np.broadcast_to(first - second[0] if second else first, x.shape[1:])
+
+    @property
+    def switch_count(self) -> int:
+        """Number of rows of ``switches``."""
+        return len(self._switches)
+
+    @cached_property
+    def _switches(self) -> list[tuple[ast.expr, ...]]:
+        return _switches(self._tree)
 
     @property
     def _present_time(self) -> Any:
@@ -385,14 +396,14 @@ class Expression:
     @property
     def is_smooth(self) -> bool:
         """Whether it has no ``switches``."""
-        return not _switches(self._tree)
+        return not self._switches
 
     @property
     def cuts_exactly(self) -> bool:
         """Whether all of its ``switches`` are affine and do not jump themselves, so that the places are known where it
         jumps or has a kink.
         """
-        return all(_degree(node) <= 1 and not _jumps(node) for pair in _switches(self._tree) for node in pair)
+        return all(_degree(node) <= 1 and not _jumps(node) for pair in self._switches for node in pair)
 
     def ufl(self, mesh: Any, time: Any = None) -> Any:
         """The same function as a UFL expression of ``SpatialCoordinate(mesh)``, with a ``Constant`` for t if it is
