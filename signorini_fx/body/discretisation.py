@@ -123,6 +123,17 @@ class Discretisation(NamedBody):
         foundations = _foundations(scene, self.space, boundary_facets(scene, self.tagged), Inventory())
         return foundations.law(self.boundary, self.scales.modulus)
 
+    def with_gap_and_friction(self, scene: Scene) -> Discretisation:
+        """The same contact points with gap and friction of another scene that differs in nothing else, and has no
+        friction with axes; collective.
+        """
+        assert self.boundary is not None
+        foundations = _foundations(scene, self.space, boundary_facets(scene, self.tagged), Inventory())
+        values = foundations.data(foundations.shapes())
+        scales = Scales(self.tagged.dimension, scene.young, self.tagged.size)
+        data, law = foundations.problem(self.boundary, values, Settings.of(scene.solver), scales)
+        return replace(self, scene=scene, data=data, law=law)
+
     def moved_since(self, earlier: Scene) -> npt.NDArray[np.float64]:
         """How far the foundations have moved at the contact points from where they are in another scene, length, shape
         (n, d).

@@ -7,6 +7,8 @@ import tomllib
 from collections.abc import Mapping
 from typing import Any
 
+from pydantic import BaseModel
+
 from signorini_fx.errors import SceneError
 
 # Path of an entry, as messages name it -> its value.
@@ -31,8 +33,9 @@ def parsed_change(text: str) -> tuple[str, Any]:
         return path, value_text.strip()
 
 
-def changed(data: dict[str, Any], changes: Changes) -> dict[str, Any]:
-    """A scene as plain data, with other entries; tables on the way that it does not have are made.
+def changed(data: Any, changes: Changes) -> Any:
+    """A scene as plain data, or a ``Scene``, of which plain data are made on the way, with other entries; tables on the
+    way that it does not have are made.
 
     Raises:
         SceneError: a path leads through an entry that is no table, or to a place that a list does not have.
@@ -47,6 +50,7 @@ def _with(entry: Any, way: list[str | int], value: Any, at: str) -> Any:
     """The entry at a path, in which another value stands at the end of the way from there."""
     if not way:
         return value
+    entry = _opened(entry)
     key, *inner_way = way
     if isinstance(key, int):
         if isinstance(entry, Mapping) and key == 0:  # one table is a list of one
@@ -55,10 +59,17 @@ def _with(entry: Any, way: list[str | int], value: Any, at: str) -> Any:
             reason = f"has {len(entry)}, counted from 0" if isinstance(entry, list) else "is no list"
             raise SceneError([(f"{at}[{key}]", f"is not there: {at} {reason}")])
         return [*entry[:key], _with(entry[key], inner_way, value, f"{at}[{key}]"), *entry[key + 1 :]]
-    if isinstance(entry, list) and all(isinstance(element, Mapping) for element in entry):
+    if isinstance(entry, list) and all(isinstance(element, Mapping | BaseModel) for element in entry):
         if len(entry) != 1:
             raise SceneError([(at, f"is a list of {len(entry)}: say which is meant, from {at}[0] on")])
         return [_with(entry[0], way, value, f"{at}[0]")]
     if not isinstance(entry, Mapping | None):
         raise SceneError([(at, "must be a table")])
     return {**(entry or {}), key: _with((entry or {}).get(key), inner_way, value, f"{at}.{key}".lstrip("."))}
+
+
+def _opened(entry: Any) -> Any:
+    """A validated table as plain data, with the keys that it has been given, and a tuple of tables as a list."""
+    if isinstance(entry, BaseModel):
+        return {key: getattr(entry, key) for key in type(entry).model_fields if key in entry.model_fields_set}
+    return list(entry) if isinstance(entry, tuple) else entry

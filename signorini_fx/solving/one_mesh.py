@@ -27,8 +27,9 @@ from signorini_fx.check.pushed_nodes import held_in_result, pushed_nodes
 from signorini_fx.check.refusals import refuse_beforehand
 from signorini_fx.check.shapes_in_results import shapes_in_results
 from signorini_fx.contact.laws import RegularisedData
-from signorini_fx.linalg import finite, options
-from signorini_fx.linalg.choice import choose_system
+from signorini_fx.linalg import ElasticSystem, finite, options
+from signorini_fx.linalg.choice import SystemSize, choose_system
+from signorini_fx.linalg.elasticity import Elasticity
 from signorini_fx.linalg.krylov import KrylovSystem
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
@@ -283,7 +284,12 @@ def _named(
     return Status.ROUND_OFF, Finding("warning", "mesh", message)
 
 
-def contact_task(d: Discretisation, history: History, coarser: MeshLevel | None = None) -> Task:
+def contact_task(
+    d: Discretisation,
+    history: History,
+    coarser: MeshLevel | None = None,
+    choose: Callable[[Elasticity, SystemSize, str], tuple[ElasticSystem, str]] = choose_system,
+) -> Task:
     """The contact problem of a discretised scene, ready for ``strategy.solve_task`` or for a user-defined algorithm."""
     assert d.boundary is not None
     assert d.data is not None
@@ -295,7 +301,7 @@ def contact_task(d: Discretisation, history: History, coarser: MeshLevel | None 
         d.law,
         coarser=coarser,
         allowed=_allowed(d),
-        choose=choose_system,
+        choose=choose,
         natural_gamma=d.scales.gamma,
         has_coulomb=d.scene.has_coulomb,
         history=history,

@@ -1,11 +1,16 @@
-"""Solves for many values of one parameter on the same body, with a single elimination of the elastic system."""
+"""Solves for many values of one parameter, each with what the last one leaves to it.
+
+That is the condensed elastic system where only gap, friction or a factor of the loads change, else the mesh unless the
+parameter is one of the mesh, and always the active sets to begin with.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from dolfinx import fem
@@ -13,7 +18,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.algorithms.strategy import solve_task
-from signorini_fx.algorithms.task import Start, Task
+from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.discretisation import Discretisation, discretise
 from signorini_fx.body.mesh_levels import MeshLevel
@@ -24,13 +29,14 @@ from signorini_fx.interfaces.protocol import LoadStepStart, solve_step
 from signorini_fx.laws.protocol import FrictionLaw
 from signorini_fx.linalg.choice import krylov_from
 from signorini_fx.mesh.hierarchy import coarser_scenes
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.mesh.tagged import TaggedMesh, load_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Law, Tractions
+from signorini_fx.scene.changes import changed
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.model import Scene
-from signorini_fx.scene.reading import as_scene
+from signorini_fx.scene.reading import as_scene, parse_scene
 from signorini_fx.solving.first_start import begin_at_coarse
 from signorini_fx.solving.nested import carry_over
 from signorini_fx.solving.one_mesh import contact_task
@@ -53,28 +59,32 @@ class SweepPoint:
         linear_solves: linear solves for this value, on the mesh of the scene.
     """
 
-    value: float
+    value: Any
     status: Status
     contact: ContactState
     linear_solves: int
     _scene: Scene
     _law: Law
     _discretisation: Discretisation
-    _task: Task
-    _x: PETSc.Vec
     _load: float
+    _of_body: Callable[[], tuple[fem.Function, tuple[RigidBodyMotion, ...]]]
 
     def __repr__(self) -> str:
-        return f"<SweepPoint {self.value:g}: {self.status.value}, {self.linear_solves} linear solves>"
+        value = f"{self.value:g}" if isinstance(self.value, float) else self.value
+        return f"<SweepPoint {value}: {self.status.value}, {self.linear_solves} linear solves>"
 
     def displacement(self) -> fem.Function:
         """The displacement of the whole body; collective, one back substitution."""
-        return self._discretisation.from_rest(self._task.rest, self._unknowns())
+        return self._of_body()[0]
 
     def tools(self) -> tuple[RigidBodyMotion, ...]:
         """How rigid bodies have moved; collective."""
-        d = self._discretisation
-        return d.rigid.moved(d.driven(self._unknowns(), self._task.rest)) if d.rigid.bodies else ()
+        return self._of_body()[1]
+
+    def without_system(self) -> SweepPoint:
+        """The same with the displacement computed, and without what it is computed from; collective."""
+        of_body, d = self._of_body(), replace(self._discretisation, of_body={}, of_contact={})
+        return replace(self, _discretisation=d, _of_body=lambda: of_body)
 
     def preloads(self) -> list[SectionForce]:
         """The forces through sections that are tightened; collective."""
@@ -82,34 +92,54 @@ class SweepPoint:
 
         return section_forces(self._scene, self._discretisation.tagged, self.displacement(), 0, self._load)
 
-    def _unknowns(self) -> PETSc.Vec:
-        d, system = self._discretisation, self._task.system
-        for interface in d.scene.interfaces:
-            interface.recalled(d, self._task, 0, *interface.stored(d, 0, self.contact))
-        system.set_load(self._load * d.factors(0))
-        return system.displacement(self._x)
-
     def certificate(self) -> Certificate:
         """The check of the conditions of the problem on the whole body; collective."""
-        d, displacement, contact = self._discretisation, self.displacement(), self.contact
+        d, contact, (displacement, rigid) = self._discretisation, self.contact, self._of_body()
         if contact.joint is not None:  # what the loads of the scene, one by one, are judged by
             contact = replace(contact, joint=contact.joint.times(1 / self._load))
-        law, rigid, tractions = self._law, self.tools(), Tractions.of(contact)
+        law, tractions = self._law, Tractions.of(contact)
         return certify(
             self._scene, d.tagged, displacement, tractions, law=law, scale=self._load, pairs=d.pairs, rigid=rigid
         )
 
 
-def _start_at(start: Start, discretisation: Discretisation, value: float, *, of_loads: bool) -> Start:
-    """The start with a multiple of the loads, or another friction coefficient where the law has one."""
-    factors, law = discretisation.factors(0), start.law
-    if of_loads or law is None:
-        return replace(start, factors=value * factors if of_loads else factors)
-    return replace(start, factors=factors, law=replace(law, coefficient=np.where(law.coefficient > 0, value, 0.0)))
+def _of_body(
+    d: Discretisation, task: Task, x: PETSc.Vec, load: float, contact: ContactState
+) -> tuple[fem.Function, tuple[RigidBodyMotion, ...]]:
+    """The displacement of the body, and how rigid bodies have moved; collective.
+
+    Args:
+        d: the scene on its mesh.
+        task: its contact problem.
+        x: the iterate at the end.
+        load: factor of all loads.
+        contact: the contact points.
+    """
+    for interface in d.scene.interfaces:
+        interface.recalled(d, task, 0, *interface.stored(d, 0, contact))
+    task.system.set_load(load * d.factors(0))
+    unknowns = task.system.displacement(x)
+    rigid = d.rigid.moved(d.driven(unknowns, task.rest)) if d.rigid.bodies else ()
+    return d.from_rest(task.rest, unknowns), rigid
+
+
+@dataclass(frozen=True)
+class _Value:
+    """What a value of the parameter sets: the factor of all loads; the friction coefficient, None: as in the scene."""
+
+    load: float = 1.0
+    coefficient: float | None = None
+
+    def start(self, start: Start, discretisation: Discretisation) -> Start:
+        """The start with it; the friction coefficient where the law has one."""
+        start, law = replace(start, factors=self.load * discretisation.factors(0)), start.law
+        if law is None or self.coefficient is None:
+            return start
+        return replace(start, law=replace(law, coefficient=np.where(law.coefficient > 0, self.coefficient, 0.0)))
 
 
 def _coarser(
-    scene: Scene, discretisation: Discretisation, first: Sequence[float], *, of_loads: bool
+    scene: Scene, discretisation: Discretisation, first: Sequence[_Value]
 ) -> tuple[MeshLevel | None, ContactState | None]:
     """The coarser meshes that ``levels`` asks for, as levels of multigrid where it is used, and the contact state there
     for the first value, if there is one, unless an interface solves the load step; collective.
@@ -123,7 +153,7 @@ def _coarser(
             solved = None
             for value in () if scene.sought_at(0) else first:
                 task = contact_task(body, History(), coarser)
-                start = _start_at(_begun(task, body, coarser, state), body, value, of_loads=of_loads)
+                start = value.start(_begun(task, body, coarser, state), body)
                 outcome = solve_task(task, start)
                 state = body.state(task, outcome, start) if outcome.status is Status.CONVERGED else None
                 solved = None if state is None else body.from_rest(task.rest, outcome.displacement())
@@ -140,14 +170,99 @@ def _begun(task: Task, discretisation: Discretisation, coarser: MeshLevel | None
     return task.start.begin_from(*carry_over(state, discretisation.boundary))
 
 
+@dataclass(frozen=True)
+class _Body:
+    """A scene on its mesh, and what its solution leaves to the next one.
+
+    Attributes:
+        scene: as it was given.
+        tagged: its mesh.
+        d: the scene on it.
+        task: its contact problem.
+        begin: where the next value starts.
+        state: the contact points of the last value that has a solution; None: there is none so far.
+    """
+
+    scene: Scene
+    tagged: TaggedMesh
+    d: Discretisation
+    task: Task
+    begin: Start
+    state: ContactState | None
+
+    def solved(self, outcome: Outcome, state: ContactState) -> _Body:
+        """The same after a solution."""
+        begin = self.begin.begin_from(outcome.problem.sets, outcome.newton.multipliers())
+        return replace(self, begin=begin, state=state)
+
+    def with_scene(self, scene: Scene, history: History) -> _Body:
+        """The same elastic system with gap and friction of another scene, see ``_same_but_for_gap_and_friction``;
+        collective.
+        """
+        d, system = self.d.with_gap_and_friction(scene), (self.task.system, self.task.linear_algebra)
+        refuse_beforehand(d)
+        task = contact_task(d, history, choose=lambda *_: system)
+        sets, multipliers = self.begin.sets, self.begin.multipliers
+        begin = task.start if sets is None or multipliers is None else task.start.begin_from(sets, multipliers)
+        return replace(self, scene=scene, d=d, task=task, begin=begin)
+
+
+def _body(scene: Scene, earlier: _Body | None, comm: MPI.Comm, history: History, first: Sequence[_Value]) -> _Body:
+    """A scene with what another one leaves to it; collective.
+
+    Args:
+        scene: the scene.
+        earlier: the other one; None: there is none.
+        comm: the ranks.
+        history: records.
+        first: the first value, for a start on coarser meshes; nothing: there is no value.
+    """
+    if earlier is not None and _same_but_for_gap_and_friction(scene, earlier.scene):
+        return earlier.with_scene(scene, history)
+    tagged = earlier.tagged if earlier is not None and _same_mesh(scene, earlier.scene) else load_mesh(scene, comm)
+    d = discretise(scene, tagged, Timings())
+    refuse_beforehand(d)
+    last = None if earlier is None else earlier.state
+    coarser, state = _coarser(d.scene, d, first if last is None else ())
+    task = contact_task(d, history, coarser)
+    begin = _begun(task, d, coarser, state)
+    if last is not None and d.boundary is not None:
+        begin = task.start.begin_from(*carry_over(last, d.boundary))
+    return _Body(scene, tagged, d, task, begin, last)
+
+
+def _same_mesh(scene: Scene, other: Scene) -> bool:
+    """Whether two scenes have the same mesh."""
+    keys = ("mesh", "body", "element", "sections", "touching")
+    return all((one := getattr(scene, key)) is (two := getattr(other, key)) or one == two for key in keys)
+
+
+def _same_but_for_gap_and_friction(scene: Scene, other: Scene) -> bool:
+    """Whether two scenes differ in the gaps and friction of rigid foundations alone, which the elastic system does not
+    know, and neither do the contact points.
+    """
+    if any(getattr(scene, key) != getattr(other, key) for key in type(scene).model_fields if key != "contact"):
+        return False
+    if scene.interfaces or other.interfaces or len(scene.contact) != len(other.contact):
+        return False
+    if any(effect.against is not None or effect.friction.directed for effect in (*scene.contact, *other.contact)):
+        return False
+    return all(
+        type(one) is type(two) and one.model_copy(update={"gap": two.gap, "friction": two.friction}) == two
+        for one, two in zip(scene.contact, other.contact, strict=True)
+    )
+
+
 def sweep(
     scene: Scene | str | Path,
     comm: MPI.Comm = MPI.COMM_WORLD,
     *,
     coefficients: Sequence[float] | None = None,
     loads: Sequence[float] | None = None,
+    path: str | None = None,
+    values: Sequence[Any] = (),
 ) -> list[SweepPoint]:
-    """Solve a scene for many friction coefficients, or many multiples of all its loads.
+    """Solve a scene for many friction coefficients, many multiples of all its loads, or many values of an entry.
 
     Every value is a separate problem (the static law, no history); the previous one only provides the start.  All are
     solved on the mesh of the scene; where that is large enough for multigrid, the coarser meshes that ``levels`` asks
@@ -158,15 +273,74 @@ def sweep(
         comm: the ranks that share the work; the call is collective.
         coefficients: values that replace all coefficients of Coulomb friction in the scene.
         loads: factors for all tractions, body forces, prescribed displacements, and what drives rigid bodies.
+        path: of an entry, such as ``contact[0].gap``.  The elastic system stays where it is a gap or a key of friction
+            of a rigid foundation; else the mesh does, unless it is one of the mesh.
+        values: of this entry.
 
     Raises:
         TypeError: an argument is of the wrong kind.
-        SceneError: not exactly one parameter, load steps, no contact, or coefficients without Coulomb friction.
+        SceneError: not exactly one parameter, load steps, no contact, coefficients without Coulomb friction, or an
+            entry with a wrong value.
     """
     scene = as_scene(scene)
     refuse_other_than_comm(comm)
-    if (coefficients is None) == (loads is None):
-        raise SceneError([("sweep", "give either coefficients or loads")])
+    if [coefficients, loads, path].count(None) != 2 or (path is None and len(values) > 0):
+        raise SceneError([("sweep", "give either coefficients, or loads, or path and values")])
+    _refuse(scene, coefficients, loads)
+    given: list[tuple[Any, Scene, _Value]]
+    if path is not None:
+        scenes = [parse_scene(changed(scene, {path: value})) for value in values]
+        for one in scenes:
+            _refuse(one, None, None)
+        given = [(value, one, _Value()) for value, one in zip(values, scenes, strict=True)]
+    elif loads is not None:
+        given = [(load, scene, _Value(load=load)) for load in loads]
+    else:
+        given = [(value, scene, _Value(coefficient=value)) for value in coefficients or ()]
+    # Systems of their own would fill the memory.
+    kept = all(one is scene or _same_but_for_gap_and_friction(one, given[0][1]) for _, one, _ in given)
+    history, points = History(), list[SweepPoint]()
+    body: _Body | None = None
+    for value, one, parameter in given:
+        if body is None or one is not body.scene:
+            body = _body(one, body, comm, history, [parameter])
+        point, body = _solved(value, body, parameter, history)
+        points.append(point if kept else point.without_system())
+    return points
+
+
+def _solved(value: Any, body: _Body, parameter: _Value, history: History) -> tuple[SweepPoint, _Body]:
+    """The point of a value, and what it leaves to the next one; collective."""
+    solves_before, task, load = history.linear_solves, body.task, parameter.load
+    for begin in (body.begin, task.start):
+        start = parameter.start(begin, body.d)
+        end = solve_step(LoadStepStart(body.d, task, start, scale=load))
+        # The last value may be too far away to begin there.
+        if begin is task.start or not task.gave_up(end.outcome.status):
+            break
+    d, start, outcome = end.d, end.start, end.outcome
+    joint = None if end.joint is None else end.joint.times(load)
+    contact, promised = replace(d.state(task, outcome, start), joint=joint), Law(*task.promised(outcome))
+    point = SweepPoint(
+        value,
+        outcome.status,
+        contact,
+        history.linear_solves - solves_before,
+        d.scene if parameter.coefficient is None else _with_coefficient(d.scene, parameter.coefficient),
+        promised,
+        d,
+        load,
+        partial(_of_body, d, task, outcome.newton.x.copy(), load, contact),
+    )
+    return point, body.solved(outcome, contact) if outcome.status is Status.CONVERGED else body
+
+
+def _refuse(scene: Scene, coefficients: Sequence[float] | None, loads: Sequence[float] | None) -> None:
+    """Refuse a scene that has no sweep.
+
+    Raises:
+        SceneError: it has none.
+    """
     if scene.several_steps or not scene.contact:
         raise SceneError([("sweep", "needs a scene with contact and one load step")])
     for clause in scene.sought_at(0).values():
@@ -177,29 +351,6 @@ def sweep(
     unknown = [contact.friction.unknown for contact in scene.contact if contact.friction.unknown]
     if coefficients is not None and unknown:
         raise SceneError([("sweep", f"coefficients are those of Coulomb friction: {unknown[0]}")])
-    values, of_loads = [*(coefficients or loads or ())], loads is not None
-    discretisation = discretise(scene, load_mesh(scene, comm), Timings())
-    refuse_beforehand(discretisation)
-    history = History()
-    scene = discretisation.scene
-    coarser, state = _coarser(scene, discretisation, values[:1], of_loads=of_loads)
-    task = contact_task(discretisation, history, coarser)
-    begin = _begun(task, discretisation, coarser, state)
-    points: list[SweepPoint] = []
-    for value in values:
-        solves_before, load = history.linear_solves, value if of_loads else 1.0
-        start = _start_at(begin, discretisation, value, of_loads=of_loads)
-        end = solve_step(LoadStepStart(discretisation, task, start, scale=load))
-        d, start, outcome = end.d, end.start, end.outcome
-        joint = None if end.joint is None else end.joint.times(load)
-        contact, promised = replace(d.state(task, outcome, start), joint=joint), Law(*task.promised(outcome))
-        x = outcome.newton.x.copy()
-        solves = history.linear_solves - solves_before
-        point_scene = d.scene if of_loads else _with_coefficient(d.scene, value)
-        points.append(SweepPoint(value, outcome.status, contact, solves, point_scene, promised, d, task, x, load))
-        if outcome.status is Status.CONVERGED:
-            begin = begin.begin_from(outcome.problem.sets, outcome.newton.multipliers())
-    return points
 
 
 def _with_coefficient(scene: Scene, value: float) -> Scene:

@@ -5,6 +5,7 @@ import pytest
 from mpi4py import MPI
 from scenes import alone
 
+from signorini_fx.errors import SceneError
 from signorini_fx.records import Status
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.sweep import sweep
@@ -87,3 +88,72 @@ def test_only_friction_that_is_there_changes():
         size = np.abs(wanted.pressure).max()
         for name in ("pressure", "shear"):
             np.testing.assert_allclose(getattr(point.contact, name), getattr(wanted, name), rtol=0, atol=1e-6 * size)
+
+
+ENTRIES = {
+    "contact[0].gap": (["0.01 + 0.02 * (x[0] - 0.4)**2", "0.02 * (x[0] - 0.6)**2", 0.004], 1),
+    "contact[0].friction.coefficient": ([0.1, 0.5, 0.2], 1),
+    "material.young": ([500.0, 2000.0, 900.0], 3),
+    "traction[0].y": (["-1 - x[0]", "-2 + x[0]", -1.5], 3),
+    "mesh.parameters.nx": ([24, 12, 30], 3),
+}
+
+
+def leaning(path=None, value=None):
+    """A block that drops on its foundation, pressed against a smooth wall, with another value of an entry."""
+    data = {
+        "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.3, "nx": 24, "ny": 6}},
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "traction": [{"boundary": "top", "y": "-1 - x[0]"}, {"boundary": "right", "x": -0.05}],
+        "contact": [
+            {
+                "boundary": "bottom",
+                "gap": "0.01 + 0.02 * (x[0] - 0.4)**2",
+                "friction": {"law": "coulomb", "coefficient": 0.3},
+            },
+            {"boundary": "left"},
+        ],
+    }
+    if path is not None:
+        *tables, key = path.replace("]", "").replace("[", ".").split(".")
+        table = data
+        for name in tables:
+            table = table[int(name) if name.isdigit() else name]
+        table[key] = value
+    return parse_scene(data)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("path", ENTRIES)
+def test_values_of_an_entry(path):
+    """Each point is the solution of a scene of its own; the elastic system is assembled anew only where it changes."""
+    values, matrices = ENTRIES[path]
+    wanted = [alone(leaning(path, value)) for value in values]
+    points = sweep(leaning(), MPI.COMM_WORLD, path=path, values=values)
+    assert [point.value for point in points] == values
+    for point, solution in zip(points, wanted, strict=True):
+        assert point.status is Status.CONVERGED
+        assert point.certificate().holds
+        size = np.abs(solution.contact.forces).max()
+        np.testing.assert_allclose(point.contact.forces, solution.contact.forces, rtol=0, atol=1e-8 * size)
+        pressure = MPI.COMM_WORLD.allreduce(point.contact.pressure.max(initial=0.0), MPI.MAX)
+        np.testing.assert_allclose(pressure, solution.contact.pressure.max(), rtol=1e-6)
+    assembled = {id(point._discretisation.inventory): point._discretisation.inventory for point in points}
+    assert sum(inventory.matrices.count("stiffness") for inventory in assembled.values()) == matrices
+    assert len({id(point._discretisation.tagged.mesh) for point in points}) == (3 if "mesh" in path else 1)
+
+
+def test_a_value_begins_where_the_last_one_ended():
+    """Loads that hardly change leave the sets as they are."""
+    first, second = sweep(leaning(), MPI.COMM_SELF, path="traction[0].y", values=["-1 - x[0]", "-1.001 - x[0]"])
+    assert second.linear_solves == 1 < first.linear_solves
+
+
+def test_values_are_refused_by_their_place():
+    """Before anything is solved."""
+    with pytest.raises(SceneError, match=r"material\[0\].young"):
+        sweep(leaning(), MPI.COMM_SELF, path="material.young", values=[1.0, -1.0])
+    with pytest.raises(SceneError, match=r"contact\[2\]"):
+        sweep(leaning(), MPI.COMM_SELF, path="contact[2].gap", values=[1.0])
+    with pytest.raises(SceneError, match="path and values"):
+        sweep(leaning(), MPI.COMM_SELF, loads=[1.0], path="material.young", values=[1.0])
