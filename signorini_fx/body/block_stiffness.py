@@ -64,7 +64,7 @@ def block_stiffness(
         extended.array,
         extended.scatter_forward if comm.size > 1 else None,
     )
-    largest = parallel.largest(comm, rows.diagonal()) or 1.0
+    largest = parallel.largest(comm, rows.diagonal) or 1.0
     rows.set_diagonal(np.flatnonzero(fixed), largest)
     return block_matrix(rows, comm)
 

@@ -7,6 +7,7 @@ Where rows or entries are needed, for products of matrices or factors, they are 
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -63,6 +64,7 @@ class BlockRows:
         rows = np.repeat(np.arange(self.starts.size - 1, dtype=self.columns.dtype), np.diff(self.starts))
         return np.flatnonzero(self.columns == rows)
 
+    @cached_property
     def diagonal(self) -> Array:
         """Shape (n d,)."""
         return np.array(self.scale * np.diagonal(self.blocks[self.diagonal_blocks], axis1=1, axis2=2).ravel())
@@ -71,10 +73,11 @@ class BlockRows:
         """Change entries of the diagonal; ``unknowns``: local numbers."""
         node, component = np.divmod(unknowns, self.size)
         self.blocks[self.diagonal_blocks[node], component, component] = value
+        vars(self).pop("diagonal", None)
 
     def in_single_precision(self) -> BlockRows:
         """A copy with rounded entries, relative to the largest one of the diagonal, so that no unit matters."""
-        scale = float(self.diagonal().max(initial=0.0)) or 1.0
+        scale = float(self.diagonal.max(initial=0.0)) or 1.0
         blocks = np.empty(self.blocks.shape, np.float32)
         np.multiply(self.blocks, self.scale / scale, out=blocks, casting="same_kind")
         return replace(self, blocks=blocks, scale=scale)
@@ -116,7 +119,7 @@ class BlockStiffness(_Context):
 
     def __init__(self, rows: BlockRows) -> None:
         self.rows = rows
-        self._rough: PETSc.Mat | None = None
+        self._rough: Callable[[], PETSc.Mat | None] = lambda: None
 
     @called_back
     def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
@@ -130,7 +133,7 @@ class BlockStiffness(_Context):
 
     def getDiagonal(self, matrix: PETSc.Mat, diagonal: PETSc.Vec) -> None:  # PETSc calls these so
         """The diagonal."""
-        diagonal.getArray()[:] = self.rows.diagonal()
+        diagonal.getArray()[:] = self.rows.diagonal
 
     def createSubMatrix(
         self, matrix: PETSc.Mat, rows: PETSc.IS, columns: PETSc.IS, into: PETSc.Mat | None = None
@@ -158,10 +161,12 @@ class BlockStiffness(_Context):
         return entries
 
     def rough(self, matrix: PETSc.Mat) -> PETSc.Mat:
-        """A in single precision, made once; collective."""
-        if self._rough is None:
-            self._rough = _python_matrix(BlockStiffness(self.rows.in_single_precision()), matrix, self.rows.size)
-        return self._rough
+        """A in single precision, made once for as long as somebody keeps it; collective."""
+        rounded = self._rough()
+        if rounded is None:
+            rounded = _python_matrix(BlockStiffness(self.rows.in_single_precision()), matrix, self.rows.size)
+            self._rough = weakref.ref(rounded)
+        return rounded
 
 
 class AddedTangent(_Context):

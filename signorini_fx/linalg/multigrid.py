@@ -55,11 +55,13 @@ class Hierarchy:
     Attributes:
         interpolations: P_0, P_1, ..., from each level to the finer one.
         coarse: A_1 = P_0^T A P_0, A_2 = P_1^T A_1 P_1, ...
-        largest: the largest eigenvalue of A over its diagonal, as CG sees it in a few steps.
+        smoothed: A as smoothers take it, in single precision where it is by blocks, which is made for them alone.
+        largest: its largest eigenvalue over its diagonal, as CG sees it in a few steps.
     """
 
     interpolations: tuple[PETSc.Mat, ...]
     coarse: tuple[PETSc.Mat, ...]
+    smoothed: PETSc.Mat
     largest: float
 
     @classmethod
@@ -89,7 +91,8 @@ class Hierarchy:
             coarse += below.coarse
         for level_matrix in coarse:
             level_matrix.setOption(PETSc.Mat.Option.SPD, True)
-        return cls(tuple(interpolations), tuple(coarse), _largest_eigenvalue(matrix))
+        smoothed = rough(matrix)
+        return cls(tuple(interpolations), tuple(coarse), smoothed, _largest_eigenvalue(smoothed))
 
     def with_rigid_bodies(self, free: npt.NDArray[np.bool_], stiffness: npt.NDArray[np.float64]) -> Hierarchy:
         """The same with the unknowns of rigid bodies on each level, see ``rigid_unknowns``; collective."""
@@ -99,6 +102,7 @@ class Hierarchy:
     @classmethod
     def _aggregated(cls, matrix: PETSc.Mat, level: Level | None = None) -> Hierarchy:
         """Set up GAMG and keep what it has found; collective."""
+        smoothed = rough(matrix)
         if is_by_blocks(matrix):
             matrix = by_entries(matrix)
             if level is not None:
@@ -117,7 +121,7 @@ class Hierarchy:
         coarse = tuple(solver.getOperators()[0] for solver in solvers)
         for level in coarse:
             row_by_row(level).setOption(PETSc.Mat.Option.SPD, True)
-        return cls(interpolations, coarse, _largest_eigenvalue(matrix))
+        return cls(interpolations, coarse, smoothed, _largest_eigenvalue(smoothed))
 
 
 def _interpolations(level: Level) -> list[tuple[Level, PETSc.Mat]]:

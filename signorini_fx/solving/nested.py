@@ -71,6 +71,8 @@ def solve_nested(
                 levels.pop()
             polygon = problem.polygon_error(solved.level, polygon)
             levels.append(with_polygon(solved.level, polygon))
+        if number + 1 < count:  # on the next mesh nothing else of this one is needed, least of all its multigrid
+            del solved, solution
     if len(levels) < 2 or not solution.converged:
         return replace(solution, levels=tuple(levels))
     return replace(solution, levels=tuple(levels), price_list=tuple(price_list(levels, base_memory)))
