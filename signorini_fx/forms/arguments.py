@@ -39,6 +39,8 @@ def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:
     for name, form, rank in (("a", a, 2), ("L", L, 1)):
         if not isinstance(form, ufl.Form | fem.Form):
             raise FormError([(name, f"must be a UFL form or a compiled form, not {kind_of(form)}")])
+        if isinstance(form, ufl.Form) and form.empty():
+            raise FormError([(name, "is zero: nothing is left of it to integrate")])
         form_rank = form.rank if isinstance(form, fem.Form) else len(form.arguments())
         if form_rank != rank:
             raise FormError([(name, f"must have {rank} argument{'s' * (rank > 1)}, not {form_rank}")])

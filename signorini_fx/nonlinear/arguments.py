@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from numbers import Integral
 from typing import Any
 
 import ufl
@@ -39,7 +40,7 @@ def checked(
         FormError: they do not.
     """
     problems = [(name, reason) for name, reason in _NOT_USED.items() if settings.get(name) is not None]
-    if not isinstance(max_newton, int) or isinstance(max_newton, bool) or max_newton < 1:
+    if not isinstance(max_newton, Integral) or isinstance(max_newton, bool) or max_newton < 1:
         problems.append(("max_newton", f"must be a whole number, 1 or more, not {max_newton!r}"))
     problems += [
         (name, f"must be a function without arguments, not {kind_of(function)}")
@@ -53,8 +54,10 @@ def checked(
     ]
     if not isinstance(u, fem.Function):
         problems.append(("u", f"must be a Function, not {kind_of(u)}"))
-    if not isinstance(F, ufl.Form) or len(F.arguments()) != 1:
+    if not isinstance(F, ufl.Form) or F.empty() or len(F.arguments()) != 1:
         problems.append(("F", "must be a UFL form with one test function"))
+    elif J is None and u not in F.coefficients():
+        problems.append(("F", "does not contain u, so that its derivative is zero: form it with u, or give J"))
     if problems:
         raise FormError(problems)
     try:

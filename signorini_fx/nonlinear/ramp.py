@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 
 from signorini_fx.errors import FormError
 from signorini_fx.scene.values import kind_of
@@ -45,7 +46,7 @@ class StepSizes:
         problems = list[tuple[str, str]]()
 
         def number(name: str, value: object, wanted: str, *, positive: bool) -> float:
-            fits = isinstance(value, int | float) and not isinstance(value, bool)
+            fits = isinstance(value, Real) and not isinstance(value, bool)
             if not fits:
                 problems.append((name, f"must be {wanted}, not {kind_of(value)}"))
                 return 1.0

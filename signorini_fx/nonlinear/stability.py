@@ -41,17 +41,9 @@ class Stability:
 
     def verdict(self) -> Status:
         """Whether an equilibrium is stable, by the derivative of F; collective."""
-        if not self.linear.factor_fits:
+        if not self.linear.factor_fits or (tangent := self._derivative()) is None:
             return Status.STABILITY_UNKNOWN
-        free, values = ~self._fixed, self.u.x.array.copy()
-        for given in (True, False) if self.tangents.given else (False,):
-            tangent = self.tangents.leading if given else self.tangents.derivative
-            self.forces_at(values)
-            fits = is_derivative(tangent, self.u, self.forces_at, free)
-            self.forces_at(values)
-            if fits:
-                return Status.UNSTABLE if self._negative(tangent) else Status.CONVERGED
-        return Status.STABILITY_UNKNOWN
+        return Status.UNSTABLE if self._negative(tangent) else Status.CONVERGED
 
     def reason_for_none(self, before: Array, size: float) -> str:
         """Why there may be no solution, at an iterate; empty: nothing says so; collective.
@@ -67,7 +59,7 @@ class Stability:
         with suppress(FormError):
             forces = self.forces_at(self.u.x.array.copy())
             known = forces is not None and self.linear.solved.outcome is not None and self.linear.factor_fits
-            if known and self._negative(self.tangents.leading):
+            if known and (tangent := self._derivative()) is not None and self._negative(tangent):
                 return "the tangent has lost its stiffness in some direction"
         return ""
 
@@ -76,6 +68,18 @@ class Stability:
         """Which of the owned unknowns are prescribed."""
         dofmap = self.u.function_space.dofmap
         return self.linear.prescribed[0][: dofmap.index_map.size_local * dofmap.index_map_bs]
+
+    def _derivative(self) -> fem.Form | None:
+        """The user's tangent if it is the derivative of F at ``u``, else that of UFL; None: neither is; collective."""
+        free, values = ~self._fixed, self.u.x.array.copy()
+        for given in (True, False) if self.tangents.given else (False,):
+            tangent = self.tangents.leading if given else self.tangents.derivative
+            self.forces_at(values)
+            fits = is_derivative(tangent, self.u, self.forces_at, free)
+            self.forces_at(values)
+            if fits:
+                return tangent
+        return None
 
     def _negative(self, tangent: fem.Form) -> int:
         """In how many directions that contact admits a tangent is negative; collective."""

@@ -220,8 +220,14 @@ class Solution:
         return self.shown_steps[-1]
 
     def at(self, step: StepResult) -> Solution:
-        """The solution with the results of another one of its load steps; those before it count as its past."""
-        number = next(number for number, other in enumerate(self.steps) if other is step)
+        """The solution with the results of another one of its load steps; those before it count as its past.
+
+        Raises:
+            ValueError: it is none of ``steps``.
+        """
+        number = next((number for number, other in enumerate(self.steps) if other is step), None)
+        if number is None:
+            raise ValueError(f"step: must be one of the {len(self.steps)} steps of this solution, such as steps[0]")
         past = self.steps[:number] if step.status is Status.CONVERGED else ()
         return replace(
             self,

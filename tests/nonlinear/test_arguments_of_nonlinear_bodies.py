@@ -30,6 +30,7 @@ def test_wrong_arguments_are_named():
         ({"max_newton": 0}, "max_newton: must be a whole number"),
         ({"J": z[0] * ufl.dx}, "J: must have 2 arguments, not 1"),
         ({"J": "K"}, "J: must be a UFL form"),
+        ({"J": ufl.Form([])}, "J: is zero"),
         ({"J": ufl.inner(other, ufl.TestFunction(other.ufl_function_space())) * ufl.dx}, "J: its arguments are on"),
         ({"P": ufl.inner(w, z) * ufl.dx}, "P: is not used"),
         ({"kind": "mpi"}, "kind: is not used"),
@@ -39,6 +40,14 @@ def test_wrong_arguments_are_named():
         with pytest.raises(FormError, match=wrong) as raised:
             block(**arguments)
         assert len(raised.value.problems) == 1
+    block(max_newton=np.int64(3))
+    u, contact = fem.Function(space), Foundation(side(1, 1.0), shape=PLATE)
+    for form, wrong in (
+        (residual(fem.Function(space)), "F: does not contain u, so that its derivative is zero"),
+        (ufl.Form([]), "F: must be a UFL form with one test function"),
+    ):
+        with pytest.raises(FormError, match=wrong):
+            NonlinearContactProblem(form, u, contact=contact)
     mesh = space.mesh
     vector = basix.ufl.element("Lagrange", "quadrilateral", 1, shape=(2,))
     mixed = fem.functionspace(

@@ -61,10 +61,10 @@ def test_wrong_sizes(arguments, wrong):
 def test_sizes_of_steps():
     """The largest step holds for the first one too, easy steps grow up to it, and loads may be negative."""
     problem = pressed(stability=False)
-    loads = [step.load for step in problem.ramp(down(problem), first=0.1, largest=0.3)]
+    loads = [step.load for step in problem.ramp(down(problem), first=np.float64(0.1), largest=0.3)]
     assert loads == pytest.approx([0.1, 0.25, 0.475, 0.775, 1.0])
     problem = pressed(stability=False)
-    assert [step.load for step in problem.ramp(down(problem), largest=0.5)] == pytest.approx([0.5, 1.0])
+    assert [step.load for step in problem.ramp(down(problem), largest=np.float32(0.5))] == pytest.approx([0.5, 1.0])
     problem = pressed(stability=False)
     steps = problem.ramp(lambda load: problem.place(0, shift=(0.0, 0.2 * load)), -1.0, first=0.5)
     assert [step.load for step in steps] == pytest.approx([-0.5, -1.0])

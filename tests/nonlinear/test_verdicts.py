@@ -40,6 +40,18 @@ def test_a_wrong_tangent_is_no_verdict():
     assert problem.certificate.holds
 
 
+def test_a_wrong_tangent_proves_no_limit():
+    """With a J that is negative Newton's method fails at any load, but the body would hold all of them."""
+    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    u = fem.Function(space)
+    contact = Foundation(side(1, 1.0), shape=PLATE, friction=Coulomb(0.3))
+    wrong = -ufl.derivative(residual(u), u, ufl.TrialFunction(space))
+    problem = NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, J=wrong)
+    with pytest.raises(ConvergenceError):
+        problem.ramp(lambda load: problem.place(0, shift=(0.0, -0.1 * load)), smallest=0.5)
+    assert problem.status is not Status.LIMIT
+
+
 def test_no_verdict_without_a_derivative():
     """Stresses that ``update`` returns are not differentiated by UFL: without their tangent there is no verdict."""
     space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)

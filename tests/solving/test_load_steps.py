@@ -187,6 +187,8 @@ def test_a_step_that_slides_ends_the_history():
     for step in solution.shown_steps:
         one = solution.at(step)
         assert (one.contact, one.displacement, one.last_step) == (step.contact, step.displacement, step)
+    with pytest.raises(ValueError, match="must be one of the 3 steps"):
+        solution.at(2)
 
 
 def test_tresca_steps():
