@@ -60,7 +60,7 @@ DAMPED = {
 RAISED = Attempt(
     "fixed point with raised bounds",
     "if the body slides at the contact pressures found: bounds are raised until friction carries the loads, as long as "
-    "those of the law do not",
+    "those of the law do not; it takes no more linear solves than one problem may",
 )
 METHOD = Attempt("the method of the scene", "`algorithm` and `coulomb` of the scene")
 AUGMENTED = Attempt("augmented Lagrangian", "with a small gamma; its limit is the solution without regularisation")

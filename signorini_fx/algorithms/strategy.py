@@ -325,11 +325,18 @@ def _either_way(
     """
     s, newton = task.settings, begun.newton
     checkpoint = newton.checkpoint()
+
+    def raised() -> Status:
+        with task.history.at_most(s.max_iterations):  # where the body slides, problems with raised bounds may be hard
+            status = fixed(1.0, partial(share_of_loads, task))
+        # It is tried where the body slides at the pressures without raised bounds, which stays true.
+        return status if status is Status.CONVERGED else Status.SLIDES_AT_PRESSURES
+
     ways: dict[Attempt, Callable[[], Status]] = {
         FIXED_POINT: partial(fixed, 1.0),
         MONOLITHIC: monolithic,
         **{attempt: partial(fixed, damping) for damping, attempt in DAMPED.items()},
-        RAISED: partial(fixed, 1.0, partial(share_of_loads, task)),
+        RAISED: raised,
     }
     names = for_coulomb(
         monolithic=_may_be_monolithic(law, begun.data),
@@ -348,7 +355,7 @@ def _either_way(
             return by_augmentation(task, start, begun, data, monolithic=coupled)
         nonlocal slid
         status = proved(task, newton.problem, law, ways[name]())
-        slid = slid if name in (MONOLITHIC, RAISED) else status is Status.SLIDES_AT_PRESSURES
+        slid = slid if name is MONOLITHIC else status is Status.SLIDES_AT_PRESSURES
         return replace(begun, status=status, monolithic=name is MONOLITHIC)
 
     def settled(outcome: Outcome) -> bool:
