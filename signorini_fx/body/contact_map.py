@@ -75,7 +75,7 @@ def _relative_to_foundations(
         ((rows, None), (columns, None)), csr=(csr.indptr.astype(PETSc.IntType), indices, csr.data), comm=boundary.comm
     )
     relative.axpy(1.0, contact.operator, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    return replace(contact, operator=relative)
+    return replace(contact, operator=relative, paired=True)
 
 
 def _lift(boundary: ContactBoundary, operator: PETSc.Mat) -> PETSc.Mat | None:

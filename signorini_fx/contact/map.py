@@ -33,7 +33,8 @@ class ContactMap:
         fixed: the prescribed unknowns of this rank; contact forces on them go into the supports.
         lift: S with B S = 1, unknowns of one of two bodies from relative displacements, for multigrid; None: contact is
             with a rigid foundation, or no such unknowns are known.
-        paired: whether points are those of two bodies, so that B takes differences of displacements.
+        paired: whether points are those of two bodies, or of rigid ones that move, so that B takes differences of
+            displacements.
     """
 
     operator: PETSc.Mat

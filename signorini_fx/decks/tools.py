@@ -39,6 +39,8 @@ def tool_keys(deck: Deck, node: int, courses: dict[tuple[str, ...], list[float]]
     held = {name: course for name in (*axes, *turns) if (course := courses.get(("prescribed", name))) is not None}
     if held:
         keys.append(f"prescribed = {{ {', '.join(f'{name} = {_of_time(course)}' for name, course in held.items())} }}")
+    if len(keys) == 1:  # what nothing drives is free, and moves with what it is tied to
+        keys.append(f"force = {[0.0] * len(axes)}")
     return ", ".join(keys)
 
 

@@ -193,22 +193,25 @@ def certify(
     return replace(certificate, moduli=max(missed)) if missed else certificate
 
 
-def _faint_forces(nodes: ContactNodes, piece: npt.NDArray[Any], mean: Nodal, rigid: Sequence[RigidBodyMotion]) -> Nodal:
-    """Forces at each rigid body that are round-off of the stress in the pieces of the body that it touches, and of the
-    joint system, shape (t,); collective.
+def _faint_forces(
+    nodes: ContactNodes, piece: npt.NDArray[Any], mean: Nodal, penalty: Nodal, rigid: Sequence[RigidBodyMotion]
+) -> Nodal:
+    """Forces at each rigid body that are round-off of the stress in the pieces of the body that it touches, of the
+    penalty, and of the joint system, shape (t,); collective.
 
     Args:
         nodes: the contact points.
         piece: the one that each of them is on.
         mean: stress in each piece.
+        penalty: see ``PieceScales``, of each piece.
         rigid: how they have moved.
     """
     comm, forces = nodes.evaluation.space.mesh.comm, []
     for motion in rigid:
         points = nodes.part(*motion.body.parts)
-        stress = parallel.largest(comm, mean[piece[points]])
+        stress, lost = (parallel.largest(comm, values[piece[points]]) for values in (mean, penalty))
         area = float(parallel.global_sum(comm, np.array(nodes.weight[points].sum())))
-        forces.append(max(FAINT * stress, NO_FORCE * float(mean.max())) * area)
+        forces.append(max(FAINT * stress, lost, NO_FORCE * float(mean.max())) * area)
     return np.array(forces)
 
 
@@ -305,9 +308,9 @@ def judged(
             slip = slip - ContactNodes.of(forces, sides, replace(before.tractions, shear=before.moved)).shear
         # Foundations may have turned since: what was along them then need not be along them now.
         slip, origin = nodes.along(slip), nodes.along(origin)
-    # Most of the displacement that a relative one is the difference of may be common to two bodies, and the solver
-    # loses digits of the largest one of both.
-    farther = np.where(at[1] < 0, 0.0, np.maximum(far[at[0]], far[at[1]]))
+    # Most of the displacement that a relative one is the difference of may be common to two bodies, or to a body and a
+    # rigid one that moves, and the solver loses digits of the largest one of both.
+    farther = np.where(at[1] < 0, drawn, np.maximum(far[at[0]], far[at[1]]))
     terms = NO_FORCE * np.maximum(largest(np.maximum(nodes.terms(y), farther)), np.where(alone, reach, 0.0))
     penalty = terms * max((gamma for gamma in (law.gamma_n, law.gamma_t) if np.isfinite(gamma)), default=0.0)
     # With a larger gamma nothing is known of the tractions.
@@ -324,7 +327,7 @@ def judged(
     immovable = nodes.immovable(supports, rigid)
     figures |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, immovable, points)
     left, unjudged = equilibrium(balance, pieces, y, nodes, units, reach)
-    for (motion, drive), faint in zip(rigid, _faint_forces(nodes, at[0], mean, moved), strict=True):
+    for (motion, drive), faint in zip(rigid, _faint_forces(nodes, at[0], mean, penalty, moved), strict=True):
         resultant = nodes.resultant(motion.body.parts, motion.reference)
         left = max(left, motion.unbalanced(drive, resultant, faint))
     return Certificate(equilibrium=max(left, volume), unjudged=unjudged, **figures)

@@ -389,6 +389,29 @@ def test_a_rigid_coupling(tmp_path, capsys):
     np.testing.assert_allclose(below.moment, -(0.5 * -3.0 - -1.0 * 0.2 + 0.4), rtol=1e-6)
 
 
+def test_a_rigid_coupling_that_nothing_drives(tmp_path, capsys):
+    """It is free: where the other end is moved, it goes along."""
+    lines = [
+        *block(),
+        *MATERIAL,
+        "*NSET, NSET=TOPS",
+        *map(str, TOP),
+        "*RIGID BODY, NSET=TOPS, REF NODE=REF",
+        "*BOUNDARY",
+    ]
+    lines += [
+        *(f"{n}, 1" for n in NODES[: NX + 1]),
+        *(f"{n}, 2, 2, 0.25" for n in NODES[: NX + 1]),
+        "*STEP",
+        "*END STEP",
+    ]
+    scene, data, said = drafted(tmp_path, lines, capsys)
+    assert data["contact"][0]["foundation"]["force"] == [0.0, 0.0]
+    assert not lines_of(said)
+    (tool,) = solve(read_scene(scene), MPI.COMM_SELF).last_step.tools
+    np.testing.assert_allclose([*tool.translation, *tool.rotation], [0.0, 0.25, 0.0], atol=1e-9)
+
+
 def test_contact_that_changes(tmp_path, capsys):
     """What contact is in the first step is taken."""
     lines = ["*STEP", "*STATIC", "*CHANGE FRICTION, INTERACTION=RUBS", "*FRICTION", "0.7", "*END STEP"]

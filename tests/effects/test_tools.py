@@ -682,6 +682,27 @@ def test_rigid_coupling_bends_a_column_as_a_beam(algebra):
     assert solution.certificate.worst < 1e-8
 
 
+@pytest.mark.mpi
+@pytest.mark.parametrize("push", [0.0, 1e-9, 1e-4])
+def test_a_coupling_that_goes_along(push):
+    """A column without Poisson's effect is moved with its coupled top by far more than a small force, or none,
+    shortens it: what the penalty makes of the round-off of both is no stress.
+    """
+    young, height, far = 1000.0, 4.0, 0.25
+    tool = {"shape": "plane", "point": [0.0, 7.0], "normal": [1.0, -1.0], "pivot": [0.5, height], "force": [0.0, -push]}
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": height, "nx": 2, "ny": 4}},
+        "material": {"young": young, "poisson": 0.0},
+        "displacement": {"boundary": "bottom", "x": far, "y": -far},
+        "contact": {"boundary": "top", "kind": "bonded", "foundation": tool},
+    }
+    solution = solve(parse_scene(scene))
+    (moved,) = solution.last_step.tools
+    assert np.allclose(moved.translation, [far, -far - push * height / young], rtol=0, atol=1e-10 * far)
+    assert abs(moved.rotation[0]) < 1e-10
+    assert np.allclose(solution.contact.forces[0], [0.0, -push], rtol=0, atol=1e-12 * young)
+
+
 def test_a_body_between_a_coupling_and_two_supports():
     """A force beside the middle of a coupled top: the supports take what statics says, none beyond them is held."""
 
