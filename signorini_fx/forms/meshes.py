@@ -38,6 +38,7 @@ from signorini_fx.solving.meshed_problem import SolvedMesh, measured
 from signorini_fx.solving.restart import MeshCheckpoint
 
 if TYPE_CHECKING:
+    from signorini_fx.accuracy.next_digit import CostOfAccuracy
     from signorini_fx.quantities.statements import ErrorBound
 
 AnyMesh: TypeAlias = "dmesh.Mesh | TaggedMesh"
@@ -54,6 +55,7 @@ class SolvedMeshes:
         status: how it ended; only ``Status.CONVERGED`` is a solution, with the accuracy that was asked for.
         levels: errors and cost of each mesh, the coarsest first; empty without ``stress``.
         price_list: the same with what is expected of the next mesh; empty with fewer than two levels.
+        accuracy: that was asked for; None: none was.
     """
 
     problem: ContactProblem
@@ -61,6 +63,7 @@ class SolvedMeshes:
     status: Status
     levels: tuple[LevelResult, ...] = ()
     price_list: tuple[Price, ...] = ()
+    accuracy: Accuracy | None = None
 
     def __repr__(self) -> str:
         return f"<SolvedMeshes: {self.status.value}, {len(self.levels)} meshes, {self.problem._elastic.dofs} unknowns>"
@@ -101,6 +104,13 @@ class SolvedMeshes:
     def error_bound(self) -> ErrorBound | str | None:
         """A guaranteed bound of the error of the last mesh, or why there is none, see ``Solution``; collective."""
         return self.problem.error_bound
+
+    @property
+    def cost(self) -> CostOfAccuracy | str:
+        """What the accuracy took and what a better one would take, see ``Solution``; collective."""
+        solution = self.problem.solution
+        scene = solution.scene.model_copy(update={"accuracy": self.accuracy})
+        return replace(solution, scene=scene, price_list=self.price_list).cost
 
     def outcome(self) -> str:
         """How the last mesh ended, and what to do."""
@@ -333,7 +343,8 @@ def solve_to_accuracy(
         raise FormError(error.problems, "solve_to_accuracy") from None
     budget = to_accuracy.Budget.begins(accuracy, comm, first.history)
     meshes = Meshes(first, accuracy, comm, adaptive=adaptive, made=made, any_jump=made)
-    return _checked(to_accuracy.solve_to_accuracy(meshes, budget, first.history, on_level))
+    solution = to_accuracy.solve_to_accuracy(meshes, budget, first.history, on_level)
+    return _checked(replace(solution, accuracy=accuracy))
 
 
 def _first(

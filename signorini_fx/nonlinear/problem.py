@@ -172,6 +172,11 @@ class NonlinearContactProblem:
         return self.linear.state
 
     @property
+    def cost(self) -> str:
+        """Why it is not known what a better accuracy would take, see ``Solution``."""
+        return "nonlinear bodies have no estimate of their error: compare solutions on two meshes"
+
+    @property
     def findings(self) -> tuple[Finding, ...]:
         """What is to be known about the last solution, see ``ContactProblem``; collective."""
         return self.linear.findings

@@ -175,6 +175,22 @@ def test_adaptive_meshes_are_those_of_the_scene(of):
     assert ours.price_list[-2].pressure == pytest.approx(theirs.price_list[-2].pressure, rel=1e-6)
     assert ours.price_list[-2].energy == pytest.approx(theirs.price_list[-2].energy, rel=1e-6)
     assert ours.history.linear_solves == theirs.history.linear_solves
+    costs = ours.cost, theirs.cost
+    assert [cost.of for cost in costs] == [of, of]
+    for name in ("error", "dofs", "next_error", "next_dofs"):
+        assert getattr(costs[0], name) == pytest.approx(getattr(costs[1], name), rel=1e-6), name
+    took = sum(level.seconds for level in ours.levels)
+    assert costs[0].seconds == pytest.approx(took)
+    assert costs[0].next_seconds[1] > took
+
+
+@pytest.mark.parametrize(("levels", "of"), [(1, "energy"), (2, "pressure")])
+def test_cost_without_a_requested_accuracy(levels, of):
+    """Of a single mesh it is about the stress; of several about the first error of the price list that is known."""
+    solution = solve_nested(block(friction=Tresca(0.5)), forms.box((3.0, 1.0), (9, 3)), levels)
+    assert solution.cost.of == of
+    assert solution.cost.dofs == solution.levels[-1].dofs
+    assert solution.cost.next_error == pytest.approx(solution.cost.error / 10)
 
 
 def pushed(mesh):
