@@ -18,6 +18,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "answers.md"
 sys.path.insert(0, str(ROOT))
 
+from signorini_fx.accuracy.next_digit import CostOfAccuracy  # noqa: E402
 from signorini_fx.cli.exit_codes import of_solve  # noqa: E402
 from signorini_fx.quantities.answers import answers  # noqa: E402
 from signorini_fx.quantities.validity import Validity  # noqa: E402
@@ -64,7 +65,7 @@ BASE: dict[str, Any] = {
     "stress": {"von_mises": _STRESS, "recovered": {"von_mises": {**_STRESS, "value": 93.0}}, "error": 0.08},
     "utilisation": {"value": 0.41, "place": [1.25, 0.0], "region": None, "no_limit": None},
     "safety": _SAFETY,
-    "cost": {"error": 0.08, "statement": "8 % of stress and displacement took 0.8 s; 0.8 % would take about 8 s"},
+    "cost": CostOfAccuracy("energy", 0.08, 0.8, 9922, 0.008, (3.0, 40.0), 900_000.0).as_dict(),
 }
 
 

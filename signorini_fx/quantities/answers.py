@@ -178,7 +178,7 @@ def _left(summary: dict[str, Any]) -> Answer:
     if validity is Validity.EARLIER_STEP:
         last, failed = (load_step(step) for step in (summary["results_of"], summary["steps"][-1]))
         text = f"nothing at {failed}" if moves_away else f"no solution was found beyond {last}"
-        first = strength.share if strength.known else strength.told
+        first = strength.share if strength.known and not strength.singular else strength.told
         return Answer("", text, (f"at {last}: {first}", limit, *details), "bad")
     texts = [strength.share] if strength.known and not strength.singular else []
     if summary.get("safety") is None:

@@ -32,7 +32,8 @@ def plain_message(detail: Any) -> str:
         case {"type": "union_tag_invalid", "ctx": {"tag": tag, "expected_tags": known}}:
             return f"must be one of {known}, got {tag!r}"
     message = str(detail["msg"]).removeprefix("Value error, ")
-    return re.sub(r"^Input should be( a valid)?", lambda prefix: "must be a" if prefix[1] else "must be", message)
+    message = re.sub(r"^Input should be( a valid)?", lambda prefix: "must be a" if prefix[1] else "must be", message)
+    return message.replace("must be a integer", "must be an integer")
 
 
 # It takes a while to find out what an unknown key was meant to be, and more errors than this are not shown anyway.

@@ -64,6 +64,9 @@ def test_every_answer_is_true(drawn):
             assert holds == "yes", about
         if strength.startswith("125") and (solved or earlier):
             assert left.startswith("nothing: 125 %"), about
+        for text in (why, limits):
+            with_reserve = "judge it at a distance" in text
+            assert with_reserve == ("41 %" in text and strength == "41 % at a corner"), about
         known = statics in ("a limit", "an upper limit")
         assert ("2.4 times" in limits) == (known and (solved or earlier)), about
         assert ("at most" in limits) == (statics == "an upper limit" and (solved or earlier)), about

@@ -123,6 +123,7 @@ def test_one_table_instead_of_a_list():
         ("material.title", "steel", "material.title", "belongs to the top level"),
         ("material.degree", 2, "material.degree", "it belongs to [element]"),
         ("material.young", True, "material.young", "must be a number, got true"),
+        ("solver.max_iterations", "many", "solver.max_iterations", "must be an integer, got 'many'"),
         ("contact.0.friction.coefficient", 0.3, "contact[0].friction.coefficient", "unknown key"),
         ("mesh", NOTHING, "mesh", "is missing"),
         ("material.young", NOTHING, "material.young", "is missing"),
