@@ -16,6 +16,7 @@ from typing import Any
 import clock
 import contestants
 import example1
+import large_space
 import numpy as np
 import space_rows
 import two_bodies
@@ -83,6 +84,8 @@ GROUPS = (
     "space-sweep",
     "space-rivals",
     "two-bodies",
+    "large-space",
+    "space-growth",
     "import",
 )
 # On the largest mesh differences are not small, and fewer rounds suffice.
@@ -336,6 +339,8 @@ def run(
         "space-sweep": lambda: space_rows.sweeps(sizes, min(repeats, _FEW_REPEATS), say),
         "space-rivals": lambda: space_rows.rivals(sizes, min(repeats, _FEW_REPEATS), say),
         "two-bodies": lambda: two_bodies.rows(sizes, min(repeats, _FEW_REPEATS), say),
+        "large-space": lambda: large_space.rows(min(repeats, _FEW_REPEATS), say),
+        "space-growth": lambda: large_space.growth(say),
         "import": lambda: start_up(repeats, say),
     }
     for group in groups:

@@ -131,12 +131,13 @@ def parameters(nx: int, cell: str, height: int = 1) -> dict[str, Any]:
     return {**sizes, "nx": nx, "ny": nx // 3, "nz": height * (nx // 3), "cell": cell}
 
 
-def scene(law: str, nx: int, cell: str, gamma: float, levels: int) -> Scene:
+def scene(law: str, nx: int, cell: str, gamma: float, levels: int, degree: int = 1) -> Scene:
     """The block 3 x 1 x 1 over a paraboloid, pressed in the middle of its top and pulled along x[1]."""
     loaded = {component: f"{value} if 1 <= x[0] <= 2 else 0" for component, value in TRACTION.items()}
     return parse_scene(
         {
             "mesh": {"generator": "box", "parameters": parameters(nx, cell)},
+            "element": {"degree": degree},
             "material": {"young": YOUNG, "poisson": POISSON},
             "displacement": [{"boundary": name, "x": 0.0, "y": 0.0} for name in ("left", "right")],
             "traction": {"boundary": "top", **loaded},
@@ -173,11 +174,11 @@ def _watch() -> Iterator[tuple[list[tuple[int, int]], list[int]]]:
         krylov.KrylovSystem.configure, multigrid.Hierarchy.of = configure, create
 
 
-def package(law: str, nx: int, cell: str, gamma: float, levels: int) -> Run:
+def package(law: str, nx: int, cell: str, gamma: float, levels: int, degree: int = 1) -> Run:
     """The whole solve, all coarser meshes included, from the function space to the certificate."""
     with _watch() as (steps, sizes), stopwatch() as making, stopwatch(time.process_time) as burnt:
         start, cpu = time.perf_counter(), time.process_time()
-        solution = solve(scene(law, nx, cell, gamma, levels), MPI.COMM_SELF, check=False)
+        solution = solve(scene(law, nx, cell, gamma, levels, degree), MPI.COMM_SELF, check=False)
         seconds, cpu = time.perf_counter() - start - sum(making), time.process_time() - cpu - sum(burnt)
     finest = max(size for size, _ in steps)
     spent = [count for size, count in steps if size == finest]
@@ -185,12 +186,12 @@ def package(law: str, nx: int, cell: str, gamma: float, levels: int) -> Run:
     return Run(seconds, cpu, sum(spent), len(sizes), finest, note, solution.converged, Answer.of(solution))
 
 
-def linear(nx: int, cell: str, height: int = 1) -> Run:
+def linear(nx: int, cell: str, height: int = 1, degree: int = 1) -> Run:
     """One linear solve."""
     tagged = generate_mesh("box", parameters(nx, cell, height), MPI.COMM_SELF)
     start, cpu = time.perf_counter(), time.process_time()
     held = {"left": (0, 1), "right": (0, 1), "bottom": (0, 1, 2)}
-    _space, matrix, load, _fixed = assemble(tagged, held)  # the space keeps the communicator of the load
+    _space, matrix, load, _fixed = assemble(tagged, held, degree)  # the space keeps the communicator of the load
     ksp = PETSc.KSP().create(MPI.COMM_SELF)
     ksp.setOperators(matrix)
     ksp.setType(PETSc.KSP.Type.CG)
@@ -217,11 +218,11 @@ def sweep_coefficients(nx: int, gamma: float, coefficients: Sequence[float], lev
 
 
 def assemble(
-    tagged: TaggedMesh, held: dict[str, tuple[int, ...]]
+    tagged: TaggedMesh, held: dict[str, tuple[int, ...]], degree: int = 1
 ) -> tuple[fem.FunctionSpace, PETSc.Mat, PETSc.Vec, list[fem.DirichletBC]]:
     """Function space, stiffness, with the rigid motions as its near null space, load, and what is fixed."""
     mesh = tagged.mesh
-    space = fem.functionspace(mesh, ("Lagrange", 1, (3,)))
+    space = fem.functionspace(mesh, ("Lagrange", degree, (3,)))
     y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
     lame = fem.Constant(mesh, YOUNG * POISSON / (1 + POISSON) / (1 - 2 * POISSON))
     mu = fem.Constant(mesh, YOUNG / 2 / (1 + POISSON))

@@ -155,10 +155,11 @@ class BlockStiffness(_Context):
 
     def by_entries(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """A copy as a sparse matrix; collective."""
-        first, last = matrix.getOwnershipRange()
-        entries = row_by_row(self._sparse(matrix, np.arange(last - first)))
-        entries.setBlockSize(self.rows.size)
-        return entries
+        r = self.rows
+        blocks = r.blocks if r.scale == 1.0 else r.scale * r.blocks
+        csr = r.starts.astype(PETSc.IntType), r.names[r.columns].astype(PETSc.IntType), blocks
+        copied = PETSc.Mat().createBAIJ(matrix.getSizes(), r.size, csr=csr, comm=matrix.comm)
+        return row_by_row(copied.convert(PETSc.Mat.Type.AIJ))
 
     def rough(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """A in single precision, made once for as long as somebody keeps it; collective."""
