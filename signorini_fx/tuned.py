@@ -84,9 +84,10 @@ FAINT_DISPLACEMENT = 1e-3
 
 # --- linear algebra --------------------------------------------------------------------------------------------------
 
-# Below this number of unknowns a sparse factorisation costs no more than condensing onto the contact nodes saves.
-# No record in the plane; in space, docs/evidence/linear_algebra_in_space.csv.
-FEWEST_CONDENSED_UNKNOWNS = {2: 4_000, 3: 1_500}
+# Below this number of unknowns the sparse factorisations of a whole solve cost no more than condensing onto the contact
+# nodes once.  In the plane tuned on Example 1 with 24 x 8 to 72 x 24 cells, no record: times are equal at 1,300.  In
+# space, docs/evidence/linear_algebra_in_space.csv.
+FEWEST_CONDENSED_UNKNOWNS = 1_500
 # A sparse factorisation takes about 50 n^1.5 operations in two dimensions and 8 n^2 in three, a dense one n^3 / 3: the
 # cheaper one is taken.  Factor and exponent by dimension.  Source: nested dissection for the powers.  No record for the
 # factors.

@@ -147,7 +147,7 @@ def against_condensing(size: SystemSize) -> str | None:
         return "PETSc has no MUMPS"
     if options.user_chooses_solver():
         return "the options choose a linear solver"
-    if size.unknowns < FEWEST_CONDENSED_UNKNOWNS[size.dimension]:
+    if size.unknowns < FEWEST_CONDENSED_UNKNOWNS:
         return f"only {size.unknowns} unknowns"
     factor, exponent = SPARSE_OPERATIONS[size.dimension]
     border = round((size.comm.size - 1) * math.sqrt(2 * size.unknowns))  # straight cuts through a square
