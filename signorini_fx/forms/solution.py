@@ -178,7 +178,7 @@ def solution_of(problem: ProblemParts, title: str = "") -> FormSolution:
         parameters=used_parameters(outcome, data, shown.strain_energy),
         timings=problem._timings if path is None else path.timings,
         linear_algebra=task.linear_algebra,
-        findings=tuple(findings),
+        found=lambda: tuple(findings),
         balance=lambda y: balance_of((problem._a, problem._L), y, fixed, values_of_bcs, problem._scales),
         stated=partial(stated_body, problem),
         stress_of=None if law is None else partial(_stress_of, problem),
@@ -186,7 +186,7 @@ def solution_of(problem: ProblemParts, title: str = "") -> FormSolution:
         forms=problem._forms if settled else (None, None),
         boundaries=problem._boundaries if settled else {},
         fixed=fixed,
-    ).with_law_told()
+    )
 
 
 def _stress_of(problem: ProblemParts, y: fem.Function, shared: dict[str, StressRecovery]) -> RawStresses:

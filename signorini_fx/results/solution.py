@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from dolfinx import fem
 from mpi4py import MPI
@@ -111,7 +112,7 @@ class Solution:
         parameters: the values of gamma_n, gamma_t and sigma that were used.
         timings: wall seconds by phase, on this rank.
         linear_algebra: which kind of elastic system was used, and why.
-        findings: warnings and notes about the scene and the result.
+        found: gives what ``findings`` begins without; collective on several ranks.
         levels: the meshes of a nested iteration, coarsest first; otherwise empty.
         price_list: errors and cost of each of them, and predictions for the next one; otherwise empty.
         shared: what the results of all load steps use, once it is made.
@@ -130,7 +131,7 @@ class Solution:
     parameters: dict[str, float] = field(default_factory=dict)
     timings: Timings = field(default_factory=Timings)
     linear_algebra: str = "full"
-    findings: tuple[Finding, ...] = ()
+    found: Callable[[], tuple[Finding, ...]] = tuple
     levels: tuple[LevelResult, ...] = ()
     price_list: tuple[Price, ...] = ()
     shared: dict[str, StressRecovery] = field(default_factory=dict)
@@ -204,10 +205,13 @@ class Solution:
         certificates = {step.step: step.certificate for step in self.shown_steps}
         return asked_law(self.scene, certificates, self.parameters.get("regularisation_error"))
 
-    def with_law_told(self) -> Self:
-        """The same with a finding, the first one, if the law of the results is not the one that was asked for."""
+    @cached_property
+    def findings(self) -> tuple[Finding, ...]:
+        """Warnings and notes about the scene and the result, the first one if the law of the results is not the one
+        that was asked for.
+        """
         law = self.law
-        return self if law is None else replace(self, findings=(*law.findings, *self.findings))
+        return *(() if law is None else law.findings), *self.found()
 
     @property
     def has_stress(self) -> bool:

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from dolfinx import fem
@@ -133,7 +134,7 @@ def solve_contact(
         functionals=values,
         parameters=used_parameters(ended, data, shown.strain_energy),
         linear_algebra=task.linear_algebra,
-    ).with_law_told()
+    )
     return solution, task, ended
 
 
@@ -167,9 +168,17 @@ def _solution(
         certificate=shown.certificate,
         steps=tuple(steps),
         history=history,
-        findings=tuple(_findings(discretisation, steps)) if with_findings else (),
+        found=_found(discretisation, tuple(steps)) if with_findings else tuple,
         timings=timings,
     )
+
+
+def _found(discretisation: Discretisation, steps: tuple[StepResult, ...]) -> Callable[[], tuple[Finding, ...]]:
+    """Gives the findings, which are looked for when the first one asks, on several ranks at once; collective."""
+    found = cache(lambda: tuple(_findings(discretisation, steps)))
+    if discretisation.comm.size > 1:  # they may be asked for by one rank alone
+        found()
+    return found
 
 
 def _findings(discretisation: Discretisation, steps: Sequence[StepResult]) -> list[Finding]:

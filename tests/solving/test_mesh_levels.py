@@ -22,7 +22,7 @@ from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.first_start import begin_at_coarse
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.solver import _solve_nested, solve
-from signorini_fx.solving.sweep import _coarser, sweep
+from signorini_fx.solving.sweep import _coarser, _Value, sweep
 
 WORLD, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
 
@@ -334,7 +334,8 @@ def test_sweep():
     )
     body = discretise(scene, load_mesh(scene, SELF), Timings())
     values = [0.1, 0.3]
-    level, state = _coarser(scene, body, values[:1], of_loads=False)
+    first = [_Value(coefficient=values[0])]
+    level, state = _coarser(scene, body, first)
     assert level.dofs == 3 * 7 * 3 * 3
     assert level.solved is not None
     assert state.boundary.size == 7 * 3
@@ -342,8 +343,8 @@ def test_sweep():
     for kind, levels in (("krylov", 2), ("krylov", 1), ("condensed", 2)):
         settings = scene.solver.model_copy(update={"linear_algebra": kind, "levels": levels})
         others[kind, levels] = scene.model_copy(update={"solver": settings})
-    assert _coarser(others["krylov", 1], body, values, of_loads=False) == (None, None)
-    assert _coarser(others["condensed", 2], body, values, of_loads=False) == (None, None)
+    assert _coarser(others["krylov", 1], body, first) == (None, None)
+    assert _coarser(others["condensed", 2], body, first) == (None, None)
     nested, *alone = (sweep(s, SELF, coefficients=values) for s in others.values())
     assert nested[0].linear_solves < alone[0][0].linear_solves
     for points in alone:
