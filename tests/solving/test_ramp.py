@@ -656,3 +656,35 @@ def test_a_ramp_goes_on_where_only_monolithic_newton_converges():
     assert solution.last_step.time == 1.0
     assert solution.steps[-1].linear_solves <= 3  # under proportional loads the sets stay
     assert solution.history.linear_solves <= 400
+
+
+def test_a_first_load_step_that_only_fall_backs_solve():
+    """As the plate below: without fall-backs it fails at any increment, and half of all solves are gone by then."""
+    path = Increments(LoadPath((1.0,), steps=1, from_nothing=True), SolverSettings(), has_coulomb=True)
+    path.begin_again(Status.CYCLING, 47)
+    while path.without_fall_backs:
+        assert path.shorten(Status.MAX_ITERATIONS, path.allowed)
+    path.advance(398)
+    assert not path.ended
+    assert not path.without_fall_backs
+    assert path.allowed >= 2 * 398  # of the load steps with a solution, not of what their search has taken
+
+
+@pytest.mark.parametrize("steps", [1, 4])
+def test_a_plate_whose_ramp_begins_with_a_damped_fixed_point(steps):
+    """A plate that is pushed nearly until it tips, F = 5: of all methods only a damped fixed point converges."""
+    scene = {
+        "mesh": {"generator": "box", "parameters": {"length": 2.0, "width": 1.0, "height": 0.5, "nx": 4, "ny": 2,
+                                                    "nz": 2}},
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "traction": [{"boundary": "top", "z": -10.0}, {"boundary": "left", "x": 156.0}],
+        "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 5.0}},
+        "load_steps": {"steps": steps},
+    }  # fmt: skip
+    solution = alone(parse_scene(scene))
+    assert solution.last_step.time == 1.0
+    assert solution.history.linear_solves <= 2500
+    # Under proportional loads the forces grow with them; statics says how large they are.
+    for step in solution.steps:
+        table = step.contact
+        assert (table.boundary.weight * table.pressure).sum() == pytest.approx(20.0 * step.time, rel=1e-6)
