@@ -730,8 +730,9 @@ BROAD_PICTURE, STACKED_PANELS = 1.6, 1.5
 # narrowest picture, for its lettering.  Pixels per inch of what is drawn in space.
 SETUP_INCHES, SOLID_INCHES, APART_INCHES, NARROWEST = 6.0, 4.8, 4.0, 3.4
 PIXELS_PER_INCH = 240.0
-# How far a foundation is drawn beside the body, over its longer side, and on a grid of how many lines each way.
-FOUNDATION_BESIDE, FOUNDATION_GRID = 0.25, 300
+# How far a foundation is drawn beside the body, over its longest side, and on a grid of how many lines along that, in
+# the plane and in space; a round one whose diameter is at most about this share of that side is drawn whole.
+FOUNDATION_BESIDE, FOUNDATION_GRID, FOUNDATION_GRID_IN_SPACE, WHOLE_FOUNDATION = 0.25, 300, 40, 0.7
 # Margins over the longer side: of a plane around the contact boundary, around a boundary, where arrows need room, and
 # around a moving body.
 PLANE_MARGIN, SURFACE_MARGIN, MOTION_MARGIN = 0.12, 0.08, 0.04
@@ -747,8 +748,10 @@ VISIBLE_CELL, VISIBLE_COLOURED_CELL, VISIBLE_FACET = 2.5, 5.0, 9.0
 # magnified to more than this share of the diagonal of the body leaves the picture.
 BENT_FOUNDATION, GAP_IN_PICTURE = 30.0, 0.5
 # Bodies are moved apart by this share of the size of an open contact boundary; a body is drawn out of the other one by
-# this many lengths of a closed one; the second view is from this elevation, degrees.
+# this many lengths of a closed one; the second view is from this elevation, degrees.  A distance is multiplied by the
+# first of some factors at which the body covers fewest others in the pictures.
 BODIES_APART, BODY_OUT, VIEW_FROM_BELOW = 0.7, 1.15, -30.0
+APART_TIMES = (1.0, 1.25, 1.5, 2.0, 2.5, 3.0)
 # Length of the longest arrow, over the longer side: of a contact surface, of a set-up.  A load of less than the last
 # share of the largest one has no arrow.
 LONGEST_ARROW, LONGEST_ARROW_OF_SETUP, SMALLEST_ARROW = 0.06, 0.13, 0.02

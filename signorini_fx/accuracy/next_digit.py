@@ -34,6 +34,7 @@ from signorini_fx.tuned import (
     TIME_POWER,
 )
 
+_DAY = 86_400.0  # seconds, beyond which a slow rate says no more than that the error hardly decreases
 # The errors that a forecast is made of, in this order, and what they are of.
 NAMES = {
     "pressure": "the pressure",
@@ -67,7 +68,7 @@ class CostOfAccuracy:
     next_dofs: float
 
     def __str__(self) -> str:
-        """Such as: 3 % of the stress took 0.4 s; 0.3 %: 10 to 40 s, 2M unknowns."""
+        """Such as: 3 % of the stress took 0.4 s; 0.3 % would take 10 to 40 s, 2M unknowns."""
         return f"{self.known}; {self.forecast}"
 
     @property
@@ -79,7 +80,8 @@ class CostOfAccuracy:
     def forecast(self) -> str:
         """What would be solved."""
         figures = 1 if self.next_error * 5 < self.error else 2  # a digit less
-        return f"{100 * self.next_error:.{figures}g} %: {between(self.next_seconds)}, {count(self.next_dofs)} unknowns"
+        share = f"{100 * self.next_error:.{figures}g} %"
+        return f"{share} would take {between(self.next_seconds)}, {count(self.next_dofs)} unknowns"
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-safe."""
@@ -98,6 +100,8 @@ class CostOfAccuracy:
 def between(seconds: tuple[float, float]) -> str:
     """A time that is known from and to, such as 3 to 6 s."""
     low, high = (duration(float(f"{value:.2g}")) for value in seconds)
+    if min(seconds) < _DAY < max(seconds):
+        return f"{low} to more than a day"
     if low == high:
         return f"about {low}"
     number, _, unit = low.rpartition(" ")

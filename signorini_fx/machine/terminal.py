@@ -33,24 +33,22 @@ def printable(text: str) -> str:
     return _CONTROL.sub("", text)
 
 
-def clauses(text: str, room: int, most: int) -> list[str]:
-    """A text in lines; one that does not fit is cut at the end of a sentence or clause, if one fits, as dots say.
+def clauses(text: str, room: int, most: int | None) -> list[str]:
+    """A text in lines; one that does not fit ends, as dots say, at the last end of a sentence or clause that fits, or
+    at the first one: no clause is cut.
 
     Args:
         text: any.
         room: columns of a line.
-        most: lines.
+        most: lines; None: as many as it takes.
     """
     text = printable(text)
     lines = textwrap.wrap(text, room)
-    if len(lines) <= most:
-        return lines
-    ends = [end.start() for end in re.finditer(r"(?<=[.;])\s", text)]
-    for end in reversed(ends):
+    for end in reversed([end.start() for end in re.finditer(r"(?<=[.;])\s", text)]):
+        if most is None or len(lines) <= most:
+            break
         lines = textwrap.wrap(f"{text[:end].rstrip('.;')}{_MORE}", room)
-        if len(lines) <= most:
-            return lines
-    return textwrap.wrap(text, room, max_lines=most, placeholder=_MORE)
+    return lines
 
 
 def prepare() -> None:

@@ -18,10 +18,10 @@ from signorini_fx.effects.contact import Contact as ContactEffect
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import OutputError, cannot_be_written
 from signorini_fx.mesh.tagged import TaggedMesh, load_file, load_mesh
+from signorini_fx.picture_data.rigid_shapes import lines_of
 from signorini_fx.pictures.setup import NamedBoundary, Setup
 from signorini_fx.scene.effect import Effect, Force
 from signorini_fx.scene.model import MeshFile, Scene
-from signorini_fx.tuned import FOUNDATION_BESIDE, FOUNDATION_GRID
 from signorini_fx.units import names_of
 
 _SUFFIXES = (".png", ".pdf", ".svg")
@@ -59,21 +59,9 @@ def gather_setup(tagged: TaggedMesh, scene: Scene | None = None, title: str = ""
 
 
 def _lines(scene: Scene, tagged: TaggedMesh) -> list[Floats]:
-    """The lines of the foundations of the plane that have shapes, near the body, each of shape (k, 2); collective."""
-    shapes = [effect.surface for effect in scene.placed(0).contact if effect.surface is not None]
-    if tagged.dimension == 3 or not shapes:
-        return []
-    from contourpy import contour_generator  # matplotlib's
-
-    low, high = parallel.global_bounds(tagged.mesh.comm, tagged.mesh.geometry.x.astype(np.float64))[:, :2]
-    aside = FOUNDATION_BESIDE * float((high - low).max())
-    x, y = (np.linspace(a - aside, b + aside, FOUNDATION_GRID) for a, b in zip(low, high, strict=True))
-    grid = np.stack(np.meshgrid(x, y), axis=2)
-    lines = []
-    for shape in shapes:
-        signed = shape.distance(grid.reshape(-1, 2))[0].reshape(FOUNDATION_GRID, FOUNDATION_GRID)
-        lines += [np.asarray(line) for line in contour_generator(x, y, signed).lines(0.0)]
-    return lines
+    """The lines of the foundations of the plane that have shapes, see ``lines_of``; collective."""
+    placed = scene.placed(0).contact if tagged.dimension == 2 else ()
+    return lines_of([effect.gap_in(2) for effect in placed if effect.surface is not None], tagged)
 
 
 def _shown(tagged: TaggedMesh, acting: dict[str, list[Effect]]) -> list[str]:

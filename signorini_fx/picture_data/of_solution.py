@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from signorini_fx import parallel
+from signorini_fx.picture_data.rigid_shapes import drawn_shapes
 from signorini_fx.pictures.body import DrawnBody, Moment, Volume
 from signorini_fx.pictures.result_pictures import MOST_FACETS, ResultPictures
 from signorini_fx.records import as_rows
@@ -18,6 +19,8 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
     """Of a solution, with fields beside the von Mises stress, or the displacement where that is not known, and out of
     a section ``around``; collective.
     """
+    if solution.history.linear_solves == 0 and not solution.certified:
+        return _of_setup(solution, pdf=pdf)
     usual: tuple[str, ...] = ("von_mises",) if solution.has_stress else ("displacement",)
     usual += ("around",) * bool(solution.scene.kinematics.out_of_section)
     fields = tuple(dict.fromkeys((*usual, *asked)))
@@ -34,8 +37,21 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
         _volume(solution) if dimension == 3 and gather is not None and solution.has_stress else None,
         names_of(solution.scene.model_dump(include={"units", "material"}), dimension),
         {contacts[part].boundary: motion.at for motion in solution.last_step.tools for part in motion.body.parts},
+        drawn_shapes(solution) if gather is not None else {},
         (".png", ".pdf") if pdf else (".png",),
         bool(solution.scene.kinematics.zero_on_axis),
+    )
+
+
+def _of_setup(solution: Solution, *, pdf: bool) -> ResultPictures:
+    """The scene as it was prescribed, where statics has excluded a solution before anything was solved; collective."""
+    from signorini_fx.picture_data.of_setup import gather_setup
+
+    tagged, scene = solution.discretisation.tagged, solution.scene
+    setup = gather_setup(tagged, scene, scene.title)
+    suffixes = (".png", ".pdf") if pdf else (".png",)
+    return ResultPictures(
+        scene.title, tagged.dimension, (), None, (), (), (), units=setup.units, suffixes=suffixes, setup=setup
     )
 
 

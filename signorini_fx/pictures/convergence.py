@@ -18,6 +18,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from signorini_fx.csv_text import Table
 from signorini_fx.pictures.style import BLUE, INK, MUTED, ORANGE, RULE, SCREEN, STYLE, Floats, finish
+from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 
 def iteration_history(
@@ -151,7 +152,7 @@ def _total_seconds(rows: Sequence[Mapping[str, Any]]) -> list[float]:
 
 def _draw_errors(axes: Axes, cost: Sequence[float], rows: Sequence[Mapping[str, Any]], name: str, **style: Any) -> None:
     """One quantity: filled where it was solved, open and thin where it is predicted."""
-    present = [k for k, row in enumerate(rows) if row[name]]
+    present = [k for k, row in enumerate(rows) if row[name] and row[name] > ZERO_IN_SOLUTION]
     solved = [k for k in present if not rows[k]["predicted"]]
     if not solved:
         return

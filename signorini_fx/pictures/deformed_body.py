@@ -18,7 +18,7 @@ from matplotlib.tri import Triangulation
 from scipy.spatial import cKDTree
 
 from signorini_fx.pictures.fields import FIELDS, Field
-from signorini_fx.pictures.marks import draw_lengths, mark_largest
+from signorini_fx.pictures.marks import Largest, draw_lengths, mark_largest
 from signorini_fx.pictures.style import INK, MUTED, SCREEN, STYLE, Floats, finish, math_number, readable
 from signorini_fx.pictures.tiling import Tiling, refined
 from signorini_fx.pictures.tones import Tones, draw_principal, upper_tone
@@ -78,12 +78,17 @@ class DrawnFoundation:
         offset: the vector d n from each to the rigid foundation, or to the other body, length, shape (k, 2).
         touching: nodes in contact, shape (k,); None: not known.
         other: nodes that may touch another body, which is drawn itself, shape (k,); None: none.
+        shaped: nodes whose foundation is among ``lines``, shape (k,); None: none.
+        lines: whole foundations where they are, each of shape (k, 2), the body on its left: they are drawn instead of
+            what is opposite of the nodes where nothing is magnified.
     """
 
     nodes: Floats
     offset: Floats
     touching: npt.NDArray[np.bool_] | None = None
     other: npt.NDArray[np.bool_] | None = None
+    shaped: npt.NDArray[np.bool_] | None = None
+    lines: Sequence[Floats] = ()
 
     @property
     def grounded(self) -> npt.NDArray[np.bool_]:
@@ -104,21 +109,26 @@ class DrawnFoundation:
         touching = np.zeros(len(nodes), dtype=bool) if self.touching is None else np.asarray(self.touching, dtype=bool)
         finite = np.isfinite(nodes).all(axis=1) & np.isfinite(offset).all(axis=1)
         nodes, offset, touching, ungrounded = nodes[finite], offset[finite], touching[finite], ~self.grounded[finite]
+        shaped = np.zeros(len(nodes), dtype=bool) if self.shaped is None else self.shaped[finite]
         # From one boundary to the next the step is nought or much longer than those before and after.
         steps = np.concatenate(([0.0], np.hypot(*np.diff(nodes, axis=0).T), [0.0]))
         usual = np.maximum(steps[:-2], steps[2:])
         inner = steps[1:-1]
-        breaks = np.flatnonzero((inner == 0) | ((inner > 4 * usual) & (usual > 0)) | np.diff(ungrounded)) + 1
-        split = zip(*(np.split(part, breaks) for part in (nodes, offset, touching, ungrounded)), strict=True)
+        breaks = (
+            np.flatnonzero((inner == 0) | ((inner > 4 * usual) & (usual > 0)) | np.diff(ungrounded) | np.diff(shaped))
+            + 1
+        )
+        split = zip(*(np.split(part, breaks) for part in (nodes, offset, touching, ungrounded, shaped)), strict=True)
         return [DrawnFoundation(*parts) for parts in split if len(parts[0]) > 1]
 
     def with_mirror_image(self) -> DrawnFoundation:
         """Behind that on the other side of the axis, which is x[0] = 0, in the other order: the body is on the left."""
         nodes, offset = (np.concatenate((part[::-1] * (-1.0, 1.0), part)) for part in (self.nodes, self.offset))
-        touching, other = (
-            None if part is None else np.append(part[::-1], part) for part in (self.touching, self.other)
+        touching, other, shaped = (
+            None if part is None else np.append(part[::-1], part) for part in (self.touching, self.other, self.shaped)
         )
-        return DrawnFoundation(nodes, offset, touching, other)
+        lines = [*self.lines, *(line[::-1] * (-1.0, 1.0) for line in self.lines)]
+        return DrawnFoundation(nodes, offset, touching, other, shaped, lines)
 
     def keeps_its_shape(self, factor: float, points: Floats) -> bool:
         """Whether all connected parts look like themselves below a body with these points, see ``deformed_mesh``."""
@@ -150,6 +160,7 @@ def deformed_mesh(
     factor: float | None = None,
     top: float | None = None,
     frame: tuple[Floats, Floats] | None = None,
+    largest: Largest | None = None,
     title: str = "",
     suffixes: Sequence[str] = SCREEN,
 ) -> None:
@@ -165,7 +176,7 @@ def deformed_mesh(
     the values do; the label of the colour bar says whether it is so.  The edges of the cells are drawn if the mesh is
     coarse enough to see them; the body's outline always is.  Where a singular corner would leave the rest of the body
     without colour, the scale ends at the value that 99 % of the area stays below; an arrow at the colour bar says that
-    there is more.  A circle marks the value of the largest size, a gray line is the outline of the undeformed body, and
+    there is more.  A circle marks the largest value, a gray line is the outline of the undeformed body, and
     arrows show how long that is: coordinates stand at the axes only where nothing is magnified.
 
     Args:
@@ -184,6 +195,7 @@ def deformed_mesh(
             ``magnification(points, displacement)``, in two panels where one would not be true.
         top: the value where the colours end; None: see above.
         frame: lowest and highest coordinates that are seen, in one panel; None: as far as body and foundation reach.
+        largest: what the circle marks; None: no circle.
         title: what to say above the picture.
         suffixes: of the files to write.
 
@@ -234,9 +246,9 @@ def deformed_mesh(
                 axes.set_axis_off()
             if panel is panels[0] and panel.factor != 1:
                 draw_lengths(axes, points, below=low)
-            if panel is panels[0] and factor is None and np.isfinite(nodal).any():
-                at = int(np.nanargmax(np.abs(nodal)))
-                mark_largest(axes, panel.corners[at].mean(axis=0) if triangles is None else panel.moved[at], nodal[at])
+            if panel is panels[0] and largest is not None:
+                at = largest.nearest(points)
+                mark_largest(axes, largest.place + panel.moved[at] - points[at], largest.text)
         tones.bar(figure, list(grid))
         finish(figure, path_stem, f"{title}   ({remark})" if title else remark, suffixes)
 
@@ -258,7 +270,8 @@ def _panels(
     pieces = [] if foundation is None else foundation.pieces()
     true = foundation is None or foundation.keeps_its_shape(chosen, points)
     scales = (chosen,) if true or factor is not None else (1.0, chosen)
-    panels = [_Panel.of(points, cells, displacement, outline, scale, pieces) for scale in scales]
+    whole = [] if foundation is None else foundation.lines
+    panels = [_Panel.of(points, cells, displacement, outline, scale, pieces, whole) for scale in scales]
     if not true:
         panels[-1] = replace(panels[-1], with_foundation=False)
     scaling = f"displacement $\\times\\,{math_number(chosen)}$"
@@ -272,7 +285,7 @@ def _panels(
     zone = _small_zone(pieces, _diagonal(points)) if factor is None else None
     if zone is None:
         return panels, None, remark
-    enlarged = _Panel.of(points, cells, displacement, outline, 1.0, pieces)
+    enlarged = _Panel.of(points, cells, displacement, outline, 1.0, pieces, whole)
     return [panels[0], enlarged], zone, f"left: {remark if true else 'as it is'}; right: the contact zone as it is"
 
 
@@ -297,6 +310,7 @@ class _Panel:
     outline: npt.NDArray[np.int64]
     factor: float
     pieces: list[DrawnFoundation]
+    whole: Sequence[Floats] = ()
     with_foundation: bool = True
 
     @classmethod
@@ -308,31 +322,39 @@ class _Panel:
         outline: npt.NDArray[np.int64],
         factor: float,
         pieces: list[DrawnFoundation],
+        whole: Sequence[Floats],
     ) -> _Panel:
         moved = points + factor * displacement
         # A solve that failed may leave anything behind.
-        return cls(points, cells, np.where(np.isfinite(moved), moved, points), outline, factor, pieces)
+        return cls(points, cells, np.where(np.isfinite(moved), moved, points), outline, factor, pieces, whole)
 
     @property
     def corners(self) -> Floats:
         """Of the cells, shape (m, 3 or 4, 2)."""
         return self.moved[self.cells]
 
-    def lines(self) -> list[Floats]:
-        """The rigid foundations."""
-        return [piece.nodes + self.factor * piece.offset for piece in self.grounds] if self.with_foundation else []
-
-    @property
-    def grounds(self) -> list[DrawnFoundation]:
-        """The pieces on rigid foundations."""
-        return [piece for piece in self.pieces if piece.grounded.all()]
+    def lines(self) -> list[tuple[Floats, float, bool]]:
+        """The rigid foundations, on which side of each the body is, see ``_side_of_body``, and whether it is whole."""
+        if not self.with_foundation:
+            return []
+        centres, whole = self.points[self.cells].mean(axis=1), self.whole if self.factor == 1 else ()
+        pieces = [piece for piece in self.pieces if piece.grounded.all()]
+        opposite = [piece for piece in pieces if not whole or piece.shaped is None or not piece.shaped.all()]
+        return [
+            *(
+                (piece.nodes + self.factor * piece.offset, _side_of_body(piece.nodes, centres), False)
+                for piece in opposite
+            ),
+            *((line, 1.0, True) for line in whole),
+        ]
 
     def frame(self) -> tuple[Floats, Floats]:
         """What is seen: the body, and a foundation that runs far away not much further than that."""
         body = np.concatenate((self.corners.reshape(-1, 2), self.points[self.cells].reshape(-1, 2)))
         low, high = body.min(axis=0), body.max(axis=0)
         around = 0.3 * float(max(high - low))
-        seen = [np.clip(line, low - around, high + around) for line in self.lines()]
+        # Whole foundations end near the body.
+        seen = [line if whole else np.clip(line, low - around, high + around) for line, _, whole in self.lines()]
         everything = np.concatenate([np.stack((low, high)), *seen])
         low, high = everything.min(axis=0), everything.max(axis=0)
         margin = 0.035 * float(max(high - low))
@@ -384,10 +406,9 @@ class _Panel:
         if not self.with_foundation:
             self._mark_contact(axes)
             return
-        centres = self.points[self.cells].mean(axis=1)
         margin = 0.035 * float(np.max(extent[1] - extent[0]))
-        for piece, line in zip(self.grounds, self.lines(), strict=True):
-            _draw_foundation(axes, line, _side_of_body(piece.nodes, centres), margin)
+        for line, side, _ in self.lines():
+            _draw_foundation(axes, line, side, margin)
 
     def _mark_contact(self, axes: Axes) -> None:
         """A thick line along the edges of the body between two nodes in contact, where they have gone."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import matplotlib as mpl
@@ -18,17 +19,29 @@ from signorini_fx.pictures.fields import FIELDS
 from signorini_fx.pictures.foundation import normals_of
 from signorini_fx.pictures.solid_body import Skin, show, solid_of, telling_view, tones_of
 from signorini_fx.pictures.style import SCREEN, STYLE, Floats, finish
-from signorini_fx.tuned import APART_INCHES, BODIES_APART, BODY_OUT, CLOSED_IN_PICTURE, VIEW_FROM_BELOW
+from signorini_fx.tuned import (
+    APART_INCHES,
+    APART_TIMES,
+    BODIES_APART,
+    BODY_OUT,
+    CLOSED_IN_PICTURE,
+    NARROWEST,
+    VIEW_FROM_BELOW,
+)
+
+_LINES = 24  # directions of lines that may separate two bodies in a picture
 
 
-def moved_apart(skin: Skin, contact: Table) -> Floats | None:
+def moved_apart(skin: Skin, contact: Table, views: Sequence[view.View] = ()) -> Floats | None:
     """How far each point is moved with its body, length, shape (n, 3); None: no contact hides faces of two bodies.
 
     Along the mean normal of their contact; out of a closed contact boundary along the direction that it faces least.
+    The first of some distances at which a body covers fewest others.
 
     Args:
         skin: of all bodies.
         contact: columns of ``contact.csv``.
+        views: from which no body should cover another one.
     """
     if skin.pieces is None:
         return None
@@ -71,6 +84,14 @@ def moved_apart(skin: Skin, contact: Table) -> Floats | None:
     if not any(steps.values()):
         return None
     shifts, seen = np.zeros((len(trees), 3)), set[int]()
+    outlines = {body: _extents(skin.points[rows], views) for body, rows in trees.items()}
+
+    def covered(body: int, shift: Floats) -> int:
+        """How many bodies that have their places no straight line separates from one with this shift in some view."""
+        low, high = outlines[body] + _extents(shift[None], views)
+        places = ((outlines[other] + _extents(shifts[None, other], views)) for other in seen)
+        return sum(int(((low < top) & (bottom < high)).all(axis=1).sum()) for bottom, top in places)
+
     for first in sorted(trees, key=lambda body: -len(trees[body])):
         waiting = deque([first] if first not in seen else [])
         seen.add(first)
@@ -78,10 +99,20 @@ def moved_apart(skin: Skin, contact: Table) -> Floats | None:
             body = waiting.popleft()
             for neighbour, way in steps[body]:
                 if neighbour not in seen:
-                    shifts[neighbour] = shifts[body] + way
+                    farther = [shifts[body] + times * way for times in APART_TIMES]
+                    shifts[neighbour] = min(farther, key=partial(covered, neighbour))  # the first of equal ones
                     seen.add(neighbour)
                     waiting.append(neighbour)
     return np.asarray(shifts[bodies])
+
+
+def _extents(points: Floats, views: Sequence[view.View]) -> Floats:
+    """Lowest and highest coordinates of points of shape (n, 3) across lines in pictures, shape (2, views, lines)."""
+    angles = np.linspace(0.0, np.pi, _LINES, endpoint=False)
+    across = np.stack((np.cos(angles), np.sin(angles)))
+    heights = [sight.flat(points) @ across for sight in views]
+    ends = [[height.min(axis=0) for height in heights], [height.max(axis=0) for height in heights]]
+    return np.array(ends).reshape(2, len(views), _LINES)
 
 
 def exploded(
@@ -99,13 +130,13 @@ def exploded(
     Raises:
         PictureError: PyVista is missing.
     """
-    shifts = moved_apart(skin, contact)
-    if shifts is None:
-        return
-    apart = replace(skin, points=skin.points + shifts)
     above = telling_view(skin)
     azimuth = float(np.degrees(np.arctan2(above.toward[1], above.toward[0])))
     views = (above, view.oblique(azimuth, VIEW_FROM_BELOW))
+    shifts = moved_apart(skin, contact, views)
+    if shifts is None:
+        return
+    apart = replace(skin, points=skin.points + shifts)
     field = FIELDS["von_mises"]
     tones = tones_of(apart, above, field)
     solid = replace(solid_of(apart, tones, 1.0, ()), edges=apart.edges)
@@ -113,10 +144,11 @@ def exploded(
     inch = APART_INCHES / max(2 * float(camera.half.max()) for camera in cameras)
     widths, heights = (2 * inch * np.array([camera.half[k] for camera in cameras]) for k in (0, 1))
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(float(widths.sum()), float(heights.max()) + 1.1), layout="constrained")
+        size = (max(float(widths.sum()), NARROWEST), float(heights.max()) + 1.1)
+        figure = Figure(figsize=size, layout="constrained")
         panels = figure.subplots(1, 2, width_ratios=list(map(float, widths)))
         for axes, camera in zip(panels, cameras, strict=True):
             show(axes, solid, camera, inch)
         tones.bar(figure, list(panels))
-        remark = "bodies moved apart; left: from above, right: from below"
+        remark = "moved apart, from above and from below"
         finish(figure, path_stem, f"{title}   ({remark})" if title else remark, suffixes)

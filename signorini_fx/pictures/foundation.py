@@ -24,21 +24,34 @@ class FoundationSurface:
         normals: towards the foundation, shape (k, 3).
         gap: d from each node along its normal to the foundation, length, shape (k,).
         facets: nodes of each facet of the boundary, in order along its perimeter, shape (m, 3) or (m, 4).
+        surface: points and polygons of the whole foundation near the body, counterclockwise as seen from there; None:
+            only what is opposite of the nodes is known.
     """
 
     nodes: Floats
     normals: Floats
     gap: Floats
     facets: Rows
+    surface: tuple[Floats, Rows] | None = None
 
     def drawn(self, factor: float) -> Floats:
         """The foundation at the nodes with the gap times a factor, shape (k, 3)."""
         return np.asarray(self.nodes + factor * self.gap[:, None] * self.normals)
 
+    @property
+    def is_plane(self) -> bool:
+        """Whether what is opposite of the nodes lies in a plane."""
+        return plane_of(self.drawn(1.0)) is not None
+
     def shape(self, factor: float) -> tuple[Floats, Rows]:
-        """Points and polygons to draw, counterclockwise as seen from the body; of a plane a rectangle around it."""
+        """Points and polygons to draw, counterclockwise as seen from the body; of a plane a rectangle around it.
+
+        The whole foundation is drawn where it is only, with a factor of 1.
+        """
         points = self.drawn(factor)
         rectangle = plane_of(points)
+        if rectangle is None and factor == 1 and self.surface is not None:
+            return self.surface
         if rectangle is None:
             return points, self._towards_body(points)
         inwards = -self.normals.mean(axis=0)

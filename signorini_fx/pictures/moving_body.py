@@ -62,7 +62,7 @@ def moving_body(
 
     def draw(stem: Path, number: int, caption: str) -> None:
         moment = moments[number]
-        ground = None if foundation is None else replace(foundation, touching=moment.touching)
+        ground = None if foundation is None else replace(foundation, touching=moment.touching, shaped=None, lines=())
         deformed_mesh(
             stem,
             body.points,

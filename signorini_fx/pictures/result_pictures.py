@@ -13,6 +13,8 @@ import numpy.typing as npt
 from signorini_fx.csv_text import Table
 from signorini_fx.pictures.body import DrawnBody, Moment, Volume
 from signorini_fx.pictures.fields import FIELDS, values_of
+from signorini_fx.pictures.marks import Largest
+from signorini_fx.pictures.setup import Setup
 from signorini_fx.units import labelled
 
 if TYPE_CHECKING:
@@ -38,8 +40,11 @@ class ResultPictures:
         volume: the cells of a body in space, if it has no more than can be drawn, for a section.
         units: for labels, see ``signorini_fx.units``.
         tools: of each boundary that a rigid tool may touch, how the tool has moved at points of shape (n, d).
+        shapes: of each boundary whose foundation is a shape its lines, or points and triangles, where it is, to be
+            drawn where nothing is magnified; see ``picture_data.rigid_shapes``.
         suffixes: of the files to write, except the animation.
         mirrored: whether the body is a section that is drawn on both sides of its axis.
+        setup: what the scene prescribes, where nothing was solved and there is no body to be drawn; None: it was.
     """
 
     title: str
@@ -52,8 +57,10 @@ class ResultPictures:
     volume: Volume | None = None
     units: Mapping[str, str] = field(default_factory=dict)
     tools: Mapping[str, Callable[[Array], Array]] = field(default_factory=dict)
+    shapes: Mapping[str, Any] = field(default_factory=dict)
     suffixes: Sequence[str] = (".png",)
     mirrored: bool = False
+    setup: Setup | None = None
 
     def draw(
         self,
@@ -61,6 +68,7 @@ class ResultPictures:
         contact: Table | None = None,
         facets: npt.NDArray[np.int64] | None = None,
         steps: Table | None = None,
+        largest: tuple[Sequence[float], str] | None = None,
     ) -> None:
         """All of them.
 
@@ -69,15 +77,22 @@ class ResultPictures:
             contact: the columns of contact.csv; None: without contact.
             facets: of a body in space, its rows at each facet of the contact surface, see ``read_facets``.
             steps: the columns of steps.csv if there are several.
+            largest: where the von Mises stress is largest, and its value; None: there is none that may be used.
 
         Raises:
             PictureError: a body in space cannot be drawn; all others pictures are there.
         """
         with labelled(self.units):
-            self._draw(folder, contact, facets, steps)
+            marked = None if largest is None else Largest(np.array(largest[0])[: self.dimension], largest[1])
+            self._draw(folder, contact, facets, steps, marked)
 
     def _draw(
-        self, folder: Path, contact: Table | None, facets: npt.NDArray[np.int64] | None, steps: Table | None
+        self,
+        folder: Path,
+        contact: Table | None,
+        facets: npt.NDArray[np.int64] | None,
+        steps: Table | None,
+        largest: Largest | None,
     ) -> None:
         # matplotlib takes a while to import
         from signorini_fx.pictures.convergence import errors_and_costs, iteration_history
@@ -85,6 +100,9 @@ class ResultPictures:
         from signorini_fx.pictures.style import plain
 
         title = plain(self.title)
+        if self.setup is not None:
+            self.setup.draw(folder / "setup", self.suffixes)
+            return
         if self.history:
             dimension = 3 if contact is not None and "shear_z" in contact else 2  # slip has a sign, or a direction
             iteration_history(folder / "history", self.history, dimension=dimension, suffixes=self.suffixes)
@@ -101,11 +119,13 @@ class ResultPictures:
 
             contact_surface(folder / "contact_surface", contact, facets, title=title, suffixes=self.suffixes)
         if self.body is not None and self.dimension == 2:
-            self._draw_in_the_plane(self.body, contact, folder, title)
+            self._draw_in_the_plane(self.body, contact, folder, title, largest)
         elif self.body is not None:
-            foundations = [] if contact is None or facets is None else foundations_of(contact, facets, self.tools)
+            foundations = (
+                [] if contact is None or facets is None else foundations_of(contact, facets, self.tools, self.shapes)
+            )
             drawn = self.body if contact is None else replace(self.body, parted=_parted(contact))
-            self._draw_in_space(drawn, foundations, folder, title)
+            self._draw_in_space(drawn, foundations, folder, title, largest)
             if contact is not None and not _grounded(contact).all() and "von_mises" in self.fields:
                 from signorini_fx.pictures.exploded import exploded
                 from signorini_fx.pictures.solid_body import Skin
@@ -115,7 +135,9 @@ class ResultPictures:
             if contact is not None and self.volume is not None:
                 self._draw_section(drawn, self.volume, contact, foundations, folder, title)
 
-    def _draw_in_the_plane(self, body: DrawnBody, contact: Table | None, folder: Path, title: str) -> None:
+    def _draw_in_the_plane(
+        self, body: DrawnBody, contact: Table | None, folder: Path, title: str, largest: Largest | None
+    ) -> None:
         from signorini_fx.pictures.deformed_body import DrawnFoundation, deformed_mesh
         from signorini_fx.pictures.moving_body import moving_body
 
@@ -129,7 +151,9 @@ class ResultPictures:
             for name, moved in self.tools.items():
                 on_tool = np.asarray(contact["boundary"] == name)
                 offset[on_tool] += moved(nodes[on_tool])
-            foundation = DrawnFoundation(nodes, offset, contact["state"] != "open", ~_grounded(contact))
+            shaped = np.isin(contact["boundary"], list(self.shapes))
+            lines = [line for drawn in self.shapes.values() for line in drawn]
+            foundation = DrawnFoundation(nodes, offset, contact["state"] != "open", ~_grounded(contact), shaped, lines)
             foundation = foundation.with_mirror_image() if self.mirrored else foundation
         for name in self.fields:
             deformed_mesh(
@@ -143,6 +167,7 @@ class ResultPictures:
                 field=FIELDS[name],
                 stress=body.stress_in_the_middle() if name == "principal" else None,
                 foundation=foundation,
+                largest=_marked(name, body, largest),
                 title=title,
                 suffixes=self.suffixes,
             )
@@ -150,7 +175,12 @@ class ResultPictures:
             moving_body(folder / "deformed.gif", body, moments, foundation=foundation, title=title)
 
     def _draw_in_space(
-        self, body: DrawnBody, foundations: Sequence[FoundationSurface], folder: Path, title: str
+        self,
+        body: DrawnBody,
+        foundations: Sequence[FoundationSurface],
+        folder: Path,
+        title: str,
+        largest: Largest | None,
     ) -> None:
         from signorini_fx.pictures.moving_body import moving_solid
         from signorini_fx.pictures.solid_body import Skin, deformed_solid, telling_view
@@ -158,7 +188,8 @@ class ResultPictures:
 
         skin = Skin.of(body, self.fields[0])
         seen = telling_view(skin)
-        write_turning(folder / TURNING, skin, foundations, seen, FIELDS[self.fields[0]])
+        first = self.fields[0]
+        write_turning(folder / TURNING, skin, foundations, seen, FIELDS[first], _marked(first, body, largest))
         for name in self.fields:
             deformed_solid(
                 folder / self._stem(name),
@@ -167,6 +198,7 @@ class ResultPictures:
                 stress=body.stress_in_the_middle() if name == "principal" else None,
                 foundations=foundations,
                 seen=seen,
+                largest=_marked(name, body, largest),
                 title=title,
                 suffixes=self.suffixes,
             )
@@ -209,6 +241,17 @@ class ResultPictures:
         )
 
 
+def _marked(field: str, body: DrawnBody, largest: Largest | None) -> Largest | None:
+    """What is marked in the picture of a field: of the von Mises stress what all figures say."""
+    if field == "von_mises":
+        return largest
+    values = values_of(field, body.values)
+    points = body.points[body.within]
+    if values.ndim == 1:
+        return Largest.of(points.mean(axis=1), values)
+    return Largest.of(points.reshape(-1, points.shape[-1]), values.ravel())
+
+
 def _grounded(contact: Table) -> npt.NDArray[np.bool_]:
     """Which rows of contact.csv are on a rigid foundation."""
     return np.asarray(contact["against"] == "") if "against" in contact else np.full(len(contact["boundary"]), True)
@@ -221,10 +264,13 @@ def _parted(contact: Table) -> float:
 
 
 def foundations_of(
-    c: Table, facets: npt.NDArray[np.int64], tools: Mapping[str, Callable[[Array], Array]]
+    c: Table,
+    facets: npt.NDArray[np.int64],
+    tools: Mapping[str, Callable[[Array], Array]],
+    shapes: Mapping[str, Any],
 ) -> list[FoundationSurface]:
     """The rigid foundation of each contact boundary in space that has one; ``facets`` are rows of the contact table,
-    shape (m, k).  Of the motion of a tool that along the normals is seen.
+    shape (m, k).  Of the motion of a tool that along the normals is seen where it is magnified.
     """
     from signorini_fx.pictures.foundation import FoundationSurface
 
@@ -243,6 +289,7 @@ def foundations_of(
                 normals[on_boundary],
                 gap[on_boundary],
                 row[corners[on_boundary[corners].all(axis=1)]],
+                shapes.get(name),
             )
         )
     return foundations

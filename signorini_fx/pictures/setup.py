@@ -194,7 +194,7 @@ class Setup:
         right, top = camera.half
         axes.imshow(picture, extent=(-right, right, -top, top), aspect="equal")
         axes.set_axis_off()
-        draw_lengths(axes, self.polygons.reshape(-1, 3), camera.flat)
+        draw_lengths(axes, self.polygons.reshape(-1, 3), camera.flat, inch=inch)
         return figure, axes, camera.flat, seen.toward
 
     # --- what is on it -----------------------------------------------------------------------------------------------

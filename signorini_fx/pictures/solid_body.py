@@ -20,7 +20,7 @@ from signorini_fx.pictures.body import DrawnBody, Volume
 from signorini_fx.pictures.deformed_body import magnification
 from signorini_fx.pictures.fields import FIELDS, Field, values_of
 from signorini_fx.pictures.foundation import FoundationSurface, normals_of
-from signorini_fx.pictures.marks import draw_lengths, mark_largest
+from signorini_fx.pictures.marks import Largest, draw_lengths, mark_largest
 from signorini_fx.pictures.solid import Cut, Lines, Solid
 from signorini_fx.pictures.style import BLUE, ORANGE, SCREEN, STYLE, Floats, finish, math_number
 from signorini_fx.pictures.tones import STROKES, Tones, strokes, thinned
@@ -28,6 +28,7 @@ from signorini_fx.tuned import (
     NARROWEST,
     PIXELS_PER_INCH,
     PREFERRED_GAIN,
+    SAME_LENGTH,
     SEEN_FROM_THE_SIDE,
     SOLID_INCHES,
     STROKES_ABOVE,
@@ -99,14 +100,6 @@ class Skin:
         pairs = np.stack((self.perimeters, np.roll(self.perimeters, -1, axis=1)), axis=2).reshape(-1, 2)
         return np.unique(np.sort(pairs, axis=1), axis=0)
 
-    def largest(self) -> tuple[int, float] | None:
-        """The point where the field is largest by its size, and its value; None: it is no number anywhere."""
-        values = self.values.ravel()
-        if not np.isfinite(values).any():
-            return None
-        at = int(np.nanargmax(np.abs(np.where(np.isfinite(values), values, np.nan))))
-        return int(self.triangles.ravel()[at]), float(values[at])
-
     def moved(self, factor: float) -> Floats:
         """The points with the displacement times a factor; a failed solve may have left anything behind."""
         moved = self.points + factor * self.displacement
@@ -143,6 +136,7 @@ def solid_figure(
     top: float | None = None,
     reach: Floats | None = None,
     seen: view.View | None = None,
+    largest: Largest | None = None,
 ) -> tuple[Figure, str]:
     """Draw the outer surface of a deformed body in space on its foundation, in perspective.
 
@@ -150,8 +144,8 @@ def solid_figure(
     of the colour bar says whether it is so.  If a singular edge would leave the rest without colour, the scale ends at
     the value that is not exceeded on 99 % of the visible area.  Dark lines on the body are its sharp edges, gray ones
     those of the undeformed body; the edges of the facets are drawn if they are large enough to see them.  Arrows show
-    the axes, and how long the undeformed body is along each.  A circle marks the value of the largest size on the
-    surface; it is open where it is behind the body.  A foundation is gray, and seen from the side of the body
+    the axes, and how long the undeformed body is along each.  A circle marks the largest value; it is open where it is
+    behind the surface that is seen.  A foundation is gray, and seen from the side of the body
     only.
 
     As in the plane the gap is magnified with the displacement.  Where that would bend the foundation visibly, as the
@@ -168,6 +162,7 @@ def solid_figure(
         top: the value where the colours end; None: see above.
         reach: points that the picture shows too, shape (k, 3).
         seen: the view; None: ``telling_view(skin)``.
+        largest: what the circle marks; None: no circle.
 
     Returns:
         The figure, and what it magnifies.
@@ -186,7 +181,11 @@ def solid_figure(
     tones = tones_of(skin, seen, field, top)
     factors = [chosen] if true else [1.0, chosen]
     shown = [solid_of(skin, tones, at, foundations if true or at == 1 else ()) for at in factors]
-    cameras = [view.Camera.on(seen, _extent(entry, reach)) for entry in shown]
+    # Whole foundations end near the body.
+    whole = [] if reach is None else [reach]
+    whole += [entry.surface[0] for entry in foundations if entry.surface is not None and not entry.is_plane]
+    reaches = [np.concatenate(whole) if whole and at == 1 else reach for at in factors]
+    cameras = [view.Camera.on(seen, _extent(entry, far)) for entry, far in zip(shown, reaches, strict=True)]
     inch = (SOLID_INCHES if true else 0.75 * SOLID_INCHES) / max(2 * float(camera.half.max()) for camera in cameras)
     widths, heights = (2 * inch * np.array([camera.half[k] for camera in cameras]) for k in (0, 1))
     figure = Figure(figsize=(max(float(widths.sum()), NARROWEST), float(heights.max()) + 0.9), layout="constrained")
@@ -198,12 +197,13 @@ def solid_figure(
             solid = replace(solid, lines=_strokes(skin, at, stress, camera))
         show(axes, solid, camera, inch)
         if axes is grid[0]:
-            draw_lengths(axes, skin.points, camera.flat)
-            if factor is None and (largest := skin.largest()) is not None:
-                point, value = largest
-                mark_largest(
-                    axes, camera.flat(solid.points[point][None])[0], value, behind=_hidden(skin, point, camera)
-                )
+            draw_lengths(axes, skin.points, camera.flat, inch=inch)
+            if largest is not None:
+                point = largest.nearest(skin.points)
+                place = largest.place + solid.points[point] - skin.points[point]
+                inside = np.linalg.norm(largest.place - skin.points[point]) > SAME_LENGTH * skin.size
+                behind = bool(inside) or _hidden(skin, point, camera)
+                mark_largest(axes, camera.flat(place[None])[0], largest.text, behind=behind)
     tones.bar(figure, list(grid))
     return figure, remark
 

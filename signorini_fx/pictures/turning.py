@@ -15,6 +15,7 @@ import numpy.typing as npt
 from signorini_fx.pictures import view
 from signorini_fx.pictures.fields import FIELDS, Field
 from signorini_fx.pictures.foundation import FoundationSurface
+from signorini_fx.pictures.marks import Largest
 from signorini_fx.pictures.solid_body import Skin, tones_of
 from signorini_fx.units import bracketed, unit
 
@@ -27,6 +28,7 @@ def write_turning(
     foundations: Sequence[FoundationSurface],
     seen: view.View,
     field: Field = FIELDS["von_mises"],
+    largest: Largest | None = None,
 ) -> None:
     """Write the surface of a body with a field, its displacement, and the foundations.
 
@@ -36,6 +38,7 @@ def write_turning(
         foundations: of each contact boundary.
         seen: the view at first.
         field: what is drawn.
+        largest: what is marked; None: nothing.
     """
     factor = skin.factor
     tones = tones_of(skin, seen, field)
@@ -59,7 +62,7 @@ def write_turning(
         "colours": _packed((256 * tones.colours(np.arange(256))[:, :3]).clip(0, 255), np.uint8),
         "limits": [float(tones.low), float(tones.high)],
         "label": f"{tones.field.label}{bracketed(tones.field.quantity)}",
-        "largest": _largest(skin),
+        "largest": None if largest is None else _marked(skin, largest),
         "unit": unit("length"),
         "factor": factor,
         "bends": not all(foundation.looks_like_itself(factor, skin.size) for foundation in foundations),
@@ -71,14 +74,10 @@ def write_turning(
     file.write_text(json.dumps(data, separators=(",", ":"), allow_nan=False) + "\n", encoding="utf-8")
 
 
-def _largest(skin: Skin) -> dict[str, Any] | None:
-    """Where the field is largest, how that point moves, and the value; None: the field is not known."""
-    at = skin.largest()
-    if at is None:
-        return None
-    point, value = at
-    moved = np.nan_to_num(skin.displacement[point])
-    return {"point": skin.points[point].tolist(), "motion": moved.tolist(), "value": f"{value:.3g}"}
+def _marked(skin: Skin, largest: Largest) -> dict[str, Any]:
+    """Where the field is largest, how that point moves, and the value."""
+    moved = np.nan_to_num(skin.displacement[largest.nearest(skin.points)])
+    return {"point": largest.place.tolist(), "motion": moved.tolist(), "value": largest.text}
 
 
 def _part(points: Floats, motion: Floats, values: Floats, triangles: Any, lines: Any) -> dict[str, str]:

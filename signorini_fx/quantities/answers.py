@@ -19,6 +19,8 @@ from signorini_fx.quantities.validity import Validity, validity_of
 from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
 from signorini_fx.units import with_unit
 
+# Of a share of the yield stress at a place where the stress has no limit, which the first answer tells.
+_NOT_SHOWN = "strength is not shown"
 # The errors of a price list that say something to somebody who has asked for none of them, as they are called there.
 _ESTIMATED = ("pressure", "force", "energy")
 # What statics proves of a body without a solution, or finds before one is looked for.
@@ -93,7 +95,8 @@ def _holds(summary: dict[str, Any]) -> Answer:
     if law := _other_law(summary):
         details.append("not with the contact law that was asked for")
     if strength.singular:
-        return Answer("", "in balance; strength not shown", tuple(details), "short")
+        shown = details if "results_of" in summary else details[1:]  # the answer says the first one
+        return Answer("", "in balance; strength not shown", tuple(shown), "short")
     if validity is Validity.LESS_ACCURATE:
         return Answer("", "yes", (*details, f"less accurate than required: {summary['status']}"), "short")
     return Answer("", "yes", tuple(details), "short" if law else "good")
@@ -154,7 +157,8 @@ class Strength:
             return cls("strength is not judged: give yield_stress in [[material]]")
         told = share = f"{share_in_words(summary)} of the yield stress used"
         if "results_of" in summary:
-            told += f" at {load_step(summary['results_of'])}"
+            earlier = validity_of(summary) is Validity.EARLIER_STEP
+            told = f"there {told}" if earlier else f"{told} at {load_step(summary['results_of'])}"
         if no_limit:
             told += " on this mesh, where the stress has no limit as it is refined: judge it at a distance"
         if len(summary.get("steps", ())) > 1:
@@ -178,16 +182,26 @@ def _left(summary: dict[str, Any]) -> Answer:
     if validity is Validity.EARLIER_STEP:
         last, failed = (load_step(step) for step in (summary["results_of"], summary["steps"][-1]))
         text = f"nothing at {failed}" if moves_away else f"no solution was found beyond {last}"
-        first = strength.share if strength.known and not strength.singular else strength.told
-        return Answer("", text, (f"at {last}: {first}", limit, *details), "bad")
+        first = _NOT_SHOWN if strength.singular else strength.share if strength.known else strength.told
+        # The load step that failed is the limit that is known.
+        limits = [] if moves_away and _no_limit(summary) else [limit]
+        return Answer("", text, (f"at {last}: {first}", *limits, *details), "bad")
     texts = [strength.share] if strength.known and not strength.singular else []
     if summary.get("safety") is None:
         details.insert(0, limit)
     else:
         texts.append(limit)
-    if not texts or strength.singular:
+    if strength.singular:
+        details.append(_NOT_SHOWN)
+    elif not texts:
         details.append(strength.told)
     return Answer("", "; ".join(texts) or "not known", tuple(details))
+
+
+def _no_limit(summary: dict[str, Any]) -> bool:
+    """Whether statics proves that no multiple of the live loads moves the body."""
+    safety = summary.get("safety")
+    return safety is not None and (safety["factor"] if safety["exact"] else safety["bound"]) is None
 
 
 def _limit_of_statics(summary: dict[str, Any]) -> tuple[str, list[str]]:
@@ -198,13 +212,15 @@ def _limit_of_statics(summary: dict[str, Any]) -> tuple[str, list[str]]:
             return "supports hold it, so that no load moves it away", []
         return "no multiple of the loads is known at which it moves away", []
     factor = safety["factor"] if safety["exact"] else safety["bound"]
-    limit = "statics sets no limit" if factor is None else f"{factor:.3g} times the live loads until it moves away"
+    limit = "no multiple of the live loads moves it"
+    if factor is not None:
+        limit = f"{factor:.3g} times the live loads until it moves away"
     each = {name: safety[name] for name in ("sliding", "overturning") if name in safety and factor is not None}
     details = [
         f"{name}: {'no limit' if multiple is None else f'{multiple:.3g} times'}" for name, multiple in each.items()
     ]
     if safety["friction_used"] is not None:
-        details.append(f"friction used: {100 * safety['friction_used']:.2g} %")
+        details.append(f"friction used: {percent(safety['friction_used'])}")
     return (limit if safety["exact"] or factor is None else f"at most {limit}"), details
 
 
@@ -220,13 +236,12 @@ def _stress(summary: dict[str, Any]) -> Answer:
     stress = largest_von_mises(summary)
     if stress is None:
         return Answer("", "not computed", ("no stress was written: leave --no-fields out", *details))
-    if region := stress.get("region"):
-        details.insert(0, f"in {region}")
     if why := stress.get("no_limit"):
         details.insert(0, f"no limit as the mesh is refined: {why}")
     value = with_unit(figure(stress["value"], between(summary["stress"])), "stress")
     place = with_unit(point_in_words(stress["place"]), "length")
-    return Answer("", f"at {place}", (f"von Mises stress {value}, {stress['of']}", *details))
+    region = f" in {stress['region']}" if stress.get("region") else ""
+    return Answer("", f"at {place}", (f"von Mises stress {value}{region}, {stress['of']}", *details))
 
 
 def _sure(summary: dict[str, Any]) -> Answer:
@@ -249,7 +264,9 @@ def _sure(summary: dict[str, Any]) -> Answer:
     if took := cost_in_words(summary):
         details.append(took)
     tone = "bad" if not holds else "short" if law or validity is Validity.LESS_ACCURATE else ""
-    return Answer("", f"error {error}" if known else "error of the mesh not estimated", tuple(details), tone)
+    several = error.startswith(_ESTIMATED)
+    text = f"{'errors:' if several else 'error'} {error}" if known else "error of the mesh not estimated"
+    return Answer("", text, tuple(details), tone)
 
 
 def _way_to_an_estimate(summary: dict[str, Any]) -> str:

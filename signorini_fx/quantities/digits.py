@@ -69,5 +69,5 @@ def _rounded(value: float, size: float, error: float | None) -> str:
 
 
 def percent(error: float) -> str:
-    """A relative error with two digits."""
-    return f"{100 * error:.2g} %" if error > 1e-5 else "below 0.001 %"
+    """A relative error, or another share, with two digits."""
+    return f"{float(f'{100 * error:.2g}'):g} %" if error > 1e-5 else "below 0.001 %" if error else "0 %"

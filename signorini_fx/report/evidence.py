@@ -168,12 +168,9 @@ def _data(entry: Mapping[str, Any], *leave_out: str, nothing: float | None = Non
 
 def price_list(rows: list[dict[str, Any]]) -> Markup:
     """Estimated errors and costs of each mesh."""
-    from signorini_fx.pictures.convergence import errors_and_costs
-
     names = ["h", "dofs", "linear_solves", "seconds", "memory", "energy", "pressure", "force", "zone", "peak"]
     names += ["regularisation", "iteration"]
     shorter = [[_two_digits(row[name]) for name in names] + ["predicted" if row["predicted"] else ""] for row in rows]
-    caption = "Estimated relative errors against unknowns and time; open: the next mesh, predicted."
     note = (
         "One row per mesh. Energy: displacement in the energy norm; pressure; force; zone: ends of the contact zones, "
         "in space the contact area; peak: largest pressure, without an estimate where it has no limit "
@@ -182,12 +179,17 @@ def price_list(rows: list[dict[str, Any]]) -> Markup:
     )
     note = tag("p", note, class_="note")
     classes = ["predicted" if row["predicted"] else "" for row in rows]
-    return joined(
-        [
-            drawn_by(errors_and_costs, rows, caption=caption),
-            folded("Every mesh", table([*(name.replace("_", " ") for name in names), ""], shorter, classes), note),
-        ]
-    )
+    return joined([table([*(name.replace("_", " ") for name in names), ""], shorter, classes), note])
+
+
+def cost(summary: dict[str, Any]) -> Markup:
+    """The picture of errors against what they took, which belongs to the answer how sure a result is."""
+    from signorini_fx.pictures.convergence import errors_and_costs
+
+    if "price_list" not in summary:
+        return Markup("")
+    caption = "Estimated relative errors against unknowns and time; open: the next mesh, predicted."
+    return drawn_by(errors_and_costs, summary["price_list"], caption=caption)
 
 
 def _two_digits(value: float | None) -> Any:

@@ -51,11 +51,12 @@ def page(folder: Path) -> str:
 
 def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     solid = in_space(summary)
-    contact = folder.columns("contact.csv", summary["contact_nodes"]) if "contact_nodes" in summary else {}
+    known = sections.was_solved(summary)
+    contact = folder.columns("contact.csv", summary["contact_nodes"]) if known and "contact_nodes" in summary else {}
     overview = sections.overview(folder, solid=solid, stressed="stress" in summary["scene"].get("forms", ["stress"]))
     # First what is asked first, then what was found, then why it may be trusted, last how it was computed.
     chapters = {
-        "Outcome": sections.outcome(summary, overview),
+        "Outcome": sections.outcome(summary, overview, evidence.cost(summary)),
         "Figures": sections.figures(summary) if validity_of(summary).solved else "",
         "Further pictures": sections.further_pictures(folder, solid=solid),
     }
@@ -71,9 +72,9 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     elif contact:
         chapters["Contact boundary"] = sections.profiles(contact)
         chapters["Forces and zones"] = sections.forces(summary)
-    elif summary.get("resultants"):
+    elif known and summary.get("resultants"):
         chapters["Forces"] = sections.forces(summary)
-    if "steps" in summary:
+    if known and "steps" in summary:
         chapters["Load steps"] = sections.steps(
             folder, folder.columns("steps.csv", len(summary["steps"])), contact, around=sections.is_around(summary)
         )
@@ -81,9 +82,8 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     if lines:
         chapters["What to do next"] = tag("ul", *lines)
     if "price_list" in summary:
-        cost = (summary.get("cost") or {}).get("statement", "")
-        chapters["Price list"] = joined([tag("p", cost), evidence.price_list(summary["price_list"])])
-    chapters["Certificate"] = evidence.certificate(summary)
+        chapters["Price list"] = evidence.price_list(summary["price_list"])
+    chapters["Certificate"] = evidence.certificate(summary) if known else ""
     chapters["Scene and effects"] = evidence.scene(summary)
     if contact:
         columns = folder.columns("history.csv", summary["linear_solves"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from signorini_fx.quantities.registry import quantities, shown_cards
 from signorini_fx.quantities.text import kinematics_of, named_components
 from signorini_fx.quantities.validity import Validity, validity_of
 from signorini_fx.report.interactive import plots, turning
-from signorini_fx.report.markup import drawn_by, joined, long_table, picture, table, tag
+from signorini_fx.report.markup import drawn_by, in_text, joined, long_table, picture, table, tag
 from signorini_fx.report.templating import Markup, rendered
 from signorini_fx.result_files import ResultFiles, seconds_of
 from signorini_fx.units import bracketed, unit
@@ -29,14 +30,16 @@ _TONES |= dict.fromkeys((Validity.EARLIER_STEP, Validity.NO_SOLUTION), "bad")
 _COUNTS = {"dofs": "unknowns", "contact_nodes": "contact nodes"}
 
 
-def outcome(summary: dict[str, Any], overview: str = "") -> Markup:
-    """Status, verdict of the certificate, four answers beside the picture of the body, and warnings."""
+def outcome(summary: dict[str, Any], overview: str = "", cost: str = "") -> Markup:
+    """Status, verdict of the certificate, four answers beside the picture of the body, with what accuracy costs below
+    them, and warnings.
+    """
     validity = validity_of(summary)
     verdict = "The certificate holds." if summary["certificate"]["holds"] else "The certificate does NOT hold."
     if not validity.solved:
         verdict = f"{verdict} All figures are of the last iterate: do not use them."
-        if summary["linear_solves"] == 0:
-            verdict += " No linear system was solved: the figures are those of the body without displacement."
+        if not was_solved(summary):
+            verdict = "Nothing was solved, so there are no figures."
     elif "results_of" in summary:
         verdict = f"{verdict} All figures are of {results_of(summary)}."
     elif validity is Validity.LESS_ACCURATE:
@@ -49,10 +52,16 @@ def outcome(summary: dict[str, Any], overview: str = "") -> Markup:
         verdict=verdict,
         lacking=lacking,
         advice="" if validity is Validity.SOLUTION else summary["advice"],
-        answers=answers(summary),
+        answers=[replace(answer, details=tuple(map(in_text, answer.details))) for answer in answers(summary)],
         overview=overview,
+        cost=cost,
         warnings=_warnings(summary),
     )
+
+
+def was_solved(summary: dict[str, Any]) -> bool:
+    """Whether there are figures, be they of an iterate: what statics excludes is not solved."""
+    return validity_of(summary).solved or summary["linear_solves"] > 0
 
 
 def figures(summary: dict[str, Any]) -> Markup:
@@ -104,21 +113,17 @@ def _warnings(summary: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 _COLOURS = (
-    "Colour: recovered von Mises stress, which smooths peaks narrower than a cell; the largest stress of the tables is "
-    "the larger one of it and the raw stress. "
+    "Colour: von Mises stress, recovered, which smooths peaks narrower than a cell; circle: the largest one, recovered "
+    "or raw. "
 )
 _DISPLACEMENT = "Colour: size of the displacement; the stress is not known. "
-_PLANE_BODY = (
-    "Hatched lines: the foundation. The title says what is magnified; where a magnified gap would bend the "
-    "foundation it is drawn beside, with the body as it is."
-)
+_PLANE_BODY = "Hatched: the foundation. The title says what is magnified."
+_SETUP = "What the scene prescribes, before it is solved. Orange: contact; blue: loads; green: supports."
 _SECTION = "Von Mises stress within the body, which is cut through the centre of the contact pressure."
 _SOLID_BODY = (
-    "Gray lines: undeformed body; arrows: how long it is along each axis; gray surface: the foundation. The "
-    "title says what is magnified; where a magnified gap would bend the foundation it is drawn beside, with the body "
-    "as it is."
+    "Gray lines: undeformed body; gray surface: the foundation; arrows: how long the body is. The title says what is "
+    "magnified."
 )
-
 
 _APART = (
     "The bodies moved apart along the mean normal of their contact, or out of a fit, so that both faces can be seen."
@@ -133,6 +138,9 @@ def overview(folder: ResultFiles, *, solid: bool = False, stressed: bool = True)
         solid: whether the body is in space.
         stressed: whether its stress is known.
     """
+    data = folder.picture("setup.png")
+    if data is not None:
+        return picture(data, "png", "body, supports, loads and contact", _SETUP, "still overview")
     data = folder.picture("deformed.png")
     if data is None:
         reason = "this was solved with --no-pictures"

@@ -22,6 +22,7 @@ from signorini_fx.errors import InstallationError, PictureError, cannot_be_writt
 from signorini_fx.extensions import add_on
 from signorini_fx.machine.terminal import printable, say
 from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.quantities.families.stress import marked_stress
 from signorini_fx.quantities.registry import quantities, stage_of
 from signorini_fx.records import as_columns
 from signorini_fx.result_files import read_csv, read_facets
@@ -37,6 +38,8 @@ T = TypeVar("T")
 LAST_LEVEL = "last_level"
 # Fields drawn on demand: the von Mises stress always is, and the displacement around the axis where there is one.
 ON_DEMAND = ("pressure", "principal", "displacement", "density")
+# Pictures that only some results have.
+_SELDOM = ("section", "exploded", "setup")
 # All files of a result, although some are written by some runs only, and its report.
 FILES = (
     *(
@@ -52,7 +55,7 @@ FILES = (
     *("recovered_stress.bp", "recovered_von_mises.bp", *FIELD_FILES, "contact.vtu"),
     *(
         f"{name}.{kind}"
-        for name in ("deformed", "profiles", "history", "price_list", "contact_surface", "load_steps", "section")
+        for name in ("deformed", "profiles", "history", "price_list", "contact_surface", "load_steps", *_SELDOM)
         for kind in ("png", "pdf")
     ),
     "deformed.gif",
@@ -153,7 +156,7 @@ class _Written:
         if gather is not None:
             count = len(findings)
             afterthoughts.afterthought(
-                solution.comm, "pictures", findings, lambda: self._pictures(table, gather(solution))
+                solution.comm, "pictures", findings, lambda: self._pictures(table, gather(solution), summary)
             )
             if len(findings) > count:
                 parallel.on_root(solution.comm, folder.clear)  # a file may be truncated
@@ -215,7 +218,7 @@ class _Written:
 
         self._on_root(write)
 
-    def _pictures(self, table: ContactTable | None, gathered: Any) -> None:
+    def _pictures(self, table: ContactTable | None, gathered: Any, summary: dict[str, Any]) -> None:
         """All pictures, beside the tables that some of them are drawn from."""
         solution, folder = self.solution, self.folder
         contact = None if table is None else table.columns
@@ -223,8 +226,9 @@ class _Written:
 
         def draw() -> None:
             facets = read_facets(surface) if contact is not None and gathered.dimension == 3 else None
+            several = read_csv(steps) if len(solution.steps) > 1 else None
             try:
-                gathered.draw(folder.part, contact, facets, read_csv(steps) if len(solution.steps) > 1 else None)
+                gathered.draw(folder.part, contact, facets, several, marked_stress(summary))
             except PictureError as error:
                 say(f"the deformed body is not drawn: {error}")
 

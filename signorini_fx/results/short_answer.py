@@ -1,4 +1,6 @@
-"""What ``solve`` prints: at most ten lines of 80 columns; the rest is in the files and behind ``--verbose``."""
+"""What ``solve`` prints: ten lines of 80 columns, more only where what to do takes them; the rest is in the files and
+behind ``--verbose``.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,7 @@ from typing import Any
 from signorini_fx.display import clean, effort_in_words, results_of, status_in_words, touch_each_other
 from signorini_fx.machine.terminal import COLUMNS, TerminalLine, clauses, printable
 from signorini_fx.quantities.answers import error_in_words
-from signorini_fx.quantities.digits import between, figure
+from signorini_fx.quantities.digits import between, figure, percent
 from signorini_fx.quantities.families.cost import cost_in_words
 from signorini_fx.quantities.families.stress import largest_von_mises, share_in_words
 from signorini_fx.quantities.registry import error_of, of_package, quantities, shown_lines
@@ -17,7 +19,7 @@ from signorini_fx.quantities.text import kinematics_of, named_components, point_
 from signorini_fx.quantities.validity import Validity, validity_of
 from signorini_fx.records import CERTIFICATE_TOLERANCE
 
-# Lines of the whole answer.
+# Lines of the whole answer, unless what to do takes more of them.
 MOST_LINES = 10
 # How many lines of figures stay whatever has to be said beside them, by what they are of.
 _KEPT = {Validity.SOLUTION: 6, Validity.LESS_ACCURATE: 5, Validity.EARLIER_STEP: 4, Validity.NO_SOLUTION: 0}
@@ -38,17 +40,17 @@ def short_answer(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
     """
     validity = validity_of(summary)
     heading = _heading(summary)
-    of = _words("results of", results_of(summary), 2) if "results_of" in summary and not summary["converged"] else []
+    of = _words("results of", results_of(summary), None) if "results_of" in summary and not summary["converged"] else []
     figures = _figures(summary) if validity.solved else []
-    # As many lines as words need, but not those of the most important figures.
+    # What to do is whole; warnings have as many lines as they need, but not those of the most important figures.
+    advice = [] if summary["converged"] else _words("what to do", summary["advice"], None, "advice")
     warned = _warned(summary)
     pressed = bool(warned) and validity in (Validity.LESS_ACCURATE, Validity.EARLIER_STEP)
     kept = min(len(figures), _KEPT[validity] - pressed)
-    room = MOST_LINES - len([heading, *of]) - 1 - kept
-    advice = [] if summary["converged"] else _words("what to do", summary["advice"], room - bool(warned), "advice")
-    warnings = _words("warning", warned, max(room - len(advice), 1), "warning") if warned else []
+    room = MOST_LINES - len([heading, *of, *advice]) - 1 - kept
+    warnings = _words("warning", warned, max(room, 1), "warning") if warned else []
     first = [heading, *warnings, *of, *advice]
-    shown, left_out = _most_important(figures, MOST_LINES - len(first) - 1)
+    shown, left_out = _most_important(figures, max(MOST_LINES - len(first) - 1, kept))
     more = f" ({left_out} more line{'s' * (left_out > 1)}: --verbose)" if left_out else ""
     return [*first, *shown, _row("results", f"{folder}/{more}")]
 
@@ -93,7 +95,8 @@ def _cost(summary: dict[str, Any]) -> list[TerminalLine]:
     """What the error took, and what a smaller one would take; or why that is not known."""
     if not (statement := cost_in_words(summary)):
         return []
-    texts = [statement, statement.replace(" of the ", " of "), statement.rpartition(",")[0]]
+    short = statement.replace(" would take ", ": ")
+    texts = [statement, short, short.replace(" of the ", " of "), short.rpartition(",")[0]]
     return [_row("cost", next((text for text in texts if 0 < len(text) <= COLUMNS - _LABEL), texts[0]))]
 
 
@@ -124,9 +127,9 @@ def _warned(summary: dict[str, Any]) -> str:
     return "" if not texts else texts[0] if len(texts) == 1 else f"(1 of {len(texts)}) {texts[0]}"
 
 
-def _words(label: str, text: str, most: int, kind: str = "") -> list[TerminalLine]:
+def _words(label: str, text: str, most: int | None, kind: str = "") -> list[TerminalLine]:
     """A text on several lines; one that is too long ends where one of its statements does."""
-    lines = clauses(printable(text), COLUMNS - _LABEL, most)
+    lines = clauses(text, COLUMNS - _LABEL, most)
     return [_row(label if k == 0 else "", line, kind if k == 0 else "") for k, line in enumerate(lines)]
 
 
@@ -168,7 +171,7 @@ def _safety(summary: dict[str, Any]) -> list[TerminalLine]:
     if summary.get("safety") is None:
         return []
     safety = summary["safety"]
-    used = "" if safety["friction_used"] is None else f"; friction used: {100 * safety['friction_used']:.2g} %"
+    used = "" if safety["friction_used"] is None else f"; friction used: {percent(safety['friction_used'])}"
     if safety["factor"] is None:
         return [_row("safety", f"no limit by statics{used}")]
     most = "" if safety["exact"] else "at most "
@@ -222,4 +225,4 @@ def _asked(summary: dict[str, Any]) -> list[TerminalLine]:
     """What only some scenes have: rigid bodies, tightened sections, and the quantities of other packages."""
     ours = {quantity.key for quantity in of_package() if not quantity.brief}
     lines = [line for quantity in quantities() if quantity.key not in ours for line in shown_lines(quantity, summary)]
-    return [_row(line.begin.strip(), line.text, line.kind) for line in lines]
+    return [part for line in lines for part in _words(line.begin.strip(), line.text, None, line.kind)]

@@ -171,11 +171,15 @@ class Solution:
         """
         settings, last, failed = self.scene.solver, self.last_step, self.steps[-1]
         path = {Status.NOT_HELD: "displacement"} | dict.fromkeys(_LEAVES, self.scene.forces_at)
+        ended_between = self.scene.automatic_steps is not None and last is not failed
+        if self.status in path and ended_between:  # what ``check`` names is proved of the whole load
+            times = f"there is a solution at time {last.time:.6g}, and none at time {failed.time:.6g}"
+            return f"{times}; {self.status.advice}"
         if self.status in path:
             wanted = ("warning", path[self.status])
             named = (finding.message for finding in self.findings if (finding.level, finding.path) == wanted)
             return next(named, self.status.advice)
-        if self.status in _UNDECIDED and self.scene.automatic_steps is not None and last is not failed:
+        if self.status in _UNDECIDED and ended_between:
             return (
                 "lower the load, raise the friction, or prescribe a displacement: there is a solution at time "
                 f"{last.time:.6g}, and none was found at time {failed.time:.6g}; most likely a limit load is between "

@@ -181,7 +181,8 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size
     if goal.of == "peak" and grows_for_ever(levels):
         row = int(np.argmax(table.columns["pressure"]))
         axes = [name for name in "xyz" if name in table.columns]
-        point = [round(float(table.columns[name][row]) / size, 9) * size for name in axes]  # round-off is no position
+        # Round-off is no position, and -0 no number.
+        point = [round(float(table.columns[name][row]) / size, 9) * size + 0.0 for name in axes]
         at = ", ".join(f"{value:.6g}" for value in point)
         return (
             f"the largest pressure has no finite value: it grows with every refinement at ({at}); ask for the "

@@ -123,3 +123,10 @@ def test_prediction_and_forecast_agree():
     rate = np.log(rows[-2].pressure / rows[-1].pressure) / np.log((rows[-1].dofs / rows[-2].dofs) ** 0.5)
     following = predict(rows[:-1], 0.0, finer=float(10 ** (1 / rate)))
     assert following.pressure == pytest.approx(cost.next_error, rel=0.02)
+
+
+def test_a_rate_that_says_nothing_is_no_number_of_hours():
+    """Seconds with a fast rate and years with a slow one: the error hardly decreases."""
+    assert next_digit.between((0.8, 7e7)) == "0.8 s to more than a day"
+    assert next_digit.between((3.0, 6.0)) == "3 to 6 s"
+    assert next_digit.between((2e5, 7e5)) == "55.6 to 194.4 h"

@@ -3,6 +3,7 @@
 import random
 import re
 from pathlib import Path
+from textwrap import wrap
 
 import pytest
 from scenes import example1
@@ -11,6 +12,7 @@ from signorini_fx import solve, write_results
 from signorini_fx.check.checks import check_scene
 from signorini_fx.check.text import short_text
 from signorini_fx.cli import main
+from signorini_fx.display import results_of
 from signorini_fx.machine.terminal import clauses
 from signorini_fx.records import SHORT_OF_ACCURACY, Status
 from signorini_fx.results.short_answer import short_answer
@@ -56,7 +58,9 @@ def test_what_is_said(summary):
 
 @pytest.mark.parametrize("seed", range(40))
 def test_any_answer_is_short(summary, seed):
-    """However long names, titles, advice and warnings are, and however many; the certificate is never left out."""
+    """However long names and titles are, and however many: no sentence is cut, and one without an end takes more lines;
+    the certificate is never left out.
+    """
     dice = random.Random(seed)
 
     def text(most):
@@ -85,8 +89,12 @@ def test_any_answer_is_short(summary, seed):
             {"name": text(20), "force": 1.0 / 3.0, "shortening": 2.0 / 3.0} for _ in range(dice.randint(1, 5))
         ]
     lines = told(drawn)
-    assert len(lines) <= 10
+    advised = 0 if drawn["converged"] else len(wrap(drawn["advice"], 66))
+    named = 0 if "results_of" not in drawn else len(wrap(results_of(drawn), 66))
+    warned = len(wrap(f"(1 of 9) mesh: {drawn['findings'][0]['message']}", 66)) if drawn["findings"] else 0
+    assert len(lines) <= max(10, 2 + advised + named + warned + 6)
     assert max(map(len, lines)) <= 80
+    assert not any("(--verbose)" in line and "results" not in line for line in lines)
     assert labels(lines)[-1] == "results"
     solved = drawn["converged"] or "results_of" in drawn or Status(drawn["status"]) in SHORT_OF_ACCURACY
     assert ("certificate" in labels(lines), "what to do" in labels(lines)) == (solved, not drawn["converged"])
@@ -136,11 +144,13 @@ def test_error_that_stands_in_another_line(summary):
 
 
 def test_texts_end_at_a_clause():
-    """A sentence or a clause that fits is whole; where none does, a text ends at a word."""
+    """A sentence or a clause that fits is whole; where none does, the first one is whole all the same."""
     text = "mesh: the first clause is here; the second one is so long that it does not fit. And a third one."
     assert clauses(text, 60, 1) == ["mesh: the first clause is here ... (--verbose)"]
     assert " ".join(clauses(text, 60, 2)) == text
-    assert clauses("word " * 40, 30, 1) == ["word word word ... (--verbose)"]
+    assert clauses(f"{'word ' * 7}word; and more", 30, 1) == ["word " * 5 + "word", "word word ... (--verbose)"]
+    assert " ".join(clauses("word " * 40, 30, 1)) == ("word " * 40).strip()
+    assert len(clauses("word; " * 40, 30, None)) == 8
 
 
 @pytest.mark.parametrize("length", [1, 40])

@@ -12,6 +12,7 @@ from signorini_fx.pictures import deformed_body, moving_body
 from signorini_fx.pictures.body import DrawnBody, Moment
 from signorini_fx.pictures.deformed_body import DrawnFoundation, deformed_mesh, magnification
 from signorini_fx.pictures.fields import FIELDS
+from signorini_fx.pictures.marks import Largest
 from signorini_fx.pictures.style import finish
 from signorini_fx.pictures.tiling import tiling
 
@@ -130,14 +131,15 @@ def test_lengths_are_those_of_the_body(monkeypatch):
     outline is drawn, and a circle is at the largest value.
     """
     gap = np.full(13, 0.001)
-    (axes,), _ = drawn(monkeypatch, gap, sinking(0.001))
+    at = POINTS[CELLS[0]].mean(axis=0)
+    (axes,), _ = drawn(monkeypatch, gap, sinking(0.001), largest=Largest(at, "1.20"))
     said = [text.get_text() for text in axes.texts if text.get_text()]
-    assert said == ["x: $3$", "y: $1$", "$1$"]
+    assert said == ["x: $3$", "y: $1$", "$1.2$"]
     assert not axes.axison
     rest = [one for one in axes.collections if isinstance(one, LineCollection)]
     assert any(np.array_equal(one.get_segments(), POINTS[OUTLINE]) for one in rest)
     (circle,) = (line for line in axes.lines if line.get_marker() == "o")
-    np.testing.assert_allclose(circle.get_xydata()[0], (POINTS + 200 * sinking(0.001))[CELLS[0]].mean(axis=0))
+    np.testing.assert_allclose(circle.get_xydata()[0], at - np.array([0.0, 0.2]))
     (axes,), _ = drawn(monkeypatch, gap, sinking(0.001), factor=1.0)
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("$x$", "$y$")
     assert axes.axison
@@ -211,3 +213,20 @@ def test_axisymmetric_bodies_are_mirrored():
     assert np.array_equal(foundation.offset[:, 0], [*-0.1 * X[::-1], *0.1 * X])
     moment = Moment("1", displacement, np.ones(12), touching).with_mirror_image()
     assert np.array_equal(moment.touching, foundation.touching)
+
+
+def test_whole_foundations_are_drawn_where_nothing_is_magnified(monkeypatch):
+    """A circle on a body: in the panel of what is as it is the whole circle, and not what is opposite of the nodes."""
+    angle = np.linspace(0.0, -2 * np.pi, 60)
+    circle = np.column_stack((1.5 + np.cos(angle), -1.0 + np.sin(angle)))
+    offset = (0.5 * (X - 1.5) ** 2)[:, None] * DOWN
+    kept = []
+    monkeypatch.setattr(deformed_body, "finish", lambda figure, *_: kept.append(figure))
+    ground = DrawnFoundation(BOTTOM, offset, np.full(13, False), None, np.full(13, True), [circle])
+    deformed_mesh("nowhere", POINTS, CELLS, sinking(0.001), np.ones(12), outline=OUTLINE, foundation=ground)
+    left, right = (axes for axes in kept[0].axes if axes.get_label() != "<colorbar>")
+    (line,) = left.lines
+    np.testing.assert_array_equal(line.get_xydata(), circle)
+    assert len(right.lines) == 0
+    mirrored = ground.with_mirror_image()
+    np.testing.assert_array_equal(mirrored.lines[1], circle[::-1] * [-1.0, 1.0])

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from signorini_fx.errors import PictureError
 from signorini_fx.pictures import offscreen, view
@@ -308,8 +309,18 @@ def stack(count):
     return skin, contact | dict(zip("xyz", x.T, strict=True))
 
 
+def separable(first, second):
+    """Whether a straight line a . x = b lies between points of shape (n, 2), by a linear programme."""
+    rows = np.concatenate(
+        (np.column_stack((first, -np.ones(len(first)))), -np.column_stack((second, -np.ones(len(second)))))
+    )
+    return linprog(np.zeros(3), A_ub=rows, b_ub=-np.ones(len(rows)), bounds=(None, None)).success
+
+
 def test_bodies_are_moved_apart(tmp_path):
-    """Along the normal, by 0.7 of the diagonal of the contact; out of a hole along it; on a foundation not at all."""
+    """Along the normal, by 0.7 of the diagonal of the contact, or so far that none hides another one; out of a hole
+    along it; on a foundation not at all.
+    """
     skin, contact = stack(3)
     moved = moved_apart(skin, contact).reshape(3, 14, 3)
     assert np.ptp(moved, axis=1).max() == 0  # each body as a whole
@@ -320,5 +331,12 @@ def test_bodies_are_moved_apart(tmp_path):
     np.testing.assert_allclose(np.abs(apart.reshape(2, 14, 3)[:, 0]).sum(axis=0), [0, 0, 1.15 * 2], atol=1e-12)
     assert moved_apart(two, of_two | {"against": np.full(4, "")}) is None
     assert moved_apart(replace(two, pieces=None), of_two) is None
+    views = (view.oblique(), view.oblique(-58.0, -30.0))
+    two.points[:14, :2] = (
+        4.0 * two.points[:14, :2] - 1.5
+    )  # a plate, which from below hides the cube on it unless that is far away
+    for seen_from, clear in ((views, [True, True]), ((), [False, False])):
+        points = two.points + moved_apart(two, of_two, seen_from)
+        assert [separable(*np.split(sight.flat(points), 2)) for sight in views] == clear
     exploded(tmp_path / "exploded", two, of_two, title="Two cubes")
     assert (tmp_path / "exploded.png").exists()

@@ -32,7 +32,7 @@ from signorini_fx.pictures.boundary_profiles import STATES
 from signorini_fx.pictures.deformed_body import magnification
 from signorini_fx.pictures.foundation import FoundationSurface, normals_of, plane_of
 from signorini_fx.pictures.solid_body import Skin, solid_figure
-from signorini_fx.pictures.style import VALUES
+from signorini_fx.pictures.style import VALUES, lay_out
 from signorini_fx.quantities.digits import components
 from signorini_fx.report import page, sections_in_space
 from signorini_fx.result_files import read_csv, read_facets
@@ -683,3 +683,24 @@ print([name for name in sys.modules if name in ("dolfinx", "mpi4py", "petsc4py",
     run = subprocess.run([sys.executable, "-c", code, *arguments], check=True, capture_output=True, text=True)
     assert run.stdout.strip() == "[]"
     assert json.loads((folders["coulomb"] / "summary.json").read_text())["dimension"] == 3
+
+
+def test_lengths_are_within_the_picture(tmp_path):
+    """Arrows and labels of a flat round body, which is far from the corners of its box, are not cut off."""
+    angle = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
+    rim = np.column_stack((2 * np.cos(angle), 2 * np.sin(angle), np.zeros(24)))
+    points = np.concatenate((rim, rim + np.array([0.0, 0.0, 0.5]), [[0.0, 0.0, 0.5]]))
+    ahead = (np.arange(24) + 1) % 24
+    top = np.column_stack((np.arange(24) + 24, ahead + 24, np.full(24, 48)))
+    side = np.column_stack((np.arange(24), ahead, ahead + 24))
+    triangles = np.concatenate((top, side))
+    skin = Skin(points, np.zeros_like(points), triangles, np.ones(triangles.shape), triangles, at_points=False)
+    figure, _ = solid_figure(skin)
+    lay_out(figure)
+    renderer = figure.canvas.get_renderer()
+    for entry in figure.axes[0].texts:
+        if entry.get_text() or entry.arrow_patch is not None:
+            box = entry.get_window_extent(renderer)
+            assert box.x0 >= 0
+            assert box.y0 >= 0
+            assert (np.array([box.x1, box.y1]) <= figure.get_size_inches() * figure.dpi).all()

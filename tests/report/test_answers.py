@@ -104,12 +104,26 @@ def test_figures_of_a_load_step_name_it(drawn):
                 assert any("load step" in detail for detail in answer.details), answer
 
 
+def said_of(lines, label):
+    """What the terminal says behind a label, line by line."""
+    labels = [line[:14].strip() for line in lines]
+    if label not in labels:
+        return []
+    first = labels.index(label)
+    following = next((k for k in range(first + 1, len(lines)) if labels[k]), len(lines))
+    return [line[14:].strip() for line in lines[first:following]]
+
+
 def test_terminal_and_exit_code(drawn):
-    """Ten short lines; what to do is there unless it is a solution; what is used of the yield stress is never cut."""
+    """Ten short lines, more where what to do takes them, which is whole, and there unless it is a solution; what is
+    used of the yield stress is never cut.
+    """
     for status, step, (strength, _, _, law, complete), summary in drawn:
         lines = list(map(str, short_answer(summary, Path("results/scene"))))
         labels = [line[:14].strip() for line in lines]
-        assert len(lines) <= 10
+        advised = said_of(lines, "what to do")
+        assert " ".join(advised) == ("" if summary["converged"] else " ".join(summary["advice"].split()))
+        assert len(lines) <= max(10, len(advised) + 9)
         assert max(map(len, lines)) <= 80
         figures = status.value in SOLVED or step
         good = status is Status.CONVERGED

@@ -9,6 +9,7 @@ from signorini_fx.quantities.digits import between, figure, percent
 from signorini_fx.quantities.kinds import ExtremeOfStress, Number, Row, described, perhaps
 from signorini_fx.quantities.quantity import Card, Quantity, Summary
 from signorini_fx.quantities.text import digits, point_in_words, row
+from signorini_fx.quantities.validity import validity_of
 from signorini_fx.units import with_unit
 
 
@@ -110,6 +111,14 @@ def largest_von_mises(summary: Summary) -> dict[str, Any] | None:
     extremes = {"raw": stress.get("von_mises"), "recovered": (stress.get("recovered") or {}).get("von_mises")}
     known = [entry | {"of": name} for name, entry in extremes.items() if entry and entry["value"] is not None]
     return max(known, key=lambda entry: float(entry["value"])) if known else None
+
+
+def marked_stress(summary: Summary) -> tuple[list[float], str] | None:
+    """The place of the largest von Mises stress and its value, as the answers have them; None: it may not be used."""
+    largest = largest_von_mises(summary) if validity_of(summary).solved else None
+    if largest is None or not largest["value"] > 0:
+        return None
+    return largest["place"], figure(largest["value"], between(summary["stress"]))
 
 
 def share_in_words(summary: Summary) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from signorini_fx.machine.terminal import TerminalLine
-from signorini_fx.quantities.digits import components
+from signorini_fx.quantities.digits import components, figure
 from signorini_fx.quantities.kinds import Number, Row, Vector, described
 from signorini_fx.quantities.quantity import Card, Quantity, Summary
 from signorini_fx.quantities.text import labelled
@@ -48,7 +48,8 @@ class Tools(Quantity):
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
         """See ``Quantity``."""
-        return labelled(self.terminal, [tool_in_words(tool) for tool in summary.get(self.key, ())])
+        told = [tool_in_words(tool) for tool in summary.get(self.key, ())]
+        return labelled(self.terminal, [text for texts in zip(*told, strict=True) for text in texts])
 
 
 def _of_tool(tool: dict[str, Any]) -> list[Card]:
@@ -64,16 +65,13 @@ def _of_tool(tool: dict[str, Any]) -> list[Card]:
     return cards
 
 
-def tool_in_words(tool: dict[str, Any]) -> str:
+def tool_in_words(tool: dict[str, Any]) -> tuple[str, str]:
     """How a foundation that forces move has moved, and what the body does to it, from a row of a summary."""
-
-    def told(value: Any) -> str:
-        return f"({', '.join(map(told, value))})" if isinstance(value, list) else f"{value:.6g}"
-
     names = ("displacement", "rotation", "force", "moment", "reference")
-    moved, turned, force, moment, point = (told(tool[name]) for name in names)
+    moved, turned, force, moment, point = (figure(tool[name]) for name in names)
     off = "" if tool["gap_error"] is None else f"; gap linearised, off by {tool['gap_error']:.1e}"
-    return f"{tool['boundary']}: moved by {moved}, turned by {turned}, takes {force}, about {point} {moment}{off}"
+    name = tool["boundary"]
+    return f"{name}: moved by {moved}, turned by {turned}{off}", f"{name}: takes {force}, about {point} {moment}"
 
 
 QUANTITIES = (Tools(),)
