@@ -698,9 +698,9 @@ def test_a_coupling_that_goes_along(push):
     }
     solution = solve(parse_scene(scene))
     (moved,) = solution.last_step.tools
-    assert np.allclose(moved.translation, [far, -far - push * height / young], rtol=0, atol=1e-10 * far)
-    assert abs(moved.rotation[0]) < 1e-10
-    assert np.allclose(solution.contact.forces[0], [0.0, -push], rtol=0, atol=1e-12 * young)
+    assert np.allclose(moved.translation, [far, -far - push * height / young], rtol=0, atol=1e-9 * far)
+    assert abs(moved.rotation[0]) < 1e-9
+    assert np.allclose(solution.contact.forces[0], [0.0, -push], rtol=0, atol=1e-11 * young)
 
 
 def test_a_body_between_a_coupling_and_two_supports():
