@@ -253,8 +253,8 @@ SLOWEST_FORECAST, MOST_FINER = 0.25, 1e4
 # take besides stays.  Tuned on the same, seconds of one core: 7e-7 to 1.1e-6 in the plane, 2.8e-6 with meshes of gmsh,
 # and 1.2e-7 to 2e-7 in space.
 SECONDS_OF_UNKNOWNS = {2: 1e-6, 3: 2e-7}
-# Seconds foretold from a price list are known within this factor at least.  Tuned on the same: 0.88 to 1.02 for four of
-# six lists.
+# Seconds foretold are known within this factor at least.  Tuned on the same: 0.88 to 1.02 for four of six lists; on
+# single meshes in space, where the range of unknowns is narrow, two of six were beyond it by 1.06 and 1.24.
 SPREAD_OF_SECONDS = 1.5
 # The change from one uniform mesh to the next of a pressure that the mesh resolves is caused elsewhere in the body,
 # and decreases with this rate.  Source: the square of the first-order error in the energy norm.

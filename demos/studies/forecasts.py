@@ -9,12 +9,14 @@ seconds that the smaller error needs.  Problems *by list* request an accuracy, a
 what that run had taken when its error was as small as foretold.  All errors are estimates;
 docs/evidence/effectivity.csv says how good these are.  Each problem runs in a process of its own with its forms
 compiled; seconds are those that the processor spent, of several rounds the fewest.  The last rows have the median and
-the range of each kind.  With ``--held-out`` the problems are those that had no part in the choice of the ranges.
+the range of each kind.  With ``--needed`` only the forecasts are made anew, as after a change of their rule.  With
+``--held-out`` the problems are those that had no part in the choice of the ranges.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import json
 import math
 import statistics
@@ -42,13 +44,15 @@ def _fastest(solved: Callable[[float], Any], finer: float, rounds: int) -> Any:
     return min((solved(finer) for _ in range(rounds)), key=_seconds)
 
 
-def row_of(problem: Problem) -> dict[str, Any]:
-    """What was foretold, and what was needed."""
+def row_of(problem: Problem, known: tuple[float, float] | None = None) -> dict[str, Any]:
+    """What was foretold, and what was needed; ``known``: unknowns and seconds that were needed in an earlier run."""
     time.perf_counter = time.process_time  # other programs take no part of it
     problem.solved(1.0)  # compiles forms and loads libraries
     coarse = _fastest(problem.solved, 1.0, COARSE_ROUNDS)
     cost, dimension = coarse.cost, coarse.discretisation.tagged.dimension
-    unknowns, seconds = _by_list(problem, cost) if coarse.price_list else _on_mesh(problem, cost, dimension)
+    if known is None:
+        known = _by_list(problem, cost) if coarse.price_list else _on_mesh(problem, cost, dimension)
+    unknowns, seconds = known
     low, high = cost.next_seconds
     foretold = math.sqrt(low * high)
     return {
@@ -66,6 +70,14 @@ def row_of(problem: Problem) -> dict[str, Any]:
         "seconds, ratio": f"{foretold / seconds:.2f}",
         "within": "yes" if low <= seconds <= high else "no",
     }
+
+
+def _needed(table: Path, problem: Problem) -> tuple[float, float]:
+    """Unknowns and seconds that a problem needed, by a table of an earlier run."""
+    with table.open(encoding="utf-8") as file:
+        rows = {(row["kind"], row["problem"]): row for row in csv.DictReader(file)}
+    row = rows[problem.kind, problem.name]
+    return float(row["needed"]), float(row["seconds needed"])
 
 
 def _on_mesh(problem: Problem, cost: Any, dimension: int) -> tuple[float, float]:
@@ -119,12 +131,14 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("results/forecasts.csv"), help="file (default: %(default)s)")
     parser.add_argument("--kind", choices=CHOSEN_ON, action="append", help="only these")
     parser.add_argument("--held-out", action="store_true", help="problems that had no part in the choice of the ranges")
+    parser.add_argument("--needed", type=Path, help="an earlier table: what was needed is taken from there")
     parser.add_argument("--one", nargs=2, metavar=("KIND", "NUMBER"), help=argparse.SUPPRESS)
     options = parser.parse_args()
     kinds = HELD_OUT if options.held_out else CHOSEN_ON
     if options.one:
         kind, number = options.one
-        print(json.dumps(row_of(problems(kinds, kind)[int(number)])))
+        problem = problems(kinds, kind)[int(number)]
+        print(json.dumps(row_of(problem, None if options.needed is None else _needed(options.needed, problem))))
         return
     from signorini_fx.csv_text import write_csv
 
@@ -133,6 +147,7 @@ def main() -> None:
         for number in range(len(kinds[kind]())):
             command = [sys.executable, __file__, "--one", kind, str(number)]
             command += ["--held-out"] if options.held_out else []
+            command += ["--needed", str(options.needed)] if options.needed else []
             ended = subprocess.run(command, capture_output=True, text=True, check=True)
             rows.append(json.loads(ended.stdout.splitlines()[-1]))
             print(*rows[-1].values(), sep="  ", flush=True)

@@ -202,9 +202,8 @@ def from_one_mesh(
         return seconds_on_finer(seconds, dofs, growth(exponent), dimension, krylov_from, constant=constant)
 
     slow, usual, fast = CORNER_EXPONENTS
-    return CostOfAccuracy(
-        "energy", error, seconds, dofs, times * error, (on_finer(fast), on_finer(slow)), dofs * growth(usual)
-    )
+    between_both = on_finer(fast) / SPREAD_OF_SECONDS, on_finer(slow) * SPREAD_OF_SECONDS
+    return CostOfAccuracy("energy", error, seconds, dofs, times * error, between_both, dofs * growth(usual))
 
 
 def growth_before(degree: int, dimension: int) -> tuple[float, float]:

@@ -94,6 +94,18 @@ def test_counts_in_words():
     assert list(map(next_digit.count, (90_000, 2.13e6, 999_999, 412, 3e9))) == ["90k", "2.1M", "1M", "410", "3G"]
 
 
+@pytest.mark.parametrize(("dimension", "degree", "share"), [(2, 1, 0.0), (2, 2, 0.0), (3, 1, 0.0), (2, 1, 1.0)])
+def test_range_of_one_mesh(dimension, degree, share):
+    """Without crowded cells the unknowns are known, and seconds within 1.5; all at corners takes the slowest powers."""
+    given = {"degree": degree, "dofs": 10_000, "dimension": dimension, "seconds": 1e-3, "constant": 0.0}
+    cost = next_digit.from_one_mesh(0.1, share, **given, krylov_from=np.inf)
+    times = {2: 10.0, 3: 2.0}[dimension]
+    slow, usual, fast = (dimension / (power if share else degree) for power in (0.5, 0.7, 1.0))
+    assert cost.next_dofs == pytest.approx(10_000 * times**usual, rel=1e-4)
+    seconds = [1e-3 * (times**growth) ** {2: 1.2, 3: 1.6}[dimension] for growth in (fast, slow)]
+    assert cost.next_seconds == pytest.approx((seconds[0] / 1.5, seconds[1] * 1.5), rel=1e-3)
+
+
 def test_forecast_of_one_mesh_against_the_mesh():
     """The mesh that is foretold for half of the error has it, within a fifth, and the unknowns."""
     solution = alone(example1(coefficient=0.3, gamma="auto", nx=30, ny=10))
