@@ -16,11 +16,13 @@ from petsc4py import PETSc
 
 from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble, measure
+from signorini_fx.body.block_stiffness import scalar_matrix
 from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.elastic_law import fields_of
 from signorini_fx.body.element_stress import ElementStress, element_stress
 from signorini_fx.body.quadrature import parallelepipeds, strain_degree
 from signorini_fx.linalg import options
+from signorini_fx.linalg.blocks import is_by_blocks
 from signorini_fx.records import Inventory
 from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE, PROJECTION_TOLERANCE
 
@@ -29,7 +31,7 @@ _FINE_DEGREE = 20
 
 
 class StressRecovery:
-    """An estimate of the discretisation error; compiled and assembled once, evaluated often.
+    """An estimate of the discretisation error; compiled once, evaluated often.
 
     Inside the body it is that of Zienkiewicz and Zhu: the stress is projected onto the functions of degree 1 that are
     continuous in each material, and its difference to the discontinuous stress is measured with the compliance.
@@ -44,8 +46,9 @@ class StressRecovery:
         residual: Callable[[Any], tuple[Callable[[float], None], Any]],
         inventory: Inventory,
         degree: int | None = None,
+        pattern: PETSc.Mat | None = None,
     ) -> None:
-        """Compile and assemble; collective.
+        """Compile; collective.
 
         Args:
             stress: of a displacement of its own, whose values change with what is estimated.
@@ -53,6 +56,7 @@ class StressRecovery:
                 of factors, and the squared residual of the traction, see ``boundary_residual``.
             inventory: what was compiled and assembled.
             degree: of the quadrature in the cells, exact for all that is integrated there; None: UFL estimates it.
+            pattern: a stiffness by blocks, one for each pair of vertices; None: there is none.
         """
         self._stress, self._displacement, self._inventory = stress, stress.displacement, inventory
         mesh, kinematics = self._displacement.function_space.mesh, stress.kinematics
@@ -69,12 +73,12 @@ class StressRecovery:
         weight = fem.Function(cellwise.ufl_function_space())  # 1 in one material, 0 in the others
         compiled = inventory.compile
         moment = ufl.inner(raw, ufl.TestFunction(space))
-        self._weight = weight
+        self._weight, self._pattern = weight, pattern
         dx = ufl.dx if degree is None else ufl.dx(metadata={"quadrature_degree": degree})
         self._moments = compiled("stress moments", lambda: fem.form(weight * moment * dx))
         self._squares = compiled("stress recovery error", lambda: fem.form(weight * density * dx))
-        mass = compiled("stress mass", lambda: fem.form(weight * product * dx))
-        self._parts = [(cells, self._projection(mass, cells)) for cells in stress.parts]
+        self._mass = compiled("stress mass", lambda: fem.form(weight * product * dx))
+        self._parts = stress.parts
         self._move_to, unbalanced = residual(cellwise)
         self._residual = None if unbalanced is None else compiled("boundary residual", lambda: fem.form(unbalanced))
 
@@ -88,17 +92,23 @@ class StressRecovery:
         plain = d.kinematics.uniform and not strained and not d.elastic.pressed
         degree = strain_degree(d.space) if plain and parallelepipeds(d.tagged.mesh) else None
         inventory = d.inventory if inventory is None else inventory
-        return cls(stress, partial(boundary_residual, d, stress), inventory, degree)
+        linear = d.space.element.basix_element.degree == 1 and not d.elastic.pressed
+        pattern = d.stiffness if linear and is_by_blocks(d.stiffness) else None
+        return cls(stress, partial(boundary_residual, d, stress), inventory, degree, pattern)
 
     def _choose(self, cells: npt.NDArray[np.int32]) -> None:
         """Restrict the forms to these cells (local numbers, ghosts included)."""
         self._weight.x.array[:] = 0.0
         self._weight.x.array[self._weight.function_space.dofmap.list[cells, 0]] = 1.0
 
-    def _projection(self, form: fem.Form, cells: npt.NDArray[np.int32]) -> PETSc.KSP:
-        """The solver of the projection on these cells."""
-        self._choose(cells)
-        mass = fem_petsc.assemble_matrix(form)
+    def _projection(self) -> PETSc.KSP:
+        """The solver of the projection on the chosen cells; collective.
+
+        It is made anew each time: quadrature of its result copies all values of each cell, and the peak of memory would
+        be where both are alive.
+        """
+        form, pattern = self._mass, self._pattern
+        mass = fem_petsc.assemble_matrix(form) if pattern is None else scalar_matrix(form, pattern)
         mass.assemble()
         diagonal = mass.getDiagonal()
         diagonal.getArray()[:] = np.where(diagonal.getArray(readonly=True) == 0.0, 1.0, 0.0)
@@ -121,7 +131,7 @@ class StressRecovery:
         self._fill(y, 0)
         self._recovered.x.array[:] = 0.0
         local_energy = 0.0
-        for cells, _ in self._parts:
+        for cells in self._parts:
             self._choose(cells)
             local_energy += assemble(self._squares).sum() / 2
         return float(parallel.global_sum(self._comm, local_energy))
@@ -138,7 +148,7 @@ class StressRecovery:
             step: the load step that it belongs to.
         """
         self._fill(y, step)
-        total = sum(self._projected(*part) for part in self._parts)
+        total = sum(self._projected(cells) for cells in self._parts)
         if self._residual is not None:
             self._move_to(step)
             total = total + assemble(self._residual)
@@ -153,8 +163,8 @@ class StressRecovery:
         """
         self._fill(y, step)
         space, stresses = self._recovered.function_space, []
-        for cells, ksp in self._parts:
-            self._project(cells, ksp)
+        for cells in self._parts:
+            self._project(cells)
             stresses.append((cells, self._recovered.x.array.reshape(-1, self._components)[space.dofmap.list[cells]]))
         return stresses
 
@@ -164,14 +174,15 @@ class StressRecovery:
         self._displacement.x.scatter_forward()
         self._stress.refresh(step)
 
-    def _projected(self, cells: npt.NDArray[np.int32], ksp: PETSc.KSP) -> npt.NDArray[np.float64]:
+    def _projected(self, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
         """The estimate of the projection in one material for each owned cell."""
-        self._project(cells, ksp)
+        self._project(cells)
         return assemble(self._squares)
 
-    def _project(self, cells: npt.NDArray[np.int32], ksp: PETSc.KSP) -> None:
+    def _project(self, cells: npt.NDArray[np.int32]) -> None:
         """Project the stress in one material, to which the forms are then restricted."""
         self._choose(cells)
+        ksp = self._projection()
         moment, component = ksp.getOperators()[0].createVecs()
         values = assemble(self._moments)
         for k in range(self._components):

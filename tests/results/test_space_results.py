@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from dolfinx import fem
 from mpi4py import MPI
 from scenes import alone
 from spaces import block, box, friction_of
@@ -13,7 +14,9 @@ from spaces import block, box, friction_of
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Timings
+from signorini_fx.results import surface_quadrature
 from signorini_fx.results.files import write_results
+from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.scene.reading import parse_scene
 
@@ -128,3 +131,20 @@ def test_where_forces_act_on_curved_facets():
     products = SurfaceQuadrature(body.space).products(body.tagged.facets("sphere"))
     shares = products.tocsr()[boundary.nodes][:, boundary.averages.nodes].toarray() / boundary.weight[:, None]
     np.testing.assert_allclose(shares, boundary.averages.shares.toarray(), rtol=0, atol=1e-12)
+
+
+def test_points_of_few_facets_at_a_time(monkeypatch):
+    """The forces of a load are the same to round-off however many facets are looked at together."""
+    scene = block(6)
+    tagged = scene.mesh
+    space = fem.functionspace(tagged.mesh, ("Lagrange", 1, (3,)))
+    forces = NodalForces(scene, tagged, space)
+    together = forces.external(0)
+    calls, jacobian = [], SurfaceQuadrature._jacobian
+    monkeypatch.setattr(surface_quadrature, "_TOGETHER", 50)
+    monkeypatch.setattr(
+        SurfaceQuadrature, "_jacobian", lambda self, *given: calls.append(given) or jacobian(self, *given)
+    )
+    np.testing.assert_allclose(forces.external(0), together, rtol=0, atol=1e-15 * np.abs(together).max())
+    assert np.abs(together).max() > 0
+    assert max(len(cells) * len(table.shape) for cells, table in calls) < 200  # one facet has at most so many

@@ -1,5 +1,6 @@
 """What a coarse mesh hands on to a finer one: sets of the nearest nodes, and multipliers that linear ones survive."""
 
+import weakref
 from dataclasses import replace
 from itertools import permutations
 from types import SimpleNamespace
@@ -8,9 +9,13 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scenes import example1
+from spaces import block
 
+from signorini_fx.body import elastic
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.check.findings import scene_findings
+from signorini_fx.linalg.blocks import BlockRows
+from signorini_fx.linalg.multigrid import Hierarchy
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Timings
 from signorini_fx.scene.reading import parse_scene
@@ -170,3 +175,30 @@ def test_nothing_is_said_about_meshes_that_nobody_looks_at(looked_at, monkeypatc
     assert asked == [*(each.discretisation.dofs for each in given), solution.discretisation.dofs]
     assert len(given) == (2 if looked_at else 0)
     assert all(each.findings for each in (*given, solution))
+
+
+def test_nothing_of_a_coarser_mesh_but_its_level_is_alive(monkeypatch):
+    """When the next mesh is solved multigrid for contact on the last one is gone, and its rounded stiffness.
+
+    On one rank: on several ones PETSc's objects wait for a clean-up of their communicator.
+    """
+    made, alive = [], []
+    of, single, task = Hierarchy.of.__func__, BlockRows.in_single_precision, one_mesh.contact_task
+
+    def seen(thing):
+        made.append(weakref.ref(thing))
+        return thing
+
+    def begun(*given):
+        alive.append(sum(reference() is not None for reference in made))
+        return task(*given)
+
+    monkeypatch.setattr(elastic, "FEWEST_BLOCK_UNKNOWNS", 0)
+    monkeypatch.setattr(Hierarchy, "of", classmethod(lambda cls, *given: seen(of(cls, *given))))
+    monkeypatch.setattr(BlockRows, "in_single_precision", lambda rows: seen(single(rows)))
+    monkeypatch.setattr(one_mesh, "contact_task", begun)
+    sizes = {"length": 3.0, "width": 1.0, "height": 1.0, "nx": 12, "ny": 4, "nz": 4}
+    mesh = {"generator": "box", "parameters": sizes}
+    assert solve(block(coefficient=0.3, mesh=mesh, levels=2, linear_algebra="krylov"), MPI.COMM_SELF).converged
+    assert alive == [0, 0]
+    assert len(made) == 4
