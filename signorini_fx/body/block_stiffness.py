@@ -80,7 +80,7 @@ def scalar_matrix(form: fem.Form, stiffness: PETSc.Mat) -> PETSc.Mat:
     csr = rows.starts.astype(PETSc.IntType), rows.names[rows.columns].astype(PETSc.IntType), np.zeros(rows.columns.size)
     matrix = PETSc.Mat().createAIJ(((owned, None), (owned, None)), csr=csr, comm=comm)
     matrix.setLGMap(PETSc.LGMap().create(rows.names.astype(PETSc.IntType), comm=comm))
-    fem_petsc.assemble_matrix(matrix, form)
+    fem_petsc.assemble_matrix(matrix, form)  # type: ignore[arg-type]
     return matrix
 
 
