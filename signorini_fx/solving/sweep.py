@@ -231,25 +231,27 @@ def _body(scene: Scene, earlier: _Body | None, comm: MPI.Comm, history: History,
     return _Body(scene, tagged, d, task, begin, last)
 
 
-def _same_mesh(scene: Scene, other: Scene) -> bool:
+def _same_mesh(scene: Scene, compared: Scene) -> bool:
     """Whether two scenes have the same mesh."""
     keys = ("mesh", "body", "element", "sections", "touching")
-    return all((one := getattr(scene, key)) is (two := getattr(other, key)) or one == two for key in keys)
+    pairs = ((getattr(scene, key), getattr(compared, key)) for key in keys)
+    return all(value is compared_value or value == compared_value for value, compared_value in pairs)
 
 
-def _same_but_for_gap_and_friction(scene: Scene, other: Scene) -> bool:
+def _same_but_for_gap_and_friction(scene: Scene, compared: Scene) -> bool:
     """Whether two scenes differ in the gaps and friction of rigid foundations alone, which the elastic system does not
     know, and neither do the contact points.
     """
-    if any(getattr(scene, key) != getattr(other, key) for key in type(scene).model_fields if key != "contact"):
+    if any(getattr(scene, key) != getattr(compared, key) for key in type(scene).model_fields if key != "contact"):
         return False
-    if scene.interfaces or other.interfaces or len(scene.contact) != len(other.contact):
+    if scene.interfaces or compared.interfaces or len(scene.contact) != len(compared.contact):
         return False
-    if any(effect.against is not None or effect.friction.directed for effect in (*scene.contact, *other.contact)):
+    if any(effect.against is not None or effect.friction.directed for effect in (*scene.contact, *compared.contact)):
         return False
     return all(
-        type(one) is type(two) and one.model_copy(update={"gap": two.gap, "friction": two.friction}) == two
-        for one, two in zip(scene.contact, other.contact, strict=True)
+        type(effect) is type(rival)
+        and effect.model_copy(update={"gap": rival.gap, "friction": rival.friction}) == rival
+        for effect, rival in zip(scene.contact, compared.contact, strict=True)
     )
 
 
@@ -287,25 +289,27 @@ def sweep(
     if [coefficients, loads, path].count(None) != 2 or (path is None and len(values) > 0):
         raise SceneError([("sweep", "give either coefficients, or loads, or path and values")])
     _refuse(scene, coefficients, loads)
-    given: list[tuple[Any, Scene, _Value]]
+    runs: list[tuple[Any, Scene, _Value]]
     if path is not None:
         scenes = [parse_scene(changed(scene, {path: value})) for value in values]
-        for one in scenes:
-            _refuse(one, None, None)
-        given = [(value, one, _Value()) for value, one in zip(values, scenes, strict=True)]
+        for changed_scene in scenes:
+            _refuse(changed_scene, None, None)
+        runs = [(value, changed_scene, _Value()) for value, changed_scene in zip(values, scenes, strict=True)]
     elif loads is not None:
-        given = [(load, scene, _Value(load=load)) for load in loads]
+        runs = [(load, scene, _Value(load=load)) for load in loads]
     else:
-        given = [(value, scene, _Value(coefficient=value)) for value in coefficients or ()]
+        runs = [(value, scene, _Value(coefficient=value)) for value in coefficients or ()]
     # Systems of their own would fill the memory.
-    kept = all(one is scene or _same_but_for_gap_and_friction(one, given[0][1]) for _, one, _ in given)
+    keeps_system = all(
+        run_scene is scene or _same_but_for_gap_and_friction(run_scene, runs[0][1]) for _, run_scene, _ in runs
+    )
     history, points = History(), list[SweepPoint]()
     body: _Body | None = None
-    for value, one, parameter in given:
-        if body is None or one is not body.scene:
-            body = _body(one, body, comm, history, [parameter])
+    for value, run_scene, parameter in runs:
+        if body is None or run_scene is not body.scene:
+            body = _body(run_scene, body, comm, history, [parameter])
         point, body = _solved(value, body, parameter, history)
-        points.append(point if kept else point.without_system())
+        points.append(point if keeps_system else point.without_system())
     return points
 
 
