@@ -45,7 +45,7 @@ class Position:
             from two.
         last: linear solves of the last load step with a solution.
         done: those of all load steps with a solution.
-        wasted: those of all attempts without one; since the first hard load step, if there is one.
+        wasted: those of all attempts without one; not those before a hard first load step.
         hard: whether a load step was solved by fall-backs where no increment was small enough without them.
         begun: how many times the ramp has begun again: with augmentation, then without.
         known: the place that it had reached when it began again; -1: it has not.
@@ -244,8 +244,8 @@ class Increments:
             grows = easy > 1 and at.increment < LARGEST_INCREMENT * self._nominal
             done = replace(done, increment=2 * at.increment if grows else at.increment, easy=0 if grows else easy)
         if self._divisible and at.failed is not None and not self.without_fall_backs:
-            # What was tried without fall-backs before is no measure any more: they are tried at once from here on.
-            done = replace(done, hard=True, increment=self._nominal, wasted=at.wasted if at.hard else 0)
+            # Attempts before anything is reached are measured by what one load step may take, not by solved ones.
+            done = replace(done, hard=True, increment=self._nominal, wasted=at.wasted if at.done else 0)
         if at.failed is not None and step >= at.failed - SAME_LENGTH:
             done = replace(done, failed=None, limit=False)
         self.at = done
