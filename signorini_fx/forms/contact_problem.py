@@ -54,6 +54,7 @@ from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.method import Settings
 from signorini_fx.quantities.functional import Gradient
 from signorini_fx.records import Finding, History, Inventory, Status, Timings
+from signorini_fx.results.asked_law import asked_law
 from signorini_fx.results.certificate import Certificate, judged
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
@@ -66,6 +67,7 @@ from signorini_fx.solving.first_start import CoarserMesh, first_start
 from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.load_steps import all_load_steps
 from signorini_fx.solving.load_steps import judged as judged_status
+from signorini_fx.solving.one_mesh import used_parameters
 from signorini_fx.solving.restart import MeshCheckpoint, open_checkpoint
 
 
@@ -246,11 +248,15 @@ class ContactProblem(SolvedProblem):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What is to be known about the last solution: contact nodes that supports hold inside their foundation, which
-        are left out of the contact; collective.
+        """What is to be known about the last solution: that its law is not the one asked for, and contact nodes that
+        supports hold inside their foundation, which are left out of the contact; collective.
         """
+        told, outcome, certificate = [], self._outcome, self.certificate
+        if outcome is not None and certificate is not None and self.status is Status.CONVERGED:
+            parameters = used_parameters(outcome, outcome.problem.data, certificate.strain_energy)
+            told = asked_law(self.settings, {1: certificate}, parameters.get("regularisation_error")).findings
         held = held_in_result(self.state, self.u, self._foundations.pairs)
-        return tuple(pushed_nodes(self._space.mesh.comm, [held], self._scales.size))
+        return (*told, *pushed_nodes(self._space.mesh.comm, [held], self._scales.size))
 
     @property
     def solver(self) -> PETSc.SNES:

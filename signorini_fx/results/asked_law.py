@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from signorini_fx.records import Finding
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.promised_law import UNREGULARISED, Law
-from signorini_fx.scene.model import Scene
 from signorini_fx.scene.settings import SolverSettings
 
 # The algorithms whose result is to have no regularisation.
@@ -47,15 +46,22 @@ class AskedLaw:
         return [Finding("warning", self.key, self.differs)] if self.differs else []
 
 
-def asked_law(scene: Scene, certificates: Mapping[int, Certificate], left: float | None) -> AskedLaw:
-    """The law that a scene asks for beside that of its load steps.
+def asked_law(
+    settings: SolverSettings,
+    certificates: Mapping[int, Certificate],
+    left: float | None,
+    *,
+    raises_gamma: bool = False,
+) -> AskedLaw:
+    """The law that settings ask for beside that of the load steps.
 
     Args:
-        scene: with its settings.
+        settings: of the solver.
         certificates: of the load steps with a solution, by their numbers, in order.
         left: the regularisation error of the last one relative to its energy norm, where a path in gamma has found it.
+        raises_gamma: whether an accuracy is asked for, which raises gamma as it needs to.
     """
-    settings, laws = scene.solver, {step: certificate.law for step, certificate in certificates.items()}
+    laws = {step: certificate.law for step, certificate in certificates.items()}
     last = list(laws.values())[-1]
     delivered = str(last)
     if settings.algorithm in _UNREGULARISED:
@@ -73,7 +79,7 @@ def asked_law(scene: Scene, certificates: Mapping[int, Certificate], left: float
             "the loads in smaller steps"
         )
         return AskedLaw(asked, delivered, told)
-    if scene.accuracy is not None:  # which raises gamma as it needs to
+    if raises_gamma:
         return AskedLaw("", delivered, "")
     if settings.algorithm == "path-following":
         allowed = settings.regularisation_error

@@ -207,7 +207,12 @@ class Solution:
         if self.contact is None or self.last_step.status is not Status.CONVERGED:
             return None
         certificates = {step.step: step.certificate for step in self.shown_steps}
-        return asked_law(self.scene, certificates, self.parameters.get("regularisation_error"))
+        return asked_law(
+            self.scene.solver,
+            certificates,
+            self.parameters.get("regularisation_error"),
+            raises_gamma=self.scene.accuracy is not None,
+        )
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:

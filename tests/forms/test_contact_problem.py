@@ -2,6 +2,7 @@
 
 import runpy
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import forms
@@ -25,6 +26,7 @@ from signorini_fx import (
     read_scene,
     solve,
 )
+from signorini_fx.algorithms import strategy
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.forms import contact_problem
 from signorini_fx.forms.stress import exterior_facets
@@ -909,3 +911,21 @@ def test_a_deformation_beyond_linear_elasticity(by_run):
     assert problem.deformation.gradient == pytest.approx(0.6, rel=1e-9)
     pulled.value = 0.49
     assert solved().status is Status.CONVERGED
+
+
+def test_a_law_that_is_not_the_one_asked_for_is_told(monkeypatch):
+    """Where augmentation fails the regularised law stays, as a finding of the problem and of its results."""
+    block = Block(algorithm="alm", friction=Tresca(0.1))
+    block.problem.solve()
+    assert block.problem.findings == ()
+    monkeypatch.setattr(strategy, "augmented_lagrangian", lambda *_, **__: Status.OUTER_MAX_ITERATIONS)
+    monkeypatch.setattr(
+        strategy, "by_augmentation", lambda task, start, begun, data, **_: replace(begun, status=Status.CYCLING)
+    )
+    block = Block(algorithm="alm", friction=Tresca(0.1))
+    block.problem.solve()
+    assert block.problem.certificate.law.regularised
+    (told,) = block.problem.findings
+    assert told.path == "solver.algorithm"
+    assert "'alm' was not reached" in told.message
+    assert block.problem.solution.findings[0] == told

@@ -1,7 +1,5 @@
 """A result of another contact law than was asked for says so first: in the findings and in the summary."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from scenes import alone, example1
@@ -21,8 +19,7 @@ def judged(laws, left=None, accuracy=None, **settings):
         number: Certificate(law=law, penetration=1e-3 * number, stick_slip=2e-4)
         for number, law in enumerate(laws, start=1)
     }
-    scene = SimpleNamespace(solver=SolverSettings(**settings), accuracy=accuracy)
-    return asked_law(scene, certificates, left)
+    return asked_law(SolverSettings(**settings), certificates, left, raises_gamma=accuracy is not None)
 
 
 @pytest.mark.parametrize(
