@@ -46,6 +46,8 @@ if TYPE_CHECKING:
 
 # A body that moves away although nothing would let it do so without a load.
 _LEAVES = (Status.OPEN, Status.TIPS, Status.SLIDES)
+# What ``check`` says of a body that does something else.
+_ANOTHER = {Status.SLIDES: "tip it over", Status.TIPS: "make it slide"}
 
 
 @dataclass(frozen=True, repr=False)
@@ -172,13 +174,14 @@ class Solution:
         settings, last, failed = self.scene.solver, self.last_step, self.steps[-1]
         path = {Status.NOT_HELD: "displacement"} | dict.fromkeys(_LEAVES, self.scene.forces_at)
         ended_between = self.scene.automatic_steps is not None and last is not failed
-        if self.status in path and ended_between:  # what ``check`` names is proved of the whole load
-            times = f"there is a solution at time {last.time:.6g}, and none at time {failed.time:.6g}"
-            return f"{times}; {self.status.advice}"
         if self.status in path:
             wanted = ("warning", path[self.status])
             named = (finding.message for finding in self.findings if (finding.level, finding.path) == wanted)
-            return next(named, self.status.advice)
+            between = f"there is a solution at time {last.time:.6g}, and none at time {failed.time:.6g}; "
+            # What the whole load does, a part of it need not do.
+            another = _ANOTHER.get(self.status) if ended_between else None
+            fits = (message for message in named if another is None or another not in message)
+            return next(fits, f"{between * ended_between}{self.status.advice}")
         if self.status in _UNDECIDED and ended_between:
             return (
                 "lower the load, raise the friction, or prescribe a displacement: there is a solution at time "

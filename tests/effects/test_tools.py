@@ -645,7 +645,7 @@ def test_it_is_drawn_where_it_ends_up(tmp_path, monkeypatch):
     drawn = []
     monkeypatch.setattr(deformed_body, "deformed_mesh", lambda *_, foundation, **__: drawn.append(foundation))
     table = solution.table.columns
-    gather_pictures(solution)._draw_in_the_plane(gather_pictures(solution).body, table, tmp_path, "")
+    gather_pictures(solution)._draw_in_the_plane(gather_pictures(solution).body, table, tmp_path, "", None)
     places = drawn[0].nodes + drawn[0].offset
     assert np.allclose(places, drawn[0].nodes + tool.at(drawn[0].nodes))  # it touched them
     assert np.ptp(places[:, 1]) > 1e-6

@@ -688,3 +688,23 @@ def test_a_plate_whose_ramp_begins_with_a_damped_fixed_point(steps):
     for step in solution.steps:
         table = step.contact
         assert (table.boundary.weight * table.pressure).sum() == pytest.approx(20.0 * step.time, rel=1e-6)
+
+
+def test_advice_is_about_how_it_ended():
+    """A dam slides at twice the pressure of the water; that ten times as much would tip it over is another warning."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 30.0, "height": 40.0, "nx": 6, "ny": 8}},
+            "material": {"young": 25e9, "poisson": 0.2, "density": 2400.0},
+            "gravity": {"y": -9.81},
+            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.7}},
+            "traction": {"boundary": "left", "pressure": "4e5 * (1 - x[1] / 40)", "factors": [1.0, 10.0]},
+            "load_steps": {"steps": 4},
+        }
+    )
+    solution = solve(scene, check=False)
+    assert solution.status is Status.SLIDES
+    assert any("tip it over" in finding.message for finding in solution.findings)
+    assert "tip" not in solution.advice
+    last, failed = solution.last_step.time, solution.steps[-1].time
+    assert f"there is a solution at time {last:.6g}, and none at time {failed:.6g}" in solution.advice
