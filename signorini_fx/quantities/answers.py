@@ -34,6 +34,7 @@ _MOVES_AWAY = {
 _UNDECIDED = {
     Status.SLIDES_AT_PRESSURES: "it slides at the contact pressures found, and of others nothing is proved",
     Status.UNSTABLE: "it would leave the equilibrium that was found; another one may hold",
+    Status.STABILITY_UNKNOWN: "an equilibrium was found, and whether it is stable is not known",
     Status.LIMIT: "no equilibrium was found beyond a load, which is no proof that there is none",
     Status.INSIDE: "a rigid shape is inside the body, or has passed through it",
     Status.TOO_LARGE: "the deformation is larger than linear elasticity can judge",
@@ -119,7 +120,7 @@ def _status(summary: dict[str, Any]) -> Status:
 def _failure(summary: dict[str, Any]) -> str:
     """Why there is no solution."""
     status = _status(summary)
-    return {**_MOVES_AWAY, **_UNDECIDED}.get(status, f"no solution was found ({status.value}), and none is excluded")
+    return {**_MOVES_AWAY, **_UNDECIDED}.get(status, f"no solution was found ({status.value}); there may be one")
 
 
 @dataclass(frozen=True)
@@ -227,7 +228,8 @@ def _limit_of_statics(summary: dict[str, Any]) -> tuple[str, list[str]]:
 def _stress(summary: dict[str, Any]) -> Answer:
     validity, details = validity_of(summary), list[str]()
     if not validity.solved:
-        return Answer("", "not known", ("there is no solution, and so no stress",))
+        none = "there is no solution" if _status(summary) in _MOVES_AWAY else "no solution was found"
+        return Answer("", "not known", (f"{none}, and so no stress",))
     if pressed := summary.get("max_pressure"):
         pressure = with_unit(figure(pressed, error_of(summary, "max_pressure")), "stress")
         details.append(f"largest contact pressure {pressure}")

@@ -48,7 +48,7 @@ def test_every_answer_is_true(drawn):
     for status, step, (strength, statics, error, law, complete), summary in drawn:
         solved = status.value in SOLVED
         earlier = step and not solved
-        (holds, why), (left, limits), (place, _), (_, sure) = told(summary)
+        (holds, why), (left, limits), (place, stress), (_, sure) = told(summary)
         about = (status, step, strength, statics, error, law, complete)
         if complete == "incomplete":
             assert holds == "not known", about
@@ -72,6 +72,7 @@ def test_every_answer_is_true(drawn):
         assert ("at most" in limits) == (statics == "an upper limit" and (solved or earlier)), about
         assert ("supports hold it" in limits) == (statics == "supports" and (solved or earlier)), about
         if not (solved or earlier):
+            assert ("there is no solution" in stress) == status.value.startswith(PROVED), about
             assert (left == "nothing") == (status.value.startswith(PROVED) and complete == "whole"), about
         assert place.startswith("at (") == (strength != "no fields" and (solved or earlier)), about
         assert ("guaranteed" in sure) == (error == "guaranteed" and (solved or earlier)), about
