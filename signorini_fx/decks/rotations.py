@@ -39,5 +39,5 @@ def judged_rotations(solution: Solution, deck: Deck | None) -> Solution:
     if share > LINEAR_IN_DECK:
         incomplete = (*solution.scene.incomplete, told)
         return replace(solution, scene=solution.scene.model_copy(update={"incomplete": incomplete}))
-    found = Finding("note", "displacement", f"{told}: it {Grade.NOTED}")
-    return replace(solution, findings=(*solution.findings, found))
+    note = Finding("note", "displacement", f"{told}: it {Grade.NOTED}")
+    return replace(solution, found=lambda: (*solution.found(), note))
