@@ -53,7 +53,8 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     solid = in_space(summary)
     known = sections.was_solved(summary)
     contact = folder.columns("contact.csv", summary["contact_nodes"]) if known and "contact_nodes" in summary else {}
-    overview = sections.overview(folder, solid=solid, stressed="stress" in summary["scene"].get("forms", ["stress"]))
+    stressed = "stress" in summary["scene"].get("forms", ["stress"])
+    overview = sections.overview(folder, solid=solid, stressed=stressed, solved=validity_of(summary).solved)
     # First what is asked first, then what was found, then why it may be trusted, last how it was computed.
     chapters = {
         "Outcome": sections.outcome(summary, overview, evidence.cost(summary)),

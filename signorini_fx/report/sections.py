@@ -109,13 +109,13 @@ def _estimate(card: Card) -> str:
 def _warnings(summary: dict[str, Any]) -> list[dict[str, Any]]:
     """About the scene and the result."""
     warned = [finding for finding in summary.get("findings", []) if finding["level"] == "warning"]
-    return [finding for finding in warned if finding["message"] != summary["advice"]]
+    others = [finding for finding in warned if finding["message"] != summary["advice"]]
+    return [{**finding, "message": in_text(finding["message"])} for finding in others]
 
 
-_COLOURS = (
-    "Colour: von Mises stress, recovered, which smooths peaks narrower than a cell; circle: the largest one, recovered "
-    "or raw. "
-)
+_COLOURS = "Colour: von Mises stress, recovered, which smooths peaks narrower than a cell"
+_CIRCLE = "; circle: the largest one, recovered or raw. "
+_ITERATE = "The last iterate, which is no solution. "
 _DISPLACEMENT = "Colour: size of the displacement; the stress is not known. "
 _PLANE_BODY = "Hatched: the foundation. The title says what is magnified."
 _SETUP = "What the scene prescribes, before it is solved. Orange: contact; blue: loads; green: supports."
@@ -130,13 +130,14 @@ _APART = (
 )
 
 
-def overview(folder: ResultFiles, *, solid: bool = False, stressed: bool = True) -> Markup:
+def overview(folder: ResultFiles, *, solid: bool = False, stressed: bool = True, solved: bool = True) -> Markup:
     """The picture of the deformed body, or why there is none.
 
     Args:
         folder: of the result.
         solid: whether the body is in space.
         stressed: whether its stress is known.
+        solved: whether it is a solution, of which the largest stress is marked.
     """
     data = folder.picture("setup.png")
     if data is not None:
@@ -147,7 +148,8 @@ def overview(folder: ResultFiles, *, solid: bool = False, stressed: bool = True)
         if solid:
             reason += f", or has too many facets to be drawn, or without {PYVISTA}"
         return tag("p", f"No picture: {reason}.", class_="note")
-    caption = (_COLOURS if stressed else _DISPLACEMENT) + (_SOLID_BODY if solid else _PLANE_BODY)
+    colours = f"{_COLOURS}{_CIRCLE if solved else '. '}" if stressed else _DISPLACEMENT
+    caption = f"{'' if solved else _ITERATE}{colours}{_SOLID_BODY if solid else _PLANE_BODY}"
     return picture(data, "png", "deformed body on its foundation", caption, "still overview")
 
 

@@ -36,7 +36,7 @@ from signorini_fx.quantities.registry import quantities
 from signorini_fx.records import Status
 from signorini_fx.report import advice, evidence, interactive, markup, sections
 from signorini_fx.report import page as report
-from signorini_fx.result_files import read_csv, read_summary, seconds_of
+from signorini_fx.result_files import ResultFiles, read_csv, read_summary, seconds_of
 from signorini_fx.results.certificate import JUDGED, REPORTED, Certificate
 from signorini_fx.results.checkpoint import _described
 from signorini_fx.results.files import write_results
@@ -385,6 +385,13 @@ def test_verdict(folders):
     failed = summary | {"status": "active sets cycle", "converged": False, "certificate": refused}
     assert "does NOT hold. All figures are of the last iterate: do not use them." in sections.outcome(failed)
     assert ">violated<" in evidence.certificate(failed)
+    files = ResultFiles(folders["steps"])
+    assert "; circle: the largest one" in sections.overview(files)
+    iterate = sections.overview(files, solved=False)
+    assert "The last iterate, which is no solution." in iterate
+    assert "circle" not in iterate
+    warning = {"level": "warning", "path": "material", "message": "strains of 3.5e+02"}
+    assert f"strains of {markup.in_text('3.5e+02')}." in sections.outcome(failed | {"findings": [warning]})
     assert any(value == "status bad" for _, name, value in page.attributes if name == "class")
     good = Page(folders["levels"])
     assert "violated" not in good.of("td")
