@@ -158,6 +158,18 @@ def test_larger_one_of_two_stresses(raw, recovered):
     assert line.endswith(f"at {where}")
 
 
+def test_no_forecast_of_what_no_mesh_reaches():
+    """The rate of the meshes so far promises an error that the outcome excludes."""
+    cost = {"error": 0.01, "statement": "1 % of the pressure took 2 s; 0.1 % would take 3 to 9 s, 23k unknowns"}
+    for status, seconds in (("converged", True), ("accuracy out of reach", False)):
+        summary = page.known(status=status, converged=status == "converged", advice="require less", cost=cost)
+        (line,) = (str(line) for line in short_answer(summary, Path("out")) if str(line).startswith("  cost"))
+        for text in (line, told(summary)[3][1]):
+            assert "1 % of the pressure took 2 s" in text
+            assert ("3 to 9 s" in text) == seconds
+            assert ("no finer mesh helps" in text) != seconds
+
+
 @pytest.mark.parametrize("guaranteed", [True, False])
 def test_an_estimate_is_not_called_guaranteed(guaranteed):
     """Neither in the answers, on the terminal, nor in the section of the certificate."""

@@ -8,6 +8,7 @@ from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.quantities.kinds import Count, Number, Row, described
 from signorini_fx.quantities.quantity import Quantity, Summary
 from signorini_fx.quantities.text import row
+from signorini_fx.records import Status
 
 
 class CostFigures(Row):
@@ -32,6 +33,8 @@ def cost_in_words(summary: Summary) -> str:
     if cost is None:
         return ""
     statement: str = cost["statement"]
+    if cost.get("error") is not None and summary.get("status") == Status.OUT_OF_REACH.value:
+        return f"{statement.partition(';')[0]}; no finer mesh helps"  # whatever the rate of the meshes so far promises
     return statement if cost.get("error") is not None else f"no forecast: {statement}"
 
 
