@@ -93,7 +93,8 @@ class BodyCells:
 
         Args:
             places: of the nodes, see ``placed``.
-            shape: an object with ``distance``, see ``Shape``; one that has no finite inradius is not looked at.
+            shape: an object with ``distance``, see ``Shape``; one whose inradius is infinite is not looked at, and of
+                one that does not say it the radius of the cells alone decides.
             added: what is added to its distance, length.
         """
         return self._too_deep(places, shape, added, SHAPE_INSIDE, SHAPE_INSIDE)
@@ -133,9 +134,11 @@ class BodyCells:
         """A point of the body that is deeper in the shape than these shares of its inradius and of the radius of the
         cell, the deepest one of those of its level; collective.
         """
-        comm, radius = self.space.mesh.comm, getattr(shape, "inradius", math.inf) - max(added, 0.0)
-        if not 0.0 < radius < math.inf:
-            return None
+        comm, radius = self.space.mesh.comm, math.inf
+        if (known := getattr(shape, "inradius", None)) is not None:
+            radius = known - max(added, 0.0)
+            if not 0.0 < radius < math.inf:
+                return None
 
         def depths(x: Array) -> Array:
             return -(shape.distance(x)[0] + added)

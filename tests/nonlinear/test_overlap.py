@@ -35,6 +35,23 @@ def test_a_circle_that_is_moved_into_the_body_in_one_step(degree):
     assert found.status is Status.CONVERGED
 
 
+def test_a_shape_of_a_users_own_that_does_not_say_how_large_it_is():
+    """Is seen by the cells that it is in: no node is in this one."""
+
+    class Ball:
+        def distance(self, x):
+            away = x - np.array([0.551, 0.552])
+            far = np.linalg.norm(away, axis=1)
+            return far - 0.05, away / far[:, None]
+
+    space, side = rectangle([1.0, 1.0], [10, 10])
+    u = fem.Function(space)
+    contact = Foundation(side(1, 1.0), shape=Ball())
+    problem = NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact)
+    with pytest.raises(ConvergenceError, match=r"rigid shape inside the body \(contact\[0\]: 0\.0\d+ at \(0\.5"):
+        problem.solve()
+
+
 @pytest.mark.parametrize("first", [None, 0.02])
 def test_a_post_is_not_passed_through(first):
     """A circle that a ramp moves through a post bends it: the force is not zero in steps that touch it."""
