@@ -84,14 +84,7 @@ bottom, top = (mesh.locate_entities_boundary(domain, 1, lambda x, y=y: np.isclos
 fixed = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, bottom), V)
 circle = {"shape": "circle", "centre": (1.0, 2.0), "radius": 1.0}
 problem = NonlinearContactProblem(
-    F,
-    u,
-    J=J,
-    bcs=[fixed],
-    contact=Foundation(top, shape=circle),
-    update=metal.update,
-    commit=metal.commit,
-    stability=False,  # a cell that is just at its yield stress has two tangents
+    F, u, J=J, bcs=[fixed], contact=Foundation(top, shape=circle), update=metal.update, commit=metal.commit
 )
 DEPTH, path = 0.02, [(0.0, 0.0)]
 for depth in (*np.linspace(0, DEPTH, 9)[1:], *(DEPTH * np.array([0.95, 0.9, 0.85, 0.8, 0.7]))):

@@ -795,20 +795,27 @@ NO_LINE_SEARCH = 1e-6
 # Evaluations of the residual in a line search, and the share of a bracket that its next point keeps from the ends.
 # Choice.
 LINE_SEARCH_STEPS, BRACKET_MARGIN = 12, 0.1
+# Shares of the diagonal of a tangent that are added to it where a linearised contact problem has no solution or its
+# increment goes up: the first one, by which factor more and less, and the last one.  Choice: the first is the stiffness
+# in bending of a column that is twenty times as high as wide, of cells as wide as it.
+LEAST_DAMPING, DAMPING_GROWTH, MOST_DAMPING = 1e-5, 10.0, 1.0
 # A ramp takes a step larger by the second number after one of at most as many iterations as the first, and none below
 # the third share of the load.  Choice.
 FEW_NEWTON_ITERATIONS, STEP_GROWTH, SMALLEST_STEP = 6, 1.5, 1 / 256
+# What a slip loses, as a share, as its tangent plane turns by the way to a hollow shape, at most.  Choice.
+MOST_TURNED = -0.5
 # Differences of distances and normals of shapes are taken over this share of the size of the body.  Choice, from
 # round-off.
 NORMAL_DIFFERENCE = 1e-6
 # What holds a contact point where the inertia of the tangent is looked at, in units of the largest entry on the
 # diagonal.  Choice.
 HOLDING_STIFFNESS = 1e4
-# A tangent is tried by differences of the residual over this strain, and is its derivative if both differ by less than
-# the second number, as a share of the norm.  Choice: the strain is far below that at which metals yield, where over
-# 1e-5 differences of a radial return are wrong by more; round-off of neo-Hookean forces is 1e-9 of them; the stress
-# that buckles a slender column is 1e-3 of its modulus.
-DIFFERENCE_STRAIN, SAME_TANGENT = 1e-7, 1e-6
+# A tangent is tried by differences of the residual over these strains, and is its derivative if both differ by less
+# than the last number, as a share of the norm, over one of them.  Choice: the first is far below the strain at which
+# metals yield, where over 1e-5 differences of a radial return are wrong by more; round-off of neo-Hookean forces is
+# 1e-9 of them; the stress that buckles a slender column is 1e-3 of its modulus.  The second is for a cell that is so
+# near to its yield stress that the first one leads across: of demos/dent.py one step in thirteen.
+DIFFERENCE_STRAINS, SAME_TANGENT = (1e-7, 1e-9), 1e-6
 # Shares of the radius of a cell, and of that of the largest ball in a rigid shape, beyond which the shape lies inside
 # the body; of the latter by which it is moved at a time to see its way.  Choice: a chord between two nodes cuts a
 # circle whose radius is six tenths of its length to less than the first.

@@ -58,8 +58,9 @@ def length_of_increment(
     at: tuple[Array, Array, Array],
     *,
     search: bool,
-) -> float:
-    """The share of an increment to take; 0: there are no forces however short it is; collective.
+) -> tuple[float, bool]:
+    """The share of an increment to take, and whether it goes down; 0: there are no forces however short it is;
+    collective.
 
     Args:
         linear: the contact problem that gives the increment.
@@ -92,7 +93,8 @@ def length_of_increment(
 
     first = -float(parallel.global_sum(comm, np.array(ahead @ internal)))
     size, change = (float(parallel.largest(comm, np.abs(values), 0.0)) for values in (old, increment))
-    share = share_of_increment(slope, first, search=search and change > NO_LINE_SEARCH * size)
+    search = search and change > NO_LINE_SEARCH * size
+    share = share_of_increment(slope, first, search=search)
     if share == 0.0 and failed is not None:
         raise failed
-    return share
+    return share, first < 0 or not search

@@ -9,14 +9,14 @@ a form a(u, .) - F(u; .) would get a quadrature degree of its own, and Newton's 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.algorithms.task import Outcome
+from signorini_fx.algorithms.task import Outcome, Start
 from signorini_fx.body.assembly import assemble
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
@@ -26,12 +26,14 @@ from signorini_fx.body.nodal_stiffness import NodalStiffness
 from signorini_fx.forms.contact_problem import ContactProblem
 from signorini_fx.forms.elasticity import MatrixError, MatrixFault, elastic_body
 from signorini_fx.linalg.factorisation import enough_memory, factor_memory
+from signorini_fx.nonlinear.moving_shapes import curvature_of, left_by_turning
 from signorini_fx.records import Status
 from signorini_fx.results.certificate import Certificate
 from signorini_fx.results.promised_law import Law, PreviousStep
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.step_frames import LastSolution
 from signorini_fx.scales import Scales
+from signorini_fx.tuned import DAMPING_GROWTH, LEAST_DAMPING, MOST_DAMPING
 
 Array = npt.NDArray[np.float64]
 
@@ -78,6 +80,8 @@ class LinearisedProblem(ContactProblem):
         curvature: what the shapes add to the tangent.
     """
 
+    _damping = 0.0  # share of the diagonal of the tangent that is added to it
+    _diagonal: Array  # the largest entry of each owned node, of the tangent that was damped first
     _foundations_class = MovingFoundations
     _foundations: MovingFoundations
 
@@ -86,7 +90,8 @@ class LinearisedProblem(ContactProblem):
     ) -> None:
         super().__init__(tangent, residual, bcs, contact, fem.Function(at.function_space), **settings)
         self._at, self._definite = at, True
-        self.curvature = NodalStiffness.none(at.function_space.mesh.geometry.dim)
+        dim = at.function_space.mesh.geometry.dim
+        self.curvature, self._hessians = NodalStiffness.none(dim), np.zeros((0, dim, dim))
 
     def begin(
         self,
@@ -96,7 +101,34 @@ class LinearisedProblem(ContactProblem):
         """Take the motion of shapes from here, and their rotations."""
         self._foundations.motion, self._spin_of = motion, spin
 
+    def bend(self, hessians: Array) -> None:
+        """Give the tangent the curvature of the shapes with the tractions of the last solution.
+
+        Args:
+            hessians: see ``hessians_at``, at the displacement of now.
+        """
+        self._hessians, self.curvature = hessians, curvature_of(hessians, self.state)
+
     # --- what a ContactProblem asks for ---
+
+    def _begin(self) -> Start:
+        """See ``ContactProblem``; slips of points that stick are linearised as their tangent planes turn."""
+        state = self._state
+        begun = super()._begin()
+        boundary, before = self._boundary, self._previous_step
+        if state is None or not len(self._hessians) == boundary.size == state.boundary.size:
+            return begun
+        origin = np.zeros_like(begun.data.mu_hat) if begun.data.slip_origin is None else begun.data.slip_origin
+        dim, nodes = boundary.x.shape[1], boundary.nodes
+        way = places = self._at.x.array.reshape(-1, dim)[nodes]
+        if before is not None:
+            earlier = before.displacement.x.array.reshape(-1, dim)[nodes]
+            way = places - earlier - (0.0 if before.moved is None else before.moved)
+        slip = np.einsum("nij,ni->nj", boundary.tangents, places) - origin
+        left = slip - np.einsum("nij,nik,nk->nj", boundary.tangents, state.boundary.cotangents, state.slip_length)
+        turned = left_by_turning(boundary, self._hessians, way, left)
+        origin = origin + np.where(self._sticks[:, None], turned, 0.0)
+        return replace(begun, data=replace(begun.data, slip_origin=origin))
 
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
         """See ``ContactProblem``: a tangent that is not definite is factorised whole.  Its contact problem may have no
@@ -104,7 +136,9 @@ class LinearisedProblem(ContactProblem):
         """
         indefinite = {"linear_algebra": "full", "fallbacks": False}
         settings = self.settings if self._definite else self.settings.model_copy(update=indefinite)
-        beside = {"beside": self.curvature, "definite": self._definite}
+        if self._damping > 0.0:  # what has failed without it is not tried by all methods again
+            settings = settings.model_copy(update={"fallbacks": False})
+        beside = {"beside": self._added, "definite": self._definite}
         return elastic_body(self._space, self._a, self.bcs, fixed, boundary, settings, **beside)
 
     def _forces(self) -> Array:
@@ -113,7 +147,7 @@ class LinearisedProblem(ContactProblem):
 
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
         """See ``ContactProblem``."""
-        return self.curvature.nodes, self.curvature.blocks
+        return self._added.nodes, self._added.blocks
 
     def _spin(self, boundary: ContactBoundary) -> Array | None:
         """See ``ContactProblem``."""
@@ -125,10 +159,36 @@ class LinearisedProblem(ContactProblem):
 
     # --- one iteration ---
 
-    def solve_anew(self) -> None:
-        """``solve``, the first time for a load: the tangent is definite until a factorisation refuses it."""
-        self._definite = True
-        self.solve()
+    def begin_anew(self) -> None:
+        """A new load: the tangent is definite until a factorisation refuses it, and is not damped."""
+        self._definite, self._damping = True, 0.0
+
+    def damp(self) -> bool:
+        """Add more of its diagonal to the tangent, so that increments are shorter and go down where it is not definite;
+        False: as much as there is has been added.
+        """
+        if self._damping >= MOST_DAMPING:
+            return False
+        if self._damping == 0.0:
+            dim, owned = self.u.function_space.mesh.geometry.dim, self._at.function_space.dofmap.index_map.size_local
+            diagonal = np.abs(self._elastic.stiffness.getDiagonal().getArray()[: owned * dim])
+            self._diagonal = diagonal.reshape(-1, dim).max(axis=1)
+        self._damping = max(DAMPING_GROWTH * self._damping, LEAST_DAMPING)
+        return True
+
+    def damp_less(self) -> None:
+        """The increment was good."""
+        self._damping = less if (less := self._damping / DAMPING_GROWTH) >= LEAST_DAMPING else 0.0
+
+    @property
+    def _added(self) -> NodalStiffness:
+        """What the tangent has beside the form."""
+        if self._damping == 0.0:
+            return self.curvature
+        dim, nodes = self.curvature.blocks.shape[1], np.arange(len(self._diagonal))
+        damping = self._damping * self._diagonal[:, None, None] * np.eye(dim)
+        of, blocks = (self.curvature.nodes, nodes), (self.curvature.blocks, damping)
+        return NodalStiffness.summed(np.concatenate(of), np.concatenate(blocks))
 
     def solve(self) -> fem.Function:
         """See ``ContactProblem``; a tangent that Cholesky's factorisation refuses is factorised as LDL^T."""
@@ -199,14 +259,19 @@ class LinearisedProblem(ContactProblem):
         return self._previous_step
 
     @property
+    def _sticks(self) -> npt.NDArray[np.bool_]:
+        """Which contact points friction has held in the last solution, shape (n,)."""
+        part, state = self.state.boundary.part, self.state
+        rough = np.array([entry.friction is not None or entry.bonded for entry in self.contact])[part]
+        return np.asarray(rough & state.in_contact & (state.direction == 0.0).all(axis=1))
+
+    @property
     def held(self) -> Array:
         """The directions that contact holds at each contact point, zero where it holds none, shape (n, d, d)."""
         assert self._outcome is not None
-        boundary, sets = self.state.boundary, self._outcome.problem.sets
-        rough = np.array([entry.friction is not None or entry.bonded for entry in self.contact])[boundary.part]
-        sticks = sets.contact & ~sets.slip & rough
-        normal = boundary.normal[:, None, :] * sets.contact[:, None, None]
-        return np.concatenate((normal, boundary.tangents.transpose(0, 2, 1) * sticks[:, None, None]), axis=1)
+        boundary = self.state.boundary
+        normal = boundary.normal[:, None, :] * self.state.in_contact[:, None, None]
+        return np.concatenate((normal, boundary.tangents.transpose(0, 2, 1) * self._sticks[:, None, None]), axis=1)
 
     @property
     def factor_fits(self) -> bool:

@@ -19,7 +19,7 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.nodal_stiffness import NodalStiffness
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.scene.rigid_shape import Shape, distance_from
-from signorini_fx.tuned import NORMAL_DIFFERENCE
+from signorini_fx.tuned import MOST_TURNED, NORMAL_DIFFERENCE
 
 Array = npt.NDArray[np.float64]
 
@@ -85,7 +85,23 @@ class MovingShape:
         return np.asarray(self.shape.moved_from(self.settled, places))
 
 
-def curvature_of(shapes: Mapping[int, MovingShape], state: ContactState, places: Array, size: float) -> NodalStiffness:
+def hessians_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array, size: float) -> Array:
+    """The second derivatives H of the distances at contact points, 1 / length, shape (n, d, d); zero without a shape.
+
+    Args:
+        boundary: the contact points.
+        shapes: by the numbers of their foundations.
+        places: displacements of the nodes, shape (nodes, d).
+        size: of the body, length.
+    """
+    hessians = np.zeros((boundary.size, boundary.x.shape[1], boundary.x.shape[1]))
+    for number, moving in shapes.items():
+        points = np.flatnonzero(boundary.part == number)
+        hessians[points] = moving.curvature(boundary.x[points] + places[boundary.nodes[points]], size)
+    return hessians
+
+
+def curvature_of(hessians: Array, state: ContactState) -> NodalStiffness:
     """What the shapes add to the tangent as their normals turn with the displacement, at contact tractions.
 
     The force of a pressure lambda along the normal n turns by -lambda H d, with H the second derivatives of the
@@ -93,22 +109,37 @@ def curvature_of(shapes: Mapping[int, MovingShape], state: ContactState, places:
     which acts on displacements along the normal alone: where there is contact these are of second order in d.
 
     Args:
-        shapes: by the numbers of their foundations.
+        hessians: H, see ``hessians_at``.
         state: of the contact points, with their tractions.
-        places: displacements of the nodes, shape (nodes, d).
-        size: of the body, length.
     """
     boundary = state.boundary
-    blocks = np.zeros((boundary.size, boundary.x.shape[1], boundary.x.shape[1]))
-    for number, moving in shapes.items():
-        points = np.flatnonzero(boundary.part == number)
-        normal = boundary.normal[points]
-        hessian = moving.curvature(boundary.x[points] + places[boundary.nodes[points]], size)
-        shear = np.einsum("nij,nj->ni", boundary.tangents[points], state.shear[points])
-        turning = np.einsum("ni,nj->nij", normal, np.einsum("nij,nj->ni", hessian, shear))
-        turned = turning + turning.transpose(0, 2, 1) - state.pressure[points, None, None] * hessian
-        blocks[points] = boundary.weight[points, None, None] * turned
-    return NodalStiffness.summed(boundary.nodes, blocks)
+    shear = np.einsum("nij,nj->ni", boundary.tangents, state.shear)
+    turning = np.einsum("ni,nj->nij", boundary.normal, np.einsum("nij,nj->ni", hessians, shear))
+    blocks = turning + turning.transpose(0, 2, 1) - state.pressure[:, None, None] * hessians
+    return NodalStiffness.summed(boundary.nodes, boundary.weight[:, None, None] * blocks)
+
+
+def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, left: Array) -> Array:
+    """What part of a slip turning tangent planes undo, or take on top of it, length, shape (n, d - 1).
+
+    The slip is the part of the way w along the tangent plane, which turns with a displacement d.  So the slip changes
+    by M d with M = 1 - (n_f . w) H on the plane, not by d, where a point has come to its shape within the step: what is
+    left to go, s, needs d = -M^-1 s.  In a bowl M may vanish: it is not taken below 1 + ``MOST_TURNED``.
+
+    Args:
+        boundary: the contact points.
+        hessians: H, see ``hessians_at``.
+        way: w, of the points relative to their shapes since the last step, length, shape (n, d).
+        left: s, shape (n, d - 1).
+
+    Returns:
+        s - M^-1 s.
+    """
+    along = np.einsum("ni,ni->n", boundary.normal, way)  # - n_f . w
+    bends = np.einsum("n,nki,nkl,nlj->nij", along, boundary.tangents, hessians, boundary.tangents)
+    sizes, axes = np.linalg.eigh((bends + bends.transpose(0, 2, 1)) / 2)
+    sizes = np.maximum(sizes, MOST_TURNED)
+    return np.asarray(np.einsum("nij,nj,nkj,nk->ni", axes, sizes / (1 + sizes), axes, left))
 
 
 def motion_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array) -> Array | None:

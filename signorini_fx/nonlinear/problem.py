@@ -34,7 +34,7 @@ from signorini_fx.nonlinear.certificate import certified
 from signorini_fx.nonlinear.inversion import turned_inside_out
 from signorini_fx.nonlinear.line_search import length_of_increment
 from signorini_fx.nonlinear.linearised import LinearisedProblem
-from signorini_fx.nonlinear.moving_shapes import MovingShape, curvature_of, fitting, motion_at, placed, spin_at
+from signorini_fx.nonlinear.moving_shapes import MovingShape, fitting, hessians_at, motion_at, placed, spin_at
 from signorini_fx.nonlinear.overlap import overlap
 from signorini_fx.nonlinear.ramp import RampStep, StepSizes
 from signorini_fx.nonlinear.snapshot import Snapshot
@@ -151,6 +151,7 @@ class NonlinearContactProblem:
         self._cells = BodyCells.of(space, space.mesh.geometry.dim)
         self._overlap = ""  # where a shape was inside the body in the last solve
         self._failure = ""  # how the last solve failed that did
+        self._inner = ""  # how the last contact problem of a tangent ended that had no solution
 
     @property
     def bcs(self) -> Any:
@@ -208,8 +209,8 @@ class NonlinearContactProblem:
 
     def _bend(self) -> None:
         """Give the tangent the curvature of the shapes with the contact tractions of now; collective."""
-        if self.linear.solved.state is not None:
-            self.linear.curvature = curvature_of(self.shapes, self.state, self._places, self._size)
+        if (state := self.linear.solved.state) is not None:
+            self.linear.bend(hessians_at(state.boundary, self.shapes, self._places, self._size))
 
     def place(self, number: int, **placement: Any) -> None:
         """Turn and move a foundation that has a shape, for the next solve and those after it.
@@ -241,15 +242,20 @@ class NonlinearContactProblem:
         self._attempt()
         return self.u
 
-    def _attempt(self, *, explain: bool = False) -> None:
-        """``solve``; ``explain``: whether a failure is asked why there may be no solution; collective."""
+    def _attempt(self, *, last: bool = True) -> None:
+        """``solve``; collective.
+
+        Args:
+            last: whether no smaller step will be tried, so that the tangent is damped where nothing else helps, and a
+                failure is asked why there may be no solution.
+        """
         self._good = self._good or self._snapshot()
         self.certificate, self.status, self._says_no = None, None, ""
         try:
-            status = self._iterate()
+            status = self._iterate(damps=last)
             if status is Status.CONVERGED and self._asks_stability:
                 status = self._stability.verdict()
-            elif explain and status not in (Status.CONVERGED, *_AFTER_NEWTON) and not self._says_no:
+            elif last and status not in (Status.CONVERGED, *_AFTER_NEWTON) and not self._says_no:
                 self._says_no = self._stability.reason_for_none(self._good.displacement, self._size)
         except Exception:
             self._go_back(self._good)
@@ -262,6 +268,8 @@ class NonlinearContactProblem:
         self._go_back(self._good)
         if status is Status.INSIDE:
             figure = self._overlap
+        elif status is Status.NOT_SOLVED:
+            figure = figure or self._inner
         elif judged is not None and status in (Status.NOT_CERTIFIED, Status.MAX_ITERATIONS):
             figure = f"{judged.worst_name} {judged.worst:.1e}"
         self._failure = status.value + (f" ({figure})" if figure else "")
@@ -310,13 +318,14 @@ class NonlinearContactProblem:
             return None
         return forces
 
-    def _iterate(self) -> Status:
-        """Newton's method from the present ``u``; collective.
+    def _iterate(self, *, damps: bool) -> Status:
+        """Newton's method from the present ``u``; ``damps``: whether its tangent may be damped; collective.
 
         It ends where increments are small and the certificate holds.  Where increments are small and it does not, as
         with a tangent that is not the derivative of F, iterations go on for as long as they make it better.
         """
         comm, u, worst = self._space.mesh.comm, self.u, np.inf
+        self.linear.begin_anew()
         for iteration in range(1, self._max_newton + 1):
             self.iterations = iteration
             old = u.x.array.copy()
@@ -325,15 +334,13 @@ class NonlinearContactProblem:
                 return Status.INVERTED
             self._bend()
             try:
-                self.linear.solve_anew() if iteration == 1 else self.linear.solve()
+                increment, length = self._increment(old, residual, search=iteration > 1, damps=damps)
             except ConvergenceError as error:
                 return self._not_solved(error.solution.status)
             except MatrixError as error:
                 if error.fault is MatrixFault.NOT_FINITE:
                     return Status.NOT_FINITE
                 raise self._tangents.refused(error) from None
-            increment = self.linear.u.x.array - old
-            length = length_of_increment(self.linear, self._forces_at, (old, increment, residual), search=iteration > 1)
             if length == 0.0:
                 return Status.INVERTED
             u.x.array[:] = old + length * increment
@@ -347,6 +354,36 @@ class NonlinearContactProblem:
                 worst = self.certificate.worst
         return Status.MAX_ITERATIONS
 
+    def _increment(self, old: Array, residual: Array, *, search: bool, damps: bool) -> tuple[Array, float]:
+        """The increment of one iteration, and the share of it to take; collective.
+
+        Where the tangent is not definite on what contact admits, as beyond a limit point, the contact problem has no
+        solution, or its solution goes up.  With enough of its diagonal added it goes down.
+
+        Args:
+            old: values of ``u``.
+            residual: F there.
+            search: see ``length_of_increment``.
+            damps: see ``_iterate``.
+
+        Raises:
+            ConvergenceError: the contact problem has no solution.
+            MatrixError: the tangent is not finite, or not symmetric.
+        """
+        linear = self.linear
+        while True:
+            try:
+                linear.solve()
+            except ConvergenceError as error:
+                if damps and error.solution.status in _DAMPED and linear.damp():
+                    continue
+                raise
+            increment = linear.u.x.array - old
+            length, down = length_of_increment(linear, self._forces_at, (old, increment, residual), search=search)
+            if down or not damps or not linear.damp():
+                linear.damp_less()
+                return increment, length
+
     def _not_solved(self, inner: Status) -> Status:
         """How a solve ends in which a linear contact problem has no solution: what is proved of that is not proved of
         the body.
@@ -354,7 +391,8 @@ class NonlinearContactProblem:
         if inner in _OF_LINEAR_BODIES:
             self._says_no = f"the tangent does not hold it: {inner.value}"
             return Status.NOT_SOLVED
-        return inner
+        self._inner = inner.value
+        return Status.NOT_SOLVED if inner is Status.CYCLING else inner
 
     # --- what is said of a solution -----------------------------------------------------------------------------------
 
@@ -436,7 +474,7 @@ class NonlinearContactProblem:
             begun, load, solves = self._snapshot(), sizes.next, len(self.history.iterations)
             try:
                 apply(load)
-                self._attempt(explain=not sizes.may_halve)
+                self._attempt(last=not sizes.may_halve)
             except Exception as error:
                 self._begin_again(begun, lambda: apply(sizes.reached))
                 self.history.add(f"load {load:g} is given up, back at {sizes.reached:g}: {error}")
@@ -487,10 +525,12 @@ _OF_LINEAR_BODIES = (
     Status.TOO_LARGE,
     Status.SINGULAR,
 )
+# How the contact problem of a tangent ends that is not definite.
+_DAMPED = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS, Status.ROUND_OFF, Status.SINGULAR)
 # How a solve ends whose Newton's method does not fail.
 _AFTER_NEWTON = (Status.INSIDE, Status.NOT_CERTIFIED)
 # What smaller steps do not change.
-_FINAL = (Status.UNSTABLE, Status.STABILITY_UNKNOWN)
+_FINAL = (Status.STABILITY_UNKNOWN,)
 
 
 def _advice(status: Status) -> str:

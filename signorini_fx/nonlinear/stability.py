@@ -74,7 +74,6 @@ class Stability:
         free, values = ~self._fixed, self.u.x.array.copy()
         for given in (True, False) if self.tangents.given else (False,):
             tangent = self.tangents.leading if given else self.tangents.derivative
-            self.forces_at(values)
             fits = is_derivative(tangent, self.u, self.forces_at, free)
             self.forces_at(values)
             if fits:

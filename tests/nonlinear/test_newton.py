@@ -45,6 +45,23 @@ def test_iterations_with_curved_tools(friction, degree):
     assert friction is None or sum(problem.state.forces)[0] > 1.0
 
 
+@pytest.mark.parametrize(("hollow", "most"), [(False, 6), (True, 8)])
+def test_a_deep_press_from_rest(hollow, most):
+    """Points that stick come along a plane that turns by the way to the shape over its radius: Newton's method knows,
+    and its last increments fall quadratically, not by this factor.  In a bowl, which squeezes the corners, the first
+    increment is halved.
+    """
+    space, side = rectangle([2.0, 1.0], [16, 8], MPI.COMM_SELF)
+    u, radius = fem.Function(space), 2.0 if hollow else 0.5
+    circle = {"shape": "circle", "centre": (1.03, 1.0 + radius * (-1 if hollow else 1)), "radius": radius}
+    contact = Foundation(side(1, 1.0), shape=circle | {"hollow": hollow}, friction=Coulomb(0.6))
+    problem = NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact)
+    problem.place(0, shift=(0.0, -0.2))
+    problem.solve()
+    assert problem.iterations <= most
+    assert problem.state.areas["stick"] > 0.2
+
+
 @pytest.mark.mpi
 def test_a_ball_with_multigrid():
     """A matrix by blocks has the curvature of shapes too: otherwise its solution is not that of the residual."""

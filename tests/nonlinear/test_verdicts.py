@@ -8,6 +8,8 @@ from mpi4py import MPI
 from support.nonlinear_bodies import LAME, MU, PLATE, held, neo_hooke, rectangle, residual
 
 from signorini_fx import ConvergenceError, Coulomb, FormError, Foundation, NonlinearContactProblem, Status
+from signorini_fx.body.assembly import assemble
+from signorini_fx.nonlinear.tangent import is_derivative
 
 HIGH = PLATE | {"point": (0.0, 8.0)}
 
@@ -75,6 +77,25 @@ def test_no_verdict_without_a_derivative():
     exact.solve()
     assert exact.status is Status.CONVERGED
     assert (followed.x.array == u.x.array).all()  # the state is that of the solution, whatever was tried for verdicts
+
+
+@pytest.mark.parametrize(("beyond", "known"), [(1e-8, True), (0.0, False)])
+def test_a_residual_near_a_kink(beyond, known):
+    """Springs that meet the body after 1e-8: differences over a strain of 1e-7 lead across, smaller ones do not.  At
+    the kink itself there is no derivative; and what is none is seen beside it.
+    """
+    space, _ = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    u, trial = fem.Function(space), ufl.TrialFunction(space)
+    spring = MU * ufl.max_value(u[0] - beyond, 0.0) * ufl.TestFunction(space)[0] * ufl.ds
+    form, free = fem.form(residual(u) + spring), np.ones(u.x.array.size, dtype=bool)
+
+    def forces(values):
+        u.x.array[:] = values
+        return assemble(form)
+
+    exact = ufl.derivative(residual(u), u, trial)
+    assert is_derivative(fem.form(exact), u, forces, free) is known
+    assert not is_derivative(fem.form(1.00001 * exact), u, forces, free)
 
 
 @pytest.mark.parametrize("degree", [1, 2])
