@@ -22,7 +22,7 @@ from signorini_fx.check.cost import Cost, contact_nodes, estimated_cost, frictio
 from signorini_fx.check.findings import scene_findings
 from signorini_fx.check.petsc_options import refuse_mistyped
 from signorini_fx.check.planned import attempts_for
-from signorini_fx.check.pushed_nodes import held_before, pushed_nodes
+from signorini_fx.check.pushed_nodes import pushed_before
 from signorini_fx.check.refusals import refuse_beforehand
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.extensions import add_on
@@ -101,9 +101,7 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
         _validated(coarse, comm)
     d = _validated(scene, comm)
     cost = estimated_cost(d)
-    held = [held_before(d, step) for step in range(d.scene.steps)]
-    pushed = pushed_nodes(comm, held, d.tagged.size)
-    findings = [*pushed, *memory_finding(cost, comm), *scene_findings(d), *_uniqueness(d)]
+    findings = [*pushed_before(d), *memory_finding(cost, comm), *scene_findings(d), *_uniqueness(d)]
     return Check(scene.title, tuple(_effects(d)), _forms(d), cost, tuple(findings), attempts_for(scene))
 
 

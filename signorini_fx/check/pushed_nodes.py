@@ -92,6 +92,15 @@ def held_before(body: Discretisation, step: float) -> list[HeldNodes]:
     return [points, *_held_pairs(y, body.pairs, boundary.comm)]
 
 
+def pushed_before(body: Discretisation) -> list[Finding]:
+    """What supports say before anything is solved; collective."""
+    boundary = body.boundary
+    supported = boundary is not None and not boundary.free.all()
+    if not parallel.any_rank(body.comm, supported or any(pair.held is not None for pair in body.pairs.values())):
+        return []
+    return pushed_nodes(body.comm, [held_before(body, step) for step in range(body.scene.steps)], body.tagged.size)
+
+
 def _held_pairs(y: Array, pairs: Mapping[int, PairedSides], comm: MPI.Comm) -> list[HeldNodes]:
     nodes = []
     for part, pair in pairs.items():
