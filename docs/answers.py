@@ -120,7 +120,7 @@ STATICS: dict[str, dict[str, Any]] = {
 }
 ERRORS: dict[str, dict[str, Any]] = {
     "of the stress": {},
-    "none": {"stress": {"error": None}},
+    "none": {"stress": {"error": None}, "cost": None},
     "estimated": {"price_list": [_PRICE]},
     "guaranteed": {"error_bound": {"relative_error": 0.043, "guaranteed": True}},
     "bound that is an estimate": {"error_bound": {"relative_error": 0.043, "guaranteed": False}},

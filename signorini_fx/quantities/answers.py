@@ -296,7 +296,9 @@ def error_in_words(summary: dict[str, Any]) -> tuple[str, bool]:
         return f"{', '.join(known)}, estimated", True
     if relative is not None:
         return f"about {percent(relative)} of the energy norm, estimated", True
-    of_stress = (summary.get("stress") or {}).get("error")
+    of_stress, cost = (summary.get("stress") or {}).get("error"), summary.get("cost") or {}
+    if of_stress is None and cost.get("of") == "energy":  # without fields the stress itself is not told
+        of_stress = cost.get("error")
     if of_stress is not None:
         return f"of the stress {percent(of_stress)} in the mean, estimated", True
     return f"not estimated: {_way_to_an_estimate(summary)}", False

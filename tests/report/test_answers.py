@@ -75,6 +75,10 @@ def test_every_answer_is_true(drawn):
             assert ("there is no solution" in stress) == status.value.startswith(PROVED), about
             assert (left == "nothing") == (status.value.startswith(PROVED) and complete == "whole"), about
         assert place.startswith("at (") == (strength != "no fields" and (solved or earlier)), about
+        told_by_stress = error == "of the stress" and status.value not in SOLVED[1:]
+        if solved or earlier:
+            assert ("8 % in the mean, estimated" in sure) == told_by_stress, about
+            assert ("not estimated" in sure) == (error == "none" and status.value not in SOLVED[1:]), about
         assert ("guaranteed" in sure) == (error == "guaranteed" and (solved or earlier)), about
         if complete == "whole" and solved and law == "another one" and not strength.startswith("125"):
             assert "not with the contact law that was asked for" in why, about
