@@ -9,6 +9,7 @@ import scipy.sparse as sp
 import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
+from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import example1
@@ -130,6 +131,19 @@ def test_a_stiffness_by_blocks(dimension):
         assert tangent.getDiagonal().array == pytest.approx(both.getDiagonal().array, rel=1e-14)
         assert difference(blocks.by_entries(tangent), both) <= 1e-15
         assert difference(rows, both.createSubMatrix(places, None)) <= 1e-15
+
+
+@pytest.mark.mpi
+def test_a_scalar_form_with_the_pattern_of_blocks():
+    """The matrix that dolfinx assembles with a pattern of its own, on any number of ranks."""
+    stiffness, _, space = two_matrices(3, WORLD)
+    scalar = fem.functionspace(space.mesh, ("Lagrange", 1))
+    form = fem.form(ufl.TrialFunction(scalar) * ufl.TestFunction(scalar) * ufl.dx)
+    ours, theirs = block_stiffness.scalar_matrix(form, stiffness), fem_petsc.assemble_matrix(form)
+    ours.assemble()
+    theirs.assemble()
+    assert difference(ours, theirs) <= 1e-15
+    assert ours.getInfo()["nz_used"] == theirs.getInfo()["nz_used"]
 
 
 def test_single_precision_in_small_units():
