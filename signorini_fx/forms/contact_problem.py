@@ -251,12 +251,12 @@ class ContactProblem(SolvedProblem):
         """What is to be known about the last solution: that its law is not the one asked for, and contact nodes that
         supports hold inside their foundation, which are left out of the contact; collective.
         """
-        told, outcome, certificate = [], self._outcome, self.certificate
+        warnings, outcome, certificate = list[Finding](), self._outcome, self.certificate
         if outcome is not None and certificate is not None and self.status is Status.CONVERGED:
             parameters = used_parameters(outcome, outcome.problem.data, certificate.strain_energy)
-            told = asked_law(self.settings, {1: certificate}, parameters.get("regularisation_error")).findings
+            warnings = asked_law(self.settings, {1: certificate}, parameters.get("regularisation_error")).findings
         held = held_in_result(self.state, self.u, self._foundations.pairs)
-        return (*told, *pushed_nodes(self._space.mesh.comm, [held], self._scales.size))
+        return (*warnings, *pushed_nodes(self._space.mesh.comm, [held], self._scales.size))
 
     @property
     def solver(self) -> PETSc.SNES:
