@@ -270,8 +270,8 @@ def _panels(
     pieces = [] if foundation is None else foundation.pieces()
     true = foundation is None or foundation.keeps_its_shape(chosen, points)
     scales = (chosen,) if true or factor is not None else (1.0, chosen)
-    whole = [] if foundation is None else foundation.lines
-    panels = [_Panel.of(points, cells, displacement, outline, scale, pieces, whole) for scale in scales]
+    shapes = [] if foundation is None else foundation.lines
+    panels = [_Panel.of(points, cells, displacement, outline, scale, pieces, shapes) for scale in scales]
     if not true:
         panels[-1] = replace(panels[-1], with_foundation=False)
     scaling = f"displacement $\\times\\,{math_number(chosen)}$"
@@ -285,7 +285,7 @@ def _panels(
     zone = _small_zone(pieces, _diagonal(points)) if factor is None else None
     if zone is None:
         return panels, None, remark
-    enlarged = _Panel.of(points, cells, displacement, outline, 1.0, pieces, whole)
+    enlarged = _Panel.of(points, cells, displacement, outline, 1.0, pieces, shapes)
     return [panels[0], enlarged], zone, f"left: {remark if true else 'as it is'}; right: the contact zone as it is"
 
 
@@ -310,7 +310,7 @@ class _Panel:
     outline: npt.NDArray[np.int64]
     factor: float
     pieces: list[DrawnFoundation]
-    whole: Sequence[Floats] = ()
+    shapes: Sequence[Floats] = ()
     with_foundation: bool = True
 
     @classmethod
@@ -322,11 +322,11 @@ class _Panel:
         outline: npt.NDArray[np.int64],
         factor: float,
         pieces: list[DrawnFoundation],
-        whole: Sequence[Floats],
+        shapes: Sequence[Floats],
     ) -> _Panel:
         moved = points + factor * displacement
         # A solve that failed may leave anything behind.
-        return cls(points, cells, np.where(np.isfinite(moved), moved, points), outline, factor, pieces, whole)
+        return cls(points, cells, np.where(np.isfinite(moved), moved, points), outline, factor, pieces, shapes)
 
     @property
     def corners(self) -> Floats:
@@ -337,15 +337,15 @@ class _Panel:
         """The rigid foundations, on which side of each the body is, see ``_side_of_body``, and whether it is whole."""
         if not self.with_foundation:
             return []
-        centres, whole = self.points[self.cells].mean(axis=1), self.whole if self.factor == 1 else ()
+        centres, shapes = self.points[self.cells].mean(axis=1), self.shapes if self.factor == 1 else ()
         pieces = [piece for piece in self.pieces if piece.grounded.all()]
-        opposite = [piece for piece in pieces if not whole or piece.shaped is None or not piece.shaped.all()]
+        opposite = [piece for piece in pieces if not shapes or piece.shaped is None or not piece.shaped.all()]
         return [
             *(
                 (piece.nodes + self.factor * piece.offset, _side_of_body(piece.nodes, centres), False)
                 for piece in opposite
             ),
-            *((line, 1.0, True) for line in whole),
+            *((line, 1.0, True) for line in shapes),
         ]
 
     def frame(self) -> tuple[Floats, Floats]:
@@ -354,7 +354,7 @@ class _Panel:
         low, high = body.min(axis=0), body.max(axis=0)
         around = 0.3 * float(max(high - low))
         # Whole foundations end near the body.
-        seen = [line if whole else np.clip(line, low - around, high + around) for line, _, whole in self.lines()]
+        seen = [line if shaped else np.clip(line, low - around, high + around) for line, _, shaped in self.lines()]
         everything = np.concatenate([np.stack((low, high)), *seen])
         low, high = everything.min(axis=0), everything.max(axis=0)
         margin = 0.035 * float(max(high - low))

@@ -182,9 +182,9 @@ def solid_figure(
     factors = [chosen] if true else [1.0, chosen]
     shown = [solid_of(skin, tones, at, foundations if true or at == 1 else ()) for at in factors]
     # Whole foundations end near the body.
-    whole = [] if reach is None else [reach]
-    whole += [entry.surface[0] for entry in foundations if entry.surface is not None and not entry.is_plane]
-    reaches = [np.concatenate(whole) if whole and at == 1 else reach for at in factors]
+    ends = [] if reach is None else [reach]
+    ends += [entry.surface[0] for entry in foundations if entry.surface is not None and not entry.is_plane]
+    reaches = [np.concatenate(ends) if ends and at == 1 else reach for at in factors]
     cameras = [view.Camera.on(seen, _extent(entry, far)) for entry, far in zip(shown, reaches, strict=True)]
     inch = (SOLID_INCHES if true else 0.75 * SOLID_INCHES) / max(2 * float(camera.half.max()) for camera in cameras)
     widths, heights = (2 * inch * np.array([camera.half[k] for camera in cameras]) for k in (0, 1))

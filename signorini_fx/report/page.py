@@ -51,8 +51,8 @@ def page(folder: Path) -> str:
 
 def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     solid = in_space(summary)
-    known = sections.was_solved(summary)
-    contact = folder.columns("contact.csv", summary["contact_nodes"]) if known and "contact_nodes" in summary else {}
+    solved = sections.was_solved(summary)
+    contact = folder.columns("contact.csv", summary["contact_nodes"]) if solved and "contact_nodes" in summary else {}
     stressed = "stress" in summary["scene"].get("forms", ["stress"])
     overview = sections.overview(folder, solid=solid, stressed=stressed, solved=validity_of(summary).solved)
     # First what is asked first, then what was found, then why it may be trusted, last how it was computed.
@@ -73,9 +73,9 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     elif contact:
         chapters["Contact boundary"] = sections.profiles(contact)
         chapters["Forces and zones"] = sections.forces(summary)
-    elif known and summary.get("resultants"):
+    elif solved and summary.get("resultants"):
         chapters["Forces"] = sections.forces(summary)
-    if known and "steps" in summary:
+    if solved and "steps" in summary:
         chapters["Load steps"] = sections.steps(
             folder, folder.columns("steps.csv", len(summary["steps"])), contact, around=sections.is_around(summary)
         )
@@ -84,7 +84,7 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
         chapters["What to do next"] = tag("ul", *lines)
     if "price_list" in summary:
         chapters["Price list"] = evidence.price_list(summary["price_list"])
-    chapters["Certificate"] = evidence.certificate(summary) if known else ""
+    chapters["Certificate"] = evidence.certificate(summary) if solved else ""
     chapters["Scene and effects"] = evidence.scene(summary)
     if contact:
         columns = folder.columns("history.csv", summary["linear_solves"])
