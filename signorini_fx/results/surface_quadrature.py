@@ -210,13 +210,13 @@ class SurfaceQuadrature:
             table = self._table(start + places @ along)
             across = np.array([along[0, 1], -along[0, 0]]) if self.across == 2 else np.cross(*along)
             across *= np.sign(across @ (start - vertices.mean(axis=0)))
-            for some in np.array_split(cells, 1 + cells.size * len(places) // _TOGETHER):
+            for facet_cells in np.array_split(cells, 1 + cells.size * len(places) // _TOGETHER):
                 # Where the facet is warped, the middle of a cell may be on its outer side: the reference cell tells.
-                adjugate, determinant = adjugates(self._jacobian(some, table))
+                adjugate, determinant = adjugates(self._jacobian(facet_cells, table))
                 normal = np.sign(determinant)[:, :, None] * np.einsum("kicq,k->cqi", adjugate, across)
                 if factor is not None:
-                    normal *= (np.nan_to_num(factor)[self._nodes[some]] @ table.shape.T)[:, :, None]
-                yield QuadratureFacets(some, table, weight[:, None] * normal)
+                    normal *= (np.nan_to_num(factor)[self._nodes[facet_cells]] @ table.shape.T)[:, :, None]
+                yield QuadratureFacets(facet_cells, table, weight[:, None] * normal)
 
 
 def _clean(functions: Array) -> Array:
