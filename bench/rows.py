@@ -18,6 +18,7 @@ import contestants
 import example1
 import large_space
 import numpy as np
+import small
 import space_rows
 import two_bodies
 from clock import Key, Sample
@@ -86,6 +87,7 @@ GROUPS = (
     "two-bodies",
     "large-space",
     "space-growth",
+    "small",
     "import",
 )
 # On the largest mesh differences are not small, and fewer rounds suffice.
@@ -341,6 +343,7 @@ def run(
         "two-bodies": lambda: two_bodies.rows(sizes, min(repeats, _FEW_REPEATS), say),
         "large-space": lambda: large_space.rows(min(repeats, _FEW_REPEATS), say),
         "space-growth": lambda: large_space.growth(say),
+        "small": lambda: small.rows(min(repeats, _FEW_REPEATS), say),
         "import": lambda: start_up(repeats, say),
     }
     for group in groups:

@@ -20,6 +20,7 @@ import example1  # noqa: E402
 import linear  # noqa: E402
 import plain  # noqa: E402
 import rival  # noqa: E402
+import small  # noqa: E402
 import space  # noqa: E402
 import space_getfem  # noqa: E402
 import space_rival  # noqa: E402
@@ -49,6 +50,7 @@ GROUPS = {
     "space-sweep",
     "space-rivals",
     "two-bodies",
+    "small",
 }
 
 
@@ -64,6 +66,13 @@ def package(law, tagged, **settings):
 
 
 needs_cholmod = pytest.mark.skipif(not has_package("cholmod", "cholesky"), reason="PETSc without CHOLMOD")
+
+
+def test_rows_of_small_solves():
+    """Whole solves and certified points of sweeps, over one linear solve each."""
+    rows = list(small.rows(1, lambda text: None, cells=[9], points=2))
+    assert len(rows) == 4 + len(small.values(2))
+    assert all(row.value > 0 and len(row.measured) == 1 for row in rows)
 
 
 @needs_cholmod
