@@ -460,6 +460,10 @@ FIRST_SHEAR = 0.5
 # after the last number of full steps.  None of 400 random compact problems gets there, nor do the tables of the paper;
 # with 6 steps and a share of 0.6 two of 200 did.
 SLOW_STEPS, SLOW_CHANGES, STILL_CHANGING, STEPS_LEFT, SLOWEST_STEPS = 7, 6, 0.7, 15, 25
+# In space, without friction, a whole row of a coarse plate opens with each full step and few rows open at all: sets are
+# asked for if full steps would be through in no fewer than this.  Tuned on 51 plates of demos/studies/slender.py, which
+# take 943 solves then, 1,012 with the number above; beams in the plane are better with that.
+STEPS_LEFT_OF_FRONTS = 40
 # They propose sets once their products are at most the first share of the first ones, a step has gone at least the
 # second share of its way, and the sets of at most the third share of the points still change.  Of two iterates the
 # quotient either of the pressures or of the openings tends to 1; while both are below the first number at more than

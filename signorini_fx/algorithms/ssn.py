@@ -37,6 +37,7 @@ from signorini_fx.tuned import (
     SLOWEST_STEPS,
     SMALL_FORCES_OF_BODY,
     STEPS_LEFT,
+    STEPS_LEFT_OF_FRONTS,
     STILL_CHANGING,
 )
 
@@ -421,7 +422,9 @@ class SemismoothNewton:
         lost = (self._changes[-4][1] - self._changes[-1][1]) / 3
         left = self._changes[-1][1] if lost > 0 else self._point_count - self._changes[-1][1]
         enough = sum(changes[-3:]) >= max(SLOW_CHANGES, STILL_CHANGING * sum(changes[:3]))
-        return (enough and 0 < abs(lost) * STEPS_LEFT <= left) or k >= SLOWEST_STEPS
+        fronts = self.problem.points.dimension == 3 and self.problem.data.bound is None
+        steps_left = STEPS_LEFT_OF_FRONTS if fronts else STEPS_LEFT
+        return (enough and 0 < abs(lost) * steps_left <= left) or k >= SLOWEST_STEPS
 
     def _settled(self, residual: float, law: float) -> bool:
         """Whether sets that repeat are those of a solution.

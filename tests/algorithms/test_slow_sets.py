@@ -112,6 +112,29 @@ def test_compact_bodies_are_left_alone(law):
     assert proposals(alone(example1(**law, nx=120, ny=40, gamma="auto"))) == 0
 
 
+def lifted_plate(nx, ny, h, lifted):
+    """A plate on a foundation of which one end is lifted so that about ``lifted`` of it is off the ground."""
+    lift = WEIGHT * lifted**4 / (2 * YOUNG * h**3)
+    parameters = {"length": LENGTH, "width": 2.0, "height": h, "nx": nx, "ny": ny, "nz": 2}
+    return parse_scene(
+        {
+            "mesh": {"generator": "box", "parameters": parameters},
+            "material": {"young": YOUNG, "poisson": 0.3},
+            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0, "z": lift},
+            "body_force": {"z": -WEIGHT / h},
+            "contact": {"boundary": "bottom", "gap": 0.0},
+        }
+    )
+
+
+@pytest.mark.parametrize("lifted", [2.0, 2.5, 3.0])
+def test_a_plate_that_a_few_rows_leave(lifted):
+    """With a row of nodes at each full step these are through before proposed sets would be, which take 21 to 25."""
+    ours = alone(lifted_plate(38, 4, 0.3, lifted))
+    assert proposals(ours) == 0
+    assert ours.history.linear_solves <= 15
+
+
 @pytest.mark.mpi
 @pytest.mark.parametrize("system", ["full", "krylov"])
 def test_ranks(system):
