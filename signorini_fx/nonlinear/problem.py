@@ -389,7 +389,8 @@ class NonlinearContactProblem:
         the body.
         """
         if inner in _OF_LINEAR_BODIES:
-            self._says_no = f"the tangent does not hold it: {inner.value}"
+            if self._stability.leads(self.u.x.array.copy()):
+                self._says_no = f"the tangent does not hold it: {inner.value}"
             return Status.NOT_SOLVED
         self._inner = inner.value
         return Status.NOT_SOLVED if inner is Status.CYCLING else inner

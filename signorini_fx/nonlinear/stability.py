@@ -55,13 +55,25 @@ class Stability:
         comm = self.u.function_space.mesh.comm
         away = float(parallel.largest(comm, np.abs(self.u.x.array - before), 0.0))
         if not away <= max(size, float(parallel.largest(comm, np.abs(before), 0.0))):
-            return "the displacement runs away"
+            return "the displacement runs away" if self.leads(before) else ""
         with suppress(FormError):
             forces = self.forces_at(self.u.x.array.copy())
             known = forces is not None and self.linear.solved.outcome is not None and self.linear.factor_fits
             if known and (tangent := self._derivative()) is not None and self._negative(tangent):
                 return "the tangent has lost its stiffness in some direction"
         return ""
+
+    def leads(self, values: Array) -> bool:
+        """Whether the tangent that leads Newton's method is the derivative of F at values of ``u``; collective.
+
+        Another one may lead away from any equilibrium.
+        """
+        if not self.tangents.given:
+            return True
+        self.forces_at(values)
+        fits = is_derivative(self.tangents.leading, self.u, self.forces_at, ~self._fixed)
+        self.forces_at(values)
+        return fits
 
     @property
     def _fixed(self) -> npt.NDArray[np.bool_]:
