@@ -200,7 +200,7 @@ SMOOTH_LARGEST, SMOOTH_MEAN = 1 / 6, 1 / 9
 STRAIGHT_ANGLE = 1e-7
 # Where the projection that recovers the stress ends, as a share of its right-hand side.  Choice: far below the error
 # that is estimated from it.
-PROJECTION_TOLERANCE = 1e-6
+PROJECTION_TOLERANCE = 1e-8
 # In space the pressure is looked at this many heights of the piece away from the rim of contact.  Choice.
 PLACES_BESIDE_RIM = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0)
 # So much of the factor by which the pressure falls over the first stretch from the rim may be missing over the second.
