@@ -824,6 +824,9 @@ DIFFERENCE_STRAINS, SAME_TANGENT = (1e-7, 1e-9), 1e-6
 # the body; of the latter by which it is moved at a time to see its way.  Choice: a chord between two nodes cuts a
 # circle whose radius is six tenths of its length to less than the first.
 SHAPE_INSIDE, SHAPE_STEP = 0.5, 0.25
+# Points along each axis of the grid on which the middle of the largest ball in a surface of a file is sought.  Choice:
+# an odd number, so that the middle of a ball is on it; in space its 729 distances take milliseconds.
+INRADIUS_GRID = 9
 # Share of the radius of the largest ball in a rigid shape at which its middle is.  Choice.
 SHAPE_MIDDLE = 0.9
 # Parts of cells that are smaller than this share of the depth allowed are not divided.  Choice.

@@ -218,6 +218,11 @@ class Foundations:
             raise FormError([(f"{path}.rigid", reason)])
         self._distances[number] = moved
 
+    @property
+    def placed_shapes(self) -> list[tuple[str, Any, Any]]:
+        """Names of the foundations that are things, their shapes where they are, and what is added to the distance."""
+        return [(f"contact[{k}].shape", at.shape, at.added) for k, at in self._distances.items()]
+
     def settle(self) -> None:
         """Count the motion of shapes from where they are."""
         self.settled = dict(self._distances)

@@ -13,7 +13,9 @@ is too deep or none is left.
 
 Contact at nodes allows for some depth: between two nodes that are outside, a chord of length h cuts a circle of radius
 R to R - sqrt(R^2 - h^2 / 4).  So up to ``SHAPE_INSIDE`` of the radius of a cell, and of the inradius of the shape,
-which is the greatest depth that there is, nothing is said.
+which is the greatest depth that there is, nothing is said.  A cone, an edge, an open line or a shape of a user's own
+has no largest ball, and its tip is cut by a chord however short: up to half its length, so the whole radius of a cell
+is allowed there.  A tip between two nodes that it does not touch is not told from that, nor is its way looked at.
 
 A shape has passed through the body if on the straight way from one place and displacement to the next it is too deep
 somewhere; then both ends may be free of overlap.  Places between are those of the rigid motion with a share of the
@@ -93,11 +95,11 @@ class BodyCells:
 
         Args:
             places: of the nodes, see ``placed``.
-            shape: an object with ``distance``, see ``Shape``; one whose inradius is infinite is not looked at, and of
-                one that does not say it the radius of the cells alone decides.
+            shape: an object with ``distance``, see ``Shape``; what is hollow and what is flat is not looked at.
             added: what is added to its distance, length.
         """
-        return self._too_deep(places, shape, added, SHAPE_INSIDE, SHAPE_INSIDE)
+        of_cell = SHAPE_INSIDE if math.isfinite(getattr(shape, "inradius", math.inf)) else 1.0
+        return self._too_deep(places, shape, added, SHAPE_INSIDE, of_cell)
 
     def swallowed(self, shape: Any, added: float = 0.0) -> InsideBody | None:
         """Where the middle of the shape lies inside the undeformed body, so that the surface of the body does not see
@@ -134,11 +136,10 @@ class BodyCells:
         """A point of the body that is deeper in the shape than these shares of its inradius and of the radius of the
         cell, the deepest one of those of its level; collective.
         """
-        comm, radius = self.space.mesh.comm, math.inf
-        if (known := getattr(shape, "inradius", None)) is not None:
-            radius = known - max(added, 0.0)
-            if not 0.0 < radius < math.inf:
-                return None
+        comm, radius = self.space.mesh.comm, getattr(shape, "inradius", math.inf) - max(added, 0.0)
+        endless = radius == math.inf and (of_cell == math.inf or not getattr(shape, "narrows", True))
+        if radius <= 0.0 or endless:
+            return None
 
         def depths(x: Array) -> Array:
             return -(shape.distance(x)[0] + added)

@@ -33,6 +33,7 @@ from signorini_fx.body.foundations import Foundations, ShapeDistances
 from signorini_fx.body.rigid_bodies import RigidBodies, RigidBodyMotion
 from signorini_fx.body.supports import prescribed
 from signorini_fx.check.pushed_nodes import held_in_result, pushed_nodes
+from signorini_fx.check.shapes_in_results import shapes_in_results
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import ActiveSets, RegularisedData
 from signorini_fx.errors import FormError, SceneError
@@ -248,15 +249,17 @@ class ContactProblem(SolvedProblem):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What is to be known about the last solution: that its law is not the one asked for, and contact nodes that
-        supports hold inside their foundation, which are left out of the contact; collective.
+        """What is to be known about the last solution: that its law is not the one asked for, contact nodes that
+        supports hold inside their foundation, which are left out of the contact, and shapes that lie inside the
+        deformed body; collective.
         """
         warnings, outcome, certificate = list[Finding](), self._outcome, self.certificate
         if outcome is not None and certificate is not None and self.status is Status.CONVERGED:
             parameters = used_parameters(outcome, outcome.problem.data, certificate.strain_energy)
             warnings = asked_law(self.settings, {1: certificate}, parameters.get("regularisation_error")).findings
         held = held_in_result(self.state, self.u, self._foundations.pairs)
-        return (*warnings, *pushed_nodes(self._space.mesh.comm, [held], self._scales.size))
+        pushed = pushed_nodes(self._space.mesh.comm, [held], self._scales.size)
+        return (*warnings, *pushed, *shapes_in_results(self._foundations.placed_shapes, self.u))
 
     @property
     def solver(self) -> PETSc.SNES:

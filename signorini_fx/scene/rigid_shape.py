@@ -84,6 +84,11 @@ class Shape(RigidMotion):
         return math.inf
 
     @property
+    def narrows(self) -> bool:
+        """Whether some part of it may be narrower than a cell of the body, and so between nodes that are outside."""
+        return not self.hollow
+
+    @property
     def driven(self) -> bool:
         """Whether its motion is an unknown."""
         return self.drives or self.rigid is not None

@@ -22,6 +22,11 @@ class Plane(Shape):
     point: Vector
     normal: Direction
 
+    @property
+    def narrows(self) -> bool:
+        """See ``Shape``."""
+        return False
+
     def initial(self, x: Array) -> tuple[Array, Array]:
         """See ``Shape``."""
         normal = unit(self.normal)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,7 +14,7 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.scene.rigid_shape import Array, Shape
 from signorini_fx.scene.values import Positive
 from signorini_fx.shapes.polyline import Rows, StraightPieces
-from signorini_fx.tuned import SAME_NUMBER
+from signorini_fx.tuned import INRADIUS_GRID, SAME_NUMBER
 
 
 class ClosedSurface(Shape):
@@ -46,6 +47,11 @@ class ClosedSurface(Shape):
         """See ``Shape``."""
         signed, normal = self._surface(x / self.scale)
         return self.scale * signed, normal
+
+    @property
+    def inradius(self) -> float:
+        """See ``Shape``."""
+        return math.inf if self.hollow else self.scale * self._surface.inradius
 
     @property
     def _surface(self) -> Any:
@@ -81,6 +87,16 @@ class CachedSurface:
             self._last = {points: self._surface(x)}
         signed, normal = self._last[points]
         return signed.copy(), normal.copy()
+
+    @cached_property
+    def inradius(self) -> float:
+        """Of the largest ball inside whose middle is on a grid; or volume over area, in the plane area over perimeter,
+        which is that of a thin solid, and below that of one without many small cavities, length.
+        """
+        bounds, thickness = self._surface.extent
+        axes = [np.linspace(low, high, INRADIUS_GRID) for low, high in bounds.T]
+        grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, self.dimension)
+        return max(thickness, -float(self._surface(grid)[0].min()))
 
 
 def _read(file: Path, size: float | None) -> Any:
@@ -135,6 +151,9 @@ def _rim(points: Array, cells: Rows) -> Rows:
 class InThePlane:
     """The rim of an area.
 
+    Attributes:
+        extent: the least and the greatest coordinates, length, shape (2, 2), and the area over the perimeter.
+
     Args:
         points: shape (n, 2).
         sides: ends of the sides of areas, counterclockwise around each of them, shape (m, 2).
@@ -146,6 +165,10 @@ class InThePlane:
         outer = ~np.isin(sides[:, 0] * len(points) + sides[:, 1], sides[:, 1] * len(points) + sides[:, 0])
         # Clockwise: outside is on the left.
         self._pieces = StraightPieces(points, sides[outer][:, ::-1])
+        ends = points[sides[outer]]
+        area = float(np.linalg.det(ends - ends.mean(axis=(0, 1))).sum()) / 2
+        perimeter = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
+        self.extent = np.stack((ends.min(axis=(0, 1)), ends.max(axis=(0, 1)))), area / perimeter
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """Signed distances and normals, shapes (n,) and (n, 2)."""
@@ -154,6 +177,9 @@ class InThePlane:
 
 class InSpace:
     """A closed surface of triangles, with VTK's signed distance.
+
+    Attributes:
+        extent: the least and the greatest coordinates, length, shape (2, 3), and the volume over the area.
 
     Args:
         file: where it is from, for messages.
@@ -200,6 +226,13 @@ class InSpace:
         self._distance = vtkImplicitPolyDataDistance()
         self._distance.SetInput(faced)
         self._size = float(np.linalg.norm(np.ptp(points, axis=0)))
+        corners = vtk_to_numpy(faced.GetPoints().GetData())[order]
+        corners = corners - (middle := corners.mean(axis=(0, 1)))
+        volume = abs(float(np.linalg.det(corners).sum())) / 6
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        area = float(np.linalg.norm(across, axis=1).sum()) / 2
+        bounds = np.stack((corners.min(axis=(0, 1)), corners.max(axis=(0, 1)))) + middle
+        self.extent = bounds, volume / area
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """Signed distances and normals, shapes (n,) and (n, 3)."""

@@ -193,7 +193,9 @@ def _findings(discretisation: Discretisation, steps: Sequence[StepResult]) -> li
     if (last := steps[-1]).contact is not None:
         findings += tilted_frames(discretisation.placed(last.place), 0.0, last.contact)
     shown = _shown(steps)
-    inside = shapes_in_results(discretisation.scene.placed(shown.place), shown.displacement)
+    contact = enumerate(discretisation.scene.placed(shown.place).contact)
+    foundations = [(f"contact[{k}].foundation", effect.surface, effect.gap) for k, effect in contact]
+    inside = shapes_in_results(foundations, shown.displacement)
     held = [held_in_result(step.contact, step.displacement, discretisation.pairs) for step in steps]
     pushed = pushed_nodes(discretisation.comm, held, discretisation.tagged.size)
     lost = sorted({piece for step in steps for piece in step.certificate.unjudged})

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from signorini_fx import ContactProblem, Foundation
 from signorini_fx.body.shapes_inside import BodyCells
 from signorini_fx.errors import SceneError
 from signorini_fx.scene.reading import parse_scene
@@ -121,19 +123,37 @@ def test_on_the_way_from_another_pivot():
 
 
 def test_shapes_with_and_without_an_inside():
-    """A closed line has one that is at least as large as its area over its perimeter; planes and hollow ones none."""
+    """A closed line has one that is at least as large as its area over its perimeter; planes and hollow ones none.
+    Edges, open lines and a user's own shape are measured by the cells alone.
+    """
     cells = body("quadrilateral")
     square = [[1.0, 0.4], [1.2, 0.4], [1.2, 0.6], [1.0, 0.6], [1.0, 0.4]]
     line = read_shape({"shape": "polyline", "points": square})
     assert line.inradius == pytest.approx(0.05)
     assert cells.inside(cells.x, line) is not None
     for shape in (
-        {"shape": "polyline", "points": square[:-1]},
         {"shape": "polyline", "points": square, "hollow": True},
         {"shape": "plane", "point": [0.0, 0.5], "normal": [0.0, 1.0]},
         {"shape": "circle", "centre": [1.0, 0.5], "radius": 0.1, "hollow": True},
     ):
         assert cells.inside(cells.x, read_shape(shape)) is None
+    wedge = {"shape": "cone", "axis": [0.0, 1.0], "angle": 45.0}
+    edge = {"shape": "edge", "normals": [[1.0, -1.0], [-1.0, -1.0]]}
+
+    class Own:
+        def __init__(self, tip):
+            self.shape = read_shape(wedge | {"tip": tip})
+
+        def distance(self, x):
+            return self.shape.distance(x)
+
+    for depth, found in ((0.4, True), (0.125, False)):  # the latter touches two nodes
+        tip = [1.625, 1.0 - depth]
+        line = [[5.625, 5.0 - depth], tip, [-2.375, 5.0 - depth]]
+        for shape in (wedge | {"tip": tip}, edge | {"point": tip}, {"shape": "polyline", "points": line}):
+            assert (cells.inside(cells.x, read_shape(shape)) is not None) is found
+            assert cells.inside(cells.x, read_shape(shape | {"hollow": True})) is None
+        assert (cells.inside(cells.x, Own(tip)) is not None) is found
 
 
 def test_what_is_added_to_the_distance():
@@ -189,6 +209,24 @@ def test_a_linear_result_names_a_circle_between_its_nodes():
 
     assert len(told(4)) == 1
     assert not told(60)
+
+
+@pytest.mark.parametrize("deep", [False, True])
+def test_a_result_of_forms_names_a_wedge_in_the_body(deep):
+    """As one of a scene."""
+    mesh = dmesh.create_rectangle(MPI.COMM_SELF, [[0, 0], [4, 1]], (16, 4), dmesh.CellType.quadrilateral)
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
+    stiffness = ufl.inner(ufl.sym(ufl.grad(y)), ufl.sym(ufl.grad(z))) * ufl.dx
+    bottom, top = (dmesh.locate_entities_boundary(mesh, 1, lambda x, at=at: np.isclose(x[1], at)) for at in (0.0, 1.0))
+    held = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(space, 1, bottom), space)
+    tip, axis = ((1.3, 0.5), (-1.0, 0.0)) if deep else ((1.63, 0.95), (0.0, 1.0))  # from the side, or on the top
+    wedge = {"shape": "cone", "tip": tip, "axis": axis, "angle": 20.0}
+    load = ufl.inner(fem.Constant(mesh, (0.0, 0.0)), z) * ufl.dx
+    problem = ContactProblem(stiffness, load, [held], contact=Foundation(top, shape=wedge))
+    problem.solve()
+    told = [found for found in problem.findings if "lies inside the deformed body" in found.message]
+    assert [found.path for found in told] == (["contact[0].shape"] if deep else [])
 
 
 @pytest.mark.mpi

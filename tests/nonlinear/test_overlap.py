@@ -1,5 +1,6 @@
 """Shapes that a step leads into the body, or through it: never *converged*, halved by a ramp, or seen in time."""
 
+import meshio
 import numpy as np
 import pytest
 from dolfinx import fem
@@ -40,9 +41,9 @@ def test_a_shape_of_a_users_own_that_does_not_say_how_large_it_is():
 
     class Ball:
         def distance(self, x):
-            away = x - np.array([0.551, 0.552])
+            away = x - np.array([0.55, 0.551])
             far = np.linalg.norm(away, axis=1)
-            return far - 0.05, away / far[:, None]
+            return far - 0.065, away / far[:, None]
 
     space, side = rectangle([1.0, 1.0], [10, 10])
     u = fem.Function(space)
@@ -50,6 +51,19 @@ def test_a_shape_of_a_users_own_that_does_not_say_how_large_it_is():
     problem = NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact)
     with pytest.raises(ConvergenceError, match=r"rigid shape inside the body \(contact\[0\]: 0\.0\d+ at \(0\.5"):
         problem.solve()
+
+
+def test_a_surface_of_a_file_that_is_moved_into_the_body(tmp_path):
+    """As a circle, and out of it on the other side."""
+    x = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+    meshio.write(tmp_path / "square.vtu", meshio.Mesh(0.05 * x + [1.52, 1.051, 0.0], {"quad": np.array([range(4)])}))
+    found = problem((4.0, 1.0), (16, 4), {"shape": "surface", "file": tmp_path / "square.vtu"})
+    for depth, way in ((0.3, ""), (1.5, "on its way, ")):
+        found.place(0, shift=(0.0, -depth))
+        with pytest.raises(ConvergenceError, match=rf"rigid shape inside the body \(contact\[0\]: {way}0\.0"):
+            found.solve()
+    found.place(0, shift=(0.0, 0.5))
+    found.solve()
 
 
 @pytest.mark.parametrize("first", [None, 0.02])
@@ -79,6 +93,27 @@ def test_a_step_through_is_refused():
         found.place(0, shift=place)
         found.solve()
     assert found.status is Status.CONVERGED
+
+
+def test_a_wedge():
+    """One that comes in from a side that is in no contact is in the body; a sharp one that dents the top is not, though
+    the facet at its tip is a chord.
+    """
+    wedge = {"shape": "cone", "angle": 30.0}
+    space, side = rectangle((2.0, 1.0), (12, 6), MPI.COMM_SELF)
+    u = fem.Function(space)
+
+    def led(tip, axis):
+        contact = Foundation(side(1, 1.0), shape=wedge | {"tip": tip, "axis": axis})
+        return NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact)
+
+    from_the_side = led((-0.1, 0.5), (-1.0, 0.0))
+    from_the_side.place(0, shift=(0.8, 0.0))
+    with pytest.raises(ConvergenceError, match=r"rigid shape inside the body \(contact\[0\]: 0\.\d+ at \("):
+        from_the_side.solve()
+    on_the_top = led((1.04, 1.0), (0.0, 1.0))
+    on_the_top.ramp(lambda t: on_the_top.place(0, shift=(0.0, -0.2 * t)), first=0.25)
+    assert on_the_top.state.forces[0][1] < 0.0
 
 
 def test_a_shape_that_is_given_inside_and_placed_outside():

@@ -28,6 +28,7 @@ DRAWN = [RandomBody.drawn(seed) for seed in range(300)]
         (16, Status.INSIDE),  # through the body in one step
         (21, Status.INSIDE),  # between two nodes
         (74, Status.INSIDE),  # to its middle
+        (73, Status.CONVERGED),  # a column that gives way beside the circle
     ],
 )
 def test_quick_ones(seed, expected):
@@ -71,7 +72,7 @@ def test_three_hundred():
         end, faults = tried(seed)
         assert faults == [], seed
         ends[end] += 1
-    assert ends["converged"] >= 90
+    assert ends["converged"] >= 100
 
 
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])

@@ -159,6 +159,8 @@ def test_surfaces_of_files(files, name):
     shape = read_shape({"shape": "surface", "file": files / name, "scale": 0.5})
     signed, normal = shape.distance(x)
     assert signed == pytest.approx(cube(2 * x) / 2, abs=1e-14)
+    assert shape.inradius == pytest.approx(0.5)
+    assert np.isinf(read_shape({"shape": "surface", "file": files / name, "hollow": True}).inradius)
     moved = read_shape({"shape": "surface", "file": files / name, "scale": 0.5, **TURN})
     q = moved._turning(3)
     there = (x - np.array(TURN["pivot"])) @ q.T + np.array(TURN["pivot"]) + np.array(TURN["shift"])
@@ -184,6 +186,7 @@ def test_a_plane_mesh_is_a_shape(tmp_path):
         beyond = np.abs(x - 1.5) - half
         return np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0)
 
+    assert shape.inradius == pytest.approx(0.5)
     outside, hole = square(at, 1.5), square(at, 0.5)
     assert shape.distance(at)[0] == pytest.approx(np.where(hole < 0, -hole, np.maximum(outside, -hole)), abs=1e-13)
 
