@@ -115,18 +115,18 @@ class LinearisedProblem(ContactProblem):
         """See ``ContactProblem``; slips of points that stick are linearised as their tangent planes turn."""
         state = self._state
         begun = super()._begin()
-        boundary, before = self._boundary, self._previous_step
+        boundary, previous = self._boundary, self._previous_step
         if state is None or not len(self._hessians) == boundary.size == state.boundary.size:
             return begun
         origin = np.zeros_like(begun.data.mu_hat) if begun.data.slip_origin is None else begun.data.slip_origin
         dim, nodes = boundary.x.shape[1], boundary.nodes
         way = places = self._at.x.array.reshape(-1, dim)[nodes]
-        if before is not None:
-            earlier = before.displacement.x.array.reshape(-1, dim)[nodes]
-            way = places - earlier - (0.0 if before.moved is None else before.moved)
+        if previous is not None:
+            earlier = previous.displacement.x.array.reshape(-1, dim)[nodes]
+            way = places - earlier - (0.0 if previous.moved is None else previous.moved)
         slip = np.einsum("nij,ni->nj", boundary.tangents, places) - origin
-        left = slip - np.einsum("nij,nik,nk->nj", boundary.tangents, state.boundary.cotangents, state.slip_length)
-        turned = left_by_turning(boundary, self._hessians, way, left)
+        slip -= np.einsum("nij,nik,nk->nj", boundary.tangents, state.boundary.cotangents, state.slip_length)
+        turned = left_by_turning(boundary, self._hessians, way, slip)
         origin = origin + np.where(self._sticks[:, None], turned, 0.0)
         return replace(begun, data=replace(begun.data, slip_origin=origin))
 
@@ -187,8 +187,8 @@ class LinearisedProblem(ContactProblem):
             return self.curvature
         dim, nodes = self.curvature.blocks.shape[1], np.arange(len(self._diagonal))
         damping = self._damping * self._diagonal[:, None, None] * np.eye(dim)
-        of, blocks = (self.curvature.nodes, nodes), (self.curvature.blocks, damping)
-        return NodalStiffness.summed(np.concatenate(of), np.concatenate(blocks))
+        blocks = np.concatenate((self.curvature.blocks, damping))
+        return NodalStiffness.summed(np.concatenate((self.curvature.nodes, nodes)), blocks)
 
     def solve(self) -> fem.Function:
         """See ``ContactProblem``; a tangent that Cholesky's factorisation refuses is factorised as LDL^T."""
@@ -216,7 +216,8 @@ class LinearisedProblem(ContactProblem):
     def go_back(self, solution: LinearSolution) -> None:
         """Make an earlier solution the last one; the next solve assembles anew."""
         self._state, self._outcome, self._solution = solution.state, solution.outcome, solution.begins
-        self._last_pattern, self.curvature = None, NodalStiffness.none(self._at.function_space.mesh.geometry.dim)
+        dim = self._at.function_space.mesh.geometry.dim
+        self._last_pattern, self.curvature, self._hessians = None, NodalStiffness.none(dim), np.zeros((0, dim, dim))
 
     # --- what the certificate and the verdict on stability ask for ---
 

@@ -119,7 +119,7 @@ def curvature_of(hessians: Array, state: ContactState) -> NodalStiffness:
     return NodalStiffness.summed(boundary.nodes, boundary.weight[:, None, None] * blocks)
 
 
-def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, left: Array) -> Array:
+def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip: Array) -> Array:
     """What part of a slip turning tangent planes undo, or take on top of it, length, shape (n, d - 1).
 
     The slip is the part of the way w along the tangent plane, which turns with a displacement d.  So the slip changes
@@ -130,7 +130,7 @@ def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, left
         boundary: the contact points.
         hessians: H, see ``hessians_at``.
         way: w, of the points relative to their shapes since the last step, length, shape (n, d).
-        left: s, shape (n, d - 1).
+        slip: s, shape (n, d - 1).
 
     Returns:
         s - M^-1 s.
@@ -139,7 +139,7 @@ def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, left
     bends = np.einsum("n,nki,nkl,nlj->nij", along, boundary.tangents, hessians, boundary.tangents)
     sizes, axes = np.linalg.eigh((bends + bends.transpose(0, 2, 1)) / 2)
     sizes = np.maximum(sizes, MOST_TURNED)
-    return np.asarray(np.einsum("nij,nj,nkj,nk->ni", axes, sizes / (1 + sizes), axes, left))
+    return np.asarray(np.einsum("nij,nj,nkj,nk->ni", axes, sizes / (1 + sizes), axes, slip))
 
 
 def motion_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array) -> Array | None:

@@ -242,20 +242,20 @@ class NonlinearContactProblem:
         self._attempt()
         return self.u
 
-    def _attempt(self, *, last: bool = True) -> None:
+    def _attempt(self, *, damps: bool = True) -> None:
         """``solve``; collective.
 
         Args:
-            last: whether no smaller step will be tried, so that the tangent is damped where nothing else helps, and a
+            damps: whether no smaller step will be tried, so that the tangent is damped where nothing else helps, and a
                 failure is asked why there may be no solution.
         """
         self._good = self._good or self._snapshot()
         self.certificate, self.status, self._says_no = None, None, ""
         try:
-            status = self._iterate(damps=last)
+            status = self._iterate(damps=damps)
             if status is Status.CONVERGED and self._asks_stability:
                 status = self._stability.verdict()
-            elif last and status not in (Status.CONVERGED, *_AFTER_NEWTON) and not self._says_no:
+            elif damps and status not in (Status.CONVERGED, *_AFTER_NEWTON) and not self._says_no:
                 self._says_no = self._stability.reason_for_none(self._good.displacement, self._size)
         except Exception:
             self._go_back(self._good)
@@ -379,8 +379,8 @@ class NonlinearContactProblem:
                     continue
                 raise
             increment = linear.u.x.array - old
-            length, down = length_of_increment(linear, self._forces_at, (old, increment, residual), search=search)
-            if down or not damps or not linear.damp():
+            length, descends = length_of_increment(linear, self._forces_at, (old, increment, residual), search=search)
+            if descends or not damps or not linear.damp():
                 linear.damp_less()
                 return increment, length
 
@@ -475,7 +475,7 @@ class NonlinearContactProblem:
             begun, load, solves = self._snapshot(), sizes.next, len(self.history.iterations)
             try:
                 apply(load)
-                self._attempt(last=not sizes.may_halve)
+                self._attempt(damps=not sizes.may_halve)
             except Exception as error:
                 self._begin_again(begun, lambda: apply(sizes.reached))
                 self.history.add(f"load {load:g} is given up, back at {sizes.reached:g}: {error}")
