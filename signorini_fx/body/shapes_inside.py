@@ -98,7 +98,7 @@ class BodyCells:
             shape: an object with ``distance``, see ``Shape``; what is hollow and what is flat is not looked at.
             added: what is added to its distance, length.
         """
-        of_cell = SHAPE_INSIDE if math.isfinite(getattr(shape, "inradius", math.inf)) else 1.0
+        of_cell = 1.0 if getattr(shape, "inradius", 0.0) == math.inf else SHAPE_INSIDE
         return self._too_deep(places, shape, added, SHAPE_INSIDE, of_cell)
 
     def swallowed(self, shape: Any, added: float = 0.0) -> InsideBody | None:

@@ -41,9 +41,9 @@ def test_a_shape_of_a_users_own_that_does_not_say_how_large_it_is():
 
     class Ball:
         def distance(self, x):
-            away = x - np.array([0.55, 0.551])
+            away = x - np.array([0.551, 0.552])
             far = np.linalg.norm(away, axis=1)
-            return far - 0.065, away / far[:, None]
+            return far - 0.05, away / far[:, None]
 
     space, side = rectangle([1.0, 1.0], [10, 10])
     u = fem.Function(space)
