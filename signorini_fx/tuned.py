@@ -375,6 +375,8 @@ AFFINE = 1e-9
 # Entries of assembled matrices and vectors that differ by less than this share of the largest one are equal.  Choice:
 # sums over quadrature points in another order leave 1e-14 to 1e-12.
 SAME_ENTRY = 1e-10
+# Strain at which residuals are compared with the sum of their integrals.  Choice: any at which all terms differ from 0.
+TRIED_STRAIN = 0.01
 # Eigenvalues and pivots below this share of the largest one are those of a singular matrix.  Choice: far above
 # round-off, far below the softest motion of a body that is held.
 SINGULAR = 1e-10

@@ -36,6 +36,7 @@ from signorini_fx.nonlinear.line_search import length_of_increment
 from signorini_fx.nonlinear.linearised import LinearisedProblem
 from signorini_fx.nonlinear.moving_shapes import MovingShape, fitting, hessians_at, motion_at, placed, spin_at
 from signorini_fx.nonlinear.overlap import overlap
+from signorini_fx.nonlinear.quadrature_rules import refuse_miscompiled
 from signorini_fx.nonlinear.ramp import RampStep, StepSizes
 from signorini_fx.nonlinear.snapshot import Snapshot
 from signorini_fx.nonlinear.stability import Stability
@@ -123,6 +124,7 @@ class NonlinearContactProblem:
         self._tangents = Tangents(F, J, u, options)
         with compiling():
             self._residual = fem.form(F, **options)
+        refuse_miscompiled(F, self._residual, u, options)
         shaped = [k for k, entry in enumerate(self.contact) if entry.shape is not None]
         self.linear = LinearisedProblem(
             self._tangents.leading,
