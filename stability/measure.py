@@ -42,6 +42,9 @@ def solved_from(
         motion: first displacement, from points of shape (n, 2) to the same shape; then sets follow from it.
     """
     scene = parse_scene(scene) if isinstance(scene, dict) else scene
+    if motion is not None:  # of all unknowns
+        solver = scene.solver.model_copy(update={"linear_algebra": "full"})
+        scene = scene.model_copy(update={"solver": solver})
     timings = Timings()
     discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), timings)
     assert discretisation.boundary is not None

@@ -2044,8 +2044,8 @@ MUTANTS = (
     ),
     Mutant(
         "pairs/coupling",
-        "self.gap <= (1.0 + SAME_PLACE_IN_CELL) * limit",
-        "np.abs(self.gap) <= (1.0 + SAME_PLACE_IN_CELL) * limit",
+        "gap <= (1.0 + SAME_PLACE_IN_CELL) * limit",
+        "np.abs(gap) <= (1.0 + SAME_PLACE_IN_CELL) * limit",
         "two bodies: adjust closes gaps, but no deep overlaps",
         tests=("drafts::test_adjust",),
     ),
@@ -3475,8 +3475,8 @@ MUTANTS = (
     ),
     Mutant(
         "solving/sweep",
-        "system.set_load(self._load * d.factors(0))",
-        "system.set_load(d.factors(0))",
+        "task.system.set_load(load * d.factors(0))",
+        "task.system.set_load(d.factors(0))",
         "sweep: interior with the load of 1",
         tests=("linalg::test_scaled_loads",),
     ),
@@ -3589,7 +3589,7 @@ MUTANTS = (
     ),
     Mutant(
         "accuracy/stress_recovery",
-        "self._project(cells, ksp)",
+        "self._project(cells)",
         "self._choose(cells)",
         "values: stress not recovered",
         within="StressRecovery.smoothed",
@@ -4290,7 +4290,7 @@ MUTANTS = (
     ),
     Mutant(
         "results/certificate",
-        "max(FAINT * stress, NO_FORCE * float(mean.max()))",
+        "max(FAINT * stress, lost, NO_FORCE * float(mean.max()))",
         "float(mean.max())",
         "certificate: forces on tools count beside the stress of the body only",
         tests=("tools::test_the_certificate_knows_a_small_force",),
@@ -4639,8 +4639,8 @@ MUTANTS = (
     ),
     Mutant(
         "results/certificate",
-        "parallel.largest(comm, mean[piece[points]])",
-        "float(mean.max())",
+        "(parallel.largest(comm, values[piece[points]]) for values in (mean, penalty))",
+        "(float(values.max()) for values in (mean, penalty))",
         "certificate: a tool is judged by the stress of any body",
         tests=("tools::test_a_tool_is_judged_by_the_body_that_it_touches",),
     ),
