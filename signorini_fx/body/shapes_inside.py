@@ -13,9 +13,10 @@ is too deep or none is left.
 
 Contact at nodes allows for some depth: between two nodes that are outside, a chord of length h cuts a circle of radius
 R to R - sqrt(R^2 - h^2 / 4).  So up to ``SHAPE_INSIDE`` of the radius of a cell, and of the inradius of the shape,
-which is the greatest depth that there is, nothing is said.  A cone, an edge, an open line or a shape of a user's own
-has no largest ball, and its tip is cut by a chord however short: up to half its length, so the whole radius of a cell
-is allowed there.  A tip between two nodes that it does not touch is not told from that, nor is its way looked at.
+which is the greatest depth that there is, nothing is said.  A cone, an edge or an open line has no largest ball, and
+its tip is cut by a chord however short: up to half its length, so the whole radius of a cell is allowed there.  A tip
+between two nodes that it does not touch is not told from that, nor is its way looked at.  Of a shape of a user's own
+that does not say its inradius the cells alone decide.
 
 A shape has passed through the body if on the straight way from one place and displacement to the next it is too deep
 somewhere; then both ends may be free of overlap.  Places between are those of the rigid motion with a share of the
