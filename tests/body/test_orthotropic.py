@@ -470,7 +470,7 @@ def test_free_expansion_and_prevented_expansion():
 @pytest.mark.mpi
 def test_torsion():
     """Constants that are alike in all directions: those of an isotropic shaft."""
-    results = []
+    results, tagged = [], section()
     for constants in (
         {"young": 1000.0, "poisson": 0.3},
         {
@@ -483,7 +483,7 @@ def test_torsion():
         },
     ):
         shaft = {
-            "mesh": section(),
+            "mesh": tagged,
             "material": constants | {"hypothesis": "axisymmetric", "torsion": True},
             "displacement": [{"boundary": "bottom", "x": 0.0, "y": 0.0, "z": 0.0}],
             "traction": {"boundary": "top", "z": "x[0]", "y": -1.0},
