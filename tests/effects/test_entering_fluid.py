@@ -474,8 +474,7 @@ def test_restart_on_other_ranks(tmp_path):
     for step, other in zip(again.steps, whole.steps, strict=True):
         assert step.certificate.holds
         state, reference = step.contact, other.contact
-        reached, wanted = (along(end, end.joint.reached[:, 0])[1] for end in (state, reference))
-        assert np.array_equal(reached, wanted)
+        assert np.array_equal(*(along(end, end.joint.reached) for end in (state, reference)))
         ours, theirs = along(state, state.pressure)[1], along(reference, reference.pressure)[1]
         assert ours == pytest.approx(theirs, rel=0, abs=1e-6 * theirs.max())  # what a certificate allows
     assert along(again.contact, again.contact.joint.reached[:, 0])[1].sum() > 4

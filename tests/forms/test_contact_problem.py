@@ -64,16 +64,7 @@ class Block:
     """A block 3 x 1 (x 1) on a floor, its top pressed down and moved aside."""
 
     def __init__(
-        self,
-        counts=(12, 4),
-        degree=1,
-        kind=None,
-        comm=COMM,
-        friction=None,
-        gap=0.0,
-        load=0.0,
-        mesh=None,
-        **settings,
+        self, counts=(12, 4), degree=1, kind=None, comm=COMM, friction=None, gap=0.0, load=0.0, mesh=None, **settings
     ):
         d = len(counts)
         self.mesh = forms.box((3.0, 1.0, 1.0)[:d], list(counts), kind, comm) if mesh is None else mesh
