@@ -89,7 +89,10 @@ def _is_part(part: Path) -> bool:
     """Whether a run has made a hidden folder; one that is empty was not even begun."""
     if part.is_symlink() or not part.is_dir():
         return False
-    return _marked(part / MANIFEST) or not any(part.iterdir())
+    try:
+        return _marked(part / MANIFEST) or not any(part.iterdir())
+    except OSError:  # another rank may remove it meanwhile
+        return False
 
 
 def begin_inner(folder: Path, name: str) -> None:

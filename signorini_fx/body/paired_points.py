@@ -152,7 +152,7 @@ class PairedSides:
             """Frames of the nodes of a side, shape (N, d, d), and what is known there, shape (N, 2 d + 1)."""
             frames: Array = np.tile(np.eye(dim), (side.nodes.size, 1, 1))
             if turned is not None:
-                owned_frames = turned.frames_at(np.arange(owned)).reshape(owned, -1)
+                owned_frames = turned.frames_at(np.arange(owned)).reshape(owned, dim**2)
                 frames = from_owners(owned_frames, side.nodes, comm).reshape(frames.shape)
             return frames, from_owners(owned_rows, side.nodes, comm) > 0
 

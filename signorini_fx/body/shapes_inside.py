@@ -88,7 +88,7 @@ class BodyCells:
         Sections of bodies of revolution stay in their plane, whatever turns around the axis.
         """
         places, within = self.x.copy(), slice(self.space.mesh.topology.dim)
-        places[:, within] += displacement.reshape(len(places), -1)[:, within]
+        places[:, within] += displacement.reshape(-1, self.space.dofmap.index_map_bs)[:, within]
         return places
 
     def inside(self, places: Array, shape: Any, added: float = 0.0) -> InsideBody | None:

@@ -68,7 +68,7 @@ class NodalValues:
             if hasattr(value, "ufl_shape"):
                 expression, function, _ = self._expression(value, components)
                 function.interpolate(expression, cells0=self._cells)
-                nodal_values[self.nodes] = function.x.array.reshape(len(x), -1)[self.nodes, :components]
+                nodal_values[self.nodes] = function.x.array.reshape(-1, self._space.dofmap.bs)[self.nodes, :components]
             else:
                 point_values = np.asarray(value(in_space(x[self.nodes])) if callable(value) else value, dtype=float)
                 if point_values.ndim < 2 and components > 1:  # one vector for all points

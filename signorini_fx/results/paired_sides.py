@@ -44,7 +44,7 @@ def not_held(claim: Claim, held: Array, y: Array) -> float:
     """
     if not parallel.any_rank(claim.comm, bool(claim.across.any())):
         return 0.0
-    nodal_rows = np.column_stack((held.reshape(len(held), -1), y))
+    nodal_rows = np.column_stack((held.reshape(-1, y.shape[1] ** 2), y))
     reached_rows: Array = from_owners(nodal_rows, claim.reached, claim.comm)
     dim, worst = y.shape[1], 0.0
     planes = np.array([node for node in claim.planes if node in claim.reached], dtype=np.int64)

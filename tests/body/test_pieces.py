@@ -82,16 +82,20 @@ def test_cells_that_share_no_nodes():
 
 
 @pytest.mark.mpi
-def test_fewer_cells_than_ranks():
-    """A rank without cells takes part, and says the same."""
+@pytest.mark.parametrize(
+    "floor", [{"gap": 0.01}, {"foundation": {"shape": "plane", "point": [0.0, -0.01], "normal": [0.0, 1.0]}}]
+)
+def test_fewer_cells_than_ranks(floor):
+    """A rank without cells takes part, and says the same, also where a shape is looked for in the body."""
     mesh = boxes_mesh(WORLD, [Box("only", 0.0, 0.0, 2.0, 1.0, 1, 1)])
     scene = scene_on(
         mesh,
         displacement=[{"boundary": "left only", "x": 0.0}],
         traction=[{"boundary": "top only", "y": -5.0}],
-        contact=[{"boundary": "bottom only", "gap": 0.01}],
+        contact=[{"boundary": "bottom only", **floor}],
     )
     solution = solve(scene, WORLD, check=False)
+    assert all(other == solution.findings for other in WORLD.allgather(solution.findings))
     pieces, deformation = solution.discretisation.motions.pieces, solution.steps[-1].deformation
     assert pieces.cells.tolist() == [1]
     assert all(other is solution.status for other in WORLD.allgather(solution.status))

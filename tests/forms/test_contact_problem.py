@@ -335,6 +335,18 @@ def test_a_solve_begins_with_the_sets_of_the_last_one():
 
 
 @pytest.mark.mpi
+def test_an_expression_on_a_rank_without_cells():
+    """A gap in UFL has no values there, and is no error."""
+    forces = []
+    for comm in (COMM, MPI.COMM_SELF):
+        mesh = forms.box((3.0, 1.0), [1, 1], comm=comm)
+        block = Block((1, 1), mesh=mesh, gap=0.002 * ufl.SpatialCoordinate(mesh)[0])
+        assert block.problem.solve() is block.problem.u
+        forces.append(block.problem.state.forces[0])
+    assert forces[0] == pytest.approx(forces[1], rel=1e-9)
+
+
+@pytest.mark.mpi
 @pytest.mark.parametrize("counts", [(12, 4), (6, 2, 2)])
 @pytest.mark.parametrize("algorithm", ["ssn", "alm"])
 def test_directions_that_change_after_a_step(counts, algorithm):

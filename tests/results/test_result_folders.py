@@ -117,6 +117,20 @@ def test_a_manifest_of_others(solution, tmp_path, line):
     assert (out / "link").is_symlink()
 
 
+def test_a_part_that_another_rank_removes_meanwhile(tmp_path, monkeypatch):
+    """What ended a run is told, not that its hidden folder went while one looked into it."""
+    part = tmp_path / manifest.PART
+    part.mkdir()
+
+    def removed_first(_):
+        shutil.rmtree(part)
+        return False
+
+    monkeypatch.setattr(manifest, "_marked", removed_first)
+    manifest.remove_part(tmp_path)
+    assert not part.exists()
+
+
 def test_what_a_killed_run_leaves(tmp_path, monkeypatch):
     """Its checkpoint, its last mesh and its hidden folders are known to the next run, which removes them."""
     scene, out = parse_scene(tomllib.loads(SCENE)), tmp_path / "out"
