@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from dolfinx import mesh as dmesh
+from dolfinx.graph import adjacencylist
 from mpi4py import MPI
 from test_two_bodies import example1, paraboloids, stack
 from test_two_bodies_scenes import DEMO
@@ -51,6 +53,25 @@ def test_one_rank_or_many(name):
     np.testing.assert_allclose(together.state.forces, alone.state.forces, atol=close * np.abs(alone.state.forces).max())
     assert together.certificate.coupling < 1e-9
     assert together.certificate.holds
+
+
+def test_ranks_without_cells(monkeypatch):
+    """All cells are of the first rank; the others have nothing, and the certificate is the same."""
+    plain = dmesh.create_cell_partitioner
+
+    def all_to_the_first(*given):
+        divide = plain(*given)
+
+        def owners(*cells):
+            count = divide(*cells).num_nodes
+            return adjacencylist(np.zeros(count, dtype=np.int32), np.arange(count + 1, dtype=np.int32))
+
+        return owners
+
+    monkeypatch.setattr(dmesh, "create_cell_partitioner", all_to_the_first)
+    mesh = PROBLEMS["Q2"](WORLD).u.function_space.mesh
+    assert WORLD.rank == 0 or mesh.topology.index_map(2).size_local == 0
+    test_one_rank_or_many("Q2")
 
 
 def test_a_scene():
