@@ -101,7 +101,11 @@ def names_of(
 def tagged_mesh(mesh: dmesh.Mesh, boundaries: Mapping[str, Facets]) -> TaggedMesh:
     """A mesh with these names, of which a facet may have several."""
     facets = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *boundaries.values()]))
-    held = np.array([np.isin(facets, part) for part in boundaries.values()], dtype=bool).reshape(-1, facets.size).T
+    held = (
+        np.array([np.isin(facets, part) for part in boundaries.values()], dtype=bool)
+        .reshape(len(boundaries), facets.size)
+        .T
+    )
     kinds, tag = np.unique(held, axis=0, return_inverse=True)
     tags = {name: tuple(int(k) + 1 for k in np.flatnonzero(kinds[:, number])) for number, name in enumerate(boundaries)}
     values = (tag.ravel() + 1).astype(np.int32)

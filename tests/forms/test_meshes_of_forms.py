@@ -26,6 +26,7 @@ from signorini_fx import (
     solve_nested,
     solve_to_accuracy,
 )
+from signorini_fx.forms.named_parts import tagged_mesh
 from signorini_fx.records import Status, StepRecord
 from signorini_fx.scene.reading import parse_scene
 
@@ -89,6 +90,13 @@ def test_hertz_to_one_per_cent_of_the_peak(degree, size):
     assert 0.5 <= estimate / true <= 2.0
     assert solution.price_list[-1].predicted
     assert solution.price_list[-1].peak < estimate
+
+
+def test_names_without_facets():
+    """A rank may have none of the facets that have names."""
+    nothing = np.empty(0, dtype=np.int32)
+    tagged = tagged_mesh(forms.box((3.0, 1.0), [2, 1], comm=MPI.COMM_SELF), {"floor": nothing, "wall": nothing})
+    assert tagged.facets("floor").size == tagged.facets("wall").size == 0
 
 
 @pytest.mark.mpi
