@@ -258,8 +258,10 @@ class Problem(ABC):
 
     def _least_traction(self, x: PETSc.Vec) -> float:
         """What the penalty makes of ``ATTAINABLE_SHARE`` times the largest displacements of two bodies, stress; in
-        relative ones these cancel where both move together.
+        relative ones these cancel where both move together.  What is prescribed is none of a body that follows: a tool
+        that is driven far would be a scale of its friction.
         """
-        return float(
-            2 * ATTAINABLE_SHARE * max(self.data.gamma_n, self.data.gamma_t) * x.norm(PETSc.NormType.NORM_INFINITY)
-        )
+        free = x.copy()
+        free.getArray()[self.system.contact.fixed] = 0.0
+        gamma, far = max(self.data.gamma_n, self.data.gamma_t), free.norm(PETSc.NormType.NORM_INFINITY)
+        return float(2 * ATTAINABLE_SHARE * gamma * far)
