@@ -4,13 +4,17 @@
 
 A row for each tool, law and element: load steps, iterations of Newton's method in all of them, in the first one and at
 most in any, linear solves, and the force of the tool.  No step is halved.  Wanted are ``MOST`` in each step at most.
-A sharp corner of the body that slides in a bowl takes one more.
+
+A step that takes more may lead past a limit point, where the branch of equilibria ends: then smaller steps have no
+solution from there on, and the whole one ends on another branch, whose distance says how many iterations it takes.  The
+row tells so, and is not counted: with quadratic cells a corner of the body that slides in a bowl lets go.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +27,7 @@ from mpi4py import MPI
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem
 
 MOST = 6  # iterations in a step
+SMALL = 1 / 20  # of a step, by which a limit point is looked for
 BULK = 5.0  # over the shear modulus
 _PRESSED_AND_SLID = ((0.0, -0.05), (0.0, -0.1), (0.0, -0.15), (0.1, -0.15), (0.2, -0.15), (0.3, -0.15))
 _PRESSED = ((0.0, -0.2), (0.0, -0.25))  # deep from rest
@@ -91,13 +96,39 @@ class ToolCase:
             ConvergenceError: a step has no solution.
         """
         problem, counts = self.posed(), list[int]()
-        for along, down in self.path:
-            shift = (along, down) if problem.u.function_space.mesh.geometry.dim == 2 else (along, 0.0, down)
-            problem.place(0, shift=shift)
+        for number in range(len(self.path)):
+            self._place(problem, number, 1.0)
             problem.solve()
             problem.advance()
             counts.append(problem.iterations)
         return counts, problem
+
+    def _place(self, problem: NonlinearContactProblem, number: int, share: float) -> None:
+        """The tool after a share of a step."""
+        before = np.array(self.path[number - 1] if number else (0.0, 0.0))
+        along, down = (before + share * (np.array(self.path[number]) - before)).tolist()
+        shift = (along, down) if problem.u.function_space.mesh.geometry.dim == 2 else (along, 0.0, down)
+        problem.place(0, shift=shift)
+
+    def limit(self, number: int) -> float:
+        """The share of a step up to which small ones have a solution, 1: all of them have.
+
+        Raises:
+            ConvergenceError: a step before it has no solution.
+        """
+        problem, reached = self.posed(), [0.0]
+        for earlier in range(number):
+            self._place(problem, earlier, 1.0)
+            problem.solve()
+            problem.advance()
+        sizes = dict.fromkeys(("first", "largest", "smallest"), SMALL)
+        with suppress(ConvergenceError):
+            problem.ramp(
+                lambda share: self._place(problem, number, share),
+                **sizes,
+                on_step=lambda step: reached.append(step.load),
+            )
+        return reached[-1]
 
 
 def cases() -> Iterator[ToolCase]:
@@ -122,11 +153,13 @@ def main() -> int:
             above += 1
             continue
         most = max(counts)
-        above += most > MOST
+        ends = [(k, case.limit(k)) for k, count in enumerate(counts) if count > MOST]
+        past = ", ".join(f"past a limit point at {end:.3g} of step {k + 1}" for k, end in ends if end < 1)
+        above += any(end == 1 for _, end in ends)
         force = ", ".join(f"{component:.4g}" for component in sum(problem.state.forces))
         solves = len(problem.history.iterations)
         row = f"{len(counts):6}{sum(counts):5}{counts[0]:6}{most:5}{solves:7}  {force}"
-        print(f"{case.name:50}{row}", flush=True)
+        print(f"{case.name:50}{row}{past and f' ({past})'}", flush=True)
     print(f"\n{above} take more than {MOST} iterations in a step")
     return above
 
