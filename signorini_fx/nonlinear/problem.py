@@ -324,9 +324,11 @@ class NonlinearContactProblem:
         """Newton's method from the present ``u``; ``damps``: whether its tangent may be damped; collective.
 
         It ends where increments are small and the certificate holds.  Where increments are small and it does not, as
-        with a tangent that is not the derivative of F, iterations go on for as long as they make it better.
+        with a tangent that is not the derivative of F, iterations go on for as long as they make it better.  In a body
+        that comes to rest without load increments are relative to nothing: with a J, which may be another tangent, the
+        residual is round-off once they are no longer halved.
         """
-        comm, u, worst = self._space.mesh.comm, self.u, np.inf
+        comm, u, worst, before = self._space.mesh.comm, self.u, np.inf, np.inf
         self.linear.begin_anew()
         for iteration in range(1, self._max_newton + 1):
             self.iterations = iteration
@@ -349,7 +351,9 @@ class NonlinearContactProblem:
             change, size = (
                 float(parallel.largest(comm, np.abs(values), 0.0)) for values in (length * increment, u.x.array)
             )
-            if change <= max(SMALL_INCREMENT * size, LEAST_INCREMENT * self._size):
+            small, least = change <= SMALL_INCREMENT * size, change <= LEAST_INCREMENT * self._size
+            shortened, before = self._tangents.given and 2 * change < before, change
+            if small or (least and not (shortened and iteration < self._max_newton)):
                 status = self._judge()
                 if status is not Status.NOT_CERTIFIED or self.certificate is None or not self.certificate.worst < worst:
                     return status

@@ -113,6 +113,23 @@ def test_a_wrong_tangent_goes_on_until_the_forces_balance():
     assert short.status is Status.MAX_ITERATIONS
 
 
+@pytest.mark.parametrize(("most", "left"), [(40, 2e-16), (30, 5e-15)])
+def test_a_wrong_tangent_comes_to_rest(most, left):
+    """A body that is released has nothing that increments are small beside: they go on down to round-off, or for as
+    long as there are iterations.
+    """
+    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
+    u, trial, test = fem.Function(space), ufl.TrialFunction(space), ufl.TestFunction(space)
+    J = ufl.derivative(residual(u), u, trial) + 0.5 * MU * ufl.inner(ufl.grad(trial), ufl.grad(test)) * ufl.dx
+    options = {"bcs": [held(space, side(1, 0.0))], "contact": Foundation(side(1, 1.0), shape=PLATE), "J": J}
+    problem = NonlinearContactProblem(residual(u), u, max_newton=most, **options)
+    problem.place(0, shift=(0.0, -0.1))
+    problem.solve()
+    problem.place(0, shift=(0.0, 0.1))
+    problem.solve()
+    assert np.abs(u.x.array).max() < left
+
+
 def test_gap_added_to_a_shape():
     """A plate that leaves a gap meets the block by so much later."""
     space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
