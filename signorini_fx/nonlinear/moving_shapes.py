@@ -187,15 +187,17 @@ def fitting(number: int, shape: Any, dimension: int) -> Any:
         raise FormError([(f"contact[{number}].shape.{key}", reason) for key, reason in error.problems]) from None
 
 
-def placed(shape: Any, number: int, placement: Mapping[str, Any]) -> Any:
-    """The shape of a foundation with another shift, rotation or pivot.
+def place(moving: MovingShape | None, number: int, placement: Mapping[str, Any]) -> None:
+    """Give the shape of a foundation another shift, rotation or pivot; None: it has no shape.
 
     Raises:
-        FormError: one of them is wrong.
+        FormError: it cannot be placed, or the placement is wrong.
     """
     path = f"contact[{number}].shape"
+    if moving is None or not hasattr(moving.shape, "placed"):
+        raise FormError([(path, "this foundation has no shape that can be placed")])
     try:
-        moved = shape.placed(**placement)
+        moved = moving.shape.placed(**placement)
     except SceneError as error:
         raise FormError([(f"{path}.{key}", reason) for key, reason in error.problems]) from None
     except (TypeError, ValueError) as error:
@@ -203,7 +205,7 @@ def placed(shape: Any, number: int, placement: Mapping[str, Any]) -> Any:
     wrong = [key for key in placement if not _finite(getattr(moved, key, None))]
     if wrong:
         raise FormError([(f"{path}.{key}", "must be finite numbers") for key in wrong])
-    return moved
+    moving.shape = fitting(number, moved, moving.x.shape[1])
 
 
 def _finite(value: Any) -> bool:

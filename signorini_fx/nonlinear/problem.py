@@ -20,7 +20,6 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx import parallel
-from signorini_fx.body.assembly import assemble
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.foundation import Foundation
 from signorini_fx.body.node_positions import node_positions
@@ -29,15 +28,16 @@ from signorini_fx.errors import FormError
 from signorini_fx.forms.arguments import foundations_of
 from signorini_fx.forms.elasticity import MatrixError, MatrixFault
 from signorini_fx.machine.compilation import compiling
+from signorini_fx.nonlinear import outcomes
 from signorini_fx.nonlinear.arguments import checked
 from signorini_fx.nonlinear.certificate import certified
-from signorini_fx.nonlinear.inversion import turned_inside_out
 from signorini_fx.nonlinear.line_search import length_of_increment
 from signorini_fx.nonlinear.linearised import LinearisedProblem
-from signorini_fx.nonlinear.moving_shapes import MovingShape, fitting, hessians_at, motion_at, placed, spin_at
+from signorini_fx.nonlinear.moving_shapes import MovingShape, fitting, hessians_at, motion_at, place, spin_at
 from signorini_fx.nonlinear.overlap import overlap
 from signorini_fx.nonlinear.quadrature_rules import refuse_miscompiled
 from signorini_fx.nonlinear.ramp import RampStep, StepSizes
+from signorini_fx.nonlinear.residual import Residual
 from signorini_fx.nonlinear.snapshot import Snapshot
 from signorini_fx.nonlinear.stability import Stability
 from signorini_fx.nonlinear.tangent import Tangents, round_off
@@ -116,19 +116,20 @@ class NonlinearContactProblem:
         **settings: Any,
     ) -> None:
         self.u, self.contact = u, checked(F, u, J, foundations_of(contact), update, commit, max_newton, settings)
-        self._update, self._commit = update or (lambda: None), commit or (lambda: None)
+        self._commit = commit or (lambda: None)
         self._max_newton, self._asks_stability = max_newton, stability
         space = self._space = u.function_space
         self._dimension = int(space.mesh.geometry.dim)
         options: dict[str, Any] = {"form_compiler_options": form_compiler_options, "jit_options": jit_options}
         self._tangents = Tangents(F, J, u, options)
         with compiling():
-            self._residual = fem.form(F, **options)
-        refuse_miscompiled(F, self._residual, u, options)
+            residual = fem.form(F, **options)
+        refuse_miscompiled(F, residual, u, options)
+        self._residual = Residual(residual, u, update or (lambda: None))
         shaped = [k for k, entry in enumerate(self.contact) if entry.shape is not None]
         self.linear = LinearisedProblem(
             self._tangents.leading,
-            self._residual,
+            residual,
             u,
             bcs,
             [self._seen(k, entry) if k in shaped else entry for k, entry in enumerate(self.contact)],
@@ -224,10 +225,7 @@ class NonlinearContactProblem:
         Raises:
             FormError: it has no shape, or the placement is wrong.
         """
-        moving = self.shapes.get(number)
-        if moving is None or not hasattr(moving.shape, "placed"):
-            raise FormError([(f"contact[{number}].shape", "this foundation has no shape that can be placed")])
-        moving.shape = fitting(number, placed(moving.shape, number, placement), self._dimension)
+        place(self.shapes.get(number), number, placement)
 
     # --- Newton's method ----------------------------------------------------------------------------------------------
 
@@ -257,7 +255,7 @@ class NonlinearContactProblem:
             status = self._iterate(damps=damps)
             if status is Status.CONVERGED and self._asks_stability:
                 status = self._stability.verdict()
-            elif damps and status not in (Status.CONVERGED, *_AFTER_NEWTON) and not self._says_no:
+            elif damps and status not in (Status.CONVERGED, *outcomes.AFTER_NEWTON) and not self._says_no:
                 self._says_no = self._stability.reason_for_none(self._good.displacement, self._size)
         except Exception:
             self._go_back(self._good)
@@ -266,16 +264,9 @@ class NonlinearContactProblem:
         if status is Status.CONVERGED:
             self._good = self._snapshot()
             return
-        judged, figure = self.certificate, self._says_no
+        self._failure = outcomes.failure(status, self.certificate, self._says_no, self._inner, self._overlap)
         self._go_back(self._good)
-        if status is Status.INSIDE:
-            figure = self._overlap
-        elif status is Status.NOT_SOLVED:
-            figure = figure or self._inner
-        elif judged is not None and status in (Status.NOT_CERTIFIED, Status.MAX_ITERATIONS):
-            figure = f"{judged.worst_name} {judged.worst:.1e}"
-        self._failure = status.value + (f" ({figure})" if figure else "")
-        raise ConvergenceError(self, f"{self._failure}: {_advice(status)}")
+        raise ConvergenceError(self, f"{self._failure}: {outcomes.advice_on(status)}")
 
     def _snapshot(self) -> Snapshot:
         """All that a solve changes, and where the shapes are."""
@@ -287,38 +278,11 @@ class NonlinearContactProblem:
         fields = self.pressure, self.shear, self.gap, self.slip
         self.certificate, self.iterations = snapshot.restore(self.u, fields, self.linear)
         with suppress(FormError):  # before the first solution it may not be possible
-            self._updated()
-
-    def _updated(self) -> None:
-        """Call ``update``; collective.
-
-        Raises:
-            FormError: it has raised an exception on some rank.
-        """
-        error: Exception | None = None
-        try:
-            self._update()
-        except Exception as raised:  # whatever a user's function may raise
-            error = raised
-        named = None if error is None else FormError([("update", f"raised {type(error).__name__}: {error}")])
-        try:
-            parallel.raise_together(self._space.mesh.comm, named)
-        except FormError as failed:
-            raise failed from error
+            self._residual.updated()
 
     def _forces_at(self, values: Array) -> Array | None:
-        """F at the owned unknowns for values of ``u``, which it gets; None: it is not finite there, or cells are turned
-        inside out; collective.
-
-        Raises:
-            FormError: ``update`` has raised an exception.
-        """
-        self.u.x.array[:] = values
-        self._updated()
-        forces = assemble(self._residual)
-        if parallel.any_rank(self._space.mesh.comm, not np.isfinite(forces).all()) or turned_inside_out(self.u):
-            return None
-        return forces
+        """See ``Residual``; collective."""
+        return self._residual.at(values)
 
     def _iterate(self, *, damps: bool) -> Status:
         """Newton's method from the present ``u``; ``damps``: whether its tangent may be damped; collective.
@@ -381,7 +345,7 @@ class NonlinearContactProblem:
             try:
                 linear.solve()
             except ConvergenceError as error:
-                if damps and error.solution.status in _DAMPED and linear.damp():
+                if damps and error.solution.status in outcomes.DAMPED and linear.damp():
                     continue
                 raise
             increment = linear.u.x.array - old
@@ -394,7 +358,7 @@ class NonlinearContactProblem:
         """How a solve ends in which a linear contact problem has no solution: what is proved of that is not proved of
         the body.
         """
-        if inner in _OF_LINEAR_BODIES:
+        if inner in outcomes.OF_LINEAR_BODIES:
             if self._stability.leads(self.u.x.array.copy()):
                 self._says_no = f"the tangent does not hold it: {inner.value}"
             return Status.NOT_SOLVED
@@ -487,10 +451,11 @@ class NonlinearContactProblem:
                 self.history.add(f"load {load:g} is given up, back at {sizes.reached:g}: {error}")
                 if not isinstance(error, ConvergenceError | FormError):
                     raise
-                if sizes.may_halve and self.status not in _FINAL:
+                if sizes.may_halve and self.status not in outcomes.FINAL:
                     sizes.halve()
                     continue
-                raise self._ended(error, load, sizes.reached if steps else None, to) from error.__cause__
+                last = outcomes.last_solution(sizes.reached if steps else None, to)
+                raise self._ended(error, load, last) from error.__cause__
             self.advance()
             sizes.accept(self.iterations)
             steps.append(RampStep(load, self.iterations, len(self.history.iterations) - solves))
@@ -504,42 +469,10 @@ class NonlinearContactProblem:
             self.shapes[number].shape = shape
         self._go_back(begun)
 
-    def _ended(
-        self, error: ConvergenceError | FormError, load: float, reached: float | None, to: float
-    ) -> ConvergenceError | FormError:
-        """How a ramp ends whose last step has no solution: with the reason, the load, and what was reached."""
-        last = "there is no solution before it" if reached is None else f"there is a solution at {reached:g} of {to:g}"
+    def _ended(self, error: ConvergenceError | FormError, load: float, last: str) -> ConvergenceError | FormError:
+        """How a ramp ends whose last step, to a load, has no solution; ``last``: the last one that there is."""
         if isinstance(error, FormError):
-            reasons = [(key, f"{reason} (at load {load:g}; {last})") for key, reason in error.problems]
-            return FormError(reasons, error.source)
+            return outcomes.at_load(error, load, last)
         assert self.status is not None
-        if self._says_no:
-            self.status = Status.LIMIT
-            text = f"{self.status.value}: {last}; a step to {load:g} ends with: {self._failure}"
-        else:
-            text = f"{self._failure}: at load {load:g}; {last}"
-        advice = _advice(self.status)
-        return ConvergenceError(self, f"{text}. {advice[0].upper()}{advice[1:]}")
-
-
-# What the statics of linear bodies prove.
-_OF_LINEAR_BODIES = (
-    Status.NOT_HELD,
-    Status.OPEN,
-    Status.TIPS,
-    Status.SLIDES,
-    Status.SLIDES_AT_PRESSURES,
-    Status.TOO_LARGE,
-    Status.SINGULAR,
-)
-# How the contact problem of a tangent ends that is not definite.
-_DAMPED = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS, Status.ROUND_OFF, Status.SINGULAR)
-# How a solve ends whose Newton's method does not fail.
-_AFTER_NEWTON = (Status.INSIDE, Status.NOT_CERTIFIED)
-# What smaller steps do not change.
-_FINAL = (Status.STABILITY_UNKNOWN,)
-
-
-def _advice(status: Status) -> str:
-    """What to do about the outcome of a solve."""
-    return (Status.NOT_SOLVED if status is Status.MAX_ITERATIONS else status).advice
+        self.status = Status.LIMIT if self._says_no else self.status
+        return ConvergenceError(self, outcomes.end_of_ramp(self.status, self._failure, load, last))

@@ -84,7 +84,7 @@ def test_the_judge_has_the_forces_of_the_form(cell, degree):
     rng = np.random.default_rng(0)
     u = 0.02 * min(body.size) / max(body.counts) * rng.normal(size=judge.x.shape)
     problem.u.x.array[:] = u.ravel()
-    assembled = fem.assemble_vector(problem._residual).array.reshape(-1, 2)
+    assembled = fem.assemble_vector(problem._residual.form).array.reshape(-1, 2)
     forces = judge.forces(u)
     np.testing.assert_allclose(forces, assembled, atol=1e-9 * np.abs(forces).max())
     dead = Judge(replace(body, pressure=0.0), judge.x, judge.cells)

@@ -1,0 +1,77 @@
+"""How solves and ramps of nonlinear bodies end: which outcomes mean what, and in words."""
+
+from __future__ import annotations
+
+from signorini_fx.errors import FormError
+from signorini_fx.records import Status
+from signorini_fx.results.certificate import Certificate
+
+# What the statics of linear bodies prove.
+OF_LINEAR_BODIES = (
+    Status.NOT_HELD,
+    Status.OPEN,
+    Status.TIPS,
+    Status.SLIDES,
+    Status.SLIDES_AT_PRESSURES,
+    Status.TOO_LARGE,
+    Status.SINGULAR,
+)
+# How the contact problem of a tangent ends that is not definite.
+DAMPED = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS, Status.ROUND_OFF, Status.SINGULAR)
+# How a solve ends whose Newton's method does not fail.
+AFTER_NEWTON = (Status.INSIDE, Status.NOT_CERTIFIED)
+# What smaller steps do not change.
+FINAL = (Status.STABILITY_UNKNOWN,)
+
+
+def failure(status: Status, certificate: Certificate | None, says_no: str, inner: str, overlap: str) -> str:
+    """How a solve ends that has no solution, in words.
+
+    Args:
+        status: of the solve.
+        certificate: of its last iterate; None: that has none.
+        says_no: why there may be no solution; empty: nothing says so.
+        inner: how the last contact problem of a tangent ended that had no solution.
+        overlap: where a shape is inside the body.
+    """
+    reason = says_no
+    if status is Status.INSIDE:
+        reason = overlap
+    elif status is Status.NOT_SOLVED:
+        reason = says_no or inner
+    elif certificate is not None and status in (Status.NOT_CERTIFIED, Status.MAX_ITERATIONS):
+        reason = f"{certificate.worst_name} {certificate.worst:.1e}"
+    return status.value + (f" ({reason})" if reason else "")
+
+
+def advice_on(status: Status) -> str:
+    """What to do about the outcome of a solve."""
+    return (Status.NOT_SOLVED if status is Status.MAX_ITERATIONS else status).advice
+
+
+def last_solution(reached: float | None, to: float) -> str:
+    """Up to which of the loads of a ramp there is a solution, in words; None: none has one."""
+    return "there is no solution before it" if reached is None else f"there is a solution at {reached:g} of {to:g}"
+
+
+def at_load(error: FormError, load: float, last: str) -> FormError:
+    """An error of the last step of a ramp; ``last``: see ``last_solution``."""
+    reasons = [(key, f"{reason} (at load {load:g}; {last})") for key, reason in error.problems]
+    return FormError(reasons, error.source)
+
+
+def end_of_ramp(status: Status, failure: str, load: float, last: str) -> str:
+    """The message of a ramp whose last step has no solution.
+
+    Args:
+        status: of the ramp.
+        failure: how the step ends, in words.
+        load: to which the step goes.
+        last: see ``last_solution``.
+    """
+    if status is Status.LIMIT:
+        text = f"{status.value}: {last}; a step to {load:g} ends with: {failure}"
+    else:
+        text = f"{failure}: at load {load:g}; {last}"
+    advice = advice_on(status)
+    return f"{text}. {advice[0].upper()}{advice[1:]}"
