@@ -826,6 +826,11 @@ DIFFERENCE_STRAINS, SAME_TANGENT = (1e-7, 1e-9), 1e-6
 # the body; of the latter by which it is moved at a time to see its way.  Choice: a chord between two nodes cuts a
 # circle whose radius is six tenths of its length to less than the first.
 SHAPE_INSIDE, SHAPE_STEP = 0.5, 0.25
+# Places on its way at most.  Choice: a search of all cells for each of them.
+MOST_PLACES = 400
+# Points of the body, those nearest to a shape of a user's own and as many of all, behind which a ball in it is sought,
+# and the radius of the smallest one, as a share of the size of the body.  Choice.
+SAMPLED_POINTS, SMALLEST_SHAPE = 100, 1e-6
 # Points along each axis of the grid on which the middle of the largest ball in a surface of a file is sought.  Choice:
 # an odd number, so that the middle of a ball is on it; in space its 729 distances take milliseconds.
 INRADIUS_GRID = 9

@@ -15,12 +15,13 @@ Contact at nodes allows for some depth: between two nodes that are outside, a ch
 R to R - sqrt(R^2 - h^2 / 4).  So up to ``SHAPE_INSIDE`` of the radius of a cell, and of the inradius of the shape,
 which is the greatest depth that there is, nothing is said.  A cone, an edge or an open line has no largest ball, and
 its tip is cut by a chord however short: up to half its length, so the whole radius of a cell is allowed there.  A tip
-between two nodes that it does not touch is not told from that, nor is its way looked at.  Of a shape of a user's own
-that does not say its inradius the cells alone decide.
+between two nodes that it does not touch is not told from that.  Of a shape of a user's own that does not say its
+inradius a ball is sought in it, see ``users_shapes``.
 
 A shape has passed through the body if on the straight way from one place and displacement to the next it is too deep
 somewhere; then both ends may be free of overlap.  Places between are those of the rigid motion with a share of the
-shift and of the rotation.
+shift and of the rotation.  Where the shape has no largest ball, the body may have given way in between by as much as
+it is deformed otherwise at the end: a tip that slides along it dents places that are even at both ends.
 """
 
 from __future__ import annotations
@@ -34,10 +35,12 @@ import basix
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
+from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.body.node_positions import node_positions
-from signorini_fx.tuned import SHAPE_INSIDE, SHAPE_MIDDLE, SHAPE_STEP, SMALLEST_PART
+from signorini_fx.body.users_shapes import inradius_of, on_way
+from signorini_fx.tuned import MOST_PLACES, SHAPE_INSIDE, SHAPE_MIDDLE, SHAPE_STEP, SMALLEST_PART
 
 Array = npt.NDArray[np.float64]
 
@@ -99,14 +102,16 @@ class BodyCells:
             shape: an object with ``distance``, see ``Shape``; what is hollow and what is flat is not looked at.
             added: what is added to its distance, length.
         """
-        of_cell = 1.0 if getattr(shape, "inradius", 0.0) == math.inf else SHAPE_INSIDE
-        return self._too_deep(places, shape, added, SHAPE_INSIDE, of_cell)
+        radius = inradius_of(self._comm, shape, places)
+        of_cell = 1.0 if radius == math.inf else SHAPE_INSIDE
+        return self._too_deep(places, shape, (radius, added), SHAPE_INSIDE, of_cell)
 
     def swallowed(self, shape: Any, added: float = 0.0) -> InsideBody | None:
         """Where the middle of the shape lies inside the undeformed body, so that the surface of the body does not see
         it, or from behind; None: nowhere; collective.  For the arguments see ``inside``.
         """
-        return self._too_deep(self.x, shape, added, SHAPE_MIDDLE, math.inf)
+        radius = inradius_of(self._comm, shape, self.x)
+        return self._too_deep(self.x, shape, (radius, added), SHAPE_MIDDLE, math.inf)
 
     def passed(self, before: tuple[Array, Any], now: tuple[Array, Any], added: float = 0.0) -> InsideBody | None:
         """Where the shape has been inside the body on the straight way between two states; None: nowhere; collective.
@@ -116,28 +121,63 @@ class BodyCells:
             now: likewise.
             added: see ``inside``.
         """
-        (begun, earlier), (ended, shape) = before, now
-        radius = getattr(shape, "inradius", math.inf)
-        if not math.isfinite(radius):
+        (begun, earlier), (ended, shape), comm = before, now, self._comm
+        radius = inradius_of(comm, shape, ended)
+        if radius == math.inf and not getattr(shape, "narrows", True):
             return None
-        ways = np.linalg.norm(ended - begun, axis=1), np.linalg.norm(shape.moved_from(earlier, ended), axis=1)
-        far = sum(parallel.largest(self.space.mesh.comm, way, 0.0) for way in ways)
-        if far <= SHAPE_INSIDE * radius:
+        moved = ended - begun
+        ways = np.linalg.norm(moved, axis=1), np.linalg.norm(shape.moved_from(earlier, ended), axis=1)
+        far = sum(parallel.largest(comm, way, 0.0) for way in ways)
+        if radius < math.inf:
+            size, of_cell, yielding = radius, math.inf, 0.0
+        else:
+            total, count = parallel.global_sum(comm, moved.sum(axis=0)), parallel.global_sum(comm, len(moved))
+            yielding = parallel.largest(comm, np.linalg.norm(moved - total / count, axis=1), 0.0)
+            size, of_cell = self._mean_radius(ended), 1.0
+        if far <= SHAPE_INSIDE * size:
             return None
-        steps = math.ceil(far / (SHAPE_STEP * radius))
+        steps = math.ceil(min(far / (SHAPE_STEP * size), MOST_PLACES))
         for share in np.arange(1, steps) / steps:
             places = (1.0 - share) * begun + share * ended
-            between = shape.on_way_from(earlier, float(share), places.shape[1])
-            deep = self._too_deep(places, between, added, SHAPE_INSIDE, math.inf)
+            between = on_way(comm, shape, earlier, float(share), places)
+            deep = self._too_deep(places, between, (radius, added), SHAPE_INSIDE, of_cell, yielding)
             if deep is not None:
                 return deep
         return None
 
-    def _too_deep(self, places: Array, shape: Any, added: float, of_shape: float, of_cell: float) -> InsideBody | None:
+    @property
+    def _comm(self) -> MPI.Comm:
+        return self.space.mesh.comm
+
+    def _mean_radius(self, places: Array) -> float:
+        """Of all cells, length; collective."""
+        corners = places[self.nodes]
+        reach = np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2).max(axis=1, initial=0.0)
+        total, count = parallel.global_sum(self._comm, np.array([reach.sum(), len(reach)]))
+        return float(total / count)
+
+    def _too_deep(
+        self,
+        places: Array,
+        shape: Any,
+        sizes: tuple[float, float],
+        of_shape: float,
+        of_cell: float,
+        yielding: float = 0.0,
+    ) -> InsideBody | None:
         """A point of the body that is deeper in the shape than these shares of its inradius and of the radius of the
         cell, the deepest one of those of its level; collective.
+
+        Args:
+            places: see ``inside``.
+            shape: likewise.
+            sizes: its inradius, and what is added to its distance.
+            of_shape: share of the inradius.
+            of_cell: share of the radius of the cell.
+            yielding: by which it may be deeper, length.
         """
-        comm, radius = self.space.mesh.comm, getattr(shape, "inradius", math.inf) - max(added, 0.0)
+        comm, added = self._comm, sizes[1]
+        radius = sizes[0] - max(added, 0.0)
         endless = radius == math.inf and (of_cell == math.inf or not getattr(shape, "narrows", True))
         if radius <= 0.0 or endless:
             return None
@@ -145,7 +185,7 @@ class BodyCells:
         def depths(x: Array) -> Array:
             return -(shape.distance(x)[0] + added)
 
-        deep = self._search(places, depths, of_shape * radius, of_cell)
+        deep = self._search(places, depths, (of_shape * radius, of_cell, yielding))
         rows = parallel.gather_rows(comm, np.array([deep] if deep else []).reshape(-1, 1 + places.shape[1]))
         if not len(rows):
             return None
@@ -153,9 +193,12 @@ class BodyCells:
         return InsideBody(deepest, tuple(at))
 
     def _search(
-        self, places: Array, depths: Callable[[Array], Array], limit: float, of_cell: float
+        self, places: Array, depths: Callable[[Array], Array], limits: tuple[float, float, float]
     ) -> list[float] | None:
-        """Depth and position of a point of this rank that is deeper than a limit, and than a share of its cell."""
+        """Depth and position of a point of this rank that is deeper than the smaller one of a length and a share of the
+        radius of its cell, and another length.
+        """
+        limit, of_cell, yielding = limits
         corners, maps = _divided(self.element.cell_type)
         dim = corners.shape[1]
         cells = np.arange(len(self.nodes))
@@ -166,7 +209,7 @@ class BodyCells:
             x = self._positions(places, cells, at)
             middle, reach = x[:, 0], np.linalg.norm(x[:, 1:] - x[:, :1], axis=2).max(axis=1)
             if allowed is None:
-                allowed = np.minimum(limit, of_cell * reach)
+                allowed = np.minimum(limit, of_cell * reach) + yielding
             depth = depths(middle)
             if (deep := depth > allowed[cells]).any():
                 deepest = int(np.argmax(np.where(deep, depth, -np.inf)))

@@ -8,16 +8,19 @@ With the unit normal n_f = grad phi at X + u the condition for a new displacemen
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from mpi4py import MPI
 
+from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.nodal_stiffness import NodalStiffness
 from signorini_fx.errors import FormError, SceneError
+from signorini_fx.extensions import is_of_package
 from signorini_fx.scene.rigid_shape import Shape, distance_from
 from signorini_fx.tuned import MOST_TURNED, NORMAL_DIFFERENCE
 
@@ -41,6 +44,31 @@ class MovingShape:
     added: Array
     nodes: npt.NDArray[np.int64]
     x: Array
+    _given: Array = field(init=False)  # the distances of a shape of a user's own when it was placed
+
+    def __post_init__(self) -> None:
+        self._given = self._distances()
+
+    def put(self, shape: Any) -> None:
+        """Take the same shape elsewhere."""
+        self.shape = shape
+        self._given = self._distances()
+
+    def check(self, number: int, comm: MPI.Comm) -> None:
+        """Refuse a shape that is no longer as it was placed: its way is not known; collective.
+
+        Raises:
+            FormError: it has been changed; ``number``: of its foundation.
+        """
+        if parallel.any_rank(comm, not np.array_equal(self._distances(), self._given)):
+            cure = "give its class placed(shift=...) and moved_from(earlier, x), and move it by place()"
+            reason = f"{type(self.shape).__name__} has changed by itself, so that its way is not known: {cure}"
+            raise FormError([(f"contact[{number}].shape", reason)])
+
+    def _distances(self) -> Array:
+        """Of a shape of a user's own at the undeformed nodes, length, shape (n,); of those of the package none."""
+        own = not is_of_package(type(self.shape)) and len(self.x)
+        return np.array(self.shape.distance(self.x)[0] if own else [], dtype=np.float64)
 
     def seen_from(self, u: Array) -> tuple[Array, Array]:
         """The linearised gap, length, shape (n,), and the direction to the shape, unit vectors of shape (n, d).
@@ -202,10 +230,17 @@ def place(moving: MovingShape | None, number: int, placement: Mapping[str, Any])
         raise FormError([(f"{path}.{key}", reason) for key, reason in error.problems]) from None
     except (TypeError, ValueError) as error:
         raise FormError([(path, str(error))]) from None
+    if moved is moving.shape:
+        raise FormError([(path, f"placed of {type(moved).__name__} changes the shape itself: return another object")])
+    if not hasattr(moved, "moved_from"):
+        reason = (
+            "needs moved_from(earlier, x), how far its points closest to x have moved: its way and friction need it"
+        )
+        raise FormError([(path, f"{type(moved).__name__} {reason}")])
     wrong = [key for key in placement if not _finite(getattr(moved, key, None))]
     if wrong:
         raise FormError([(f"{path}.{key}", "must be finite numbers") for key in wrong])
-    moving.shape = fitting(number, moved, moving.x.shape[1])
+    moving.put(fitting(number, moved, moving.x.shape[1]))
 
 
 def _finite(value: Any) -> bool:

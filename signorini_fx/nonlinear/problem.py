@@ -144,6 +144,7 @@ class NonlinearContactProblem:
         self.shapes = {k: self._shape_of(k) for k in shaped}
         self.pressure, self.shear = self.linear.pressure, self.linear.shear
         self.gap, self.slip = self.linear.gap, self.linear.slip
+        self._fields = self.pressure, self.shear, self.gap, self.slip
         bounds = parallel.global_bounds(space.mesh.comm, space.mesh.geometry.x.astype(np.float64))
         self._size = float(np.linalg.norm(np.ptp(bounds, axis=0)))
         self.status: Status | None = None
@@ -249,6 +250,8 @@ class NonlinearContactProblem:
             damps: whether no smaller step will be tried, so that the tangent is damped where nothing else helps, and a
                 failure is asked why there may be no solution.
         """
+        for number, moving in self.shapes.items():
+            moving.check(number, self._space.mesh.comm)
         self._good = self._good or self._snapshot()
         self.certificate, self.status, self._says_no = None, None, ""
         try:
@@ -270,13 +273,11 @@ class NonlinearContactProblem:
 
     def _snapshot(self) -> Snapshot:
         """All that a solve changes, and where the shapes are."""
-        fields, solved = (self.pressure, self.shear, self.gap, self.slip), (self.certificate, self.iterations)
-        return Snapshot.of(self.u, fields, self.linear, self.shapes, solved)
+        return Snapshot.of(self.u, self._fields, self.linear, self.shapes, (self.certificate, self.iterations))
 
     def _go_back(self, snapshot: Snapshot) -> None:
         """Go back to the last solution; loads and shapes stay as they are now; collective."""
-        fields = self.pressure, self.shear, self.gap, self.slip
-        self.certificate, self.iterations = snapshot.restore(self.u, fields, self.linear)
+        self.certificate, self.iterations = snapshot.restore(self.u, self._fields, self.linear)
         with suppress(FormError):  # before the first solution it may not be possible
             self._residual.updated()
 
@@ -466,7 +467,7 @@ class NonlinearContactProblem:
         """Go back to where a step has begun, with its load and its shapes; collective."""
         load()
         for number, shape in begun.shapes.items():
-            self.shapes[number].shape = shape
+            self.shapes[number].put(shape)
         self._go_back(begun)
 
     def _ended(self, error: ConvergenceError | FormError, load: float, last: str) -> ConvergenceError | FormError:

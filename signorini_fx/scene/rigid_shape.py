@@ -321,7 +321,8 @@ def distance_from(source: Any, dimension: int, *, turns: bool = True) -> Distanc
 def fault_of(shape: Any, x: Array, size: float) -> str:
     """What the distance of a shape of a user's own is not, at points of the boundary; "": nothing was found.
 
-    From a point back along its normal the way to the closest point is shorter by as much, wherever it is.
+    From a point back along its normal the way to the closest point is shorter by as much, wherever it is.  Behind the
+    closest point the distance is negative: otherwise points would pass through the shape.
 
     Args:
         shape: with a method ``distance``, see ``Shape``; those of this package are not tried.
@@ -338,6 +339,10 @@ def fault_of(shape: Any, x: Array, size: float) -> str:
             wanted = f"{x.shape[:1]} and {x.shape} for points of the shape {x.shape}"
             return f"distance of {name} has the shapes {signed.shape} and {normal.shape}, not {wanted}"
         behind = np.asarray(shape.distance(x - step * normal)[0], dtype=np.float64)
+        surface = x - signed[:, None] * normal
+        at_surface, within = (
+            np.asarray(shape.distance(points)[0], dtype=np.float64) for points in (surface, surface - step * normal)
+        )
     except Exception as error:
         return f"distance of {name} fails: {type(error).__name__}: {error}"
     length = np.linalg.norm(normal, axis=1)
@@ -348,6 +353,7 @@ def fault_of(shape: Any, x: Array, size: float) -> str:
             f"distance of {name} does not grow along its normals as a distance does",
             ~(np.abs(signed - behind - step) <= WRONG_NORMAL * step + ZERO_IN_SOLUTION * np.abs(signed)),
         ),
+        (f"distance of {name} is not negative inside", (np.abs(at_surface) <= WRONG_NORMAL * step) & (within >= 0)),
     ):
         if wrong.any():
             return f"{reason} at {tuple(map(float, x[wrong.argmax()]))}"

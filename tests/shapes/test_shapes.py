@@ -404,6 +404,7 @@ class Ball:
         ({"normal": lambda unit, x: -unit}, "does not grow along its normals"),
         ({"normal": lambda unit, x: unit[:, ::-1]}, "does not grow along its normals"),
         ({"signed": lambda away, x: 1.1 * away}, "does not grow along its normals"),
+        ({"signed": lambda away, x: np.abs(away + 0.1)}, "distance of Ball is not negative inside"),
         ({"signed": lambda away, x: away + np.add(x, 0, out=x)[:, 0]}, "distance of Ball fails: .*read-only"),
         ({"signed": lambda away, x: away / x.nothing}, "distance of Ball fails: AttributeError"),
     ],
