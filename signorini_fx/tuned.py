@@ -810,6 +810,8 @@ LEAST_DAMPING, DAMPING_GROWTH, MOST_DAMPING = 1e-5, 10.0, 1.0
 FEW_NEWTON_ITERATIONS, STEP_GROWTH, SMALLEST_STEP = 6, 1.5, 1 / 256
 # What a slip loses, as a share, as its tangent plane turns by the way to a hollow shape, at most.  Choice.
 MOST_TURNED = -0.5
+# One minus the cosine of the angle up to which a shear is along its slip.  Choice: elastic slip of the regularisation.
+ALONG_SLIP = 1e-3
 # Differences of distances and normals of shapes are taken over this share of the size of the body.  Choice, from
 # round-off.
 NORMAL_DIFFERENCE = 1e-6

@@ -35,7 +35,7 @@ def negative_directions(
         tangent: a bilinear form, compiled, whose coefficients are those of the equilibrium.
         bcs: the prescribed displacements.
         fixed: which of the owned unknowns they prescribe, shape (owned dofs,).
-        curvature: what the foundations add to the tangent.
+        curvature: what the foundations add to the tangent, and friction where slips turn.
         nodes: of the contact points, local numbers of owned nodes, shape (n,).
         held: directions that contact holds at each of them, zero where it holds none, shape (n, directions, d).
     """

@@ -22,7 +22,7 @@ from signorini_fx.body.nodal_stiffness import NodalStiffness
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.scene.rigid_shape import Shape, distance_from
-from signorini_fx.tuned import MOST_TURNED, NORMAL_DIFFERENCE
+from signorini_fx.tuned import ALONG_SLIP, MOST_TURNED, NORMAL_DIFFERENCE
 
 Array = npt.NDArray[np.float64]
 
@@ -145,6 +145,30 @@ def curvature_of(hessians: Array, state: ContactState) -> NodalStiffness:
     turning = np.einsum("ni,nj->nij", boundary.normal, np.einsum("nij,nj->ni", hessians, shear))
     blocks = turning + turning.transpose(0, 2, 1) - state.pressure[:, None, None] * hessians
     return NodalStiffness.summed(boundary.nodes, boundary.weight[:, None, None] * blocks)
+
+
+def turning_of(state: ContactState, size: float) -> NodalStiffness:
+    """What friction of sliding points in space does against displacements that turn their slip.
+
+    The shear m has the direction of the slip s, so it turns with it: a displacement d along the tangent plane and
+    across s meets |m| / |s| d.  Without that a shear would be a dead load, under which rubber that is squeezed between
+    rough plates twists.  In the plane no slip turns; a shear that does not follow its slip, as that of an ellipse, is
+    left out.
+
+    Args:
+        state: of the contact points, with their tractions and slips of this step.
+        size: of the body, length: slips that are round-off of it turn as easily as the smallest other ones.
+    """
+    boundary, slip, shear = state.boundary, state.slip_length, state.shear
+    if slip.shape[1] < 2:
+        return NodalStiffness.none(boundary.x.shape[1])
+    far, strong = np.linalg.norm(slip, axis=1), np.linalg.norm(shear, axis=1)
+    along = np.einsum("ni,ni->n", slip, shear) >= (1 - ALONG_SLIP) * far * strong
+    turns = np.flatnonzero(along & state.in_contact & (state.direction != 0.0).any(axis=1) & (far > 0.0))
+    across = np.column_stack((-slip[turns, 1], slip[turns, 0])) / far[turns, None]
+    ways = np.einsum("nij,nj->ni", boundary.tangents[turns], across)
+    rate = boundary.weight[turns] * strong[turns] / np.maximum(far[turns], NORMAL_DIFFERENCE * size)
+    return NodalStiffness.summed(boundary.nodes[turns], rate[:, None, None] * np.einsum("ni,nj->nij", ways, ways))
 
 
 def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip: Array) -> Array:

@@ -11,10 +11,12 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx import parallel
+from signorini_fx.body.nodal_stiffness import NodalStiffness
 from signorini_fx.errors import FormError
 from signorini_fx.forms.arguments import conditions_of
 from signorini_fx.nonlinear.inertia import negative_directions
 from signorini_fx.nonlinear.linearised import LinearisedProblem
+from signorini_fx.nonlinear.moving_shapes import turning_of
 from signorini_fx.nonlinear.tangent import Tangents, is_derivative
 from signorini_fx.records import Status
 
@@ -98,4 +100,9 @@ class Stability:
         linear = self.linear
         bcs = conditions_of(linear.bcs, self.u.function_space)
         nodes = linear.state.boundary.nodes
-        return negative_directions(tangent, bcs, self._fixed, linear.curvature, nodes, linear.held)
+        turning = turning_of(linear.state, linear.scales.size)
+        beside = NodalStiffness.summed(
+            np.concatenate((linear.curvature.nodes, turning.nodes)),
+            np.concatenate((linear.curvature.blocks, turning.blocks)),
+        )
+        return negative_directions(tangent, bcs, self._fixed, beside, nodes, linear.held)

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from support.nonlinear_bodies import LAME, MU, PLATE, held, neo_hooke, rectangle, residual
 
 from signorini_fx import ConvergenceError, Coulomb, FormError, Foundation, NonlinearContactProblem, Status
 from signorini_fx.body.assembly import assemble
+from signorini_fx.body.nodal_stiffness import NodalStiffness
 from signorini_fx.nonlinear.tangent import is_derivative
 
 HIGH = PLATE | {"point": (0.0, 8.0)}
@@ -118,6 +120,29 @@ def test_a_column_on_top_of_a_circle(degree):
             assert problem.status is Status.UNSTABLE
         statuses.append(problem.status)
     assert statuses == [Status.UNSTABLE, Status.CONVERGED]
+
+
+def test_shears_that_turn_with_their_slip(monkeypatch):
+    """A cube of rubber that a rough plate squeezes slides inwards under it: as dead loads these shears would twist it,
+    but friction acts against a twist.
+    """
+    mesh = dmesh.create_box(MPI.COMM_SELF, [[0.0] * 3, [1.0] * 3], [4, 4, 4], dmesh.CellType.hexahedron)
+    space = fem.functionspace(mesh, ("Lagrange", 1, (3,)))
+    u = fem.Function(space)
+    gradient = ufl.Identity(3) + ufl.grad(u)
+    volume = ufl.det(gradient)
+    energy = (volume ** (-2 / 3) * ufl.inner(gradient, gradient) - 3 + 1000.0 * (volume - 1) ** 2) / 2
+    form = ufl.derivative(energy * ufl.dx(metadata={"quadrature_degree": 2}), u, ufl.TestFunction(space))
+    bottom, top = (dmesh.locate_entities_boundary(mesh, 2, lambda x, at=at: np.isclose(x[2], at)) for at in (0.0, 1.0))
+    plate = {"shape": "plane", "point": (0.0, 0.0, 1.0), "normal": (0.0, 0.0, -1.0), "shift": (0.0, 0.0, -0.05)}
+    contact = Foundation(top, shape=plate, friction=Coulomb(0.5))
+    problem = NonlinearContactProblem(form, u, bcs=[held(space, bottom)], contact=contact)
+    problem.solve()
+    assert problem.status is Status.CONVERGED
+    assert problem.state.areas["slip"] > 0.5
+    without = "signorini_fx.nonlinear.stability.turning_of"
+    monkeypatch.setattr(without, lambda state, size: NodalStiffness.none(3))
+    assert problem._stability.verdict() is Status.UNSTABLE
 
 
 @pytest.mark.parametrize("unit", [1.0, 2.1e9, 1e-9])
