@@ -219,22 +219,22 @@ class NonlinearContactProblem:
     def place(self, number: int, **placement: Any) -> None:
         """Turn and move a foundation that has a shape, for the next solve and those after it.
 
+        A shape of a user's own needs ``placed(**placement)``, which returns another object, and ``moved_from(earlier,
+        x)``, how far its points closest to x have moved since it was placed like ``earlier``, length, shape (n, d).
+
         Args:
             number: of the foundation in ``contact``.
             placement: its shift, rotation and pivot, see ``scene.rigid_shape.Shape``; what is left out stays.
 
         Raises:
-            FormError: it has no shape, or the placement is wrong.
+            FormError: it has no shape that can be placed, or the placement is wrong.
         """
         place(self.shapes.get(number), number, placement)
 
     # --- Newton's method ----------------------------------------------------------------------------------------------
 
     def solve(self) -> fem.Function:
-        """Solve with the values that Constants, Functions, conditions and shapes have now; collective.
-
-        Returns:
-            ``u``.
+        """Solve with the values that Constants, Functions, conditions and shapes have now, return ``u``; collective.
 
         Raises:
             ConvergenceError: no solution was reached; ``status`` says why, and all else is as the last solution was.
