@@ -41,6 +41,7 @@ class Status(Enum):
     SINGULAR = "linear system singular"
     NOT_FINITE = "numbers not finite"
     LINEAR_SOLVER = "linear solver failed"
+    NO_MEMORY = "memory ends before a solution"
     ROUND_OFF = "residual stagnates"
     TOO_LARGE = "deformation too large for linear elasticity"
     INVERTED = "cells turned inside out"
@@ -95,8 +96,12 @@ _ADVICE = {
         "cell of the mesh is degenerate"
     ),
     Status.LINEAR_SOLVER: (
-        "the factorisation ran out of memory or the Krylov method did not converge: use more ranks, "
-        "solver.linear_algebra = 'krylov' or 'full', or look with -- -sfx_ksp_monitor -sfx_ksp_converged_reason"
+        "the Krylov method did not converge: set solver.linear_algebra = 'full', which takes the memory for a factor, "
+        "or look with -- -sfx_ksp_monitor -sfx_ksp_converged_reason"
+    ),
+    Status.NO_MEMORY: (
+        "the memory was used up by the factor of the matrix: use a larger machine, a coarser mesh, or in space "
+        "solver.linear_algebra = 'krylov'; ulimit -a shows the limits of this process, and check how much a scene needs"
     ),
     Status.TOO_LARGE: (
         "strains, rotations or displacements are too large for linear elasticity: check the units of E, of the "

@@ -48,6 +48,7 @@ from signorini_fx.contact.laws import (
     trial_shear,
 )
 from signorini_fx.linalg import finite, options
+from signorini_fx.linalg.failures import factor_lacks_memory, unprinted
 from signorini_fx.problem.regularised import RegularisedProblem
 from signorini_fx.records import IterationRecord, Status
 from signorini_fx.tuned import (
@@ -79,10 +80,8 @@ def interior_point(newton: SemismoothNewton, data: RegularisedData, measure: Cal
     problem.set_data(data)
     try:
         status = _Programme(newton, data).solve()
-    except PETSc.Error:  # see ``SemismoothNewton.attempt``
-        if problem.points.comm.size > 1:
-            raise
-        status = Status.SINGULAR
+    except (PETSc.Error, MemoryError) as error:
+        status = newton.outcome_of(error)
     if status is Status.CONVERGED:
         ended, sets = newton.x.copy(), natural_sets(*problem.system.contact.traces(newton.x), data)
         status = newton.attempt(data, sets)
@@ -115,9 +114,8 @@ def proposed_sets(newton: SemismoothNewton, data: RegularisedData) -> ActiveSets
     lifted = force / (points * lift) if points and lift > 0 else np.inf
     try:
         proposed = _Programme(newton, data).sets(lifted)
-    except PETSc.Error:  # see ``SemismoothNewton.attempt``
-        if comm.size > 1:
-            raise
+    except (PETSc.Error, MemoryError) as error:
+        newton.outcome_of(error)
         proposed = None
     newton.begin_at(begun)
     problem.sets = sets
@@ -183,7 +181,7 @@ class _Programme:
         first = 0.0 if at is None else self._product(at)
         for _ in range(newton.max_iterations):
             if at is None:
-                return Status.SINGULAR
+                return Status.NO_MEMORY if factor_lacks_memory(newton.snes.getKSP()) else Status.SINGULAR
             product = self._product(at)
             near = product <= SMALL_PRODUCT * first
             sets = natural_sets(*problem.system.contact.traces(newton.x), self._data)
@@ -364,7 +362,7 @@ class _Programme:
         problem.system.keep_factor(ksp, None, problem.force_scale, exact=exact)
         ksp.getPC().setReusePreconditioner(False)
         change.set(0.0)
-        with options.defaults(problem.system.solver_defaults):
+        with options.defaults(problem.system.solver_defaults), unprinted():
             ksp.solve(self._force, change)
         problem.factorised(jacobian)
         change.scale(-1.0)

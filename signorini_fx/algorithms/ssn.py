@@ -24,6 +24,7 @@ from signorini_fx.contact.laws import (
 )
 from signorini_fx.linalg import callbacks, finite, options
 from signorini_fx.linalg.callbacks import called_back, weakly
+from signorini_fx.linalg.failures import factor_lacks_memory, memory_ended, unlock, unprinted
 from signorini_fx.linalg.petsc_c import call
 from signorini_fx.machine import signals
 from signorini_fx.problem.problem import Problem
@@ -45,8 +46,6 @@ _RENEW, _KEEP = -2, -1
 # While the sets repeat and directions of slip change, the residual of the law must be halved in this many steps.
 _TURNS = 6
 _SNES = PETSc.SNES.ConvergedReason
-# Reasons of a failed linear solve other than a zero pivot: none of the preconditioner (Krylov), or its memory.
-_NOT_SINGULAR = (PETSc.PC.FailedReason.NOERROR, PETSc.PC.FailedReason.FACTOR_OUTMEMORY)
 # (newton, data, first sets, how it failed, measure) -> how it ended then.
 FallBacks = Callable[
     ["SemismoothNewton", RegularisedData, ActiveSets | None, Status, Callable[[], float | None]],
@@ -231,14 +230,22 @@ class SemismoothNewton:
         self._may_propose = given and self._symmetric and max_iterations is None and self._propose_sets is not None
         self._slow = False
         try:
-            with options.defaults(self.problem.system.solver_defaults):
+            with options.defaults(self.problem.system.solver_defaults), unprinted():
                 status = self._run(data, limit)
-        except PETSc.Error:
-            # Some factorisation packages raise an error where others set a reason, and on one rank only.
-            if self.problem.points.comm.size > 1:
-                raise
-            status = Status.SINGULAR
+        except (PETSc.Error, MemoryError) as error:
+            status = self.outcome_of(error)
         return status
+
+    def outcome_of(self, error: Exception) -> Status:
+        """How a solve ends where a factorisation package raises an error, as some do where others set a reason.
+
+        Raises:
+            Exception: the error, on several ranks: not all of them may have it.
+        """
+        if self.problem.points.comm.size > 1:
+            raise error
+        unlock(self.x)
+        return Status.NO_MEMORY if memory_ended(error) else Status.SINGULAR
 
     def _ran_on(self, status: Status) -> bool:
         """Whether the iteration failed for another reason than a limit that the user has set."""
@@ -445,8 +452,11 @@ class SemismoothNewton:
         if reason == _SNES.DIVERGED_MAX_IT:
             return Status.MAX_ITERATIONS
         if reason == _SNES.DIVERGED_LINEAR_SOLVE and finite(self.snes.getJacobian()[0]):
-            failed = self.snes.getKSP().getPC().getFailedReason()
-            return Status.LINEAR_SOLVER if failed in _NOT_SINGULAR else Status.SINGULAR
+            ksp = self.snes.getKSP()
+            if factor_lacks_memory(ksp):
+                return Status.NO_MEMORY
+            sound = ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.NOERROR
+            return Status.LINEAR_SOLVER if sound else Status.SINGULAR
         return Status.SINGULAR if self._broke_down() else Status.NOT_FINITE
 
     def _broke_down(self) -> bool:

@@ -95,7 +95,7 @@ def on_ranks(run: Callable[[], int], source: object = None) -> int:
             os.write(2, f"signorini-fx: interrupted{interruption}\n".encode(errors="backslashreplace"))
         return end(EXIT_INTERRUPTED)
     except Exception as error:
-        message = _OUT_OF_MEMORY if isinstance(error, MemoryError) else _refused_by_petsc(error)
+        message = _OUT_OF_MEMORY if _memory_ended(error) else _refused_by_petsc(error)
         if message is not None:
             if comm.rank > 0:  # if the first rank has the same error, it has ended this one by then
                 time.sleep(END_PATIENCE)
@@ -114,6 +114,15 @@ def _forget_petsc_options() -> None:
         options = PETSc.Options()
         for name in options.getAll():
             options.delValue(name)
+
+
+def _memory_ended(error: Exception) -> bool:
+    """Whether an error is that there is not enough memory."""
+    if "petsc4py.PETSc" not in sys.modules:
+        return isinstance(error, MemoryError)
+    from signorini_fx.linalg.failures import memory_ended
+
+    return memory_ended(error)
 
 
 def _refused_by_petsc(error: Exception) -> SignoriniError | None:

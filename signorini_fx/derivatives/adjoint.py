@@ -33,6 +33,7 @@ from signorini_fx.contact.map import ContactMap
 from signorini_fx.derivatives.law import LinearisedLaw
 from signorini_fx.errors import SignoriniError
 from signorini_fx.linalg import ElasticSystem, callbacks, options
+from signorini_fx.linalg.failures import unprinted
 from signorini_fx.problem.regularised import RegularisedProblem
 from signorini_fx.problem.tangent import ContactTangent
 from signorini_fx.tuned import ADJOINT_CHANGE, ADJOINT_STALLED, MOST_ADJOINT_SOLVES
@@ -146,7 +147,7 @@ class TransposedTangent:
             return
         self._system.keep_factor(self._ksp, None, forces, exact=True)
         x.set(0.0)
-        with options.defaults(self._system.solver_defaults):
+        with options.defaults(self._system.solver_defaults), unprinted():
             callbacks.solve(self._ksp.solve, right, x)
         if self._ksp.getConvergedReason() < 0:
             raise AdjointError("the linear solver has failed for the tangent at the solution: there is no derivative")

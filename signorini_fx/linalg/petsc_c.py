@@ -1,4 +1,4 @@
-"""PETSc functions that petsc4py has no binding for, called in C.
+"""Functions of PETSc that petsc4py has no binding for, called in C, and its variables.
 
 They are looked up in petsc4py's own library, hence in the same PETSc that petsc4py uses.
 """
@@ -27,3 +27,13 @@ def call(name: str, *arguments: Any) -> None:
     code = getattr(_library(), name)(*converted)
     if code:
         raise PETSc.Error(code)
+
+
+def address(name: str) -> int | None:
+    """Of a C function."""
+    return ctypes.cast(getattr(_library(), name), ctypes.c_void_p).value
+
+
+def pointer(name: str) -> ctypes.c_void_p:
+    """A variable of PETSc that holds a pointer; to set its ``value`` changes it."""
+    return ctypes.c_void_p.in_dll(_library(), name)

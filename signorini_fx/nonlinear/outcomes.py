@@ -18,10 +18,10 @@ OF_LINEAR_BODIES = (
 )
 # How the contact problem of a tangent ends that is not definite.
 DAMPED = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS, Status.ROUND_OFF, Status.SINGULAR)
-# How a solve ends whose Newton's method does not fail.
-AFTER_NEWTON = (Status.INSIDE, Status.NOT_CERTIFIED)
+# How a solve ends that says nothing of the stiffness.
+NOT_BY_STIFFNESS = (Status.INSIDE, Status.NOT_CERTIFIED, Status.NO_MEMORY)
 # What smaller steps do not change.
-FINAL = (Status.STABILITY_UNKNOWN,)
+FINAL = (Status.STABILITY_UNKNOWN, Status.NO_MEMORY)
 
 
 def failure(status: Status, certificate: Certificate | None, says_no: str, inner: str, overlap: str) -> str:

@@ -258,7 +258,7 @@ class NonlinearContactProblem:
             status = self._iterate(damps=damps)
             if status is Status.CONVERGED and self._asks_stability:
                 status = self._stability.verdict()
-            elif damps and status not in (Status.CONVERGED, *outcomes.AFTER_NEWTON) and not self._says_no:
+            elif damps and status not in (Status.CONVERGED, *outcomes.NOT_BY_STIFFNESS) and not self._says_no:
                 self._says_no = self._stability.reason_for_none(self._good.displacement, self._size)
         except Exception:
             self._go_back(self._good)

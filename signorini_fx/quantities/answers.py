@@ -39,6 +39,7 @@ _UNDECIDED = {
     Status.INSIDE: "a rigid shape is inside the body, or has passed through it",
     Status.TOO_LARGE: "the deformation is larger than linear elasticity can judge",
     Status.NOT_CERTIFIED: "the check after the solve finds conditions violated",
+    Status.NO_MEMORY: "the memory was used up before a solution was found",
 }
 
 

@@ -197,11 +197,8 @@ class Solution:
             ways += [] if settings.fallbacks else ["set solver.fallbacks = true"]
             ways += ["lower solver.gamma_n and solver.gamma_t", "set another solver.initial_contact"]
             return f"{', or '.join(ways)}; beyond a limit load there is no solution: lower the load"
-        if self.status is Status.LINEAR_SOLVER:
-            if (name := settings.linear_algebra) in names_of(LINEAR_SOLVERS):
-                return f"the linear solver {name!r} of another package does not solve: take 'auto', 'full' or 'krylov'"
-            alternatives = [repr(kind) for kind in ("krylov", "full") if kind != settings.linear_algebra]
-            return self.status.advice.replace("'krylov' or 'full'", " or ".join(alternatives))
+        if self.status is Status.LINEAR_SOLVER and (name := settings.linear_algebra) in names_of(LINEAR_SOLVERS):
+            return f"the linear solver {name!r} of another package does not solve: take 'auto', 'full' or 'krylov'"
         return self.history.advice(self.status)
 
     @property

@@ -18,6 +18,7 @@ from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.refinement import cells_at, mark, refine
 from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.records import Status
 from signorini_fx.scene.settings import Accuracy, SolverSettings
 from signorini_fx.solving.meshed_problem import MeshedProblem, S, SolvedMesh
 from signorini_fx.tuned import (
@@ -91,7 +92,7 @@ class Meshes(Generic[S]):
             try:
                 solved = self.problem.solved(number, state, self._coarser)
                 self._coarser = solved.body.level(self._coarser)
-                apart = solved.level is None and self.problem.paired and not solved.solution.history.late
+                apart = solved.level is None and self.problem.paired and not _used_up(solved)
                 if number > 0 or not apart or not self.problem.may_begin_finer:
                     return solved
             except (SceneError, MeshError):
@@ -106,7 +107,7 @@ class Meshes(Generic[S]):
             return self._solved(state, number)
         try:
             solved = self._solved(state, number)
-            if solved.level is not None or solved.task is None or solved.solution.history.late:
+            if solved.level is not None or solved.task is None or _used_up(solved):
                 return solved
         except SceneError:
             solved = None
@@ -191,3 +192,8 @@ class Meshes(Generic[S]):
             # With Coulomb friction its own figure is that of the start: halving, at least, comes to an end.
             update = {"regularisation_error": min(allowed, regularisation_error) / max(factor, 2.0)}
         self.problem = self.problem.with_settings(settings.model_copy(update=update))
+
+
+def _used_up(solved: SolvedMesh[S]) -> bool:
+    """Whether time or memory ended, so that another try would end likewise."""
+    return solved.solution.history.late or solved.solution.status is Status.NO_MEMORY

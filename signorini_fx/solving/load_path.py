@@ -23,7 +23,7 @@ from signorini_fx.tuned import (
 
 # Outcomes that another increment of the load does not change if nothing has been reached before.  Afterwards the same
 # linear solver has solved the same body, and fails because the tangents near a limit load are nearly singular.
-_HOPELESS_AT_FIRST = (Status.NOT_HELD, Status.LINEAR_SOLVER)
+_HOPELESS_AT_FIRST = (Status.NOT_HELD, Status.LINEAR_SOLVER, Status.NO_MEMORY)
 # Outcomes that are proved: no start of the iteration changes them.
 _PROVED = (Status.SLIDES, Status.TIPS, Status.OPEN)
 # A ramp that is asked for in fewer load steps may take as many linear solves for its end as one in so many.

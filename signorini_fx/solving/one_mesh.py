@@ -28,9 +28,10 @@ from signorini_fx.check.pushed_nodes import held_in_result, pushed_nodes
 from signorini_fx.check.refusals import refuse_beforehand
 from signorini_fx.check.shapes_in_results import shapes_in_results
 from signorini_fx.contact.laws import RegularisedData
-from signorini_fx.linalg import ElasticSystem, finite, options
+from signorini_fx.linalg import ElasticSystem, callbacks, finite, options
 from signorini_fx.linalg.choice import SystemSize, choose_system
 from signorini_fx.linalg.elasticity import Elasticity
+from signorini_fx.linalg.failures import factor_lacks_memory, memory_ended, unprinted
 from signorini_fx.linalg.krylov import KrylovSystem
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
@@ -249,15 +250,12 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
             system.set_load(discretisation.load(system, path_step))
             status = Status.NOT_HELD
             if discretisation.motions.free.shape[1] == 0:
-                with options.defaults(system.solver_defaults):
+                with options.defaults(system.solver_defaults), unprinted():
                     missing, change = system.load.duplicate(), system.load.duplicate()
                     system.matrix.mult(system.start, missing)
                     missing.aypx(-1.0, system.load)
-                    ksp.solve(missing, change)
+                    status = _status_of(ksp, system, missing, change)
                     x.waxpy(1.0, system.start, change)
-                status = Status.CONVERGED
-                if ksp.getConvergedReason() <= 0:
-                    status = Status.LINEAR_SOLVER if isinstance(system, KrylovSystem) else Status.SINGULAR
                 if not finite(system.matrix) or not finite(system.load):
                     status = Status.NOT_FINITE
         with timings.phase("certify"):
@@ -279,6 +277,26 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
         else:
             break
     return replace(_solution(discretisation, steps, history, timings), linear_algebra=linear_algebra)
+
+
+def _status_of(ksp: PETSc.KSP, system: ElasticSystem, load: PETSc.Vec, x: PETSc.Vec) -> Status:
+    """Solve the system, and how that ended; collective.
+
+    Raises:
+        PETSc.Error: a factorisation package has raised an error on several ranks.
+    """
+    try:
+        callbacks.solve(ksp.solve, load, x)
+    except (PETSc.Error, MemoryError) as error:
+        if system.comm.size > 1:  # not all of them may have it
+            raise
+        x.set(0.0)
+        return Status.NO_MEMORY if memory_ended(error) else Status.SINGULAR
+    if ksp.getConvergedReason() > 0:
+        return Status.CONVERGED
+    if factor_lacks_memory(ksp):
+        return Status.NO_MEMORY
+    return Status.LINEAR_SOLVER if isinstance(system, KrylovSystem) else Status.SINGULAR
 
 
 def _named(

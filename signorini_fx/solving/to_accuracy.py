@@ -31,6 +31,7 @@ from signorini_fx.accuracy.price_list import (
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.display import duration
 from signorini_fx.errors import SceneError
+from signorini_fx.linalg.failures import memory_ended
 from signorini_fx.records import History, Status
 from signorini_fx.results.afterthoughts import failure_in_words
 from signorini_fx.scene.settings import Accuracy
@@ -81,7 +82,16 @@ def solve_to_accuracy(
     while True:
         started = parallel.clock(comm)
         history.move(mesh=len(levels) + 1, meshes=None, dofs=0)
-        solved = meshes.solve(state, len(levels))
+        try:
+            solved = meshes.solve(state, len(levels))
+        except Exception as error:
+            if last is None or not _lacks_memory(error, comm):
+                raise
+            solved = None
+        if last is not None and (solved is None or solved.solution.status is Status.NO_MEMORY):
+            notify("accuracy: the next mesh has used up the memory")
+            return replace(last, status=Status.MEMORY)
+        assert solved is not None
         solution, task, outcome, level = solved.solution, solved.task, solved.outcome, solved.level
         late = history.overdue()
         if late and level is None:
@@ -141,7 +151,13 @@ def solve_to_accuracy(
             if enough and not meshes.adaptive:
                 jump, beyond = budget.affordable(rows, jump, level, meshes)
             if beyond is None:
-                meshes.refine(solved, excess, jump)
+                try:
+                    meshes.refine(solved, excess, jump)
+                except Exception as error:
+                    if not _lacks_memory(error, comm):
+                        raise
+                    notify("accuracy: to make the next mesh has used up the memory")
+                    return replace(solution, status=Status.MEMORY)
                 if enough and meshes.adaptive:  # how much larger it is shows once it is made
                     beyond = budget.exceeded(rows, meshes.finer, level)
             if beyond is not None:
@@ -151,6 +167,11 @@ def solve_to_accuracy(
         elif outcome.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
             notify("accuracy: the regularisation leaves more, and gamma is as large as double precision allows")
             return replace(solution, status=Status.OUT_OF_REACH)
+
+
+def _lacks_memory(error: Exception, comm: MPI.Comm) -> bool:
+    """Whether an error is that there is not enough memory, of all ranks: the other ones wait if one has it alone."""
+    return comm.size == 1 and memory_ended(error)
 
 
 def _certified(solved: SolvedMesh[S], *, first: bool) -> tuple[SolvedMesh[S], float, str]:

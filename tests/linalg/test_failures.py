@@ -1,0 +1,218 @@
+"""Memory that ends is told from a matrix that is singular: with one mesh and several, of scenes and of forms."""
+
+import subprocess
+import sys
+
+import forms
+import pytest
+from dolfinx import fem
+from mpi4py import MPI
+from petsc4py import PETSc
+from scenes import example1
+from support.nonlinear_bodies import held, neo_hooke, rectangle, residual
+from test_meshes_of_forms import block
+
+from signorini_fx import ConvergenceError, Foundation, NonlinearContactProblem, solve_to_accuracy
+from signorini_fx.algorithms.interior_point import interior_point, proposed_sets
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.cli.exit_codes import EXIT_CRASH, on_ranks
+from signorini_fx.effects.displacement import PrescribedDisplacement
+from signorini_fx.linalg.callbacks import called_back
+from signorini_fx.linalg.failures import memory_ended
+from signorini_fx.linalg.full import FullSystem
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import History, Status, Timings
+from signorini_fx.scene.settings import Accuracy
+from signorini_fx.solving import finer_meshes
+from signorini_fx.solving.one_mesh import contact_task
+from signorini_fx.solving.solver import solve
+
+FAULTS = {
+    "numpy": (lambda: MemoryError(), Status.NO_MEMORY),
+    "petsc": (lambda: PETSc.Error(55), Status.NO_MEMORY),
+    "package": (lambda: PETSc.Error(76), Status.SINGULAR),
+}
+# A process that may take no more memory than it has and a bit factorises a matrix without zeros, whose factor takes 32
+# MB; before that, small ones of which some have no factor.  It prints whether memory was why one failed.
+LIMITED = """
+import resource
+from pathlib import Path
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+from signorini_fx.linalg import options
+from signorini_fx.linalg.factorisation import factor_defaults, use_factorisation
+from signorini_fx.linalg.failures import factor_lacks_memory, memory_ended, unprinted
+
+def solver(size, sign, symmetric):
+    entries = np.full((size, size), 0.5)
+    np.fill_diagonal(entries, size)
+    entries[-1, -1] *= sign
+    starts = np.arange(size + 1, dtype=np.int32) * size
+    columns = np.tile(np.arange(size, dtype=np.int32), size)
+    matrix = PETSc.Mat().createAIJ((size, size), csr=(starts, columns, entries.ravel()), comm=MPI.COMM_SELF)
+    matrix.setOption(PETSc.Mat.Option.SPD, symmetric)
+    ksp = PETSc.KSP().create(MPI.COMM_SELF)
+    ksp.setOptionsPrefix(options.PREFIX)
+    ksp.setOperators(matrix)
+    use_factorisation(ksp, symmetric=symmetric)
+    return ksp
+
+def told(ksp):
+    with options.defaults(factor_defaults(MPI.COMM_SELF)), unprinted():
+        try:
+            ksp.setUp()
+        except PETSc.Error as error:
+            return memory_ended(error)
+        return factor_lacks_memory(ksp)
+
+print(*(told(solver(50, sign, symmetric)) for sign, symmetric in ((1, True), (-1, True), (1, False), (0, False))))
+solvers = [solver(2000, 1, symmetric) for symmetric in (True, False)]
+taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (taken + 2**23, resource.RLIM_INFINITY))
+print(*map(told, solvers))
+"""
+
+
+def lacking(fault, monkeypatch, above=0):
+    """Let each matrix with more unknowns than these have no factor."""
+    kept = FullSystem.keep_factor
+
+    def keep(self, *args, **how):
+        if self.matrix.getSize()[0] > above:
+            raise FAULTS[fault][0]()
+        return kept(self, *args, **how)
+
+    monkeypatch.setattr(FullSystem, "keep_factor", keep)
+
+
+def test_packages_that_run_out():
+    """CHOLMOD's error and MUMPS's reason are told from those of matrices that have no factor; nothing is printed."""
+    ended = subprocess.run([sys.executable, "-c", LIMITED], capture_output=True, text=True, check=True)
+    assert ended.stdout.splitlines() == ["False False False False", "True True"]
+    assert "CHOLMOD" not in ended.stderr
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("coulomb", ["fp", "newton"])
+def test_one_mesh(fault, coulomb, monkeypatch):
+    """The outcome is that memory ends, and says nothing of supports or of a required accuracy."""
+    lacking(fault, monkeypatch)
+    scene = example1(coefficient=0.3, nx=6, ny=2, linear_algebra="full", coulomb=coulomb)
+    solution = solve(scene, MPI.COMM_SELF, check=False)
+    assert solution.status is FAULTS[fault][1]
+    if solution.status is Status.NO_MEMORY:
+        assert solution.advice.startswith("the memory was used up by the factor of the matrix: use a larger machine")
+        assert solution.history.linear_solves == 0
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_inside_the_bounds(fault, monkeypatch):
+    """The interior-point method ends likewise, and proposes no sets."""
+    scene = example1(bound=1.5, gamma="auto", nx=6, ny=2, linear_algebra="full")
+    task = contact_task(discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings()), History())
+    lacking(fault, monkeypatch)
+    newton, data = task.iterate.newton, task.start.data
+    assert interior_point(newton, data, lambda: None) is FAULTS[fault][1]
+    newton.pose(data, task.start.sets)
+    assert proposed_sets(newton, data) is None
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_without_contact(fault, monkeypatch):
+    """A linear problem has no Newton's method that could tell."""
+
+    class Fails:
+        @called_back
+        def apply(self, pc, right, x):
+            raise FAULTS[fault][0]()
+
+    def configure(self, ksp, **how):
+        ksp.setType(PETSc.KSP.Type.PREONLY)
+        ksp.getPC().setType(PETSc.PC.Type.PYTHON)
+        ksp.getPC().setPythonContext(Fails())
+
+    scene = example1(nx=6, ny=2, linear_algebra="full")
+    held = PrescribedDisplacement(boundary="bottom", x=0.0, y=0.0)
+    scene = scene.model_copy(update={"contact": (), "displacement": (held,)})
+    assert solve(scene, MPI.COMM_SELF, check=False).status is Status.CONVERGED
+    monkeypatch.setattr(FullSystem, "configure", configure)
+    assert solve(scene, MPI.COMM_SELF, check=False).status is FAULTS[fault][1]
+
+
+@pytest.mark.parametrize("fault", ["numpy", "petsc"])
+def test_the_next_mesh_of_an_accuracy(fault, monkeypatch):
+    """The solution on the last mesh that the memory is enough for stays, certified, with the reason."""
+    lacking(fault, monkeypatch, above=500)
+    scene = example1(bound=1.5, nx=12, ny=4, gamma="auto", linear_algebra="full")
+    scene = scene.model_copy(update={"accuracy": Accuracy(target=1e-6, refinement="uniform")})
+    solution = solve(scene, MPI.COMM_SELF, check=False)
+    assert solution.status is Status.MEMORY
+    assert solution.certificate.holds
+    assert solution.advice.endswith("the next mesh has used up the memory")
+
+
+def test_the_making_of_the_next_mesh(monkeypatch):
+    """A mesh that there is no memory for, before anything is solved on it."""
+
+    def refine(self, *args):
+        raise MemoryError
+
+    monkeypatch.setattr(finer_meshes.Meshes, "refine", refine)
+    scene = example1(bound=1.5, nx=12, ny=4, gamma="auto")
+    scene = scene.model_copy(update={"accuracy": Accuracy(target=1e-6, refinement="uniform")})
+    solution = solve(scene, MPI.COMM_SELF, check=False)
+    assert solution.status is Status.MEMORY
+    assert solution.certificate.holds
+    assert solution.advice.endswith("to make the next mesh has used up the memory")
+
+
+def test_forms(monkeypatch):
+    """One mesh of forms has no solution, several have that of the last but one."""
+    boxed, settings = forms.box((3.0, 1.0), (6, 2), comm=MPI.COMM_SELF), {"linear_algebra": "full"}
+    lacking("petsc", monkeypatch, above=100)
+    with pytest.raises(ConvergenceError, match="memory ends before the accuracy") as error:
+        solve_to_accuracy(block(**settings), boxed, Accuracy(target=1e-6))
+    assert error.value.solution.problem.certificate.holds
+    lacking("petsc", monkeypatch)
+    with pytest.raises(ConvergenceError, match="memory ends before a solution: the memory was used up"):
+        block(**settings)(boxed).solve()
+
+
+def test_a_ramp_is_not_ended_by_its_load(monkeypatch):
+    """No smaller step is tried, and no limit of the load is told: the matrix is as large for every one."""
+    space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF)
+    u, tried = fem.Function(space), []
+    circle = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
+    contact = Foundation(side(1, 1.0), shape=circle)
+    problem = NonlinearContactProblem(residual(u, neo_hooke), u, bcs=[held(space, side(1, 0.0))], contact=contact)
+
+    def apply(load):
+        tried.append(load)
+        problem.place(0, shift=(0.0, -0.2 * load))
+        if load > 0.5:
+            lacking("numpy", monkeypatch)
+
+    with pytest.raises(ConvergenceError, match="memory ends before a solution: at load 1; there is a solution"):
+        problem.ramp(apply, first=0.5)
+    assert problem.status is Status.NO_MEMORY
+    assert tried == [0.5, 1.0, 0.5]
+
+
+def test_an_error_that_is_no_outcome(capsys):
+    """Memory that ends outside of the solves is one line, whatever has raised it."""
+
+    def run(error):
+        def raises():
+            raise error
+
+        return on_ranks(raises), capsys.readouterr().err
+
+    for error in (MemoryError(), PETSc.Error(55), RuntimeError("Failed to call PETSc. PETSc error code is: 55, Out")):
+        code, said = run(error)
+        assert memory_ended(error)
+        assert said.startswith("signorini-fx: error: memory ran out")
+        assert code != EXIT_CRASH
+    code, said = run(PETSc.Error(76))
+    assert code == EXIT_CRASH
+    assert "Traceback" in said
