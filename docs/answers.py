@@ -96,7 +96,7 @@ def ended(status: Status, *, step: bool = False) -> dict[str, Any]:
     return changes
 
 
-_SINGULAR = {"no_limit": "a reentrant corner of 270 degrees"}
+_SINGULAR = {"no_limit": "it is at a reentrant corner of the body"}
 # What may be known beside the outcome, by the key that says it.
 STRENGTHS: dict[str, dict[str, Any]] = {
     "41 % of the yield stress": {},
@@ -105,6 +105,11 @@ STRENGTHS: dict[str, dict[str, Any]] = {
         "utilisation": {**BASE["utilisation"], **_SINGULAR},
         "stress": {**BASE["stress"], "von_mises": {**_STRESS, **_SINGULAR}},
     },
+    "far above it at a corner": {
+        "utilisation": {**BASE["utilisation"], "value": 280.0, **_SINGULAR},
+        "stress": {**BASE["stress"], "von_mises": {**_STRESS, **_SINGULAR}},
+    },
+    "28 times the yield stress": {"utilisation": {**BASE["utilisation"], "value": 28.0}},
     "no yield stress": {
         "utilisation": None,
         "scene": {**BASE["scene"], "material": [{"yield_stress": None}]},

@@ -157,12 +157,14 @@ class Strength:
             if materials and not any("yield_stress" in material for material in materials):
                 return cls("strength is not judged: no yield stress is known of such a material")
             return cls("strength is not judged: give yield_stress in [[material]]")
-        told = share = f"{share_in_words(summary)} of the yield stress used"
+        share = share_in_words(summary, "the yield stress")
+        told = share = f"{share} used" if "%" in share else share
         if "results_of" in summary:
             earlier = validity_of(summary) is Validity.EARLIER_STEP
             told = f"there {told}" if earlier else f"{told} at {load_step(summary['results_of'])}"
         if no_limit:
-            told += " on this mesh, where the stress has no limit as it is refined: judge it at a distance"
+            place = largest["no_limit"].removeprefix("it is ")
+            told += f" on this mesh, {place}; the stress has no limit there as it is refined: judge it at a distance"
         if len(summary.get("steps", ())) > 1:
             told += "; other load steps are not judged"
         unjudged = [material.get("region") or "the body" for material in materials if not material.get("yield_stress")]

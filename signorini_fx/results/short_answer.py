@@ -46,7 +46,7 @@ def short_answer(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
     advice = [] if summary["converged"] else _words("what to do", summary["advice"], None, "advice")
     warned = _warned(summary)
     pressed = bool(warned) and validity in (Validity.LESS_ACCURATE, Validity.EARLIER_STEP)
-    kept = min(len(figures), _KEPT[validity] - pressed)
+    kept = min(sum(len(lines) for _, lines in figures), _KEPT[validity] - pressed)
     room = MOST_LINES - len([heading, *of, *advice]) - 1 - kept
     warnings = _words("warning", warned, max(room, 1), "warning") if warned else []
     first = [heading, *warnings, *of, *advice]
@@ -55,30 +55,34 @@ def short_answer(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
     return [*first, *shown, _row("results", f"{folder}/{more}")]
 
 
-def _figures(summary: dict[str, Any]) -> list[tuple[int, TerminalLine]]:
-    """The lines of all figures, each with its rank: where there is no room for all, those of the last ranks go."""
+def _figures(summary: dict[str, Any]) -> list[tuple[int, list[TerminalLine]]]:
+    """All figures, each with its rank and lines: where there is no room for all, those of the last ranks go."""
     forces, others = _forces(summary), _asked(summary)
-    groups: list[tuple[int, list[TerminalLine]]] = [
-        (4, forces[:1]),
-        (7, forces[1:]),
-        (6, others[:1]),
-        (8, others[1:]),
+    return [
+        *((7 if k else 4, lines) for k, lines in enumerate(forces)),
+        *((8 if k else 6, lines) for k, lines in enumerate(others)),
         (5, _contact(summary)),
         (1, _stress(summary)),
         (2, _safety(summary)),
-        (_EFFORT if _in_cost(summary) else 3, [_row("error", error_in_words(summary)[0])]),
+        (_EFFORT if _in_cost(summary) else 3, _line("error", error_in_words(summary)[0])),
         (2 if validity_of(summary) is Validity.LESS_ACCURATE else 3, _cost(summary)),
-        (0, [_certificate(summary)]),
-        (_EFFORT, [_effort(summary)]),
+        (0, _certificate(summary)),
+        (_EFFORT, _effort(summary)),
     ]
-    return [(rank, line) for rank, lines in groups for line in lines]
 
 
-def _most_important(figures: list[tuple[int, TerminalLine]], room: int) -> tuple[list[TerminalLine], int]:
-    """As many lines as there is room for, in their order, and how many others there are beside that of the effort."""
-    by_rank = sorted(range(len(figures)), key=lambda k: figures[k][0])
-    left_out = sum(figures[k][0] != _EFFORT for k in by_rank[room:])
-    return [figures[k][1] for k in sorted(by_rank[:room])], left_out
+def _most_important(figures: list[tuple[int, list[TerminalLine]]], room: int) -> tuple[list[TerminalLine], int]:
+    """As many figures as there is room for, in their order, and how many lines there are beside that of the effort."""
+    shown, left_out = list[int](), 0
+    for k in sorted(range(len(figures)), key=lambda k: figures[k][0]):
+        rank, lines = figures[k]
+        if len(lines) <= room:
+            shown.append(k)
+            room -= len(lines)
+        else:
+            room = 0  # no figure of a later rank takes the place of this one
+            left_out += len(lines) * (rank != _EFFORT)
+    return [line for k in sorted(shown) for line in figures[k][1]], left_out
 
 
 def _is_forecast(summary: dict[str, Any]) -> bool:
@@ -97,14 +101,17 @@ def _cost(summary: dict[str, Any]) -> list[TerminalLine]:
         return []
     short = statement.replace(" would take ", ": ")
     texts = [statement, short, short.replace(" of the ", " of "), short.rpartition(",")[0]]
-    return [_row("cost", next((text for text in texts if 0 < len(text) <= COLUMNS - _LABEL), texts[0]))]
+    return _line("cost", next((text for text in texts if 0 < len(text) <= COLUMNS - _LABEL), texts[0]))
 
 
 def _row(label: str, text: str, kind: str = "") -> TerminalLine:
-    """A line of the answer; what does not fit in it ends in dots."""
-    return TerminalLine(
-        f"  {label:{_LABEL - 2}s}", shorten(printable(text), COLUMNS - _LABEL, placeholder=" ..."), kind
-    )
+    """A line of the answer."""
+    return TerminalLine(f"  {label:{_LABEL - 2}s}", printable(text), kind)
+
+
+def _line(label: str, text: str, kind: str = "") -> list[TerminalLine]:
+    """A text on one line; its first statement is whole, on as many lines as that takes."""
+    return _words(label, text, 1, kind)
 
 
 def _heading(summary: dict[str, Any]) -> TerminalLine:
@@ -133,7 +140,7 @@ def _words(label: str, text: str, most: int | None, kind: str = "") -> list[Term
     return [_row(label if k == 0 else "", line, kind if k == 0 else "") for k, line in enumerate(lines)]
 
 
-def _forces(summary: dict[str, Any]) -> list[TerminalLine]:
+def _forces(summary: dict[str, Any]) -> list[list[TerminalLine]]:
     """The normal and the tangential force on the body; where bodies touch each other those of each boundary."""
     if "contact_force" not in summary:
         return []
@@ -155,7 +162,7 @@ def _forces(summary: dict[str, Any]) -> list[TerminalLine]:
         friction = f", friction {of(row, 'friction_force')}" if slides else ""
         along = "" if kinematics.uniform else " along the axis"
         texts.append(f"{of(row, 'contact_force')}{friction}{along}{row['name']}")
-    return [_row("force" if k == 0 else "", text) for k, text in enumerate(texts)]
+    return [_line("" if k else "force", text) for k, text in enumerate(texts)]
 
 
 def _contact(summary: dict[str, Any]) -> list[TerminalLine]:
@@ -163,7 +170,7 @@ def _contact(summary: dict[str, Any]) -> list[TerminalLine]:
         return []
     touching, peak = summary["touching_nodes"], figure(summary["max_pressure"], error_of(summary, "max_pressure"))
     pressed = f", largest pressure {peak}" if touching else ""
-    return [_row("contact", f"at {touching} of {summary['contact_nodes']} nodes{pressed}")]
+    return _line("contact", f"at {touching} of {summary['contact_nodes']} nodes{pressed}")
 
 
 def _safety(summary: dict[str, Any]) -> list[TerminalLine]:
@@ -173,11 +180,11 @@ def _safety(summary: dict[str, Any]) -> list[TerminalLine]:
     safety = summary["safety"]
     used = "" if safety["friction_used"] is None else f"; friction used: {percent(safety['friction_used'])}"
     if safety["factor"] is None:
-        return [_row("safety", f"no limit by statics{used}")]
+        return _line("safety", f"no limit by statics{used}")
     most = "" if safety["exact"] else "at most "
     each = {name: safety[name] for name in ("sliding", "overturning") if name in safety}
     if not each:
-        return [_row("safety", f"{most}{safety['factor']:.3g} times these loads{used}")]
+        return _line("safety", f"{most}{safety['factor']:.3g} times these loads{used}")
 
     def limits(before: str, behind: str) -> list[str]:
         return [
@@ -190,7 +197,7 @@ def _safety(summary: dict[str, Any]) -> list[TerminalLine]:
         "; ".join(limits(most, " times")) + used,
         f"{most}{', '.join(limits('', ''))} times these loads",
     ]
-    return [_row("safety", next((text for text in texts if len(text) <= COLUMNS - _LABEL), texts[-1]))]
+    return _line("safety", next((text for text in texts if len(text) <= COLUMNS - _LABEL), texts[-1]))
 
 
 def _stress(summary: dict[str, Any]) -> list[TerminalLine]:
@@ -200,29 +207,29 @@ def _stress(summary: dict[str, Any]) -> list[TerminalLine]:
         return []
     limit = " (no limit there)" if largest.get("no_limit") else ""
     share = (summary.get("utilisation") or {}).get("value")
-    used = "" if share is None else f", {share_in_words(summary)} of yield"
+    used = "" if share is None else f", {share_in_words(summary, 'yield')}"
     kind = "" if share is None or share <= 1 else "warning"
     value = figure(largest["value"], between(summary["stress"]))
-    return [_row("stress", f"von Mises {value}{limit}{used}, at {point_in_words(largest['place'])}", kind)]
+    return _line("stress", f"von Mises {value}{limit}{used}, at {point_in_words(largest['place'])}", kind)
 
 
-def _certificate(summary: dict[str, Any]) -> TerminalLine:
+def _certificate(summary: dict[str, Any]) -> list[TerminalLine]:
     figures = summary["certificate"]
     law = figures["law"].partition(",")[0]
     if figures["holds"]:
-        return _row("certificate", f"holds for {law}, each condition to {CERTIFICATE_TOLERANCE:.0e}")
-    return _row("certificate", f"DOES NOT HOLD for {law}: --verbose says which condition", "error")
+        return _line("certificate", f"holds for {law}, each condition to {CERTIFICATE_TOLERANCE:.0e}")
+    return _line("certificate", f"DOES NOT HOLD for {law}: --verbose says which condition", "error")
 
 
-def _effort(summary: dict[str, Any]) -> TerminalLine:
+def _effort(summary: dict[str, Any]) -> list[TerminalLine]:
     ranks = f" on {summary['ranks']} ranks" if summary["ranks"] > 1 else ""
     meshes = [price["seconds"] for price in summary.get("price_list", ()) if not price["predicted"]]
     seconds = sum(value or 0.0 for value in (meshes or summary["timings"].values()))
-    return _row("effort", f"{effort_in_words(summary)}, {summary['dofs']} unknowns{ranks}, {seconds:.1f} s")
+    return _line("effort", f"{effort_in_words(summary)}, {summary['dofs']} unknowns{ranks}, {seconds:.1f} s")
 
 
-def _asked(summary: dict[str, Any]) -> list[TerminalLine]:
+def _asked(summary: dict[str, Any]) -> list[list[TerminalLine]]:
     """What only some scenes have: rigid bodies, tightened sections, and the quantities of other packages."""
     ours = {quantity.key for quantity in of_package() if not quantity.brief}
     lines = [line for quantity in quantities() if quantity.key not in ours for line in shown_lines(quantity, summary)]
-    return [part for line in lines for part in _words(line.begin.strip(), line.text, None, line.kind)]
+    return [_words(line.begin.strip(), line.text, None, line.kind) for line in lines]

@@ -195,3 +195,16 @@ def test_forces_around_an_axis_are_those_along_it(summary):
     rubs = around["contact"][0] | {"friction": {"law": "coulomb"}}
     (line,) = (line for line in told(summary | forces | {"scene": around | {"contact": [rubs]}}) if "force" in line)
     assert line.split(maxsplit=1)[1] == "25, friction -1376 along the axis"
+
+
+def test_no_figure_is_cut(summary):
+    """The first statement of a figure is whole, on as many lines as it takes; all of them go, or none."""
+    reason = "the errors of the last two meshes do not decrease as they should for a forecast that anybody could trust"
+    told_more = summary | {"cost": {"statement": f"{reason}; one mesh more may help"}}
+    lines = told(told_more)
+    first, last = (labels(lines).index(label) for label in ("cost", "certificate"))
+    assert " ".join(line[14:] for line in lines[first:last]) == f"no forecast: {reason} ... (--verbose)"
+    assert max(map(len, lines)) <= 80
+    lines = told(told_more | {"findings": [{"level": "warning", "path": "mesh", "message": "odd. " * 60}]})
+    assert "cost" not in labels(lines)
+    assert not any("trust" in line for line in lines)

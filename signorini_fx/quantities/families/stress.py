@@ -12,6 +12,9 @@ from signorini_fx.quantities.text import digits, point_in_words, row
 from signorini_fx.quantities.validity import validity_of
 from signorini_fx.units import with_unit
 
+# Times the yield stress above which a share is no longer told in per cent.
+_FAR = 10.0
+
 
 class RecoveredExtremes(Row):
     """Extremes of the recovered stress."""
@@ -121,10 +124,21 @@ def marked_stress(summary: Summary) -> tuple[list[float], str] | None:
     return largest["place"], figure(largest["value"], between(summary["stress"]))
 
 
-def share_in_words(summary: Summary) -> str:
-    """The share of the yield stress that is used, such as 41 %, with the digits that the stress has."""
-    share = summary["utilisation"]["value"]
-    return f"{figure(None if share is None else 100 * share, between(summary['stress']))} %"
+def share_in_words(summary: Summary, of: str = "") -> str:
+    """How much of the yield stress is used, with the digits that the stress has: a share of it, such as 41 %, far above
+    it how many times, and above it at a place where the stress has no limit no figure, which each mesh would change.
+
+    Args:
+        summary: with the share.
+        of: the yield stress by its name; "": who reads it knows what is meant.
+    """
+    largest, apart = summary["utilisation"], between(summary["stress"])
+    share = largest["value"]
+    if share is not None and share > 1 and largest.get("no_limit"):
+        return f"{'far ' * (share > _FAR)}above {of or '100 %'}"
+    if share is not None and share > _FAR:
+        return f"{figure(share, apart)} times{' ' * bool(of)}{of}"
+    return f"{figure(None if share is None else 100 * share, apart)} %{' of ' * bool(of)}{of}"
 
 
 QUANTITIES = (Stress(), Utilisation())
