@@ -263,7 +263,7 @@ def _sure(summary: dict[str, Any]) -> Answer:
     details = [checked, *([] if known else [_way_to_an_estimate(summary)])]
     goal, law = (summary.get("scene") or {}).get("accuracy"), _other_law(summary)
     if validity is Validity.LESS_ACCURATE and goal is not None:
-        details.insert(0, f"{percent(goal['target'])} of the {goal['of']} was asked for")
+        details.insert(0, f"{100 * goal['target']:.4g} % of the {goal['of']} was asked for")
     if law:
         details.append(law)
     if took := cost_in_words(summary):
