@@ -24,7 +24,7 @@ from signorini_fx.body.named_body import NamedBody
 from signorini_fx.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.display import html_table
 from signorini_fx.errors import SignoriniError
-from signorini_fx.extensions import LINEAR_SOLVERS, add_on, names_of
+from signorini_fx.extensions import LINEAR_SOLVERS, add_on, is_of_package, names_of
 from signorini_fx.linalg.choice import krylov_from
 from signorini_fx.quantities.registry import requested
 from signorini_fx.records import SHORT_OF_ACCURACY, Finding, History, Status, StepRecord, Timings
@@ -93,6 +93,8 @@ class StepResult:
 
 # Outcomes of methods that have found no solution, which does not mean that there is none.
 _UNDECIDED = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS, Status.SLIDES_AT_PRESSURES)
+# Those that a law or a material of a user's own may be the reason of.
+_BY_OWN_CODE = (Status.NOT_FINITE, Status.NOT_CERTIFIED)
 
 
 @dataclass(frozen=True, repr=False)
@@ -199,7 +201,16 @@ class Solution:
             return f"{', or '.join(ways)}; beyond a limit load there is no solution: lower the load"
         if self.status is Status.LINEAR_SOLVER and (name := settings.linear_algebra) in names_of(LINEAR_SOLVERS):
             return f"the linear solver {name!r} of another package does not solve: take 'auto', 'full' or 'krylov'"
-        return self.history.advice(self.status)
+        advice = self.history.advice(self.status)
+        if self.status in _BY_OWN_CODE and (own := self._own_code):
+            return f"{advice}; it may also be that {' or '.join(own)} contradicts itself where it was not tried"
+        return advice
+
+    @property
+    def _own_code(self) -> list[str]:
+        """The laws and materials of other packages."""
+        used = [entry.friction for entry in self.scene.contact] + [*self.scene.material]
+        return list(dict.fromkeys(type(entry).__name__ for entry in used if not is_of_package(type(entry))))
 
     @property
     def law(self) -> AskedLaw | None:
