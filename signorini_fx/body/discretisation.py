@@ -15,7 +15,7 @@ from dolfinx import fem
 from signorini_fx import parallel
 from signorini_fx.body.cellwise_stiffness import cellwise_stiffness
 from signorini_fx.body.elastic_laws import elastic_law
-from signorini_fx.body.foundations import Foundations
+from signorini_fx.body.foundations import Foundations, NodalFriction
 from signorini_fx.body.initial_strains import check_strains
 from signorini_fx.body.jumps import holds, jump_loads, jumps_in
 from signorini_fx.body.loads import (
@@ -122,6 +122,10 @@ class Discretisation(NamedBody):
         assert self.boundary is not None
         foundations = _foundations(scene, self.space, boundary_facets(scene, self.tagged), Inventory())
         return foundations.law(self.boundary, self.scales.modulus)
+
+    def friction(self) -> list[NodalFriction]:
+        """That of each contact at the nodes; collective."""
+        return _foundations(self.scene, self.space, boundary_facets(self.scene, self.tagged), Inventory()).friction()
 
     def with_gap_and_friction(self, scene: Scene) -> Discretisation:
         """The same contact points with gap and friction of another scene that differs in nothing else, and has no

@@ -118,7 +118,7 @@ def _equilibrium_of(
             "warning",
             scene.forces_at,
             f"{when}there is no static equilibrium{of_it}: the loads {drives} {names}, {cannot}: "
-            f"{cure}, or prescribe a displacement; {proved}",
+            f"{cure}, or prescribe a displacement; {proved}{_provided(body)}",
         )
     bonds = contact.bilateral & np.isinf(contact.given)
     bonded = np.concatenate((contact.normal[bonds], contact.tangential[bonds].reshape(-1, free.shape[1])))
@@ -154,6 +154,13 @@ def _proved(surface: LimitSurface | str, statement: Callable[[LimitSurface], boo
     if isinstance(surface, str):
         return f"proved for its mesh ({surface})"
     return "proved for the body" if statement(surface) else "proved for its mesh"
+
+
+def _provided(body: Discretisation) -> str:
+    """What a proof that friction cannot hold a body rests on where a law of a user's own has said it."""
+    if body.law is None or not body.law.laws:
+        return ""
+    return ", provided that this bound is nowhere larger than the law says, which was tried at samples of the pressure"
 
 
 # What loads do, what does not stop it, and what may.

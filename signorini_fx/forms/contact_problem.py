@@ -32,6 +32,7 @@ from signorini_fx.body.foundation import Foundation, Pair
 from signorini_fx.body.foundations import Foundations, ShapeDistances
 from signorini_fx.body.rigid_bodies import RigidBodies, RigidBodyMotion
 from signorini_fx.body.supports import prescribed
+from signorini_fx.check.laws_in_results import laws_in_results
 from signorini_fx.check.pushed_nodes import held_in_result, pushed_nodes
 from signorini_fx.check.shapes_in_results import shapes_in_results
 from signorini_fx.contact.friction import PointFriction
@@ -249,9 +250,9 @@ class ContactProblem(SolvedProblem):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What is to be known about the last solution: that its law is not the one asked for, contact nodes that
-        supports hold inside their foundation, which are left out of the contact, and shapes that lie inside the
-        deformed body; collective.
+        """What is to be known about the last solution: that its law is not the one asked for, friction laws of a
+        user's own that are not what they say at its pressures, contact nodes that supports hold inside their
+        foundation, which are left out of the contact, and shapes that lie inside the deformed body; collective.
         """
         warnings, outcome, certificate = list[Finding](), self._outcome, self.certificate
         if outcome is not None and certificate is not None and self.status is Status.CONVERGED:
@@ -259,7 +260,12 @@ class ContactProblem(SolvedProblem):
             warnings = asked_law(self.settings, {1: certificate}, parameters.get("regularisation_error")).findings
         held = held_in_result(self.state, self.u, self._foundations.pairs)
         pushed = pushed_nodes(self._space.mesh.comm, [held], self._scales.size)
-        return (*warnings, *pushed, *shapes_in_results(self._foundations.placed_shapes, self.u))
+        inside = shapes_in_results(self._foundations.placed_shapes, self.u)
+        return (*warnings, *self._doubtful_laws(), *pushed, *inside)
+
+    def _doubtful_laws(self) -> list[Finding]:
+        """See ``laws_in_results``; collective."""
+        return laws_in_results(self._data, self._begun.law, self._state, self._scales.modulus)
 
     @property
     def solver(self) -> PETSc.SNES:
@@ -300,7 +306,8 @@ class ContactProblem(SolvedProblem):
         self._cost = time.perf_counter() - begin, peak_memory(self._space.mesh.comm)
         status = self.status
         if status is not None and status is not Status.CONVERGED:
-            raise ConvergenceError(self, f"{status.value}: {status.advice}")
+            told = [f"{finding.path}: {finding.message}" for finding in self._doubtful_laws()]
+            raise ConvergenceError(self, "\n".join([f"{status.value}: {status.advice}", *told]))
         return self.u
 
     def _begin(self) -> Start:

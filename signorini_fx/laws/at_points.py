@@ -1,4 +1,6 @@
-"""A law at contact points, as the core takes it, and what a law of a user's own says of itself, tried."""
+"""A law at contact points, as the core takes it, and what a law of a user's own says of itself, tried: beforehand at
+pressures of all sizes, and at those of a result.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +12,10 @@ import numpy.typing as npt
 
 from signorini_fx.contact.friction import LawAtPoints, PointFriction
 from signorini_fx.laws.protocol import Array, FrictionLaw
+from signorini_fx.records import CERTIFICATE_TOLERANCE
 from signorini_fx.tuned import (
     LARGEST_BEND,
+    PRESSURE_CHANGE,
     PRESSURES_PER_DECADE,
     SMALLEST_PRESSURE,
     TRIED_POINTS,
@@ -38,12 +42,13 @@ class _Tried:
 
     Attributes:
         law: for its name and what it says of itself.
-        pressure: stress, shape (k, 1).
+        pressure: stress, shape (k, 1), or (k, m) where each point has its own.
         limit: see ``FrictionLaw``, shape (k, m), like the following ones.
         derivative: likewise.
         claimed: likewise.
         envelope: what the law says that no bound exceeds, stress.
         round_off: that of the bound, stress, shape (m,).
+        wrong: by which share of its bound a law may be wrong.
     """
 
     law: FrictionLaw
@@ -53,19 +58,20 @@ class _Tried:
     claimed: Array
     envelope: Array
     round_off: Array
+    wrong: float = WRONG_BOUND
 
     @property
     def fault(self) -> str:
         """The first one in words; "": there is none."""
         for reason, wrong in self._faults():
             if wrong.any():
-                where = self.pressure[:, 0][wrong.any(axis=1).argmax()]
+                where = np.broadcast_to(self.pressure, wrong.shape)[wrong][0]
                 return reason.format(law=type(self.law).__name__, pressure=where)
         return ""
 
     def _faults(self) -> Iterator[tuple[str, npt.NDArray[np.bool_]]]:
         """Each in words, with places for law and pressure, and where it is, shape (k, m)."""
-        limit, within = self.limit, WRONG_BOUND * self.limit + self.round_off
+        limit, within = self.limit, self.wrong * self.limit + self.round_off
         yield "limit of {law} is not finite at the pressure {pressure:g}", ~np.isfinite(limit)
         yield "limit of {law} is negative at the pressure {pressure:g}", limit < 0
         vertical = (self.pressure == 0) & np.isposinf(self.derivative)  # such as that of a root
@@ -105,10 +111,32 @@ def fault_of(law: FrictionLaw, count: int, modulus: float) -> str:
         count: of its points.
         modulus: of the body, stress: pressures up to it are tried.
     """
-    name, points = type(law).__name__, np.arange(0, count, 1 + count // TRIED_POINTS)
+    points = np.arange(0, count, 1 + count // TRIED_POINTS)
     exponents = np.arange(PRESSURES_PER_DECADE * SMALLEST_PRESSURE, 1) / PRESSURES_PER_DECADE
-    pressures = np.append(0.0, modulus * 10.0**exponents)
-    tried, at_pressures = law.at(np.tile(points, pressures.size)), np.repeat(pressures, points.size)
+    return _fault(law, points, np.append(0.0, modulus * 10.0**exponents)[:, None], modulus)
+
+
+def fault_in_result(law: FrictionLaw, pressure: Array, modulus: float) -> str:
+    """The same of a law at n points, at the pressures of a result, with all digits that a certificate asks for.
+
+    Args:
+        law: at its points.
+        pressure: at each of them, stress, shape (n,), positive.
+        modulus: of the body, stress.
+    """
+    if not pressure.size:
+        return ""
+    far = 10.0 ** (1 / PRESSURES_PER_DECADE)
+    beside = np.array([0.0, 1 / far, 1 - PRESSURE_CHANGE, 1.0, 1 + PRESSURE_CHANGE, far])
+    return _fault(law, np.arange(pressure.size), beside[:, None] * pressure, modulus, CERTIFICATE_TOLERANCE)
+
+
+def _fault(
+    law: FrictionLaw, points: npt.NDArray[np.int64], pressure: Array, modulus: float, wrong: float = WRONG_BOUND
+) -> str:
+    """What the law does not keep at m of its points under k pressures, shape (k, 1) or (k, m)."""
+    name, shape = type(law).__name__, (len(pressure), points.size)
+    tried, at_pressures = law.at(np.tile(points, shape[0])), np.broadcast_to(pressure, shape).ravel()
     at_pressures.flags.writeable = False  # a law that changes its argument changes the solver's pressures
     values = []
     with np.errstate(all="ignore"):
@@ -122,14 +150,13 @@ def fault_of(law: FrictionLaw, count: int, modulus: float) -> str:
             if np.shape(value) != at_pressures.shape:
                 shapes = f"{np.shape(value)} for pressures of the shape {at_pressures.shape}"
                 return f"{statement} of {name} has the shape {shapes}"
-            values.append(np.asarray(value, dtype=np.float64).reshape(pressures.size, points.size))
+            values.append(np.asarray(value, dtype=np.float64).reshape(shape))
         limit, derivative, claimed = values
         given, coefficient, cap = law.at(points).envelope(np.zeros(points.size))
-        column = pressures[:, None]
-        envelope = given + coefficient * column
-        envelope = np.broadcast_to(envelope if cap is None else np.minimum(envelope, cap), limit.shape)
+        envelope = given + coefficient * pressure
+        envelope = np.broadcast_to(envelope if cap is None else np.minimum(envelope, cap), shape)
         round_off = _round_off(law, points, modulus, limit[-1])
-        return _Tried(law, column, limit, derivative, claimed, envelope, round_off).fault
+        return _Tried(law, pressure, limit, derivative, claimed, envelope, round_off, wrong).fault
 
 
 def _round_off(law: FrictionLaw, points: npt.NDArray[np.int64], modulus: float, bound: Array) -> Array:

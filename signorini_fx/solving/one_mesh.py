@@ -23,6 +23,7 @@ from signorini_fx.body.discretisation import Discretisation, discretise
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.check.cost import estimated_cost
 from signorini_fx.check.findings import result_findings, scene_findings
+from signorini_fx.check.laws_in_results import laws_in_results
 from signorini_fx.check.one_step import tilted_frames
 from signorini_fx.check.pushed_nodes import held_in_result, pushed_nodes
 from signorini_fx.check.refusals import refuse_beforehand
@@ -210,22 +211,11 @@ def _findings(discretisation: Discretisation, steps: Sequence[StepResult]) -> li
 
 
 def _doubtful_laws(discretisation: Discretisation, last: StepResult) -> list[Finding]:
-    """Laws of a user's own whose bound at the pressures of a result is larger than they say; collective."""
-    law, contact = discretisation.law, last.contact
-    if law is None or not law.laws or contact is None:
+    """See ``laws_in_results``; collective."""
+    if not any(effect.friction.of_a_user for effect in discretisation.scene.contact):
         return []
-    findings = []
-    exceeds = law.exceeds_envelope(contact.pressure)
-    for number, effect in enumerate(discretisation.scene.contact):
-        wrong = exceeds & (contact.boundary.part == number)
-        if parallel.any_rank(discretisation.comm, bool(wrong.any())):
-            most = parallel.largest(discretisation.comm, np.where(wrong, contact.pressure, 0.0))
-            message = (
-                f"the bound of the friction law {effect.friction.law} is larger than it says at pressures of this "
-                f"solution, up to {most:g}: no safety factor, and check the law"
-            )
-            findings.append(Finding("warning", f"contact[{number}].friction", message))
-    return findings
+    placed = discretisation.placed(last.place)
+    return laws_in_results(placed.friction(), placed.law, last.contact, placed.scales.modulus)
 
 
 def _solve_linear(discretisation: Discretisation, history: History, timings: Timings) -> Solution:

@@ -400,3 +400,82 @@ def test_a_law_derived_from_coulomb(more):
     law = type("Mine", (Coulomb,), {"__module__": __name__})(F, **more).sampled(np.zeros((3, 2)))
     assert law.of_a_user
     assert not fault_of(law, 2, 1000.0)
+
+
+def between(p):
+    """Whether a pressure is in the middle between two of those at which laws are tried in a body of modulus 5000."""
+    places = np.log10(np.maximum(p, 1e-30) / 5000.0) * 32
+    return (p > 0.1) & (np.abs(places - np.floor(places) - 0.5) < 0.25)
+
+
+class InBetween(FrictionLaw):
+    """0.3 times the pressure, which is true at all pressures that are tried before the solve."""
+
+    law: str = "in between"
+    concave = True
+
+    def limit(self, pressure):
+        return 0.3 * pressure
+
+    def derivative(self, pressure):
+        return 0.3 + 0 * pressure
+
+    def claimed(self, pressure):
+        return pressure * 0.3
+
+
+FALSE_IN_BETWEEN = {
+    "claimed of Lying is not its limit": {"claimed": lambda _, p: np.where(between(p), 0.29, 0.3) * p},
+    "limit of Lying is not finite": {"limit": lambda _, p: np.where(between(p), np.nan, 0.3 * p)},
+    "limit of Lying is negative": {"limit": lambda _, p: np.where(between(p), -1.0, 0.3 * p)},
+    "derivative of Lying is not finite": {"derivative": lambda _, p: np.where(between(p), np.nan, 0.3)},
+    "derivative of Lying is not that of its limit": {"derivative": lambda _, p: np.where(between(p), -3.0, 0.3)},
+    "the bound of the friction law in between is larger than it says": {
+        "limit": lambda _, p: np.where(between(p), 0.6, 0.3) * p,
+        "claimed": lambda _, p: p * np.where(between(p), 0.6, 0.3),
+        "derivative": lambda _, p: np.where(between(p), 0.6, 0.3),
+    },
+}
+
+
+@pytest.mark.parametrize("coulomb", ["auto", "newton"])
+@pytest.mark.parametrize("reason", FALSE_IN_BETWEEN)
+def test_what_is_false_between_the_pressures_that_are_tried(reason, coulomb):
+    """It is tried at the pressures of the result, too: whatever the outcome is, a warning names law and statement."""
+    law = type("Lying", (InBetween,), {"__module__": __name__, **FALSE_IN_BETWEEN[reason]})()
+    try:
+        said = "\n".join(f"{found.path}: {found.message}" for found in pushed(law, 3.0, coulomb=coulomb).findings)
+    except ConvergenceError as error:
+        said = str(error)
+    assert re.search(rf"contact\[0\]\.friction: .*{reason}", said)
+
+
+def test_a_true_law_is_not_doubted():
+    """At the pressures of a result, also where they change their order of magnitude from point to point."""
+    solution = pushed(InBetween(), 3.0)
+    assert solution.converged
+    assert not [found for found in solution.findings if found.path == "contact[0].friction"]
+
+
+@pytest.mark.parametrize("converges", [True, False])
+def test_forms_name_a_false_law(converges):
+    """In the error, and in the findings of a solution."""
+    methods = {"derivative": lambda _, p: np.where(between(p), -3.0, 0.3)}
+    if not converges:
+        methods = {"claimed": lambda _, p: np.where(between(p), 0.29, 0.3) * p}
+    block = Block((12, 4), friction=type("Lying", (InBetween,), methods)(), gap=lambda x: 0.004 * x[0])
+    block.aside.value = 0.004
+    said = r"contact\[0\]\.friction: .* in between is not what it says: .* of Lying"
+    if converges:
+        block.problem.solve()
+        (told,) = block.problem.findings
+        assert re.search(said, f"{told.path}: {told.message}")
+    else:
+        with pytest.raises(ConvergenceError, match=said):
+            block.problem.solve()
+
+
+def test_a_proof_that_rests_on_what_a_law_says():
+    """Statics knows no more of the law than it says: the outcome names it, and that it was tried at samples alone."""
+    with pytest.raises(ConvergenceError, match=r"law in between only the bound is known.*, provided that this bound"):
+        pushed(InBetween(), 7.0)
