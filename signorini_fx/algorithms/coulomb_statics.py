@@ -61,7 +61,7 @@ def proved(task: Task, problem: Problem, law: PointFriction, status: Status) -> 
     if lost is not None:
         return lost.status
     task.history.add(f"{status.value}: with the friction bound of the pressure before, not by the law itself")
-    share = np.inf if status is Status.NOT_HELD else share_of_loads(task, data)
+    share = share_of_loads(task, data)
     if share >= 1.0:
         return Status.OUTER_MAX_ITERATIONS
     task.history.add(f"friction at this pressure carries at most {share:.5g} of the loads")

@@ -146,3 +146,15 @@ def test_pressed_and_lifted():
     solution = alone(stack(0.02, COULOMB, COULOMB, factors=[-1.0, 1.0]), check=False)
     assert [step.status for step in solution.steps] == [Status.CONVERGED, Status.OPEN]
     assert "load step 2: nothing presses on body 'middle'" in solution.advice
+
+
+@pytest.mark.parametrize(("gap", "lift"), [(0.0, 1e-3), (1e-3, 2e-3)])
+def test_pushed_between_blocks_that_do_not_press(gap, lift):
+    """Friction of the pressures that are found holds nothing of the push: more iterations are no help, and the outcome
+    does not ask for them.
+    """
+    scene = stack(lift, COULOMB, COULOMB, gap)
+    push = parse_scene(scene.model_dump(exclude_unset=True) | {"traction": {"boundary": "middle.right", "x": -1e-3}})
+    solution = alone(push, check=False)
+    assert solution.status is Status.SLIDES_AT_PRESSURES
+    assert "what presses the contact" in solution.advice
