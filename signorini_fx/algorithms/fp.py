@@ -85,7 +85,8 @@ def fixed_point(
         # The Tresca problem with a given bound has one pressure: what comes back after two steps comes back for ever.
         if augmentation is None and previous is not None:
             back = norms(following - previous) <= BOUND_CAME_BACK * norms(following - g)
-            left = _changes(newton, g) > tolerance
+            measured = change is not None and newton.problem.groups.count == 1
+            left = (np.array([change]) if measured else _changes(newton, g)) > tolerance
             if np.any(back & left) if left.any() else back.all():
                 newton.history.add("the fixed point alternates between two friction bounds")
                 return Status.OUTER_MAX_ITERATIONS

@@ -31,11 +31,15 @@ Nodal = npt.NDArray[np.float64]
 
 def length(vectors: Nodal) -> Nodal:
     """Euclidean length of each row, shape (n,); exact for rows of one component."""
+    if vectors.shape[1] == 1:
+        return np.asarray(np.abs(vectors[:, 0]))
     return np.asarray(np.hypot.reduce(vectors, axis=1, initial=0.0))
 
 
 def inner(a: Nodal, b: Nodal) -> Nodal:
     """Scalar product of each pair of rows, shape (n,)."""
+    if a.shape[1] == 1:
+        return np.asarray(a[:, 0] * b[:, 0])
     return np.einsum("ij,ij->i", a, b)
 
 
@@ -268,6 +272,8 @@ def at_bound(sets: ActiveSets, bound: Nodal) -> Nodal:
 
 def sliding_shear(sets: ActiveSets, bound: Nodal, trial: Nodal, per: float = 1.0) -> Nodal:
     """F g e + k (I - e e^T) s on A_f with s = ``trial`` / ``per``; the second term is zero in the plane."""
+    if trial.shape[1] == 1:
+        return at_bound(sets, bound)
     return at_bound(sets, bound) + (sets.turning / per)[:, None] * sets.across(trial)
 
 

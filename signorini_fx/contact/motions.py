@@ -121,25 +121,46 @@ class FreeMotions:
             directions: of slip; points also resist perpendicular to them, shape (n, d - 1); zero where they do
                 not.
         """
-        unresisted = np.zeros(int(max(self.assembly.max(initial=-1), self.of_point.max(initial=-1))) + 1, dtype=bool)
+        unresisted = np.zeros(self._assembly_count, dtype=bool)
         if not self.count:
             return unresisted
-        resisted = [self.normal[normal], *self.tangential[stick].swapaxes(0, 1)]
-        if directions is not None and directions.shape[1] > 1:
-            slip = directions.any(axis=1)
-            tangential = self.tangential[slip]
-            along = np.einsum("it,itk->ik", directions[slip], tangential)
-            across = tangential - directions[slip][:, :, None] * along[:, None]
-            resisted += [*across.swapaxes(0, 1)]
-        rows = np.concatenate(resisted)
-        moved = np.square(self.relative).sum(axis=(0, 1))
-        gram = parallel.global_sum(self.points.comm, np.vstack((rows.T @ rows, moved)))
+        across = None if directions is None or directions.shape[1] == 1 else self._across(directions)
+        if self.count == 1 and across is None:
+            gram = np.reshape(self._squares[0] @ normal + self._squares[1] @ stick, (1, 1))
+        else:
+            rows = np.concatenate([self.normal[normal], *self.tangential[stick].swapaxes(0, 1), *(across or ())])
+            gram = rows.T @ rows
+        gram = parallel.global_sum(self.points.comm, np.concatenate((gram, self._moved)))
         for number, columns in self.assemblies:
-            values = np.linalg.eigvalsh(gram[:-1][np.ix_(columns, columns)])
+            among = gram[:-1] if columns.all() else gram[:-1][np.ix_(columns, columns)]
+            values = among[0] if among.size == 1 else np.linalg.eigvalsh(among)
             # The resistance relative to the motion of the points: below this it is the round-off of their positions.
             real = values[-1] > NOTHING_LEFT**2 * gram[-1][columns].max()
             unresisted[number] = not (real and values[0] > NOT_HELD * values[-1] > 0)
         return unresisted
+
+    @cached_property
+    def _assembly_count(self) -> int:
+        """How many assemblies this rank knows of, those that cannot move included."""
+        return int(max(self.assembly.max(initial=-1), self.of_point.max(initial=-1))) + 1
+
+    @cached_property
+    def _moved(self) -> Nodal:
+        """How much each motion moves the points of this rank, squared, shape (1, k)."""
+        return np.asarray(np.square(self.relative).sum(axis=(0, 1))[None])
+
+    @cached_property
+    def _squares(self) -> tuple[Nodal, Nodal]:
+        """Of the only motion, along the normals and along the tangents, shape (n,)."""
+        squares = np.square(self.relative[:, :, 0])
+        return squares[:, 0].copy(), squares[:, 1:].sum(axis=1)
+
+    def _across(self, directions: Nodal) -> list[Nodal]:
+        """The motions perpendicular to the directions of the points that slip, each of shape (slipping points, k)."""
+        slip = directions.any(axis=1)
+        tangential = self.tangential[slip]
+        along = np.einsum("it,itk->ik", directions[slip], tangential)
+        return [*(tangential - directions[slip][:, :, None] * along[:, None]).swapaxes(0, 1)]
 
     def held_by(
         self, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_], directions: Nodal | None = None
