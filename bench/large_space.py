@@ -38,7 +38,7 @@ from signorini_fx.linalg.multigrid import Hierarchy
 from signorini_fx.linalg.petsc_c import call
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import Timings
-from signorini_fx.scene.model import Scene
+from signorini_fx.scene.scene import Scene
 from signorini_fx.tuned import KRYLOV_TOLERANCE, SMOOTHED_SPECTRUM
 
 _GAMMA = 1e7
@@ -57,7 +57,7 @@ def best_linear(nx: int) -> Run:
     start, cpu = time.perf_counter(), time.process_time()
     level: MeshLevel | None = None
     for scene, tagged in made:
-        d = prepare(scene, tagged, Timings())
+        d = prepare(scene.statement, tagged, Timings())
         stiffness = block_stiffness(d.forms, d.fixed)
         level = MeshLevel(d.space, d.fixed, None, d.motions, level, None, stiffness)
     load, x = stiffness.createVecs()

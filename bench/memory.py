@@ -123,7 +123,7 @@ def main() -> None:
     noted(scene_meshes, "estimate_errors")
     noted(meshed_problem, "level_result")
     solution = solve(made, MPI.COMM_SELF, check=False)
-    dofs = solution.discretisation.dofs
+    dofs = solution.model.dofs
     per_unknown = _MEGABYTE / dofs
     print(f"{solution.status.value}, {dofs} unknowns; before the solve {start:.0f} MB")
     finest = max(k for k, (name, *_) in enumerate(phases) if name == "before mesh")

@@ -114,7 +114,7 @@ def main() -> None:
     if comm.rank:
         return
     peak = " ".join(f"{own / 1024:.0f}" for own in memory or [])
-    dofs = solution.discretisation.dofs
+    dofs = solution.model.dofs
     print(f"{solution.status.value}, {dofs} unknowns, {comm.size} ranks, peak MB of each: {peak}")
     print("     phase  messages mean bytes  PETSc reductions    own  gathered kB")
     for name, (messages, length, reductions) in sent.items():

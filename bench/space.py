@@ -27,8 +27,8 @@ from signorini_fx.linalg.elasticity import Level
 from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh
 from signorini_fx.records import Status
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scene.scene import Scene
 from signorini_fx.tuned import KRYLOV_TOLERANCE
 
 YOUNG, POISSON = 5000.0, 0.4

@@ -97,7 +97,7 @@ def from_a_drawing(dimension: int, cells: int, facets: int) -> None:
         count = sum(len(nodes) for _, nodes in read_gmsh(file, size=size, skin=True).blocks)
         reading = seconds() - begin
     force, other = (one.contact.forces[0][-1] for one in (solution, exact))
-    print(f"{solution.discretisation.dofs} unknowns, {count} facets, force {force:.6g} for {other:.6g}")
+    print(f"{solution.model.dofs} unknowns, {count} facets, force {force:.6g} for {other:.6g}")
     print(f"reading the file {reading:.2f} s")
     for with_it, without in rounds:
         print(f"drawing {with_it:.2f} s, formula {without:.2f} s: {100 * (with_it / without - 1):+.1f} %")
@@ -124,7 +124,7 @@ def main() -> None:
     driven, other = timed(scene(chosen.dimension, chosen.cells, prescribed=moved))
     shifted = scene(chosen.dimension, chosen.cells, shift=tool.translation.tolist())
     _, fixed = timed(shifted)
-    print(f"{forced.discretisation.dofs} unknowns, {forced.linear_algebra.partition(':')[0]}")
+    print(f"{forced.model.dofs} unknowns, {forced.linear_algebra.partition(':')[0]}")
     for name, solution, spent in (("force", forced, seconds), ("prescribed motion", driven, other)):
         print(f"{name}: {spent:.2f} s, {solution.history.linear_solves} linear solves")
     print(f"force over prescribed motion {seconds / other:.2f}, over a shifted foundation {seconds / fixed:.2f}")

@@ -30,8 +30,8 @@ from signorini_fx.mesh import tagged as meshes
 from signorini_fx.mesh.cuts import partitioner, shares
 from signorini_fx.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
 from signorini_fx.meshes import generator
-from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scene.scene import Scene
 
 # Between both blocks, so that their boundaries can be told apart.
 _APART = 1e-3
@@ -122,7 +122,7 @@ def package(made: Scene) -> tuple[Run, float, int]:
             seconds, cpu = time.perf_counter() - start - sum(making), time.process_time() - cpu - sum(burnt)
     finally:
         paired_points.couple = couple
-    dofs = solution.discretisation.dofs
+    dofs = solution.model.dofs
     spent = [count for size, count in steps if size == dofs]
     solves = solution.levels[-1].linear_solves if solution.levels else solution.history.linear_solves
     phases = ", ".join(f"{name} {value:.1f}" for name, value in solution.timings.seconds.items())

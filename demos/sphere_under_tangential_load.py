@@ -152,7 +152,7 @@ write_results(solution, RESULTS)
 # proportional to $Q$. This flexibility is the only number that is fitted, to the first push; the others are a check.
 
 # %%
-load = solution.scene.displacement[-1]
+load = solution.statement.displacement[-1]
 moved = load.x * np.array(PUSH)
 share, force = found["Q/FP"], found["P"]
 shear_modulus = YOUNG / (2 * 1.49)

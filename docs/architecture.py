@@ -64,6 +64,8 @@ LAYERS = (
 CORE = ("algorithms", "problem", "linalg", "contact")
 TOP_LEVEL = {
     "cli": ("__main__",),
+    "body": ("model",),
+    "scene": ("statement",),
     "ground": (
         *(
             "attempts",

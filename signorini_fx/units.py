@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from signorini_fx.kinematics import of_data
+from signorini_fx.kinematics.cartesian import Kinematics
 
 # The unit of a force that is a stress times the square of a length, where it has a name.
 _FORCES = {
@@ -28,16 +29,26 @@ _NAMES: ContextVar[Mapping[str, str]] = ContextVar("_NAMES", default=MappingProx
 
 
 def names_of(scene: Mapping[str, Any], dimension: int) -> dict[str, str]:
-    """The unit of each quantity: ``length``, ``stress``, ``area``, ``force``, ``moment`` and ``energy``, the last four
-    per unit thickness in the plane; those that are not known are left out.
+    """The unit of each quantity of a scene, see ``unit_names``.
 
     Args:
         scene: as plain data, with its ``units``.
         dimension: of the body, 2 or 3.
     """
-    names = {name: unit for name, unit in (scene.get("units") or {}).items() if unit}
+    return unit_names(scene.get("units") or {}, of_data(scene, dimension))
+
+
+def unit_names(units: Mapping[str, str | None], kinematics: Kinematics) -> dict[str, str]:
+    """The unit of each quantity: ``length``, ``stress``, ``area``, ``force``, ``moment`` and ``energy``, the last four
+    per unit thickness in the plane; those that are not known are left out.
+
+    Args:
+        units: those that were given.
+        kinematics: of the body.
+    """
+    names = {name: unit for name, unit in units.items() if unit}
     length, stress = names.get("length"), names.get("stress")
-    whole = of_data(scene, dimension).whole
+    whole = kinematics.whole
     force = names.get("force") or _FORCES.get((length or "", stress or ""))
     if length:
         names["area"] = f"{length}\N{SUPERSCRIPT TWO}" if whole else length

@@ -168,7 +168,7 @@ def _grazing(law: str, load: float) -> Finding:
 def _sagging(law: str, share: float) -> Finding:
     """The foundation is at the position of the free loaded body, except for a small distance."""
     linear = solved(_open_reference(_clamped(law, 1.0), law))
-    bottom = linear.discretisation.space.tabulate_dof_coordinates()[:, 1] < 1e-9
+    bottom = linear.model.space.tabulate_dof_coordinates()[:, 1] < 1e-9
     sag = -linear.displacement.x.array[1::2][bottom].min()
     solution = solved(_clamped(law, float(sag * (1 - share))))
     return found(solution, difference(solution.displacement.x.array, linear.displacement.x.array))
@@ -200,7 +200,7 @@ def solved_load(scene: dict[str, Any]) -> float:
     from signorini_fx.scene.reading import parse_scene
 
     parsed = parse_scene(scene)
-    applied = discretise(parsed, load_mesh(parsed, MPI.COMM_SELF), Timings()).applied
+    applied = discretise(parsed.statement, load_mesh(parsed, MPI.COMM_SELF), Timings()).applied
     return -sum(float(load.forces[1::2].sum()) for load in applied)
 
 

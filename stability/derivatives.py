@@ -22,8 +22,8 @@ from signorini_fx.derivatives.entries import default_entries, varied
 from signorini_fx.derivatives.of_scene import Sensitivity
 from signorini_fx.errors import SceneError
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scene.scene import Scene
 
 COMM = MPI.COMM_WORLD
 # Relative error allowed, and data of each scene.

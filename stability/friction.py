@@ -140,7 +140,7 @@ def _from(state: str, coefficient: float, load: float = 1.0, **settings: Any) ->
 
 def _free_node(solution: Solution) -> np.ndarray:
     """Displacement of A."""
-    x = solution.discretisation.space.tabulate_dof_coordinates()
+    x = solution.model.space.tabulate_dof_coordinates()
     u: np.ndarray = solution.displacement.x.array.reshape(-1, 2)[np.argmin(np.hypot(x[:, 0], x[:, 1]))]
     return u
 

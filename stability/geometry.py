@@ -123,7 +123,7 @@ def _plain(law: str) -> float:
 
 def _sinking(solution: Solution) -> float:
     """u_y at (1.5, 1)."""
-    x = solution.discretisation.space.tabulate_dof_coordinates()
+    x = solution.model.space.tabulate_dof_coordinates()
     node = np.argmin(np.hypot(x[:, 0] - 1.5, x[:, 1] - 1.0))
     return float(solution.displacement.x.array[2 * node + 1])
 

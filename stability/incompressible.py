@@ -70,7 +70,7 @@ def _reference(law: str, poisson: float) -> float:
 
 def _sinking(solution: Solution) -> float:
     """u_y at (1.5, 1)."""
-    x = solution.discretisation.space.tabulate_dof_coordinates()
+    x = solution.model.space.tabulate_dof_coordinates()
     node = np.argmin(np.hypot(x[:, 0] - 1.5, x[:, 1] - 1.0))
     return float(solution.displacement.x.array[2 * node + 1])
 
@@ -101,7 +101,7 @@ def _alternation(values: np.ndarray, axis: int = 0) -> float:
 
 def _checkerboard(solution: Solution, poisson: float) -> float:
     """The oscillation from cell to cell of the mean volumetric stress of a grid, relative to its mean size."""
-    space = solution.discretisation.space
+    space = solution.model.space
     x = space.tabulate_dof_coordinates()[:, :2]
     u = solution.displacement.x.array.reshape(-1, 2)
     order = np.lexsort((x[:, 0].round(9), x[:, 1].round(9)))

@@ -15,8 +15,8 @@ from signorini_fx.contact.laws import ActiveSets, Nodal
 from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scene.scene import Scene
 from signorini_fx.solving.one_mesh import contact_task, solve_contact
 from signorini_fx.solving.solver import solve
 from stability.case import Finding
@@ -46,7 +46,7 @@ def solved_from(
         solver = scene.solver.model_copy(update={"linear_algebra": "full"})
         scene = scene.model_copy(update={"solver": solver})
     timings = Timings()
-    discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), timings)
+    discretisation = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), timings)
     assert discretisation.boundary is not None
     task = contact_task(discretisation, History())
     begin = task.start

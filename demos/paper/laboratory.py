@@ -69,8 +69,8 @@ def energy_norm(solution: Solution, other: Solution | None = None) -> float:
     difference = solution.displacement.copy()
     if other is not None:
         difference.x.array[:] -= other.displacement.x.array
-    d = solution.discretisation
-    return float(np.sqrt(max(0.0, 2 * NodalForces(d.scene, d.tagged, d.space).strain_energy(difference))))
+    d = solution.model
+    return float(np.sqrt(max(0.0, 2 * NodalForces(d.statement, d.tagged, d.space).strain_energy(difference))))
 
 
 def pressure_distance(solution: Solution, other: Solution) -> float:
@@ -92,7 +92,7 @@ def quotients(errors: list[Any]) -> list[Any]:
 
 def table_of(solution: Solution) -> ContactTable:
     """The contact nodes, in order along the boundary."""
-    return contact_table(solution.contact, [effect.boundary for effect in solution.scene.contact])
+    return contact_table(solution.contact, [effect.boundary for effect in solution.statement.contact])
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def inexact_alm(scene: Scene, most_solves: int, growth: float) -> Iterator[Inexa
     The dual variables are projected before the update.  Where an inner iteration is cut off, it goes on in the next
     problem with the sets that follow from its last iterate.
     """
-    discretisation = discretise(scene, load_mesh(scene, COMM), Timings())
+    discretisation = discretise(scene.statement, load_mesh(scene, COMM), Timings())
     task = contact_task(discretisation, History())
     newton, data, sets = task.iterate.newton, task.start.data, task.start.sets
     while True:

@@ -18,8 +18,8 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx.csv_text import write_csv
-from signorini_fx.scene.model import MeshGenerator, Scene
 from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scene.scene import MeshGenerator, Scene
 from signorini_fx.scene.settings import Accuracy, SolverSettings
 from signorini_fx.solving.solver import solve
 from signorini_fx.studies.reference import Reference, reference_errors
@@ -174,7 +174,7 @@ def asked(name: str) -> list[dict]:
                 "reference_error": own[of],
                 "met": true <= target,
                 "meshes": len(solution.levels),
-                "dofs": solution.discretisation.dofs,
+                "dofs": solution.model.dofs,
                 "seconds": seconds,
             }
         )

@@ -105,7 +105,7 @@ def main() -> None:
     for row in rows:
         told = f"error {row['true']:.2e}, estimated {row['estimated']:.2e} ({row['estimated'] / row['true']:.2f} of it)"
         print(f"{row['element']} {row['meshes']:8s} {row['dofs']:7d} unknowns: {told}, peak {row['peak']:.2f}")
-    print(f"\nreference: {reference.solution.discretisation.dofs} unknowns, perhaps wrong by {own['energy']:.1e}")
+    print(f"\nreference: {reference.solution.model.dofs} unknowns, perhaps wrong by {own['energy']:.1e}")
     for element in ELEMENTS:
         pair = [found[element, name] for name in ("uniform", "adaptive")]
         error, dofs, enough = saving(*pair)

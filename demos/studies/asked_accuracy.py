@@ -83,7 +83,7 @@ def rivals(name: str, reference) -> list[dict]:
             except SignoriniError:
                 continue
             if solution.converged:
-                price = {"work": work_of(solution), "seconds": seconds, "dofs": solution.discretisation.dofs}
+                price = {"work": work_of(solution), "seconds": seconds, "dofs": solution.model.dofs}
                 found.append({"method": method.name, **price, **reference.errors(solution)})
     return found
 
@@ -110,7 +110,7 @@ def asked(name: str) -> list[dict]:
                 "status": solution.status.value,
                 "met": true <= target,
                 "meshes": len(solution.levels),
-                "dofs": solution.discretisation.dofs,
+                "dofs": solution.model.dofs,
                 **price,
             }
             for cost in price:
@@ -192,7 +192,7 @@ def asked_of(one: random_scenes.RandomScene) -> list[dict]:
                 "reference_error": own[of],
                 "met": true <= target,
                 "meshes": len(solution.levels),
-                "dofs": solution.discretisation.dofs,
+                "dofs": solution.model.dofs,
             }
             for cost, price in prices.items():
                 enough = [other for other in others if other[of] is not None and other[of] <= target]

@@ -34,6 +34,6 @@ def _hertz_reference():
     # From small cells on: where facets are divided, the body remains the polygon that it is.
     scene = scene_of("hertz_degree2")
     solutions = divided(scene, 1 / 3, UNKNOWNS)
-    reference, finest = Reference(solutions[-1]), solutions[-1].discretisation.dofs
+    reference, finest = Reference(solutions[-1]), solutions[-1].model.dofs
     coarse = (divided(scene, k / 3, finest / k**2)[-1] for k in (2, 4))
     return reference, reference_errors(*(reference.errors(solution) for solution in coarse))

@@ -15,8 +15,8 @@ from mpi4py import MPI
 
 from signorini_fx.errors import SignoriniError
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import parse_scene, read_scene
+from signorini_fx.scene.scene import Scene
 from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving.solver import solve
 

@@ -81,7 +81,7 @@ def compare(name: str, found: list[SolvedMesh], prices: list, true: list[dict], 
                     "scene": name,
                     "level": price.level,
                     "h": price.h,
-                    "dofs": solved.solution.discretisation.dofs,
+                    "dofs": solved.solution.model.dofs,
                     "quantity": column,
                     "estimated": estimated,
                     "true": error,
@@ -119,9 +119,9 @@ def of_made_up(law: str, element: str) -> list[dict]:
 
 def exact_errors(solution) -> dict[str, float]:
     """Errors against the made-up displacement and pressure."""
-    d = solution.discretisation
+    d = solution.model
     # In a richer space: against the interpolant in its own a solution looks better than it is.
-    richer = fem.functionspace(d.tagged.mesh, ("Lagrange", solution.scene.element.degree + 2, (2,)))
+    richer = fem.functionspace(d.tagged.mesh, ("Lagrange", solution.statement.element.degree + 2, (2,)))
     exact, difference = fem.Function(richer), fem.Function(richer)
     exact.interpolate(lambda x: np.array(manufactured.displacement(manufactured.NUMBERS, x)))
     difference.interpolate(solution.displacement)

@@ -82,8 +82,8 @@ def measure(name: str, tagged, linear_algebra: str) -> dict[str, float]:
         **seconds,
         "linear_solves": sum(step.linear_solves for step in solution.steps),
         "factorisations": sum(record.factorised for record in solution.history.iterations) or 1,
-        "forms": len(solution.discretisation.inventory.forms),
-        "dofs": solution.discretisation.dofs,
+        "forms": len(solution.model.inventory.forms),
+        "dofs": solution.model.dofs,
     }
 
 

@@ -49,7 +49,7 @@ def row_of(problem: Problem, known: tuple[float, float] | None = None) -> dict[s
     time.perf_counter = time.process_time  # other programs take no part of it
     problem.solved(1.0)  # compiles forms and loads libraries
     coarse = _fastest(problem.solved, 1.0, COARSE_ROUNDS)
-    cost, dimension = coarse.cost, coarse.discretisation.tagged.dimension
+    cost, dimension = coarse.cost, coarse.model.tagged.dimension
     if known is None:
         known = _by_list(problem, cost) if coarse.price_list else _on_mesh(problem, cost, dimension)
     unknowns, seconds = known
@@ -85,7 +85,7 @@ def _on_mesh(problem: Problem, cost: Any, dimension: int) -> tuple[float, float]
     finer = (cost.next_dofs / cost.dofs) ** (1 / dimension)
     finer = round(finer) if dimension == 2 else finer  # whole multiples keep the nodes where loads jump
     fine = _fastest(problem.solved, finer, FINE_ROUNDS)
-    dofs, error = fine.discretisation.dofs, fine.stress.error
+    dofs, error = fine.model.dofs, fine.stress.error
     rate = math.log(cost.error / error) / math.log(dofs / cost.dofs)
     needed = dofs * (error / cost.next_error) ** (1 / rate)
     power = max(math.log(_seconds(fine) / cost.seconds) / math.log(dofs / cost.dofs), 0.0)

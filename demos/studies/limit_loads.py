@@ -25,8 +25,8 @@ from scipy.optimize import linprog
 
 from signorini_fx.records import IterationRecord, OuterRecord, Progress, Record, Status, StepRecord
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scene.scene import Scene
 from signorini_fx.solving.solver import solve
 
 Values = npt.NDArray[np.float64]
@@ -310,7 +310,7 @@ def measured(name: str, case: Case) -> Row:
     beyond = sum((work for k, work in enumerate(works) if k not in good.values()), Work())
     return Row(
         name=name,
-        dofs=solution.discretisation.dofs,
+        dofs=solution.model.dofs,
         contacts=len(case.scene.contact),
         limit=case.limit or limit_by_programme(case, solution),
         held=solution.last_step.time,

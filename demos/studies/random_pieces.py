@@ -124,7 +124,7 @@ def scene_of(
 
 def differences(coarse: Solution, fine: Solution) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Squares of the energy norm of the difference by piece, and for both meshes the piece of each triangle."""
-    first, second = (Bounded(one.discretisation, one.displacement, one.contact, 0.0) for one in (coarse, fine))
+    first, second = (Bounded(one.model, one.displacement, one.contact, 0.0) for one in (coarse, fine))
     t, c = second.t, first.t
     strains = t.strain_at_corners(second.y, second.middle)
     local = (np.ones((3, 3)) + 3 * np.eye(3)) / 6  # three points inside, exact for linear strains

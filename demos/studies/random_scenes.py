@@ -21,7 +21,7 @@ from signorini_fx.mesh.refinement import mark, refine
 from signorini_fx.mesh.tagged import TaggedMesh, tag_boundaries
 from signorini_fx.records import History
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.scene.model import MeshGenerator, Scene
+from signorini_fx.scene.scene import MeshGenerator, Scene
 from signorini_fx.scene.settings import SolverSettings
 from signorini_fx.solving.scene_meshes import SceneMesh
 from signorini_fx.solving.solver import solve
@@ -292,7 +292,7 @@ def reference(one: RandomScene, halvings: int = 30, unknowns: int = 60_000) -> t
     for _ in range(halvings):
         tagged = refine(tagged, touching(tagged.mesh, one.points))
     scene, found, history = on(one, 1.0, 2), [], History()
-    while not found or found[-1].discretisation.dofs < unknowns:
+    while not found or found[-1].model.dofs < unknowns:
         solved = SceneMesh(scene.model_copy(update={"mesh": tagged}), MPI.COMM_SELF, history).solved(
             len(found), None, None
         )
@@ -304,8 +304,8 @@ def reference(one: RandomScene, halvings: int = 30, unknowns: int = 60_000) -> t
         near = touching(tagged.mesh, one.points)
         tagged = refine(tagged, np.unique(np.concatenate((*cells, near))).astype(np.int32))
     fine = Reference(found[-1])
-    dofs = found[-1].discretisation.dofs
-    coarse = min(found[:-1], key=lambda solution: abs(np.log(dofs / solution.discretisation.dofs / 2)))
+    dofs = found[-1].model.dofs
+    coarse = min(found[:-1], key=lambda solution: abs(np.log(dofs / solution.model.dofs / 2)))
     own = fine.errors(coarse)
     return fine, {name: own[name] for name in QUANTITIES}
 
@@ -325,7 +325,7 @@ def rivals(one: RandomScene, fine: Reference) -> list[dict[str, Any]]:
             seconds = time.process_time() - begin
             if solution.converged:
                 price = {"work": work_of(solution), "seconds": seconds}
-                found.append({"method": f"P{degree}, {solution.discretisation.dofs}", **price, **fine.errors(solution)})
+                found.append({"method": f"P{degree}, {solution.model.dofs}", **price, **fine.errors(solution)})
     for degree, of in ((1, "energy"), (2, "energy"), (2, "pressure")):
         found += _divided(one, fine, degree, of)
     return found
@@ -343,7 +343,7 @@ def _divided(one: RandomScene, fine: Reference, degree: int, of: str) -> list[di
         if solved.errors is None:
             break
         solution, state = solved.solution, solved.solution.contact
-        dofs = solution.discretisation.dofs
+        dofs = solution.model.dofs
         work += solved.level.linear_solves * dofs
         tagged = refine(tagged, mark(MPI.COMM_SELF, solved.errors.squares[of], 0.6))
         seconds += time.process_time() - begin

@@ -49,7 +49,7 @@ def run(name: str) -> None:
     peak = float(solution.table.columns["pressure"].max())
     memory = peak_memory(comm)
     answer = {
-        "dofs": solution.discretisation.dofs,
+        "dofs": solution.model.dofs,
         "linear_algebra": solution.linear_algebra.split(":")[0],
         "linear_solves": solution.history.linear_solves,
         "seconds": statistics.median(times[1:]),

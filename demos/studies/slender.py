@@ -22,8 +22,8 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx.algorithms import ssn
-from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scene.scene import Scene
 from signorini_fx.solving.solver import solve
 
 LAWS = {"none": None, "tresca": {"law": "tresca", "bound": 0.05}, "coulomb": {"law": "coulomb", "coefficient": 0.3}}

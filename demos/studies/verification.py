@@ -21,8 +21,8 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import parse_scene, read_scene
+from signorini_fx.scene.scene import Scene
 from signorini_fx.solving.solver import solve
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
@@ -131,7 +131,7 @@ def patch_tests() -> Iterator[Row]:
         worst = 0.0
         for element in ELEMENTS.values():
             solution = alone(patch(*element, **effects))
-            x = solution.discretisation.space.tabulate_dof_coordinates()
+            x = solution.model.space.tabulate_dof_coordinates()
             exact = np.column_stack((across(x[:, 1]), -SHORTENING * x[:, 1] - PRESSED / GAMMA_N))
             wrong = [np.abs(solution.displacement.x.array.reshape(-1, 2) - exact).max() / np.abs(exact).max()]
             wrong += [np.abs(solution.contact.pressure - PRESSED).max() / PRESSED]
@@ -206,7 +206,7 @@ def example1() -> Iterator[Row]:
         yield Row(name, "contact force", "balance of forces", 20.0, force, 1e-9, ".10g")
         yield Row(name, "largest pressure", oracle, largest, float(columns["pressure"].max()), 3e-6)
         yield Row(name, "strain energy", oracle, energy, solution.steps[-1].strain_energy, 3e-6)
-        x = solution.discretisation.space.tabulate_dof_coordinates()
+        x = solution.model.space.tabulate_dof_coordinates()
         middle = int(np.argmin(np.hypot(x[:, 0] - 1.5, x[:, 1] - 1.0)))
         yield Row(name, "u_2(1.5, 1)", oracle, u_2, float(solution.displacement.x.array[2 * middle + 1]), 2e-6)
         zone = columns["x"][columns["state"] != "open"]
@@ -274,7 +274,7 @@ def incompressible() -> Iterator[Row]:
         scene["material"] = {"young": 5000.0, "poisson": poisson}
         scene["solver"] = {}
         solution = alone(parse_scene(scene))
-        x = solution.discretisation.space.tabulate_dof_coordinates()
+        x = solution.model.space.tabulate_dof_coordinates()
         middle = int(np.argmin(np.hypot(x[:, 0] - 1.5, x[:, 1] - 1.0)))
         return float(solution.displacement.x.array[2 * middle + 1])
 

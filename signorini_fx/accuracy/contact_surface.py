@@ -40,7 +40,7 @@ class ContactSurface:
     Attributes:
         x: position of the nodes, length, shape (rows, 3).
         corners: the rows of the contact table at the corners of each piece, around it, shape (pieces, k).
-        part: position in ``scene.contact`` of the boundary that each piece is of, shape (pieces,).
+        part: position in ``statement.contact`` of the boundary that each piece is of, shape (pieces,).
         per_facet: how many pieces a facet has; those of one facet follow each other.
         facets: which facets of the table have pieces: between two bodies those whose nodes all carry a point.
         count: of all facets of the table.
@@ -172,7 +172,7 @@ class ContactSurface:
         Args:
             points: positions, shape (n, 3).
             values: at the nodes, shape (rows, m).
-            part: position of the boundary in ``scene.contact``; it has pieces.
+            part: position of the boundary in ``statement.contact``; it has pieces.
 
         Returns:
             Shape (n, m).

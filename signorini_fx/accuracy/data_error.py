@@ -19,8 +19,8 @@ from signorini_fx.accuracy.contact_surface import ContactSurface
 from signorini_fx.accuracy.pressure_error import around, on_facets
 from signorini_fx.body.assembly import assemble, facet_entities
 from signorini_fx.body.contact_table import ContactTable
-from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.loads import measures
+from signorini_fx.model import Model
 from signorini_fx.scene.effect import Force
 from signorini_fx.scene.expressions import sample
 from signorini_fx.scene.rigid_shape import Distance
@@ -49,11 +49,11 @@ class DataError:
     total: float
 
 
-def data_error(d: Discretisation, table: ContactTable, step: float) -> DataError:
+def data_error(d: Model, table: ContactTable, step: float) -> DataError:
     """Evaluate the data between nodes and quadrature points; collective.
 
     Args:
-        d: the discretisation.
+        d: the model.
         table: the contact boundary after the load step.
         step: the load step.
     """
@@ -73,45 +73,46 @@ def data_error(d: Discretisation, table: ContactTable, step: float) -> DataError
         surface = ContactSurface.of(table)
         missed = [surface.of_rank(d.boundary, errors) for errors in _inside_pieces(d, table, surface)]
     np.add.at(forces, cells, missed[0])
-    np.add.at(squares, cells, d.scene.young * missed[1])
+    np.add.at(squares, cells, d.statement.young * missed[1])
     pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
     forces_of_step = sum(factor * load.pushing for factor, load in d.applied_at(step))
     loads = float(parallel.global_sum(d.tagged.mesh.comm, np.abs(forces_of_step).sum()))
     return DataError(forces, squares, max(loads, pressed))
 
 
-def contact_cells(d: Discretisation) -> npt.NDArray[np.int32]:
+def contact_cells(d: Model) -> npt.NDArray[np.int32]:
     """The cell of each contact facet of this rank, in the order of ``boundary.segments``."""
-    facets = [d.tagged.facets(effect.boundary) for effect in d.scene.contact]
+    facets = [d.tagged.facets(effect.boundary) for effect in d.statement.contact]
     return np.concatenate([facet_entities(d.tagged.mesh, boundary_facets)[:, 0] for boundary_facets in facets])
 
 
-def _missed_loads(d: Discretisation, step: float) -> Floats:
+def _missed_loads(d: Model, step: float) -> Floats:
     """The part of the loads that the quadrature of each owned cell misses, ``DataError.forces``, shape (cells,)."""
     mesh, dim = d.tagged.mesh, d.tagged.dimension
     owned = mesh.topology.index_map(dim).size_local
-    loads = [load for load in d.scene.of(Force) if load.varies]
+    loads = [load for load in d.statement.of(Force) if load.varies]
     if not loads:
         return np.zeros(owned)
     z = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0, (d.dimension,))))
     on, terms = d.coefficients, []
+    assert on is not None
     on.move_to(step)
     for load, where in zip(loads, measures(d.space, loads, d.tagged.facets), strict=True):
-        factor = fem.Constant(mesh, default_scalar_type(d.scene.now(load, step)[0]))
+        factor = fem.Constant(mesh, default_scalar_type(d.statement.now(load, step)[0]))
         density = factor * ufl.inner(load.density(on), z) * on.around
         fine = _CELL_DEGREE[dim] if load.where is None else _FACET_DEGREE[dim]
         terms += [
             density * where(metadata={"quadrature_degree": fine}),
-            -density * where(metadata={"quadrature_degree": load.degree(d.scene.element.degree)}),
+            -density * where(metadata={"quadrature_degree": load.degree(d.statement.element.degree)}),
         ]
     missed = d.inventory.compile("missed loads", lambda: fem.form(sum(terms[1:], terms[0])))
     return np.asarray(np.linalg.norm(assemble(missed).reshape(-1, d.dimension), axis=1))
 
 
-def _between_nodes(d: Discretisation, table: ContactTable) -> tuple[list[Floats], list[Floats]]:
+def _between_nodes(d: Model, table: ContactTable) -> tuple[list[Floats], list[Floats]]:
     """Between neighbouring nodes: the error of the friction, force, and that of the gap, length."""
     c = table.columns
-    effects = {effect.boundary: effect for effect in d.scene.contact}
+    effects = {effect.boundary: effect for effect in d.statement.contact}
     at = (np.arange(_POINTS) + 0.5) / _POINTS
     friction, gaps = list[Floats](), list[Floats]()
     for rows in table.paths:
@@ -156,14 +157,14 @@ def _between_nodes(d: Discretisation, table: ContactTable) -> tuple[list[Floats]
     return friction, gaps
 
 
-def _inside_pieces(d: Discretisation, table: ContactTable, surface: ContactSurface) -> tuple[Floats, Floats]:
+def _inside_pieces(d: Model, table: ContactTable, surface: ContactSurface) -> tuple[Floats, Floats]:
     """In space, inside each piece of the contact surface: the friction that is missed, force, and what the gap misses,
     length^3: its square over a body of the size of the piece, as an energy over Young's modulus.
     """
     c = table.columns
     weights = surface.inside(_POINTS_ALONG)
     friction, gaps = np.zeros(len(surface.part)), np.zeros(len(surface.part))
-    for index, effect in enumerate(d.scene.contact):
+    for index, effect in enumerate(d.statement.contact):
         own = np.flatnonzero(surface.part == index)
         if not own.size:
             continue

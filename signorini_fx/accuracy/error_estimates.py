@@ -16,9 +16,9 @@ from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.accuracy.surface_pressure import piece_squares
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_table import ContactTable
-from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.kinematics.plane_strain import PLANE_STRAIN
+from signorini_fx.model import Model
 from signorini_fx.tuned import POLLUTION
 
 Floats = npt.NDArray[np.float64]
@@ -49,12 +49,12 @@ class Errors:
 
 
 def estimate_errors(
-    d: Discretisation, displacement: fem.Function, energy: float, table: ContactTable, step: float, compliance: float
+    d: Model, displacement: fem.Function, energy: float, table: ContactTable, step: float, compliance: float
 ) -> Errors:
     """Estimate the errors on a mesh; collective.
 
     Args:
-        d: the discretisation.
+        d: the model.
         displacement: of the solution, up to a rigid motion.
         energy: strain energy of the solution.
         table: the contact boundary.
@@ -67,7 +67,7 @@ def estimate_errors(
     if energy > 0:
         squares = StressRecovery.of(d).squares(displacement, step)
     return combined(
-        d.boundary, table, contact_cells(d), squares, missed, energy, compliance * d.scene.young, d.kinematics
+        d.boundary, table, contact_cells(d), squares, missed, energy, compliance * d.statement.young, d.kinematics
     )
 
 

@@ -23,7 +23,7 @@ from signorini_fx.mesh.tagged import (
     simplex_parameters,
 )
 from signorini_fx.scene.features import refusals
-from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene
+from signorini_fx.scene.scene import MeshFile, MeshGenerator, Scene
 from signorini_fx.scene.settings import Accuracy
 from signorini_fx.tuned import SAME_LENGTH
 
@@ -76,7 +76,7 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
     """
     refuse_adaptive_peak(goal)
     requested = goal
-    if any("local refinement" in refused for refused in refusals(scene)):
+    if any("local refinement" in refused for refused in refusals(scene.statement)):
         goal = goal.model_copy(update={"refinement": "uniform"})
     if scene.body:
         return _planned_bodies(scene, requested, comm)
@@ -166,7 +166,7 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
 def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) -> Plan:
     """Curved sides stay curved: all cells are divided then, because dolfinx bisects straight ones only."""
     drawn = file.file.suffix.lower() in DRAWN
-    tagged = load_file(file, comm, 0, 2 if drawn else None, scene.sections, scene.touching)
+    tagged = load_file(file, comm, 0, 2 if drawn else None, scene.statement.sections, scene.statement.touching)
     curved = curvature(tagged) > SAME_LENGTH * tagged.size
     degree = compat.geometry_degree(tagged.mesh)
     simplices = tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")
@@ -178,7 +178,7 @@ def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) 
                 "would stay the polygon that they are; use 'uniform'"
             )
             raise SceneError([("accuracy.refinement", message)])
-        straight = load_file(file, comm, degree=1, sections=scene.sections)
+        straight = load_file(file, comm, degree=1, sections=scene.statement.sections)
         check_divisible(straight)
         divided = (_of_degree_2(scene) if better else scene).model_copy(update={"mesh": straight})
         return Plan(divided, True, divided.element != scene.element, polygonal=not drawn and degree == 1)

@@ -17,12 +17,12 @@ from petsc4py import PETSc
 from signorini_fx import parallel
 from signorini_fx.body.assembly import assemble, measure
 from signorini_fx.body.block_stiffness import scalar_matrix
-from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.elastic_law import fields_of
 from signorini_fx.body.element_stress import ElementStress, element_stress
 from signorini_fx.body.quadrature import parallelepipeds, strain_degree
 from signorini_fx.linalg import options
 from signorini_fx.linalg.blocks import is_by_blocks
+from signorini_fx.model import Model
 from signorini_fx.records import Inventory
 from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE, PROJECTION_TOLERANCE
 
@@ -83,12 +83,12 @@ class StressRecovery:
         self._residual = None if unbalanced is None else compiled("boundary residual", lambda: fem.form(unbalanced))
 
     @classmethod
-    def of(cls, d: Discretisation, inventory: Inventory | None = None) -> StressRecovery:
+    def of(cls, d: Model, inventory: Inventory | None = None) -> StressRecovery:
         """That of a scene; ``inventory``: where it is recorded; None: that of the scene."""
         empty = d.elastic.displacement(d.space, np.zeros(d.elastic.count))
-        stress, scene = element_stress(d, empty), d.scene
+        stress, statement = element_stress(d, empty), d.statement
         # Without the radius, and expressions in the stress, all is a product of two polynomials like the strain.
-        strained = any(effect.strains for _, effect in scene.listed())
+        strained = any(effect.strains for _, effect in statement.listed())
         plain = d.kinematics.uniform and not strained and not d.elastic.pressed
         degree = strain_degree(d.space) if plain and parallelepipeds(d.tagged.mesh) else None
         inventory = d.inventory if inventory is None else inventory
@@ -192,7 +192,7 @@ class StressRecovery:
         self._recovered.x.scatter_forward()
 
 
-def boundary_residual(d: Discretisation, stress: ElementStress, z: Any) -> tuple[Callable[[float], None], Any]:
+def boundary_residual(d: Model, stress: ElementStress, z: Any) -> tuple[Callable[[float], None], Any]:
     """The squared residual of the traction of a scene, see ``squared_residual``.
 
     Only where the traction is known: not in contact, and for prescribed displacements only in free components.  In the
@@ -206,21 +206,22 @@ def boundary_residual(d: Discretisation, stress: ElementStress, z: Any) -> tuple
     Returns:
         What moves the loads to a place in the lists of factors, and the form; None where there is no such boundary.
     """
-    scene, mesh, y = d.scene, d.tagged.mesh, stress.displacement
+    statement, mesh, y = d.statement, d.tagged.mesh, stress.displacement
     exterior_facets = dmesh.exterior_facet_indices(mesh.topology)
-    touching = [name for e in scene.contact for name in (e.boundary, e.against) if name is not None]
+    touching = [name for e in statement.contact for name in (e.boundary, e.against) if name is not None]
     traction_facets = np.setdiff1d(
         exterior_facets, np.concatenate([exterior_facets[:0], *(d.tagged.facets(name) for name in touching)])
     )
-    effects = [effect for _, effect in scene.listed() if effect.where is not None]
+    effects = [effect for _, effect in statement.listed() if effect.where is not None]
     on = np.array([np.isin(traction_facets, d.tagged.facets(effect.where)) for effect in effects], dtype=bool)
     factors = [fem.Constant(mesh, default_scalar_type(1.0)) for _ in effects]
     on_boundary = d.coefficients
+    assert on_boundary is not None
 
     def move_to(step: float) -> None:
         on_boundary.move_to(step)
         for constant, effect in zip(factors, effects, strict=True):
-            constant.value, _ = scene.now(effect, step)
+            constant.value, _ = statement.now(effect, step)
 
     def of(numbers: npt.NDArray[np.int64], traction: Any) -> tuple[Any, list[Any], bool]:
         residual, away = traction, []

@@ -18,7 +18,7 @@ from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities, facet_vertices
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 from signorini_fx.tuned import COARSER_FACETS, STIFFER_BODY
 
 Facets = Mapping[str, npt.NDArray[np.int32]]
@@ -65,7 +65,7 @@ class SideFigures:
         return f"{finer:.2g} times finer" if softer > 1 / STIFFER_BODY and finer > COARSER_FACETS else None
 
 
-def with_chosen_sides(scene: Scene, tagged: TaggedMesh, facets: Facets, shear_modulus: Any) -> Scene:
+def with_chosen_sides(statement: Statement, tagged: TaggedMesh, facets: Facets, shear_modulus: Any) -> Statement:
     """The scene with ``boundary`` and ``against`` exchanged where the points are on the latter; itself if on none;
     collective.
 
@@ -73,7 +73,7 @@ def with_chosen_sides(scene: Scene, tagged: TaggedMesh, facets: Facets, shear_mo
     ``boundary``, where a load enters, and where other contacts or supports need the facets.
 
     Args:
-        scene: the scene.
+        statement: the scene.
         tagged: its mesh.
         facets: of every boundary that the scene names.
         shear_modulus: see ``SideFigures.of``.
@@ -81,21 +81,21 @@ def with_chosen_sides(scene: Scene, tagged: TaggedMesh, facets: Facets, shear_mo
     Raises:
         SceneError: the points are asked for on facets that another contact needs.
     """
-    contacts = list(scene.contact)
+    contacts = list(statement.contact)
     problems = []
-    for number, effect in enumerate(scene.contact):
+    for number, effect in enumerate(statement.contact):
         if effect.against is None or effect.points == "boundary":
             continue
         if effect.points == "auto":
             ours, theirs = (SideFigures.of(name, tagged, shear_modulus) for name in (effect.boundary, effect.against))
-            entered = any(effect.boundary in load.enters for load in scene.joint_loads.values())
+            entered = any(effect.boundary in load.enters for load in statement.joint_loads.values())
             if theirs.better(ours) is None or not _plain(effect) or entered:
                 continue
         taken = [
             name for k, contact in enumerate(contacts) if k != number for name in (contact.boundary, contact.against)
         ]
         if effect.points == "auto":
-            taken += [support.where for support in scene.displacement]
+            taken += [support.where for support in statement.displacement]
         if (existing := _sharing(effect.against, taken, tagged, facets)) is not None:
             if effect.points == "against":
                 message = f"{effect.against!r} shares facets with {existing!r} of another contact: leave the points on"
@@ -110,9 +110,9 @@ def with_chosen_sides(scene: Scene, tagged: TaggedMesh, facets: Facets, shear_mo
         )
     if problems:
         raise SceneError(problems)
-    if all(contact is existing for contact, existing in zip(contacts, scene.contact, strict=True)):
-        return scene
-    return scene.model_copy(update={"contact": tuple(contacts)})
+    if all(contact is existing for contact, existing in zip(contacts, statement.contact, strict=True)):
+        return statement
+    return statement.changed(contact=tuple(contacts))
 
 
 def _plain(effect: Any) -> bool:

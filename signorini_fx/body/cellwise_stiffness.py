@@ -18,7 +18,7 @@ from signorini_fx.errors import SceneError
 from signorini_fx.kinematics.cartesian import Kinematics, position
 from signorini_fx.materials.protocol import PAIRS, Array
 from signorini_fx.mesh.tagged import TaggedMesh
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 from signorini_fx.tuned import NOT_ORTHONORMAL, ZERO_IN_SOLUTION
 
 
@@ -48,15 +48,15 @@ class CellwiseStiffness:
         return stress if initial is None else [stress[k] - initial * self.of_free_strain[k] for k in rows]
 
 
-def cellwise_stiffness(scene: Scene, tagged: TaggedMesh) -> CellwiseStiffness | None:
+def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStiffness | None:
     """That of a scene; None: all of its materials are isotropic; collective.
 
     Raises:
         SceneError: the axes have no direction in some cell; or a plane body would not stay plane.
     """
-    if all(material.isotropic for material in scene.material):
+    if all(material.isotropic for material in statement.material):
         return None
-    kinematics, plane = scene.kinematics_in(tagged.dimension), scene.material[0].hypothesis == "plane stress"
+    kinematics, plane = statement.kinematics_in(tagged.dimension), statement.material[0].hypothesis == "plane stress"
     columns = [PAIRS.index(pair) for pair in kinematics.pairs]
     rows = [*columns, *([PAIRS.index((2, 2))] if kinematics.prevented else [])]
     across = [k for k in range(len(PAIRS)) if k not in columns]
@@ -66,7 +66,7 @@ def cellwise_stiffness(scene: Scene, tagged: TaggedMesh) -> CellwiseStiffness | 
     )
     at_cells, free_at_cells = moduli.x.array.reshape(-1, len(rows), len(columns)), free.x.array.reshape(-1, len(rows))
     problems = []
-    for number, material in enumerate(scene.material):
+    for number, material in enumerate(statement.material):
         if material.region is not None and material.region not in tagged.regions:
             continue  # which is reported elsewhere
         count = len(moduli.function_space.dofmap.list)
@@ -104,7 +104,7 @@ def cellwise_stiffness(scene: Scene, tagged: TaggedMesh) -> CellwiseStiffness | 
         free_at_cells[free.function_space.dofmap.list[cells, 0]] = free_stress
     if problems:
         raise SceneError(problems)
-    share = graded(scene, tagged, "grading")
+    share = graded(statement, tagged, "grading")
     if share is not None:
         at_cells *= share.x.array[:, None, None]
         free_at_cells *= share.x.array[:, None]

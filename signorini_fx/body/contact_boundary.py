@@ -74,7 +74,7 @@ class ContactBoundary:
         x: position, length, shape (n, d).
         weight: w_i, the area (in the plane: length) that belongs to the node, shape (n,).
         normal: outward unit normal n_i, shape (n, d).
-        part: position of the effect in ``scene.contact`` that the node belongs to, shape (n,).
+        part: position of the effect in ``statement.contact`` that the node belongs to, shape (n,).
         free: which displacement components are not prescribed, shape (n, d); where points average, at some node.
         segments: facets of this rank: the part, then global node numbers, shape (facets, 1 + points of a facet); in the
             plane in order along the facet, in space as basix has them.

@@ -10,13 +10,13 @@ from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.contact.laws import ActiveSets
 from signorini_fx.errors import SceneError
 from signorini_fx.scene.expressions import in_space, sample
-from signorini_fx.scene.model import Scene
 from signorini_fx.scene.settings import Box
+from signorini_fx.statement import Statement
 
 
-def first_sets(scene: Scene, boundary: ContactBoundary) -> tuple[ActiveSets, int]:
+def first_sets(statement: Statement, boundary: ContactBoundary) -> tuple[ActiveSets, int]:
     """The sets of the first linear solve and its number (section 7: 0 if a solve only computes the start)."""
-    region = scene.solver.initial_contact
+    region = statement.solver.initial_contact
     full_contact = ActiveSets.all_in_contact(*boundary.tangents.shape[::2])
     if isinstance(region, str):
         return full_contact, 0

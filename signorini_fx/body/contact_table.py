@@ -31,8 +31,8 @@ class ContactTable:
             on.  Where two bodies are in contact, ``against`` names the other boundary.
         chains: the connected pieces of the boundary, as ranges of rows; in space none.  The column ``to_next`` has the
             distance to the next node along a piece; at the last node it is positive where the piece is closed.
-        nodes: position of the boundary in ``scene.contact`` and global number of the node, shape (rows, 2); None for a
-            table that belongs to no mesh.
+        nodes: position of the boundary in ``statement.contact`` and global number of the node, shape (rows, 2); None
+            for a table that belongs to no mesh.
         facets: in space the rows at the nodes of each facet, as basix has them, facets in the order of the ranks, -1
             for nodes that are no contact nodes, shape (facets, nodes of a facet); None in the plane.
     """
@@ -115,7 +115,7 @@ def contact_table(
 
     Args:
         contact: the nodes of this rank.
-        names: name of the boundary of each effect in ``scene.contact``.
+        names: name of the boundary of each effect in ``statement.contact``.
         against: that of the other body of each; None: there is none at all, nor a column for it.
     """
     boundary = contact.boundary

@@ -131,7 +131,7 @@ def _rule(load: Force, on: Any) -> CutRule:
     owner, parts = owner[chosen], parts[chosen]
     k = corners.shape[1]
     # None of its points is on the boundary of a part, where the load jumps.
-    scheme, degree = basix.QuadratureType.gauss_jacobi, load.degree(on.scene.element.degree)
+    scheme, degree = basix.QuadratureType.gauss_jacobi, load.degree(on.statement.element.degree)
     points, weights = basix.make_quadrature(SIMPLICES[k - 1], degree, rule=scheme)
     local = np.column_stack((1 - points.sum(axis=1), points)) @ parts
     edges = x[owner, 1:] - x[owner, :1]

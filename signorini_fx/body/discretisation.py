@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -30,145 +30,28 @@ from signorini_fx.body.loads import (
     load_groups,
 )
 from signorini_fx.body.moduli import check_covers, lame_coefficients, reduced_degree
-from signorini_fx.body.named_body import NamedBody
 from signorini_fx.body.pieces import find_pieces
 from signorini_fx.body.rigid_bodies import RigidBodies
 from signorini_fx.body.scene_contact import foundations_of
-from signorini_fx.body.shared_values import shared_in
 from signorini_fx.body.supports import Conditions, Supports, at_rest, check_overlap
 from signorini_fx.contact.friction import PointFriction
-from signorini_fx.contact.laws import RegularisedData
 from signorini_fx.errors import FormError, MeshError, SceneError, together
-from signorini_fx.linalg import ElasticSystem
-from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.materials.trial import check_materials
 from signorini_fx.mesh.tagged import TaggedMesh, check_fits
 from signorini_fx.method import Settings
+from signorini_fx.model import Model
 from signorini_fx.records import Inventory, Timings
 from signorini_fx.scales import Scales
 from signorini_fx.scene.effect import Load
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON
 
 if TYPE_CHECKING:
     from signorini_fx.body.paired_points import PairedSides
 
 
-@dataclass(frozen=True, kw_only=True)
-class Discretisation(NamedBody):
-    """A scene on its mesh: the elastic body that its effects make, and all data of it.
-
-    Attributes:
-        supports: the prescribed displacements, one component each; ``bcs`` with their effects.
-        applied: the loads, by their load factors.
-        data: the regularised problem at the contact points, without shifts; None for a scene without contact.
-        resisting: name of the form ``resists``; empty without.
-        coefficients: of the forms of loads and resistances.
-    """
-
-    supports: Conditions
-    applied: tuple[AppliedLoad, ...]
-    data: RegularisedData | None
-    resisting: str
-    coefficients: FormCoefficients
-
-    @property
-    def scales(self) -> Scales:
-        """What its lengths and stresses are compared with."""
-        scene, tagged = self.scene, self.tagged
-        return Scales(tagged.dimension, scene.young, tagged.size, self.kinematics.depth(tagged.size))
-
-    def factors(self, step: float) -> npt.NDArray[np.float64]:
-        """The factors of the applied loads at a place in the lists of factors, see ``scene.load_steps``."""
-        return np.array([load.factor(step) for load in self.applied])
-
-    def applied_at(self, step: float) -> list[tuple[float, AppliedLoad]]:
-        """The applied loads at a place with their factors; collective."""
-        return [(load.factor(step), load.at(step)) for load in self.applied]
-
-    @shared_in("of_body")
-    def cases(self) -> tuple[LoadCase, ...]:
-        """The right-hand sides of the applied loads, in their order; those of the first load step; collective."""
-        return tuple(map(self._case, self.applied))
-
-    def _case(self, load: AppliedLoad) -> LoadCase:
-        return self.case(load.forces, load.prescribed, load.driven, load.pushing, load.swelling)
-
-    def placed(self, step: float) -> Discretisation:
-        """The same with foundations and friction of a place where they depend on the time; itself if none does;
-        collective.
-        """
-        scene = self.scene.placed(step)
-        if scene is self.scene or self.boundary is None:
-            return self
-        if not any(effect.moves for effect in scene.contact):
-            return replace(self, scene=scene, law=self.law_of(scene))
-        aligned = scene.solver.algorithm == "exact"  # whose unknowns are along the normals
-        of_body = {} if aligned else self.of_body
-        return replace(self, scene=scene, of_body=of_body, **self.contact_of(scene))
-
-    def contact_of(self, scene: Scene) -> dict[str, Any]:
-        """``boundary``, ``data`` and ``law`` of another scene that differs in its contact only; collective."""
-        foundations = _foundations(scene, self.space, boundary_facets(scene, self.tagged), Inventory())
-        shapes = foundations.shapes()
-        rests = at_rest(self.space, self.supports, self.turned, self.fixed)
-        boundary = foundations.boundary(shapes, self.fixed, self.turned, rests)
-        data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(scene.solver), self.scales)
-        return {"boundary": boundary, "data": data, "law": law}
-
-    def law_of(self, scene: Scene) -> PointFriction | None:
-        """``law`` of another scene that differs in its friction only; collective."""
-        assert self.boundary is not None
-        foundations = _foundations(scene, self.space, boundary_facets(scene, self.tagged), Inventory())
-        return foundations.law(self.boundary, self.scales.modulus)
-
-    def friction(self) -> list[NodalFriction]:
-        """That of each contact at the nodes; collective."""
-        return _foundations(self.scene, self.space, boundary_facets(self.scene, self.tagged), Inventory()).friction()
-
-    def with_gap_and_friction(self, scene: Scene) -> Discretisation:
-        """The same contact points with gap and friction of another scene that differs in nothing else, and has no
-        friction with axes; collective.
-        """
-        assert self.boundary is not None
-        foundations = _foundations(scene, self.space, boundary_facets(scene, self.tagged), Inventory())
-        values = foundations.data(foundations.shapes())
-        scales = Scales(self.tagged.dimension, scene.young, self.tagged.size)
-        data, law = foundations.problem(self.boundary, values, Settings.of(scene.solver), scales)
-        return replace(self, scene=scene, data=data, law=law)
-
-    def moved_since(self, earlier: Scene) -> npt.NDArray[np.float64]:
-        """How far the foundations have moved at the contact points from where they are in another scene, length, shape
-        (n, d).
-        """
-        assert self.boundary is not None
-        moved, dimension = np.zeros_like(self.boundary.x), self.tagged.dimension
-        for number, (contact, earlier_contact) in enumerate(zip(self.scene.contact, earlier.contact, strict=True)):
-            if contact.moves:
-                on_part = self.boundary.part == number
-                x = self.boundary.x[on_part, :dimension]
-                moved[on_part, :dimension] = contact.foundation.moved_from(earlier_contact.foundation, x)
-        return moved
-
-    def alone(self, scene: Scene, load: Load) -> AppliedLoad:
-        """A load of another scene on the same mesh, one that prescribes no displacement; collective."""
-        on = replace(self.coefficients, scene=scene.placed(0), inventory=Inventory())
-        return applied_load(group_of(scene, load), [load], on, ufl.TestFunction(self.space), _no_supports)
-
-    def load(self, system: ElasticSystem, step: float) -> npt.NDArray[np.float64]:
-        """Give a system the loads that depend on the time as they are at a place; collective.
-
-        Returns:
-            The factors of all loads, for ``system.set_load``.
-        """
-        for number, load in enumerate(self.applied):
-            if load.again is not None:
-                system.set_case(number, self._case(load.at(step)))
-        return self.factors(step)
-
-
-def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisation:
+def discretise(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Model:
     """Compile and assemble the effects that the scene lists; collective.
 
     Raises:
@@ -176,7 +59,7 @@ def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisa
         MeshError: see ``prepare``.
     """
     free_unused(tagged.mesh)
-    discretised = prepare(scene, tagged, timings)
+    discretised = prepare(statement, tagged, timings)
     with timings.phase("compile"):
         assert discretised.forms
     with timings.phase("assemble"):
@@ -184,7 +67,7 @@ def discretise(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisa
     return discretised
 
 
-def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisation:
+def prepare(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Model:
     """Compile and assemble loads and contact boundaries, and find all errors; collective.
 
     Raises:
@@ -192,80 +75,82 @@ def prepare(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisatio
             contact and prescribed displacement in conflict, expressions that are not finite.
         MeshError: the cells of the mesh are not connected.
     """
-    if scene.kinematics.out_of_section and tagged.dimension == tagged.mesh.geometry.dim == 2:
+    if statement.kinematics.out_of_section and tagged.dimension == tagged.mesh.geometry.dim == 2:
         from signorini_fx.mesh.section import section_in_space
 
         tagged = replace(tagged, mesh=section_in_space(tagged.mesh))
     try:
-        return _prepared(scene.placed(0), tagged, timings)
+        return _prepared(statement.placed(0), tagged, timings)
     except FormError as error:  # of a foundation; the allowance of a pair is the gap of a scene
         raise SceneError([(path.replace("].allowance", "].gap"), wrong) for path, wrong in error.problems]) from None
 
 
-def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisation:
-    check_materials(scene.material)
+def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Model:
+    check_materials(statement.material)
     facets, lame, stiffness, reduced, *_ = together(
-        partial(boundary_facets, scene, tagged),
-        partial(lame_coefficients, scene, tagged),
-        partial(cellwise_stiffness, scene, tagged),
-        partial(reduced_degree, scene, tagged.mesh),
-        partial(check_fits, scene, tagged),
-        partial(check_strains, scene, tagged),
-        partial(check_covers, scene, tagged),
+        partial(boundary_facets, statement, tagged),
+        partial(lame_coefficients, statement, tagged),
+        partial(cellwise_stiffness, statement, tagged),
+        partial(reduced_degree, statement, tagged.mesh),
+        partial(check_fits, statement, tagged),
+        partial(check_strains, statement, tagged),
+        partial(check_covers, statement, tagged),
     )
-    if scene.sides[1] is not None:
+    if statement.sides[1] is not None:
         from signorini_fx.body.carrying_side import with_chosen_sides
 
-        scene = with_chosen_sides(scene, tagged, facets, lame[1])
+        statement = with_chosen_sides(statement, tagged, facets, lame[1])
     pieces = find_pieces(tagged.mesh)
-    if scene.body:
-        pieces = pieces.of_bodies(tagged.mesh.comm, {body.name: tagged.cells(body.name) for body in scene.body})
-    space = fem.functionspace(tagged.mesh, ("Lagrange", scene.element.degree, (tagged.mesh.geometry.dim,)))
+    if statement.bodies:
+        pieces = pieces.of_bodies(tagged.mesh.comm, {name: tagged.cells(name) for name in statement.bodies})
+    space = fem.functionspace(tagged.mesh, ("Lagrange", statement.element.degree, (tagged.mesh.geometry.dim,)))
     inventory = Inventory()
-    elastic = elastic_law(scene, tagged, space, inventory, pieces, (lame, stiffness, reduced))
+    elastic = elastic_law(statement, tagged, space, inventory, pieces, (lame, stiffness, reduced))
     inventory.forms.extend(elastic.names)
     z = ufl.TestFunction(space)
-    kinematics = scene.kinematics_in(tagged.dimension)
+    kinematics = statement.kinematics_in(tagged.dimension)
     with timings.phase("compile"):
-        supports = Supports.of(scene, space, facets, tagged)
+        supports = Supports.of(statement, space, facets, tagged)
         fixed, turned = supports.fixed, supports.turned
-        on_mesh = FormCoefficients(scene, tagged, space, inventory)
+        on_mesh = FormCoefficients(statement, tagged, space, inventory)
         resisting, resistance = compile_resistance(on_mesh, z)
-        applied = [applied_load(group, loads, on_mesh, z, supports.at) for group, loads in load_groups(scene).items()]
-        on = [facets[effect.boundary] for effect in scene.contact]
-        foundations = _foundations(scene, space, facets, inventory)
+        applied = [
+            applied_load(group, loads, on_mesh, z, supports.at) for group, loads in load_groups(statement).items()
+        ]
+        on = [facets[effect.boundary] for effect in statement.contact]
+        foundations = _foundations(statement, space, facets, inventory)
         assert len(foundations.forms) == len(on)
     with timings.phase("assemble"):
         shapes = foundations.shapes()
-        rests = at_rest(space, supports.conditions, turned, fixed) if scene.sides[1] is not None else None
+        rests = at_rest(space, supports.conditions, turned, fixed) if statement.sides[1] is not None else None
         boundary = foundations.boundary(shapes, fixed, turned, rests) if on else None
-        rigid = RigidBodies(scene.rigid_bodies, kinematics, tagged.size)
+        rigid = RigidBodies(statement.rigid_bodies, kinematics, tagged.size)
         if boundary is not None:
             boundary = rigid.on(boundary)
-            applied += [driving_load(rigid, number, scene, space) for number in range(len(rigid.bodies))]
-        if jumps := jumps_in(scene, tagged, space):
-            bonded = [k for k, contact in enumerate(scene.contact) if contact.kind == "bonded"]
+            applied += [driving_load(rigid, number, statement, space) for number in range(len(rigid.bodies))]
+        if jumps := jumps_in(statement, tagged, space):
+            bonded = [k for k, contact in enumerate(statement.contact) if contact.kind == "bonded"]
             held = partial(holds, fixed=fixed, turned=turned, boundary=boundary, bonded=bonded)
-            applied += jump_loads(jumps, scene, space, elastic, inventory, held)
+            applied += jump_loads(jumps, statement, space, elastic, inventory, held)
         if boundary is not None:
-            applied += [load for interface in scene.interfaces for load in interface.loads(tagged, space, boundary)]
+            applied += [load for interface in statement.interfaces for load in interface.loads(tagged, space, boundary)]
     together(
         partial(check_finite, tagged.mesh.comm, applied),
-        partial(check_resistances, scene, tagged),
-        lambda: None if boundary is None else check_overlap(scene, boundary, facets, tagged),
+        partial(check_resistances, statement, tagged),
+        lambda: None if boundary is None else check_overlap(statement, boundary, facets, tagged),
     )
     data = law = None
     if boundary is not None:
-        if scene.solver.algorithm == "exact":
+        if statement.solver.algorithm == "exact":
             boundary.aligned()
-        scales = Scales(tagged.dimension, scene.young, tagged.size)
-        data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(scene.solver), scales)
-        for step in range(1, scene.steps if any(effect.friction.timed for effect in scene.contact) else 1):
+        scales = Scales(tagged.dimension, statement.young, tagged.size)
+        data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(statement.solver), scales)
+        for step in range(1, statement.steps if any(effect.friction.timed for effect in statement.contact) else 1):
             # Errors are found before the first step.
-            _foundations(scene.placed(step), space, facets, inventory).friction()
+            _foundations(statement.placed(step), space, facets, inventory).friction()
     resists = () if resistance is None else (resistance,)
 
-    return Discretisation(
+    return Model(
         space=space,
         terms=lambda: (*elastic.compiled(space, inventory), *resists),
         resists=resists,
@@ -274,12 +159,12 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
         fixed=fixed,
         pieces=pieces,
         boundary=boundary,
-        settings=scene.solver,
+        settings=statement.solver,
         inventory=inventory,
         kinematics=kinematics,
-        compressible=max(material.mean_poisson for material in scene.material) <= LARGEST_MULTIGRID_POISSON,
+        compressible=max(material.mean_poisson for material in statement.material) <= LARGEST_MULTIGRID_POISSON,
         elastic=elastic,
-        scene=scene,
+        statement=statement,
         tagged=tagged,
         lame=lame,
         moduli=stiffness,
@@ -294,37 +179,109 @@ def _prepared(scene: Scene, tagged: TaggedMesh, timings: Timings) -> Discretisat
     )
 
 
+def placed(model: Model, step: float) -> Model:
+    """The same with foundations and friction of a place where they depend on the time; itself if none does;
+    collective.
+    """
+    statement = model.statement.placed(step)
+    if statement is model.statement or model.boundary is None:
+        return model
+    if not any(effect.moves for effect in statement.contact):
+        return replace(model, statement=statement, law=law_of(model, statement))
+    aligned = statement.solver.algorithm == "exact"  # whose unknowns are along the normals
+    of_body = {} if aligned else model.of_body
+    return replace(model, statement=statement, of_body=of_body, **contact_of(model, statement))
+
+
+def contact_of(model: Model, statement: Statement) -> dict[str, Any]:
+    """``boundary``, ``data`` and ``law`` of another statement that differs in its contact only; collective."""
+    foundations = _foundations_on(model, statement)
+    shapes = foundations.shapes()
+    rests = at_rest(model.space, model.supports, model.turned, model.fixed)
+    boundary = foundations.boundary(shapes, model.fixed, model.turned, rests)
+    data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(statement.solver), model.scales)
+    return {"boundary": boundary, "data": data, "law": law}
+
+
+def law_of(model: Model, statement: Statement) -> PointFriction | None:
+    """``law`` of another statement that differs in its friction only; collective."""
+    assert model.boundary is not None
+    return _foundations_on(model, statement).law(model.boundary, model.scales.modulus)
+
+
+def friction_of(model: Model) -> list[NodalFriction]:
+    """That of each contact at the nodes; collective."""
+    return _foundations_on(model, model.statement).friction()
+
+
+def with_gap_and_friction(model: Model, statement: Statement) -> Model:
+    """The same contact points with gap and friction of another statement that differs in nothing else, and has no
+    friction with axes; collective.
+    """
+    assert model.boundary is not None
+    foundations = _foundations_on(model, statement)
+    values = foundations.data(foundations.shapes())
+    scales = Scales(model.tagged.dimension, statement.young, model.tagged.size)
+    data, law = foundations.problem(model.boundary, values, Settings.of(statement.solver), scales)
+    return replace(model, statement=statement, data=data, law=law)
+
+
+def moved_since(model: Model, earlier: Statement) -> npt.NDArray[np.float64]:
+    """How far the foundations have moved at the contact points from where they are in another statement, length, shape
+    (n, d).
+    """
+    assert model.boundary is not None
+    moved, dimension = np.zeros_like(model.boundary.x), model.tagged.dimension
+    for number, (contact, earlier_contact) in enumerate(zip(model.statement.contact, earlier.contact, strict=True)):
+        if contact.moves:
+            on_part = model.boundary.part == number
+            x = model.boundary.x[on_part, :dimension]
+            moved[on_part, :dimension] = contact.foundation.moved_from(earlier_contact.foundation, x)
+    return moved
+
+
+def alone(model: Model, statement: Statement, load: Load) -> AppliedLoad:
+    """A load of another statement on the same mesh, one that prescribes no displacement; collective."""
+    assert model.coefficients is not None
+    on = replace(model.coefficients, statement=statement.placed(0), inventory=Inventory())
+    return applied_load(group_of(statement, load), [load], on, ufl.TestFunction(model.space), _no_supports)
+
+
+def _foundations_on(model: Model, statement: Statement) -> Foundations:
+    return _foundations(statement, model.space, boundary_facets(statement, model.tagged), Inventory())
+
+
 def _no_supports(step: float) -> tuple[Conditions, None]:
     return [], None
 
 
 def _foundations(
-    scene: Scene, space: fem.FunctionSpace, facets: Mapping[str, npt.NDArray[np.int32]], inventory: Inventory
+    statement: Statement, space: fem.FunctionSpace, facets: Mapping[str, npt.NDArray[np.int32]], inventory: Inventory
 ) -> Foundations:
     """The contact of a scene, from the facets of all boundaries."""
-    on = [facets[effect.boundary] for effect in scene.contact]
+    on = [facets[effect.boundary] for effect in statement.contact]
     masters = {
-        number: facets[effect.against] for number, effect in enumerate(scene.contact) if effect.against is not None
+        number: facets[effect.against] for number, effect in enumerate(statement.contact) if effect.against is not None
     }
-    names = [f"contact {effect.boundary}" for effect in scene.contact]
-    return Foundations(space, foundations_of(scene, on, masters), on, names, inventory, masters)
+    names = [f"contact {effect.boundary}" for effect in statement.contact]
+    return Foundations(space, foundations_of(statement, on, masters), on, names, inventory, masters)
 
 
-def pairs_of(scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace) -> dict[int, PairedSides]:
-    """Both sides of each contact of two bodies, paired anew, by its place in ``scene.contact``."""
-    facets = boundary_facets(scene, tagged)
-    supports = Supports.of(scene, space, facets, tagged)
+def pairs_of(statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> dict[int, PairedSides]:
+    """Both sides of each contact of two bodies, paired anew, by its place in ``statement.contact``."""
+    facets = boundary_facets(statement, tagged)
+    supports = Supports.of(statement, space, facets, tagged)
     rests = at_rest(space, supports.conditions, supports.turned, supports.fixed)
-    foundations = _foundations(scene, space, facets, Inventory())
+    foundations = _foundations(statement, space, facets, Inventory())
     foundations.boundary(foundations.shapes(), supports.fixed, supports.turned, rests)
     return foundations.pairs
 
 
-def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[np.int32]]:
+def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, npt.NDArray[np.int32]]:
     """Facets of every boundary that the scene names; all missing and empty ones are reported together."""
     facets: dict[str, npt.NDArray[np.int32]] = {}
     problems: list[tuple[str, str]] = []
-    for path, effect in scene.listed():
+    for path, effect in statement.listed():
         for key, name in (("boundary", effect.where), ("against", getattr(effect, "against", None))):
             if name is None:
                 continue
@@ -336,10 +293,10 @@ def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[n
             facets[name] = indices
             if parallel.global_sum(tagged.mesh.comm, np.array(indices.size)) == 0:
                 problems.append((f"{path}.{key}", f"boundary {name!r} has no exterior facets"))
-    sides = [(f"contact[{index}].boundary", effect.boundary) for index, effect in enumerate(scene.contact)]
+    sides = [(f"contact[{index}].boundary", effect.boundary) for index, effect in enumerate(statement.contact)]
     sides += [
         (f"contact[{index}].against", effect.against)
-        for index, effect in enumerate(scene.contact)
+        for index, effect in enumerate(statement.contact)
         if effect.against is not None
     ]
     for number, (path, name) in enumerate(sides):
@@ -356,10 +313,10 @@ def boundary_facets(scene: Scene, tagged: TaggedMesh) -> dict[str, npt.NDArray[n
                     if path.rpartition(".")[0] == earlier_path.rpartition(".")[0]:
                         message += "; where two bodies touch, an expression finds the facets of both: take names of the"
                         message += " mesh file, or a [[body]] for each"
-                    elif scene.sides[1] is not None:
+                    elif statement.sides[1] is not None:
                         message += "; of a body that several others touch there, all contacts name it in 'against'"
                     problems.append((path, message))
-    for path, effect in scene.listed():
+    for path, effect in statement.listed():
         region = getattr(effect, "region", None)
         if region is not None and region not in tagged.regions:
             region_names = ", ".join(sorted(tagged.regions)) or "none"

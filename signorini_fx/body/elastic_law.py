@@ -29,7 +29,7 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.materials.isotropic import elastic_forms, initial_strain_forms
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 
 _Floats = npt.NDArray[np.float64]
 # Which of the parts of a body, its cells, and stresses at their vertices -> that out of the plane, see ``LawStress``.
@@ -213,13 +213,13 @@ class SceneLaw(ElasticLaw):
     """That of the materials of a scene.
 
     Attributes:
-        scene: the scene.
+        statement: the scene.
         tagged: its mesh.
         space: of the displacement.
         lame: Lame parameters as coefficients, of other materials their means.
     """
 
-    scene: Scene
+    statement: Statement
     tagged: TaggedMesh
     space: fem.FunctionSpace
     lame: tuple[Any, Any]
@@ -227,7 +227,7 @@ class SceneLaw(ElasticLaw):
     @property
     def kinematics(self) -> Kinematics:
         """Of the body."""
-        return self.scene.kinematics_in(self.tagged.dimension)
+        return self.statement.kinematics_in(self.tagged.dimension)
 
     @property
     def degree(self) -> int:
@@ -242,7 +242,7 @@ class SceneLaw(ElasticLaw):
 
     def lateral(self, part: int, cells: npt.NDArray[np.int32], tau: _Floats) -> _Floats:
         """``OutOfPlane`` of an isotropic material."""
-        poisson = np.reshape(poisson_of(self.scene.material[part], self.tagged, cells), (-1, 1))
+        poisson = np.reshape(poisson_of(self.statement.material[part], self.tagged, cells), (-1, 1))
         return np.asarray(poisson * (tau[..., 0] + tau[..., 1]))
 
 
@@ -271,7 +271,7 @@ class IsotropicLaw(SceneLaw):
 
     def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
         """See ``ElasticLaw``."""
-        directions = self.scene.material[0].directions
+        directions = self.statement.material[0].directions
         more = {"directions": directions, "kinematics": self.kinematics}
         return initial_strain_forms(z, strain, *self.lame, degree, self.reduced, **more)
 
@@ -282,7 +282,7 @@ class IsotropicLaw(SceneLaw):
         theta, prevented = ufl.tr(elastic), None
         if initial is not None:
             elastic -= initial * ufl.Identity(elastic.ufl_shape[0])
-            theta -= self.scene.material[0].directions * initial
+            theta -= self.statement.material[0].directions * initial
             prevented = self.prevented(mu * (3 * lame + 2 * mu) / (lame + mu), initial)  # E times the initial strain
         interpolated = []
         if self.reduced is not None:

@@ -13,15 +13,15 @@ from signorini_fx.body.moduli import lame_coefficients, reduced_degree
 from signorini_fx.body.pieces import BodyPieces
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
-from signorini_fx.scene.model import Scene
 from signorini_fx.scene.volumetric import treatment_of
+from signorini_fx.statement import Statement
 
 # Lame parameters, the stiffness of each cell, and the degree of the reduced term, see ``SceneLaw``.
 Moduli = tuple[tuple[Any, Any], CellwiseStiffness | None, int | None]
 
 
 def elastic_law(
-    scene: Scene,
+    statement: Statement,
     tagged: TaggedMesh,
     space: fem.FunctionSpace,
     inventory: Inventory,
@@ -31,7 +31,7 @@ def elastic_law(
     """That of a scene on its mesh; collective.
 
     Args:
-        scene: the scene.
+        statement: the scene.
         tagged: its mesh.
         space: of the displacement.
         inventory: where forms are compiled.
@@ -39,17 +39,17 @@ def elastic_law(
         moduli: those of the scene; None: they are computed.
     """
     lame, stiffness, reduced = moduli or (
-        lame_coefficients(scene, tagged),
-        cellwise_stiffness(scene, tagged),
-        reduced_degree(scene, tagged.mesh),
+        lame_coefficients(statement, tagged),
+        cellwise_stiffness(statement, tagged),
+        reduced_degree(statement, tagged.mesh),
     )
-    if treatment_of(scene).pressed:
-        return MixedLaw(scene, tagged, space, lame, pieces, inventory)
+    if treatment_of(statement).pressed:
+        return MixedLaw(statement, tagged, space, lame, pieces, inventory)
     if stiffness is not None:
-        return CellwiseLaw(scene, tagged, space, lame, stiffness)
-    return IsotropicLaw(scene, tagged, space, lame, reduced)
+        return CellwiseLaw(statement, tagged, space, lame, stiffness)
+    return IsotropicLaw(statement, tagged, space, lame, reduced)
 
 
-def volume_forces(scene: Scene) -> VolumeForces:
+def volume_forces(statement: Statement) -> VolumeForces:
     """The second opinion of the law of a scene."""
-    return PressureForces() if treatment_of(scene).pressed else VolumeForces()
+    return PressureForces() if treatment_of(statement).pressed else VolumeForces()

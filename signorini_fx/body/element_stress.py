@@ -11,11 +11,11 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.elastic_law import LawStress
 from signorini_fx.body.initial_strains import initial_strain
 from signorini_fx.body.jumps import total_jump
 from signorini_fx.kinematics.cartesian import Kinematics, position
+from signorini_fx.model import Model
 
 _Floats = npt.NDArray[np.float64]
 
@@ -71,7 +71,7 @@ class ElementStress:
         return ufl.as_tensor(components)
 
 
-def element_stress(body: Discretisation, displacement: fem.Function, step: float = 0.0) -> ElementStress:
+def element_stress(body: Model, displacement: fem.Function, step: float = 0.0) -> ElementStress:
     """That of a scene, by the law of its body; collective.
 
     Args:
@@ -79,8 +79,8 @@ def element_stress(body: Discretisation, displacement: fem.Function, step: float
         displacement: y.
         step: the place of the initial strains in the lists of factors.
     """
-    initial, move_to = initial_strain(body.scene, body.tagged, body.space, step)
-    jump, jump_to = total_jump(body.scene, body.tagged, body.space)
+    initial, move_to = initial_strain(body.statement, body.tagged, body.space, step)
+    jump, jump_to = total_jump(body.statement, body.tagged, body.space)
 
     def move(step: float) -> None:
         move_to(step)
@@ -140,9 +140,9 @@ def stress_by(
     )
 
 
-def _materials(d: Discretisation) -> list[npt.NDArray[np.int32]]:
+def _materials(d: Model) -> list[npt.NDArray[np.int32]]:
     """The cells of each material, ghosts included."""
-    if len(d.scene.material) > 1:
-        return [d.tagged.cells(str(material.region)) for material in d.scene.material]
+    if len(d.statement.material) > 1:
+        return [d.tagged.cells(str(material.region)) for material in d.statement.material]
     index_map = d.tagged.mesh.topology.index_map(d.tagged.dimension)
     return [np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)]

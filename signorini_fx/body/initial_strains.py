@@ -15,17 +15,17 @@ from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.scene.effect import InitialStrain
 from signorini_fx.scene.expressions import Expression, sample
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 from signorini_fx.tuned import LARGEST_NUMBER
 
 
 def initial_strain(
-    scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, step: float
+    statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace, step: float
 ) -> tuple[Any, Callable[[float], None]]:
     """All initial strains together in each direction, UFL, and what moves them to a place in the lists of factors.
 
     Args:
-        scene: the scene.
+        statement: the scene.
         tagged: its mesh.
         space: of the displacement.
         step: where they are to begin with.
@@ -33,22 +33,22 @@ def initial_strain(
     Returns:
         None in place of the strain where there is none.
     """
-    effects = [effect for effect in scene.of(InitialStrain) if effect.acts]
+    effects = [effect for effect in statement.of(InitialStrain) if effect.acts]
     if not effects:
         return None, lambda step: None
-    on = FormCoefficients(scene, tagged, space, Inventory())  # of its own: other stresses are at other places
+    on = FormCoefficients(statement, tagged, space, Inventory())  # of its own: other stresses are at other places
     factors = [fem.Constant(tagged.mesh, default_scalar_type(0.0)) for _ in effects]
 
     def move_to(step: float) -> None:
         on.move_to(step)
         for constant, effect in zip(factors, effects, strict=True):
-            constant.value, _ = scene.now(effect, step)
+            constant.value, _ = statement.now(effect, step)
 
     move_to(step)
     return sum(factor * effect.strain(on) for factor, effect in zip(factors, effects, strict=True)), move_to
 
 
-def check_strains(scene: Scene, tagged: TaggedMesh) -> None:
+def check_strains(statement: Statement, tagged: TaggedMesh) -> None:
     """Whether the values of initial strains are finite at the nodes of the mesh in all load steps; collective.
 
     A callable is asked at the nodes of its region alone, see ``BodyCoefficients.value_in``.
@@ -57,15 +57,15 @@ def check_strains(scene: Scene, tagged: TaggedMesh) -> None:
         SceneError: they are not.
     """
     problems, x = [], tagged.mesh.geometry.x.T.astype(np.float64)
-    for path, effect in scene.listed():
+    for path, effect in statement.listed():
         if not isinstance(effect, InitialStrain):
             continue
         region = getattr(effect, "region", None)
         if region is not None and region not in tagged.regions:
             continue  # said where names are looked at
         inside = None if region is None else np.unique(compat.geometry_cells(tagged.mesh)[tagged.cells(region)])
-        for step in range(scene.steps if effect.timed else 1):
-            for key, value in effect.at_time(scene.time_at(step)).given.items():
+        for step in range(statement.steps if effect.timed else 1):
+            for key, value in effect.at_time(statement.time_at(step)).given.items():
                 error: SceneError | None = None
                 try:
                     at = x if inside is None or isinstance(value, Expression) else x[:, inside]

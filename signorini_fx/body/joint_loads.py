@@ -23,7 +23,7 @@ from signorini_fx.body.joint_pressure import Flags
 from signorini_fx.body.node_positions import node_positions
 from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 
 Array = npt.NDArray[np.float64]
 
@@ -34,7 +34,7 @@ class _Entrance:
 
     Attributes:
         load: position in ``scene.joint_loads``.
-        part: position in ``scene.contact``.
+        part: position in ``statement.contact``.
         pressure: of the load at the nodes of this rank, ghosts included, stress, shape (nodes,).
         begins: the nodes that the boundary of the load shares with the contact, shape (nodes,).
         facets: which nodes each facet of the contact on this rank has, sparse, shape (facets, nodes).
@@ -110,7 +110,7 @@ class JointLoads:
     """The loads that enter the contact of a scene, at a place in its lists of factors; all methods are collective.
 
     Args:
-        scene: the scene.
+        statement: the scene.
         tagged: its mesh.
         space: the displacements.
         boundary: the contact points of this rank, n of them.
@@ -122,19 +122,19 @@ class JointLoads:
     """
 
     def __init__(
-        self, scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, boundary: ContactBoundary, step: float
+        self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace, boundary: ContactBoundary, step: float
     ) -> None:
         self._space, self._boundary, self._entrances = space, boundary, list[_Entrance]()
         self._closed: dict[int, str] = {}
-        self._loads = len(scene.joint_loads)
+        self._loads = len(statement.joint_loads)
         x, nodes = node_positions(space)[:, : boundary.x.shape[1]], space.dofmap.index_map
-        parts = {contact.boundary: part for part, contact in enumerate(scene.contact)}
+        parts = {contact.boundary: part for part, contact in enumerate(statement.contact)}
         problems = []
-        for number, (path, load) in enumerate(scene.joint_loads.items()):
-            if load.closed == "linear" and scene.kinematics_in(tagged.dimension).whole:
+        for number, (path, load) in enumerate(statement.joint_loads.items()):
+            if load.closed == "linear" and statement.kinematics_in(tagged.dimension).whole:
                 wrong = "'linear' is for the plane: what spreads on a surface needs the paths along which it goes on"
                 problems.append((f"{path}.closed", wrong))
-            factor, current_load = scene.now(load, step)
+            factor, current_load = statement.now(load, step)
             wall = np.zeros(len(x), dtype=bool)
             wall[facet_nodes(space, tagged.facets(load.boundary)).ravel()] = True
             for part, name in ((parts[name], name) for name in load.enters):

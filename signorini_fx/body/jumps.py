@@ -27,7 +27,7 @@ from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.scene.effect import Load
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 from signorini_fx.tuned import SAME_DIRECTION
 
 _Floats = npt.NDArray[np.float64]
@@ -68,14 +68,14 @@ class Jump:
         return jump
 
 
-def jumps_in(scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace) -> list[Jump]:
+def jumps_in(statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> list[Jump]:
     """Those of a scene; collective."""
-    return [jump for interface in scene.interfaces for jump in interface.jumps(tagged, space)]
+    return [jump for interface in statement.interfaces for jump in interface.jumps(tagged, space)]
 
 
 def jump_loads(
     jumps: Sequence[Jump],
-    scene: Scene,
+    statement: Statement,
     space: fem.FunctionSpace,
     elastic: ElasticLaw,
     inventory: Inventory,
@@ -85,7 +85,7 @@ def jump_loads(
 
     Args:
         jumps: J.
-        scene: the scene.
+        statement: the scene.
         space: of the displacement.
         elastic: what gives the terms of a(., .).
         inventory: where forms are compiled.
@@ -103,7 +103,7 @@ def jump_loads(
         forms = tuple(inventory.compile(name, partial(fem.form, term)) for name, term in zip(names, terms, strict=True))
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         forces, swelling = elastic.work(forms, owned)
-        ones, zero_displacement = (1.0,) * scene.steps, fem.Function(space)
+        ones, zero_displacement = (1.0,) * statement.steps, fem.Function(space)
         load = AppliedLoad(ones, names, forms, -forces, zero_displacement, balanced=True, swelling=swelling)
         loads.append(replace(load, entry=jump.entry, amount=jump.amount))
     return loads
@@ -142,13 +142,15 @@ def holds(
     return held or bool((of_points & holding).any())
 
 
-def total_jump(scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace) -> tuple[Any, Callable[[float], None]]:
+def total_jump(
+    statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace
+) -> tuple[Any, Callable[[float], None]]:
     """All jumps together, UFL, and what moves them to a place in the lists of factors; they are still zero.
 
     Returns:
         None in place of the jump where there is none.
     """
-    jumps = jumps_in(scene, tagged, space)
+    jumps = jumps_in(statement, tagged, space)
     amounts = [fem.Constant(tagged.mesh, default_scalar_type(0.0)) for _ in jumps]
 
     def move_to(step: float) -> None:

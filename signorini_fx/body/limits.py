@@ -20,10 +20,10 @@ from scipy.optimize import linprog
 
 from signorini_fx import compat, parallel
 from signorini_fx.body.contact_boundary import tangents_of
-from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.rigid import rigid_modes
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.reactions import Reactions, nearest
+from signorini_fx.model import Model
 from signorini_fx.scene.features import refused_by
 from signorini_fx.tuned import BALANCED, LEANING_NORMAL, LOWERED_LIMITS, SAME_LENGTH
 
@@ -119,11 +119,11 @@ class LimitSurface:
         return motion if motion is not None and self.pushed(motion).max() < 0 else None
 
 
-def surface_of(d: Discretisation, pressing: npt.NDArray[np.bool_] | None = None) -> dict[int, LimitSurface]:
+def surface_of(d: Model, pressing: npt.NDArray[np.bool_] | None = None) -> dict[int, LimitSurface]:
     """The contact surface of each assembly; collective.
 
     Args:
-        d: the discretised scene.
+        d: the model.
         pressing: the contact points of this rank that may press, shape (n,); a facet with one of them may; None: all.
 
     Raises:
@@ -137,11 +137,11 @@ def surface_of(d: Discretisation, pressing: npt.NDArray[np.bool_] | None = None)
     bilateral = False if d.data.bilateral is None else bool(d.data.bilateral.any())
     for wrong, reason in (
         ("proof by statics" in d.kinematics.refuses, d.kinematics.refuses.get("proof by statics", "")),
-        *((True, reason) for _, reason in refused_by(d.scene, REFUSES)),
+        *((True, reason) for _, reason in refused_by(d.statement, REFUSES)),
         (parallel.any_rank(comm, bilateral), "the foundation can pull"),
         *(
             (contact.friction.acts, reason)
-            for contact in d.scene.contact
+            for contact in d.statement.contact
             for reason in contact.friction.exceptions.values()
         ),
         (parallel.any_rank(comm, law is not None and bool(np.isinf(law.given).any())), "friction has no limit"),
@@ -170,7 +170,7 @@ def surface_of(d: Discretisation, pressing: npt.NDArray[np.bool_] | None = None)
 
 
 def _surfaces(
-    d: Discretisation, rows: Nodal, corners: npt.NDArray[np.int64], nodes: npt.NDArray[np.int64]
+    d: Model, rows: Nodal, corners: npt.NDArray[np.int64], nodes: npt.NDArray[np.int64]
 ) -> dict[int, LimitSurface]:
     """The surfaces, from what is known of the contact points and the vertices and nodes of the facets among them."""
     motions, dim = d.motions, d.tagged.dimension
@@ -180,7 +180,7 @@ def _surfaces(
     turned = np.abs(normal[nodes] - normal[nodes[:, :1]]).max(axis=(1, 2))
     bent = np.abs(np.einsum("fjd,fd->fj", x[nodes] - x[nodes[:, :1]], normal[nodes[:, 0]])).max(axis=1)
     along = bent <= SAME_LENGTH * size
-    prescribed = np.array([getattr(contact, "direction", None) is not None for contact in d.scene.contact])
+    prescribed = np.array([getattr(contact, "direction", None) is not None for contact in d.statement.contact])
     straight = (turned <= SAME_LENGTH) & (along | prescribed[rows[nodes[:, 0], 0].astype(np.int64)])
     if dim == 3 and not straight.all():
         raise Unproved("the contact surface is not flat")

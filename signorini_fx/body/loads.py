@@ -31,7 +31,7 @@ from signorini_fx.scales import Scales
 from signorini_fx.scene.effect import Effect, Force, InitialStrain, Load, Resistance
 from signorini_fx.scene.expressions import Expression, sample
 from signorini_fx.scene.load_steps import factor_at
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 from signorini_fx.tuned import LARGEST_NUMBER, ZERO_SUM
 
 # The rules of loads that jumps cut, by the identity of the load: two of them may be equal.
@@ -111,24 +111,24 @@ class FormCoefficients:
     """Values of a scene as UFL, ``scene.effect.Coefficients``.
 
     Attributes:
-        scene: the scene.
+        statement: the scene.
         tagged: its mesh.
         space: of the displacement; a callable is interpolated at its nodes.
         inventory: where integrals over boundaries are compiled.
     """
 
-    scene: Scene
+    statement: Statement
     tagged: TaggedMesh
     space: fem.FunctionSpace
     inventory: Inventory
 
     @cached_property
     def _time(self) -> fem.Constant:
-        return fem.Constant(self.space.mesh, default_scalar_type(self.scene.time_at(0)))
+        return fem.Constant(self.space.mesh, default_scalar_type(self.statement.time_at(0)))
 
     def move_to(self, step: float) -> None:
         """Give expressions of the time t the value at the time of a place in the lists of factors."""
-        self._time.value = self.scene.time_at(step)
+        self._time.value = self.statement.time_at(step)
 
     @property
     def normal(self) -> Any:
@@ -143,19 +143,19 @@ class FormCoefficients:
     @cached_property
     def density(self) -> Any:
         """Mass per volume: a constant, or a function that is constant in each cell."""
-        (density,) = of_materials(self.scene, self.tagged, lambda material: (material.density or 0.0,))
+        (density,) = of_materials(self.statement, self.tagged, lambda material: (material.density or 0.0,))
         return density
 
     @cached_property
     def expansion(self) -> Any:
         """Coefficient of thermal expansion: a constant, or a function that is constant in each cell."""
-        (expansion,) = of_materials(self.scene, self.tagged, lambda material: (material.expansion or 0.0,))
+        (expansion,) = of_materials(self.statement, self.tagged, lambda material: (material.expansion or 0.0,))
         return expansion
 
     @cached_property
     def elastic(self) -> SceneLaw:
         """The elastic law, with coefficients of its own."""
-        return elastic_law(self.scene, self.tagged, self.space, self.inventory)
+        return elastic_law(self.statement, self.tagged, self.space, self.inventory)
 
     def value_in(self, region: str | None, value: Any) -> Any:
         """A value in the cells of a region, 0 in the others; see ``BodyCoefficients``."""
@@ -178,7 +178,7 @@ class FormCoefficients:
     @property
     def kinematics(self) -> Kinematics:
         """Of the body."""
-        return self.scene.kinematics_in(self.tagged.dimension)
+        return self.statement.kinematics_in(self.tagged.dimension)
 
     def whole(self, effect: Effect) -> float:
         """``total`` as a number."""
@@ -204,9 +204,9 @@ class FormCoefficients:
             corners = facet_vertices(mesh, self.tagged.facets(boundary))
             largest = parallel.largest(mesh.comm, np.abs(sample(spread, corners.reshape(-1, 3).T)))
             size = self.tagged.size
-            scales = Scales(self.tagged.dimension, self.scene.young, size, self.kinematics.depth(size))
+            scales = Scales(self.tagged.dimension, self.statement.young, size, self.kinematics.depth(size))
             if not abs(integral) > ZERO_SUM * largest * scales.surface:
-                path = next(path for path, candidate in self.scene.listed() if candidate is effect)
+                path = next(path for path, candidate in self.statement.listed() if candidate is effect)
                 raise SceneError(
                     [(f"{path}.spread", f"its integral over {boundary!r} is {integral:g}: it must not be 0")]
                 )
@@ -258,19 +258,19 @@ def _body(mesh: Any, rule: CutRule | None) -> Any:
 Group = tuple[tuple[float, ...], bool, bool, bool]
 
 
-def load_groups(scene: Scene) -> dict[Group, list[Load]]:
+def load_groups(statement: Statement) -> dict[Group, list[Load]]:
     """The loads of the scene by what they share, without those that are zero or that an interface assembles."""
     groups: dict[Group, list[Load]] = {}
-    for load in scene.loads:
+    for load in statement.loads:
         if load.acts and load.grouped:
-            groups.setdefault(group_of(scene, load), []).append(load)
+            groups.setdefault(group_of(statement, load), []).append(load)
     return groups
 
 
-def group_of(scene: Scene, load: Load) -> Group:
+def group_of(statement: Statement, load: Load) -> Group:
     """The key of a load in ``load_groups``."""
     grows = not load.timed or load.factors is not None
-    return scene.factors_of(load), grows, load.timed, isinstance(load, InitialStrain)
+    return statement.factors_of(load), grows, load.timed, isinstance(load, InitialStrain)
 
 
 # From a time, to prescribed displacements and supports along no axis with their values.
@@ -295,7 +295,7 @@ def _assembled(
     factors, grows, timed, balanced = group
     space = on.space
     on.move_to(step)
-    now = {id(load): on.scene.now(load, step)[1] for load in loads if isinstance(load, Force)}
+    now = {id(load): on.statement.now(load, step)[1] for load in loads if isinstance(load, Force)}
     cuts = {key: rule for key, moved in now.items() if (rule := cut_rule(moved, on)) is not None}
     names, forms = compiled = compile_loads(loads, on, z, cuts) if cuts or compiled is None else compiled
     prescribed = fem.Function(space)
@@ -320,19 +320,19 @@ def _assembled(
 
 
 def driving_load(
-    rigid: RigidBodies, number: int, scene: Scene, space: fem.FunctionSpace, step: float = 0
+    rigid: RigidBodies, number: int, statement: Statement, space: fem.FunctionSpace, step: float = 0
 ) -> AppliedLoad:
     """What drives one of the rigid bodies, at the time of a place in the lists of factors; collective."""
     timed = rigid.bodies[number].motion.driven_in_time
     return AppliedLoad(
-        (1.0,) * scene.steps,
+        (1.0,) * statement.steps,
         (),
         (),
         np.zeros(space.dofmap.index_map.size_local * space.dofmap.index_map_bs),
         fem.Function(space),
         not timed,
-        partial(driving_load, rigid, number, scene, space) if timed else None,
-        rigid.driven(number, scene.time_at(step)),
+        partial(driving_load, rigid, number, statement, space) if timed else None,
+        rigid.driven(number, statement.time_at(step)),
     )
 
 
@@ -363,7 +363,7 @@ def _compiled_strains(
 def compile_resistance(on: FormCoefficients, z: Any) -> tuple[str, fem.Form | None]:
     """The terms of a(., .) that resist the displacement on the boundary, compiled together, and their name."""
     y = ufl.TrialFunction(on.space)
-    acting = [effect for effect in on.scene.of(Resistance) if effect.acts]
+    acting = [effect for effect in on.statement.of(Resistance) if effect.acts]
     return _compiled(acting, lambda effect: ufl.inner(effect.reaction(y, on), z), on)
 
 
@@ -384,14 +384,14 @@ def _compiled(
     return name, inventory.compile(name, lambda: fem.form(sum(terms[1:], terms[0])))
 
 
-def check_resistances(scene: Scene, tagged: TaggedMesh) -> None:
+def check_resistances(statement: Statement, tagged: TaggedMesh) -> None:
     """Whether what resists the displacement is finite and not negative at vertices and middles of facets; collective.
 
     Raises:
         SceneError: an expression is not.
     """
     problems = []
-    for path, effect in scene.listed():
+    for path, effect in statement.listed():
         if effect.where is None or not isinstance(effect, Resistance):
             continue
         corners = facet_vertices(tagged.mesh, tagged.facets(effect.where))

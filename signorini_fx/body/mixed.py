@@ -41,7 +41,7 @@ from signorini_fx.machine.fenicsx import needs_fenicsx
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 from signorini_fx.scales import Scales
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 from signorini_fx.tuned import SAME_ENTRY
 
 _Floats = npt.NDArray[np.float64]
@@ -90,11 +90,11 @@ class PressureSpace:
     part: npt.NDArray[np.int32]
 
     @classmethod
-    def of(cls, scene: Scene, tagged: TaggedMesh) -> PressureSpace:
+    def of(cls, statement: Statement, tagged: TaggedMesh) -> PressureSpace:
         """That of the materials of a scene."""
-        m = len(scene.material)
+        m = len(statement.material)
         part = np.zeros(len(compat.geometry_cells(tagged.mesh)), dtype=np.int32)
-        for number, material in enumerate(scene.material):
+        for number, material in enumerate(statement.material):
             if m > 1:
                 part[tagged.cells(str(material.region))] = number
         return cls(fem.functionspace(tagged.mesh, ("Lagrange", 1, (m,)) if m > 1 else ("Lagrange", 1)), part)
@@ -166,13 +166,15 @@ class MixedLaw(SceneLaw):
     @cached_property
     def pressures(self) -> PressureSpace:
         """Of the unknowns of the pressure."""
-        return PressureSpace.of(self.scene, self.tagged)
+        return PressureSpace.of(self.statement, self.tagged)
 
     @cached_property
     def moduli(self) -> tuple[Any, Any]:
         """Mu and 1 / lambda as coefficients."""
         mu, yields = isotropic(
-            self.scene, self.tagged, lambda young, nu: (young / (2 * (1 + nu)), (1 + nu) * (1 - 2 * nu) / (young * nu))
+            self.statement,
+            self.tagged,
+            lambda young, nu: (young / (2 * (1 + nu)), (1 + nu) * (1 - 2 * nu) / (young * nu)),
         )
         return mu, yields
 
@@ -183,7 +185,7 @@ class MixedLaw(SceneLaw):
         """
         yields, part, pieces = self.moduli[1], self.pressures.part, self.pieces
         assert pieces is not None
-        soft = [number for number, material in enumerate(self.scene.material) if material.poisson == 0.5]
+        soft = [number for number, material in enumerate(self.statement.material) if material.poisson == 0.5]
         joined, last = pieces.assembly[pieces.of_cell], int(pieces.assembly.max()) + 1
         part_cells = [(part == number) & (joined == assembly) for number in soft for assembly in range(last)]
         parts = np.array(part_cells, dtype=bool).reshape(len(part_cells), joined.size)
@@ -198,8 +200,8 @@ class MixedLaw(SceneLaw):
     @cached_property
     def unit(self) -> float:
         """Of the unknowns of the pressure, stress."""
-        scales = Scales(self.tagged.dimension, self.scene.young, self.tagged.size)
-        return self.scene.young / scales.spacing(int(self.space.dofmap.index_map.size_global))
+        scales = Scales(self.tagged.dimension, self.statement.young, self.tagged.size)
+        return self.statement.young / scales.spacing(int(self.space.dofmap.index_map.size_global))
 
     @property
     def own(self) -> fem.FunctionSpace:
@@ -249,7 +251,7 @@ class MixedLaw(SceneLaw):
         (1 + nu) / nu.
         """
         q, dx = self.pressures.scalar(ufl.TestFunction(self.own)), ufl.dx(metadata={"quadrature_degree": degree})
-        (swelling,) = isotropic(self.scene, self.tagged, lambda _, poisson: ((1 + poisson) / poisson,))
+        (swelling,) = isotropic(self.statement, self.tagged, lambda _, poisson: ((1 + poisson) / poisson,))
         return (swelling * strain * q * self.kinematics.measure(position(q)) * dx,)
 
     def jump_terms(self, jump: fem.Function, z: Any) -> tuple[Any, ...]:
@@ -271,7 +273,9 @@ class MixedLaw(SceneLaw):
         """See ``ElasticLaw``."""
         (_, mu), kinematics, pressure = self.lame, self.kinematics, hydrostatic_of(y)
         young, poisson, modulus = isotropic(
-            self.scene, self.tagged, lambda elastic_modulus, nu: (elastic_modulus, nu, elastic_modulus / (1 - nu**2))
+            self.statement,
+            self.tagged,
+            lambda elastic_modulus, nu: (elastic_modulus, nu, elastic_modulus / (1 - nu**2)),
         )
         elastic = kinematics.strain(moved, on_axis=True)
         sigma = 2 * mu * elastic - pressure * ufl.Identity(elastic.ufl_shape[0])
@@ -450,9 +454,9 @@ class PressureForces(VolumeForces):
         """The functions that the pressure is tested with, one of each material at each vertex, and those of each cell,
         shape (cells, vertices).
         """
-        m = len(nodal.scene.material)
+        m = len(nodal.statement.material)
         space = fem.functionspace(nodal.tagged.mesh, ("Lagrange", 1, (m,)))
-        (number,) = nodal.of_materials(lambda material: (float(nodal.scene.material.index(material)),))
+        (number,) = nodal.of_materials(lambda material: (float(nodal.statement.material.index(material)),))
         return space, space.dofmap.list * m + number[:, None].astype(np.int32)
 
     def _swollen(

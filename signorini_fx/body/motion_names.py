@@ -13,8 +13,15 @@ _Rows = npt.NDArray[np.float64]
 MOST_LISTED = 4
 
 
-def names_of(moved: _Rows, motions: RigidMotions, members: npt.NDArray[np.int64]) -> str:
-    """Names of motions of an assembly, combinations as in ``RigidMotions.of_all``, one per column."""
+def names_of(moved: _Rows, motions: RigidMotions, members: npt.NDArray[np.int64], *, one_way: bool = False) -> str:
+    """Names of motions of an assembly, combinations as in ``RigidMotions.of_all``, one per column.
+
+    Args:
+        moved: the motions.
+        motions: those that supports leave free.
+        members: the pieces of the assembly.
+        one_way: whether a single motion is meant in its direction, not in the opposite one as well.
+    """
     descriptions = []
     moved = moved / np.abs(moved).max()  # the size of a motion means nothing
     rows, rigid, pieces = moved.reshape(-1, motions.each, moved.shape[1]), motions.moving, motions.pieces
@@ -30,28 +37,33 @@ def names_of(moved: _Rows, motions: RigidMotions, members: npt.NDArray[np.int64]
     for name, modes, centre, length in things:
         vectors, values, _ = np.linalg.svd(modes, full_matrices=False)
         independent = modes if len(things) == 1 else vectors[:, values > AT_REST]
+        if one_way and independent.shape[1]:
+            independent = modes / np.linalg.norm(modes)  # the sign of ``vectors`` means nothing
         if independent.shape[1]:
-            names = names_of_piece(independent, centre, float(length))
+            names = names_of_piece(independent, centre, float(length), one_way=one_way)
             descriptions.append(names if len(things) == 1 else f"{name} in {names}")
     suffix = f", and {len(descriptions) - MOST_LISTED} more pieces" if len(descriptions) > MOST_LISTED else ""
     return ", ".join(descriptions[:MOST_LISTED]) + suffix
 
 
-def names_of_piece(motions: _Rows, centre: _Rows, length: float) -> str:
-    """Names of motions of one piece (translations, then rotations, see ``rigid_modes``), one per column."""
+def names_of_piece(motions: _Rows, centre: _Rows, length: float, *, one_way: bool = False) -> str:
+    """Names of motions of one piece (translations, then rotations, see ``rigid_modes``), one per column; ``one_way``:
+    see ``names_of``.
+    """
     dim = centre.size
     _, values, rows = np.linalg.svd(motions[dim:], full_matrices=True)
     turning = int(np.count_nonzero(values > 1e-6))
     shifts = (motions @ (rows[turning:].T if turning else np.eye(motions.shape[1])))[:dim]
     if turning and motions.shape[1] == 1 and np.linalg.norm(motions[:dim]) > FAR_AXIS * np.linalg.norm(motions[dim:]):
         along = motions[:dim, 0] / np.linalg.norm(motions[:dim])
+        along = along if one_way else _upwards(along)
         return f"the translation along ({_point(along)}) with a slight rotation"
     names = []
     if shifts.shape[1] == dim:
         names.append("translations")
     elif shifts.shape[1] == 1:
         along = shifts[:, 0] / np.linalg.norm(shifts[:, 0])
-        along = _upwards(along) if motions.shape[1] > 1 else along
+        along = along if one_way and motions.shape[1] == 1 else _upwards(along)
         names.append(f"the translation along ({_point(along)})")
     elif shifts.shape[1] == 2:
         names.append(f"the translations across ({_point(_upwards(np.linalg.svd(shifts.T)[2][-1]))})")

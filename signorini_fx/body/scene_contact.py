@@ -14,17 +14,17 @@ from signorini_fx.body.foundation import Foundation, Pair
 from signorini_fx.effects.contact import BilateralContact, BondedContact
 from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.scene.expressions import sample
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 
 
 def foundations_of(
-    scene: Scene, facets: Sequence[npt.NDArray[np.int32]], masters: Mapping[int, npt.NDArray[np.int32]]
+    statement: Statement, facets: Sequence[npt.NDArray[np.int32]], masters: Mapping[int, npt.NDArray[np.int32]]
 ) -> list[Foundation | Pair]:
     """The contact of a scene as foundations, on the facets of each, and as pairs, by their places the masters."""
     foundations: list[Foundation | Pair] = []
-    kinematics = scene.kinematics
+    kinematics = statement.kinematics
     around = None if kinematics.uniform else partial(_measure, kinematics)
-    for number, (effect, on) in enumerate(zip(scene.contact, facets, strict=True)):
+    for number, (effect, on) in enumerate(zip(statement.contact, facets, strict=True)):
         friction = effect.friction if effect.friction.acts else None
         bilateral = isinstance(effect, BilateralContact)
         if number in masters:

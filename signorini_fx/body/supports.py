@@ -21,7 +21,7 @@ from signorini_fx.errors import SceneError
 from signorini_fx.kinematics import KINDS
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.scene.expressions import in_space, sample
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 from signorini_fx.tuned import SAME_POSITION
 
 Conditions = list[tuple[PrescribedDisplacement, fem.DirichletBC]]
@@ -42,46 +42,52 @@ class Supports:
     skew: list[SkewSupport]
     turned: TurnedNodes | None
     fixed: npt.NDArray[np.bool_]
-    _of: Callable[[Scene], tuple[Conditions, list[SkewSupport]]]
-    _scene: Scene
+    _of: Callable[[Statement], tuple[Conditions, list[SkewSupport]]]
+    _statement: Statement
 
     @classmethod
     def of(
-        cls, scene: Scene, space: fem.FunctionSpace, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
+        cls,
+        statement: Statement,
+        space: fem.FunctionSpace,
+        facets: dict[str, npt.NDArray[np.int32]],
+        tagged: TaggedMesh,
     ) -> Supports:
         """Those of a scene; collective."""
 
-        def found(scene: Scene) -> tuple[Conditions, list[SkewSupport]]:
-            return dirichlet_conditions(scene, space, facets, tagged), skew_supports(scene, space, facets, tagged)
+        def found(statement: Statement) -> tuple[Conditions, list[SkewSupport]]:
+            return dirichlet_conditions(statement, space, facets, tagged), skew_supports(
+                statement, space, facets, tagged
+            )
 
-        conditions, skew = found(scene)
+        conditions, skew = found(statement)
         owned = space.dofmap.index_map.size_local * space.mesh.geometry.dim
         fixed = prescribed(space, [condition for _, condition in conditions])[0][:owned]
-        return cls(conditions, skew, turned_nodes(scene, space, conditions, skew, fixed), fixed, found, scene)
+        return cls(conditions, skew, turned_nodes(statement, space, conditions, skew, fixed), fixed, found, statement)
 
     def at(self, step: float) -> tuple[Conditions, TurnedNodes | None]:
         """The conditions and the turned nodes at a place in the lists of factors; collective."""
-        scene = self._scene
-        if not any(effect.timed for effect in scene.displacement):
+        statement = self._statement
+        if not any(effect.timed for effect in statement.displacement):
             return self.conditions, self.turned
-        moved = tuple(effect.at_time(scene.time_at(step)) for effect in scene.displacement)
-        axes, skew = self._of(scene.model_copy(update={"displacement": moved}))
+        moved = tuple(effect.at_time(statement.time_at(step)) for effect in statement.displacement)
+        axes, skew = self._of(statement.changed(displacement=moved))
         updated = [replace(initial, values=current.values) for initial, current in zip(self.skew, skew, strict=True)]
         pairs = [(effect, support) for (effect, _), (_, support) in zip(self.conditions, axes, strict=True)]
         return pairs, None if self.turned is None else replace(self.turned, supports=updated)
 
 
 def dirichlet_conditions(
-    scene: Scene, space: fem.FunctionSpace, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
+    statement: Statement, space: fem.FunctionSpace, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
 ) -> Conditions:
     """Dirichlet conditions, one per component; where two meet the later one applies."""
     dim = space.mesh.topology.dim - 1
     supports = []
-    for index, effect in enumerate(scene.displacement):
+    for index, effect in enumerate(statement.displacement):
         for component, value in components(effect, index, tagged):
             subspace = space.sub(component)
             if effect.at is not None:
-                node = node_at(space, effect, index, tagged, [body.name for body in scene.body])
+                node = node_at(space, effect, index, tagged, statement.bodies)
                 dofs = (space.mesh.geometry.dim * node + component).astype(np.int32)
                 at = in_space(np.array([effect.at]))
                 support = fem.dirichletbc(default_scalar_type(sample(value, at)[0]), dofs, subspace)
@@ -95,7 +101,7 @@ def dirichlet_conditions(
                 function.interpolate(lambda x, value=value: sample(value, x))
                 support = fem.dirichletbc(function, pair, subspace)
             supports.append((effect, support))
-    components_on_axis = scene.kinematics_in(tagged.dimension).zero_on_axis
+    components_on_axis = statement.kinematics_in(tagged.dimension).zero_on_axis
     nodes = np.flatnonzero(on_axis(node_positions(space), tagged)) if components_on_axis else np.zeros(0, np.int64)
     for component in components_on_axis:
         dofs = (space.mesh.geometry.dim * nodes + component).astype(np.int32)
@@ -224,11 +230,11 @@ def _flat_normal(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh)
 
 
 def skew_supports(
-    scene: Scene, space: fem.FunctionSpace, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
+    statement: Statement, space: fem.FunctionSpace, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
 ) -> list[SkewSupport]:
     """The supports along the normal of a flat boundary across no axis; collective."""
     supports = []
-    for index, effect in enumerate(scene.displacement):
+    for index, effect in enumerate(statement.displacement):
         if effect.normal is None:
             continue
         normal = flat_normal(effect, index, tagged)
@@ -255,7 +261,7 @@ def prescribed(
 
 
 def turned_nodes(
-    scene: Scene,
+    statement: Statement,
     space: fem.FunctionSpace,
     supports: Conditions,
     skew: list[SkewSupport],
@@ -266,8 +272,8 @@ def turned_nodes(
         return None
     dim = space.mesh.geometry.dim
     axes = np.full((len(node_positions(space)), dim), -1)
-    on_the_axis = _ON_AXIS[scene.kinematics.zero_on_axis]
-    position = {id(effect): index for index, effect in enumerate((*scene.displacement, on_the_axis))}
+    on_the_axis = _ON_AXIS[statement.kinematics.zero_on_axis]
+    position = {id(effect): index for index, effect in enumerate((*statement.displacement, on_the_axis))}
     for effect, support in supports:
         axes.reshape(-1)[support.dof_indices()[0]] = position[id(effect)]
     turned = TurnedNodes.of(skew, axes)
@@ -299,16 +305,16 @@ def at_rest(
 
 
 def check_overlap(
-    scene: Scene, boundary: ContactBoundary, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
+    statement: Statement, boundary: ContactBoundary, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
 ) -> None:
     """Refuse a prescribed normal displacement on contact facets, where it contradicts the contact condition."""
     problems = []
-    for index, support in enumerate(scene.displacement):
+    for index, support in enumerate(statement.displacement):
         if support.at is not None:  # as where a supported side ends at the contact
             continue
         axes = [component for component, _ in components(support, index, tagged)]
         prescribed = np.eye(tagged.mesh.geometry.dim)[axes] if axes else flat_normal(support, index, tagged)[None]
-        for part, effect in enumerate(scene.contact):
+        for part, effect in enumerate(statement.contact):
             shared = np.intersect1d(facets[support.boundary], facets[effect.boundary]).size
             total = int(parallel.global_sum(boundary.comm, np.array(shared)))
             slope = np.abs(boundary.normal[boundary.part == part] @ prescribed.T).max(initial=0.0)

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx import compat
-from signorini_fx.body.named_body import NamedBody
 from signorini_fx.bounds.arrays import Array
 from signorini_fx.bounds.simplices import COLUMNS, ROWS, TWICE, IsotropicModuli, MatrixModuli, Moduli
 from signorini_fx.effects.body_force import BodyForce
@@ -19,11 +18,12 @@ from signorini_fx.effects.contact import BilateralContact, UnilateralContact
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.traction import SurfaceTraction
 from signorini_fx.materials.protocol import Material
+from signorini_fx.model import Model
 from signorini_fx.quantities.statements import Grounds, Refused
 from signorini_fx.scene.effect import Effect
 from signorini_fx.scene.expressions import Expression, in_space, sample
 from signorini_fx.scene.features import refused_by
-from signorini_fx.scene.stated import STRAIGHT_CELLS, may_have_arcs
+from signorini_fx.scene.stated import STRAIGHT_CELLS
 from signorini_fx.tuned import SAME_ENTRY
 
 # Entries of a scene that are looked at; any other one could act on the body unseen.
@@ -112,7 +112,7 @@ class BoundPoints:
         return np.stack([self.value(value) for value in values[: self.x.shape[2]]], axis=2)
 
 
-def moduli_of(d: NamedBody, owner: npt.NDArray[np.int64]) -> Moduli:
+def moduli_of(d: Model, owner: npt.NDArray[np.int64]) -> Moduli:
     """Of the cells ``owner``."""
     dim = d.tagged.dimension
     ordered = np.minimum(ROWS[dim], COLUMNS[dim]), np.maximum(ROWS[dim], COLUMNS[dim])
@@ -120,7 +120,7 @@ def moduli_of(d: NamedBody, owner: npt.NDArray[np.int64]) -> Moduli:
     if d.moduli is not None:
         stiffness = d.moduli.at_cells[owner][:, axes][:, :, axes]
         softest = np.empty(len(owner))
-        for material in d.scene.material:
+        for material in d.statement.material:
             cells = slice(None) if material.region is None else np.isin(owner, d.tagged.cells(material.region))
             softest[cells] = material.moduli[0]
         return MatrixModuli(stiffness * TWICE[dim], np.linalg.inv(stiffness) / TWICE[dim][:, None], softest)
@@ -135,7 +135,7 @@ def values_of(part: Any, owner: npt.NDArray[np.int64]) -> Array:
     return np.full(len(owner), float(part.value))
 
 
-def refuse_unknown(d: NamedBody) -> None:
+def refuse_unknown(d: Model) -> None:
     """Raise where the scene has something that the proof does not know.
 
     Raises:
@@ -143,45 +143,45 @@ def refuse_unknown(d: NamedBody) -> None:
     """
     mesh, degree = d.tagged.mesh, d.space.element.basix_element.degree
     kind = mesh.topology.cell_name()
-    bounds = [value for entry in d.scene.contact for value in entry.friction.parameters.values()]
+    bounds = [value for entry in d.statement.contact for value in entry.friction.parameters.values()]
     present = {
         RANKS: d.comm.size > 1,
         CURVED: compat.geometry_degree(mesh) > 1,
         QUADRATIC_QUADRILATERALS: kind == "quadrilateral" and degree > 1,
         HEXAHEDRA: kind == "hexahedron",
         POINT: d.motions.pieces.pins.size > 0,
-        FORM_AS_GAP: any(hasattr(entry.gap, "ufl_shape") for entry in d.scene.contact),
+        FORM_AS_GAP: any(hasattr(entry.gap, "ufl_shape") for entry in d.statement.contact),
         FORM_AS_BOUND: any(hasattr(value, "ufl_shape") for value in bounds),
     }
     for wrong, reason in (
         ("guaranteed bound" in d.kinematics.refuses, d.kinematics.refuses.get("guaranteed bound", "")),
         *((present[name], reason) for name, reason in REFUSES_BESIDES.items()),
-        *((True, reason) for _, reason in refused_by(d.scene, REFUSES)),
-        *((not knows(type(entry)), without_bound(entry.label)) for _, entry in d.scene.listed()),
+        *((True, reason) for _, reason in refused_by(d.statement, REFUSES)),
+        *((not knows(type(entry)), without_bound(entry.label)) for _, entry in d.statement.listed()),
     ):
         if wrong:
             raise Refused(reason)
 
 
-def _data(d: NamedBody, place: float) -> Iterator[tuple[str, str, Any, float]]:
+def _data(d: Model, place: float) -> Iterator[tuple[str, str, Any, float]]:
     """What a bound looks at between nodes: a kind, a name, a value, and the degree up to which its points tell all of a
     polynomial; at a place in the lists of factors.
     """
     plane = d.tagged.dimension == 2
-    for contact in d.scene.placed(place).contact:
+    for contact in d.statement.placed(place).contact:
         yield "gap", f"gap of {contact.boundary!r}", contact.gap_in(d.tagged.dimension), 2
         bound = 0.0 if contact.friction.follows_pressure else contact.friction.given_bound
         yield "friction bound", f"friction bound of {contact.boundary!r}", bound, 1
-    for _, load in d.scene.listed():
+    for _, load in d.statement.listed():
         if isinstance(load, BodyForce | SurfaceTraction | PrescribedDisplacement):
-            _, entry = d.scene.now(load, place)
+            _, entry = d.statement.now(load, place)
             name = entry.label if entry.where is None else f"{entry.label} of {entry.where!r}"
             for key, value in entry.given.items():
                 degree = 4 if key == "rotation" else 5  # which is multiplied by a distance
                 yield entry.label, name, value, 1 if entry.where is None and not plane else degree
 
 
-def why_estimated(d: NamedBody, place: float = 0.0) -> str:
+def why_estimated(d: Model, place: float = 0.0) -> str:
     """Why what is computed as a bound is an estimate, as data are known at points alone; "": it is a bound."""
     reasons = []
     for kind, name, value, _ in _data(d, place):
@@ -193,11 +193,11 @@ def why_estimated(d: NamedBody, place: float = 0.0) -> str:
     return " and ".join(dict.fromkeys(reasons))
 
 
-def grounds(d: NamedBody, place: float, *, coulomb: bool, later: bool, unknown: float) -> Grounds:
+def grounds(d: Model, place: float, *, coulomb: bool, later: bool, unknown: float) -> Grounds:
     """What a bound rests on.
 
     Args:
-        d: the discretised scene.
+        d: the model.
         place: in the lists of factors.
         coulomb: whether its friction bound is the computed one.
         later: whether slip counts from the displacement of another load step.
@@ -216,7 +216,7 @@ def grounds(d: NamedBody, place: float, *, coulomb: bool, later: bool, unknown: 
         f"quadrature of the loads, two rules of which differ by {unknown:.1e} of them, is counted"
         if unknown > SAME_ENTRY
         else "",
-        STRAIGHT_CELLS if may_have_arcs(d.scene) else "",
+        STRAIGHT_CELLS if d.statement.arcs else "",
         "of the Tresca problem with the computed friction bound, converged or not: that this is the bound of the exact "
         "solution is assumed"
         if coulomb

@@ -28,8 +28,6 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.body.named_body import NamedBody
 from signorini_fx.bounds.arrays import Array, Ints
 from signorini_fx.bounds.bounded_error import ROUND_OFF, UNBALANCED, out, small_rests, work_of_loads
 from signorini_fx.bounds.bounded_scene import refuse_unknown, why_estimated
@@ -40,6 +38,7 @@ from signorini_fx.bounds.linear_displacement import PrescribedComponents, smalle
 from signorini_fx.bounds.problem import FacetsInContact, PlainProblem, onto_disc
 from signorini_fx.bounds.simplices import EDGES_OF_FACET, Simplices, moments_of
 from signorini_fx.bounds.stress_products import energy, from_strain, square
+from signorini_fx.model import Model
 from signorini_fx.quantities.statements import ErrorBound, Refused
 from signorini_fx.tuned import LITTLE_OF_BOUND, SAME_LENGTH
 
@@ -141,7 +140,7 @@ class Enclosure:
 
 
 def error_bound(
-    d: NamedBody,
+    d: Model,
     y: fem.Function,
     contact: ContactState | None,
     step: float = 0.0,
@@ -150,7 +149,7 @@ def error_bound(
     """The bound for a solution; or why there is none.
 
     Args:
-        d: the discretised scene.
+        d: the model.
         y: the displacement.
         contact: the contact nodes.
         step: the place of the load step in the lists of factors.
@@ -162,15 +161,15 @@ def error_bound(
         return str(refused)
 
 
-def why_unbounded(d: Discretisation) -> str:
+def why_unbounded(d: Model) -> str:
     """Why there is no guaranteed bound, whatever the solution is; "": there may be one.
 
     Args:
-        d: the discretised scene, whose stiffness need not be assembled.
+        d: the model, whose stiffness need not be assembled.
     """
     try:
         refuse_unknown(d)
-        prescribed, last = fem.Function(d.space), float(d.scene.steps - 1)
+        prescribed, last = fem.Function(d.space), float(d.statement.steps - 1)
         prescribed.x.array[:] = sum(factor * load.prescribed.x.array for factor, load in d.applied_at(last))
         PlainProblem(d, prescribed, None, last)
     except Refused as refused:

@@ -12,7 +12,6 @@ from scipy.spatial import cKDTree
 from signorini_fx import compat
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.named_body import NamedBody
 from signorini_fx.bounds.applied_loads import LinearLoads, PlaneLoads
 from signorini_fx.bounds.arrays import Array, Ints
 from signorini_fx.bounds.bounded_scene import BoundPoints, grounds, moduli_of, refuse_unknown
@@ -21,6 +20,7 @@ from signorini_fx.bounds.simplices import Simplices, divide
 from signorini_fx.contact.points import pushed
 from signorini_fx.effects.contact import Contact
 from signorini_fx.effects.displacement import PrescribedDisplacement
+from signorini_fx.model import Model
 from signorini_fx.quantities.statements import Grounds, Refused
 from signorini_fx.scene.effect import Force
 from signorini_fx.tuned import SAME_LENGTH, ZERO_IN_SOLUTION
@@ -92,13 +92,18 @@ class PlainProblem:
 
     def __init__(
         self,
-        d: NamedBody,
+        d: Model,
         y: fem.Function,
         contact: ContactState | None,
         step: float,
         before: fem.Function | None = None,
     ) -> None:
-        self._d, self._position, self._dimension, self._scene = d, step, d.tagged.dimension, d.scene.placed(step)
+        self._d, self._position, self._dimension, self._statement = (
+            d,
+            step,
+            d.tagged.dimension,
+            d.statement.placed(step),
+        )
         refuse_unknown(d)
         if contact is not None and pushed(contact.held_inside, d.tagged.size).any():
             raise Refused("supports push the body into its foundation")
@@ -107,12 +112,12 @@ class PlainProblem:
         self.held: Array = np.zeros((len(self.t.facets), self._dimension, self._dimension))
         self._supports()
         self.supported = self._projectors()
-        for effect in self._scene.contact:
+        for effect in self._statement.contact:
             if not effect.opens:
                 facets, normal = self._towards(effect)
                 self.held[facets] += normal[:, :, None] * normal[:, None]
         self.held = self._projectors()
-        acting = [self._scene.now(load, step) for load in self._scene.of(Force)]
+        acting = [self._statement.now(load, step) for load in self._statement.of(Force)]
         forces = [
             (factor, load, None if load.where is None else self._facets(load.where))
             for factor, load in acting
@@ -122,7 +127,7 @@ class PlainProblem:
         self.contacts = (
             []
             if contact is None
-            else [self._contact(number, effect, contact) for number, effect in enumerate(self._scene.contact)]
+            else [self._contact(number, effect, contact) for number, effect in enumerate(self._statement.contact)]
         )
 
     @property
@@ -131,7 +136,7 @@ class PlainProblem:
         return grounds(
             self._d,
             self._position,
-            coulomb=self._d.scene.has_coulomb,
+            coulomb=self._d.statement.has_coulomb,
             later=self._before is not None,
             unknown=self.loads.unknown_share,
         )
@@ -218,9 +223,9 @@ class PlainProblem:
 
     def _supports(self) -> None:
         """Directions in which facets are held; the displacement there is one that the elements hold."""
-        scene, size, d = self._scene, np.abs(self.y).max(), self._dimension
-        for entry in scene.of(PrescribedDisplacement):
-            factor, effect = scene.now(entry, self._position)
+        statement, size, d = self._statement, np.abs(self.y).max(), self._dimension
+        for entry in statement.of(PrescribedDisplacement):
+            factor, effect = statement.now(entry, self._position)
             facets = self._facets(str(effect.boundary))
             points = self.on(facets, POINTS[d])
             displacement = bernstein(POINTS[d]) @ self.on_facets(self.y, self.middle, facets)

@@ -23,7 +23,6 @@ import numpy as np
 from dolfinx import fem
 
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.named_body import NamedBody
 from signorini_fx.bounds.arrays import Array, Ints
 from signorini_fx.bounds.bounded_error import ROUND_OFF
 from signorini_fx.bounds.cell_pieces import free_motions, of_each_piece
@@ -31,13 +30,14 @@ from signorini_fx.bounds.equilibrated_stress import Loads
 from signorini_fx.bounds.error_bound import Bounded
 from signorini_fx.bounds.linear_displacement import PrescribedComponents, smallest_energy
 from signorini_fx.bounds.stress_products import from_strain, product, square
+from signorini_fx.model import Model
 from signorini_fx.quantities.statements import Interval, Refused
 from signorini_fx.scene.effect import Force
 from signorini_fx.tuned import SAME_LENGTH
 
 
 def mean_displacement(
-    d: NamedBody,
+    d: Model,
     y: fem.Function,
     contact: ContactState | None,
     boundary: str,
@@ -50,7 +50,7 @@ def mean_displacement(
     They rest on what the bound of the error rests on, and print it.
 
     Args:
-        d: the discretised scene.
+        d: the model.
         y: the displacement.
         contact: the contact nodes.
         boundary: its name.
@@ -65,7 +65,7 @@ def mean_displacement(
 
 
 def force(
-    d: NamedBody,
+    d: Model,
     y: fem.Function,
     contact: ContactState | None,
     boundary: str,
@@ -78,7 +78,7 @@ def force(
     They rest on what the bound of the error rests on, and print it.  Where statics determines the force they are equal.
 
     Args:
-        d: the discretised scene.
+        d: the model.
         y: the displacement.
         contact: the contact nodes.
         boundary: of a support or of a contact.
@@ -97,7 +97,7 @@ class _Quantity(Bounded):
 
     def __init__(
         self,
-        d: NamedBody,
+        d: Model,
         y: fem.Function,
         contact: ContactState | None,
         step: float,
@@ -130,13 +130,15 @@ class _Quantity(Bounded):
     def force(self, boundary: str, direction: Array) -> Interval:
         """See ``force``."""
         t, edges = self.t, self._facets(boundary)
-        names = [effect.boundary for effect in self._d.scene.contact]
+        names = [effect.boundary for effect in self._d.statement.contact]
         support = boundary not in names
         if support and not self.held[edges].any(axis=(1, 2)).all():
             raise Refused(f"{boundary!r} is neither a support nor a contact")
-        closed = any(effect.boundary == boundary and not effect.opens for effect in self._d.scene.contact)
+        closed = any(effect.boundary == boundary and not effect.opens for effect in self._d.statement.contact)
         if (support or closed) and any(
-            np.isin(self._facets(load.where), edges).any() for load in self._d.scene.of(Force) if load.where is not None
+            np.isin(self._facets(load.where), edges).any()
+            for load in self._d.statement.of(Force)
+            if load.where is not None
         ):
             raise Refused(f"loads act on {boundary!r}: its own force is not known apart from them")
         value = np.zeros((len(t.edges), 2))

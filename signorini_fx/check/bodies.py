@@ -10,22 +10,22 @@ from scipy.spatial import cKDTree
 from signorini_fx import compat, parallel
 from signorini_fx.body.assembly import facet_entities, facet_vertices
 from signorini_fx.body.carrying_side import SideFigures
-from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.model import Model
 from signorini_fx.records import Finding
 from signorini_fx.tuned import FACETS_OFF, NO_CURVED_SIDE
 
 _Floats = npt.NDArray[np.float64]
 
 
-def paired_findings(body: Discretisation, moved: float) -> list[Finding]:
+def paired_findings(body: Model, moved: float) -> list[Finding]:
     """About each contact of two bodies; collective.
 
     Args:
-        body: the scene and its mesh.
+        body: the model.
         moved: how far the bodies move, an estimate, length; 0: not known.
     """
     findings = []
-    for index, effect in enumerate(body.scene.contact):
+    for index, effect in enumerate(body.statement.contact):
         if effect.against is None:
             continue
         fit = abs(effect.gap) if isinstance(effect.gap, int | float) else 0.0
@@ -66,7 +66,7 @@ def paired_findings(body: Discretisation, moved: float) -> list[Finding]:
     return findings
 
 
-def _near(body: Discretisation, index: int, about: float) -> _Floats:
+def _near(body: Model, index: int, about: float) -> _Floats:
     """The points of a contact on this rank whose gap is the smallest, or larger by as much, length, shape (n, d)."""
     boundary, data = body.boundary, body.data
     assert boundary is not None
@@ -77,11 +77,11 @@ def _near(body: Discretisation, index: int, about: float) -> _Floats:
     return np.asarray(boundary.x[on_part][gap <= least + about])
 
 
-def _off(body: Discretisation, name: str, near: _Floats) -> float:
+def _off(body: Model, name: str, near: _Floats) -> float:
     """How far facets near the contact are off the curved side that they are chords of, at most, length.
 
     Args:
-        body: the scene and its mesh.
+        body: the model.
         name: of the side.
         near: points, shape (n, d), beside which its facets may be in contact.
     """

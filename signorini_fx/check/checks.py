@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.plan import planned
-from signorini_fx.body.discretisation import Discretisation, prepare
+from signorini_fx.body.discretisation import prepare
 from signorini_fx.body.loads import group_of, load_groups
 from signorini_fx.check.cost import Cost, contact_nodes, estimated_cost, friction_kind, linear_solves, memory_finding
 from signorini_fx.check.findings import scene_findings
@@ -28,9 +28,11 @@ from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.extensions import add_on
 from signorini_fx.mesh.hierarchy import coarser_scenes, scene_on
 from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.model import Model
 from signorini_fx.records import Finding, Timings
 from signorini_fx.scene.effect import Force, Load
-from signorini_fx.scene.model import Scene
+from signorini_fx.scene.scene import Scene
+from signorini_fx.statement import Statement
 from signorini_fx.tuned import LOCKING_POISSON, NO_FORCE
 
 # What ``stress_recovery.StressRecovery`` compiles.
@@ -97,111 +99,124 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
         OptionsError: PETSc does not accept an option that the user has set.
     """
     refuse_mistyped(comm)
-    for coarse in coarser_scenes(scene, scene.solver.levels):
+    coarser = coarser_scenes(scene, scene.solver.levels)
+    for coarse in coarser:
         _validated(coarse, comm)
+    compared = scene.accuracy is not None or bool(coarser)
     d = _validated(scene, comm)
     cost = estimated_cost(d)
     findings = [*pushed_before(d), *memory_finding(cost, comm), *scene_findings(d), *_uniqueness(d)]
-    return Check(scene.title, tuple(_effects(d)), _forms(d), cost, tuple(findings), attempts_for(scene))
+    return Check(
+        scene.title,
+        tuple(_effects(d, compared=compared)),
+        _forms(d, compared=compared),
+        cost,
+        tuple(findings),
+        attempts_for(scene.statement),
+    )
 
 
-def _uniqueness(d: Discretisation) -> list[Finding]:
+def _uniqueness(d: Model) -> list[Finding]:
     """Below which friction coefficient there is one solution, where the scene asks: it takes a factorisation."""
-    if d.boundary is None or not d.scene.solver.uniqueness:
+    if d.boundary is None or not d.statement.solver.uniqueness:
         return []
     proof = add_on("uniqueness")(d, None)
     return [Finding("note" if proof.proved else "warning", "solver.uniqueness", str(proof))]
 
 
-def _validated(scene: Scene, comm: MPI.Comm) -> Discretisation:
+def _validated(scene: Scene, comm: MPI.Comm) -> Model:
     """The body of a scene with the cells and elements that its solve takes, after all checks of the solver."""
     first = scene
     if scene.accuracy is not None:
         first = planned(scene, scene.accuracy, comm).scene
-        first = scene_on(first, 1.0) if first.generated else first  # whose meshes are coarser ones to begin with
-    d = prepare(first, load_mesh(first, comm), Timings())
+        first = (
+            scene_on(first, 1.0) if first.statement.generated else first
+        )  # whose meshes are coarser ones to begin with
+    d = prepare(first.statement, load_mesh(first, comm), Timings())
     refuse_beforehand(d)
     return d
 
 
-def _estimates_error(scene: Scene) -> bool:
-    to_stop = scene.solver.algorithm == "path-following" and scene.solver.regularisation_error == "auto"
-    return to_stop or _compares_meshes(scene)
+def _estimates_error(d: Model, *, compared: bool) -> bool:
+    """Whether an error is estimated; ``compared``: whether there are several meshes."""
+    solver = d.statement.solver
+    to_stop = solver.algorithm == "path-following" and solver.regularisation_error == "auto"
+    return d.boundary is not None and (to_stop or compared)
 
 
-def _compares_meshes(scene: Scene) -> bool:
-    return scene.accuracy is not None or bool(coarser_scenes(scene, scene.solver.levels))
-
-
-def _estimated(scene: Scene) -> tuple[str, ...]:
+def _estimated(statement: Statement, *, compared: bool) -> tuple[str, ...]:
     """The forms that the error estimate compiles."""
-    missed = _compares_meshes(scene) and any(load.varies for load in scene.of(Force))
+    missed = compared and any(load.varies for load in statement.of(Force))
     return (*_RECOVERY, *(["missed loads"] if missed else []))
 
 
-def _forms(d: Discretisation) -> tuple[str, ...]:
+def _forms(d: Model, *, compared: bool) -> tuple[str, ...]:
     """The forms that the solver will compile, in order."""
-    recovery = _estimated(d.scene) if d.boundary is not None and _estimates_error(d.scene) else ()
+    recovery = _estimated(d.statement, compared=compared) if _estimates_error(d, compared=compared) else ()
     return (*d.inventory.forms, *recovery)
 
 
 # --- effects ---------------------------------------------------------------------------------------------------------
 
 
-def _effects(d: Discretisation) -> list[ListedEffect]:
-    scene = d.scene
-    effects = [_elasticity(d), *_materials(scene), _reduced(d), *_pressure(d), *_displacements(d)]
+def _effects(d: Model, *, compared: bool) -> list[ListedEffect]:
+    statement = d.statement
+    effects = [_elasticity(d), *_materials(statement), _reduced(d), *_pressure(d), *_displacements(d)]
 
-    names = dict(zip(load_groups(scene), (load.names for load in d.applied), strict=False))
+    names = dict(zip(load_groups(statement), (load.names for load in d.applied), strict=False))
 
     def form_of(effect: Any) -> tuple[str, ...]:
         if not isinstance(effect, Load):
             return (d.resisting,)
         if effect.grouped:
-            return names[group_of(scene, effect)]
+            return names[group_of(statement, effect)]
         return next(load.names for load in d.applied if load.entry is effect)
 
-    for key, entries in scene.effects.items():
+    for key, entries in statement.effects.items():
         if key not in ("material", "displacement", "contact"):
             effects += [
                 ListedEffect(effect.name, effect.acts, effect.said or "it is 0", form_of(effect) if effect.acts else ())
                 for effect in entries
-            ] or [ListedEffect(key.replace("_", " "), False, f"no {scene.heading(key)}")]
+            ] or [ListedEffect(key.replace("_", " "), False, f"no {statement.heading(key)}")]
     effects += _contacts(d)
     nodes = contact_nodes(d)
-    kind = friction_kind(scene, scene.contact)
-    single_step, all_steps = (linear_solves(scene, kind, nodes, steps=steps) for steps in (1, scene.expected_steps))
-    numbers = {len(load.factors) for load in scene.loads if load.factors is not None}
-    why = f"factors: {', '.join(map(str, numbers))} each" if numbers else "no factors"
-    if scene.automatic_steps is not None:
-        why += f", about {scene.expected_steps} load steps"
-    effects.append(ListedEffect("load steps", scene.expected_steps > 1, why, solves=_minus(all_steps, single_step)))
-    nested = scene.solver.levels > 1 and d.boundary is not None
-    solves = _minus(
-        linear_solves(scene, kind, nodes, steps=scene.expected_steps, levels=scene.solver.levels), all_steps
+    kind = friction_kind(statement, statement.contact)
+    single_step, all_steps = (
+        linear_solves(statement, kind, nodes, steps=steps) for steps in (1, statement.expected_steps)
     )
-    estimate = d.boundary is not None and _estimates_error(scene)
-    why = f"algorithm = {scene.solver.algorithm!r}, levels = {scene.solver.levels}"
-    effects.append(ListedEffect("error estimate", estimate, why, _estimated(d.scene) if estimate else ()))
-    return [*effects, ListedEffect("nested iteration", nested, f"levels = {scene.solver.levels}", solves=solves)]
+    numbers = {len(load.factors) for load in statement.loads if load.factors is not None}
+    why = f"factors: {', '.join(map(str, numbers))} each" if numbers else "no factors"
+    if statement.automatic_steps is not None:
+        why += f", about {statement.expected_steps} load steps"
+    effects.append(ListedEffect("load steps", statement.expected_steps > 1, why, solves=_minus(all_steps, single_step)))
+    nested = statement.solver.levels > 1 and d.boundary is not None
+    solves = _minus(
+        linear_solves(statement, kind, nodes, steps=statement.expected_steps, levels=statement.solver.levels), all_steps
+    )
+    estimate = _estimates_error(d, compared=compared)
+    why = f"algorithm = {statement.solver.algorithm!r}, levels = {statement.solver.levels}"
+    effects.append(
+        ListedEffect("error estimate", estimate, why, _estimated(statement, compared=compared) if estimate else ())
+    )
+    return [*effects, ListedEffect("nested iteration", nested, f"levels = {statement.solver.levels}", solves=solves)]
 
 
-def _elasticity(d: Discretisation) -> ListedEffect:
+def _elasticity(d: Model) -> ListedEffect:
     return ListedEffect("elasticity", True, f"always; {d.kinematics.words}", ("elasticity",), d.dofs, (1, 1))
 
 
-def _materials(scene: Scene) -> list[ListedEffect]:
-    several = len(scene.material) > 1
-    why = ", ".join(str(m.region) for m in scene.material) if several else "one [[material]]"
+def _materials(statement: Statement) -> list[ListedEffect]:
+    several = len(statement.material) > 1
+    why = ", ".join(str(m.region) for m in statement.material) if several else "one [[material]]"
     return [ListedEffect("several materials", several, why)] + [
         ListedEffect(material.words, True, f"{material.region or 'everywhere'}: {material.said}")
-        for material in scene.material
+        for material in statement.material
         if material.said
     ]
 
 
-def _reduced(d: Discretisation) -> ListedEffect:
-    setting = d.scene.element.volumetric
+def _reduced(d: Model) -> ListedEffect:
+    setting = d.statement.element.volumetric
     on = d.elastic.reduced is not None
     why = f"volumetric = {setting!r}"
     if setting == "auto":
@@ -209,14 +224,14 @@ def _reduced(d: Discretisation) -> ListedEffect:
     return ListedEffect("reduced integration", on, why, tuple(d.inventory.forms[1:2]) if on else ())
 
 
-def _pressure(d: Discretisation) -> list[ListedEffect]:
+def _pressure(d: Model) -> list[ListedEffect]:
     if (listed := d.elastic.listed()) is None:
         return []
     name, forms, unknowns = listed
-    return [ListedEffect(name, True, f"volumetric = {d.scene.element.volumetric!r}", forms, unknowns)]
+    return [ListedEffect(name, True, f"volumetric = {d.statement.element.volumetric!r}", forms, unknowns)]
 
 
-def _displacements(d: Discretisation) -> list[ListedEffect]:
+def _displacements(d: Model) -> list[ListedEffect]:
     held: list[tuple[PrescribedDisplacement, int]] = []
     taken = np.zeros_like(d.fixed)
     for effect, support in d.supports:
@@ -236,8 +251,8 @@ def _displacements(d: Discretisation) -> list[ListedEffect]:
     return [ListedEffect(e.name, True, e.said, unknowns=-count) for e, count in held]
 
 
-def _contacts(d: Discretisation) -> list[ListedEffect]:
-    scene = d.scene
+def _contacts(d: Model) -> list[ListedEffect]:
+    scene = d.statement
     if d.boundary is None:
         return [ListedEffect("contact", False, "no [[contact]]"), ListedEffect("friction", False, "no [[contact]]")]
     effects, nodes = [], contact_nodes(d)
@@ -267,7 +282,7 @@ def _contacts(d: Discretisation) -> list[ListedEffect]:
     return effects
 
 
-def _gaps(d: Discretisation, index: int) -> str:
+def _gaps(d: Model, index: int) -> str:
     """The smallest and the largest gap of one contact in words; collective."""
     assert d.boundary is not None
     assert d.data is not None

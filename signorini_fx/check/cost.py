@@ -11,12 +11,12 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.next_digit import growth_before, seconds_on_finer
-from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.effects.contact import Contact
 from signorini_fx.linalg import choice
 from signorini_fx.linalg.factorisation import factor_entries
+from signorini_fx.model import Model
 from signorini_fx.records import Finding
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 from signorini_fx.tuned import (
     BACK_SUBSTITUTION,
     BASE_BYTES,
@@ -69,25 +69,25 @@ class Cost:
     next_seconds: tuple[float, float]
 
 
-def contact_nodes(d: Discretisation) -> int:
+def contact_nodes(d: Model) -> int:
     """The number of nodes of all contact boundaries; collective."""
     if d.boundary is None:
         return 0
     return int(parallel.global_sum(d.boundary.comm, np.array(np.unique(d.boundary.nodes).size)))
 
 
-def friction_kind(scene: Scene, contacts: Sequence[Contact]) -> str:
+def friction_kind(statement: Statement, contacts: Sequence[Contact]) -> str:
     """The key of ``SOLVES_PER_DOUBLING`` with the friction of these contacts."""
     if any(contact.coulomb for contact in contacts):
-        return "newton" if scene.solver.coulomb == "newton" else "fp"
+        return "newton" if statement.solver.coulomb == "newton" else "fp"
     return "tresca" if any(contact.friction.acts for contact in contacts) else "none"
 
 
-def linear_solves(scene: Scene, kind: str, nodes: int, *, steps: int = 1, levels: int = 1) -> tuple[int, int]:
+def linear_solves(statement: Statement, kind: str, nodes: int, *, steps: int = 1, levels: int = 1) -> tuple[int, int]:
     """Linear solves to expect, from and to; ``kind`` is a key of ``SOLVES_PER_DOUBLING``."""
-    if not scene.contact:
+    if not statement.contact:
         return steps * levels, steps * levels
-    extras = MORE_SOLVES.get(scene.solver.algorithm, (0, 0))
+    extras = MORE_SOLVES.get(statement.solver.algorithm, (0, 0))
     size = math.log2(max(nodes / 2 ** (levels - 1), 4))
     low, high = (round(factor * size) + extra for factor, extra in zip(SOLVES_PER_DOUBLING[kind], extras, strict=True))
     # A later load step starts from the sets of the previous one, a finer mesh from those of the coarser one.
@@ -96,7 +96,7 @@ def linear_solves(scene: Scene, kind: str, nodes: int, *, steps: int = 1, levels
     return low + least * (levels - 1) * steps, high + greatest * (levels - 1) * steps
 
 
-def estimated_cost(d: Discretisation) -> Cost:
+def estimated_cost(d: Model) -> Cost:
     """Nested dissection: n log n entries and n^1.5 operations in two dimensions, n^(4/3) and n^2 in three; multigrid: n
     of both.
     """
@@ -106,13 +106,15 @@ def estimated_cost(d: Discretisation) -> Cost:
     dim = d.tagged.dimension
     entries = factor_entries(n, dim)
     factorisation = FACTOR_SECONDS[dim][0] * n + FACTOR_SECONDS[dim][1] * n ** (1.5 if dim == 2 else 2.0)
-    friction = friction_kind(d.scene, d.scene.contact)
-    solves = linear_solves(d.scene, friction, nodes, steps=d.scene.expected_steps, levels=d.scene.solver.levels)
+    friction = friction_kind(d.statement, d.statement.contact)
+    solves = linear_solves(
+        d.statement, friction, nodes, steps=d.statement.expected_steps, levels=d.statement.solver.levels
+    )
     matrix = 12.0 * ROW_ENTRIES[dim] * n
-    kind, reason = choice.choose_kind(d.system_size, d.scene.solver.linear_algebra)
+    kind, reason = choice.choose_kind(d.system_size, d.statement.solver.linear_algebra)
     dense, held = 0, 12.0 * entries
     if kind == "krylov":
-        rates = KRYLOV_SECONDS["meshes" if d.scene.solver.levels > 1 else "aggregation"]
+        rates = KRYLOV_SECONDS["meshes" if d.statement.solver.levels > 1 else "aggregation"]
         once, per_solve, held = rates[0] * n, rates[1] * n, MULTIGRID_SHARE * matrix
     elif kind == "condensed":
         dense = dim * nodes
@@ -129,9 +131,9 @@ def estimated_cost(d: Discretisation) -> Cost:
     if d.boundary is not None and d.boundary.moving is not None:
         free += int(np.count_nonzero(~d.boundary.moving.fixed))
     seconds = once + solves[0] * per_solve, once + solves[1] * per_solve
-    growth = growth_before(d.scene.element.degree, dim)
-    krylov_from = choice.krylov_from(d.system_size, d.scene.solver.linear_algebra)
-    paired = PAIRED_BYTES[dim] * nodes if any(contact.against for contact in d.scene.contact) else 0.0
+    growth = growth_before(d.statement.element.degree, dim)
+    krylov_from = choice.krylov_from(d.system_size, d.statement.solver.linear_algebra)
+    paired = PAIRED_BYTES[dim] * nodes if any(contact.against for contact in d.statement.contact) else 0.0
     return Cost(
         unknowns=free,
         contact_nodes=nodes,

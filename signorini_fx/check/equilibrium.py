@@ -12,18 +12,18 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx import parallel
-from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.limits import LimitSurface, Unproved, balanced, excluded, surface_of
 from signorini_fx.body.motion_names import names_of
 from signorini_fx.contact.motions import total_work
 from signorini_fx.contact.reactions import Reactions, nearest, reactions
 from signorini_fx.contact.statics import escape, null_space, squeezed
+from signorini_fx.model import Model
 from signorini_fx.records import Finding, Status
 
 _Rows = npt.NDArray[np.float64]
 
 
-def equilibrium(body: Discretisation) -> list[Finding]:
+def equilibrium(body: Model) -> list[Finding]:
     """Motions without strain that the supports leave free: whether contact can resist them, and balance the loads.
 
     Each assembly of pieces is checked separately.
@@ -40,7 +40,7 @@ def equilibrium(body: Discretisation) -> list[Finding]:
             surfaces = surface_of(body)
         except Unproved as unproved:
             surfaces = str(unproved)
-    loads = [load_on(body, step) for step in range(body.scene.steps)]
+    loads = [load_on(body, step) for step in range(body.statement.steps)]
     findings = []
     for number in map(int, np.unique(motions.assembly)):
         columns = motions.assembly == number
@@ -57,7 +57,7 @@ def equilibrium(body: Discretisation) -> list[Finding]:
 
 
 def _equilibrium_of(
-    body: Discretisation,
+    body: Model,
     number: int,
     columns: npt.NDArray[np.bool_],
     contact: Reactions | None,
@@ -69,7 +69,7 @@ def _equilibrium_of(
     """Whether one assembly is in equilibrium.
 
     Args:
-        body: the scene and its mesh.
+        body: the model.
         number: of the assembly.
         columns: its free motions, k of them.
         contact: reactions of its contact nodes; None for a scene without contact.
@@ -77,7 +77,7 @@ def _equilibrium_of(
         loads: for each load step its work on these motions, shape (k,).
         without_load: whether its foundation holds it without a load.
     """
-    motions, scene = body.motions, body.scene
+    motions, statement = body.motions, body.statement
     free = motions.of_all[:, columns]
     several = motions.pieces.count > 1
     members = np.flatnonzero(motions.pieces.assembly == number)
@@ -105,18 +105,18 @@ def _equilibrium_of(
     if steps:
         when = ""
         if len(loads) > 1:
-            counted = "load step" if scene.automatic_steps is None else "factor"
+            counted = "load step" if statement.automatic_steps is None else "factor"
             when = f"{counted}{'s' * (len(steps) > 1)} {_runs(steps)}: "
         status, motion = next(way for way in away if way is not None)
         drives, cannot, cure = _WAYS[status]
-        names = names_of(free @ motion[:, None], motions, members)
+        names = names_of(free @ motion[:, None], motions, members, one_way=True)
         driven = [loads[step - 1] for step in steps]
         proved = _proved(
             surface, lambda known_surface: all(excluded(known_surface, nearest(contact, w).motion, w) for w in driven)
         )
         return Finding(
             "warning",
-            scene.forces_at,
+            statement.forces_at,
             f"{when}there is no static equilibrium{of_it}: the loads {drives} {names}, {cannot}: "
             f"{cure}, or prescribe a displacement; {proved}{_provided(body)}",
         )
@@ -137,7 +137,7 @@ def _equilibrium_of(
             text += "; no load presses it on, and whether prescribed displacements do only the iteration can say"
             return Finding("note", "displacement", text)
         message = f"{text}, but no load presses {subject} on its foundation: its position is not determined"
-        return Finding("warning", scene.forces_at, message)
+        return Finding("warning", statement.forces_at, message)
     pressed = "it is squeezed without a load" if without_load else "the loads press the body on"
     text = f"{text}, and {pressed}"
     if not all(nearest(contact, load).balanced for load in loads if load.any()):
@@ -156,7 +156,7 @@ def _proved(surface: LimitSurface | str, statement: Callable[[LimitSurface], boo
     return "proved for the body" if statement(surface) else "proved for its mesh"
 
 
-def _provided(body: Discretisation) -> str:
+def _provided(body: Model) -> str:
     """What a proof that friction cannot hold a body rests on where a law of a user's own has said it."""
     if body.law is None or not body.law.laws:
         return ""
@@ -182,9 +182,9 @@ def _runs(steps: list[int]) -> str:
     return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]} to {run[-1]}" for run in runs)
 
 
-def imposed(body: Discretisation) -> bool:
+def imposed(body: Model) -> bool:
     """Whether supports or rigid bodies are moved in any load step; collective."""
-    applied = [load for step in range(body.scene.steps) for factor, load in body.applied_at(step) if factor]
+    applied = [load for step in range(body.statement.steps) for factor, load in body.applied_at(step) if factor]
     moved = [
         bool(load.prescribed.x.array.any()) or (load.driven is not None and bool(load.driven.motion.any()))
         for load in applied
@@ -192,7 +192,7 @@ def imposed(body: Discretisation) -> bool:
     return parallel.any_rank(body.comm, any(moved))
 
 
-def load_on(body: Discretisation, step: int) -> _Rows:
+def load_on(body: Model, step: int) -> _Rows:
     """The work of the loads of a load step on the free motions, shape (k,); collective."""
     motions = body.motions
     loads = [

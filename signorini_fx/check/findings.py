@@ -19,18 +19,18 @@ from signorini_fx import parallel
 from signorini_fx.body.assembly import facet_entities, facet_vertices
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.deformation import Deformation
-from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.motion_names import MOST_LISTED, rounded
 from signorini_fx.check.equilibrium import equilibrium
 from signorini_fx.check.jumping_loads import jumping_loads
 from signorini_fx.check.one_step import one_step, tilted_frames
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import RegularisedData
+from signorini_fx.model import Model
 from signorini_fx.records import SMALL_DEFORMATION, Finding
 from signorini_fx.scene.effect import Force, Resistance, is_zero
 from signorini_fx.scene.expressions import Expression, in_space, sample
-from signorini_fx.scene.model import Scene
 from signorini_fx.scene.point_values import PointValues
+from signorini_fx.statement import Statement
 from signorini_fx.tuned import (
     FAR_GAP,
     GAP_DIFFERENCE,
@@ -45,29 +45,29 @@ from signorini_fx.tuned import (
 _Rows = npt.NDArray[np.float64]
 
 
-def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Finding]:
+def scene_findings(body: Model, *, estimates: bool = True) -> list[Finding]:
     """Findings about the scene and its mesh; collective, the same on every rank.
 
     Args:
-        body: the scene and its mesh.
+        body: the model.
         estimates: whether to include findings based on estimated displacements, which a solution replaces.
     """
-    scene, data = body.scene, body.data
+    statement, data = body.statement, body.data
     note = body.tagged.note
-    findings = [Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in scene.incomplete]
+    findings = [Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in statement.incomplete]
     findings += [Finding("note", "mesh", note)] if note else []
     findings += [
         *_pieces(body),
         *_locking(body),
         *_idle(body),
-        *_across_bodies(scene),
+        *_across_bodies(statement),
         *equilibrium(body),
         *jumping_loads(body),
     ]
     # Without an estimate it only matters whether anything acts at all; it is that of a beam in the plane or in space.
     unsolved = estimates
-    estimates = estimates and not scene.of(Resistance) and "bending" not in scene.kinematics.refuses
-    moduli = [material.natural_modulus for material in scene.material]
+    estimates = estimates and not statement.of(Resistance) and "bending" not in statement.kinematics.refuses
+    moduli = [material.natural_modulus for material in statement.material]
     moved = _displacement_scale(body, min(moduli)) if estimates else float(_acts(body))
     if estimates:
         # A layer of the softest material is not what bends: only what the stiffest one would do is certainly too much.
@@ -77,23 +77,23 @@ def scene_findings(body: Discretisation, *, estimates: bool = True) -> list[Find
             *_gaps(body, data, moved, estimates=estimates),
             *_inwards(body),
             *_heights(body),
-            *_moving(scene),
+            *_moving(statement),
             *one_step(body),
             *(tilted_frames(body, moved if estimates else math.inf) if unsolved else ()),
-            *_uniqueness(scene, body.boundary, body.law),
-            *_regularisation(scene, data, body.scales.gamma),
-            *_monolithic(scene),
+            *_uniqueness(statement, body.boundary, body.law),
+            *_regularisation(statement, data, body.scales.gamma),
+            *_monolithic(statement),
         ]
-        if any(effect.against is not None for effect in scene.contact):
+        if any(effect.against is not None for effect in statement.contact):
             from signorini_fx.check.bodies import paired_findings
 
             findings += paired_findings(body, moved if estimates else 0.0)
     return findings
 
 
-def _locking(body: Discretisation) -> list[Finding]:
-    scene = body.scene
-    if body.elastic.reduced is not None or scene.element.degree > 1:
+def _locking(body: Model) -> list[Finding]:
+    statement = body.statement
+    if body.elastic.reduced is not None or statement.element.degree > 1:
         return []
     cure = {
         "triangle": "set element.degree = 2, or use quadrilaterals with element.volumetric = 'reduced'",
@@ -105,14 +105,14 @@ def _locking(body: Discretisation) -> list[Finding]:
             f"material[{index}].poisson",
             f"linear elements lock as nu -> 0.5 (nu = {material.poisson:g}): the body comes out too stiff; {cure}",
         )
-        for index, material in enumerate(scene.material)
+        for index, material in enumerate(statement.material)
         if material.locks
     ]
 
 
-def _across_bodies(scene: Scene) -> list[Finding]:
+def _across_bodies(statement: Statement) -> list[Finding]:
     """Values at points that are interpolated over all bodies, where these touch: each body may have its own there."""
-    if not any(contact.against for contact in scene.contact):
+    if not any(contact.against for contact in statement.contact):
         return []
     message = (
         "its values are interpolated between points of all bodies, of another one beside them where they touch: give "
@@ -120,16 +120,16 @@ def _across_bodies(scene: Scene) -> list[Finding]:
     )
     return [
         Finding("warning", f"{path}.file", message)
-        for path, effect in scene.listed()
+        for path, effect in statement.listed()
         if getattr(effect, "region", None) is None
         and any(isinstance(value, PointValues) for value in effect.given.values())
     ]
 
 
-def _idle(body: Discretisation) -> list[Finding]:
+def _idle(body: Model) -> list[Finding]:
     """Loads and resistances that are expressions of the position and vanish wherever they may act."""
     findings = []
-    for path, effect in body.scene.listed():
+    for path, effect in body.statement.listed():
         values = [value for value in effect.given.values() if not is_zero(value)]
         on_boundary = effect.where is not None and isinstance(effect, Force | Resistance)
         if not on_boundary or not values or not all(isinstance(value, Expression) for value in values):
@@ -183,7 +183,7 @@ def result_findings(
     return findings
 
 
-def _pieces(body: Discretisation) -> list[Finding]:
+def _pieces(body: Model) -> list[Finding]:
     """A body in several pieces: each of them must be held."""
     pieces = body.motions.pieces
     if pieces.count == 1:
@@ -195,7 +195,7 @@ def _pieces(body: Discretisation) -> list[Finding]:
         for first, second in zip(*np.unique(np.sort(pieces.pins), axis=0).T, strict=True)
     ]
     hinges = f"; hinges, where they share a single vertex, join {', '.join(pairs[:MOST_LISTED])}" if pairs else ""
-    if any(effect.against is not None for effect in body.scene.contact):
+    if any(effect.against is not None for effect in body.statement.contact):
         return [Finding("note", "mesh", f"there are {pieces.count} bodies: {listed}{suffix}{hinges}")]
     message = (
         f"the mesh of the body is in {pieces.count} pieces that share no side, so that each piece must be held: "
@@ -207,17 +207,17 @@ def _pieces(body: Discretisation) -> list[Finding]:
 # --- gaps and displacements ------------------------------------------------------------------------------------------
 
 
-def _gaps(body: Discretisation, data: RegularisedData, moved: float, *, estimates: bool) -> list[Finding]:
+def _gaps(body: Model, data: RegularisedData, moved: float, *, estimates: bool) -> list[Finding]:
     boundary = body.boundary
     assert boundary is not None
     comm, size = boundary.comm, body.tagged.size
     unilateral = np.ones(boundary.size, dtype=bool) if data.bilateral is None else ~data.bilateral
     smallest = -parallel.largest(comm, -data.gap, -np.inf)
     findings = []
-    if smallest < -NO_FORCE * size and not any(effect.moves for effect in body.scene.contact):
+    if smallest < -NO_FORCE * size and not any(effect.moves for effect in body.statement.contact):
         level: Literal["warning", "note"] = "warning" if -smallest > 0.01 * size else "note"
         overlap = "the body penetrates its foundation"
-        if any(effect.against is not None for effect in body.scene.contact):
+        if any(effect.against is not None for effect in body.statement.contact):
             overlap = "a body penetrates another one, or its foundation,"
         message = f"the gap is negative, down to {smallest:g}: {overlap} before it is loaded"
         findings.append(Finding(level, "contact.gap", message))
@@ -239,11 +239,11 @@ def _gaps(body: Discretisation, data: RegularisedData, moved: float, *, estimate
     return findings
 
 
-def _inwards(body: Discretisation) -> list[Finding]:
+def _inwards(body: Model) -> list[Finding]:
     """Directions that lead into the body, and not from it to its foundation."""
     findings = []
     mesh, dim = body.tagged.mesh, body.tagged.dimension
-    for index, effect in enumerate(body.scene.contact):
+    for index, effect in enumerate(body.statement.contact):
         if effect.direction is None:
             continue
         facets = body.tagged.facets(effect.boundary)
@@ -260,14 +260,14 @@ def _inwards(body: Discretisation) -> list[Finding]:
     return findings
 
 
-def _moving(scene: Scene) -> list[Finding]:
+def _moving(statement: Statement) -> list[Finding]:
     """What effects say of themselves, foundations that move with the time, and friction that depends on it."""
     findings = [
         Finding(kind, f"{path}.{key}", message)
-        for path, effect in scene.listed()
+        for path, effect in statement.listed()
         for kind, key, message in effect.remarks
     ]
-    for index, effect in enumerate(scene.contact):
+    for index, effect in enumerate(statement.contact):
         if effect.moves:
             message = (
                 "it moves with the time t: gap and normals are those of each load step, and slip is relative to it"
@@ -279,12 +279,12 @@ def _moving(scene: Scene) -> list[Finding]:
     return findings
 
 
-def _heights(body: Discretisation) -> list[Finding]:
+def _heights(body: Model) -> list[Finding]:
     """Gaps that look like the height above the foundation although they are measured along varying normals."""
     boundary = body.boundary
     assert boundary is not None
     findings = []
-    for index, effect in enumerate(body.scene.contact):
+    for index, effect in enumerate(body.statement.contact):
         if effect.direction is not None or effect.foundation is not None or isinstance(effect.gap, float):
             continue
         on_part = boundary.part == index
@@ -337,11 +337,11 @@ def _fall_lines(slope: _Rows, comm: MPI.Comm) -> list[_Rows]:
     return lines
 
 
-def _odd_displacements(body: Discretisation, moved: float, moved_most: float) -> list[Finding]:
+def _odd_displacements(body: Model, moved: float, moved_most: float) -> list[Finding]:
     """Loads that are too large for linear elasticity, or hardly felt; usually two units are inconsistent.
 
     Args:
-        body: the scene and its mesh.
+        body: the model.
         moved: how far a body of the stiffest of its materials would move, an estimate, length.
         moved_most: the same of the softest one.
     """
@@ -351,31 +351,31 @@ def _odd_displacements(body: Discretisation, moved: float, moved_most: float) ->
             f"loads and prescribed displacements move the body by about {moved_most:.1g} (an estimate) only, its size "
             f"is {size:.3g}: are E and the loads in the same units, such as MPa?"
         )
-        return [Finding("note", f"material, {body.scene.forces_at}, displacement", message)]
+        return [Finding("note", f"material, {body.statement.forces_at}, displacement", message)]
     if moved < size:
         return []
     message = (
         f"loads and prescribed displacements move the body by about {moved:.1g} (an estimate), its size is {size:.3g}: "
         "the deformation is not small; check the units of E and of the loads"
     )
-    return [Finding("warning", f"material, {body.scene.forces_at}, displacement", message)]
+    return [Finding("warning", f"material, {body.statement.forces_at}, displacement", message)]
 
 
-def _acts(body: Discretisation) -> bool:
+def _acts(body: Model) -> bool:
     """Whether there is a load or a prescribed displacement in any load step; collective."""
-    steps = range(body.scene.steps)
+    steps = range(body.statement.steps)
     acting = [load for step in steps for factor, load in body.applied_at(step) if factor]
     return parallel.any_rank(body.comm, any(load.forces.any() or load.start.any() or load.drives for load in acting))
 
 
-def _displacement_scale(body: Discretisation, young: float) -> float:
+def _displacement_scale(body: Model, young: float) -> float:
     """Largest prescribed displacement, the deflection of a beam of the body's outline with this Young's modulus under
     the loads, and the expansion of the body, lengths; the largest sum of a load step.
     """
-    return max(_displacement_at(body, step, young) for step in range(body.scene.steps))
+    return max(_displacement_at(body, step, young) for step in range(body.statement.steps))
 
 
-def _displacement_at(body: Discretisation, step: int, young: float) -> float:
+def _displacement_at(body: Model, step: int, young: float) -> float:
     """The same of one load step."""
     applied = body.applied_at(step)
     owned = sum((factor * load.start for factor, load in applied), np.zeros(body.fixed.size))
@@ -399,10 +399,10 @@ def _displacement_at(body: Discretisation, step: int, young: float) -> float:
 # --- uniqueness, gamma, methods --------------------------------------------------------------------------------------
 
 
-def _uniqueness(scene: Scene, boundary: ContactBoundary, law: PointFriction | None) -> list[Finding]:
-    limit = min(material.friction_indication for material in scene.material)
+def _uniqueness(statement: Statement, boundary: ContactBoundary, law: PointFriction | None) -> list[Finding]:
+    limit = min(material.friction_indication for material in statement.material)
     findings = []
-    for index, _ in enumerate(scene.contact):
+    for index, _ in enumerate(statement.contact):
         coefficients = np.zeros(0) if law is None else law.coefficient[boundary.part == index]
         largest = parallel.largest(boundary.comm, coefficients)
         if largest > limit:
@@ -418,13 +418,13 @@ def _uniqueness(scene: Scene, boundary: ContactBoundary, law: PointFriction | No
     return findings
 
 
-def _regularisation(scene: Scene, data: RegularisedData, natural: float) -> list[Finding]:
+def _regularisation(statement: Statement, data: RegularisedData, natural: float) -> list[Finding]:
     """Gamma and sigma compared with E over the size of the body."""
-    settings, findings = scene.solver, []
+    settings, findings = statement.solver, []
     # The pressures of the softest body are the smallest, and the round-off of gamma is as large at each.
-    softest = min(material.natural_modulus for material in scene.material) / scene.young
+    softest = min(material.natural_modulus for material in statement.material) / statement.young
     gammas = {"gamma_n": data.gamma_n, "gamma_t": data.gamma_t}
-    if not scene.has_friction:
+    if not statement.has_friction:
         del gammas["gamma_t"]
     # Path-following determines gamma itself; the result of exact does not depend on it.
     for name, gamma in gammas.items() if settings.algorithm not in ("path-following", "exact") else ():
@@ -443,19 +443,19 @@ def _regularisation(scene: Scene, data: RegularisedData, natural: float) -> list
                 "'auto', or algorithm = 'alm'"
             )
             findings.append(Finding("warning", f"solver.{name}", message))
-    if scene.has_friction and data.sigma * data.gamma_t <= 1.0 + 1e-9 and data.gamma_t > START_GAMMA * natural:
+    if statement.has_friction and data.sigma * data.gamma_t <= 1.0 + 1e-9 and data.gamma_t > START_GAMMA * natural:
         message = f"{data.sigma:g} is not above 1 / gamma_t: the slip sets cycle where gamma_t is large; set 'auto'"
         findings.append(Finding("warning", "solver.sigma", message))
     return findings
 
 
-def _monolithic(scene: Scene) -> list[Finding]:
+def _monolithic(statement: Statement) -> list[Finding]:
     """A note if coulomb = newton cannot be used."""
-    if scene.solver.coulomb != "newton" or not scene.has_coulomb:
+    if statement.solver.coulomb != "newton" or not statement.has_coulomb:
         return []
-    laws = [contact.friction for contact in scene.contact if not contact.friction.has_derivative]
+    laws = [contact.friction for contact in statement.contact if not contact.friction.has_derivative]
     obstacles = sorted({name for law in laws for name in law.exceptions})
-    obstacles += ["bilateral contact"] if any(contact.kind == "bilateral" for contact in scene.contact) else []
+    obstacles += ["bilateral contact"] if any(contact.kind == "bilateral" for contact in statement.contact) else []
     if not obstacles:
         return []
     return [

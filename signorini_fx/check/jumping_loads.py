@@ -12,7 +12,7 @@ import numpy.typing as npt
 from signorini_fx import compat, parallel
 from signorini_fx.body.assembly import facet_entities
 from signorini_fx.body.cut_loads import PARTS, SIMPLICES, cut_rule
-from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.model import Model
 from signorini_fx.records import Finding
 from signorini_fx.scene.effect import Force
 from signorini_fx.scene.expressions import Expression, in_space, sample
@@ -35,13 +35,13 @@ class _Rule(NamedTuple):
     axes: Array
 
 
-def jumping_loads(d: Discretisation) -> list[Finding]:
+def jumping_loads(d: Model) -> list[Finding]:
     """A warning for each load of which the rule on facets or cells misses a part; collective."""
     findings = []
-    for path, entry in d.scene.listed():
+    for path, entry in d.statement.listed():
         if not isinstance(entry, Force):
             continue
-        load = d.scene.now(entry, 0)[1]
+        load = d.statement.now(entry, 0)[1]
         given = load.given | ({} if load.weighting is None else {"spread": load.weighting})
         values = {key: value for key, value in given.items() if _may_jump(value)}
         if not values:
@@ -80,11 +80,11 @@ def _may_jump(value: Any) -> bool:
     return value.jumps if isinstance(value, Expression) else callable(value) and not hasattr(value, "ufl_shape")
 
 
-def _missed(d: Discretisation, every: Indices, value: Any, load: Force) -> Array:
+def _missed(d: Model, every: Indices, value: Any, load: Force) -> Array:
     """The force that the rule misses on facets or cells, and that on them, sizes, shape (n, 2).
 
     Args:
-        d: the scene on its mesh.
+        d: the model.
         every: the facets or cells, local numbers.
         value: a component of the load.
         load: the load.
@@ -96,7 +96,7 @@ def _missed(d: Discretisation, every: Indices, value: Any, load: Force) -> Array
         entities, often = facet_entities(mesh, every), _HALVED_FACETS
         sides = [basix.geometry(cell)[corners] for corners in basix.topology(cell)[across - 1]]
         kind = basix.cell.subentity_types(cell)[across - 1][0]
-    rules = [basix.make_quadrature(kind, load.degree(d.scene.element.degree))]
+    rules = [basix.make_quadrature(kind, load.degree(d.statement.element.degree))]
     rules += [_halved(kind, 0 if load.where is None else 1, FIRST_DEGREE)] if len(every) > MANY_LOADED else []
     rules += [_halved(kind, often, _DEGREE)]
     reference = basix.geometry(kind)
@@ -141,11 +141,11 @@ def _halved(kind: basix.CellType, often: int, degree: int) -> tuple[Array, Array
     return places.reshape(-1, simplices.shape[2]), (np.abs(np.linalg.det(edges))[:, None] * weights).ravel()
 
 
-def _forces(d: Discretisation, value: Any, rule: _Rule, nodes: Array, *, interpolated: bool = False) -> Array:
+def _forces(d: Model, value: Any, rule: _Rule, nodes: Array, *, interpolated: bool = False) -> Array:
     """A value times the length, area or volume that points of a rule stand for, shape (n, q).
 
     Args:
-        d: the scene on its mesh.
+        d: the model.
         value: a component of a load.
         rule: in the reference cell.
         nodes: of the geometry of the cells, length, shape (n, g, 3).

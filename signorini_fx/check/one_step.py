@@ -8,14 +8,14 @@ import numpy as np
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.model import Model
 from signorini_fx.records import Finding
 from signorini_fx.tuned import CLOSED_GAP, NOTABLE_SHEAR, ONE_DIRECTION, SHEAR_OF_TILT
 
 
-def one_step(body: Discretisation) -> list[Finding]:
+def one_step(body: Model) -> list[Finding]:
     """That the way before the touch counts as slip where bodies close a gap that varies; collective."""
-    if body.scene.steps > 1 or body.scene.load_steps.steps is not None:
+    if body.statement.steps > 1 or body.statement.load_steps.steps is not None:
         return []
     message = (
         "one step counts the way of a point before it touches as slip, so that less sticks than if the load grew: with "
@@ -25,18 +25,18 @@ def one_step(body: Discretisation) -> list[Finding]:
     return [Finding("note", f"contact[{index}].friction", message) for index, _ in _curved(body)]
 
 
-def tilted_frames(body: Discretisation, moved: float, contact: ContactState | None = None) -> list[Finding]:
+def tilted_frames(body: Model, moved: float, contact: ContactState | None = None) -> list[Finding]:
     """How much shear pressing alone makes because frames are tilted against the way on which bodies approach, where it
     is much; collective.
 
     Args:
-        body: the scene and its mesh, with its foundations where they are in the result.
+        body: the model, with its foundations where they are in the result.
         moved: how far bodies move before there is a result, an estimate, length.
         contact: the result; None: there is none yet.
     """
     findings, law = [], body.law
     for index, extent in _curved(body):
-        boundary, data, effect = body.boundary, body.data, body.scene.contact[index]
+        boundary, data, effect = body.boundary, body.data, body.statement.contact[index]
         assert boundary is not None
         assert data is not None
         on_part = boundary.part == index
@@ -69,12 +69,12 @@ def tilted_frames(body: Discretisation, moved: float, contact: ContactState | No
     return findings
 
 
-def _curved(body: Discretisation) -> Iterator[tuple[int, float]]:
+def _curved(body: Model) -> Iterator[tuple[int, float]]:
     """The contacts of things with friction whose gap varies, and the extent of each, length; collective."""
     boundary, data = body.boundary, body.data
     if boundary is None or data is None:
         return
-    for index, effect in enumerate(body.scene.contact):
+    for index, effect in enumerate(body.statement.contact):
         thing = effect.surface is not None or (effect.against is not None and effect.distance == "geometry")
         if effect.kind == "bonded" or not thing or not effect.friction.acts:
             continue

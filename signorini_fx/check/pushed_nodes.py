@@ -20,10 +20,11 @@ from mpi4py import MPI
 from signorini_fx import parallel
 from signorini_fx.body.averages import from_owners
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.discretisation import placed
 from signorini_fx.body.motion_names import rounded
 from signorini_fx.body.rigid_bodies import Driven
 from signorini_fx.contact.points import pushed
+from signorini_fx.model import Model
 from signorini_fx.records import Finding
 from signorini_fx.tuned import SAME_LENGTH
 
@@ -71,10 +72,10 @@ def held_in_result(
     return [points, *_held_pairs(y, pairs, boundary.comm)]
 
 
-def held_before(body: Discretisation, step: float) -> list[HeldNodes]:
+def held_before(body: Model, step: float) -> list[HeldNodes]:
     """Those of a load step that supports alone say, before it is solved; collective."""
-    placed = body.placed(step)
-    boundary, data = placed.boundary, placed.data
+    model = placed(body, step)
+    boundary, data = model.boundary, model.data
     if boundary is None or data is None:
         return []
     dim, applied = boundary.x.shape[1], body.applied_at(step)
@@ -92,13 +93,13 @@ def held_before(body: Discretisation, step: float) -> list[HeldNodes]:
     return [points, *_held_pairs(y, body.pairs, boundary.comm)]
 
 
-def pushed_before(body: Discretisation) -> list[Finding]:
+def pushed_before(body: Model) -> list[Finding]:
     """What supports say before anything is solved; collective."""
     boundary = body.boundary
     supported = boundary is not None and not boundary.free.all()
     if not parallel.any_rank(body.comm, supported or any(pair.held is not None for pair in body.pairs.values())):
         return []
-    return pushed_nodes(body.comm, [held_before(body, step) for step in range(body.scene.steps)], body.tagged.size)
+    return pushed_nodes(body.comm, [held_before(body, step) for step in range(body.statement.steps)], body.tagged.size)
 
 
 def _held_pairs(y: Array, pairs: Mapping[int, PairedSides], comm: MPI.Comm) -> list[HeldNodes]:

@@ -21,7 +21,7 @@ from signorini_fx.machine import terminal
 if TYPE_CHECKING:
     from signorini_fx.mesh.files.arrays import MeshArrays
     from signorini_fx.results.solution import Solution
-    from signorini_fx.scene.model import Scene
+    from signorini_fx.scene.scene import Scene
 
 
 def _read_scene(options: argparse.Namespace) -> Scene:
@@ -55,7 +55,9 @@ def solve(options: argparse.Namespace) -> int:
     """Solve a scene and write its results."""
     solution, code = _solved(options)
     if code == EXIT_INCOMPLETE:
-        _say_of_another_problem(f"the scene lacks {len(solution.scene.incomplete)} of what was meant, see incomplete")
+        _say_of_another_problem(
+            f"the scene lacks {len(solution.statement.incomplete)} of what was meant, see incomplete"
+        )
     return code
 
 
@@ -139,7 +141,7 @@ def _solved(options: argparse.Namespace, judged: Callable[[Solution], Solution] 
         # The summary above has said what to do.
         ended = terminal.TerminalLine("signorini-fx: ", outcome(solution, advice=options.quiet), "error")
         parallel.log_on_root(comm, [ended], error=True)
-    return solution, of_solve(converged=solution.converged, incomplete=bool(solution.scene.incomplete))
+    return solution, of_solve(converged=solution.converged, incomplete=bool(solution.statement.incomplete))
 
 
 def run(options: argparse.Namespace) -> int:
@@ -166,7 +168,7 @@ def run(options: argparse.Namespace) -> int:
     def judged(solution: Solution) -> Solution:
         nonlocal lost
         graded = add_on("deck_rotations")(solution, deck)
-        larger = graded.scene.incomplete[len(solution.scene.incomplete) :]
+        larger = graded.statement.incomplete[len(solution.statement.incomplete) :]
         small = [finding.message for finding in graded.findings[len(solution.findings) :]]
         lost += len(larger)
         remarks.extend(terminal.TerminalLine("changes the answer: ", remark, "error") for remark in larger)
@@ -391,7 +393,7 @@ def mesh_file(options: argparse.Namespace) -> str | tuple[str, int]:
     if options.picture is not None:
         from mpi4py import MPI
 
-        from signorini_fx.scene.model import MeshFile
+        from signorini_fx.scene.scene import MeshFile
 
         add_on("draw_mesh")(MeshFile(file=options.file, size=options.size), MPI.COMM_SELF, options.picture)
     return json.dumps(info, indent=2) if options.json else render(info, str(options.file))
@@ -451,7 +453,7 @@ def completion(options: argparse.Namespace) -> str:
 def schema(options: argparse.Namespace) -> str:
     """The JSON schema of scene files, or of the summary in result folders."""
     if options.summary:
-        from signorini_fx.quantities.model import summary_schema
+        from signorini_fx.quantities.schema import summary_schema
 
         return json.dumps(summary_schema(), indent=2)
     from signorini_fx.scene.template import scene_schema

@@ -15,7 +15,7 @@ import numpy as np
 from signorini_fx.decks.keywords import CONSTRAINT, PLAIN
 from signorini_fx.kinematics import of_materials
 from signorini_fx.kinematics.cartesian import Kinematics
-from signorini_fx.mesh.files.abaqus import Model
+from signorini_fx.mesh.files.abaqus import DeckModel
 from signorini_fx.mesh.files.abaqus_blocks import DeckBlock
 from signorini_fx.mesh.files.abaqus_groups import Group
 from signorini_fx.mesh.files.arrays import MeshArrays
@@ -96,7 +96,7 @@ class Deck:
     """
 
     mesh: MeshArrays
-    model: Model
+    model: DeckModel
     said: dict[tuple[str, str, bool], list[str]] = field(default_factory=dict)
     title: str = ""
     materials: dict[str, dict[str, Any]] = field(default_factory=dict)

@@ -32,12 +32,13 @@ def judged_rotations(solution: Solution, deck: Deck | None) -> Solution:
     if not origin or not solution.converged:
         return solution
     moments = [solution.at(step) for step in solution.shown_steps]
-    pairs = [neglected_strain(moment.discretisation, moment.displacement) for moment in moments]
+    pairs = [neglected_strain(moment.model, moment.displacement) for moment in moments]
     rotation, share = max(pairs, key=lambda pair: pair[1])
     size = f"they are up to {rotation:.2g} rad, and {100 * share:.2g} % of the strain is neglected"
     told = f"{origin}: {SMALL}: {size}"
     if share > LINEAR_IN_DECK:
-        incomplete = (*solution.scene.incomplete, told)
-        return replace(solution, scene=solution.scene.model_copy(update={"incomplete": incomplete}))
+        incomplete = (*solution.statement.incomplete, told)
+        model = replace(solution.model, statement=replace(solution.statement, incomplete=incomplete))
+        return replace(solution, model=model)
     note = Finding("note", "displacement", f"{told}: it {Grade.NOTED}")
     return replace(solution, found=lambda: (*solution.found(), note))

@@ -12,7 +12,7 @@ from signorini_fx.laws.protocol import FrictionLaw
 from signorini_fx.scene.changes import PATH, PATH_PART
 from signorini_fx.scene.effect import Load, Resistance, is_zero
 from signorini_fx.scene.expressions import Expression
-from signorini_fx.scene.model import Scene
+from signorini_fx.scene.scene import Scene
 from signorini_fx.tuned import DIFFERENCE_STEP
 
 _EXAMPLE = "such as contact[0].friction.coefficient, material[0].young, or traction[0], a load as a whole"
@@ -27,7 +27,7 @@ def default_entries(scene: Scene) -> list[str]:
         entries.append(f"contact[{number}].gap")
     isotropic = [number for number, material in enumerate(scene.material) if material.isotropic]
     entries += [f"material[{number}].{key}" for number in isotropic for key in ("young", "poisson")]
-    loads = [(path, effect) for path, effect in scene.listed() if isinstance(effect, Load) and effect.acts]
+    loads = [(path, effect) for path, effect in scene.statement.listed() if isinstance(effect, Load) and effect.acts]
     return entries + [path for path, effect in loads if not is_zero(*effect.given.values())]
 
 
@@ -57,10 +57,10 @@ def entry_of(scene: Scene, path: str, extent: float, dimension: int) -> tuple[fl
         raise SceneError([(path, "is zero, so that nothing acts: give a small number to begin with")])
     root = path.partition("[")[0].partition(".")[0]
     if ".foundation.force" in path or ".foundation.moment" in path:
-        force = scene.young * extent ** (dimension - 1) * (extent if ".moment" in path else 1.0)
+        force = scene.statement.young * extent ** (dimension - 1) * (extent if ".moment" in path else 1.0)
         unit = abs(value) if not isinstance(value, Expression) and value != 0.0 else force
     elif isinstance(value, Expression) or value == 0.0 or (root == "contact" and ".friction" not in path):
-        unit = extent if root in ("contact", "displacement") else scene.young
+        unit = extent if root in ("contact", "displacement") else scene.statement.young
         if any(part in path for part in ("rotation", "direction", ".friction.coefficient", ".poisson")):
             unit = 1.0
     else:
@@ -110,7 +110,7 @@ def _entry_and_table(scene: Scene, path: str, dimension: int) -> tuple[Any, Any]
     parent: Any = None
     value: Any = scene
     way = _way(path)
-    if way[0] not in scene.effects:
+    if way[0] not in scene.statement.effects:
         raise SceneError([(path, f"is no datum of the problem that a derivative can be taken by, {_EXAMPLE}")])
     for key in way:
         parent, value = value, _single_entry(value, key)
@@ -127,7 +127,7 @@ def _changed(scene: Scene, value: Any, way: list[str | int], change: float, dime
     if not way:
         if isinstance(value, Load):
             return value.model_copy(
-                update={"factors": tuple((1 + change) * factor for factor in scene.factors_of(value))}
+                update={"factors": tuple((1 + change) * factor for factor in scene.statement.factors_of(value))}
             )
         if isinstance(value, Expression):
             return Expression(f"({value.text}) + ({float(change)!r})", value.time, value.allows_time)

@@ -18,12 +18,12 @@ from signorini_fx.body.assembly import assemble
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.elastic import ElasticBody
-from signorini_fx.body.named_body import NamedBody
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import Nodal, length
 from signorini_fx.derivatives.gradient import By, ChangedStep, SolvedStep, adjoints_of, central, derivatives, explicit
 from signorini_fx.errors import FormError, SceneError, SignoriniError
 from signorini_fx.machine.compilation import compiling
+from signorini_fx.model import Model
 from signorini_fx.quantities.differentiable import functional_of
 from signorini_fx.quantities.functional import Functional, Gradient
 from signorini_fx.tuned import (
@@ -70,7 +70,7 @@ class OfForm:
         return np.zeros((pressure.size, 1 + shear.shape[1]))
 
 
-def _quantity_of(wanted: Any, u: fem.Function, body: Callable[[], NamedBody]) -> Functional:
+def _quantity_of(wanted: Any, u: fem.Function, body: Callable[[], Model]) -> Functional:
     """A result as ``ContactProblem.gradient`` takes it; collective.
 
     Args:
@@ -88,7 +88,7 @@ def _quantity_of(wanted: Any, u: fem.Function, body: Callable[[], NamedBody]) ->
             test = ufl.TestFunction(u.function_space)
             return OfForm(fem.form(wanted), fem.form(ufl.derivative(wanted, u, test)), u)
     named, words = body(), str(wanted).split()
-    contacts = [effect.boundary for effect in named.scene.contact]
+    contacts = [effect.boundary for effect in named.statement.contact]
     if len(words) > 1 and words[1].isdigit() and int(words[1]) < len(contacts):
         words[1] = shlex.quote(contacts[int(words[1])])
     try:
@@ -143,7 +143,7 @@ def extrapolated(slope: Callable[[float], float], unit: float) -> float:
 def gradient(
     of: Any,
     by: Sequence[Any],
-    body: Callable[[], NamedBody],
+    body: Callable[[], Model],
     step: tuple[ElasticBody, Task, Outcome, Start, ContactState, fem.Function, PointFriction | None],
     data: Callable[[], tuple[Any, ...]],
 ) -> Gradient:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx import parallel
-from signorini_fx.body.discretisation import Discretisation, prepare
+from signorini_fx.body.discretisation import alone, contact_of, law_of, moved_since, placed, prepare
 from signorini_fx.body.elastic import sum_of
 from signorini_fx.body.moduli import lame_coefficients
 from signorini_fx.body.rigid_bodies import Driven
@@ -34,16 +34,19 @@ from signorini_fx.derivatives.gradient import (
     explicit,
 )
 from signorini_fx.errors import SceneError
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.model import Model
 from signorini_fx.quantities.differentiable import functional_of
 from signorini_fx.quantities.functional import Functional
 from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scene.effect import Force, InitialStrain, Resistance
 from signorini_fx.scene.features import refuse
-from signorini_fx.scene.model import Scene
+from signorini_fx.scene.scene import Scene
 from signorini_fx.solving.one_mesh import solve_mesh
 from signorini_fx.solving.scene_steps import SceneSteps
 from signorini_fx.solving.stepped_problem import LoadStep
+from signorini_fx.statement import Statement
 
 Array = npt.NDArray[np.float64]
 # Features of a scene that have no derivatives.
@@ -140,11 +143,13 @@ def sensitivity(
         solved.append(_Step.of(step))
 
     begin = time.perf_counter()
-    solution, *_ = solve_mesh(scene, comm, History(), None, keep)
+    solution, *_ = solve_mesh(scene.statement, partial(load_mesh, scene, comm), History(), None, keep)
     seconds = parallel.global_max(comm, time.perf_counter() - begin)
     if not solution.converged:
         raise ConvergenceError(solution)
-    sensitivities = _sensitivities(solved, [of] if isinstance(of, str) else list(of), by, solution, seconds)
+    # Contact points may be on the other side than the scene says.
+    scene = scene.model_copy(update={"contact": solution.statement.contact})
+    sensitivities = _sensitivities(scene, solved, [of] if isinstance(of, str) else list(of), by, solution, seconds)
     return sensitivities[0] if isinstance(of, str) else sensitivities
 
 
@@ -158,7 +163,7 @@ class _Step:
         solved: its solution.
     """
 
-    d: Discretisation
+    d: Model
     place: float
     solved: SolvedStep
 
@@ -183,15 +188,15 @@ def _check(scene: Scene) -> None:
     """Whether derivatives of the scene are known."""
     if not scene.contact:
         raise SceneError([("contact", "there is none: a problem without contact is linear")])
-    if reason := scene.kinematics.refuses.get("derivatives"):
+    if reason := scene.statement.kinematics.refuses.get("derivatives"):
         raise SceneError([("material.hypothesis", reason)])
-    refuse(scene, REFUSES)
+    refuse(scene.statement, REFUSES)
 
 
 def _sensitivities(
-    steps: list[_Step], of: list[str], by: Sequence[str] | None, solution: Solution, seconds: float
+    scene: Scene, steps: list[_Step], of: list[str], by: Sequence[str] | None, solution: Solution, seconds: float
 ) -> list[Sensitivity]:
-    scene, d = solution.scene, steps[-1].d
+    d = steps[-1].d
     paths = tuple(default_entries(scene) if by is None else by)
     entries = [entry_of(scene, path, d.tagged.size, d.dimension) for path in paths]
     begin = time.perf_counter()
@@ -260,7 +265,7 @@ def _by(scene: Scene, steps: list[_Step], path: str, step: float, quantities: Se
     else:
 
         def at(changed: Scene) -> By:
-            data = cache(_data(changed, steps, path))
+            data = cache(_data(changed.statement, steps, path))
 
             def evaluated(k: int) -> Explicit:
                 previous = (steps[k - 1].solved, data(k - 1)) if k else None
@@ -278,20 +283,20 @@ def _by_modulus(above: Scene, below: Scene, step: float, steps: list[_Step]) -> 
     """
     d, twice = steps[0].d, 2 * step
     forms: Sequence[fem.Form] | PETSc.Mat = d.forms[: len(d.forms) - len(d.resists or ())]
-    high, low = (lame_coefficients(entry, d.tagged) for entry in (above, below))
+    high, low = (lame_coefficients(entry.statement, d.tagged) for entry in (above, below))
     slopes = [(_values(entry) - _values(lower)) / twice for entry, lower in zip(high, low, strict=True)]
     if len(steps) > _FEW:
         with _lame(d, slopes):
             forms = sum_of(forms, [])
-    strained = any(entry.strains for _, entry in above.listed())
-    prepared = [prepare(entry, d.tagged, Timings()) for entry in (above, below)] if strained else []
+    strained = any(entry.strains for _, entry in above.statement.listed())
+    prepared = [prepare(entry.statement, d.tagged, Timings()) for entry in (above, below)] if strained else []
 
     def residual(k: int) -> PETSc.Vec:
         body = steps[k].d
         with _lame(body, slopes):
             slope = elastic_forces(body, forms, steps[k].solved.displacement)
         if prepared:
-            forces = [_loads(discretisation, steps[k].place)["forces"] for discretisation in prepared]
+            forces = [_loads(model, steps[k].place)["forces"] for model in prepared]
             slope.axpy(-1 / twice, body.vector(forces[0] - forces[1]))
         slope.getArray()[body.prescribed] = 0.0
         return slope
@@ -305,7 +310,7 @@ def _by_load(above: Scene, below: Scene, step: float, steps: list[_Step], path: 
     for scene in (above, below):
         load = load_of(scene, path)
         assert load is not None
-        loads.append(steps[0].d.alone(scene, load))
+        loads.append(alone(steps[0].d, scene.statement, load))
 
     def residual(k: int) -> PETSc.Vec:
         load_step, body = steps[k].place, steps[k].d
@@ -318,28 +323,28 @@ def _by_load(above: Scene, below: Scene, step: float, steps: list[_Step], path: 
     return residual
 
 
-def _data(scene: Scene, steps: list[_Step], path: str) -> Callable[[int], ChangedStep]:
+def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int], ChangedStep]:
     """The data of each load step of a scene that differs in contact, loads, or supports."""
     of_contact, of_friction = path.startswith("contact"), path.startswith("contact") and ".friction." in path
-    changed = None if of_contact and not scene.rigid_bodies else prepare(scene, steps[0].d.tagged, Timings())
-    placed = [scene.placed(step.place) for step in steps]
+    changed = None if of_contact and not statement.rigid_bodies else prepare(statement, steps[0].d.tagged, Timings())
+    stated = [statement.placed(step.place) for step in steps]
 
     @cache
     def contact(k: int) -> dict[str, Any]:
-        d, placed_scene = steps[k].d, placed[k]
-        if k and placed_scene is placed[k - 1]:
+        d, statement_k = steps[k].d, stated[k]
+        if k and statement_k is stated[k - 1]:
             return contact(k - 1)
         if of_friction:
-            return {"law": d.law_of(placed_scene)}
+            return {"law": law_of(d, statement_k)}
         if changed is not None:
-            discretisation = changed.placed(steps[k].place)
-            assert discretisation.data is not None
-            return {"boundary": discretisation.boundary, "gap": discretisation.data.gap, "law": discretisation.law}
-        parts = d.contact_of(placed_scene)
+            model = placed(changed, steps[k].place)
+            assert model.data is not None
+            return {"boundary": model.boundary, "gap": model.data.gap, "law": model.law}
+        parts = contact_of(d, statement_k)
         moving = {"gap": parts["data"].gap, "boundary": parts["boundary"], "law": parts["law"]}
-        if any(effect.moves for effect in placed_scene.contact):
-            discretisation = replace(d, scene=placed_scene, boundary=parts["boundary"])
-            moving["drift"] = discretisation.moved_since(placed[k - 1] if k else placed_scene.placed(-1))
+        if any(effect.moves for effect in statement_k.contact):
+            model = replace(d, statement=statement_k, boundary=parts["boundary"])
+            moving["drift"] = moved_since(model, stated[k - 1] if k else statement_k.placed(-1))
         return moving
 
     def data(k: int) -> ChangedStep:
@@ -350,15 +355,15 @@ def _data(scene: Scene, steps: list[_Step], path: str) -> Callable[[int], Change
         if changed is None:
             return step_data
         loads = _loads(changed, steps[k].place)
-        unchanged = not scene.of(Resistance) and np.array_equal(loads["prescribed"], step_data.prescribed)
+        unchanged = not statement.of(Resistance) and np.array_equal(loads["prescribed"], step_data.prescribed)
         if parallel.any_rank(d.comm, not unchanged) or step_data.driven is not None:
-            step_data = replace(step_data, forms=changed.forms if scene.of(Resistance) else d.forms)
+            step_data = replace(step_data, forms=changed.forms if statement.of(Resistance) else d.forms)
         return replace(step_data, **loads)
 
     return data
 
 
-def _loads(d: Discretisation, load_step: float) -> dict[str, Any]:
+def _loads(d: Model, load_step: float) -> dict[str, Any]:
     applied = d.applied_at(load_step)
     zero = np.zeros(d.fixed.size)
     return {
@@ -369,7 +374,7 @@ def _loads(d: Discretisation, load_step: float) -> dict[str, Any]:
 
 
 @contextmanager
-def _lame(d: Discretisation, values: Sequence[Any]) -> Iterator[None]:
+def _lame(d: Model, values: Sequence[Any]) -> Iterator[None]:
     """The forms of the body have other numbers in the place of the Lame parameters."""
     saved = [_values(part).copy() for part in d.lame]
     try:

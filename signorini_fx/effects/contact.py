@@ -71,9 +71,9 @@ class Contact(Effect):
         )
         return tuple((name, keys) for name, keys, used in listed if used)
 
-    def contradictions(self, scene: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
         """See ``Effect``."""
-        if any(rival.boundary == self.boundary for rival in scene.contact[:number]):
+        if any(rival.boundary == self.boundary for rival in statement.contact[:number]):
             cure = "describe it in one [[contact]]"
             if self.against is not None:
                 cure = "name it as against, and the others as boundary: several contacts may be against the same one"
@@ -84,7 +84,7 @@ class Contact(Effect):
                     reason = "the other body" if rival == "against" else "the direction, that of the closest point"
                     yield ("contact", number, rival), f"foundation already says {reason}: leave one of them out"
         if self.tool is not None:
-            yield from _not_with_tools(scene, number)
+            yield from _not_with_tools(statement, number)
         if self.against is None:
             between = {"distance": self.distance == "nominal", "points": self.points != "auto"}
             for word, is_set in {**between, "adjust": self.adjust is not None}.items():
@@ -182,9 +182,9 @@ class BondedContact(Contact):
     opens: ClassVar[bool] = False
     kind: Literal["bonded"]
 
-    def contradictions(self, scene: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
         """See ``Effect``."""
-        yield from super().contradictions(scene, number)
+        yield from super().contradictions(statement, number)
         if self.against is None and self.tool is None:
             reason = "a bond needs the boundary of another body (against), or a foundation that force or moment moves"
             yield ("contact", number), reason
@@ -221,11 +221,11 @@ class BilateralContact(Contact):
     kind: Literal["bilateral"]
 
 
-def _not_with_tools(scene: Any, number: int) -> Contradictions:
+def _not_with_tools(statement: Any, number: int) -> Contradictions:
     """Why a foundation whose motion is an unknown does not go together with other entries."""
-    driven = scene.contact[number].tool
+    driven = statement.contact[number].tool
     prescribed, spring = driven.prescribed, driven.spring
-    if misfit := driven_twice([contact.tool for contact in scene.contact], number):
+    if misfit := driven_twice([contact.tool for contact in statement.contact], number):
         yield ("contact", number, "foundation", "rigid"), misfit
     for wrong, name in (
         (driven.force is not None and driven.force[0] != 0.0, "force"),
@@ -233,9 +233,9 @@ def _not_with_tools(scene: Any, number: int) -> Contradictions:
         (prescribed is not None and (prescribed.x, prescribed.rotation) != (None, None), "prescribed"),
         (spring is not None and bool(spring.x or spring.rotation), "spring"),
     ):
-        if wrong and (reason := scene.kinematics.refuses.get("motion of a tool")):
+        if wrong and (reason := statement.kinematics.refuses.get("motion of a tool")):
             yield ("contact", number, "foundation", name), reason
-    if any(contact.moves for contact in scene.contact):
+    if any(contact.moves for contact in statement.contact):
         foundation_path = ("contact", number, "foundation")
         yield (
             foundation_path,

@@ -120,13 +120,13 @@ class PrescribedDisplacement(Load):
         listed = (("support of a point", "at"), ("prescribed rotation", "rotation"))
         return tuple((name, (key,)) for name, key in listed if getattr(self, key) is not None)
 
-    def contradictions(self, scene: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
         """See ``Effect``."""
-        if self.rotation is not None and "prescribed rotation" not in scene.kinematics.refuses:
-            reason = scene.kinematics.refused_axis(self.axis, self.about)
+        if self.rotation is not None and "prescribed rotation" not in statement.kinematics.refuses:
+            reason = statement.kinematics.refused_axis(self.axis, self.about)
             if reason:
                 yield ("displacement", number, "axis"), reason
-        touching = self.at is None and any(contact.boundary == self.boundary for contact in scene.contact)
+        touching = self.at is None and any(contact.boundary == self.boundary for contact in statement.contact)
         if touching and (self.normal is not None or None not in self.components):
             yield ("displacement", number), f"{self.boundary!r} is prescribed, and in contact as well: choose one"
 

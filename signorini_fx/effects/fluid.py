@@ -45,20 +45,23 @@ class Fluid(JointLoad):
         """See ``Effect``."""
         return {"level": self.level, "weight": self.weight}
 
-    def contradictions(self, scene: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
         """See ``Effect``."""
-        if self.up == "x" and scene.kinematics.refused_axis((1.0, 0.0)):
+        if self.up == "x" and statement.kinematics.refused_axis((1.0, 0.0)):
             yield ("fluid", number, "up"), "must be along the axis of the body: y"
-        if scene.kinematics.out_of_section and self.up is None:
+        if statement.kinematics.out_of_section and self.up is None:
             yield ("fluid", number, "up"), "say along which axis of the section it rises: up = 'y'"
         if self.enters:
-            yield from self._cannot_enter(scene, number)
+            yield from self._cannot_enter(statement, number)
         elif self.closed != "none":
             yield ("fluid", number, "closed"), "is of a fluid that enters contact: say which in enters"
 
-    def _cannot_enter(self, scene: Any, number: int) -> Contradictions:
+    def _cannot_enter(self, statement: Any, number: int) -> Contradictions:
         """Why it cannot enter contact in a scene."""
-        enters_path, contacts = ("fluid", number, "enters"), {contact.boundary: contact for contact in scene.contact}
+        enters_path, contacts = (
+            ("fluid", number, "enters"),
+            {contact.boundary: contact for contact in statement.contact},
+        )
         for name in self.enters:
             if name not in contacts:
                 yield (
@@ -72,7 +75,7 @@ class Fluid(JointLoad):
                     enters_path,
                     f"the contact points of {name!r} are on the other body: exchange boundary and against",
                 )
-            for fluid in scene.fluid[:number]:
+            for fluid in statement.effects["fluid"][:number]:
                 for entry in ("closed", "live"):
                     if name in fluid.enters and getattr(fluid, entry) != getattr(self, entry):
                         yield ("fluid", number, entry), f"must be the same for all fluids that enter {name!r}"

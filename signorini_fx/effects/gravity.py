@@ -22,9 +22,9 @@ class Gravity(VectorForce):
 
     live: bool = False
 
-    def contradictions(self, scene: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
         """See ``Effect``."""
-        yield from without_density(scene, "gravity") if self.acts else ()
+        yield from without_density(statement, "gravity") if self.acts else ()
 
     def density(self, on: Coefficients) -> Any:
         """See ``Force``."""

@@ -105,38 +105,38 @@ class Preload(Load):
         """See ``Effect``."""
         return "sections are shortened as they are"
 
-    def sought_at(self, scene: Any, step: float) -> str:
+    def sought_at(self, statement: Any, step: float) -> str:
         """See ``Effect``."""
-        return "" if self.force_at(scene, step) is None else "a force determines the shortening of a section"
+        return "" if self.force_at(statement, step) is None else "a force determines the shortening of a section"
 
-    def contradictions(self, scene: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
         """See ``Effect``."""
         path = ("preload", number)
-        if self.axis is not None and (reason := scene.kinematics.refused_axis(self.axis)):
+        if self.axis is not None and (reason := statement.kinematics.refused_axis(self.axis)):
             yield (*path, "axis"), reason
         if self.force is None:
             return
-        if not scene.contact:
+        if not statement.contact:
             yield (*path, "force"), "needs contact: without it give shortening, which the force is proportional to"
         if self.factors is not None and min(self.factors[: self.locked_after]) <= 0:
             yield (*path, "factors"), "must be positive while the force acts"
 
-    def force_at(self, scene: Any, step: float) -> float | None:
+    def force_at(self, statement: Any, step: float) -> float | None:
         """The tension that determines its shortening, at a place in the lists of factors; None: that is known."""
         if self.force is None or step > self.locked_after - 1:
             return None
-        return self._value_at(scene, step)
+        return self._value_at(statement, step)
 
-    def shortening_at(self, scene: Any, step: float) -> float:
+    def shortening_at(self, statement: Any, step: float) -> float:
         """By how much it is shortened there, length; of a force zero until it is found."""
         if self.force is not None:
             places = [found_step for found_step in self._shortenings if found_step <= step]
             return self._shortenings[max(places)] if places else 0.0
-        return self._value_at(scene, step)
+        return self._value_at(statement, step)
 
-    def _value_at(self, scene: Any, step: float) -> float:
+    def _value_at(self, statement: Any, step: float) -> float:
         """What is given, at a place in the lists of factors."""
-        factor, current = scene.now(self, step)
+        factor, current = statement.now(self, step)
         (value,) = current.given.values()
         return float(factor * sample(value, np.zeros((3, 1)))[0])
 

@@ -30,10 +30,10 @@ class Rotation(Force):
         """See ``Effect``."""
         return {"speed": self.speed}
 
-    def contradictions(self, scene: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
         """See ``Effect``."""
-        yield from without_density(scene, "rotation") if self.acts else ()
-        if reason := scene.kinematics.refused_axis(self.axis, self.about):
+        yield from without_density(statement, "rotation") if self.acts else ()
+        if reason := statement.kinematics.refused_axis(self.axis, self.about):
             yield ("rotation", number, "axis"), reason
 
     @property

@@ -49,12 +49,12 @@ class TemperatureChange(InitialStrain):
         """See ``Effect``."""
         return {"change": self._value}
 
-    def contradictions(self, scene: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
         """See ``Effect``."""
-        for material_number, material in enumerate(scene.material):
+        for material_number, material in enumerate(statement.material):
             inside = self.region is None or material.region in (None, self.region)
             if self.acts and inside and material.expansion is None:
-                yield ("material", material_number), f"has no expansion, which {scene.heading('temperature')} needs"
+                yield ("material", material_number), f"has no expansion, which {statement.heading('temperature')} needs"
 
     def strain(self, on: BodyCoefficients) -> Any:
         """See ``InitialStrain``."""

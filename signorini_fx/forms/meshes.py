@@ -109,8 +109,8 @@ class SolvedMeshes:
     def cost(self) -> CostOfAccuracy | str:
         """What the accuracy took and what a better one would take, see ``Solution``; collective."""
         solution = self.problem.solution
-        scene = solution.scene.model_copy(update={"accuracy": self.accuracy})
-        return replace(solution, scene=scene, price_list=self.price_list).cost
+        asked = replace(solution.model, statement=replace(solution.statement, accuracy=self.accuracy))
+        return replace(solution, model=asked, price_list=self.price_list).cost
 
     def outcome(self) -> str:
         """How the last mesh ended, and what to do."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,52 +14,19 @@ from pydantic import BaseModel
 
 from signorini_fx import parallel
 from signorini_fx.body.foundation import Foundation, Pair
-from signorini_fx.body.named_body import NamedBody
 from signorini_fx.effects.contact import BilateralContact, BondedContact, Contact, UnilateralContact
 from signorini_fx.errors import FormError
 from signorini_fx.forms.arguments import facets_of
 from signorini_fx.forms.parts import ProblemParts
 from signorini_fx.kinematics import of_components
-from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.laws.none import NoFriction
 from signorini_fx.mesh.tagged import TaggedMesh
-from signorini_fx.scene.effect import keys
+from signorini_fx.model import Model
 from signorini_fx.scene.load_steps import LoadPath, LoadSteps
-from signorini_fx.scene.model import Discretised, Scene
+from signorini_fx.scene.settings import Discretised
+from signorini_fx.statement import Statement
 
 Facets = npt.NDArray[np.int32]
-
-
-class FormScene(Scene):
-    """What is known by name of a problem that is given by forms: contact, settings and load steps.
-
-    Loads, supports and material are in the forms, so that it lists none.
-
-    Attributes:
-        forms: which of a, L, stress and materials the problem was given.
-    """
-
-    forms: tuple[str, ...] = ()
-
-    @property
-    def unstated(self) -> tuple[str, ...]:
-        """See ``Scene``."""
-        return ("body", "accuracy", "units", "title_block", "volumetric", *(key for key in keys() if key != "contact"))
-
-    @cached_property
-    def steps(self) -> int:
-        """One for each time."""
-        return len(self.load_steps.times or (1.0,))
-
-    @cached_property
-    def kinematics(self) -> Kinematics:
-        """That of the components of its displacement."""
-        assert isinstance(self.mesh, TaggedMesh)
-        return of_components(self.mesh.dimension, self.mesh.mesh.geometry.dim)
-
-    def kinematics_in(self, dimension: int) -> Kinematics:
-        """The same: it has a mesh."""
-        return self.kinematics
 
 
 def boundaries_of(given: Mapping[str, Any] | None, mesh: dmesh.Mesh) -> dict[str, Facets]:
@@ -134,7 +101,7 @@ def path_of(problem: ProblemParts) -> LoadPath:
     return LoadPath(tuple(map(float, range(1, problem._begun.step + 2))))
 
 
-def named_body(problem: ProblemParts, title: str = "") -> NamedBody:
+def named_body(problem: ProblemParts, title: str = "") -> Model:
     """The body of a problem with what is known of it by name; collective.
 
     Args:
@@ -150,20 +117,20 @@ def named_body(problem: ProblemParts, title: str = "") -> NamedBody:
     forms = ["a", "L", *(["stress"] if problem._law is not None else []), *(["materials"] * (len(problem._parts) > 1))]
     path, tagged = path_of(problem), tagged_mesh(space.mesh, parts)
     steps = LoadSteps(times=path.times, names=path.names or None, steps=path.steps) if path.several else LoadSteps()
-    scene = FormScene.model_construct(
+    statement = Statement(
         title=title,
-        forms=tuple(forms),
-        mesh=tagged,
+        effects={"contact": tuple(contact)},
+        kinematics=of_components(tagged.dimension, space.mesh.geometry.dim),
         element=Discretised(degree=int(space.element.basix_element.degree)),
-        material=(),
-        contact=tuple(contact),
         load_steps=steps,
+        steps=len(steps.times or (1.0,)),
         solver=problem.settings,
+        origin={"forms": tuple(forms), "mesh": tagged},
     )
     elastic = {field.name: getattr(problem._elastic, field.name) for field in fields(problem._elastic)}
-    return NamedBody(
+    return Model(
         **elastic,
-        scene=scene,
+        statement=statement,
         tagged=tagged,
         lame=(None, None),
         moduli=None,

@@ -84,7 +84,7 @@ class FormResultants(Resultants):
     @property
     def _names(self) -> list[str]:
         names = [name for name in self.boundaries if self._held[name].any() or self._of_effects(name)]
-        for effect in self.scene.contact:
+        for effect in self.statement.contact:
             names += [effect.boundary, *([effect.against] if effect.against else [])]
         return list(dict.fromkeys(names))
 

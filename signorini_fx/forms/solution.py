@@ -13,7 +13,6 @@ from dolfinx import fem
 from signorini_fx import parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.deformation import deformation_of
-from signorini_fx.body.named_body import NamedBody
 from signorini_fx.check.findings import result_findings
 from signorini_fx.check.pushed_nodes import held_in_result, pushed_nodes
 from signorini_fx.forms.certificate import balance_of, sides_of
@@ -22,6 +21,7 @@ from signorini_fx.forms.parts import ProblemParts
 from signorini_fx.forms.resultants import FormResultants, integrals_of
 from signorini_fx.forms.stated_data import stated_body
 from signorini_fx.forms.stress import stresses_of
+from signorini_fx.model import Model
 from signorini_fx.quantities.statements import Refused
 from signorini_fx.records import Status
 from signorini_fx.results.contact_nodes import ContactSide
@@ -41,7 +41,7 @@ class FormSolution(Solution):
     """The solution of a ``ContactProblem``; what forms cannot say is absent from its results.
 
     Attributes:
-        discretisation: the body, of which no moduli and loads are known.
+        model: the body, of which no moduli and loads are known.
         balance: the forces on a displacement of the body without contact, by the forms as they are now.
         stated: the body with loads, supports and moduli as a scene states them, see ``stated_body``.
         stress_of: the stress of a displacement; None: the problem was given none.
@@ -51,9 +51,8 @@ class FormSolution(Solution):
         fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
     """
 
-    discretisation: NamedBody  # type: ignore[assignment]
     balance: Callable[[fem.Function], Balance] = lambda y: NotImplemented
-    stated: Callable[[NamedBody], NamedBody] = lambda body: body
+    stated: Callable[[Model], Model] = lambda body: body
     stress_of: Callable[[fem.Function, dict[str, StressRecovery]], RawStresses] | None = None
     contacts: Sequence[ContactSide] = ()
     forms: tuple[Any, Any] = (None, None)
@@ -66,10 +65,10 @@ class FormSolution(Solution):
         return self.stress_of is not None
 
     @cached_property
-    def stated_body(self) -> NamedBody | str:
+    def stated_body(self) -> Model | str:
         """See ``Solution``."""
         try:
-            return self.stated(self.discretisation)
+            return self.stated(self.model)
         except Refused as refused:
             return str(refused)
 
@@ -93,8 +92,8 @@ class FormSolution(Solution):
     def resultants(self) -> Resultants:
         """See ``Solution``: of contact, and through the parts of the boundary that have names."""
         return FormResultants(
-            self.scene,
-            self.discretisation.tagged,
+            self.statement,
+            self.model.tagged,
             self.displacement,
             self.contact,
             self.balance(self.displacement),
@@ -131,7 +130,7 @@ def solution_of(problem: ProblemParts, title: str = "") -> FormSolution:
     assert problem.status is not None
     assert problem.certificate is not None
     space, body = problem._space, named_body(problem, title)
-    scene, load_path, count = body.scene, path_of(problem), problem._begun.step
+    statement, load_path, count = body.statement, path_of(problem), problem._begun.step
     steps = () if path is None else path.steps
     if path is None:
         displacement = problem.u.copy()
@@ -165,10 +164,9 @@ def solution_of(problem: ProblemParts, title: str = "") -> FormSolution:
     ]
     law, fixed, values_of_bcs = problem._law, *problem._prescribed
     return FormSolution(
-        scene=scene,
         status=steps[-1].status,
-        algorithm=algorithm_name(scene, outcome),
-        discretisation=body,
+        algorithm=algorithm_name(statement, outcome),
+        model=body,
         displacement=shown.displacement,
         contact=shown.contact,
         functionals=values,

@@ -18,7 +18,6 @@ from dolfinx import mesh as dmesh
 from ufl.corealg.traversal import unique_pre_traversal
 
 from signorini_fx.body.assembly import action, facet_nodes
-from signorini_fx.body.named_body import NamedBody
 from signorini_fx.effects.body_force import BodyForce
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.effects.traction import SurfaceTraction
@@ -27,13 +26,14 @@ from signorini_fx.forms.parts import ProblemParts
 from signorini_fx.forms.stated_values import stated
 from signorini_fx.forms.stress import cellwise_moduli, exterior_facets, isotropic_moduli
 from signorini_fx.machine.compilation import compiling
+from signorini_fx.model import Model
 from signorini_fx.quantities.statements import Refused
 from signorini_fx.tuned import SAME_DIRECTION, SAME_ENTRY
 
 Facets = npt.NDArray[np.int32]
 
 
-def stated_body(problem: ProblemParts, body: NamedBody) -> NamedBody:
+def stated_body(problem: ProblemParts, body: Model) -> Model:
     """The body of a problem with its loads, supports and moduli as a scene states them.
 
     Args:
@@ -47,20 +47,19 @@ def stated_body(problem: ProblemParts, body: NamedBody) -> NamedBody:
         raise Refused("a guaranteed bound is computed on one rank")
     if not all(isinstance(form, ufl.Form) for form in problem._forms):
         raise Refused("compiled forms do not say what their loads are between points of quadrature: give UFL")
-    contact = [_contact(entry, given) for entry, given in zip(body.scene.contact, problem.contact, strict=True)]
+    contact = [_contact(entry, given) for entry, given in zip(body.statement.contact, problem.contact, strict=True)]
     parts: dict[str, Facets] = {name: body.tagged.facets(name) for name in body.tagged.boundaries}
     loads = {"traction": [], "body_force": []}  # type: dict[str, list[Any]]
     for key, load in _loads(problem._forms[1], problem.u, body, parts):
         loads[key].append(load)
-    effects = {
-        "contact": tuple(contact),
-        "displacement": tuple(_supports(problem, parts)),
-        "traction": tuple(loads["traction"]),
-        "body_force": loads["body_force"][0] if loads["body_force"] else None,
-    }
+    statement = body.statement.changed(
+        contact=tuple(contact),
+        displacement=tuple(_supports(problem, parts)),
+        traction=tuple(loads["traction"]),
+        body_force=tuple(loads["body_force"]),
+    )
     tagged = tagged_mesh(body.tagged.mesh, parts)
-    scene = body.scene.model_copy(update={"mesh": tagged, **effects})
-    return replace(body, scene=scene, tagged=tagged, lame=_lame(problem, body), of_body={}, of_contact={})
+    return replace(body, statement=statement, tagged=tagged, lame=_lame(problem, body), of_body={}, of_contact={})
 
 
 def _stated(value: Any, what: str) -> Any:
@@ -98,7 +97,7 @@ def _contact(entry: Any, given: Any) -> Any:
 
 
 def _loads(
-    L: ufl.Form, u: fem.Function, body: NamedBody, parts: dict[str, Facets]
+    L: ufl.Form, u: fem.Function, body: Model, parts: dict[str, Facets]
 ) -> Iterator[tuple[str, BodyForce | SurfaceTraction]]:
     """The loads with their keys; the parts of the boundary that they act on are added to ``parts``."""
     dim, force = body.dimension, [ufl.as_ufl(0.0)] * body.dimension
@@ -185,7 +184,7 @@ def _supports(problem: ProblemParts, parts: dict[str, Facets]) -> Iterator[Presc
             yield PrescribedDisplacement(boundary=name, **{"xyz"[k]: float(value)})
 
 
-def _lame(problem: ProblemParts, body: NamedBody) -> tuple[fem.Function, fem.Function]:
+def _lame(problem: ProblemParts, body: Model) -> tuple[fem.Function, fem.Function]:
     """Both parameters of Lame in each cell, of a stress whose energy the form is."""
     law = problem._law
     if law is None:

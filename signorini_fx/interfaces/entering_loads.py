@@ -20,7 +20,6 @@ from signorini_fx import parallel
 from signorini_fx.algorithms.task import Task
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.joint_loads import JointLoads
 from signorini_fx.body.joint_pressure import Flags, JointPressure, Stage, work_on_motions
 from signorini_fx.body.loads import AppliedLoad
@@ -28,6 +27,7 @@ from signorini_fx.contact.laws import Nodal
 from signorini_fx.interfaces.protocol import Interface, LoadStepEnd, LoadStepStart
 from signorini_fx.linalg.elasticity import LoadCase
 from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.model import Model
 from signorini_fx.records import Status
 
 Array = npt.NDArray[np.float64]
@@ -41,9 +41,9 @@ class EnteringLoads(Interface):
 
     def loads(self, tagged: TaggedMesh, space: fem.FunctionSpace, boundary: ContactBoundary) -> list[AppliedLoad]:
         """See ``Interface``; raises a ``SceneError`` where a load does not meet a contact that it enters."""
-        JointLoads(self.scene, tagged, space, boundary, 0)
+        JointLoads(self.statement, tagged, space, boundary, 0)
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        ones, nothing = (1.0,) * self.scene.steps, np.zeros(owned)  # which ``_press`` replaces
+        ones, nothing = (1.0,) * self.statement.steps, np.zeros(owned)  # which ``_press`` replaces
         return [AppliedLoad(ones, (), (), nothing, fem.Function(space), grows=False, entry=self._first)]
 
     @property
@@ -55,7 +55,7 @@ class EnteringLoads(Interface):
         """See ``Interface``."""
         d, task, start = step.d, step.task, step.start
         assert d.boundary is not None
-        loads, newton = JointLoads(d.scene, d.tagged, d.space, d.boundary, start.place), task.iterate.newton
+        loads, newton = JointLoads(d.statement, d.tagged, d.space, d.boundary, start.place), task.iterate.newton
         reached = loads.beginning(None if step.earlier is None else step.earlier.reached)
         cold, begun = start, newton.checkpoint()
         stage: Stage | None = None
@@ -90,26 +90,24 @@ class EnteringLoads(Interface):
             )
             start = cold.begin_from(outcome.problem.sets, multipliers)
 
-    def stored(
-        self, d: Discretisation, step: float, contact: ContactState | None
-    ) -> tuple[dict[str, Nodal], dict[str, Any]]:
+    def stored(self, d: Model, step: float, contact: ContactState | None) -> tuple[dict[str, Nodal], dict[str, Any]]:
         """See ``Interface``: the contact points that loads have reached, as numbers."""
         assert contact is not None
         assert contact.joint is not None
         return {"reached": contact.joint.reached.astype(np.float64)}, {}
 
     def recalled(
-        self, d: Discretisation, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
-    ) -> tuple[Discretisation, JointPressure | None]:
+        self, d: Model, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
+    ) -> tuple[Model, JointPressure | None]:
         """See ``Interface``."""
         assert d.boundary is not None
-        loads = JointLoads(d.scene, d.tagged, d.space, d.boundary, step)
+        loads = JointLoads(d.statement, d.tagged, d.space, d.boundary, step)
         nodes = loads.beginning(nodal["reached"] > 0.5)
         pressure = loads.pressure(nodes)
         self._press(d, task, pressure)
         return d, JointPressure(pressure, loads.at_points(nodes), recalled=True)
 
-    def _press(self, d: Discretisation, task: Task, pressure: Array) -> None:
+    def _press(self, d: Model, task: Task, pressure: Array) -> None:
         """Put pressures at the contact points, shape (n,), on the body: on both bodies where two touch each other."""
         load, start = d.stiffness.createVecRight(), d.stiffness.createVecRight()
         assert d.at_contact is not None
@@ -122,7 +120,7 @@ class EnteringLoads(Interface):
 Kind = EnteringLoads
 
 
-def _differ(d: Discretisation, grown: list[Flags], reached: list[Flags]) -> bool:
+def _differ(d: Model, grown: list[Flags], reached: list[Flags]) -> bool:
     """Whether nodes that loads have reached are not the same; collective."""
     return parallel.any_rank(
         d.comm, any((new_flags != old_flags).any() for new_flags, old_flags in zip(grown, reached, strict=True))

@@ -12,14 +12,14 @@ from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.contact_boundary import ContactBoundary
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.joint_pressure import JointPressure
 from signorini_fx.body.jumps import Jump
 from signorini_fx.body.loads import AppliedLoad
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.model import Model
 from signorini_fx.records import Finding
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class LoadStepStart:
     """A load step that an interface is to solve.
 
     Attributes:
-        d: the discretised scene.
+        d: the model.
         task: its contact problem.
         start: where the load step starts.
         max_iterations: linear solves allowed for each contact problem; None: those of a load step.
@@ -37,16 +37,16 @@ class LoadStepStart:
         inner: the interfaces that solve it within this one, the outer ones first.
     """
 
-    d: Discretisation
+    d: Model
     task: Task
     start: Start
     max_iterations: int | None = None
     scale: float = 1.0
     earlier: JointPressure | None = None
-    holds: Callable[[Discretisation, Outcome, JointPressure], bool] = lambda d, outcome, joint: True
+    holds: Callable[[Model, Outcome, JointPressure], bool] = lambda d, outcome, joint: True
     inner: tuple[Any, ...] = ()
 
-    def solved(self, d: Discretisation, start: Start) -> LoadStepEnd:
+    def solved(self, d: Model, start: Start) -> LoadStepEnd:
         """By the inner interfaces, or as one contact problem, from here; collective."""
         if self.inner:
             end: LoadStepEnd = self.inner[0].solve(replace(self, d=d, start=start, inner=self.inner[1:]))
@@ -59,14 +59,14 @@ class LoadStepEnd:
     """What an interface has made of it.
 
     Attributes:
-        d: the discretised scene with what was found.
+        d: the model with what was found.
         start: where the load step starts with that.
         outcome: how it ended.
         joint: the pressure of loads within the contact; None: none enters.
         reason: why there is no solution; None: it is not known.
     """
 
-    d: Discretisation
+    d: Model
     start: Start
     outcome: Outcome
     joint: JointPressure | None = None
@@ -78,11 +78,11 @@ class Interface:
     """The interfaces of one kind in a scene; all methods are collective.
 
     Attributes:
-        scene: the scene.
+        statement: the scene.
         entries: those of this kind by their paths.
     """
 
-    scene: Scene
+    statement: Statement
     entries: Mapping[str, Any]
     # Whether it is solved around those that this does not say: what they seek has no solution without what this one has
     # found, or changes it at once.
@@ -100,22 +100,20 @@ class Interface:
         """Solve a load step at a place where an entry answers ``Effect.sought_at``."""
         raise NotImplementedError
 
-    def stored(
-        self, d: Discretisation, step: float, contact: ContactState | None
-    ) -> tuple[dict[str, Nodal], dict[str, Any]]:
+    def stored(self, d: Model, step: float, contact: ContactState | None) -> tuple[dict[str, Nodal], dict[str, Any]]:
         """What a checkpoint needs of a load step: values at the contact points, and plain data."""
         return {}, {}
 
     def recalled(
-        self, d: Discretisation, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
-    ) -> tuple[Discretisation, JointPressure | None]:
+        self, d: Model, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
+    ) -> tuple[Model, JointPressure | None]:
         """Take back what ``stored`` has returned: the scene with it, and the pressure within the contact."""
         return d, None
 
 
 def solve_step(step: LoadStepStart) -> LoadStepEnd:
     """Solve a load step: by the interfaces that something is sought of, or as one contact problem; collective."""
-    sought = step.d.scene.sought_at(step.start.place)
-    seeking = [entry for entry in step.d.scene.interfaces if sought and sought.keys() & entry.entries.keys()]
+    sought = step.d.statement.sought_at(step.start.place)
+    seeking = [entry for entry in step.d.statement.interfaces if sought and sought.keys() & entry.entries.keys()]
     inner = tuple(sorted(seeking, key=lambda interface: not interface.outer))
     return replace(step, inner=inner).solved(step.d, step.start)

@@ -23,7 +23,6 @@ from signorini_fx import compat, parallel
 from signorini_fx.algorithms.task import Start, Task
 from signorini_fx.body.assembly import facet_nodes
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.joint_pressure import JointPressure
 from signorini_fx.body.jumps import Jump
 from signorini_fx.body.node_positions import node_positions
@@ -32,6 +31,7 @@ from signorini_fx.effects.preload import Preload
 from signorini_fx.errors import SceneError
 from signorini_fx.interfaces.protocol import Interface, LoadStepEnd, LoadStepStart
 from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.model import Model
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.sections import section_forces
 from signorini_fx.tuned import (
@@ -55,7 +55,7 @@ class Sections(Interface):
 
     def jumps(self, tagged: TaggedMesh, space: fem.FunctionSpace) -> list[Jump]:
         """See ``Interface``; raises a ``SceneError`` where there is no such section, or it does not cut the body."""
-        return [_jump(path, entry, self.scene, tagged, space) for path, entry in self.entries.items()]
+        return [_jump(path, entry, self.statement, tagged, space) for path, entry in self.entries.items()]
 
     def solve(self, step: LoadStepStart) -> LoadStepEnd:
         """See ``Interface``."""
@@ -64,7 +64,7 @@ class Sections(Interface):
         loads = _tightened(d, place)
         of_all = [k for k, load in enumerate(d.applied) if isinstance(load.entry, Preload)]
         numbers = [of_all.index(k) for k in loads]
-        wanted = scale * np.array([entry.force_at(d.scene, place) for entry in loads.values()], dtype=np.float64)
+        wanted = scale * np.array([entry.force_at(d.statement, place) for entry in loads.values()], dtype=np.float64)
         previous = scale * np.array(_shortenings(d, place))
         s = np.where(previous > 0, previous, wanted / d.scales.stiffness(d.scales.size))
         slope, last, best = np.empty((0, 0)), (s, s), np.inf
@@ -74,7 +74,7 @@ class Sections(Interface):
             outcome, force = step.solved(d, start).outcome, np.zeros_like(s)
             if outcome.status is Status.CONVERGED:
                 y = d.from_rest(task.rest, outcome.displacement())
-                force = np.array([row.force for row in section_forces(d.scene, d.tagged, y, place, scale)])[numbers]
+                force = np.array([row.force for row in section_forces(d.statement, d.tagged, y, place, scale)])[numbers]
             elif slope.size or outcome.status is Status.NOT_HELD:  # whatever the shortenings are
                 return LoadStepEnd(d, start, outcome)
             missing = float(np.abs(wanted - force).max() / wanted.max())
@@ -103,15 +103,13 @@ class Sections(Interface):
             s = s + slope @ (wanted - force)
         return LoadStepEnd(d, start, replace(outcome, status=Status.OUTER_MAX_ITERATIONS))
 
-    def stored(
-        self, d: Discretisation, step: float, contact: ContactState | None
-    ) -> tuple[dict[str, Nodal], dict[str, Any]]:
+    def stored(self, d: Model, step: float, contact: ContactState | None) -> tuple[dict[str, Nodal], dict[str, Any]]:
         """See ``Interface``: the shortenings that forces have led to."""
         return {}, {"shortenings": _shortenings(d, step)}
 
     def recalled(
-        self, d: Discretisation, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
-    ) -> tuple[Discretisation, JointPressure | None]:
+        self, d: Model, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
+    ) -> tuple[Model, JointPressure | None]:
         """See ``Interface``."""
         return _with_shortenings(d, step, figures["shortenings"]), None
 
@@ -119,20 +117,20 @@ class Sections(Interface):
 Kind = Sections
 
 
-def _tightened(d: Discretisation, step: float) -> dict[int, Preload]:
+def _tightened(d: Model, step: float) -> dict[int, Preload]:
     """The loads that are sections which forces tighten at a place, by their numbers."""
     entries = {k: load.entry for k, load in enumerate(d.applied) if isinstance(load.entry, Preload)}
-    return {k: entry for k, entry in entries.items() if entry.force_at(d.scene, step) is not None}
+    return {k: entry for k, entry in entries.items() if entry.force_at(d.statement, step) is not None}
 
 
-def _shortenings(d: Discretisation, step: float) -> list[float]:
+def _shortenings(d: Model, step: float) -> list[float]:
     """Those that forces have led to at a place, in the order of ``_tightened``, length."""
     return [d.applied[k].factor(step) for k in _tightened(d, step)]
 
 
-def _loose(d: Discretisation, entry: Preload, start: Start) -> Finding:
+def _loose(d: Model, entry: Preload, start: Start) -> Finding:
     """What to say of a section that is shortened by more than the size of the body, without any force."""
-    when = f"load step {start.step + 1}: " if d.scene.several_steps else ""
+    when = f"load step {start.step + 1}: " if d.statement.several_steps else ""
     message = (
         f"{when}{entry.name}: no force goes through it even if it is shortened by the size of "
         "the body: a part that it pulls at comes loose, or never meets what it is to clamp; check the gaps and "
@@ -141,24 +139,24 @@ def _loose(d: Discretisation, entry: Preload, start: Start) -> Finding:
     return Finding("warning", "preload", message)
 
 
-def _with_shortenings(d: Discretisation, step: float, lengths: Sequence[float] | Nodal) -> Discretisation:
+def _with_shortenings(d: Model, step: float, lengths: Sequence[float] | Nodal) -> Model:
     """The same with shortenings that were found at a place; nothing is assembled again."""
     found = zip(_tightened(d, step).values(), lengths, strict=True)
     tight = {id(entry): entry.tightened(step, float(s)) for entry, s in found}
     changed = {
         key: tuple(tight.get(id(entry), entry) for entry in entries)
-        for key, entries in d.scene.effects.items()
+        for key, entries in d.statement.effects.items()
         if any(id(entry) in tight for entry in entries)
     }
-    scene, applied = d.scene.model_copy(update=changed), list(d.applied)
+    statement, applied = d.statement.changed(**changed), list(d.applied)
     for k, load in enumerate(applied):
         if isinstance(load.entry, Preload):
             entry = tight.get(id(load.entry), load.entry)
-            applied[k] = replace(load, entry=entry, amount=partial(entry.shortening_at, scene))
-    return replace(d, scene=scene, applied=tuple(applied))
+            applied[k] = replace(load, entry=entry, amount=partial(entry.shortening_at, statement))
+    return replace(d, statement=statement, applied=tuple(applied))
 
 
-def _jump(path: str, effect: Preload, scene: Any, tagged: TaggedMesh, space: fem.FunctionSpace) -> Jump:
+def _jump(path: str, effect: Preload, statement: Any, tagged: TaggedMesh, space: fem.FunctionSpace) -> Jump:
     """The cells beyond a section, and its nodes; collective.
 
     Raises:
@@ -196,7 +194,7 @@ def _jump(path: str, effect: Preload, scene: Any, tagged: TaggedMesh, space: fem
             raise SceneError([(f"{path}.{key}", reason)])
     cells = np.flatnonzero(touching & beyond).astype(np.int32)
     axis = np.append(axis, np.zeros(space.dofmap.index_map_bs - dim))  # nothing moves around the axis of a body
-    return Jump(path, effect, partial(effect.shortening_at, scene), axis, nodes, cells)
+    return Jump(path, effect, partial(effect.shortening_at, statement), axis, nodes, cells)
 
 
 def _inner_facets(name: str, path: str, tagged: TaggedMesh) -> npt.NDArray[np.int32]:

@@ -1,6 +1,6 @@
 """Which displacements a body has: strains, measures, rigid motions and components of each kind, one file per kind.
 
-The object of a scene is ``Scene.kinematics``, that of a discretised body ``ElasticBody.kinematics``.  All others ask it
+The object of a problem is ``Statement.kinematics``, that of its body ``ElasticBody.kinematics``.  All others ask it
 and know no kind.  Each kind says the same twice, in UFL for the solver and in NumPy for the certificate.  This package
 knows neither scenes nor meshes; UFL is imported where it is needed.
 """

@@ -146,18 +146,18 @@ class LinearElastic(Material):
         nu = self.poisson / (1 + self.poisson) if self.hypothesis == "plane stress" else self.poisson
         return math.sqrt(3 - 4 * nu) / (2 - 2 * nu)
 
-    def contradictions(self, scene: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
         """See ``Effect``."""
-        yield from super().contradictions(scene, number)
-        apart = not all(material.isotropic for material in scene.material)
+        yield from super().contradictions(statement, number)
+        apart = not all(material.isotropic for material in statement.material)
         if apart and self.poisson_grading is not None:
             reason = "is not possible yet where another material is anisotropic"
             yield ("material", number, "poisson_grading"), reason
-        if treatment_of(scene).pressed:
-            setting = repr(scene.element.volumetric)
+        if treatment_of(statement).pressed:
+            setting = repr(statement.element.volumetric)
             if not self.poisson > 0:
                 yield ("material", number, "poisson"), f"must be above 0 where element.volumetric = {setting}"
-            if number == 0 and scene.element.degree != 2:
+            if number == 0 and statement.element.degree != 2:
                 yield ("element", "degree"), f"must be 2 for {setting}, whose pressure has one degree less"
         elif self.poisson == 0.5 and (apart or self.hypothesis != "plane stress"):
             cure = 'element = { degree = 2, volumetric = "mixed" }, whose pressure is an unknown of its own'

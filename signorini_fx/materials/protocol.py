@@ -187,13 +187,13 @@ class Material(Effect):
         apart = ("region", "density", "expansion", "yield_stress")
         return type(self), *(getattr(self, key) for key in type(self).model_fields if key not in apart)
 
-    def contradictions(self, scene: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
         """See ``Effect``."""
-        if self.hypothesis != scene.material[0].hypothesis:
+        if self.hypothesis != statement.material[0].hypothesis:
             yield ("material", number), "all materials must have the same hypothesis"
         if self.torsion and self.hypothesis != "axisymmetric":
             yield ("material", number, "torsion"), 'needs hypothesis = "axisymmetric": other bodies have no axis'
-        if self.torsion != scene.material[0].torsion:
+        if self.torsion != statement.material[0].torsion:
             yield ("material", number, "torsion"), "must be the same in all materials"
 
     @property

@@ -17,8 +17,8 @@ from signorini_fx import compat, parallel
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.cuts import shares
 from signorini_fx.mesh.distribution import Tagged, distributed, domain
-from signorini_fx.scene.model import Body, Scene, TaggedMeshBase
 from signorini_fx.scene.rigid_shape import turning
+from signorini_fx.scene.scene import Body, Scene, TaggedMeshBase
 
 Tags = int | tuple[int, ...]
 Floats = npt.NDArray[np.float64]
@@ -115,7 +115,7 @@ def together(scene: Scene, load: Callable[[Any, MPI.Comm, Collection[str]], Any]
         regions[name] = (first, *(first + tag for tag in sorted(set(_flat(arrays.regions)))))
     owner = None
     if comm.size > 1:
-        wanted = _flat({name: boundaries[name] for name in scene.touching if name in boundaries})
+        wanted = _flat({name: boundaries[name] for name in scene.statement.touching if name in boundaries})
         sides = np.concatenate([arrays.corners for arrays in meshes])[np.isin(gathered[dim - 1].tags, wanted)]
         owner = shares(comm, np.concatenate([arrays.middles for arrays in meshes]), sides)
     word, degree, variant = meshes[0].kind

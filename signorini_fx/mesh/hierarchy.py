@@ -11,7 +11,7 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.gmsh_files import DRAWN
 from signorini_fx.mesh.refinement import refine
 from signorini_fx.mesh.tagged import TaggedMesh, coarser_parameters, load_file
-from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene
+from signorini_fx.scene.scene import MeshFile, MeshGenerator, Scene
 
 
 def scene_on(scene: Scene, factor: float) -> Scene:
@@ -51,7 +51,7 @@ def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
             if isinstance(mesh, MeshFile):
                 curved = scene.element.degree == 2 and mesh.file.suffix.lower() in DRAWN  # as without a given accuracy
                 sections = scene.sections_of(body.name)
-                mesh = load_file(mesh, comm, halvings, 2 if curved else None, sections, scene.touching)
+                mesh = load_file(mesh, comm, halvings, 2 if curved else None, sections, scene.statement.touching)
             elif isinstance(mesh, TaggedMesh):
                 for _ in range(halvings):
                     mesh = refine(mesh)

@@ -33,9 +33,10 @@ from signorini_fx.mesh.section import is_section
 from signorini_fx.scene.dimension import dimension_problems
 from signorini_fx.scene.expressions import Expression
 from signorini_fx.scene.generators import known_generators
-from signorini_fx.scene.model import MeshFile, MeshGenerator, Scene, TaggedMeshBase
+from signorini_fx.scene.scene import MeshFile, MeshGenerator, Scene, TaggedMeshBase
 from signorini_fx.scene.validation import plain_message
 from signorini_fx.scene.values import kind_of
+from signorini_fx.statement import Statement
 from signorini_fx.tuned import SAME_LENGTH
 
 
@@ -126,7 +127,7 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
         from signorini_fx.mesh.bodies import together
 
         return TaggedMesh(**together(scene, partial(_load_one, scene), comm))
-    return _load_one(scene, scene.mesh, comm, scene.sections)
+    return _load_one(scene, scene.mesh, comm, scene.statement.sections)
 
 
 def _load_one(scene: Scene, source: Any, comm: MPI.Comm, sections: Collection[str]) -> TaggedMesh:
@@ -137,26 +138,26 @@ def _load_one(scene: Scene, source: Any, comm: MPI.Comm, sections: Collection[st
         case MeshFile():
             # A drawing gets curved cells if the degree of the elements permits.
             curved = scene.element.degree == 2 and source.file.suffix.lower() in DRAWN
-            tagged = load_file(source, comm, 0, 2 if curved else None, sections, scene.touching)
+            tagged = load_file(source, comm, 0, 2 if curved else None, sections, scene.statement.touching)
         case MeshGenerator(generator=name, parameters=parameters):
             tagged = generate_mesh(name, parameters, comm)
         case _:
             raise TypeError(f"no mesh: {source!r}")
-    check_dimension(tagged, section=bool(scene.kinematics.out_of_section))
+    check_dimension(tagged, section=bool(scene.statement.kinematics.out_of_section))
     return tagged
 
 
-def check_fits(scene: Scene, tagged: TaggedMesh) -> None:
+def check_fits(statement: Statement, tagged: TaggedMesh) -> None:
     """Check the scene against dimension and shape of its mesh; collective.
 
     Raises:
         SceneError: keys of another dimension than that of the mesh; linear elements on curved cells; a negative radius.
     """
-    problems = dimension_problems(scene, tagged.dimension)
+    problems = dimension_problems(statement, tagged.dimension)
     least_x = -parallel.largest(tagged.mesh.comm, -tagged.mesh.geometry.x[:, 0])
-    if least_x < scene.kinematics.least_x - SAME_LENGTH * tagged.size:
+    if least_x < statement.kinematics.least_x - SAME_LENGTH * tagged.size:
         problems.append(("mesh", f"has points with x[0] = {least_x:g}: it is the radius of a body of revolution"))
-    if scene.element.degree == 1 and curvature(tagged) > SAME_LENGTH * tagged.size:
+    if statement.element.degree == 1 and curvature(tagged) > SAME_LENGTH * tagged.size:
         # Such elements cannot even represent a rotation without strain: no refinement would help.
         message = "the mesh has curved cells: set degree = 2, or take straight cells (order = 1 of a generator)"
         problems.append(("element.degree", message))

@@ -27,7 +27,7 @@ def gather_cells(solution: Solution, fields: Sequence[str] = (), *, recovered: b
         fields: names of the fields to compute; without recovery beside von Mises stress and shear energy density.
         recovered: values at points of the cells instead of one value per cell, if there is a solution.
     """
-    mesh, comm = solution.discretisation.tagged.mesh, solution.comm
+    mesh, comm = solution.model.tagged.mesh, solution.comm
     cells = np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32)
     kind = getattr(basix.CellType, mesh.topology.cell_name())
     corners = basix.geometry(kind)

@@ -21,19 +21,19 @@ from signorini_fx.mesh.tagged import TaggedMesh, load_file, load_mesh
 from signorini_fx.picture_data.rigid_shapes import lines_of
 from signorini_fx.pictures.setup import NamedBoundary, Setup
 from signorini_fx.scene.effect import Effect, Force
-from signorini_fx.scene.model import MeshFile, Scene
-from signorini_fx.units import names_of
+from signorini_fx.scene.scene import MeshFile, Scene
+from signorini_fx.statement import Statement
 
 _SUFFIXES = (".png", ".pdf", ".svg")
 Floats = npt.NDArray[np.float64]
 
 
-def gather_setup(tagged: TaggedMesh, scene: Scene | None = None, title: str = "") -> Setup:
+def gather_setup(tagged: TaggedMesh, statement: Statement | None = None, title: str = "") -> Setup:
     """A body with all that acts on its boundaries, on the first rank; on the others without facets; collective.
 
     Args:
         tagged: its mesh.
-        scene: what acts; None: nothing.
+        statement: what acts; None: nothing.
         title: of the picture.
     """
     mesh, dim, comm = tagged.mesh, tagged.dimension, tagged.mesh.comm
@@ -43,24 +43,24 @@ def gather_setup(tagged: TaggedMesh, scene: Scene | None = None, title: str = ""
     else:
         shown, _ = _sides(tagged, dmesh.exterior_facet_indices(mesh.topology))
     acting: dict[str, list[Effect]] = {name: [] for name in tagged.boundaries}
-    for effect in () if scene is None else scene.of(Effect):
+    for effect in () if statement is None else statement.of(Effect):
         if effect.where is not None and (effect.acts or effect.label == "contact"):
             acting[effect.where].append(effect)
         if isinstance(effect, ContactEffect) and effect.against is not None:
             acting[effect.against].append(effect)
-    time = 0.0 if scene is None else scene.time_at(scene.steps - 1)
+    time = 0.0 if statement is None else statement.time_at(statement.steps - 1)
     return Setup(
         title,
         parallel.rows_on_root(comm, shown),
         tuple(_boundary(tagged, name, acting[name], time) for name in _shown(tagged, acting)),
-        {} if scene is None else names_of(scene.model_dump(include={"units", "material"}), dim),
-        () if scene is None else _lines(scene, tagged),
+        {} if statement is None else statement.unit_names(dim),
+        () if statement is None else _lines(statement, tagged),
     )
 
 
-def _lines(scene: Scene, tagged: TaggedMesh) -> list[Floats]:
+def _lines(statement: Statement, tagged: TaggedMesh) -> list[Floats]:
     """The lines of the foundations of the plane that have shapes, see ``lines_of``; collective."""
-    placed = scene.placed(0).contact if tagged.dimension == 2 else ()
+    placed = statement.placed(0).contact if tagged.dimension == 2 else ()
     return lines_of([effect.gap_in(2) for effect in placed if effect.surface is not None], tagged)
 
 
@@ -91,7 +91,7 @@ def draw_setup(scene: Scene, comm: MPI.Comm, file: Path) -> None:
         OutputError: the file cannot be written.
         PictureError: in space, PyVista is missing.
     """
-    _draw(lambda: gather_setup(load_mesh(scene, comm), scene, scene.title), comm, file)
+    _draw(lambda: gather_setup(load_mesh(scene, comm), scene.statement, scene.title), comm, file)
 
 
 def draw_mesh(mesh: MeshFile, comm: MPI.Comm, file: Path) -> None:

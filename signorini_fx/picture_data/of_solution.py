@@ -10,7 +10,6 @@ from signorini_fx.pictures.body import DrawnBody, Moment, Volume
 from signorini_fx.pictures.result_pictures import MOST_FACETS, ResultPictures
 from signorini_fx.records import as_rows
 from signorini_fx.results.solution import Solution
-from signorini_fx.units import names_of
 
 MOST_CELLS = 200_000  # of a section: they take seconds, and 100 MB on the first rank
 
@@ -22,12 +21,12 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
     if solution.history.linear_solves == 0 and not solution.certified:
         return _of_setup(solution, pdf=pdf)
     usual: tuple[str, ...] = ("von_mises",) if solution.has_stress else ("displacement",)
-    usual += ("around",) * bool(solution.scene.kinematics.out_of_section)
+    usual += ("around",) * bool(solution.statement.kinematics.out_of_section)
     fields = tuple(dict.fromkeys((*usual, *asked)))
-    dimension = solution.discretisation.tagged.dimension
-    gather, contacts = _gatherer(solution), solution.scene.contact
+    dimension = solution.model.tagged.dimension
+    gather, contacts = _gatherer(solution), solution.statement.contact
     return ResultPictures(
-        solution.scene.title,
+        solution.statement.title,
         dimension,
         fields,
         None if gather is None else gather(solution, fields, recovered=True),
@@ -35,11 +34,11 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
         as_rows(solution.history.iterations),
         as_rows(solution.price_list),
         _volume(solution) if dimension == 3 and gather is not None and solution.has_stress else None,
-        names_of(solution.scene.model_dump(include={"units", "material"}), dimension),
+        solution.statement.unit_names(dimension),
         {contacts[part].boundary: motion.at for motion in solution.last_step.tools for part in motion.body.parts},
         drawn_shapes(solution) if gather is not None else {},
         (".png", ".pdf") if pdf else (".png",),
-        bool(solution.scene.kinematics.zero_on_axis),
+        bool(solution.statement.kinematics.zero_on_axis),
     )
 
 
@@ -47,11 +46,11 @@ def _of_setup(solution: Solution, *, pdf: bool) -> ResultPictures:
     """The scene as it was prescribed, where statics has excluded a solution before anything was solved; collective."""
     from signorini_fx.picture_data.of_setup import gather_setup
 
-    tagged, scene = solution.discretisation.tagged, solution.scene
-    setup = gather_setup(tagged, scene, scene.title)
+    tagged, statement = solution.model.tagged, solution.statement
+    setup = gather_setup(tagged, statement, statement.title)
     suffixes = (".png", ".pdf") if pdf else (".png",)
     return ResultPictures(
-        scene.title, tagged.dimension, (), None, (), (), (), units=setup.units, suffixes=suffixes, setup=setup
+        statement.title, tagged.dimension, (), None, (), (), (), units=setup.units, suffixes=suffixes, setup=setup
     )
 
 
@@ -59,13 +58,13 @@ def _volume(solution: Solution) -> Volume | None:
     """The cells of a body in space; None if there are too many; collective."""
     from signorini_fx.picture_data.outer_surface import gather_volume
 
-    topology = solution.discretisation.tagged.mesh.topology
+    topology = solution.model.tagged.mesh.topology
     return gather_volume(solution) if topology.index_map(3).size_global <= MOST_CELLS else None
 
 
 def _gatherer(solution: Solution) -> Callable[..., DrawnBody] | None:
     """What gathers the body; None if it is too large to be drawn; collective."""
-    if solution.discretisation.tagged.dimension == 2:
+    if solution.model.tagged.dimension == 2:
         from signorini_fx.picture_data.body_cells import gather_cells
 
         return gather_cells

@@ -25,7 +25,7 @@ _ORDER_OF_VTK = {"tetrahedron": [0, 1, 2, 3], "hexahedron": [0, 1, 3, 2, 4, 5, 7
 
 def outer_facets(solution: Solution) -> int:
     """How many facets the outer surface has; collective."""
-    mesh = solution.discretisation.tagged.mesh
+    mesh = solution.model.tagged.mesh
     mesh.topology.create_connectivity(2, 3)
     local_count = dmesh.exterior_facet_indices(mesh.topology).size
     return int(parallel.global_sum(solution.comm, np.array(local_count)))
@@ -39,7 +39,7 @@ def gather_outer_surface(solution: Solution, fields: Sequence[str] = (), *, reco
         fields: names of the fields to compute; without recovery beside von Mises stress and shear energy density.
         recovered: values at points of the facets instead of one value per facet, if there is a solution.
     """
-    comm, mesh = solution.comm, solution.discretisation.tagged.mesh
+    comm, mesh = solution.comm, solution.model.tagged.mesh
     mesh.topology.create_connectivity(2, 3)
     entities = facet_entities(mesh, dmesh.exterior_facet_indices(mesh.topology))
     cells = entities[:, 0]
@@ -72,7 +72,7 @@ def gather_outer_surface(solution: Solution, fields: Sequence[str] = (), *, reco
     for rows in (x, u, *(values.values() if functions is not None else ())):
         rows[inwards] = rows[inwards][:, tiles.mirrored]
 
-    of_piece = _repeated(solution.discretisation.motions.pieces.of_cell[cells], x)
+    of_piece = _repeated(solution.model.motions.pieces.of_cell[cells], x)
     gathered = parallel.rows_on_root(comm, np.concatenate((x, u, of_piece), axis=2).reshape(-1, 7))
     size = float(np.ptp(gathered[:, :3], axis=0).max()) if len(gathered) else 1.0
     # Bodies that touch have points of their own.
@@ -96,7 +96,7 @@ def _repeated(pieces: npt.NDArray[np.int64], points: Floats) -> Floats:
 
 def gather_volume(solution: Solution) -> Volume | None:
     """The cells of all ranks with the recovered von Mises stress, on the first one; None without one; collective."""
-    comm, mesh = solution.comm, solution.discretisation.tagged.mesh
+    comm, mesh = solution.comm, solution.model.tagged.mesh
     functions = sampling.recovered_fields(solution, ["von_mises"])
     if functions is None:
         return None
@@ -107,7 +107,7 @@ def gather_volume(solution: Solution) -> Volume | None:
     x = sampling.positions(solution, corners, cells)
     u = sampling.values_at(solution.displacement, corners, cells)
     values = sampling.values_within("von_mises", functions["von_mises"], corners, cells)
-    of_piece = _repeated(solution.discretisation.motions.pieces.of_cell[cells], x)
+    of_piece = _repeated(solution.model.motions.pieces.of_cell[cells], x)
     rows = parallel.rows_on_root(comm, np.concatenate((x, u, values[..., None], of_piece), axis=2).reshape(-1, 8))
     size, top = (float(np.ptp(part, axis=0).max()) or 1.0 if len(rows) else 1.0 for part in (rows[:, :3], rows[:, 6:7]))
     places = np.column_stack((rows[:, :3] / size, rows[:, 6] / top)) / SAME_POSITION

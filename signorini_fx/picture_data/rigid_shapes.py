@@ -85,10 +85,10 @@ def drawn_shapes(solution: Solution) -> dict[str, Any]:
     Returns:
         By the boundary: in the plane its lines, see ``lines_of``; in space points and triangles, see ``triangles_of``.
     """
-    tagged, last = solution.discretisation.tagged, solution.last_step
+    tagged, last = solution.model.tagged, solution.last_step
     moved: dict[int, Callable[[Floats], Floats]] = {part: tool.at for tool in last.tools for part in tool.body.parts}
     drawn: dict[str, Any] = {}
-    for part, effect in enumerate(solution.scene.placed(last.place).contact):
+    for part, effect in enumerate(solution.statement.placed(last.place).contact):
         if effect.surface is None:
             continue
         distance = effect.gap_in(tagged.dimension)

@@ -32,14 +32,14 @@ def pieces(solution: Solution, polygons: int = 1) -> int:
         solution: of what.
         polygons: how many are drawn; of very many none is so large that its sides look curved.
     """
-    d = solution.discretisation
+    d = solution.model
     curved = compat.geometry_degree(d.tagged.mesh) > 1 or d.space.element.basix_element.degree > 1
     return max(1, min(_PIECES, math.isqrt(_MOST_POINTS // max(polygons, 1)))) if curved else 1
 
 
 def positions(solution: Solution, points: Floats, cells: npt.NDArray[np.int32]) -> Floats:
     """Reference points in cells of this rank, shape (cells, points, d)."""
-    mesh = solution.discretisation.tagged.mesh
+    mesh = solution.model.tagged.mesh
     basis = _basis(compat.geometry_element(mesh), points)
     nodes = compat.geometry_cells(mesh)[cells]
     return np.asarray(np.einsum("pk,ckx->cpx", basis, mesh.geometry.x[nodes][..., : mesh.topology.dim]))
@@ -110,7 +110,7 @@ def cell_values(solution: Solution, cells: npt.NDArray[np.int32], fields: Sequen
         ``von_mises`` and ``density``, shape (n,), and if needed ``displacement``, its size, and ``around``, its third
         component, shape (n,), and ``stress``, shape (n, 3, 3).
     """
-    d = solution.discretisation
+    d = solution.model
     mesh = d.tagged.mesh
     values: dict[str, Floats] = {}
     if solution.has_stress:

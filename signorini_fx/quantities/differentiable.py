@@ -11,9 +11,9 @@ from dolfinx import fem, la
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_boundary import ContactBoundary
-from signorini_fx.body.named_body import NamedBody
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.mesh.points import cells_of_points
+from signorini_fx.model import Model
 from signorini_fx.quantities.functional import Functional
 from signorini_fx.quantities.registry import requested
 from signorini_fx.tuned import SAME_PLACE_IN_CELL
@@ -193,7 +193,7 @@ class ContactArea:
         return slopes
 
 
-def functional_of(d: NamedBody, text: str) -> Functional:
+def functional_of(d: Model, text: str) -> Functional:
     """A result with its derivatives by its name; collective.
 
     Args:

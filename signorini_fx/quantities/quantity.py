@@ -12,7 +12,7 @@ from signorini_fx.quantities.text import digits, row
 from signorini_fx.units import with_unit
 
 if TYPE_CHECKING:
-    from signorini_fx.body.named_body import NamedBody
+    from signorini_fx.model import Model
     from signorini_fx.quantities.functional import Functional
     from signorini_fx.quantities.statements import Interval
 
@@ -118,11 +118,11 @@ class Quantity(Protocol):
         error = self.error(summary)
         return [Card(self.report, with_unit(figure(summary[self.key], error), self.unit), error)]
 
-    def functional(self, d: NamedBody, *words: str) -> Functional | None:
+    def functional(self, d: Model, *words: str) -> Functional | None:
         """It with its derivatives by displacement and tractions; None: it has none; collective.
 
         Args:
-            d: the scene on its mesh.
+            d: the model.
             words: what stands behind the first word of the request.
 
         Raises:

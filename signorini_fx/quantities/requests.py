@@ -18,13 +18,13 @@ def axis_of(dimension: int, name: str) -> int:
     return "xyz"[:dimension].index(name)
 
 
-def contact_of(scene: Any, boundary: str) -> int:
+def contact_of(statement: Any, boundary: str) -> int:
     """The number of the contact of a boundary.
 
     Raises:
         SceneError: it has none.
     """
-    names = [effect.boundary for effect in scene.contact]
+    names = [effect.boundary for effect in statement.contact]
     if boundary not in names:
         raise SceneError([(f"of {boundary!r}", f"is no contact boundary; there are: {', '.join(names)}")])
     return names.index(boundary)

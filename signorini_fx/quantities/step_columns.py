@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 
-def of_boundaries(scene: Any) -> list[str]:
+def of_boundaries(statement: Any) -> list[str]:
     """The contact boundaries whose forces have no sum that acts on one body; none: they have one."""
-    names = [effect.boundary for effect in scene.contact]
-    return names if len(names) > 1 and any(effect.against for effect in scene.contact) else []
+    names = [effect.boundary for effect in statement.contact]
+    return names if len(names) > 1 and any(effect.against for effect in statement.contact) else []
 
 
 def by_axis(key: str, values: Sequence[Any], names: Sequence[str]) -> dict[str, float]:
@@ -37,8 +37,8 @@ def turnings(solution: Any) -> list[tuple[str, Any]]:
     """The ``closed_boundaries.Turning`` of each boundary that closes around a body, with its name if sums mean nothing;
     collective.
     """
-    names = of_boundaries(solution.scene)
-    if solution.contact is None or not (names or len(solution.scene.contact) == 1):
+    names = of_boundaries(solution.statement)
+    if solution.contact is None or not (names or len(solution.statement.contact) == 1):
         return []
     each = zip(names or [""], solution.turnings, strict=True)
     return [(name, turning) for name, turning in each if turning is not None]

@@ -45,7 +45,7 @@ from signorini_fx.results.promised_law import UNREGULARISED, Law, PreviousStep, 
 from signorini_fx.results.rigid_part import RigidPart
 from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.scales import Scales
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 from signorini_fx.tuned import ABOVE_THE_MEAN, FAINT, LOST_UNITS, NO_FORCE
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ class Certificate:
 
 
 def certify(
-    scene: Scene,
+    statement: Statement,
     tagged: TaggedMesh,
     displacement: fem.Function,
     tractions: Tractions | None,
@@ -149,7 +149,7 @@ def certify(
     """Check the conditions of a load step from the displacement and the contact tractions alone; collective.
 
     Args:
-        scene: the scene.
+        statement: the scene.
         tagged: its mesh.
         displacement: y.
         tractions: pressure and shear at the contact nodes; None for a scene without contact.
@@ -165,11 +165,11 @@ def certify(
         ValueError: the tractions are not those of the contact nodes of the scene.
     """
     space = displacement.function_space
-    forces = NodalForces(scene, tagged, space)
+    forces = NodalForces(statement, tagged, space)
     nodal_displacements = displacement.x.array.reshape(-1, tagged.mesh.geometry.dim)
-    scales = Scales(tagged.dimension, scene.young, tagged.size, forces.kinematics.depth(tagged.size))
+    scales = Scales(tagged.dimension, statement.young, tagged.size, forces.kinematics.depth(tagged.size))
     pressed = forces.volume.pressed  # then forces are not those of a change of volume
-    stiffest = replace(scales, modulus=max(material.stiffest(pressed=pressed) for material in scene.material))
+    stiffest = replace(scales, modulus=max(material.stiffest(pressed=pressed) for material in statement.material))
     balance = Balance(
         forces,
         forces.internal(displacement),
@@ -181,15 +181,15 @@ def certify(
         *forces.initial(step, scale, displacement),
         dilation=forces.volume.dilation(forces, displacement, step, scale),
     )
-    sides = sides_of(scene, tagged, space, pairs)
+    sides = sides_of(statement, tagged, space, pairs)
     if tractions is not None and tractions.joint is not None:
         from signorini_fx.results.joint_loads import forces_entered
 
         within = scale * forces_entered(forces, sides, tractions, step, before)
         balance = replace(balance, external=balance.external + within)
-    drives = [*zip(rigid, scene.drives(tagged.dimension, step, scale), strict=bool(rigid))]
+    drives = [*zip(rigid, statement.drives(tagged.dimension, step, scale), strict=bool(rigid))]
     certificate = judged(displacement, balance, sides, tractions, law=law, before=before, rigid=drives)
-    missed = [material.missed() for material in scene.material if not material.isotropic]
+    missed = [material.missed() for material in statement.material if not material.isotropic]
     return replace(certificate, moduli=max(missed)) if missed else certificate
 
 

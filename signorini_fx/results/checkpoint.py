@@ -31,7 +31,7 @@ from signorini_fx.errors import MeshError, OutputError, SceneError, cannot_be_wr
 from signorini_fx.mesh.files.formats import files_of
 from signorini_fx.results.files import describe
 from signorini_fx.results.folder import CHECKPOINT, reserve
-from signorini_fx.scene.model import Scene
+from signorini_fx.scene.scene import Scene
 from signorini_fx.tuned import SAME_LENGTH
 
 Nodal = npt.NDArray[np.float64]

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 from signorini_fx.tuned import CLOSED_BOUNDARY
 
 Array = npt.NDArray[np.float64]
@@ -35,11 +35,11 @@ class Turning:
     limit: float
 
 
-def turning_of(scene: Scene, contact: ContactState) -> list[Turning | None]:
+def turning_of(statement: Statement, contact: ContactState) -> list[Turning | None]:
     """Friction on each contact boundary, in the order of the scene; None where it is not closed; collective."""
-    if not (scene.kinematics.uniform and contact.boundary.kinematics.uniform):
-        return [None] * len(scene.contact)
-    return [_of_part(contact, part) for part in range(len(scene.contact))]
+    if not (statement.kinematics.uniform and contact.boundary.kinematics.uniform):
+        return [None] * len(statement.contact)
+    return [_of_part(contact, part) for part in range(len(statement.contact))]
 
 
 def _of_part(contact: ContactState, part: int) -> Turning | None:

@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 from signorini_fx import parallel
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.results.closed_boundaries import one_or_three, turning_of
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
@@ -58,13 +58,13 @@ class ContactFigures:
         return asdict(self)
 
 
-def contact_figures(scene: Scene, contact: ContactState) -> list[ContactFigures]:
+def contact_figures(statement: Statement, contact: ContactState) -> list[ContactFigures]:
     """The figures of each contact boundary, in the order of the scene; collective."""
     boundary, comm = contact.boundary, contact.boundary.comm
     shear = -boundary.nodal_forces(np.zeros_like(contact.pressure), contact.shear)
     figures = []
-    turnings = turning_of(scene, contact)
-    for part, (effect, turning) in enumerate(zip(scene.contact, turnings, strict=True)):
+    turnings = turning_of(statement, contact)
+    for part, (effect, turning) in enumerate(zip(statement.contact, turnings, strict=True)):
         on_part = boundary.part == part
         weight, pressure = boundary.weight[on_part], contact.pressure[on_part]
         sums = np.array(

@@ -14,7 +14,7 @@ from signorini_fx.effects.contact import BilateralContact, BondedContact
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.results.contact_nodes import ContactSide
 from signorini_fx.scene.expressions import in_space, sample
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 
 if TYPE_CHECKING:
     from signorini_fx.body.paired_points import PairedSides
@@ -24,27 +24,27 @@ Nodal = npt.NDArray[np.float64]
 
 
 def sides_of(
-    scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, pairs: Mapping[int, PairedSides] | None = None
+    statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace, pairs: Mapping[int, PairedSides] | None = None
 ) -> list[ContactSide]:
     """The parts of the boundary with contact as a scene describes them.
 
     Args:
-        scene: the scene.
+        statement: the scene.
         tagged: its mesh.
         space: the displacements.
-        pairs: bodies in contact as the solver has paired them, by their places in ``scene.contact``; None: they are
+        pairs: bodies in contact as the solver has paired them, by their places in ``statement.contact``; None: they are
             paired anew.
     """
     x = node_positions(space)[:, : space.mesh.geometry.dim]
-    factor = scene.kinematics.measure_at(x)
+    factor = statement.kinematics.measure_at(x)
     claims: dict[int, Claim] = {}
-    if any(effect.against is not None for effect in scene.contact):
+    if any(effect.against is not None for effect in statement.contact):
         from signorini_fx.body.discretisation import pairs_of
         from signorini_fx.results.paired_claim import claim_of
 
-        paired = pairs_of(scene, tagged, space) if pairs is None else pairs
+        paired = pairs_of(statement, tagged, space) if pairs is None else pairs
         for part, pair in paired.items():
-            effect = scene.contact[part]
+            effect = statement.contact[part]
             slave, master = map(tagged.facets, (effect.boundary, str(effect.against)))
             nominal = not _by_geometry(effect)
             claims[part] = claim_of(pair, space, (slave, master), nominal=nominal, factor=factor)
@@ -82,7 +82,7 @@ def sides_of(
             else None,
         )
 
-    return [side(part, effect) for part, effect in enumerate(scene.contact)]
+    return [side(part, effect) for part, effect in enumerate(statement.contact)]
 
 
 def _by_geometry(effect: Any) -> bool:

@@ -48,7 +48,7 @@ def chosen_format(fields: bool | str) -> str | None:
 
 def size_of_fields(solution: Solution, kind: str) -> float:
     """About how many bytes the fields take, rather too many: points, cells and values of each file."""
-    d = solution.discretisation
+    d = solution.model
     topology = d.tagged.mesh.topology
     cells = topology.index_map(topology.dim).size_global
     corners = int(d.space.dofmap.list.shape[1])
@@ -79,7 +79,7 @@ def write_fields(solution: Solution, folder: Path, kind: str) -> list[str]:
     moments = [solution.at(step) for step in solution.shown_steps]
     if kind == "vtu":
         return _write_vtu(solution, moments, folder)
-    times = [step.time for step in solution.shown_steps] if solution.scene.several_steps else [0.0]
+    times = [step.time for step in solution.shown_steps] if solution.statement.several_steps else [0.0]
     written = _fields(moments[0])
     files = [f"{name}.bp" for name in written]
     with ExitStack() as stack:
@@ -97,7 +97,7 @@ def write_fields(solution: Solution, folder: Path, kind: str) -> list[str]:
 
 def _write_vtu(solution: Solution, moments: Sequence[Solution], folder: Path) -> list[str]:
     """One file, or one for each load step and their list; collective."""
-    if not solution.scene.several_steps:
+    if not solution.statement.several_steps:
         write_vtu(folder / VTU, solution.comm, *_grid(moments[0]))
         return [VTU]
     parallel.on_root(solution.comm, lambda: (folder / VTU_FOLDER).mkdir())
@@ -155,7 +155,7 @@ def fields_in_cells(solution: Solution) -> dict[str, fem.Function]:
 
 def _in_cells(solution: Solution, function: fem.Function, name: str) -> fem.Function:
     """A field in the discontinuous functions of the degree of the element, which all fields of a data set share."""
-    d = solution.discretisation
+    d = solution.model
     degree, shape = d.space.element.basix_element.degree, function.ufl_shape
     element = ("DG", degree, shape) if shape else ("DG", degree)
     interpolated = fem.Function(fem.functionspace(d.tagged.mesh, element), name=name)

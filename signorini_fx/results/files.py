@@ -168,9 +168,9 @@ class _Written:
         """Fields and the tables that everything else is about; returns the summary."""
         solution, comm, part = self.solution, self.solution.comm, self.folder.part
         summary = summary_of(solution)
-        plane = solution.discretisation.tagged.dimension == 2
+        plane = solution.model.tagged.dimension == 2
         # Keys that a scene in the plane, or one in space, does not have.
-        summary["scene"] = describe(solution.scene, (*solution.scene.unstated, "z" if plane else "hypothesis"))
+        summary["scene"] = describe(solution.statement.tables, ("z" if plane else "hypothesis",))
         summary["finished"] = parallel.on_root(comm, lambda: datetime.now(UTC).isoformat(timespec="seconds"))
         steps = summary.get("steps", [])
         if fields is not None:
@@ -196,10 +196,10 @@ class _Written:
     def _tables(self, table: ContactTable | None) -> None:
         """The tables that show more of it."""
         solution, part = self.solution, self.folder.part
-        along_steps = _contact_by_step(solution) if solution.scene.several_steps and table is not None else {}
-        facets = None if solution.discretisation.tagged.dimension == 2 else _contact_facets(solution)
+        along_steps = _contact_by_step(solution) if solution.statement.several_steps and table is not None else {}
+        facets = None if solution.model.tagged.dimension == 2 else _contact_facets(solution)
         other = None
-        if solution.contact is not None and solution.scene.sides[1] is not None:
+        if solution.contact is not None and solution.statement.sides[1] is not None:
             from signorini_fx.results.other_side import other_side
 
             other = other_side(solution)
@@ -299,7 +299,7 @@ def _contact_by_step(solution: Solution) -> Table:
     tables: list[Table] = []
     for result in solution.shown_steps:
         if result.contact is not None:
-            columns = contact_table(result.contact, *solution.scene.sides).columns
+            columns = contact_table(result.contact, *solution.statement.sides).columns
             first = [name for name in _LEADING_COLUMNS if name in columns]
             trailing = [name for name in columns if name not in (*first, *_CONSTANT_COLUMNS)]
             if parallel.is_root(solution.comm):

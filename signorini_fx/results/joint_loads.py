@@ -52,12 +52,12 @@ def astray(forces: NodalForces, tractions: Tractions, step: float, previous: Pre
     - Each point has the pressure of the loads at it, or what closed contact carries of it.
 
     Args:
-        forces: of the scene on its mesh.
+        forces: of the model.
         tractions: those of the contact; a point is open where its pressure is not positive.
         step: the load step, or a place between two.
         previous: the end of the last load step; None: there is none.
     """
-    return any(_astray(forces, tractions, step, part, previous) for part in range(len(forces.scene.contact)))
+    return any(_astray(forces, tractions, step, part, previous) for part in range(len(forces.statement.contact)))
 
 
 @dataclass(frozen=True)
@@ -121,16 +121,16 @@ class _Joint:
 
 def _astray(forces: NodalForces, tractions: Tractions, step: float, part: int, previous: PreviousStep | None) -> bool:
     """The same for one contact."""
-    scene, numbers, name = forces.scene, forces.space.dofmap.index_map, forces.scene.contact[part].boundary
+    statement, numbers, name = forces.statement, forces.space.dofmap.index_map, forces.statement.contact[part].boundary
     joint, comm = tractions.joint, forces.space.mesh.comm
     assert joint is not None
-    loads = [(k, load) for k, load in enumerate(scene.joint_loads.values()) if name in load.enters]
+    loads = [(k, load) for k, load in enumerate(statement.joint_loads.values()) if name in load.enters]
     points_of_part = np.flatnonzero(tractions.part == part)
     nodes, load_numbers = tractions.nodes[points_of_part], [k for k, _ in loads]
     x = forces.at_nodes[nodes, : forces.dimension]
     offers: list[Array] = []
     for _, load in loads:
-        factor, current = scene.now(load, step)
+        factor, current = statement.now(load, step)
         offers.append(np.maximum(factor * current.pressure(x), 0.0)[:, None])
     last = None if previous is None else previous.tractions.joint
     unreached = np.zeros_like(joint.reached)

@@ -13,21 +13,21 @@ from signorini_fx import parallel
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.results.supports import PrescribedNodes
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 from signorini_fx.tuned import ROUNDINGS
 
 
-def left_by_last_digits(scene: Scene, tagged: TaggedMesh, displacement: fem.Function, step: float) -> float:
+def left_by_last_digits(statement: Statement, tagged: TaggedMesh, displacement: fem.Function, step: float) -> float:
     """The forces at free unknowns that one unit in the last place of each displacement makes, with random signs, as a
     share of the loads there; collective.
 
     Args:
-        scene: the scene.
+        statement: the scene.
         tagged: its mesh.
         displacement: y.
         step: the place of the load step.
     """
-    forces, comm = NodalForces(scene, tagged, displacement.function_space), tagged.mesh.comm
+    forces, comm = NodalForces(statement, tagged, displacement.function_space), tagged.mesh.comm
     supports, changed = PrescribedNodes.of(forces, step, 1.0), displacement.copy()
     loads = supports.left(forces.external(step) + forces.initial(step, displacement=displacement)[0])
     rng, squares = np.random.default_rng(comm.rank), 0.0

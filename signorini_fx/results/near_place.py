@@ -12,10 +12,10 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx import compat, parallel
 from signorini_fx.body.assembly import facet_entities
-from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.moduli import of_materials
 from signorini_fx.body.sampled_points import SampledPoints
 from signorini_fx.body.supports import on_axis
+from signorini_fx.model import Model
 from signorini_fx.scene.effect import Force, InitialStrain
 from signorini_fx.tuned import BESIDE_VERTEX, NO_STEP, SAME_PLACE_IN_CELL
 
@@ -58,7 +58,7 @@ class BoundaryFacet:
         return bool(within.all() and (np.abs((points - self.vertices[0]) @ self.normal) <= near).all())
 
 
-def facets_near(body: Discretisation, point: Array, step: float) -> list[BoundaryFacet]:
+def facets_near(body: Model, point: Array, step: float) -> list[BoundaryFacet]:
     """Exterior facets of this rank with a vertex within their size from a place."""
     mesh, dim = body.tagged.mesh, body.tagged.dimension
     mesh.topology.create_connectivity(dim - 1, dim)
@@ -83,12 +83,13 @@ def facets_near(body: Discretisation, point: Array, step: float) -> list[Boundar
     return facets
 
 
-def _traction(body: Discretisation, facet: int, points: Array, step: float) -> tuple[Array, tuple[str, ...]]:
+def _traction(body: Model, facet: int, points: Array, step: float) -> tuple[Array, tuple[str, ...]]:
     """The loads on a facet but for pressure, shape (n, d), and their boundaries."""
     total, names = np.zeros_like(points), []
-    for load in body.scene.of(Force):
-        factor, current = body.scene.now(load, step)
+    for load in body.statement.of(Force):
+        factor, current = body.statement.now(load, step)
         if load.where is not None and factor != 0 and facet in body.tagged.facets(load.where):
+            assert body.coefficients is not None
             # A form of the user's own is not known at a point; without a normal there is no pressure.
             on = SampledPoints(points, np.zeros((len(points), 1, points.shape[1])), body.coefficients.whole, np.nan)
             total += factor * current.density_at(on)[:, 0]
@@ -102,13 +103,13 @@ def _normal(vertices: Array, inside: Array) -> Array:
     return np.asarray(normal * np.sign(normal @ (vertices.mean(axis=0) - inside)))
 
 
-def _condition(body: Discretisation, facet: int, normal: Array, corners: Array) -> tuple[str, tuple[str, ...], str]:
+def _condition(body: Model, facet: int, normal: Array, corners: Array) -> tuple[str, tuple[str, ...], str]:
     """What is prescribed on a facet, by which boundaries, and how it may touch another body."""
-    scene, tagged, dim = body.scene, body.tagged, body.tagged.dimension
-    supports = [effect for effect in scene.displacement if effect.where and facet in tagged.facets(effect.where)]
+    statement, tagged, dim = body.statement, body.tagged, body.tagged.dimension
+    supports = [effect for effect in statement.displacement if effect.where and facet in tagged.facets(effect.where)]
     contacts = [
         (effect, name)
-        for effect in scene.contact
+        for effect in statement.contact
         for name in (effect.boundary, effect.against)
         if name is not None and facet in tagged.facets(name)
     ]
@@ -142,7 +143,7 @@ class CellAtVertex(NamedTuple):
     length: float
 
 
-def cells_near(body: Discretisation, point: Array) -> list[CellAtVertex]:
+def cells_near(body: Model, point: Array) -> list[CellAtVertex]:
     """The cells of all ranks at each vertex near a place, which is within an edge of it; collective."""
     mesh, dim = body.tagged.mesh, body.tagged.dimension
     cell_type = getattr(basix.CellType, mesh.topology.cell_name())
@@ -154,13 +155,13 @@ def cells_near(body: Discretisation, point: Array) -> list[CellAtVertex]:
     cells = np.arange(mesh.topology.index_map(dim).size_local)
     x = np.asarray(mesh.geometry.x[..., :dim], dtype=np.float64)
     vertices = x[compat.geometry_cells(mesh)[cells][:, : len(corners)]]
-    strained = bool(body.scene.of(InitialStrain))
+    strained = bool(body.statement.of(InitialStrain))
 
     def kind_of(material: Any) -> tuple[Any, ...]:
         return *material.kind, strained and material.expansion
 
-    kinds = [kind_of(material) for material in body.scene.material]
-    (number,) = of_materials(body.scene, body.tagged, lambda entry: (float(kinds.index(kind_of(entry))),))
+    kinds = [kind_of(material) for material in body.statement.material]
+    (number,) = of_materials(body.statement, body.tagged, lambda entry: (float(kinds.index(kind_of(entry))),))
     kind = number.x.array[number.function_space.dofmap.list[cells, 0]]
     joined, of_cell = _joined_pieces(body), body.pieces.of_cell
     edges = vertices[:, neighbours] - vertices[:, :, None]
@@ -180,10 +181,10 @@ def cells_near(body: Discretisation, point: Array) -> list[CellAtVertex]:
     return [entry for rows in body.comm.allgather(local_cells) for entry in rows]
 
 
-def _joined_pieces(body: Discretisation) -> npt.NDArray[np.int64]:
+def _joined_pieces(body: Model) -> npt.NDArray[np.int64]:
     """For each connected piece of the mesh one number of all pieces that bonds join to it; collective."""
     joined = np.arange(body.pieces.count)
-    for effect in body.scene.contact:
+    for effect in body.statement.contact:
         if effect.against is not None and effect.kind == "bonded":
             facets = np.concatenate([body.tagged.facets(name) for name in (effect.boundary, effect.against)])
             local_pieces = np.unique(body.pieces.of_cell[facet_entities(body.tagged.mesh, facets)[:, 0]])

@@ -19,7 +19,7 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.model import Model
 from signorini_fx.results.near_place import BoundaryFacet, cells_near, facets_near
 from signorini_fx.tuned import BESIDE_VERTEX, CORNER_ANGLE, JUMP_OF_LOAD, SAME_ANGLE, SAME_PLACE_IN_CELL, SAME_POSITION
 
@@ -39,7 +39,7 @@ _BOUNDED = {
 _CURVED = np.degrees(CORNER_ANGLE)
 
 
-def why_no_limit(body: Discretisation, point: tuple[float, ...], step: float = 0.0) -> str | None:
+def why_no_limit(body: Model, point: tuple[float, ...], step: float = 0.0) -> str | None:
     """Why the stress at a place, or within one facet from it, has no limit; None if nothing is known; collective.
 
     Contact boundaries count as pressed, with friction as held.
@@ -145,14 +145,14 @@ def _where_loads_jump(
     return f"it is where the load along the {_boundaries({*facet_a.loaded, *facet_b.loaded})} jumps"
 
 
-def _where_materials_meet(body: Discretisation, point: Array, boundary: list[BoundaryFacet]) -> str | None:
+def _where_materials_meet(body: Model, point: Array, boundary: list[BoundaryFacet]) -> str | None:
     """Whether materials meet at the boundary, or their interface has a corner, within a facet of a place; collective.
 
     Those of bodies that touch do not, unless they are bonded.
 
     It shows in the angles, in space solid angles, that the cells of each material have at a vertex.
     """
-    if len(body.scene.material) == 1:
+    if len(body.statement.material) == 1:
         return None
     cells = cells_near(body, point)
     full_angle = 2 * np.pi if body.tagged.dimension == 2 else 4 * np.pi

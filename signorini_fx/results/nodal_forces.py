@@ -32,7 +32,7 @@ from signorini_fx.results.quadrature_points import QuadraturePoints
 from signorini_fx.results.surface_quadrature import QuadratureFacets, SurfaceQuadrature
 from signorini_fx.scene.effect import Effect, Force, InitialStrain, Points, Resistance
 from signorini_fx.scene.expressions import Expression, in_space, sample
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 from signorini_fx.tuned import ZERO_SUM
 
 Array = npt.NDArray[np.float64]
@@ -49,21 +49,21 @@ class NodalForces(SurfaceQuadrature):
     """Forces on the nodes of a Lagrange space, from a scene and its mesh alone; all methods are collective.
 
     Args:
-        scene: the scene.
+        statement: the scene.
         tagged: its mesh.
         space: the vector Lagrange space of the displacement.
         cells: those that count in what is integrated over the body, ascending; None: all.
     """
 
     def __init__(
-        self, scene: Scene, tagged: TaggedMesh, space: fem.FunctionSpace, cells: Indices | None = None
+        self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace, cells: Indices | None = None
     ) -> None:
         super().__init__(space)
-        self.scene = scene
+        self.statement = statement
         self.tagged = tagged
-        self.kinematics = scene.kinematics_in(tagged.dimension)
+        self.kinematics = statement.kinematics_in(tagged.dimension)
         owned = int(space.mesh.topology.index_map(self.across).size_local)
-        self.volume = volume_forces(scene)
+        self.volume = volume_forces(statement)
         self._owned_cells = np.arange(owned, dtype=np.int32) if cells is None else cells[cells < owned]
 
     def facets(self, boundary: Any) -> Indices:
@@ -109,8 +109,8 @@ class NodalForces(SurfaceQuadrature):
 
     def jumps(self) -> Iterator[tuple[Jump, NodalForces]]:
         """The jumps of the displacement, each with the forces of the cells beyond it alone."""
-        for jump in jumps_in(self.scene, self.tagged, self.space):
-            yield jump, NodalForces(self.scene, self.tagged, self.space, jump.cells)
+        for jump in jumps_in(self.statement, self.tagged, self.space):
+            yield jump, NodalForces(self.statement, self.tagged, self.space, jump.cells)
 
     def strained(
         self, step: float, scale: float = 1.0, displacement: fem.Function | None = None
@@ -126,23 +126,25 @@ class NodalForces(SurfaceQuadrature):
         """What gives the initial strains of a load step times ``scale`` at points, shape (f, q), None without any, and
         the degree of their quadrature.
         """
-        strains = [strain for strain in self.scene.of(InitialStrain) if strain.acts]
+        strains = [strain for strain in self.statement.of(InitialStrain) if strain.acts]
         if not strains:
             return None, 0
-        moved = [(scale * factor, current) for factor, current in (self.scene.now(strain, step) for strain in strains)]
+        moved = [
+            (scale * factor, current) for factor, current in (self.statement.now(strain, step) for strain in strains)
+        ]
 
         def strain(part: QuadratureFacets) -> Array:
             points = QuadraturePoints(self, part, np.empty(0), self._zero())
             return sum((factor * current.strain_at(points) for factor, current in moved), np.zeros(1))
 
-        return strain, strains[0].degree(self.scene.element.degree)
+        return strain, strains[0].degree(self.statement.element.degree)
 
     def resisted(self, displacement: Array, resistances: Sequence[Resistance] | None = None) -> Array:
         """What resists nodal displacements with ghosts, shape (nodes, d), on the boundary: all of it, or some; forces,
         shape (owned nodes, d).
         """
         total = self._zero()
-        for effect in self.scene.of(Resistance) if resistances is None else resistances:
+        for effect in self.statement.of(Resistance) if resistances is None else resistances:
             total += self._integral(effect, effect.reaction_at, displacement)
         return self.over_ranks(total)
 
@@ -164,8 +166,8 @@ class NodalForces(SurfaceQuadrature):
         none.
         """
         total, compiled = self._zero(), np.zeros((self.owned, self.dimension))
-        for load in self.scene.of(Force) if some is None else some:
-            factor, current = self.scene.now(load, step)
+        for load in self.statement.of(Force) if some is None else some:
+            factor, current = self.statement.now(load, step)
             if any(hasattr(value, "ufl_shape") for value in load.given.values()):
                 compiled += scale * factor * self._compiled(load, step)
             else:
@@ -192,7 +194,7 @@ class NodalForces(SurfaceQuadrature):
 
     def of_materials(self, numbers: Callable[[Any], tuple[float, ...]]) -> list[Array]:
         """Numbers of the materials, of all cells alike, shape (1,), or cell by cell."""
-        materials = self.scene.material
+        materials = self.statement.material
         if len(materials) == 1:
             return [np.array([number]) for number in numbers(materials[0])]
         cell_values = np.full((len(numbers(materials[0])), len(self._corners)), np.nan)
@@ -203,7 +205,7 @@ class NodalForces(SurfaceQuadrature):
     def _hooke(self) -> tuple[Array, Array]:
         """Hooke's law, without a pressure that is an unknown, of all cells alike, shape (1,), or cell by cell."""
         young, poisson = self._young_and_poisson()
-        return self.volume.hooke(self.scene.material[0], young, poisson)
+        return self.volume.hooke(self.statement.material[0], young, poisson)
 
     def _young_and_poisson(self) -> tuple[Array, Array]:
         """Both, of all cells alike, shape (1,), or cell by cell."""
@@ -212,7 +214,7 @@ class NodalForces(SurfaceQuadrature):
 
     def grading(self, key: str) -> Array:
         """By what a modulus of the materials is multiplied, of all cells alike, shape (1,), or cell by cell."""
-        gradings = [(material.region, getattr(material, key, None)) for material in self.scene.material]
+        gradings = [(material.region, getattr(material, key, None)) for material in self.statement.material]
         if all(grading is None for _, grading in gradings):
             return np.ones(1)
         middle, shares = self.middles(slice(None)), np.ones(len(self._corners))
@@ -231,7 +233,7 @@ class NodalForces(SurfaceQuadrature):
 
     def _integral(self, effect: Effect, density: Callable[[Points], Array], y: Array) -> Array:
         """A force per volume or area, integrated with the shape functions on this rank alone, shape (nodes, d)."""
-        total, degree = self._zero(), effect.degree(self.scene.element.degree)
+        total, degree = self._zero(), effect.degree(self.statement.element.degree)
         integral = np.nan if effect.weighting is None else self._whole(effect, degree)
         for part, size in self._parts(effect, degree):
             force: Array = (size * self._around(part))[:, :, None] * density(
@@ -290,10 +292,10 @@ class NodalForces(SurfaceQuadrature):
         Returns:
             Both on this rank alone, forces with shape (nodes, d).
         """
-        if not all(material.isotropic for material in self.scene.material):
+        if not all(material.isotropic for material in self.statement.material):
             return self._part_of_work(u, degree, self._stress_of_materials, initial)
         a, b = self._hooke()
-        reduced = reduced_degree(self.scene, self.tagged.mesh)
+        reduced = reduced_degree(self.statement, self.tagged.mesh)
         if reduced is None:
             return self._part_of_work(u, degree, partial(self._stress, a, b), initial)
         first = self._part_of_work(u, degree, partial(self._stress, a, np.zeros(1)), initial)
@@ -337,7 +339,7 @@ class NodalForces(SurfaceQuadrature):
         self, a: Array, b: Array, cells: Indices, gradient: Array, initial: Array | None
     ) -> tuple[Array, Array | float]:
         """The stress a epsilon + b tr(epsilon) I, see ``_Law``."""
-        directions, density = self.scene.material[0].directions, 0.0
+        directions, density = self.statement.material[0].directions, 0.0
         first, second = (m[:, None] if m.size == 1 else m[cells, None] for m in (a, b))
         stress = first * (gradient + gradient.swapaxes(0, 1)) / 2
         dilation, initial_strain = np.einsum("iicq->cq", gradient), np.zeros(1) if initial is None else initial
@@ -353,7 +355,7 @@ class NodalForces(SurfaceQuadrature):
         self, cells: Indices, gradient: Array, initial: Array | None
     ) -> tuple[Array, Array | float]:
         """The stress by ``Material.stress_at``, see ``_Law``."""
-        dim, strain, materials = len(gradient), np.zeros((*gradient.shape[2:], 3, 3)), self.scene.material
+        dim, strain, materials = len(gradient), np.zeros((*gradient.shape[2:], 3, 3)), self.statement.material
         strain[..., :dim, :dim] = np.moveaxis(gradient + gradient.swapaxes(0, 1), (0, 1), (2, 3)) / 2
         middle, stress, density = self.middles(cells), np.zeros_like(strain), np.zeros(strain.shape[:2])
         for material in materials:
@@ -378,7 +380,7 @@ class NodalForces(SurfaceQuadrature):
         """A load with UFL expressions, by its own form."""
         import ufl
 
-        on = FormCoefficients(self.scene, self.tagged, self.space, Inventory())
+        on = FormCoefficients(self.statement, self.tagged, self.space, Inventory())
         _, (form,) = compile_loads([load], on, ufl.TestFunction(self.space))
         on.move_to(step)
         return assemble(form).reshape(-1, self.dimension)

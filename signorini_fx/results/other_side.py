@@ -25,8 +25,8 @@ def other_side(solution: Solution) -> dict[str, npt.NDArray[Any]]:
         are; pressure; shear_x and so on, what this body exerts on the other one; distance of the deformed bodies
         along the normal.  Empty where no two bodies are in contact.
     """
-    scene, tagged, contact = solution.scene, solution.discretisation.tagged, solution.contact
-    if contact is None or scene.sides[1] is None:
+    statement, tagged, contact = solution.statement, solution.model.tagged, solution.contact
+    if contact is None or statement.sides[1] is None:
         return {}
     space, boundary = solution.displacement.function_space, contact.boundary
     dim, owned = tagged.dimension, space.dofmap.index_map.size_local
@@ -48,7 +48,7 @@ def other_side(solution: Solution) -> dict[str, npt.NDArray[Any]]:
     gathered = parallel.gather_rows(tagged.mesh.comm, np.concatenate(blocks))
     parts, places, pressure, traction, apart = np.split(gathered, np.cumsum([1, dim, 1, dim]), axis=1)
     order = np.lexsort((*places.T[::-1], parts[:, 0]))
-    names = [[effect.against or "", effect.boundary] for effect in scene.contact]
+    names = [[effect.against or "", effect.boundary] for effect in statement.contact]
     sides = np.array(names)[parts[order, 0].astype(int)]
     return {
         **dict(zip("xyz", places[order].T, strict=False)),

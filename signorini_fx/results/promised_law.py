@@ -51,7 +51,7 @@ class Tractions:
     """The contact tractions at the n contact nodes of this rank.
 
     Attributes:
-        part: position of the effect in ``scene.contact``, shape (n,).
+        part: position of the effect in ``statement.contact``, shape (n,).
         nodes: local number of the node (block of the function space), shape (n,).
         pressure: lambda, stress, shape (n,).
         shear: mu as a vector of the plane or of space, stress, shape (n, d): no frame is shared with the solver.

@@ -25,7 +25,7 @@ from signorini_fx.results.promised_law import Tractions
 from signorini_fx.results.supports import PrescribedNodes
 from signorini_fx.results.surface_quadrature import SurfaceQuadrature
 from signorini_fx.scene.effect import Force, Resistance
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 if TYPE_CHECKING:
@@ -95,13 +95,13 @@ class Resultants:
     """The resultants of one load step, from nodal forces: exact for the discrete solution, so that they are in balance.
 
     Attributes:
-        scene: the scene.
+        statement: the scene.
         tagged: its mesh.
         displacement: y, length.
         contact: the contact boundary of this rank; None without contact.
     """
 
-    scene: Scene
+    statement: Statement
     tagged: TaggedMesh
     displacement: fem.Function
     contact: ContactState | None
@@ -173,7 +173,7 @@ class Resultants:
         """The forces on the body at the nodes of a boundary, by what exerts them."""
         by_cause = self._of_supports(boundary) | self._of_effects(boundary)
         for sign, key in ((-1.0, "boundary"), (1.0, "against")):  # on the other body they are opposite
-            parts = [k for k, effect in enumerate(self.scene.contact) if getattr(effect, key) == boundary]
+            parts = [k for k, effect in enumerate(self.statement.contact) if getattr(effect, key) == boundary]
             if parts and self.contact is not None:
                 state = self.contact
                 on_boundary = np.isin(state.boundary.part, parts)
@@ -181,7 +181,7 @@ class Resultants:
                 by_cause["contact"] = NodalForcesAt(state.boundary.centre[on_boundary], forces[on_boundary])
                 if state.joint is not None:
                     forces = sign * state.boundary.nodal_forces(state.joint.pressure, np.zeros_like(state.shear))
-                    label = next(iter(self.scene.joint_loads.values())).label
+                    label = next(iter(self.statement.joint_loads.values())).label
                     cause = f"{label} in contact"
                     by_cause[cause] = NodalForcesAt(state.boundary.centre[on_boundary], forces[on_boundary])
         return by_cause
@@ -218,7 +218,7 @@ class Resultants:
     @property
     def _kinematics(self) -> Kinematics:
         """Of the body, by which some moments cancel."""
-        return self.scene.kinematics_in(self.tagged.dimension)
+        return self.statement.kinematics_in(self.tagged.dimension)
 
     def _middle(self, boundary: str) -> tuple[Array, Array | None]:
         """The middle of a boundary, and its normal if it is flat; a point itself."""
@@ -252,18 +252,18 @@ class SceneResultants(Resultants):
     @property
     def _names(self) -> list[str]:
         """The boundaries through which something acts."""
-        boundaries = [effect.where for _, effect in self.scene.listed()]
-        boundaries += [effect.against for effect in self.scene.contact]
+        boundaries = [effect.where for _, effect in self.statement.listed()]
+        boundaries += [effect.against for effect in self.statement.contact]
         return list(dict.fromkeys(name for name in [*boundaries, *self._points] if name is not None))
 
     @property
     def _points(self) -> dict[str, tuple[float, ...]]:
         """The points with supports, by their names."""
-        return {effect.place: effect.at for effect in self.scene.displacement if effect.at is not None}
+        return {effect.place: effect.at for effect in self.statement.displacement if effect.at is not None}
 
     @cached_property
     def _nodal(self) -> NodalForces:
-        return NodalForces(self.scene, self.tagged, self.displacement.function_space)
+        return NodalForces(self.statement, self.tagged, self.displacement.function_space)
 
     @cached_property
     def _supports(self) -> PrescribedNodes:
@@ -281,7 +281,7 @@ class SceneResultants(Resultants):
             - nodal.initial(self.place)[0]
         )
         if self.contact is not None:
-            sides = sides_of(self.scene, self.tagged, nodal.space, self.pairs)
+            sides = sides_of(self.statement, self.tagged, nodal.space, self.pairs)
             tractions = Tractions.of(self.contact)
             nodes = ContactNodes.of(nodal, sides, tractions)
             reached, forces, _ = nodes.forces()
@@ -294,12 +294,12 @@ class SceneResultants(Resultants):
 
     def at_nodes(self) -> Array:
         """What loads and supports do to the body, forces at the owned nodes, shape (n, d); collective."""
-        supported = (self._supports.taken(self._forces_of_supports, k) for k in range(len(self.scene.displacement)))
+        supported = (self._supports.taken(self._forces_of_supports, k) for k in range(len(self.statement.displacement)))
         return sum(supported, self._nodal.external(self.place))
 
     def _of_supports(self, boundary: str) -> dict[str, NodalForcesAt]:
         """See ``Resultants``."""
-        held = [k for k, effect in enumerate(self.scene.displacement) if effect.place == boundary]
+        held = [k for k, effect in enumerate(self.statement.displacement) if effect.place == boundary]
         if not held:
             return {}
         taken = (self._supports.taken(self._forces_of_supports, k) for k in held)
@@ -309,7 +309,7 @@ class SceneResultants(Resultants):
         """See ``Resultants``."""
         nodal, displacements = self._nodal, self.displacement.x.array.reshape(-1, self.tagged.mesh.geometry.dim)
         by_cause: dict[str, NodalForcesAt] = {}
-        for kind in self.scene.effects.values():
+        for kind in self.statement.effects.values():
             effects = [effect for effect in kind if effect.where == boundary]
             forces = [effect for effect in effects if isinstance(effect, Force)]
             resisting = [effect for effect in effects if isinstance(effect, Resistance)]

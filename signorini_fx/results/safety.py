@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from signorini_fx import parallel
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.joint_pressure import work_on_motions
 from signorini_fx.body.limits import LimitSurface, Unproved, factor_at_least, factor_at_most, surface_of
 from signorini_fx.body.motion_names import names_of
@@ -20,10 +19,11 @@ from signorini_fx.contact.motions import FreeMotions, RigidLoad, total_work
 from signorini_fx.contact.reactions import Reactions, reactions
 from signorini_fx.contact.resting_place import resting_place
 from signorini_fx.contact.statics import Limit, along_contact, largest_multiple, null_space
+from signorini_fx.model import Model
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.scene.effect import Force
-from signorini_fx.scene.model import Scene
-from signorini_fx.scene.stated import STRAIGHT_CELLS, may_have_arcs
+from signorini_fx.scene.stated import STRAIGHT_CELLS
+from signorini_fx.statement import Statement
 from signorini_fx.tuned import ALONG_CONTACT, SAME_LENGTH, SAME_LIMIT
 
 
@@ -79,11 +79,11 @@ class Safety:
         return figures | {"body": [None if value == np.inf else value for value in self.body], "of_body": self.of_body}
 
 
-def safety_of(d: Discretisation, contact: ContactState, step: float) -> Safety | None:
+def safety_of(d: Model, contact: ContactState, step: float) -> Safety | None:
     """The safety factor of a load step with a solution; collective.
 
     Args:
-        d: the discretised scene.
+        d: the model.
         contact: the contact nodes of this rank in its solution.
         step: the place of the load step in the lists of factors.
 
@@ -101,12 +101,12 @@ def safety_of(d: Discretisation, contact: ContactState, step: float) -> Safety |
     works = (motions.load_of(forces, d.comm, on) for forces, on in zip(_loads(d, step), (driving, None), strict=True))
     live, dead = (
         total_work([(1.0, work), *((1.0, load) for load in within)], count)
-        for work, within in zip(works, _within(contact, at_contact, d.scene), strict=True)
+        for work, within in zip(works, _within(contact, at_contact, d.statement), strict=True)
     )
     law, pressing = d.law, _touching(d, contact, live + dead, step)
     allowed = reactions(at_contact, law, contact.bilateral, pressing)
     present = None
-    if d.scene.has_coulomb:
+    if d.statement.has_coulomb:
         bounds = as_given(contact.bound)
         present = reactions(at_contact, bounds, contact.bilateral, pressing)
     if parallel.any_rank(d.comm, not np.isfinite(contact.pressure).all()):
@@ -140,7 +140,7 @@ def safety_of(d: Discretisation, contact: ContactState, step: float) -> Safety |
             if limit.motion is not None:
                 beyond = along_contact(here, limit.motion, limit.pressed)
                 members = np.flatnonzero(motions.pieces.assembly == number)
-                words = names_of((motions.of_all[:, columns] @ beyond)[:, None], motions, members)
+                words = names_of((motions.of_all[:, columns] @ beyond)[:, None], motions, members, one_way=True)
             worst = limit, words
         if present is not None:
             present_limit = largest_multiple(present.of(number, columns), *loads)
@@ -153,7 +153,7 @@ def safety_of(d: Discretisation, contact: ContactState, step: float) -> Safety |
     return Safety(
         limit.found,
         limit.factor,
-        not d.scene.has_coulomb,
+        not d.statement.has_coulomb,
         max(used, default=None),
         words,
         sliding,
@@ -164,13 +164,13 @@ def safety_of(d: Discretisation, contact: ContactState, step: float) -> Safety |
     )
 
 
-def _assumed(d: Discretisation) -> str:
+def _assumed(d: Model) -> str:
     """What the factors rest on, in words."""
     told = [
         "the foundation presses where the body touches it now",
         f"{d.law.unknown}, so that factors are upper bounds" if d.law is not None and d.law.unknown else "",
-        *d.scene.assumed,
-        STRAIGHT_CELLS if may_have_arcs(d.scene) else "",
+        *d.statement.assumed,
+        STRAIGHT_CELLS if d.statement.arcs else "",
     ]
     return "; ".join(filter(None, told))
 
@@ -201,7 +201,7 @@ def _multiple(here: Reactions, dead: Nodal, live: Nodal, whole: float) -> float:
     return whole if limit is None else max(whole, limit.factor)
 
 
-def _surfaces(d: Discretisation, pressing: npt.NDArray[np.bool_]) -> tuple[dict[int, LimitSurface] | None, str]:
+def _surfaces(d: Model, pressing: npt.NDArray[np.bool_]) -> tuple[dict[int, LimitSurface] | None, str]:
     """The contact surface of each assembly as far as it touches; or None, and why it is not known."""
     try:
         return surface_of(d, pressing), ""
@@ -209,27 +209,27 @@ def _surfaces(d: Discretisation, pressing: npt.NDArray[np.bool_]) -> tuple[dict[
         return None, str(unproved)
 
 
-def _loads(d: Discretisation, step: float) -> list[npt.NDArray[np.float64]]:
+def _loads(d: Model, step: float) -> list[npt.NDArray[np.float64]]:
     """The live and the other loads of a load step at the owned dofs, shape (owned dofs,) each."""
-    nodal, forces = NodalForces(d.scene, d.tagged, d.space), d.scene.of(Force)
+    nodal, forces = NodalForces(d.statement, d.tagged, d.space), d.statement.of(Force)
     return [nodal.external(step, some=[load for load in forces if load.live is live]).ravel() for live in (True, False)]
 
 
-def _within(contact: ContactState, motions: FreeMotions, scene: Scene) -> tuple[list[RigidLoad], list[RigidLoad]]:
+def _within(
+    contact: ContactState, motions: FreeMotions, statement: Statement
+) -> tuple[list[RigidLoad], list[RigidLoad]]:
     """The live and the other loads that have entered the contact; collective."""
     if contact.joint is None:
         return [], []
-    names = {name for load in scene.joint_loads.values() if load.live for name in load.enters}
-    parts = [part for part, effect in enumerate(scene.contact) if effect.boundary in names]
+    names = {name for load in statement.joint_loads.values() if load.live for name in load.enters}
+    parts = [part for part, effect in enumerate(statement.contact) if effect.boundary in names]
     grows = np.isin(contact.boundary.part, parts)
     pressure = contact.joint.pressure
     of_live, of_dead = (work_on_motions(motions, np.where(selected, pressure, 0.0)) for selected in (grows, ~grows))
     return [of_live], [of_dead]
 
 
-def _touching(
-    d: Discretisation, contact: ContactState, load: npt.NDArray[np.float64], step: float
-) -> npt.NDArray[np.bool_]:
+def _touching(d: Model, contact: ContactState, load: npt.NDArray[np.float64], step: float) -> npt.NDArray[np.bool_]:
     """The nodes that touch their foundation in the solution, or where the rigid body rests on it, shape (n,).
 
     Supports that move may keep the body away from where it would rest: then only the former.

@@ -17,7 +17,7 @@ from signorini_fx import parallel
 from signorini_fx.mesh.tagged import TaggedMesh
 from signorini_fx.results.nodal_forces import NodalForces
 from signorini_fx.scene.effect import Force
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 
 
 @dataclass(frozen=True)
@@ -40,13 +40,13 @@ class SectionForce:
 
 
 def section_forces(
-    scene: Scene, tagged: TaggedMesh, displacement: fem.Function, step: float, scale: float = 1.0
+    statement: Statement, tagged: TaggedMesh, displacement: fem.Function, step: float, scale: float = 1.0
 ) -> list[SectionForce]:
     """What goes through each section that a scene shortens, with all loads times ``scale``; collective."""
-    if not scene.interfaces:
+    if not statement.interfaces:
         return []
-    nodal = NodalForces(scene, tagged, displacement.function_space)
-    inside, forces = [load for load in scene.of(Force) if load.where is None], []
+    nodal = NodalForces(statement, tagged, displacement.function_space)
+    inside, forces = [load for load in statement.of(Force) if load.where is None], []
     for jump, beyond in nodal.jumps():
         shortening = scale * jump.amount(step)
         moved = nodal.volume.moved(displacement)

@@ -19,13 +19,12 @@ from signorini_fx.accuracy.stress_recovery import StressRecovery
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import ContactTable, contact_table
 from signorini_fx.body.deformation import Deformation
-from signorini_fx.body.discretisation import Discretisation
-from signorini_fx.body.named_body import NamedBody
 from signorini_fx.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.display import html_table
 from signorini_fx.errors import SignoriniError
 from signorini_fx.extensions import LINEAR_SOLVERS, add_on, is_of_package, names_of
 from signorini_fx.linalg.choice import krylov_from
+from signorini_fx.model import Model
 from signorini_fx.quantities.registry import requested
 from signorini_fx.records import SHORT_OF_ACCURACY, Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.asked_law import AskedLaw, asked_law
@@ -38,7 +37,7 @@ from signorini_fx.results.functionals import Functionals
 from signorini_fx.results.resultants import Resultants, SceneResultants
 from signorini_fx.results.safety import Safety, safety_of
 from signorini_fx.results.stresses import Stresses
-from signorini_fx.scene.model import Scene
+from signorini_fx.statement import Statement
 
 if TYPE_CHECKING:
     from signorini_fx.quantities.statements import ErrorBound, FixedPoint, Interval, Uniqueness
@@ -102,15 +101,14 @@ class Solution:
     """The result of a solve; with load steps, of the last one that has a solution.
 
     Attributes:
-        scene: the scene that was solved.
         status: how it ended; only ``Status.CONVERGED`` is a solution.
         algorithm: the algorithms that were used: ``linear``, ``ssn``, ``fp``, ...
-        discretisation: mesh, space and operators.
+        model: what was solved, on its mesh.
         displacement: y, a finite element function.
         contact: nodal state of the contact boundary of this rank (``table`` has all ranks'), None without contact.
         functionals: primal and dual functional, None where the friction bound follows the pressure or without contact.
         certificate: the check of the conditions of the problem after the solve.
-        steps: one result per load step, up to the last one that was tried; the fields above but for scene, status and
+        steps: one result per load step, up to the last one that was tried; the fields above but for model, status and
             algorithm are those of ``last_step``.
         history: every linear solve and every regularised problem.
         parameters: the values of gamma_n, gamma_t and sigma that were used.
@@ -122,10 +120,9 @@ class Solution:
         shared: what the results of all load steps use, once it is made.
     """
 
-    scene: Scene
     status: Status
     algorithm: str
-    discretisation: Discretisation
+    model: Model
     displacement: fem.Function
     contact: ContactState | None
     functionals: Functionals | None
@@ -142,20 +139,25 @@ class Solution:
 
     def __repr__(self) -> str:
         """One line, because the fields contain whole meshes and matrices."""
-        title = self.scene.title or "scene"
-        return f"<Solution of {title!r}: {self.status.value}, {self.algorithm}, {self.discretisation.dofs} unknowns>"
+        title = self.statement.title or "scene"
+        return f"<Solution of {title!r}: {self.status.value}, {self.algorithm}, {self.model.dofs} unknowns>"
 
     def _repr_html_(self) -> str:
         """A table for notebooks: how the solve ended, the certificate and the findings."""
         rows = [
             ("status", self.status.value),
             ("algorithm", f"{self.algorithm}, {self.linear_algebra}"),
-            ("unknowns", f"{self.discretisation.dofs:,}"),
+            ("unknowns", f"{self.model.dofs:,}"),
             ("linear solves", self.history.linear_solves),
             ("certificate", repr(self.certificate).strip("<>")),
             *((f"{finding.level}: {finding.path}", finding.message) for finding in self.findings),
         ]
-        return html_table(("", ""), rows, self.scene.title)
+        return html_table(("", ""), rows, self.statement.title)
+
+    @property
+    def statement(self) -> Statement:
+        """What was solved, by name."""
+        return self.model.statement
 
     @property
     def converged(self) -> bool:
@@ -173,9 +175,9 @@ class Solution:
 
         Of a body that moves away, the warning that names its motion; of a ramp, between which loads it ended.
         """
-        settings, last, failed = self.scene.solver, self.last_step, self.steps[-1]
-        path = {Status.NOT_HELD: "displacement"} | dict.fromkeys(_LEAVES, self.scene.forces_at)
-        ended_between = self.scene.automatic_steps is not None and last is not failed
+        settings, last, failed = self.statement.solver, self.last_step, self.steps[-1]
+        path = {Status.NOT_HELD: "displacement"} | dict.fromkeys(_LEAVES, self.statement.forces_at)
+        ended_between = self.statement.automatic_steps is not None and last is not failed
         if self.status in path:
             wanted = ("warning", path[self.status])
             named = (finding.message for finding in self.findings if (finding.level, finding.path) == wanted)
@@ -209,7 +211,7 @@ class Solution:
     @property
     def _own_code(self) -> list[str]:
         """The laws and materials of other packages."""
-        used = [entry.friction for entry in self.scene.contact] + [*self.scene.material]
+        used = [entry.friction for entry in self.statement.contact] + [*self.statement.material]
         return list(dict.fromkeys(type(entry).__name__ for entry in used if not is_of_package(type(entry))))
 
     @property
@@ -219,10 +221,10 @@ class Solution:
             return None
         certificates = {step.step: step.certificate for step in self.shown_steps}
         return asked_law(
-            self.scene.solver,
+            self.statement.solver,
             certificates,
             self.parameters.get("regularisation_error"),
-            raises_gamma=self.scene.accuracy is not None,
+            raises_gamma=self.statement.accuracy is not None,
         )
 
     @cached_property
@@ -277,45 +279,45 @@ class Solution:
         """
         if self.contact is None:
             raise ValueError("the scene has no contact, hence no contact table")
-        return contact_table(self.contact, *self.scene.sides)
+        return contact_table(self.contact, *self.statement.sides)
 
     @cached_property
     def sides(self) -> list[ContactSide]:
         """The parts of the boundary with contact, for second opinions."""
-        d = self.discretisation
-        return sides_of(self.scene, d.tagged, self.displacement.function_space, d.pairs)
+        d = self.model
+        return sides_of(self.statement, d.tagged, self.displacement.function_space, d.pairs)
 
     @cached_property
     def stress(self) -> Stresses:
         """The stress in the body, raw and recovered: tensor, von Mises stress, principal stresses and their extremes;
         with load steps, of the last one.
         """
-        return Stresses.of(self.discretisation, self.displacement, self._position, self.shared)
+        return Stresses.of(self.model, self.displacement, self._position, self.shared)
 
     @cached_property
     def resultants(self) -> Resultants:
         """Forces and moments on the body through each boundary; with load steps, of the last one."""
-        d = self.discretisation
-        return SceneResultants(self.scene, d.tagged, self.displacement, self.contact, self._position, d.pairs)
+        d = self.model
+        return SceneResultants(self.statement, d.tagged, self.displacement, self.contact, self._position, d.pairs)
 
     @cached_property
     def preloads(self) -> list[SectionForce]:
         """The forces through sections that are tightened; with load steps, in the last one; collective."""
         from signorini_fx.results.sections import section_forces
 
-        return section_forces(self.scene, self.discretisation.tagged, self.displacement, self._position)
+        return section_forces(self.statement, self.model.tagged, self.displacement, self._position)
 
     @cached_property
     def contact_figures(self) -> list[ContactFigures]:
         """Area and forces of each contact boundary, in the order of the scene; none without contact; collective."""
-        return [] if self.contact is None else contact_figures(self.scene, self.contact)
+        return [] if self.contact is None else contact_figures(self.statement, self.contact)
 
     @cached_property
     def turnings(self) -> list[Turning | None]:
         """Friction on each contact boundary that closes around a body, None for others; none without contact;
         collective.
         """
-        return [] if self.contact is None else turning_of(self.scene, self.contact)
+        return [] if self.contact is None else turning_of(self.statement, self.contact)
 
     def bounds(self, text: str) -> Interval | str:
         """Guaranteed bounds of a quantity, or why there are none; collective.
@@ -335,12 +337,12 @@ class Solution:
         """Whether this is the only solution on its mesh; None without contact, or if it is none; collective."""
         if self.contact is None or not self.certified:
             return None
-        return add_on("uniqueness")(self.discretisation, self.contact, place=self._position)
+        return add_on("uniqueness")(self.model, self.contact, place=self._position)
 
     @property
-    def stated_body(self) -> NamedBody | str:
+    def stated_body(self) -> Model | str:
         """The body with all that acts on it, as bounds look at it; or why there are none."""
-        return self.discretisation
+        return self.model
 
     @cached_property
     def error_bound(self) -> ErrorBound | str | None:
@@ -356,20 +358,20 @@ class Solution:
         """The proved distance from the solution with Coulomb friction on the same mesh; None without this friction, or
         if this is no solution; collective.
         """
-        if self.contact is None or not self.certified or not self.scene.has_coulomb:
+        if self.contact is None or not self.certified or not self.statement.has_coulomb:
             return None
-        return add_on("fixed_point")(self.discretisation, self.contact, self._position)
+        return add_on("fixed_point")(self.model, self.contact, self._position)
 
     @cached_property
     def cost(self) -> CostOfAccuracy | str:
         """What the accuracy took and what a better one would take, or why there is no forecast; collective."""
         if self.last_step.status is not Status.CONVERGED:
             return "no solution"
-        d, dimension = self.discretisation, self.discretisation.tagged.dimension
+        d, dimension = self.model, self.model.tagged.dimension
         degree = int(self.displacement.function_space.element.basix_element.degree)
-        iterative_from = krylov_from(d.system_size, self.scene.solver.linear_algebra)
+        iterative_from = krylov_from(d.system_size, self.statement.solver.linear_algebra)
         if self.price_list:
-            asked = None if self.scene.accuracy is None else self.scene.accuracy.of
+            asked = None if self.statement.accuracy is None else self.statement.accuracy.of
             return from_prices(self.price_list, dimension, degree, iterative_from, asked)
         if not self.has_stress:
             return "forms alone have no error estimate: give stress="
@@ -425,7 +427,7 @@ class Solution:
         """
         if self.contact is None or self.last_step.status is not Status.CONVERGED:
             return None
-        return safety_of(self.discretisation, self.contact, self._position)
+        return safety_of(self.model, self.contact, self._position)
 
     def plot(self, *fields: str) -> Any:
         """Pictures that a notebook displays, see the function ``plot``; collective."""
@@ -444,7 +446,7 @@ class Solution:
     @property
     def comm(self) -> MPI.Comm:
         """The ranks that share the solution."""
-        comm: MPI.Comm = self.discretisation.tagged.mesh.comm
+        comm: MPI.Comm = self.model.tagged.mesh.comm
         return comm
 
 
@@ -474,7 +476,7 @@ def outcome(solution: Solution, *, advice: bool = True) -> str:
     """
     status, last, failed = solution.status, solution.last_step, solution.steps[-1]
     text = f"{status.value}: {solution.advice}" if advice else status.value
-    if not solution.scene.several_steps or failed.status is Status.CONVERGED:
+    if not solution.statement.several_steps or failed.status is Status.CONVERGED:
         return text
     remark = f"; the results are those of {last}" if last is not failed else ""
     return f"{failed}: {text}{remark}"

@@ -19,10 +19,10 @@ from mpi4py import MPI
 
 from signorini_fx import parallel
 from signorini_fx.accuracy.stress_recovery import StressRecovery
-from signorini_fx.body.discretisation import Discretisation
 from signorini_fx.body.element_stress import ElementStress, element_stress
 from signorini_fx.body.moduli import of_materials
 from signorini_fx.body.node_positions import node_positions
+from signorini_fx.model import Model
 from signorini_fx.records import Inventory
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.no_limit import why_no_limit
@@ -286,15 +286,13 @@ class Stresses(RawStresses):
     """The stress of a scene as its stiffness sees it, see ``body.element_stress``.
 
     Attributes:
-        discretisation: the body.
+        model: the body.
     """
 
-    discretisation: Discretisation = field(kw_only=True)
+    model: Model = field(kw_only=True)
 
     @classmethod
-    def of(
-        cls, d: Discretisation, displacement: fem.Function, step: float, shared: dict[str, StressRecovery]
-    ) -> Stresses:
+    def of(cls, d: Model, displacement: fem.Function, step: float, shared: dict[str, StressRecovery]) -> Stresses:
         """Those of a displacement; ``shared``: where what projects is kept for other load steps."""
 
         def recovery() -> StressRecovery:
@@ -303,15 +301,15 @@ class Stresses(RawStresses):
                 shared["recovery"] = StressRecovery.of(d, Inventory())
             return shared["recovery"]
 
-        energy = partial(NodalForces(d.scene, d.tagged, d.space).stored, displacement, step)
-        return cls(element_stress(d, displacement, step), recovery, energy, step, discretisation=d)
+        energy = partial(NodalForces(d.statement, d.tagged, d.space).stored, displacement, step)
+        return cls(element_stress(d, displacement, step), recovery, energy, step, model=d)
 
     def utilisation(self) -> dict[str, Any] | None:
         """See ``RawStresses``: of raw and recovered stress the one that uses more, and where."""
-        d = self.discretisation
-        if all(math.isinf(material.yields_at) for material in d.scene.material):
+        d = self.model
+        if all(math.isinf(material.yields_at) for material in d.statement.material):
             return None
-        (limits,) = of_materials(d.scene, d.tagged, lambda material: (material.yields_at,))
+        (limits,) = of_materials(d.statement, d.tagged, lambda material: (material.yields_at,))
         if isinstance(limits, fem.Constant):
             limit = fem.Function(fem.functionspace(d.tagged.mesh, ("DG", 0)))
             limit.x.array[:] = limits.value
@@ -329,11 +327,11 @@ class Stresses(RawStresses):
 
     def _remarks(self, extremes: Sequence[Extreme], *, finite: bool) -> dict[Extreme, dict[str, Any]]:
         """See ``RawStresses``: the part of the body, and why there is no limit."""
-        d, reasons = self.discretisation, dict[tuple[float, ...], str | None]()
+        d, reasons = self.model, dict[tuple[float, ...], str | None]()
         if finite:
             places = dict.fromkeys(entry.place for entry in extremes)
             reasons = {point: why_no_limit(d, point, self.place) for point in places}
-        parts = [body.name for body in d.scene.body] or [entry.region for entry in d.scene.material]
+        parts = [*d.statement.bodies] or [entry.region for entry in d.statement.material]
 
         def remark(extreme: Extreme) -> dict[str, Any]:
             named = {"region": _part_of(d, extreme.cell, parts)} if len(parts) > 1 else {}
@@ -342,7 +340,7 @@ class Stresses(RawStresses):
         return {extreme: remark(extreme) for extreme in extremes}
 
 
-def _part_of(d: Discretisation, cell: int, parts: Sequence[str | None]) -> str | None:
+def _part_of(d: Model, cell: int, parts: Sequence[str | None]) -> str | None:
     """The one of some regions that a cell is in, by its global number; None: in none of them; collective."""
     cells = d.tagged.mesh.topology.index_map(d.tagged.dimension)
     local_cell = cell - cells.local_range[0]

@@ -34,8 +34,8 @@ def summary_of(solution: Solution) -> dict[str, Any]:
     history, linear = solution.history, solution.contact is None
     summary: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
-        "title": solution.scene.title,
-        "incomplete": list(solution.scene.incomplete),
+        "title": solution.statement.title,
+        "incomplete": list(solution.statement.incomplete),
         "status": solution.status.value,
         "advice": solution.advice,
         "converged": solution.converged,
@@ -48,11 +48,11 @@ def summary_of(solution: Solution) -> dict[str, Any]:
         else sum(record.factorised for record in history.iterations),
         "outer_iterations": len(history.outer),
         "events": history.events,
-        "dimension": solution.discretisation.tagged.dimension,
-        "dofs": solution.discretisation.dofs,
+        "dimension": solution.model.tagged.dimension,
+        "dofs": solution.model.dofs,
         "ranks": solution.comm.size,
         "linear_algebra": solution.linear_algebra,
-        "pieces": solution.discretisation.motions.pieces.as_rows(),
+        "pieces": solution.model.motions.pieces.as_rows(),
         "findings": [asdict(finding) for finding in solution.findings],
     }
     for quantity in quantities():
@@ -60,14 +60,14 @@ def summary_of(solution: Solution) -> dict[str, Any]:
             summary |= quantity.entries(solution)
     if solution.price_list:
         summary["price_list"] = [asdict(row) for row in solution.price_list]
-    if solution.scene.several_steps:
+    if solution.statement.several_steps:
         last, shown = solution.last_step, solution.shown_steps
         summary["results_of"] = {"step": last.step, "name": last.name, "time": last.time, "status": last.status.value}
         summary["steps"] = [
             _step_summary(solution.at(result), summary["findings"], figures=result in shown)
             for result in solution.steps
         ]
-    summary["compiled"] = solution.discretisation.inventory.forms
+    summary["compiled"] = solution.model.inventory.forms
     summary["timings"] = parallel.largest_timings(solution.comm, solution.timings.total)
     summary["versions"] = versions()
     return summary

@@ -46,13 +46,13 @@ class PrescribedNodes:
 
         Of two effects the later one applies in full, the earlier one in the directions that are left.
         """
-        scene, tagged, space, owned = forces.scene, forces.tagged, forces.space, forces.owned
+        statement, tagged, space, owned = forces.statement, forces.tagged, forces.space, forces.owned
         shape = (owned, forces.dimension)
         fixed, value, by = np.zeros(shape, dtype=bool), np.zeros(shape), np.full(shape, -1)
         askew: list[tuple[npt.NDArray[np.int64], Nodal, Nodal, int]] = []
         x = forces.at_nodes
         dim = tagged.mesh.topology.dim - 1
-        for position, effect in enumerate(scene.displacement):
+        for position, effect in enumerate(statement.displacement):
             if effect.at is None:
                 nodes = fem.locate_dofs_topological(space, dim, tagged.facets(effect.boundary))
             else:
@@ -63,7 +63,7 @@ class PrescribedNodes:
                     inside[space.dofmap.list[tagged.cells(effect.region)].ravel()] = 1.0
                     nodes = np.intersect1d(nodes, np.flatnonzero(forces.over_ranks(inside)[:, 0]))
             nodes = nodes[nodes < owned]
-            step_factor, effect = scene.now(effect, step)
+            step_factor, effect = statement.now(effect, step)
             factor = scale * step_factor
             prescribed = [(axis, imposed, 1.0) for axis, imposed in enumerate(effect.components)]
             if effect.normal is not None:
@@ -82,7 +82,7 @@ class PrescribedNodes:
         if (turning := forces.kinematics.third_column) is not None:  # over x[0] it is finite only where it is zero
             middle = np.abs(x[:owned, 0]) <= SAME_DIRECTION * tagged.size
             for axis in np.flatnonzero(turning.any(axis=0)):
-                fixed[middle, axis], value[middle, axis], by[middle, axis] = True, 0.0, len(scene.displacement)
+                fixed[middle, axis], value[middle, axis], by[middle, axis] = True, 0.0, len(statement.displacement)
         no_nodes = np.zeros(0, dtype=np.int64)
         groups: list[tuple[Any, ...]] = [(no_nodes, np.zeros((0, shape[1])), np.zeros(0), no_nodes)]
         places = np.unique(np.concatenate([no_nodes, *(nodes for nodes, *_ in askew)]))

@@ -192,17 +192,17 @@ class Effect(Table):
         """What stays as it is in statements about the solution, in words; "": nothing has to be said."""
         return ""
 
-    def sought_at(self, scene: Any, step: float) -> str:
+    def sought_at(self, statement: Any, step: float) -> str:
         """What of it is known only with the solution at a place in the lists of factors, as a clause, so that its
         ``interface`` solves the load step; "": all is known.
         """
         return ""
 
-    def contradictions(self, scene: Any, number: int) -> Contradictions:
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
         """Why it does not go together with other entries: the place of the error in the scene, and the reason.
 
         Args:
-            scene: all entries.
+            statement: all entries.
             number: of this one among those of its kind.
         """
         yield from ()
@@ -325,7 +325,7 @@ class JointLoad(Force):
         """See ``Effect``."""
         return f"a {self.label} in contact stays where it is" if self.enters else ""
 
-    def sought_at(self, scene: Any, step: float) -> str:
+    def sought_at(self, statement: Any, step: float) -> str:
         """See ``Effect``."""
         return "a load enters contact as it opens" if self.enters else ""
 
@@ -353,11 +353,11 @@ class InitialStrain(Load):
         raise NotImplementedError
 
 
-def without_density(scene: Any, key: str) -> Contradictions:
+def without_density(statement: Any, key: str) -> Contradictions:
     """The materials that have no density although an effect needs it."""
-    for number, material in enumerate(scene.material):
+    for number, material in enumerate(statement.material):
         if material.density is None:
-            yield ("material", number), f"has no density, which {scene.heading(key)} needs"
+            yield ("material", number), f"has no density, which {statement.heading(key)} needs"
 
 
 class Resistance(Effect):

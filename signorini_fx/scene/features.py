@@ -27,11 +27,11 @@ REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
 }
 
 
-def features(scene: Any) -> Iterator[tuple[str, Keys]]:
+def features(statement: Any) -> Iterator[tuple[str, Keys]]:
     """Each with the key that asks for it."""
-    solver, accuracy, treatment = scene.solver, scene.accuracy, treatment_of(scene)
+    solver, accuracy, treatment = statement.solver, statement.accuracy, treatment_of(statement)
     for name, path, used in (
-        (scene.kinematics.words, ("material",), True),
+        (statement.kinematics.words, ("material",), True),
         (treatment.words, ("element", "volumetric"), bool(treatment.words)),
         ("exact", ("solver", "algorithm"), solver.algorithm == "exact"),
         ("krylov", ("solver", "linear_algebra"), solver.linear_algebra == "krylov"),
@@ -39,31 +39,31 @@ def features(scene: Any) -> Iterator[tuple[str, Keys]]:
         ("requested accuracy", ("accuracy",), accuracy is not None),
         ("accuracy of the pressure", ("accuracy", "of"), accuracy is not None and accuracy.of == "pressure"),
         ("local refinement", ("accuracy", "refinement"), accuracy is not None and accuracy.refinement == "adaptive"),
-        ("several bodies", ("body",), bool(scene.body)),
-        ("mesh that no generator makes", ("mesh",), not scene.generated),
-        ("several load steps", ("load_steps",), scene.several_steps),
-        ("load in time", ("load_steps", "times"), any(load.timed for load in scene.loads)),
+        ("several bodies", ("body",), bool(statement.bodies)),
+        ("mesh that no generator makes", ("mesh",), not statement.generated),
+        ("several load steps", ("load_steps",), statement.several_steps),
+        ("load in time", ("load_steps", "times"), any(load.timed for load in statement.loads)),
     ):
         if used:
             yield name, path
-    for kind, entries in scene.effects.items():
+    for kind, entries in statement.effects.items():
         for number, entry in enumerate(entries):
             for name, keys in entry.features:
                 yield name, (kind, number, *keys)
 
 
-def refused_by(scene: Any, refuses: Mapping[str, str]) -> Contradictions:
+def refused_by(statement: Any, refuses: Mapping[str, str]) -> Contradictions:
     """The features of a scene that something refuses, with the key of each and the reason."""
-    return ((path, refuses[name]) for name, path in features(scene) if name in refuses)
+    return ((path, refuses[name]) for name, path in features(statement) if name in refuses)
 
 
-def refuse(scene: Any, refuses: Mapping[str, str]) -> None:
+def refuse(statement: Any, refuses: Mapping[str, str]) -> None:
     """Refuse what is to be computed of a scene.
 
     Raises:
         SceneError: it has features that this does not know.
     """
-    if problems := list(dict.fromkeys(refused_by(scene, refuses))):
+    if problems := list(dict.fromkeys(refused_by(statement, refuses))):
         raise SceneError([(f"{path[0]}{''.join(map(_key, path[1:]))}", reason) for path, reason in problems])
 
 
@@ -71,15 +71,15 @@ def _key(part: str | int) -> str:
     return f".{part}" if isinstance(part, str) else f"[{part}]"
 
 
-def refusals(scene: Any) -> list[Mapping[str, str]]:
+def refusals(statement: Any) -> list[Mapping[str, str]]:
     """What each of the features of a scene refuses, and why."""
-    declared = {**REFUSED_BY_SETTINGS, scene.kinematics.words: scene.kinematics.refuses}
-    for _, entry in scene.listed():
+    declared = {**REFUSED_BY_SETTINGS, statement.kinematics.words: statement.kinematics.refuses}
+    for _, entry in statement.listed():
         declared |= entry.refuses
-    used = {name for name, _ in features(scene)}
+    used = {name for name, _ in features(statement)}
     return [refused for name, refused in declared.items() if name in used]
 
 
-def refused_features(scene: Any) -> Contradictions:
+def refused_features(statement: Any) -> Contradictions:
     """The features of a scene that others of its features refuse."""
-    return iter(dict.fromkeys(problem for refused in refusals(scene) for problem in refused_by(scene, refused)))
+    return iter(dict.fromkeys(problem for refused in refusals(statement) for problem in refused_by(statement, refused)))

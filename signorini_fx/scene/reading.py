@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from signorini_fx.errors import SceneError
 from signorini_fx.scene.changes import Changes, changed
-from signorini_fx.scene.model import Scene
+from signorini_fx.scene.scene import Scene
 from signorini_fx.scene.validation import problems_of
 from signorini_fx.scene.values import kind_of
 
@@ -40,7 +40,7 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | N
     ]
     effects = {
         key: tuple(_found_from(folder, effect) for effect in entries)
-        for key, entries in scene.effects.items()
+        for key, entries in scene.statement.effects.items()
         if any(isinstance(getattr(effect, "file", None), Path) for effect in entries)
     }
     mesh = _found_from(folder, scene.mesh)

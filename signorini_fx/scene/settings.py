@@ -36,6 +36,22 @@ def known_linear_algebra() -> tuple[str, ...]:
     return (*kinds, *(name for name in names_of(LINEAR_SOLVERS) if name not in kinds))
 
 
+class Discretised(Table):
+    """The finite element: Lagrange of this degree on the cells that the mesh has.
+
+    Attributes:
+        degree: polynomial degree of the displacement.
+        volumetric: ``full``: all terms are integrated exactly; ``reduced``: the volumetric term with fewer points,
+            which does not lock as nu -> 0.5 (it equals the mixed displacement-pressure element with the pressure
+            eliminated); ``auto``: reduced where some nu is at least 0.45 in plane strain and the element has a reduced
+            form; ``mixed``: a pressure of degree 1 is an unknown of its own (Taylor-Hood, with degree 2), which does
+            not lock either, and allows for nu = 0.5.
+    """
+
+    degree: Annotated[int, Field(ge=1, le=2, strict=True)] = 1
+    volumetric: Literal["full", "reduced", "auto", "mixed"] = "full"
+
+
 class Box(Table):
     """The points with coordinates in the given closed intervals; a coordinate that is not named is not restricted.
 

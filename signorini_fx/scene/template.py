@@ -11,7 +11,7 @@ from pydantic import BaseModel
 
 from signorini_fx.scene.effect import PACKAGE, keys
 from signorini_fx.scene.generators import known_generators
-from signorini_fx.scene.model import Scene
+from signorini_fx.scene.scene import Scene
 from signorini_fx.scene.settings import known_linear_algebra
 from signorini_fx.scene.validation import tables
 

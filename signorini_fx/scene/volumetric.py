@@ -41,6 +41,6 @@ TREATMENTS = {
 }
 
 
-def treatment_of(scene: Any) -> VolumetricTreatment:
+def treatment_of(statement: Any) -> VolumetricTreatment:
     """That of a scene."""
-    return TREATMENTS[scene.element.volumetric]
+    return TREATMENTS[statement.element.volumetric]

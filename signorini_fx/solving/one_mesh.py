@@ -10,7 +10,6 @@ from functools import cache
 
 import numpy as np
 from dolfinx import fem
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx import parallel
@@ -19,7 +18,7 @@ from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.contact_data import first_sets
 from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.deformation import deformation_of
-from signorini_fx.body.discretisation import Discretisation, discretise
+from signorini_fx.body.discretisation import discretise, friction_of, placed
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.check.cost import estimated_cost
 from signorini_fx.check.findings import result_findings, scene_findings
@@ -32,21 +31,22 @@ from signorini_fx.contact.laws import RegularisedData
 from signorini_fx.linalg import ElasticSystem, callbacks, finite, options
 from signorini_fx.linalg.choice import SystemSize, choose_system
 from signorini_fx.linalg.elasticity import Elasticity
-from signorini_fx.linalg.failures import factor_lacks_memory, memory_ended, unprinted
+from signorini_fx.linalg.failures import factor_lacks_memory, memory_ended
 from signorini_fx.linalg.krylov import KrylovSystem
-from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.mesh.tagged import TaggedMesh
+from signorini_fx.model import Model
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.functionals import functionals
 from signorini_fx.results.last_digits import left_by_last_digits
 from signorini_fx.results.solution import Solution, StepResult
-from signorini_fx.scene.model import Scene
 from signorini_fx.solving.first_start import first_start
 from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.load_steps import all_load_steps, judged, step_result
 from signorini_fx.solving.restart import MeshCheckpoint
 from signorini_fx.solving.scene_steps import SceneSteps
 from signorini_fx.solving.stepped_problem import LoadStep
+from signorini_fx.statement import Statement
 from signorini_fx.tuned import LAST_DIGITS, PATH_ERROR_SHARE
 
 # Called after a load step that has a solution.
@@ -58,8 +58,8 @@ def _nothing_more(step: LoadStep[SceneSteps]) -> None:
 
 
 def solve_mesh(
-    scene: Scene,
-    comm: MPI.Comm,
+    statement: Statement,
+    load: Callable[[], TaggedMesh],
     history: History,
     state: ContactState | None,
     on_step: AfterStep = _nothing_more,
@@ -69,32 +69,32 @@ def solve_mesh(
     with_findings: bool = True,
 ) -> tuple[Solution, Task | None, Outcome | None]:
     """Solve on one mesh, starting from the contact state of a coarser one if there is one, with it as a level of
-    multigrid; ``with_findings``: whether the solution says what is odd about the scene on this mesh.
+    multigrid; ``load`` gives the mesh; ``with_findings``: whether the solution says what is odd about the scene on it.
     """
     timings = Timings()
     with timings.phase("mesh"):
-        tagged = load_mesh(scene, comm)
-    discretisation = discretise(scene, tagged, timings)
-    refuse_beforehand(discretisation)
-    for scene_contact, contact in zip(scene.contact, discretisation.scene.contact, strict=True):
-        if contact.boundary != scene_contact.boundary:
+        tagged = load()
+    model = discretise(statement, tagged, timings)
+    refuse_beforehand(model)
+    for stated, contact in zip(statement.contact, model.statement.contact, strict=True):
+        if contact.boundary != stated.boundary:
             history.add(
-                f"the contact points are on {contact.boundary!r}, not on {scene_contact.boundary!r}: see contact.points"
+                f"the contact points are on {contact.boundary!r}, not on {stated.boundary!r}: see contact.points"
             )
-    history.move(dofs=discretisation.dofs)
+    history.move(dofs=model.dofs)
     if history.watchers and history.progress.meshes == 1:
-        history.move(end=time.perf_counter() + math.sqrt(math.prod(estimated_cost(discretisation).seconds)))
-    if discretisation.boundary is None:
-        return _solve_linear(discretisation, history, timings), None, None
+        history.move(end=time.perf_counter() + math.sqrt(math.prod(estimated_cost(model).seconds)))
+    if model.boundary is None:
+        return _solve_linear(model, history, timings), None, None
     with timings.phase("condense"):
-        task = contact_task(discretisation, history, coarser)
+        task = contact_task(model, history, coarser)
     with timings.phase("iterate"):
-        start = first_start(task, task.start, discretisation, state, None if scene.several_steps else coarser)
-    return solve_contact(discretisation, task, start, timings, on_step, kept, with_findings=with_findings)
+        start = first_start(task, task.start, model, state, None if statement.several_steps else coarser)
+    return solve_contact(model, task, start, timings, on_step, kept, with_findings=with_findings)
 
 
 def solve_contact(
-    discretisation: Discretisation,
+    model: Model,
     task: Task,
     start: Start,
     timings: Timings,
@@ -107,7 +107,7 @@ def solve_contact(
     solution ended.
 
     Args:
-        discretisation: of the scene.
+        model: of the scene.
         task: its contact problem.
         start: where the first load step starts.
         timings: of the mesh.
@@ -115,15 +115,15 @@ def solve_contact(
         level_checkpoint: the checkpoint, which load steps are taken from and stored in; None: there is none.
         with_findings: see ``solve_mesh``.
     """
-    history, scene = task.history, discretisation.scene
+    history, statement = task.history, model.statement
 
-    def renew(d: Discretisation) -> Task:
+    def renew(d: Model) -> Task:
         with timings.phase("condense"):
             return contact_task(d, history)
 
-    steps = SceneSteps(discretisation, timings, renew)
-    progress = all_load_steps(steps, task, start, _increments(scene), on_step, level_checkpoint)
-    discretisation, task = progress.problem.body, progress.task
+    steps = SceneSteps(model, timings, renew)
+    progress = all_load_steps(steps, task, start, _increments(statement), on_step, level_checkpoint)
+    model, task = progress.problem.body, progress.task
     assert progress.ended is not None
     ended, data = progress.ended
     shown, values = _shown(progress.results), None
@@ -131,8 +131,8 @@ def solve_contact(
         assert shown.contact is not None
         values = functionals(shown.certificate.potential_energy, shown.contact, replace(data, gap=shown.contact.gap))
     solution = replace(
-        _solution(discretisation, progress.results, history, timings, with_findings=with_findings),
-        algorithm=algorithm_name(discretisation.scene, ended),
+        _solution(model, progress.results, history, timings, with_findings=with_findings),
+        algorithm=algorithm_name(model.statement, ended),
         functionals=values,
         parameters=used_parameters(ended, data, shown.strain_energy),
         linear_algebra=task.linear_algebra,
@@ -140,8 +140,8 @@ def solve_contact(
     return solution, task, ended
 
 
-def _increments(scene: Scene) -> Increments:
-    return Increments(scene.path, scene.solver, has_coulomb=scene.has_coulomb)
+def _increments(statement: Statement) -> Increments:
+    return Increments(statement.path, statement.solver, has_coulomb=statement.has_coulomb)
 
 
 def _shown(steps: Sequence[StepResult]) -> StepResult:
@@ -150,7 +150,7 @@ def _shown(steps: Sequence[StepResult]) -> StepResult:
 
 
 def _solution(
-    discretisation: Discretisation,
+    model: Model,
     steps: Sequence[StepResult],
     history: History,
     timings: Timings,
@@ -160,48 +160,47 @@ def _solution(
     """The load steps as a solution, without what contact adds; collective."""
     shown = _shown(steps)
     return Solution(
-        scene=discretisation.scene,
         status=steps[-1].status,
         algorithm="linear",
-        discretisation=discretisation,
+        model=model,
         displacement=shown.displacement,
         contact=shown.contact,
         functionals=None,
         certificate=shown.certificate,
         steps=tuple(steps),
         history=history,
-        found=_found(discretisation, tuple(steps)) if with_findings else tuple,
+        found=_found(model, tuple(steps)) if with_findings else tuple,
         timings=timings,
     )
 
 
-def _found(discretisation: Discretisation, steps: tuple[StepResult, ...]) -> Callable[[], tuple[Finding, ...]]:
+def _found(model: Model, steps: tuple[StepResult, ...]) -> Callable[[], tuple[Finding, ...]]:
     """Gives the findings, which are looked for when the first one asks, on several ranks at once; collective."""
-    found = cache(lambda: tuple(_findings(discretisation, steps)))
-    if discretisation.comm.size > 1:  # they may be asked for by one rank alone
+    found = cache(lambda: tuple(_findings(model, steps)))
+    if model.comm.size > 1:  # they may be asked for by one rank alone
         found()
     return found
 
 
-def _findings(discretisation: Discretisation, steps: Sequence[StepResult]) -> list[Finding]:
+def _findings(model: Model, steps: Sequence[StepResult]) -> list[Finding]:
     """The findings of ``check`` about the scene, and those about its result; collective."""
     solved = steps[-1].status in (Status.CONVERGED, Status.TOO_LARGE, Status.NOT_CERTIFIED)
-    findings = scene_findings(discretisation, estimates=not solved)
-    findings += _doubtful_laws(discretisation, steps[-1])
+    findings = scene_findings(model, estimates=not solved)
+    findings += _doubtful_laws(model, steps[-1])
     if not solved:
         return [*findings, *(step.reason for step in steps if step.reason is not None)]
     contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]
-    touching = parallel.any_rank(discretisation.comm, bool(np.any(contacts))) if contacts else None
+    touching = parallel.any_rank(model.comm, bool(np.any(contacts))) if contacts else None
     if (last := steps[-1]).contact is not None:
-        findings += tilted_frames(discretisation.placed(last.place), 0.0, last.contact)
+        findings += tilted_frames(placed(model, last.place), 0.0, last.contact)
     shown = _shown(steps)
-    contact = enumerate(discretisation.scene.placed(shown.place).contact)
+    contact = enumerate(model.statement.placed(shown.place).contact)
     foundations = [(f"contact[{k}].foundation", effect.surface, effect.gap) for k, effect in contact]
     inside = shapes_in_results(foundations, shown.displacement)
-    held = [held_in_result(step.contact, step.displacement, discretisation.pairs) for step in steps]
-    pushed = pushed_nodes(discretisation.comm, held, discretisation.tagged.size)
+    held = [held_in_result(step.contact, step.displacement, model.pairs) for step in steps]
+    pushed = pushed_nodes(model.comm, held, model.tagged.size)
     lost = sorted({piece for step in steps for piece in step.certificate.unjudged})
-    names = [discretisation.motions.pieces.called(piece) for piece in lost]
+    names = [model.motions.pieces.called(piece) for piece in lost]
     return [
         *pushed,
         *inside,
@@ -210,37 +209,37 @@ def _findings(discretisation: Discretisation, steps: Sequence[StepResult]) -> li
     ]
 
 
-def _doubtful_laws(discretisation: Discretisation, last: StepResult) -> list[Finding]:
+def _doubtful_laws(model: Model, last: StepResult) -> list[Finding]:
     """See ``laws_in_results``; collective."""
-    if not any(effect.friction.of_a_user for effect in discretisation.scene.contact):
+    if not any(effect.friction.of_a_user for effect in model.statement.contact):
         return []
-    placed = discretisation.placed(last.place)
-    return laws_in_results(placed.friction(), placed.law, last.contact, placed.scales.modulus)
+    settled = placed(model, last.place)
+    return laws_in_results(friction_of(settled), settled.law, last.contact, settled.scales.modulus)
 
 
-def _solve_linear(discretisation: Discretisation, history: History, timings: Timings) -> Solution:
+def _solve_linear(model: Model, history: History, timings: Timings) -> Solution:
     """A scene without contact: one factorisation, one solve per load step, no SNES."""
     steps: list[StepResult] = []
     with timings.phase("iterate"):
-        requested = discretisation.scene.solver.linear_algebra
-        elasticity = discretisation.elasticity(discretisation.cases)
-        system, linear_algebra = choose_system(elasticity, discretisation.system_size, requested)
+        requested = model.statement.solver.linear_algebra
+        elasticity = model.elasticity(model.cases)
+        system, linear_algebra = choose_system(elasticity, model.system_size, requested)
         ksp = PETSc.KSP().create(system.comm)
         ksp.setOptionsPrefix(options.PREFIX)
         ksp.setOperators(system.matrix)
         system.configure(ksp, symmetric=True)
         ksp.setFromOptions()
         x = system.start.copy()
-    scene, path = discretisation.scene, _increments(discretisation.scene)
+    statement, path = model.statement, _increments(model.statement)
     while not path.ended:
         path_step = path.next
-        if scene.several_steps:
-            history.add(StepRecord(len(steps) + 1, scene.path.name_at(path_step), scene.time_at(path_step)))
+        if statement.several_steps:
+            history.add(StepRecord(len(steps) + 1, statement.path.name_at(path_step), statement.time_at(path_step)))
         with timings.phase("iterate"):
-            system.set_load(discretisation.load(system, path_step))
+            system.set_load(model.load(system, path_step))
             status = Status.NOT_HELD
-            if discretisation.motions.free.shape[1] == 0:
-                with options.defaults(system.solver_defaults), unprinted():
+            if model.motions.free.shape[1] == 0:
+                with options.defaults(system.solver_defaults):
                     missing, change = system.load.duplicate(), system.load.duplicate()
                     system.matrix.mult(system.start, missing)
                     missing.aypx(-1.0, system.load)
@@ -249,15 +248,15 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
                 if not finite(system.matrix) or not finite(system.load):
                     status = Status.NOT_FINITE
         with timings.phase("certify"):
-            displacement = discretisation.function(x)
-            certificate = certify(scene, discretisation.tagged, displacement, None, step=path_step)
-            deformation = deformation_of(discretisation, displacement, discretisation.tagged.size)
-            status, reason = judged(status, certificate, deformation, scene.solver), None
+            displacement = model.function(x)
+            certificate = certify(statement, model.tagged, displacement, None, step=path_step)
+            deformation = deformation_of(model, displacement, model.tagged.size)
+            status, reason = judged(status, certificate, deformation, statement.solver), None
             if status is Status.NOT_CERTIFIED:
-                status, reason = _named(discretisation, displacement, certificate, path_step)
+                status, reason = _named(model, displacement, certificate, path_step)
         solves = int(status is not Status.NOT_HELD)
         step = step_result(
-            scene.path, len(steps), path_step, status, displacement, None, certificate, deformation, solves
+            statement.path, len(steps), path_step, status, displacement, None, certificate, deformation, solves
         )
         steps.append(replace(step, reason=reason))
         if status is Status.CONVERGED:
@@ -266,7 +265,7 @@ def _solve_linear(discretisation: Discretisation, history: History, timings: Tim
             steps.pop()
         else:
             break
-    return replace(_solution(discretisation, steps, history, timings), linear_algebra=linear_algebra)
+    return replace(_solution(model, steps, history, timings), linear_algebra=linear_algebra)
 
 
 def _status_of(ksp: PETSc.KSP, system: ElasticSystem, load: PETSc.Vec, x: PETSc.Vec) -> Status:
@@ -290,10 +289,10 @@ def _status_of(ksp: PETSc.KSP, system: ElasticSystem, load: PETSc.Vec, x: PETSc.
 
 
 def _named(
-    d: Discretisation, displacement: fem.Function, certificate: Certificate, step: float
+    d: Model, displacement: fem.Function, certificate: Certificate, step: float
 ) -> tuple[Status, Finding | None]:
     """Whether a linear solve without a certificate has lost digits that no solver has, and why; collective."""
-    share = left_by_last_digits(d.scene, d.tagged, displacement, step)
+    share = left_by_last_digits(d.statement, d.tagged, displacement, step)
     if not certificate.worst <= LAST_DIGITS * share:
         return Status.NOT_CERTIFIED, None
     message = (
@@ -304,7 +303,7 @@ def _named(
 
 
 def contact_task(
-    d: Discretisation,
+    d: Model,
     history: History,
     coarser: MeshLevel | None = None,
     choose: Callable[[Elasticity, SystemSize, str], tuple[ElasticSystem, str]] = choose_system,
@@ -312,7 +311,7 @@ def contact_task(
     """The contact problem of a discretised scene, ready for ``strategy.solve_task`` or for a user-defined algorithm."""
     assert d.boundary is not None
     assert d.data is not None
-    factors, (sets, iteration) = d.factors(0), first_sets(d.scene, d.boundary)
+    factors, (sets, iteration) = d.factors(0), first_sets(d.statement, d.boundary)
     task = d.task(
         d.cases,
         factors,
@@ -322,7 +321,7 @@ def contact_task(
         allowed=_allowed(d),
         choose=choose,
         natural_gamma=d.scales.gamma,
-        has_coulomb=d.scene.has_coulomb,
+        has_coulomb=d.statement.has_coulomb,
         history=history,
     )
     return replace(task, start=replace(task.start, sets=sets, iteration=iteration, factors=factors))
@@ -337,21 +336,21 @@ def used_parameters(outcome: Outcome, data: RegularisedData, energy: float) -> d
     return parameters
 
 
-def algorithm_name(scene: Scene, ended: Outcome) -> str:
+def algorithm_name(statement: Statement, ended: Outcome) -> str:
     """The algorithms that are used, in the paper's abbreviations."""
-    settings = scene.solver
+    settings = statement.solver
     outer = "ssn" if settings.algorithm == "auto" or ended.regularised else settings.algorithm
-    if not scene.has_coulomb:
+    if not statement.has_coulomb:
         return outer
     if ended.monolithic:
         return "coulomb-newton" if outer == "ssn" else f"{outer}, coulomb-newton"
     return {"ssn": "fp", "alm": "alm-fp"}.get(outer, f"{outer}, fp")
 
 
-def _allowed(d: Discretisation) -> Callable[[fem.Function], float] | None:
+def _allowed(d: Model) -> Callable[[fem.Function], float] | None:
     """The regularisation error allowed for path-following where it follows the estimated discretisation error."""
-    settings = d.scene.solver
+    settings = d.statement.solver
     if (settings.algorithm, settings.regularisation_error) != ("path-following", "auto"):
         return None
-    recovery, share = StressRecovery.of(d), PATH_ERROR_SHARE[d.scene.element.degree]
+    recovery, share = StressRecovery.of(d), PATH_ERROR_SHARE[d.statement.element.degree]
     return lambda y: share * recovery.error(y)

@@ -24,7 +24,7 @@ from signorini_fx.problem.exact import ExactProblem
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings, as_rows
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import StepResult
-from signorini_fx.scene.model import Scene
+from signorini_fx.scene.scene import Scene
 from signorini_fx.solving.load_path import Increments
 from signorini_fx.solving.stepped_problem import P
 

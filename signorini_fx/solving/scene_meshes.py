@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from math import log2
 
 from mpi4py import MPI
@@ -16,11 +17,11 @@ from signorini_fx.body.contact_state import ContactState
 from signorini_fx.body.contact_table import contact_table
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.mesh.hierarchy import scene_on, with_halved_bodies
-from signorini_fx.mesh.tagged import TaggedMesh, load_file
+from signorini_fx.mesh.tagged import TaggedMesh, load_file, load_mesh
 from signorini_fx.records import History
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.model import MeshFile, Scene
+from signorini_fx.scene.scene import MeshFile, Scene
 from signorini_fx.scene.settings import Accuracy, SolverSettings
 from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.meshed_problem import SolvedMesh, measured
@@ -66,12 +67,12 @@ class SceneMesh:
     @property
     def paired(self) -> bool:
         """Whether two bodies are in contact."""
-        return self.scene.sides[1] is not None
+        return self.scene.statement.sides[1] is not None
 
     @property
     def may_begin_finer(self) -> bool:
         """Whether the first mesh is coarser than the scene's own, from a generator."""
-        return self.scene.generated and self.coarsest > 1
+        return self.scene.statement.generated and self.coarsest > 1
 
     def with_settings(self, settings: SolverSettings) -> SceneMesh:
         """See ``MeshedProblem``."""
@@ -83,11 +84,11 @@ class SceneMesh:
 
     def keeping(self, solved: SolvedMesh[Solution]) -> SceneMesh:
         """Leave the contact points of pairs on the sides that were chosen on the first mesh: forces have their sign."""
-        if solved.solution.scene.sides[1] is None:
+        if solved.solution.statement.sides[1] is None:
             return self
         contacts = [
             model if model.against is None else model.model_copy(update={"points": "boundary"})
-            for model in solved.solution.scene.contact
+            for model in solved.solution.statement.contact
         ]
         return replace(self, scene=self.scene.model_copy(update={"contact": tuple(contacts)}))
 
@@ -96,9 +97,11 @@ class SceneMesh:
         assert self.plan is not None
         scene, halvings = self.plan.scene, round(log2(times))
         if isinstance(scene.mesh, MeshFile):
-            tagged = load_file(scene.mesh, self.comm, halvings, self.plan.geometry, scene.sections, scene.touching)
+            tagged = load_file(
+                scene.mesh, self.comm, halvings, self.plan.geometry, scene.statement.sections, scene.statement.touching
+            )
             return self.on(tagged)
-        if scene.generated:
+        if scene.statement.generated:
             scene = scene_on(scene, self.coarsest / times)
         elif scene.body:
             scene = with_halved_bodies(scene, halvings, self.comm)
@@ -124,17 +127,24 @@ class SceneMesh:
             def estimate(step: LoadStep[SceneSteps]) -> None:
                 d, outcome, result = step.problem.body, step.outcome, step.result
                 assert result.contact is not None
-                table = contact_table(result.contact, *d.scene.sides)
+                table = contact_table(result.contact, *d.statement.sides)
                 displacement, compliance = d.function(outcome.displacement()), compliance_of(outcome, self.comm)
                 errors = estimate_errors(d, displacement, result.strain_energy, table, result.place, compliance)
                 step_errors.append(errors)
 
             checkpoint = None if self.stored is None else MeshCheckpoint(self.stored, number)
             solution, task, outcome = solve_mesh(
-                self.scene, self.comm, self.history, state, estimate, coarser, checkpoint, with_findings=self.shown
+                self.scene.statement,
+                partial(load_mesh, self.scene, self.comm),
+                self.history,
+                state,
+                estimate,
+                coarser,
+                checkpoint,
+                with_findings=self.shown,
             )
-            d = solution.discretisation
-            return SolvedMesh(solution, d.tagged, d, task, outcome, solution.scene.sides)
+            d = solution.model
+            return SolvedMesh(solution, d.tagged, d, task, outcome, solution.statement.sides)
 
         return measured(number, self.history, self.comm, solve)
 
@@ -147,7 +157,7 @@ def meshes_of(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) ->
         MeshError: the mesh cannot be refined.
     """
     plan = planned(scene, goal, comm)
-    generated, any_jump = plan.scene.generated, plan.scene.generated and not plan.adaptive
+    generated, any_jump = plan.scene.statement.generated, plan.scene.statement.generated and not plan.adaptive
     made = any_jump or isinstance(plan.scene.mesh, MeshFile) or bool(plan.scene.body and not generated)
     problem = SceneMesh(plan.scene, comm, history, None, plan, _coarsest_factor(plan.scene)).divided(1)
     if plan.replaced:
@@ -164,7 +174,7 @@ def _coarsest_factor(scene: Scene) -> float:
 
     A mesh needs a node where a load jumps, and the scene's own mesh has one.
     """
-    factor = float(COARSER_START[scene.element.degree]) if scene.generated else 1.0
+    factor = float(COARSER_START[scene.element.degree]) if scene.statement.generated else 1.0
     while factor > 1 and scene_on(scene_on(scene, factor), 1 / factor) != scene_on(scene, 1.0):
         factor /= 2
     return factor

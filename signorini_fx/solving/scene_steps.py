@@ -11,11 +11,12 @@ from dolfinx import fem
 
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.deformation import deformation_of
-from signorini_fx.body.discretisation import Discretisation
+from signorini_fx.body.discretisation import moved_since, placed
 from signorini_fx.body.joint_pressure import JointPressure
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.interfaces.protocol import LoadStepStart, solve_step
 from signorini_fx.linalg import ElasticSystem
+from signorini_fx.model import Model
 from signorini_fx.records import Status, Timings
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Law, PreviousStep, Tractions
@@ -31,19 +32,19 @@ class SceneSteps:
     """A scene on its mesh at the load steps of its path, see ``SteppedProblem``.
 
     Attributes:
-        body: the discretised scene, with foundations, friction and shortenings of the present load step.
+        body: the model, with foundations, friction and shortenings of the present load step.
         timings: of the mesh.
         renew: makes the contact problem of a scene whose foundations have moved.
     """
 
-    body: Discretisation
+    body: Model
     timings: Timings
-    renew: Callable[[Discretisation], Task]
+    renew: Callable[[Model], Task]
 
     @property
     def path(self) -> LoadPath:
         """Of the scene."""
-        return self.body.scene.path
+        return self.body.statement.path
 
     @property
     def size(self) -> float:
@@ -53,12 +54,12 @@ class SceneSteps:
     @property
     def loads(self) -> str:
         """Its forces, for messages."""
-        return self.body.scene.forces_at
+        return self.body.statement.forces_at
 
     def at(self, path_step: float, task: Task, start: Start, last: PreviousStep | None) -> BegunStep[SceneSteps]:
         """With foundations and friction of a place; collective."""
         earlier = self.body
-        moved = earlier.placed(path_step)
+        moved = placed(earlier, path_step)
         if moved is earlier:
             return BegunStep(self, task, start, last)
         steps = replace(self, body=moved)
@@ -69,13 +70,13 @@ class SceneSteps:
         return BegunStep(steps, *on_moved_foundations(earlier, moved, self.renew(moved), start, last))
 
     def load(self, system: ElasticSystem, path_step: float) -> Nodal:
-        """See ``Discretisation.load``."""
+        """See ``Model.load``."""
         return self.body.load(system, path_step)
 
     def solved(self, begun: BegunStep[SceneSteps], allowed: int) -> UncertifiedStep[SceneSteps]:
         """See ``SteppedProblem``."""
 
-        def holds(body: Discretisation, outcome: Outcome, joint: JointPressure) -> bool:
+        def holds(body: Model, outcome: Outcome, joint: JointPressure) -> bool:
             return replace(self, body=body).certified(begun, outcome, joint).status is Status.CONVERGED
 
         earlier = None if begun.last is None else begun.last.tractions.joint
@@ -87,24 +88,24 @@ class SceneSteps:
         self, begun: BegunStep[SceneSteps], outcome: Outcome, joint: JointPressure | None = None
     ) -> StepResult:
         """See ``SteppedProblem``."""
-        discretisation, scene, task, start = self.body, self.body.scene, begun.task, begun.start
+        model, statement, task, start = self.body, self.body.statement, begun.task, begun.start
         with self.timings.phase("certify"):
-            displacement = discretisation.from_rest(task.rest, outcome.displacement())
-            contact = replace(discretisation.state(task, outcome, start), joint=joint)
-            rigid = discretisation.rigid.moved(discretisation.driven(outcome.displacement(), task.rest))
+            displacement = model.from_rest(task.rest, outcome.displacement())
+            contact = replace(model.state(task, outcome, start), joint=joint)
+            rigid = model.rigid.moved(model.driven(outcome.displacement(), task.rest))
             certificate = certify(
-                scene,
-                discretisation.tagged,
+                statement,
+                model.tagged,
                 displacement,
                 Tractions.of(contact),
                 law=Law(*task.promised(outcome)),
                 step=start.place,
                 before=begun.last,
-                pairs=discretisation.pairs,
+                pairs=model.pairs,
                 rigid=rigid,
             )
-            deformation = deformation_of(discretisation, displacement, self.size)
-            status = judged(outcome.status, certificate, deformation, scene.solver)
+            deformation = deformation_of(model, displacement, self.size)
+            status = judged(outcome.status, certificate, deformation, statement.solver)
         result = step_result(
             self.path, start.step, start.place, status, displacement, contact, certificate, deformation
         )
@@ -117,7 +118,7 @@ class SceneSteps:
     def stored(self, path_step: float, result: StepResult) -> tuple[dict[str, Nodal], dict[str, Any]]:
         """See ``SteppedProblem``."""
         nodal, figures = dict[str, Nodal](), dict[str, Any]()
-        for interface in self.body.scene.interfaces:
+        for interface in self.body.statement.interfaces:
             further = interface.stored(self.body, path_step, result.contact)
             nodal, figures = nodal | further[0], figures | further[1]
         return nodal, figures
@@ -127,14 +128,14 @@ class SceneSteps:
     ) -> tuple[SceneSteps, JointPressure | None]:
         """Take back what ``stored`` has returned."""
         d, joint = self.body, None
-        for interface in d.scene.interfaces:
+        for interface in d.statement.interfaces:
             d, pressure = interface.recalled(d, task, path_step, nodal, figures)
             joint = joint or pressure
         return replace(self, body=d), joint
 
 
 def on_moved_foundations(
-    earlier: Discretisation, moved: Discretisation, task: Task, start: Start, last: PreviousStep | None
+    earlier: Model, moved: Model, task: Task, start: Start, last: PreviousStep | None
 ) -> tuple[Task, Start, PreviousStep]:
     """A load step on foundations that have moved: its contact problem, with the last displacement as its iterate, where
     it starts, and the end of the last one as it begins from it; supports hold the body, see ``check.refusals``;
@@ -143,7 +144,7 @@ def on_moved_foundations(
     assert earlier.boundary is not None
     assert moved.boundary is not None
     if last is None:  # slip is counted from the body without loads, at time 0
-        drift, tractions = moved.moved_since(moved.scene.placed(-1)), Tractions.none(moved.boundary)
+        drift, tractions = moved_since(moved, moved.statement.placed(-1)), Tractions.none(moved.boundary)
         last, begun, tangential = (
             PreviousStep(fem.Function(moved.space), tractions),
             task.start,
@@ -154,7 +155,7 @@ def on_moved_foundations(
             assert carried_start.multipliers is not None
             begun = begun.begin_from(start.sets, carried_start.multipliers)
     else:
-        drift, x, free = moved.moved_since(earlier.scene), moved.unknowns(last.displacement), ~moved.fixed
+        drift, x, free = moved_since(moved, earlier.statement), moved.unknowns(last.displacement), ~moved.fixed
         if task.iterate.x.getLocalSize() == free.size:  # else of contact nodes alone
             task.iterate.x.getArray()[free] = x.getArray(readonly=True)[free]
         normal, tangential = moved.contact.traces(x)

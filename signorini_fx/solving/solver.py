@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,13 @@ from signorini_fx.check.petsc_options import refuse_mistyped
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import signals
 from signorini_fx.mesh.hierarchy import coarser_scenes
+from signorini_fx.mesh.tagged import load_mesh
 from signorini_fx.quantities.registry import quantities
 from signorini_fx.records import History, Progress
 from signorini_fx.results.checkpoint import Checkpoint
 from signorini_fx.results.solution import ConvergenceError, Solution
-from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import as_scene
+from signorini_fx.scene.scene import Scene
 from signorini_fx.scene.values import kind_of
 from signorini_fx.scene.volumetric import treatment_of
 from signorini_fx.solving.nested import solve_nested
@@ -116,7 +118,7 @@ def _checkpoint(
         without = "a run with a requested accuracy"
     elif not scene.contact:
         without = "a scene without contact"
-    elif not scene.several_steps and scene.solver.levels == 1:
+    elif not scene.statement.several_steps and scene.solver.levels == 1:
         without = "a scene with one load step on one mesh"
     elif any(effect.friction.timed for effect in scene.contact):  # nor is the law of a load step
         without = "a scene with friction that depends on the time"
@@ -126,7 +128,7 @@ def _checkpoint(
         if restart:
             raise SceneError([("restart", f"{without} has no checkpoint to go on from: solve it without restart")])
         return None
-    return open_checkpoint(comm, folder, scene, history, restart=restart, several_steps=scene.several_steps)
+    return open_checkpoint(comm, folder, scene, history, restart=restart, several_steps=scene.statement.several_steps)
 
 
 def refuse_other_than_comm(comm: object) -> None:
@@ -160,14 +162,16 @@ def _solve_alone(scene: Scene, comm: MPI.Comm, history: History, level_checkpoin
     """Solve on the mesh of the scene; if that fails, the generator may make coarser meshes for a better start."""
     task: Task | None = None
     fall_backs = for_mesh(
-        generated=scene.generated,
-        ramp=scene.automatic_steps is not None,
+        generated=scene.statement.generated,
+        ramp=scene.statement.automatic_steps is not None,
         fallbacks=scene.solver.fallbacks,
     )
 
     def mesh() -> Solution | None:
         nonlocal task
-        solution, task, _ = solve_mesh(scene, comm, history, None, kept=level_checkpoint)
+        solution, task, _ = solve_mesh(
+            scene.statement, partial(load_mesh, scene, comm), history, None, kept=level_checkpoint
+        )
         return solution
 
     def coarser() -> Solution | None:

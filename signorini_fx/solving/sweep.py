@@ -20,7 +20,7 @@ from petsc4py import PETSc
 from signorini_fx.algorithms.strategy import solve_task
 from signorini_fx.algorithms.task import Outcome, Start, Task
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.discretisation import Discretisation, discretise
+from signorini_fx.body.discretisation import discretise, with_gap_and_friction
 from signorini_fx.body.mesh_levels import MeshLevel
 from signorini_fx.body.rigid_bodies import RigidBodyMotion
 from signorini_fx.check.refusals import refuse_beforehand
@@ -30,17 +30,19 @@ from signorini_fx.laws.protocol import FrictionLaw
 from signorini_fx.linalg.choice import krylov_from
 from signorini_fx.mesh.hierarchy import coarser_scenes
 from signorini_fx.mesh.tagged import TaggedMesh, load_mesh
+from signorini_fx.model import Model
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate import Certificate, certify
 from signorini_fx.results.promised_law import Law, Tractions
 from signorini_fx.scene.changes import changed
 from signorini_fx.scene.expressions import sample
-from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import as_scene, parse_scene
+from signorini_fx.scene.scene import Scene
 from signorini_fx.solving.first_start import begin_at_coarse
 from signorini_fx.solving.nested import carry_over
 from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.solving.solver import refuse_other_than_comm
+from signorini_fx.statement import Statement
 
 if TYPE_CHECKING:
     from signorini_fx.results.sections import SectionForce
@@ -63,9 +65,9 @@ class SweepPoint:
     status: Status
     contact: ContactState
     linear_solves: int
-    _scene: Scene
+    _statement: Statement
     _law: Law
-    _discretisation: Discretisation
+    _model: Model
     _load: float
     _of_body: Callable[[], tuple[fem.Function, tuple[RigidBodyMotion, ...]]]
 
@@ -83,39 +85,39 @@ class SweepPoint:
 
     def without_system(self) -> SweepPoint:
         """The same with the displacement computed, and without what it is computed from; collective."""
-        of_body, d = self._of_body(), replace(self._discretisation, of_body={}, of_contact={})
-        return replace(self, _discretisation=d, _of_body=lambda: of_body)
+        of_body, d = self._of_body(), replace(self._model, of_body={}, of_contact={})
+        return replace(self, _model=d, _of_body=lambda: of_body)
 
     def preloads(self) -> list[SectionForce]:
         """The forces through sections that are tightened; collective."""
         from signorini_fx.results.sections import section_forces
 
-        return section_forces(self._scene, self._discretisation.tagged, self.displacement(), 0, self._load)
+        return section_forces(self._statement, self._model.tagged, self.displacement(), 0, self._load)
 
     def certificate(self) -> Certificate:
         """The check of the conditions of the problem on the whole body; collective."""
-        d, contact, (displacement, rigid) = self._discretisation, self.contact, self._of_body()
+        d, contact, (displacement, rigid) = self._model, self.contact, self._of_body()
         if contact.joint is not None:  # what the loads of the scene, one by one, are judged by
             contact = replace(contact, joint=contact.joint.times(1 / self._load))
         law, tractions = self._law, Tractions.of(contact)
         return certify(
-            self._scene, d.tagged, displacement, tractions, law=law, scale=self._load, pairs=d.pairs, rigid=rigid
+            self._statement, d.tagged, displacement, tractions, law=law, scale=self._load, pairs=d.pairs, rigid=rigid
         )
 
 
 def _of_body(
-    d: Discretisation, task: Task, x: PETSc.Vec, load: float, contact: ContactState
+    d: Model, task: Task, x: PETSc.Vec, load: float, contact: ContactState
 ) -> tuple[fem.Function, tuple[RigidBodyMotion, ...]]:
     """The displacement of the body, and how rigid bodies have moved; collective.
 
     Args:
-        d: the scene on its mesh.
+        d: the model.
         task: its contact problem.
         x: the iterate at the end.
         load: factor of all loads.
         contact: the contact points.
     """
-    for interface in d.scene.interfaces:
+    for interface in d.statement.interfaces:
         interface.recalled(d, task, 0, *interface.stored(d, 0, contact))
     task.system.set_load(load * d.factors(0))
     unknowns = task.system.displacement(x)
@@ -130,28 +132,26 @@ class _Value:
     load: float = 1.0
     coefficient: float | None = None
 
-    def start(self, start: Start, discretisation: Discretisation) -> Start:
+    def start(self, start: Start, model: Model) -> Start:
         """The start with it; the friction coefficient where the law has one."""
-        start, law = replace(start, factors=self.load * discretisation.factors(0)), start.law
+        start, law = replace(start, factors=self.load * model.factors(0)), start.law
         if law is None or self.coefficient is None:
             return start
         return replace(start, law=replace(law, coefficient=np.where(law.coefficient > 0, self.coefficient, 0.0)))
 
 
-def _coarser(
-    scene: Scene, discretisation: Discretisation, first: Sequence[_Value]
-) -> tuple[MeshLevel | None, ContactState | None]:
+def _coarser(scene: Scene, model: Model, first: Sequence[_Value]) -> tuple[MeshLevel | None, ContactState | None]:
     """The coarser meshes that ``levels`` asks for, as levels of multigrid where it is used, and the contact state there
     for the first value, if there is one, unless an interface solves the load step; collective.
     """
     coarser: MeshLevel | None = None
     state: ContactState | None = None
-    large = discretisation.dofs >= krylov_from(discretisation.system_size, scene.solver.linear_algebra)
-    if large and scene.generated:
+    large = model.dofs >= krylov_from(model.system_size, scene.solver.linear_algebra)
+    if large and scene.statement.generated:
         for coarse in coarser_scenes(scene, scene.solver.levels):
-            body = discretise(coarse, load_mesh(coarse, discretisation.tagged.mesh.comm), Timings())
+            body = discretise(coarse.statement, load_mesh(coarse, model.tagged.mesh.comm), Timings())
             solved = None
-            for value in () if scene.sought_at(0) else first:
+            for value in () if scene.statement.sought_at(0) else first:
                 task = contact_task(body, History(), coarser)
                 start = value.start(_begun(task, body, coarser, state), body)
                 outcome = solve_task(task, start)
@@ -161,13 +161,13 @@ def _coarser(
     return coarser, state
 
 
-def _begun(task: Task, discretisation: Discretisation, coarser: MeshLevel | None, state: ContactState | None) -> Start:
+def _begun(task: Task, model: Model, coarser: MeshLevel | None, state: ContactState | None) -> Start:
     """The start of a task, from the contact state on the next coarser mesh if there is one; collective."""
-    if state is None or discretisation.boundary is None:
+    if state is None or model.boundary is None:
         return task.start
     if coarser is not None:
-        begin_at_coarse(task, coarser, discretisation)
-    return task.start.begin_from(*carry_over(state, discretisation.boundary))
+        begin_at_coarse(task, coarser, model)
+    return task.start.begin_from(*carry_over(state, model.boundary))
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ class _Body:
 
     scene: Scene
     tagged: TaggedMesh
-    d: Discretisation
+    d: Model
     task: Task
     begin: Start
     state: ContactState | None
@@ -199,7 +199,7 @@ class _Body:
         """The same elastic system with gap and friction of another scene, see ``_same_but_for_gap_and_friction``;
         collective.
         """
-        d, system = self.d.with_gap_and_friction(scene), (self.task.system, self.task.linear_algebra)
+        d, system = with_gap_and_friction(self.d, scene.statement), (self.task.system, self.task.linear_algebra)
         refuse_beforehand(d)
         task = contact_task(d, history, choose=lambda *_: system)
         sets, multipliers = self.begin.sets, self.begin.multipliers
@@ -220,10 +220,12 @@ def _body(scene: Scene, earlier: _Body | None, comm: MPI.Comm, history: History,
     if earlier is not None and _same_but_for_gap_and_friction(scene, earlier.scene):
         return earlier.with_scene(scene, history)
     tagged = earlier.tagged if earlier is not None and _same_mesh(scene, earlier.scene) else load_mesh(scene, comm)
-    d = discretise(scene, tagged, Timings())
+    d = discretise(scene.statement, tagged, Timings())
     refuse_beforehand(d)
     last = None if earlier is None else earlier.state
-    coarser, state = _coarser(d.scene, d, first if last is None else ())
+    # Contact points may be on the other side than the scene says.
+    chosen = scene.model_copy(update={"contact": d.statement.contact})
+    coarser, state = _coarser(chosen, d, first if last is None else ())
     task = contact_task(d, history, coarser)
     begin = _begun(task, d, coarser, state)
     if last is not None and d.boundary is not None:
@@ -233,8 +235,9 @@ def _body(scene: Scene, earlier: _Body | None, comm: MPI.Comm, history: History,
 
 def _same_mesh(scene: Scene, compared: Scene) -> bool:
     """Whether two scenes have the same mesh."""
-    keys = ("mesh", "body", "element", "sections", "touching")
-    pairs = ((getattr(scene, key), getattr(compared, key)) for key in keys)
+    keys = ("mesh", "body", "element")
+    pairs = [(getattr(scene, key), getattr(compared, key)) for key in keys]
+    pairs += [(getattr(scene.statement, key), getattr(compared.statement, key)) for key in ("sections", "touching")]
     return all(value is compared_value or value == compared_value for value, compared_value in pairs)
 
 
@@ -244,7 +247,7 @@ def _same_but_for_gap_and_friction(scene: Scene, compared: Scene) -> bool:
     """
     if any(getattr(scene, key) != getattr(compared, key) for key in type(scene).model_fields if key != "contact"):
         return False
-    if scene.interfaces or compared.interfaces or len(scene.contact) != len(compared.contact):
+    if scene.statement.interfaces or compared.statement.interfaces or len(scene.contact) != len(compared.contact):
         return False
     if any(effect.against is not None or effect.friction.directed for effect in (*scene.contact, *compared.contact)):
         return False
@@ -330,7 +333,7 @@ def _solved(value: Any, body: _Body, parameter: _Value, history: History) -> tup
         outcome.status,
         contact,
         history.linear_solves - solves_before,
-        d.scene if parameter.coefficient is None else _with_coefficient(d.scene, parameter.coefficient),
+        d.statement if parameter.coefficient is None else _with_coefficient(d.statement, parameter.coefficient),
         promised,
         d,
         load,
@@ -345,19 +348,19 @@ def _refuse(scene: Scene, coefficients: Sequence[float] | None, loads: Sequence[
     Raises:
         SceneError: it has none.
     """
-    if scene.several_steps or not scene.contact:
+    if scene.statement.several_steps or not scene.contact:
         raise SceneError([("sweep", "needs a scene with contact and one load step")])
-    for clause in scene.sought_at(0).values():
+    for clause in scene.statement.sought_at(0).values():
         if loads is not None and min(loads, default=1.0) <= 0:
             raise SceneError([("sweep", f"loads must be positive where {clause}")])
-    if coefficients is not None and not scene.has_coulomb:
+    if coefficients is not None and not scene.statement.has_coulomb:
         raise SceneError([("sweep", "coefficients need a scene with Coulomb friction")])
     unknown = [contact.friction.unknown for contact in scene.contact if contact.friction.unknown]
     if coefficients is not None and unknown:
         raise SceneError([("sweep", f"coefficients are those of Coulomb friction: {unknown[0]}")])
 
 
-def _with_coefficient(scene: Scene, value: float) -> Scene:
+def _with_coefficient(statement: Statement, value: float) -> Statement:
     """The scene with another friction coefficient where Coulomb friction acts."""
 
     def replaced(friction: FrictionLaw) -> FrictionLaw:
@@ -366,5 +369,5 @@ def _with_coefficient(scene: Scene, value: float) -> Scene:
             return friction
         return friction.model_copy(update={"coefficient": lambda x: np.where(sample(old, x) > 0, value, 0.0)})
 
-    contact = tuple(effect.model_copy(update={"friction": replaced(effect.friction)}) for effect in scene.contact)
-    return scene.model_copy(update={"contact": contact})
+    contact = tuple(effect.model_copy(update={"friction": replaced(effect.friction)}) for effect in statement.contact)
+    return statement.changed(contact=contact)

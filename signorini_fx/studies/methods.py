@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from signorini_fx.scene.model import Scene
+from signorini_fx.scene.scene import Scene
 
 FAMILIES = {
     "element": "Element",
@@ -57,13 +57,13 @@ def methods(scene: Scene, *, quick: bool = False) -> list[Method]:
         ("path-following", {"algorithm": "path-following"}),
         ("ALM", {"algorithm": "alm"}),
     ):
-        if scene.has_coulomb:
+        if scene.statement.has_coulomb:
             name = f"{name}-FP" if name == "ALM" else f"{name}, FP"
         if not quick or "ALM" in name:
             candidates.append(Method(name, ("algorithm",), settings=settings))
     powers = (5,) if quick else (3, 4, 5, 6, 7, 8, 9, 10)
     candidates += [Method(f"gamma = 1e{power}", ("gamma",), gamma=10.0**power) for power in powers]
-    if scene.has_coulomb:
+    if scene.statement.has_coulomb:
         candidates.append(Method("gamma automatic, monolithic", ("algorithm",), settings={"coulomb": "newton"}))
     for kind in ("condensed", "full", "krylov")[: 2 if quick else 3]:
         candidates.append(Method(f"Q1, exact, {kind}", ("linear algebra",), settings={**exact, "linear_algebra": kind}))

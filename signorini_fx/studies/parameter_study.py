@@ -16,10 +16,10 @@ from signorini_fx.errors import SceneError
 from signorini_fx.records import Status
 from signorini_fx.results.solution import Solution
 from signorini_fx.scene.changes import Changes, parsed_change
-from signorini_fx.scene.model import Scene
+from signorini_fx.scene.scene import Scene
 from signorini_fx.solving.solver import solve
 from signorini_fx.tuned import ZERO_IN_SOLUTION
-from signorini_fx.units import labelled, names_of
+from signorini_fx.units import labelled
 
 # The figures of a row.
 FIGURES = (
@@ -106,7 +106,7 @@ def run(
     for value, scene in scenes:
         solution = solve(scene, comm, check=False)
         rows.append({"value": value, **figures_of(solution)})
-        units = names_of(scene.model_dump(include={"units", "material"}), solution.discretisation.tagged.dimension)
+        units = scene.statement.unit_names(solution.model.tagged.dimension)
         figures = "  ".join(f"{rows[-1][name]:14.6g}" for name in FIGURES if name in rows[-1])
         report(f"{value!s:>12s}  {figures}  {solution.status.value}")
     return ParameterStudy(entry, scenes[0][1].title, units, tuple(rows))
@@ -119,7 +119,7 @@ def figures_of(solution: Solution) -> dict[str, Any]:
         columns = solution.table.columns
         touching = columns["state"] != "open"
         # Between bodies each force acts on another one, so that their sum says nothing.
-        between = any(effect.against for effect in solution.scene.contact)
+        between = any(effect.against for effect in solution.statement.contact)
         forces = solution.contact.forces_of_each if between else np.array([solution.contact.forces])
         contact, friction = map(float, np.linalg.norm(forces, axis=2).sum(axis=0))
         figures |= {

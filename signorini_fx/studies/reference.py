@@ -27,7 +27,7 @@ from signorini_fx.mesh.refinement import mark, refine
 from signorini_fx.mesh.tagged import load_mesh, simplex_parameters
 from signorini_fx.results.solution import Solution
 from signorini_fx.scene.features import refuse
-from signorini_fx.scene.model import MeshGenerator, Scene
+from signorini_fx.scene.scene import MeshGenerator, Scene
 from signorini_fx.scene.settings import SolverSettings
 from signorini_fx.solving.solver import solve
 from signorini_fx.tuned import EXPECTED_RATES, FIRST_CELLS, OUTSIDE_OTHER_MESH, SLOWEST_RATE
@@ -54,7 +54,7 @@ def on_mesh(scene: Scene, factor: float, element: str, settings: dict[str, Any])
     Raises:
         SceneError: the generator makes no such meshes; the element is mixed.
     """
-    refuse(scene, REFUSES)
+    refuse(scene.statement, REFUSES)
     mesh = scene_on(scene, factor).mesh
     assert isinstance(mesh, MeshGenerator)
     parameters = {**mesh.parameters, "cell": _CELLS[element[0]]}
@@ -80,7 +80,7 @@ class Reference:
     def __init__(self, solution: Solution) -> None:
         self.solution = solution
         self._located: dict[Any, tuple[npt.NDArray[np.int32], Floats]] = {}
-        d, mesh = solution.discretisation, solution.discretisation.tagged.mesh
+        d, mesh = solution.model, solution.model.tagged.mesh
         points, weights = basix.make_quadrature(getattr(basix.CellType, mesh.topology.cell_name()), 2)
         cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
 
@@ -100,10 +100,10 @@ class Reference:
     @property
     def about(self) -> str:
         """A description for the text of the study."""
-        mesh, scene = self.solution.discretisation.tagged.mesh, self.solution.scene
+        mesh, statement = self.solution.model.tagged.mesh, self.solution.statement
         kind = {"triangle": "P", "quadrilateral": "Q"}[mesh.topology.cell_name()]
-        adaptive = "" if isinstance(scene.mesh, MeshGenerator) else ", adaptive"
-        return f"{kind}{scene.element.degree}, exact{adaptive}"
+        adaptive = "" if statement.generated else ", adaptive"
+        return f"{kind}{statement.element.degree}, exact{adaptive}"
 
     def errors(self, solution: Solution, mesh_key: Any = None) -> dict[str, float | None]:
         """Relative errors of a solution; None where there is nothing to compare.
@@ -130,13 +130,13 @@ class Reference:
 
     def _energy_norm(self, tau: Floats) -> float:
         """The square root of the integral of C^-1 tau : tau for the components of tau at the points."""
-        density = compliance(tau.T, self.solution.discretisation.kinematics, self._lame, self._mu)
+        density = compliance(tau.T, self.solution.model.kinematics, self._lame, self._mu)
         return float(np.sqrt(max(0.0, np.dot(self._weights, density))))
 
     def _stress_of(self, solution: Solution, key: Any) -> Floats:
         """Stress of another solution at the points of the reference."""
-        mesh = solution.discretisation.tagged.mesh
-        space = fem.functionspace(mesh, ("DG", solution.scene.element.degree, (self._stress.shape[1],)))
+        mesh = solution.model.tagged.mesh
+        space = fem.functionspace(mesh, ("DG", solution.statement.element.degree, (self._stress.shape[1],)))
         function = fem.Function(space)
         points = compat.interpolation_points(space.element)
         function.interpolate(fem.Expression(_stress(solution), points))
@@ -152,7 +152,7 @@ class Reference:
 
 def _stress(solution: Solution) -> Any:
     """The components of the stress as UFL."""
-    return element_stress(solution.discretisation, solution.displacement, solution.last_step.place).components
+    return element_stress(solution.model, solution.displacement, solution.last_step.place).components
 
 
 def reference_solution(scene: Scene, fine: float, unknowns: int) -> tuple[Reference, dict[str, float | None]]:
@@ -170,8 +170,8 @@ def reference_solution(scene: Scene, fine: float, unknowns: int) -> tuple[Refere
     solutions = divided(scene, FIRST_CELLS, unknowns) if _straight(scene) else uniform(scene, fine, "Q2")
     reference = Reference(solutions[-1])
     # Meshes with half and a quarter of the cells along a line; of the energy norm both differences see the same error.
-    finest = solutions[-1].discretisation.dofs
-    near, far = (min(solutions[:-1], key=lambda s: abs(np.log(finest / s.discretisation.dofs / k))) for k in (4, 16))
+    finest = solutions[-1].model.dofs
+    near, far = (min(solutions[:-1], key=lambda s: abs(np.log(finest / s.model.dofs / k))) for k in (4, 16))
     return reference, reference_errors(reference.errors(near), reference.errors(far))
 
 
@@ -185,10 +185,10 @@ def divided(scene: Scene, first: float, unknowns: int) -> list[Solution]:
     scene = on_mesh(scene, first, "P2", EXACT)
     tagged = load_mesh(scene, MPI.COMM_SELF)
     solutions: list[Solution] = []
-    while not solutions or solutions[-1].discretisation.dofs < unknowns:
+    while not solutions or solutions[-1].model.dofs < unknowns:
         solution = solve(scene.model_copy(update={"mesh": tagged}), MPI.COMM_SELF)
         solutions.append(solution)
-        squares = StressRecovery.of(solution.discretisation).squares(solution.displacement)
+        squares = StressRecovery.of(solution.model).squares(solution.displacement)
         tagged = refine(tagged, mark(MPI.COMM_SELF, squares))
     return solutions
 

@@ -21,7 +21,7 @@ from mpi4py import MPI
 from signorini_fx.accuracy.price_list import peak_memory
 from signorini_fx.errors import SceneError, SignoriniError
 from signorini_fx.results.solution import Solution
-from signorini_fx.scene.model import Scene
+from signorini_fx.scene.scene import Scene
 from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving.solver import solve
 from signorini_fx.studies.methods import Method, methods
@@ -80,14 +80,14 @@ def run_study(
         SceneError: the scene is not of that kind.
         ConvergenceError: there is no reference.
     """
-    if not scene.contact or scene.several_steps:
+    if not scene.contact or scene.statement.several_steps:
         raise SceneError([("contact", "a study needs a scene with contact and one load step")])
     begin = time.perf_counter()
     factors = _QUICK_FACTORS if quick else _FACTORS
     reference, floor = reference_solution(scene, *(_QUICK_REFERENCE if quick else _REFERENCE))
-    about = f"{reference.about}, {reference.solution.discretisation.dofs} unknowns"
+    about = f"{reference.about}, {reference.solution.model.dofs} unknowns"
     report(f"reference: {about}; {time.perf_counter() - begin:.1f} s")
-    natural = reference.solution.discretisation.scales.gamma
+    natural = reference.solution.model.scales.gamma
     runs = []
     for method in methods(scene, quick=quick):
         if method.adaptive:
@@ -145,7 +145,7 @@ class _Run:
         weight = solution.table.columns["weight"]
         self._about = {
             "h": float(weight.mean()),
-            "dofs": solution.discretisation.dofs,
+            "dofs": solution.model.dofs,
             "linear_solves": solution.history.linear_solves,
             "work": work_of(solution),
             "factorisations": sum(record.factorised for record in solution.history.iterations),
@@ -172,7 +172,7 @@ class _Run:
             "families": "; ".join(self._method.families),
             "element": self._method.element,
             "algorithm": settings.algorithm,
-            "coulomb": settings.coulomb if self._scene.has_coulomb else "",
+            "coulomb": settings.coulomb if self._scene.statement.has_coulomb else "",
             "gamma": self._method.gamma if self._method.gamma is not None else "auto",
             "linear_algebra": about.get("linear_algebra", settings.linear_algebra),
             "levels": settings.levels,
@@ -193,7 +193,7 @@ class _Run:
 def work_of(solution: Solution) -> int:
     """Linear solves on every mesh times the unknowns there."""
     meshes = [(level.linear_solves, level.dofs) for level in solution.levels]
-    meshes = meshes or [(solution.history.linear_solves, solution.discretisation.dofs)]
+    meshes = meshes or [(solution.history.linear_solves, solution.model.dofs)]
     return sum(solves * dofs for solves, dofs in meshes)
 
 

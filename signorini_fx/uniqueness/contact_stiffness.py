@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from petsc4py import PETSc
 
-from signorini_fx.body.named_body import NamedBody
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.linalg.blocks import by_entries
 from signorini_fx.linalg.schur import SchurComplement
+from signorini_fx.model import Model
 from signorini_fx.scene.features import refused_by
 
 # Features of a scene that the proof does not know.
@@ -17,19 +17,19 @@ REFUSES = {"driven foundation": "not tried where a force moves a foundation"}
 _MOST_COMPONENTS = 1200
 
 
-def contact_stiffness(d: NamedBody, step: float | None = None) -> tuple[Nodal, Nodal] | str:
+def contact_stiffness(d: Model, step: float | None = None) -> tuple[Nodal, Nodal] | str:
     """The stiffness and the contact map for ``uniqueness_of``, with Coulomb friction; or why there is no proof.
 
     Args:
-        d: the discretised scene.
+        d: the model.
         step: the place of the load step in the lists of factors; None: the last one.
     """
-    law, load_step = d.law, d.scene.steps - 1 if step is None else step
+    law, load_step = d.law, d.statement.steps - 1 if step is None else step
     assert law is not None
     for wrong, reason in (
         # What is an unknown as well the stiffness takes as fixed.
-        *((True, f"not tried where {clause}") for clause in d.scene.sought_at(load_step).values()),
-        *((True, reason) for _, reason in refused_by(d.scene, REFUSES)),
+        *((True, f"not tried where {clause}") for clause in d.statement.sought_at(load_step).values()),
+        *((True, reason) for _, reason in refused_by(d.statement, REFUSES)),
         (law.ends_open is not None, "where a point opens, its friction ends with a jump"),
         (bool(law.laws), law.unknown),
         (d.comm.size > 1, "the proof is for one rank"),

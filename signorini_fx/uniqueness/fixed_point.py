@@ -17,19 +17,19 @@ from __future__ import annotations
 import numpy as np
 
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.named_body import NamedBody
 from signorini_fx.contact.laws import Nodal
+from signorini_fx.model import Model
 from signorini_fx.quantities.statements import FixedPoint
 from signorini_fx.tuned import WEIGHT_EVALUATIONS, WEIGHT_WORK
 from signorini_fx.uniqueness.contact_stiffness import contact_stiffness
 from signorini_fx.uniqueness.proof import components, critical
 
 
-def fixed_point(d: NamedBody, contact: ContactState, step: float | None = None) -> FixedPoint:
+def fixed_point(d: Model, contact: ContactState, step: float | None = None) -> FixedPoint:
     """The distance of a solution with Coulomb friction from the fixed point.
 
     Args:
-        d: the discretised scene.
+        d: the model.
         contact: its contact nodes in the solution.
         step: the place of the load step in the lists of factors; None: the last one.
     """

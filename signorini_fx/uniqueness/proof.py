@@ -29,10 +29,10 @@ from scipy.linalg import LinAlgError, cholesky, eigh
 from scipy.optimize import minimize
 
 from signorini_fx.body.contact_state import ContactState
-from signorini_fx.body.named_body import NamedBody
 from signorini_fx.contact.friction import PointFriction
 from signorini_fx.contact.laws import Nodal
 from signorini_fx.contact.state import PointState
+from signorini_fx.model import Model
 from signorini_fx.quantities.statements import Uniqueness
 from signorini_fx.tuned import (
     INDEFINITE,
@@ -76,25 +76,25 @@ class _Rough:
 
 
 def uniqueness(
-    d: NamedBody, contact: ContactState | None, *, place: float | None = None, search: bool | None = None
+    d: Model, contact: ContactState | None, *, place: float | None = None, search: bool | None = None
 ) -> Uniqueness:
     """The statement for a load step with a solution, given the ones before it.
 
     Args:
-        d: the discretised scene.
+        d: the model.
         contact: its contact nodes in the solution; None: there is no solution yet, and no other one is searched for.
         place: of the load step in the lists of factors; None: the last one.
         search: for other solutions; None: where this one is not proved to be the only one.
     """
     law = d.law
-    if d.scene.joint_loads:
+    if d.statement.joint_loads:
         return Uniqueness(False, 0.0, reason="a load that enters the contact depends on what opens")
     # Without a coefficient the problem is the minimum of a convex functional.
     assumed = [
-        "given the load steps before" if (d.scene.steps - 1 if place is None else place) > 0 else "",
-        *d.scene.assumed,
+        "given the load steps before" if (d.statement.steps - 1 if place is None else place) > 0 else "",
+        *d.statement.assumed,
     ]
-    if law is None or not d.scene.has_coulomb:
+    if law is None or not d.statement.has_coulomb:
         return Uniqueness(True, np.inf, assumed="; ".join(filter(None, assumed)))
     stiffness = contact_stiffness(d, place)
     if isinstance(stiffness, str):

@@ -32,7 +32,7 @@ def answer_of(solution: Solution, units: Units | None = None) -> Answer:
     dimension = space.mesh.geometry.dim
     units = units or same(dimension)
     shown = [*(step.displacement for step in solution.steps[:-1]), solution.displacement]
-    names = [effect.boundary for effect in solution.scene.contact]
+    names = [effect.boundary for effect in solution.statement.contact]
     tables = [contact_table(step.contact, names) for step in solution.steps if step.contact is not None]
     told = solution.parameters
     stiffness = units.of((-1, 1))
@@ -58,7 +58,7 @@ def answer_of(solution: Solution, units: Units | None = None) -> Answer:
 
 def mesh_of(solution: Solution, units: Units | None = None) -> Mesh:
     """The mesh that was solved on, for scenes whose mesh a generator of the package makes."""
-    tagged = solution.discretisation.tagged
+    tagged = solution.model.tagged
     mesh, dimension = tagged.mesh, tagged.dimension
     cells = np.asarray(compat.geometry_cells(mesh), dtype=np.int64)
     mesh.topology.create_connectivity(dimension - 1, dimension)

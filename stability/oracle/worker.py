@@ -102,7 +102,7 @@ def examined(drawn: Trial, where: str) -> tuple[Verdict, dict[str, Any]]:
     simplices = mesh.cells.shape[1] in ((3, 6) if dimension == 2 else (4, 10))
     about = {
         "algorithm": solution.algorithm,
-        "element": f"{'P' if simplices else 'Q'}{solution.scene.element.degree}",
+        "element": f"{'P' if simplices else 'Q'}{solution.statement.element.degree}",
         "nodes": len(answer.steps[-1].table["x"]) if answer.steps else 0,
         "solves": solution.history.linear_solves,
         "steps": len(answer.steps),

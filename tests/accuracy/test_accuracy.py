@@ -18,8 +18,8 @@ from signorini_fx.mesh.files.formats import read_file, write_file
 from signorini_fx.mesh.tagged import generate_mesh
 from signorini_fx.records import History, IterationRecord, Status
 from signorini_fx.results.summary import render, summarise
-from signorini_fx.scene.model import MeshGenerator
 from signorini_fx.scene.reading import parse_scene, read_scene
+from signorini_fx.scene.scene import MeshGenerator
 from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving import to_accuracy
 from signorini_fx.solving.scene_meshes import meshes_of
@@ -60,7 +60,7 @@ def test_true_error_on_the_meshes_that_the_program_chooses(with_reference, of, t
     for target, most in zip(targets, (3_000, 20_000, 60_000), strict=True):
         solution = solve(asked(friction, target=target, of=of), MPI.COMM_SELF)
         assert fine.errors(solution)[of] <= target
-        assert solution.discretisation.dofs < most
+        assert solution.model.dofs < most
 
 
 @pytest.fixture(scope="module", params=sorted(FRICTION))
@@ -100,7 +100,7 @@ def test_supports_begin_where_the_scene_says():
         }
     )
     solution = solve(scene, MPI.COMM_SELF)
-    tagged = solution.discretisation.tagged
+    tagged = solution.model.tagged
     for side in ("left", "right"):
         points = tagged.mesh.geometry.x[dmesh.entities_to_geometry(tagged.mesh, 1, tagged.facets(side))]
         assert points[:, :, 1].min() == pytest.approx(0.25)
@@ -109,7 +109,7 @@ def test_supports_begin_where_the_scene_says():
 def test_uniform_meshes_jump_to_what_is_needed():
     """The scene's own elements, in whole multiples of the coarsest, with few meshes in between."""
     solution = solve(asked("tresca", target=2e-2, of="energy", refinement="uniform"), MPI.COMM_SELF)
-    assert solution.scene.element.degree == 1
+    assert solution.statement.element.degree == 1
     counts = [(level.table.columns["s"].size - 1) / 30 for level in solution.levels]
     assert counts == [round(count) for count in counts]
     assert counts[-1] > 8 > len(counts)
@@ -123,9 +123,9 @@ def test_own_triangles(with_reference, of):
     generator = {**scene.mesh.parameters, "nx": 30, "ny": 10, "cell": "triangle"}
     own = generate_mesh(scene.mesh.generator, generator, MPI.COMM_SELF)
     solution = solve(scene.model_copy(update={"mesh": own}), MPI.COMM_SELF)
-    assert solution.scene.element.degree == 2
+    assert solution.statement.element.degree == 2
     assert fine.errors(solution)[of] <= 1e-2
-    assert solution.discretisation.dofs < 20_000
+    assert solution.model.dofs < 20_000
 
 
 @pytest.mark.parametrize("target", [1e-2, 1e-3])
@@ -258,9 +258,9 @@ def test_arcs_get_degree_2():
     scene = read_scene(SCENES / "hertz.toml")
     scene = scene.model_copy(update={"accuracy": Accuracy(target=0.02, of="pressure")})
     solution = solve(scene, MPI.COMM_SELF)
-    assert solution.scene.element.degree == 2
-    assert compat.geometry_degree(solution.discretisation.tagged.mesh) == 2
-    assert solution.discretisation.dofs < 10_000
+    assert solution.statement.element.degree == 2
+    assert compat.geometry_degree(solution.model.tagged.mesh) == 2
+    assert solution.model.dofs < 10_000
     assert all(fine.h < coarse.h / 1.3 for coarse, fine in pairwise(solution.levels))
     assert any(event.startswith("elements: degree 2, all cells smaller") for event in solution.history.events)
     assert solution.table.columns["pressure"].max() == pytest.approx(5.494, rel=3e-3)
@@ -294,7 +294,7 @@ def test_contact_up_to_a_corner(block_on_table, target):
     true = fine.errors(solution)["pressure"]
     assert true <= target
     assert 2 * solution.price_list[-2].pressure >= 0.7 * true
-    assert solution.discretisation.dofs < 4_000
+    assert solution.model.dofs < 4_000
 
 
 def test_the_largest_pressure_at_a_corner_has_no_value():
@@ -330,7 +330,7 @@ def test_loads_that_jump_between_nodes(of):
     scene = {**TABLE, "mesh": mesh, "displacement": held, "traction": [jump], "contact": contact, "accuracy": goal}
     scene = parse_scene(scene)
     solution = solve(scene, MPI.COMM_SELF)
-    resultant = sum(float(load.forces.sum()) for load in solution.discretisation.applied)
+    resultant = sum(float(load.forces.sum()) for load in solution.model.applied)
     assert abs(resultant / (-20 * 0.74) - 1) <= 0.02
     assert solution.levels[0].data > solution.levels[-1].data
 
@@ -364,7 +364,7 @@ def test_a_drawing_is_meshed_again(tmp_path):
     drawing.write_text(SEAL)
     fine = solve(seal(drawing, target=0.03, of="pressure"), MPI.COMM_SELF)
     assert fine.scene.element.degree == 2
-    assert compat.geometry_degree(fine.discretisation.tagged.mesh) == 2
+    assert compat.geometry_degree(fine.model.tagged.mesh) == 2
     largest = fine.table.columns["pressure"].max()
     solution = solve(seal(drawing, target=0.1, of="pressure"), MPI.COMM_SELF)
     assert solution.table.columns["pressure"].max() == pytest.approx(largest, rel=0.03)
@@ -402,7 +402,7 @@ def test_load_steps(of):
         solve(scene.model_copy(update={"accuracy": Accuracy(target=target, of=of)}), MPI.COMM_SELF)
         for target in (0.05, 0.01)
     )
-    assert len(rough.steps) == scene.steps > 1
+    assert len(rough.steps) == scene.statement.steps > 1
     if of == "force":
         forces = [np.concatenate([np.concatenate(step.contact.forces) for step in s.steps]) for s in (rough, fine)]
         assert np.linalg.norm(forces[0] - forces[1]) <= 0.05 * np.linalg.norm(forces[1])

@@ -148,7 +148,7 @@ def test_bodies_of_different_origin(tmp_path):
         assert len(cells_of) >= 2
         assert cells_of[1] > 2.5 * cells_of[0]
         assert found.price_list[-2].energy < 0.2
-        assert found.discretisation.tagged.origin["bodies"].keys() == {"lower", "upper"}
+        assert found.model.tagged.origin["bodies"].keys() == {"lower", "upper"}
 
 
 BLOCK = """Point(1) = {0, 0, 0}; Point(2) = {1, 0, 0}; Point(3) = {1, 1, 0}; Point(4) = {0, 1, 0};
@@ -193,7 +193,7 @@ def test_sides_that_change_between_levels():
         },
     }
     found = solve(stacked((block(10), block(13)), solver={"levels": 2}, **more), WORLD)
-    assert found.scene.contact[0].boundary == "upper.bottom"
+    assert found.statement.contact[0].boundary == "upper.bottom"
     assert not found.price_list
     assert any("the price list begins here" in event for event in found.history.events)
     assert found.levels[-1].linear_solves <= 3

@@ -45,7 +45,7 @@ def gauss(count, f):
 def test_loads_that_the_quadrature_misses():
     """What a jump within a facet is worth in each load step, and nothing for loads that are integrated exactly."""
     scene = block(x="3 if x[1] < 0.3 else 1 + x[1]", factors=[1.0, -2.0])
-    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     table = table_of(alone(scene, check=False))
     missed, twice = (data_error(d, table, step).forces for step in range(2))
     side = lambda x: np.where(x / 2 < 0.3, 3.0, 1 + x / 2) / 2  # noqa: E731
@@ -60,7 +60,7 @@ def test_size_of_the_loads():
     scene = block(x=2.0)
     top, side = scene.traction
     scene = scene.model_copy(update={"traction": (top.model_copy(update={"factors": (1.0, 3.0)}), side)})
-    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     table = table_of(alone(scene, check=False))
     assert data_error(d, table, 1).total == pytest.approx(3 * 20 * 3 + 2)
     assert data_error(d, table, 1).forces.max() < 1e-12
@@ -75,7 +75,7 @@ def test_friction_that_the_nodes_miss():
 
     def missed(kind):
         columns = {**table.columns, "friction": np.full(count, kind)}
-        return data_error(solution.discretisation, replace(table, columns=columns), 0).forces
+        return data_error(solution.model, replace(table, columns=columns), 0).forces
 
     assert missed("stick").max() == 0.0
     # The jump is a quarter away from the line in the mean, of which a ninth is let pass as if the bound were smooth.
@@ -86,7 +86,7 @@ def test_friction_that_the_nodes_miss():
 def test_what_is_missed_is_part_of_the_estimates():
     """The error of the displacement has the data in it, and the cells know what they are to be divided for."""
     solution = alone(block(x="3 if x[1] < 0.3 else 1"))
-    d, table = solution.discretisation, table_of(solution)
+    d, table = solution.model, table_of(solution)
     errors = estimate_errors(d, solution.displacement, solution.steps[-1].strain_energy, table, 0, 0.0)
     assert errors.data > 1e-4
     total = {name: squares.sum() for name, squares in errors.squares.items()}
@@ -134,7 +134,7 @@ def test_rings():
         }
         solution = alone(parse_scene(data))
         energy = solution.steps[-1].strain_energy
-        d = solution.discretisation
+        d = solution.model
         errors.append(estimate_errors(d, solution.displacement, energy, table_of(solution), 0, 0.0))
     for name in ("energy", "pressure", "inside", "data"):
         assert getattr(errors[0], name) == pytest.approx(getattr(errors[1], name), rel=1e-6), name

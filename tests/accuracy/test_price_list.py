@@ -64,9 +64,9 @@ def test_error_of_a_force(paired):
 
 @pytest.fixture(scope="module", params=[{"bound": 1.5}, {"coefficient": 0.3}], ids=["tresca", "coulomb"])
 def nested(request):
-    """A nested solve and a much finer one by another method."""
-    solution = solve(example1(**request.param, nx=120, ny=40, levels=4))
-    return solution, solve(example1(**request.param, nx=360, ny=120, algorithm="exact"))
+    """A nested solve, a much finer one by another method, and the scene of the first."""
+    scene = example1(**request.param, nx=120, ny=40, levels=4)
+    return solve(scene), solve(example1(**request.param, nx=360, ny=120, algorithm="exact")), scene
 
 
 def test_one_row_a_mesh_and_one_for_the_next(nested):
@@ -83,7 +83,7 @@ def test_one_row_a_mesh_and_one_for_the_next(nested):
 
 def test_effectivity_of_the_pressure(nested):
     """Estimated over true error of the contact pressure between 1/2 and 2 on three meshes."""
-    solution, reference = nested
+    solution, reference, _ = nested
     fine = reference.table.columns
     for level, row in zip(solution.levels[1:], solution.price_list[1:], strict=False):
         coarse = level.table.columns
@@ -188,7 +188,7 @@ def test_what_a_change_says_of_the_error():
 def test_regularisation_part(nested):
     """The error that gamma leaves, estimated on the path, is the distance to the unregularised solution."""
     level = nested[0].levels[-1]
-    exact = solve(nested[0].scene.model_copy(update={"solver": example1(algorithm="exact").solver}))
+    exact = solve(nested[2].model_copy(update={"solver": example1(algorithm="exact").solver}))
     columns, limit = level.table.columns, exact.table.columns
     difference = np.sqrt(np.dot(limit["weight"], (columns["pressure"] - limit["pressure"]) ** 2))
     true = difference / np.sqrt(np.dot(limit["weight"], limit["pressure"] ** 2))

@@ -10,7 +10,7 @@ from signorini_fx.body.assembly import facet_vertices
 from signorini_fx.errors import MeshError
 from signorini_fx.mesh.refinement import mark, refine
 from signorini_fx.mesh.tagged import generate_mesh, tag_boundaries
-from signorini_fx.scene.model import Scene
+from signorini_fx.scene.scene import Scene
 from signorini_fx.scene.settings import Accuracy
 from signorini_fx.solving.solver import solve
 

@@ -175,7 +175,7 @@ def test_facets_instead_of_a_curved_surface():
 
 def true_energy_error(solution):
     """Of the made-up solution, relative."""
-    mesh = solution.discretisation.tagged.mesh
+    mesh = solution.model.tagged.mesh
     exact = stress(mesh)
     wrong = YOUNG * ufl.sym(ufl.grad(solution.displacement)) - exact
 
@@ -298,7 +298,7 @@ def missed(scene, state="stick"):
     solution = solve(scene, MPI.COMM_SELF)
     table = table_of(solution)
     columns = {**table.columns, "friction": np.full(table.columns["x"].size, state)}
-    return data_error(solution.discretisation, replace(table, columns=columns), 0)
+    return data_error(solution.model, replace(table, columns=columns), 0)
 
 
 def test_friction_that_the_nodes_miss():
@@ -368,9 +368,9 @@ def test_asked_for(fine, cell, of, target):
     solution = asked(cell, target=target, of=of)
     assert solution.status is Status.CONVERGED
     assert fine.errors(solution)[of] <= target
-    assert solution.discretisation.tagged.mesh.topology.cell_name() == cell
-    assert solution.discretisation.dofs < 12_000
-    assert isinstance(solution.scene.mesh, TaggedMesh) == (cell == "tetrahedron")
+    assert solution.model.tagged.mesh.topology.cell_name() == cell
+    assert solution.model.dofs < 12_000
+    assert isinstance(solution.statement.mesh, TaggedMesh) == (cell == "tetrahedron")
 
 
 @pytest.mark.mpi
@@ -471,10 +471,10 @@ def test_far_from_a_shape_nothing_is_sampled_inside(monkeypatch):
     monkeypatch.setattr(estimated_data, "SMOOTH_LARGEST", 0.0)  # else all that it misses is smooth
     asked, whole = [], Distance.__call__
     monkeypatch.setattr(Distance, "__call__", lambda self, x: asked.append(x.shape[1]) or whole(self, x))
-    ours = data_error(solution.discretisation, solution.table, 0)
+    ours = data_error(solution.model, solution.table, 0)
     few = sum(asked)
     monkeypatch.setattr(estimated_data, "_reached", lambda gap, table, corners, x: np.ones(len(x), dtype=bool))
-    theirs = data_error(solution.discretisation, solution.table, 0)
+    theirs = data_error(solution.model, solution.table, 0)
     assert ours.squares.max() > 0
     np.testing.assert_array_equal(ours.squares, theirs.squares)
     np.testing.assert_array_equal(ours.forces, theirs.forces)

@@ -19,7 +19,7 @@ from signorini_fx.solving.one_mesh import contact_task
 
 def solved_task(scene):
     """A task that has been run, for a look inside, and its contact boundary."""
-    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(d, History())
     assert solve_task(task, task.start).status is Status.CONVERGED
     return task, d.boundary
@@ -128,7 +128,7 @@ def test_normal_displacement_is_outward(side, component, sign, value):
     )
     held = PrescribedDisplacement(boundary="bottom", x=0.0, y=0.0)
     solution = alone(scene.model_copy(update={"displacement": (held, *scene.displacement)}))
-    x = solution.discretisation.space.tabulate_dof_coordinates()
+    x = solution.model.space.tabulate_dof_coordinates()
     place = {"left": 0.0, "right": 3.0, "top": 1.0}[side]
     nodes = np.isclose(x[:, component], place) & ~np.isclose(x[:, 1], 0.0)
     moved = solution.displacement.x.array.reshape(-1, 2)[nodes, component]

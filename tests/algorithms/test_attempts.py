@@ -34,7 +34,7 @@ def test_the_table_of_the_documentation():
 
 
 def names(scene):
-    return {what: list(attempts) for what, attempts, _ in attempts_for(scene)}
+    return {what: list(attempts) for what, attempts, _ in attempts_for(scene.statement)}
 
 
 def test_what_check_lists():

@@ -68,7 +68,7 @@ def same_as_exact(name, coulomb, share_n, share_t):
     if name not in EXACT:
         EXACT[name] = alone(SCENES[name](algorithm="exact"))
     exact = EXACT[name]
-    default = 1e5 * exact.scene.young / exact.discretisation.tagged.size
+    default = 1e5 * exact.scene.statement.young / exact.model.tagged.size
     gammas = {"gamma_n": share_n * default, "gamma_t": share_t * default}
     scene = SCENES[name]()
     ours = alone(
@@ -124,7 +124,7 @@ def settles_across_its_normal(angle, coefficient, load, share):
     ours = alone(wedge(angle, coefficient, load, algorithm="alm"))
     penalty = alone(wedge(angle, coefficient, load))
     assert np.any(ours.contact.boundary.free.sum(axis=1) == 1)
-    gamma = share * 1e5 * 5000.0 / ours.discretisation.tagged.size
+    gamma = share * 1e5 * 5000.0 / ours.model.tagged.size
     again = alone(wedge(angle, coefficient, load, algorithm="alm", gamma_n=gamma, gamma_t=gamma))
     largest = ours.contact.pressure.max()
     forces = [
@@ -155,7 +155,7 @@ def test_a_contact_node_with_a_support_across_its_normal(count):
 
 def begun(scene, comm=MPI.COMM_SELF):
     """The contact problem of a scene, solved once without shifts."""
-    d = discretise(scene, load_mesh(scene, comm), Timings())
+    d = discretise(scene.statement, load_mesh(scene, comm), Timings())
     task = contact_task(d, History())
     assert task.iterate.newton.solve(task.start.data, task.start.sets) is Status.CONVERGED
     return task, d.boundary

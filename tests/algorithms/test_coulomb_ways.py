@@ -231,7 +231,7 @@ def test_every_scene_ends(seed):
     """Whatever is tried, it ends with a name, after no more solves than twice the limit of a load step."""
     solution = alone(capped(seed), check=False)
     assert solution.status in (Status.CONVERGED, Status.OUTER_MAX_ITERATIONS, Status.MAX_ITERATIONS, Status.CYCLING)
-    assert solution.history.linear_solves <= 2 * PROBLEMS_PER_STEP * solution.scene.solver.max_iterations
+    assert solution.history.linear_solves <= 2 * PROBLEMS_PER_STEP * solution.statement.solver.max_iterations
 
 
 def test_the_limit_is_an_end(monkeypatch):

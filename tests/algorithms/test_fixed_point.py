@@ -15,7 +15,7 @@ def energy_norm_of_difference(one, other):
     """With the stiffness of the mesh that both are on."""
     e = one.displacement.x.petsc_vec.copy()
     e.axpy(-1, other.displacement.x.petsc_vec)
-    matrix = one.discretisation.elasticity([]).matrix
+    matrix = one.model.elasticity([]).matrix
     product = matrix.createVecLeft()
     matrix.mult(e, product)
     return float(np.sqrt(product.dot(e)))
@@ -42,7 +42,7 @@ def test_a_bound_that_is_far_from_the_fixed_point(scene, bound):
     coefficient = 0.2
     exact, state = alone(scene(coefficient=coefficient)), alone(scene(bound=bound))
     contact = replace(state.contact, bound=coefficient * state.contact.pressure)
-    found = fixed_point(exact.discretisation, contact)
+    found = fixed_point(exact.model, contact)
     assert 0 < found.contraction < 1
     true = energy_norm_of_difference(state, exact)
     assert 0.01 * found.distance < true <= found.distance
@@ -54,10 +54,11 @@ def test_a_bound_that_is_far_from_the_fixed_point(scene, bound):
 
 def test_after_an_iteration():
     """What the iteration leaves is seen, in the plane with all ways to reach the fixed point."""
-    exact = alone(in_the_plane(coefficient=0.3))
+    scene = in_the_plane(coefficient=0.3)
+    exact = alone(scene)
     for way in ({"coulomb": "fp", "tolerance": 1e-4}, {"coulomb": "newton"}):
-        solver = exact.scene.solver.model_copy(update=way)
-        solution = alone(exact.scene.model_copy(update={"solver": solver}))
+        solver = scene.solver.model_copy(update=way)
+        solution = alone(scene.model_copy(update={"solver": solver}))
         near = solution.fixed_point
         assert energy_norm_of_difference(solution, exact) <= near.distance + 1e-14
         assert near.distance < 1e-6

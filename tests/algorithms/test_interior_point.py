@@ -49,7 +49,7 @@ def test_from_anywhere(kind):
     """The iterate at which it begins does not matter."""
     scene = example1(bound=1.5, gamma="auto", nx=30, ny=10)
     scene = scene.model_copy(update={"contact": (scene.contact[0].model_copy(update={"kind": kind, "gap": 1e-3}),)})
-    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(d, History())
     x, random = task.iterate.x.getArray(), np.random.default_rng(3)
     x[:] = np.where(task.system.contact.fixed, x, random.standard_normal(x.size))

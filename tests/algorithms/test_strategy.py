@@ -34,7 +34,7 @@ def test_fall_backs_begin_where_the_first_method_began(monkeypatch):
     for name in ("fixed_point", "augmented_lagrangian"):
         monkeypatch.setattr(augmented, name, fails)
     scene = example1(coefficient=0.3, nx=12, ny=4)
-    discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    discretisation = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(discretisation, History())
     strategy._coulomb(task, task.start, task.start.law)
     assert len(starts) >= 3
@@ -57,7 +57,7 @@ def test_the_path_to_gamma_keeps_the_ratio_of_gammas():
             return None
 
     scene = example1(bound=1.5, nx=12, ny=4, gamma=(1e6, 2e5))
-    discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    discretisation = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(discretisation, History())
     newton = Newton()
     assert fall_backs._path(newton, task.start.data, None, lambda: None) is Status.CONVERGED
@@ -130,7 +130,7 @@ def test_model_of_the_path(gamma):
             "solver": settings,
         }
         scene = parse_scene(data)
-        discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+        discretisation = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
         task = contact_task(discretisation, History())
         outcome = strategy.solve_task(task, task.start)
         assert outcome.status is Status.CONVERGED
@@ -153,7 +153,7 @@ def test_slope_of_the_path_in_space(shift):
 
     def solved(gamma):
         scene = block(6, bound=1.5, gamma=gamma)
-        discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+        discretisation = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
         task = contact_task(discretisation, History())
         data = replace(task.start.data, mu_hat=np.einsum("nij,i->nj", discretisation.boundary.tangents, shift))
         newton = task.iterate.newton
@@ -169,7 +169,7 @@ def test_slope_of_the_path_in_space(shift):
 
 def posed(scene):
     """The contact problem of a scene, not yet solved."""
-    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     return contact_task(d, History())
 
 
@@ -261,7 +261,7 @@ def test_a_path_does_not_end_where_a_stick_node_is_moved():
         return alone(parse_scene(data))
 
     path, limit = solved(algorithm="path-following", regularisation_error=0.1), solved(algorithm="alm")
-    stiffness = path.discretisation.stiffness
+    stiffness = path.model.stiffness
     away, size = limit.displacement.x.petsc_vec.copy(), limit.displacement.x.petsc_vec.copy()
     away.axpy(-1.0, path.displacement.x.petsc_vec)
     error = np.sqrt(away.dot(stiffness * away) / size.dot(stiffness * size))

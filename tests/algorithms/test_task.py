@@ -20,7 +20,7 @@ from signorini_fx.solving.one_mesh import contact_task
 @pytest.fixture
 def task():
     scene = by_force(0.5, nx=9)
-    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     return contact_task(d, History())
 
 

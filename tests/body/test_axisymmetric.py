@@ -84,7 +84,7 @@ def test_pressed_cylinder(cells, degree, linear_algebra):
         hoop, along = stress.component("zz").x.array, stress.component("yy").x.array
         assert np.abs(hoop).max(initial=0.0) <= 1e-6 * p
         assert along == pytest.approx(-p, rel=1e-6)
-    recovery = StressRecovery.of(solution.discretisation)
+    recovery = StressRecovery.of(solution.model)
     assert recovery.error(solution.displacement) <= 1e-5 * np.sqrt(2 * strained)
     assert recovery.energy(solution.displacement) == pytest.approx(strained, rel=1e-8)
 
@@ -114,10 +114,10 @@ def test_cylinder_pressed_by_a_force(linear_algebra, cells, degree):
     assert np.abs(y - expected).max(initial=0.0) <= 1e-8 * p / YOUNG
     (tool,) = solution.last_step.tools
     assert np.append(tool.translation, tool.rotation) == pytest.approx([0.0, -p / YOUNG, 0.0], rel=1e-8, abs=1e-14)
-    row = tool.as_dict(solution.contact, solution.scene.contact, AXISYMMETRIC)
+    row = tool.as_dict(solution.contact, solution.statement.contact, AXISYMMETRIC)
     assert [*row["force"], row["moment"]] == pytest.approx([0.0, total, 0.0], rel=1e-9)
-    tagged, tractions = solution.discretisation.tagged, Tractions.of(solution.contact)
-    judged = certify(given(-1.01 * total), tagged, solution.displacement, tractions, rigid=(tool,))
+    tagged, tractions = solution.model.tagged, Tractions.of(solution.contact)
+    judged = certify(given(-1.01 * total).statement, tagged, solution.displacement, tractions, rigid=(tool,))
     assert judged.equilibrium > 1e-3
     with pytest.raises(ConvergenceError) as raised:
         solve(given(total))
@@ -365,8 +365,8 @@ def test_second_opinion(cells, degree, volumetric):
         springs={"boundary": "top", "normal": 5.0},
     )
     given = given.model_copy(update={"element": given.element.model_copy(update={"volumetric": volumetric})})
-    d = discretise(given, tagged, Timings())
-    forces = NodalForces(given, tagged, d.space)
+    d = discretise(given.statement, tagged, Timings())
+    forces = NodalForces(given.statement, tagged, d.space)
     y = fem.Function(d.space)
     y.interpolate(lambda x: np.array([x[0] * np.sin(2 * x[1] + 1), np.cos(3 * x[0]) * x[1]]))
     nodal, every = y.x.array.reshape(-1, 2), np.arange(y.x.array.size // 2, dtype=np.int32)
@@ -412,9 +412,9 @@ def test_wrong_modulus_is_noticed():
     )
     wrong = right.model_copy(update={"material": (right.material[0].model_copy(update={"poisson": 0.31}),)})
     solution = alone(right, check=False)
-    tagged = solution.discretisation.tagged
-    assert certify(right, tagged, solution.displacement, None).equilibrium < 1e-11
-    assert certify(wrong, tagged, solution.displacement, None).equilibrium > 1e-3
+    tagged = solution.model.tagged
+    assert certify(right.statement, tagged, solution.displacement, None).equilibrium < 1e-11
+    assert certify(wrong.statement, tagged, solution.displacement, None).equilibrium > 1e-3
 
 
 @pytest.mark.mpi
@@ -495,7 +495,7 @@ def test_cells_are_divided_where_it_pays():
     for data in (fine, coarse):
         solution = solve(parse_scene(data | more), MPI.COMM_SELF)
         forces.append(solution.contact.forces[0][1])
-    assert solution.discretisation.dofs < 1000
+    assert solution.model.dofs < 1000
     assert np.sqrt(forces[1] / forces[0] - 1) == pytest.approx(solution.levels[-1].energy, rel=0.3)
     by_force = solve(parse_scene(coarse | more | {"accuracy": {"target": 0.01, "of": "force"}}), MPI.COMM_SELF)
     assert by_force.contact.forces[0][1] == pytest.approx(forces[0], rel=0.01)

@@ -42,7 +42,7 @@ def exact_stress(x):
 
 def true_error(solution):
     """Error of the stress of the elements in the energy norm, relative."""
-    d = solution.discretisation
+    d = solution.model
     stress = element_stress(d, solution.displacement)
     exact = exact_stress(ufl.SpatialCoordinate(d.tagged.mesh))
     dx = ufl.dx(metadata={"quadrature_degree": 8})
@@ -76,7 +76,7 @@ def test_nearly_incompressible_cylinder(degree, cell):
 def test_pictures_and_fields_agree(degree, cell):
     """One value per cell is the stress of the element in its middle: von Mises, and the tensor for the pressure."""
     solution = nearly(0.4999, degree, cell, 0.25, MPI.COMM_SELF)
-    tagged = solution.discretisation.tagged
+    tagged = solution.model.tagged
     cells = np.arange(tagged.mesh.topology.index_map(2).size_local, dtype=np.int32)
     values = cell_values(solution, cells, ("pressure",))
     trace = np.trace(values["stress"], axis1=1, axis2=2)
@@ -97,7 +97,7 @@ def body_of(cell, degree):
             "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}],
         }
     )
-    return discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    return discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
 
 
 @pytest.mark.parametrize(
@@ -110,7 +110,7 @@ def test_it_is_the_stress_that_the_stiffness_works_with(cell, degree):
     stress = element_stress(d, y)
     y.x.array[:] = np.random.default_rng(1).standard_normal(y.x.array.size)
     stress.refresh(0)
-    lame, mu = d.scene.material[0].lame
+    lame, mu = d.statement.material[0].lame
     dim = d.tagged.dimension
     theta = (ufl.tr(stress.sigma) / dim - 2 * mu * ufl.tr(PLANE_STRAIN.strain(y)) / dim) / lame
     dx = ufl.dx(metadata={"quadrature_degree": 8})

@@ -134,7 +134,7 @@ def test_the_summary_says_it():
 
 def test_no_motion_is_trusted():
     """Of a motion that enters the foundation, by a mistake or by round-off, nothing wrong follows."""
-    body = alone(block(0.5, COULOMB, ny=1)).discretisation
+    body = alone(block(0.5, COULOMB, ny=1)).model
     here, surface = reactions(body.motions.at(body.boundary), body.law, body.data.bilateral), surface_of(body)[0]
     modes = body.motions.free
     chance = np.random.default_rng(3)

@@ -22,8 +22,8 @@ from signorini_fx.errors import SceneError
 from signorini_fx.mesh.tagged import tag_boundaries
 from signorini_fx.results.certificate import certify
 from signorini_fx.results.promised_law import Tractions
-from signorini_fx.scene.model import Discretised
 from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scene.scene import Discretised
 from signorini_fx.solving.solver import solve
 from signorini_fx.studies.reference import on_mesh
 
@@ -84,7 +84,7 @@ def test_patch(cell, poisson):
     shear_modulus = 10 / (2 * (1 + poisson))
     pressure = 2 * shear_modulus * strains[0]  # sigma_xx = 0
     assert pressure == pytest.approx(3 * poisson / (1 + poisson) * (0.5 - outward) / 3)
-    at = solution.discretisation.space.tabulate_dof_coordinates()[:, : tagged.dimension]
+    at = solution.model.space.tabulate_dof_coordinates()[:, : tagged.dimension]
     found = solution.displacement.x.array.reshape(at.shape)
     np.testing.assert_allclose(found, at * strains[: tagged.dimension], rtol=0, atol=1e-10)
     np.testing.assert_allclose(solution.displacement.hydrostatic.x.array, pressure, rtol=1e-9)
@@ -140,7 +140,7 @@ def test_heated_patch(cell, poisson):
     outward = -poisson * 0.5 - 10.0 * e if plane else 0.0
     stress = np.diag([0.0, -0.5, outward])
     strain = ((1 + poisson) * stress - poisson * np.trace(stress) * np.eye(3)) / 10.0
-    at = solution.discretisation.space.tabulate_dof_coordinates()[:, : tagged.dimension]
+    at = solution.model.space.tabulate_dof_coordinates()[:, : tagged.dimension]
     found = solution.displacement.x.array.reshape(at.shape)
     np.testing.assert_allclose(found, at * (np.diag(strain) + e)[: tagged.dimension], rtol=0, atol=1e-10)
     tensor = solution.stress.tensor.x.array.reshape(-1, 3, 3)
@@ -163,7 +163,7 @@ def test_free_expansion_of_a_ring():
         "contact": {"boundary": "under", "kind": "bilateral"},
     }
     solution = solve(parse_scene(scene))
-    at = solution.discretisation.space.tabulate_dof_coordinates()[:, :2]
+    at = solution.model.space.tabulate_dof_coordinates()[:, :2]
     np.testing.assert_allclose(solution.displacement.x.array.reshape(at.shape), 0.02 * at, rtol=0, atol=1e-11)
     assert np.abs(solution.stress.tensor.x.array).max() < 1e-9
     assert solution.last_step.strain_energy < 1e-12
@@ -322,7 +322,7 @@ def test_ring_in_a_pipe(cell):
     for count in (2, 4, 8):
         solution = in_a_pipe(count, cell)
         assert solution.converged
-        r = solution.discretisation.space.tabulate_dof_coordinates()[:, 0]
+        r = solution.model.space.tabulate_dof_coordinates()[:, 0]
         radial = solution.displacement.x.array[::2]
         pressure = solution.displacement.hydrostatic.x.array
         touching = solution.contact.pressure
@@ -433,8 +433,8 @@ def test_certificate(cell):
         pressure.x.scatter_forward()
         other = MixedDisplacement(y.function_space, pressure)
         other.x.array[:] = stretch * y.x.array
-        d, contact = solution.discretisation, solution.contact
-        return certify(solution.scene, d.tagged, other, Tractions.of(contact))
+        d, contact = solution.model, solution.contact
+        return certify(solution.statement, d.tagged, other, Tractions.of(contact))
 
     assert verdict().holds
     assert verdict().equilibrium < 1e-10
@@ -447,18 +447,18 @@ def test_certificate_needs_the_pressure():
     """A copy of the displacement has none."""
     solution = alone(pressed(uneven("triangle"), 0.5))
     with pytest.raises(ValueError, match="without the pressure"):
-        certify(solution.scene, solution.discretisation.tagged, solution.displacement.copy(), None)
+        certify(solution.statement, solution.model.tagged, solution.displacement.copy(), None)
 
 
 def test_change_of_volume_alone():
     """With all forces balanced the certificate still sees a volume that Poisson's ratio excludes."""
     found = alone(pressed(uneven("quadrilateral"), 0.3))
-    claimed = found.scene.model_copy(
-        update={"material": (found.scene.material[0].model_copy(update={"poisson": 0.5, "young": 15.0 / 1.3}),)}
+    claimed = found.statement.changed(
+        material=(found.statement.material[0].model_copy(update={"poisson": 0.5, "young": 15.0 / 1.3}),)
     )  # of the same shear modulus
     tractions = Tractions.of(found.contact)
-    assert certify(found.scene, found.discretisation.tagged, found.displacement, tractions).holds
-    assert certify(claimed, found.discretisation.tagged, found.displacement, tractions).equilibrium > 0.1
+    assert certify(found.statement, found.model.tagged, found.displacement, tractions).holds
+    assert certify(claimed, found.model.tagged, found.displacement, tractions).equilibrium > 0.1
 
 
 @pytest.mark.parametrize("units", [(1e-9, 1.0), (1e9, 1.0), (1.0, 1e-9), (1.0, 1e9), (1e9, 1e-9)])
@@ -602,7 +602,7 @@ def test_incompressible_plane_stress():
     )
     solution = alone(scene)
     assert solution.converged
-    x = solution.discretisation.space.tabulate_dof_coordinates()[:, :2]
+    x = solution.model.space.tabulate_dof_coordinates()[:, :2]
     np.testing.assert_allclose(solution.displacement.x.array.reshape(-1, 2), x * [0.05, -0.025], atol=1e-12)
 
 
@@ -613,9 +613,9 @@ def test_what_it_costs():
     (pressure,) = (effect for effect in told.effects if effect.name == "pressure of the mixed element")
     assert (pressure.on, pressure.forms, pressure.unknowns) == (True, ("divergence", "compressibility"), 9)
     solution = alone(scene, check=False)
-    assert tuple(solution.discretisation.inventory.forms) == told.forms
-    assert sorted(solution.discretisation.inventory.matrices) == ["compressibility", "divergence", "stiffness"]
-    assert solution.discretisation.stiffness.getSize()[0] == 2 * 25 + 9
+    assert tuple(solution.model.inventory.forms) == told.forms
+    assert sorted(solution.model.inventory.matrices) == ["compressibility", "divergence", "stiffness"]
+    assert solution.model.stiffness.getSize()[0] == 2 * 25 + 9
 
 
 @pytest.mark.parametrize("length", [1.0, 1e-6])

@@ -93,11 +93,11 @@ def test_patch(cell, linear_algebra, contact):
     )
     assert solution.converged
     assert solution.certificate.worst < 1e-9
-    y, dim = solution.displacement, solution.discretisation.tagged.dimension
-    x = solution.discretisation.space.tabulate_dof_coordinates()[:, :dim]
+    y, dim = solution.displacement, solution.model.tagged.dimension
+    x = solution.model.space.tabulate_dof_coordinates()[:, :dim]
     found, (soft, stiff) = y.x.array.reshape(x.shape), (strains(*RUBBER), strains(*other))
-    cells, tagged = y.hydrostatic.function_space.dofmap.list, solution.discretisation.tagged
-    nodes = solution.discretisation.space.dofmap.list
+    cells, tagged = y.hydrostatic.function_space.dofmap.list, solution.model.tagged
+    nodes = solution.model.space.dofmap.list
     for name, strain, (young, poisson) in (("below", soft, RUBBER), ("above", stiff, other)):
         here = np.unique(nodes[tagged.cells(name)])
         exact = np.zeros((here.size, dim))
@@ -141,7 +141,7 @@ def test_one_of_them_enclosed():
     solution = solve(scene.model_copy(update={"displacement": (*scene.displacement, wall)}))
     assert solution.linear_algebra == "full: contact and supports enclose the incompressible body"
     assert solution.certificate.worst < 1e-9
-    tagged, y = solution.discretisation.tagged, solution.displacement
+    tagged, y = solution.model.tagged, solution.displacement
     nodes = np.unique(y.function_space.dofmap.list[tagged.cells("below")])
     np.testing.assert_allclose(y.x.array.reshape(-1, 2)[nodes], 0.0, atol=1e-12)
     cells = y.hydrostatic.function_space.dofmap.list[tagged.cells("below")]

@@ -95,7 +95,7 @@ def test_two_columns(cell, heat):
     assert solution.converged
     assert solution.certificate.worst < 1e-9
     states, y = [Column(one, heat) for one in (LEFT, right)], solution.displacement
-    at = solution.discretisation.space.tabulate_dof_coordinates()[:, : tagged.dimension]
+    at = solution.model.space.tabulate_dof_coordinates()[:, : tagged.dimension]
     exact = np.zeros_like(at)
     exact[:, 0] = states[0].along * np.minimum(at[:, 0], HALF) + states[1].along * np.maximum(at[:, 0] - HALF, 0)
     exact[:, 1] = -DOWN * at[:, 1]
@@ -122,17 +122,17 @@ def test_two_columns(cell, heat):
 def test_certificate():
     """It sees a pressure that is wrong in one material, and the materials in each other's place."""
     solution = alone(columns(halves("quadrilateral", MPI.COMM_SELF)))
-    tagged, y, tractions = solution.discretisation.tagged, solution.displacement, Tractions.of(solution.contact)
+    tagged, y, tractions = solution.model.tagged, solution.displacement, Tractions.of(solution.contact)
     kept = y.hydrostatic.x.array.copy()
-    assert certify(solution.scene, tagged, y, tractions).holds
+    assert certify(solution.statement, tagged, y, tractions).holds
     one = y.hydrostatic.function_space.dofmap.list[tagged.cells("right")[:1]].ravel()
     for wrong in (y.hydrostatic.function_space.dofmap.list[tagged.cells("right")].ravel(), one):
         y.hydrostatic.x.array[wrong] *= 1.001
-        assert certify(solution.scene, tagged, y, tractions).equilibrium > 1e-6
+        assert certify(solution.statement, tagged, y, tractions).equilibrium > 1e-6
         y.hydrostatic.x.array[:] = kept
-    left, right = solution.scene.material
+    left, right = solution.statement.material
     swapped = left.model_copy(update={"region": "right"}), right.model_copy(update={"region": "left"})
-    assert not certify(solution.scene.model_copy(update={"material": swapped}), tagged, y, tractions).holds
+    assert not certify(solution.statement.changed(material=swapped), tagged, y, tractions).holds
 
 
 def test_enclosed():

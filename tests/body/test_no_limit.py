@@ -37,7 +37,7 @@ def block(displacement, n=4, **more):
 
 
 def said(scene, place, comm=COMM):
-    return why_no_limit(prepare(scene, load_mesh(scene, comm), Timings()), place)
+    return why_no_limit(prepare(scene.statement, load_mesh(scene, comm), Timings()), place)
 
 
 @pytest.mark.parametrize(("displacement", "end"), [(CLAMPED, "it is at the end of the boundary left"), (ROLLERS, None)])

@@ -59,8 +59,8 @@ def test_against_compiled_forms(body, hypothesis):
         update={"body_force": scene.body_force.model_copy(update={"x": lambda x: np.sin(x[0]) + x[1]})}
     )
     tagged = load_mesh(scene, MPI.COMM_WORLD)
-    there = discretise(scene, tagged, Timings())
-    here = NodalForces(scene, tagged, there.space)
+    there = discretise(scene.statement, tagged, Timings())
+    here = NodalForces(scene.statement, tagged, there.space)
     u = fem.Function(there.space)
     u.interpolate(lambda x: np.stack([np.sin(x[0] * x[1] + x[0]), np.cos(x[1] - 2 * x[0])]))
     u.x.scatter_forward()
@@ -107,10 +107,10 @@ def test_several_materials():
         material.model_copy(update={"region": "upper", "young": 100.0, "poisson": 0.1}),
     )
     scene = scene.model_copy(update={"material": two})
-    there = discretise(scene, tagged, Timings())
+    there = discretise(scene.statement, tagged, Timings())
     u = fem.Function(there.space)
     u.interpolate(lambda x: np.stack([np.sin(x[0] * x[1]), np.cos(x[1] - 2 * x[0])]))
-    close(NodalForces(scene, tagged, there.space).internal(u), compiled(there, u))
+    close(NodalForces(scene.statement, tagged, there.space).internal(u), compiled(there, u))
 
 
 @pytest.mark.parametrize("degree", [1, 2])
@@ -128,8 +128,8 @@ def test_a_warped_side_of_a_cell(degree):
             "contact": [{"boundary": "front"}, {"boundary": "left"}],
         }
     )
-    there = discretise(scene, tagged, Timings())
-    here = NodalForces(scene, tagged, there.space)
+    there = discretise(scene.statement, tagged, Timings())
+    here = NodalForces(scene.statement, tagged, there.space)
     for part, effect in enumerate(scene.contact):
         mine = there.boundary.part == part
         moments = here.moments(effect.boundary)[there.boundary.nodes[mine]]

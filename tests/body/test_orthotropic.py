@@ -91,7 +91,7 @@ def assert_uniform(solution, strain, stress, rel=1e-7):
     assert solution.converged
     assert solution.certificate.holds
     x = solution.displacement.function_space.tabulate_dof_coordinates()
-    dim = solution.discretisation.tagged.dimension
+    dim = solution.model.tagged.dimension
     gradient = np.array([[strain[i, j] * (1 if i == j else 2 * (i > j)) for j in range(dim)] for i in range(dim)])
     exact = x[:, :dim] @ gradient.T
     found = solution.displacement.x.array.reshape(len(x), dim)
@@ -104,7 +104,7 @@ def assert_uniform(solution, strain, stress, rel=1e-7):
     size = 2.0
     energy = size * PRESSURE * -strain[0, 0] / 2
     assert solution.certificate.strain_energy == pytest.approx(energy, rel=rel)
-    recovery = StressRecovery.of(solution.discretisation)
+    recovery = StressRecovery.of(solution.model)
     assert recovery.energy(solution.displacement) == pytest.approx(energy, rel=rel)
     assert recovery.error(solution.displacement) <= 1e-5 * np.sqrt(2 * energy)
 
@@ -226,7 +226,7 @@ def test_isotropic_constants(hypothesis):
     assert other.contact.shear == pytest.approx(one.contact.shear, abs=1e-9 * np.abs(one.contact.pressure).max())
     field, same = other.stress.recovered, one.stress.recovered
     assert field.von_mises.x.array == pytest.approx(same.von_mises.x.array, rel=1e-8)
-    assert other.discretisation.scales == one.discretisation.scales
+    assert other.model.scales == one.model.scales
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -287,12 +287,15 @@ def test_second_opinion(cells, degree, hypothesis):
             "displacement": {"boundary": "left", "x": 0.0},
         }
     )
-    d = discretise(given, tagged, Timings())
+    d = discretise(given.statement, tagged, Timings())
     y = fem.Function(d.space)
     y.interpolate(
         lambda x: np.array([x[0] * np.sin(2 * x[1] + 1), np.cos(3 * x[0]) * x[1], x[2] + x[0] ** 2])[: len(y)]
     )
-    found, every = NodalForces(given, tagged, d.space).internal(y), np.arange(y.x.array.size // len(y), dtype=np.int32)
+    found, every = (
+        NodalForces(given.statement, tagged, d.space).internal(y),
+        np.arange(y.x.array.size // len(y), dtype=np.int32),
+    )
     forces = action(d.forms, y, every).reshape(found.shape)
     assert np.abs(found - forces).max(initial=0.0) <= 1e-12 * np.abs(forces).max(initial=1.0)
 
@@ -358,7 +361,7 @@ def test_estimate():
         return solution
 
     coarse, fine = energy(2), energy(8)
-    error = StressRecovery.of(coarse.discretisation).error(coarse.displacement)
+    error = StressRecovery.of(coarse.model).error(coarse.displacement)
     work = [one.certificate.strain_energy for one in (coarse, fine)]
     assert error**2 / 2 == pytest.approx(work[1] - work[0], rel=0.6)
 

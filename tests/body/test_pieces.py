@@ -96,7 +96,7 @@ def test_fewer_cells_than_ranks(floor):
     )
     solution = solve(scene, WORLD, check=False)
     assert all(other == solution.findings for other in WORLD.allgather(solution.findings))
-    pieces, deformation = solution.discretisation.motions.pieces, solution.steps[-1].deformation
+    pieces, deformation = solution.model.motions.pieces, solution.steps[-1].deformation
     assert pieces.cells.tolist() == [1]
     assert all(other is solution.status for other in WORLD.allgather(solution.status))
     assert all(other == deformation for other in WORLD.allgather(deformation))
@@ -108,7 +108,7 @@ def test_a_small_piece_has_not_far_to_go():
     """A travel is measured by the pieces that move together, not by what lies elsewhere."""
     small, large = Box("small", 0.0, 0.0, 0.3, 0.4, 2, 2), Box("large", 5.0, 0.0, 8.0, 6.0, 4, 4)
     mesh = boxes_mesh(MPI.COMM_SELF, [small, large])
-    d = discretise(scene_on(mesh), mesh, Timings())
+    d = discretise(scene_on(mesh).statement, mesh, Timings())
     moved = fem.Function(d.space)
     moved.interpolate(lambda x: np.stack([np.where(x[0] < 1, 0.2, 1.0), 0 * x[0]]))
     assert deformation_of(d, moved, d.tagged.size).displacement == pytest.approx(0.2 / 0.5)
@@ -139,7 +139,7 @@ def test_motions_are_the_null_space_of_the_stiffness(seed):
     """As many motions as the assembled matrix has zero eigenvalues, and each of them is in its null space."""
     boxes, joined, supports = random_bodies(np.random.default_rng(seed))
     mesh = boxes_mesh(MPI.COMM_SELF, boxes, joined=joined, quadrilaterals=bool(seed % 2))
-    d = discretise(scene_on(mesh, displacement=supports), mesh, Timings())
+    d = discretise(scene_on(mesh, displacement=supports).statement, mesh, Timings())
     rows, columns = (np.arange(d.dofs, dtype=np.int32),) * 2
     dense = d.stiffness.getValues(rows, columns)
     values = np.linalg.eigvalsh(dense)
@@ -159,7 +159,7 @@ def test_motions_do_not_depend_on_the_ranks(seed):
     free = []
     for comm in (WORLD, MPI.COMM_SELF):
         mesh = boxes_mesh(comm, boxes, joined=joined)
-        motions = discretise(scene_on(mesh, displacement=supports), mesh, Timings()).motions
+        motions = discretise(scene_on(mesh, displacement=supports).statement, mesh, Timings()).motions
         free.append((motions.free.shape, np.bincount(motions.assembly).tolist(), motions.pieces.cells.tolist()))
     assert free[0] == free[1]
 
@@ -278,7 +278,7 @@ def test_each_piece_comes_to_rest_by_itself():
         contact=contact,
         traction=[{"boundary": f"top b{k}", "y": -1.0} for k in range(4)],
     )
-    d = discretise(scene, mesh, Timings())
+    d = discretise(scene.statement, mesh, Timings())
     rest = contact_task(d, History()).rest
     np.testing.assert_allclose(rest.u_n, np.array([0.01, 0.2, 0.0, 0.0])[d.boundary.part], atol=1e-14)
     np.testing.assert_allclose(rest.u_t, 0.0, atol=1e-14)
@@ -324,7 +324,7 @@ def test_gaps_of_each_piece(loose):
         for side in ("bottom", "top")
     ]
     supports = [{"boundary": f"left {box.name}", "x": 0.0} for box in boxes]
-    d = discretise(scene_on(mesh, displacement=supports, contact=contact), mesh, Timings())
+    d = discretise(scene_on(mesh, displacement=supports, contact=contact).statement, mesh, Timings())
     task = contact_task(d, History())
     lost = no_balance(None, None, task.motions, np.zeros(d.motions.free.shape[1]), task.start.data.gap)
     members = task.motions.of_point[np.isin(d.boundary.part, [2 * loose, 2 * loose + 1])]
@@ -349,7 +349,7 @@ def test_a_hinge_is_a_mechanism(linear_algebra):
     solution = solve(scene, WORLD, check=False)
     assert solution.status is Status.NOT_HELD
     assert solution.history.linear_solves == 0
-    assert solution.discretisation.motions.free.shape[1] == 2  # up and down, which contact holds; the hinge
+    assert solution.model.motions.free.shape[1] == 2  # up and down, which contact holds; the hinge
 
 
 @pytest.mark.mpi
@@ -422,8 +422,8 @@ def random_chain(seed):
 
 def regular(scene):
     """Whether the matrix of all unknowns, with contact and stick at every node, has no null space."""
-    d = discretise(scene, scene.mesh, Timings())
-    matrix, traces = dense_of(d, law=scene.has_friction)
+    d = discretise(scene.statement, scene.mesh, Timings())
+    matrix, traces = dense_of(d, law=scene.statement.has_friction)
     values = np.linalg.eigvalsh(matrix + 1000.0 * traces.T @ traces)
     return values[0] > 1e-9 * values[-1]
 
@@ -461,8 +461,8 @@ def test_another_boundary():
     """A copy with other contact points takes nothing over that was computed of those before."""
     held = {"boundary": "top", "x": 0.0, "y": 0.0}
     scene = scene_on(rectangle(nx=2, ny=2), displacement=held, contact={"boundary": "bottom"})
-    d = discretise(scene, scene.mesh, Timings())
+    d = discretise(scene.statement, scene.mesh, Timings())
     moved = replace(d, boundary=replace(d.boundary, x=d.boundary.x + 1.0))
-    assert replace(d, scene=scene).contact is d.contact
+    assert replace(d, statement=scene.statement).contact is d.contact
     assert moved.contact is not d.contact
     assert d.contact is replace(d).contact

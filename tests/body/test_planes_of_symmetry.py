@@ -270,5 +270,5 @@ def test_a_plane_across_no_axis(halved):
 def test_supports_that_move(halved, normal, symmetric):
     """A support that moves, now or later, is no plane of symmetry."""
     scene = halved(normal, **({"load_steps": {"times": [0.0, 1.0]}} if isinstance(normal, str) else {}))
-    found = prepare(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    found = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     assert found.pairs[0].across.any() == symmetric

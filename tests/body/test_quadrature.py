@@ -99,7 +99,7 @@ def test_stress_recovery_is_the_same(monkeypatch, degree: int) -> None:
     """With the points that UFL chooses for any cell, the estimated error of each cell has the same square."""
     scene = example1(bound=1.5, nx=6, ny=2)
     scene = scene.model_copy(update={"element": scene.element.model_copy(update={"degree": degree})})
-    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     y = fem.Function(d.space)
     y.x.array[:] = np.random.default_rng(degree).normal(size=d.dofs)
     fewer = stress_recovery.StressRecovery.of(d).squares(y)

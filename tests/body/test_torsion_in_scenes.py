@@ -79,8 +79,8 @@ def nodes(solution):
 
 def by_forms(solution, torque, friction, algorithm):
     """The same cylinder as forms of one's own on the same mesh, with the same quadrature."""
-    d = solution.discretisation
-    mesh, degree = d.tagged.mesh, d.scene.element.degree
+    d = solution.model
+    mesh, degree = d.tagged.mesh, d.statement.element.degree
     space = fem.functionspace(mesh, ("Lagrange", degree, (3,)))
     u, v, r = ufl.TrialFunction(space), ufl.TestFunction(space), ufl.SpatialCoordinate(mesh)[0]
 
@@ -308,7 +308,7 @@ def test_turned_on_a_sphere():
     force, torque = solution.contact.forces[0][1], -solution.contact.moments[1][1]
     a = (3 * force * radius * (1 - poisson**2) / (4 * YOUNG)) ** (1 / 3)
     assert torque == pytest.approx(3 * np.pi / 16 * FRICTION * force * a, rel=0.015)
-    d = solution.discretisation
+    d = solution.model
     space = fem.functionspace(d.tagged.mesh, ("Lagrange", 2, (3,)))
     u, v, r = ufl.TrialFunction(space), ufl.TestFunction(space), ufl.SpatialCoordinate(d.tagged.mesh)[0]
 

@@ -100,7 +100,7 @@ def test_in_the_plane(algorithm):
     )
     solution = alone(scene)
     give = PRESSURE / GAMMA if algorithm == "ssn" else 0.0
-    x = solution.discretisation.space.tabulate_dof_coordinates()[:, :2] @ back
+    x = solution.model.space.tabulate_dof_coordinates()[:, :2] @ back
     modulus = YOUNG / (1 - POISSON**2)
     exact = np.column_stack(
         (PRESSURE * POISSON / (1 - POISSON) / modulus * x[:, 0] - 0.001, -PRESSURE / modulus * x[:, 1] - GAP - give)
@@ -152,7 +152,7 @@ def test_an_edge_of_two_walls(right_angle):
         }
     )
     solution = alone(scene)
-    own = solution.discretisation.space.tabulate_dof_coordinates() @ back
+    own = solution.model.space.tabulate_dof_coordinates() @ back
     exact = motion - np.outer(PRESSURE / GAMMA + PRESSURE / YOUNG * own[:, 2], [0.0, 0.0, 1.0])
     found = solution.displacement.x.array.reshape(-1, 3) @ back
     np.testing.assert_allclose(found, exact, rtol=0, atol=ROUND_OFF * np.abs(exact).max())

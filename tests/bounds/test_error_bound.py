@@ -285,7 +285,7 @@ def test_an_accuracy_that_is_certified():
     scene = scene.model_copy(update={"accuracy": Accuracy(target=0.05, certified=True)})
     solution = alone(scene)
     assert solution.error_bound.relative <= 0.05
-    true = energy_of_difference(solution, on_finer_mesh(solution.scene))
+    true = energy_of_difference(solution, on_finer_mesh(solution.statement))
     assert true <= solution.error_bound.error
     told = "\n".join(map(str, lines_of(summarise(solution))))
     assert "error bound      at most" in told
@@ -391,7 +391,7 @@ def test_forces_of_a_uniform_state():
         low, high = solution.force_bounds(name, direction)
         assert low <= exact <= high
         assert high - low < 1e-5
-    held = solution.scene.displacement[0].model_copy(update={"y": 0.0})
+    held = solution.statement.displacement[0].model_copy(update={"y": 0.0})
     clamped = alone(scene.model_copy(update={"displacement": (held,)}))
     assert "shares a corner" in clamped.force_bounds("bottom", (0.0, 1.0))
     assert "neither a support nor a contact" in clamped.force_bounds("top", (0.0, 1.0))
@@ -425,7 +425,7 @@ def test_what_is_not_in_equilibrium_widens_the_bounds(monkeypatch):
     original, missing = Equilibration.stress, 0.5
 
     def bounds():
-        return mean_displacement(solution.discretisation, changed, solution.contact, "right", (1.0, 0.0))
+        return mean_displacement(solution.model, changed, solution.contact, "right", (1.0, 0.0))
 
     found = bounds()
     assert found[0] < exact < found[1]
@@ -509,11 +509,11 @@ def test_every_part_counts(monkeypatch):
     solution = alone(scene)
     nothing = solution.displacement.copy()
     nothing.x.array[:] = 0.0
-    bound = error_bound(solution.discretisation, nothing, solution.contact)
+    bound = error_bound(solution.model, nothing, solution.contact)
     (t, found) = stresses[-1]
     s = found.stress
     nodal = np.einsum("ab,ntbk->ntak", np.eye(3) + 1, s)  # the mass matrix of a third is this over 12 times its area
-    first, second = (part.value for part in solution.discretisation.lame)
+    first, second = (part.value for part in solution.model.lame)
     hooke = np.array([[first + 2 * second, first, 0], [first, first + 2 * second, 0], [0, 0, second]])
     energy = np.einsum("n,ntak,kl,ntal", t.volume / 36, s, np.linalg.inv(hooke), nodal)
     low = t.outer[t.x[t.edges[t.outer]][:, :, 1].max(axis=1) < 1e-9]
@@ -540,7 +540,7 @@ def test_coulomb_friction_before_its_fixed_point():
     """With another friction bound than that of the law the solution with Tresca friction of this bound is enclosed."""
     solution = alone(example1(coefficient=0.3, nx=12, ny=4, cell="triangle", degree=2, algorithm="exact"))
     state = replace(solution.contact, bound=np.full_like(solution.contact.bound, 12.0))
-    found = error_bound(solution.discretisation, solution.displacement, state)
+    found = error_bound(solution.model, solution.displacement, state)
     own = solution.error_bound
     fine = on_finer_mesh(example1(bound=12.0, nx=12, ny=4, cell="triangle"))
     true = energy_of_difference(solution, fine)

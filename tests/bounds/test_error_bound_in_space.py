@@ -172,7 +172,7 @@ def test_slip_in_an_oblique_direction_that_elements_hold(bound):
     assert solution.error_bound.work is None
     less = scene.contact[0].model_copy(update={"friction": scene.contact[0].friction.model_copy(update={"bound": 0.3})})
     other = alone(scene.model_copy(update={"contact": (less,)}))
-    wrong = error_bound(other.discretisation, solution.displacement, solution.contact)
+    wrong = error_bound(other.model, solution.displacement, solution.contact)
     assert wrong.error > energy_of_difference(solution, other) > 0.05 * solution.error_bound.size
 
 
@@ -205,7 +205,7 @@ def test_a_bound_does_not_rest_on_convergence(monkeypatch):
     solution = alone(scene)
     good = solution.error_bound
     monkeypatch.setattr(iterated_system, "BALANCING_PRODUCTS", 2)
-    poor = error_bound(solution.discretisation, solution.displacement, solution.contact)
+    poor = error_bound(solution.model, solution.displacement, solution.contact)
     true = energy_of_difference(solution, on_finer_mesh(scene))
     assert true < good.error < poor.error
     assert poor.round_off < 1e-5 * poor.size
@@ -243,10 +243,10 @@ def test_every_part_counts(monkeypatch):
     solution = alone(scene)
     nothing = solution.displacement.copy()
     nothing.x.array[:] = 0.0
-    bound = error_bound(solution.discretisation, nothing, solution.contact)
+    bound = error_bound(solution.model, nothing, solution.contact)
     case, found = stresses[-1]
     t, s = case.t, found.stress
-    first, second = (part.value for part in solution.discretisation.lame)
+    first, second = (part.value for part in solution.model.lame)
     hooke = 2 * second * np.diag([1, 1, 1, 2, 2, 2.0])
     hooke[:3, :3] += first
     hooke[3:] /= 2

@@ -177,7 +177,7 @@ def test_a_slow_contraction(seed):
     exact = alone(scene)
     given = Tresca(bound=2e-3 * used)  # half of the side, of length 1, belongs to the node
     state = alone(scene.model_copy(update={"contact": (scene.contact[0].model_copy(update={"friction": given}),)}))
-    found = fixed_point(exact.discretisation, replace(state.contact, bound=coefficient * state.contact.pressure))
+    found = fixed_point(exact.model, replace(state.contact, bound=coefficient * state.contact.pressure))
     assert found.contraction == pytest.approx(q, rel=1e-5)
     true = energy_norm_of_difference(state, exact)
     assert 0.3 * found.distance < true <= found.distance
@@ -249,7 +249,7 @@ def test_the_work_of_a_displacement_that_is_wrong(seed):
     solution = alone(pressed.model_copy(update={"displacement": (rollers,), "traction": (load,)}))
     case, wrong = error_bounds.problem(solution), solution.displacement.copy()
     wrong.x.array[:] *= 1 + (-1) ** seed * float(chance.uniform(0.05, 0.2))
-    found = error_bound(solution.discretisation, wrong, solution.contact)
+    found = error_bound(solution.model, wrong, solution.contact)
     assert found.work[0] <= case.loads.work(case.y, case.middle) <= found.work[1]
     assert 0.01 * found.size < found.error < found.size
 
@@ -292,7 +292,7 @@ def test_the_softest_strain_of_an_anisotropic_material(cells, dimension):
     """sigma : eps is at least alpha |eps|^2, for strains at random, and little more for the softest one."""
     material = {"orthotropic": {"young": [9.0, 2.0, 1.0], "poisson": [0.3, 0.2, 0.1], "shear": [0.5, 0.7, 0.9]}}
     scene = pressed(body(cells), material)
-    d = prepare(scene, load_mesh(scene, MPI.COMM_WORLD), Timings())
+    d = prepare(scene.statement, load_mesh(scene, MPI.COMM_WORLD), Timings())
     moduli = moduli_of(d, np.arange(1))
     weight = np.where(np.arange(len(ROWS[dimension])) < dimension, 1, 2)
     strain = np.random.default_rng(3).normal(size=(1, 200, len(weight)))
@@ -307,7 +307,7 @@ def test_a_function_of_python_is_no_proof():
     scene = uniform(0, dip="none")
     for load, reason in (("-x[0]", ""), (lambda x: -x[0], "the body force is a function of Python")):
         loaded = scene.model_copy(update={"body_force": (BodyForce(x=load),)})
-        d = prepare(loaded, load_mesh(loaded, MPI.COMM_WORLD), Timings())
+        d = prepare(loaded.statement, load_mesh(loaded, MPI.COMM_WORLD), Timings())
         assert why_estimated(d) == reason
         if MPI.COMM_WORLD.size == 1:  # bounds are computed on one rank
             assert alone(loaded).error_bound.as_dict()["guaranteed"] is not bool(reason)
@@ -345,7 +345,7 @@ def test_a_body_force_that_jumps_unseen(place):
     top = scene.traction[0].model_copy(update={"boundary": "top", "x": 0.0, "y": -size})
     given = scene.model_copy(update={"displacement": (rollers,), "body_force": (force,), "traction": (top,)})
     solution = alone(given)
-    width = solution.discretisation.tagged.mesh.geometry.x[:, 0].max()
+    width = solution.model.tagged.mesh.geometry.x[:, 0].max()
     exact = size * (place**2 / 2 + width)
     low, high = solution.force_bounds("bottom", (0.0, 1.0))
     assert low <= exact <= high
@@ -363,7 +363,7 @@ def test_round_off_in_space(monkeypatch):
         return replace(stress, squares=np.full_like(stress.squares, missing**2 / stress.squares.size))
 
     monkeypatch.setattr(Bounded, "_stress", unbalanced)
-    found = error_bound(solution.discretisation, solution.displacement, solution.contact)
+    found = error_bound(solution.model, solution.displacement, solution.contact)
     assert found.error >= missing
     # (|u| + e)^2 / 2 alone is 3/2 of |u|^2 wider; that the functional may be 2 |u|^2 higher comes on top.
     assert found.work[1] - plain.work[1] >= (1.5 + 1.9) * plain.size**2
@@ -450,6 +450,6 @@ def test_friction_without_pressure(seed):
     exact, given = alone(scene), Tresca(bound=2e-3 * bound)
     state = alone(scene.model_copy(update={"contact": (scene.contact[0].model_copy(update={"friction": given}),)}))
     assert not state.contact.pressure.any()
-    found = fixed_point(exact.discretisation, replace(state.contact, bound=np.zeros_like(state.contact.bound)))
+    found = fixed_point(exact.model, replace(state.contact, bound=np.zeros_like(state.contact.bound)))
     true = energy_norm_of_difference(state, exact)
     assert 0.5 * found.distance < true <= found.distance

@@ -30,8 +30,7 @@ from signorini_fx.materials.orthotropic import OrthotropicElastic
 from signorini_fx.records import Status
 from signorini_fx.results.files import write_results
 from signorini_fx.results.summary import render, summarise
-from signorini_fx.scene import model as scene
-from signorini_fx.scene import settings, template
+from signorini_fx.scene import scene, settings, template
 from signorini_fx.scene.effect import PACKAGE, keys
 from signorini_fx.scene.load_steps import LoadSteps
 from signorini_fx.scene.reading import parse_scene, parse_scene_text, read_scene
@@ -137,12 +136,14 @@ def test_the_forms_are_those_of_the_solve(variant):
     """What is announced is what is compiled, and the unknowns of the effects add up to those that are solved for."""
     data = VARIANTS[variant] if variant in VARIANTS else read_scene(next(d for d in DEMOS if d.stem == variant))
     report, solution = check(data), alone(data, check=False)
-    assert report.forms == tuple(solution.discretisation.inventory.forms)
+    assert report.forms == tuple(solution.model.inventory.forms)
     assert set().union(*(effect.forms for effect in report.effects)) == set(report.forms)
-    fixed = np.count_nonzero(solution.discretisation.fixed)
-    tools = [one.foundation for one in solution.scene.contact if one.foundation is not None and one.foundation.driven]
+    fixed = np.count_nonzero(solution.model.fixed)
+    tools = [
+        one.foundation for one in solution.statement.contact if one.foundation is not None and one.foundation.driven
+    ]
     free = sum(3 - len(tool.prescribed.model_fields_set) for tool in tools)  # in the plane, besides those of the body
-    assert report.cost.unknowns == solution.discretisation.dofs - fixed + free
+    assert report.cost.unknowns == solution.model.dofs - fixed + free
     assert sum(effect.unknowns for effect in report.effects) == report.cost.unknowns
     for end in (0, 1):
         assert sum(effect.solves[end] for effect in report.effects) == report.cost.linear_solves[end]

@@ -31,7 +31,7 @@ def test_operations_and_entries_of_a_factorisation(cell, degree):
         scene = example1(nx=cells, ny=cells // 3, cell=cell, degree=degree, linear_algebra="full")
         cost = check_scene(scene, MPI.COMM_SELF).cost
         pc = PETSc.PC().create(MPI.COMM_SELF)
-        pc.setOperators(discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings()).stiffness)
+        pc.setOperators(discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings()).stiffness)
         pc.setType(PETSc.PC.Type.CHOLESKY)
         pc.setFactorSolverType("mumps")
         pc.setUp()

@@ -140,7 +140,7 @@ def renamed(entry):
 @cache
 def used(name):
     """The features of a scene with one of them, which may bring others."""
-    return frozenset(feature for feature, _ in features(parse_scene(scene_of(name)))) | {name}
+    return frozenset(feature for feature, _ in features(parse_scene(scene_of(name)).statement)) | {name}
 
 
 @cache
@@ -187,7 +187,7 @@ def test_the_page_is_of_today():
 def test_each_feature_is_one():
     """Alone it is accepted, and the scene says that it has it."""
     for name in WITH:
-        assert name in {feature for feature, _ in features(parse_scene(scene_of(name)))}, name
+        assert name in {feature for feature, _ in features(parse_scene(scene_of(name)).statement)}, name
 
 
 def test_pairs():
@@ -214,7 +214,7 @@ def test_no_more_are_refused():
 def problems_of_bound(scene):
     """Of a guaranteed bound."""
     try:
-        refuse_unknown(discretise(scene, load_mesh(scene, COMM), Timings()))
+        refuse_unknown(discretise(scene.statement, load_mesh(scene, COMM), Timings()))
     except Refused as error:
         return str(error)
 
@@ -240,7 +240,7 @@ def test_the_page_says_what_has_no_bound(other, more):
 def problems_of_statics(scene):
     """Of a proof by statics."""
     try:
-        surface_of(discretise(scene, load_mesh(scene, COMM), Timings()))
+        surface_of(discretise(scene.statement, load_mesh(scene, COMM), Timings()))
     except Unproved as error:
         return str(error)
 
@@ -260,7 +260,9 @@ def message_of(function):
 COMPUTED = {
     "guaranteed bound": problems_of_bound,
     "proof by statics": problems_of_statics,
-    "proof of uniqueness": lambda scene: contact_stiffness(discretise(scene, load_mesh(scene, COMM), Timings())),
+    "proof of uniqueness": lambda scene: contact_stiffness(
+        discretise(scene.statement, load_mesh(scene, COMM), Timings())
+    ),
     "derivatives": message_of(lambda scene: sensitivity(scene, "force bottom y", comm=COMM)),
     "study of methods": message_of(lambda scene: on_mesh(scene, 1.0, "Q1", {})),
 }

@@ -121,7 +121,7 @@ def test_figures_of_known_fields(mesh, degree):
         {"mesh": FIELDS[mesh], "material": {"young": 1.0, "poisson": 0.3}, "element": {"degree": degree}}
     )
     tagged = load_mesh(scene, WORLD)
-    d = discretise(scene, tagged, Timings())
+    d = discretise(scene.statement, tagged, Timings())
     rng = np.random.default_rng(3)
     matrix, shift = rng.standard_normal((2, 2)), rng.standard_normal(2)
     field = fem.Function(d.space)

@@ -144,7 +144,7 @@ def test_levels_and_data_error(changes):
         assert one.pressure == pytest.approx(other.pressure, rel=1e-6)
         assert one.energy == pytest.approx(other.energy, rel=1e-6)
     table = solution.table
-    missed = data_error(solution.discretisation, table, 0)
+    missed = data_error(solution.model, table, 0)
     assert np.isfinite(missed.squares).all()
     [path] = table.paths
     assert len(path) == len(table.columns["x"]) + 1

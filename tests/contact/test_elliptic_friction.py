@@ -173,7 +173,7 @@ def test_limit_of_tools_and_bodies(law, scene, keys):
 
 def test_lift_of_bodies():
     """What gives the points any relative displacement is inverse to the map, along the axes of the ellipse too."""
-    contact = alone(on_a_brick("coulomb", (1.0, 1.0))).discretisation.elasticity([]).contact
+    contact = alone(on_a_brick("coulomb", (1.0, 1.0))).model.elasticity([]).contact
     product = contact.operator.matMult(contact.lift)
     product.shift(-1.0)
     assert product.norm() < 1e-13
@@ -248,7 +248,12 @@ def pulled(friction, nx=6, **solver):
 
 def with_friction(scene, friction):
     """The same with another friction law."""
-    return scene.model_copy(update={"contact": (scene.contact[0].model_copy(update={"friction": friction}),)})
+    return scene.model_copy(update={"contact": changed(scene, friction)})
+
+
+def changed(scene, friction):
+    """The contact of a scene with another friction law."""
+    return (scene.contact[0].model_copy(update={"friction": friction}),)
 
 
 def law_of(**more):
@@ -321,8 +326,8 @@ def test_certificate_sees_a_disc():
         (disc, friction, "friction_cone"),
         (solution, law_of(law="coulomb", coefficient=0.4, ratio=0.25), "friction_cone"),
     ):
-        scene, tagged = with_friction(answer.scene, other), answer.discretisation.tagged
-        judged = certify(scene, tagged, answer.displacement, Tractions.of(answer.contact))
+        statement = answer.statement.changed(contact=changed(answer.statement, other))
+        judged = certify(statement, answer.model.tagged, answer.displacement, Tractions.of(answer.contact))
         assert not judged.holds
         assert getattr(judged, figure) > 1e-3
 
@@ -405,7 +410,7 @@ def test_own_forms():
     """``ContactProblem`` with the same law."""
     friction = Coulomb(0.3, ratio=0.3, along=(0.5, 1.0, 0.0))
     scene = alone(pulled(law_of(law="coulomb", coefficient=0.3, ratio=0.3, along=[0.5, 1.0, 0.0])))
-    d = scene.discretisation
+    d = scene.model
     y, z = ufl.TrialFunction(d.space), ufl.TestFunction(d.space)
     mu, lame = 5000.0 / 2.8, 5000.0 * 0.4 / 1.4 / 0.2
     strain, stretched = ufl.sym(ufl.grad(y)), ufl.sym(ufl.grad(z))

@@ -117,8 +117,8 @@ def test_a_pressure_at_such_a_node_is_refused():
         tractions = Tractions.of(solution.contact)
         added = np.where(held, 1e-4 * solution.contact.pressure.max(), 0.0)
         wrong = replace(tractions, pressure=tractions.pressure + added)
-        tagged = solution.discretisation.tagged
-        found = certify(solution.scene, tagged, solution.displacement, wrong, law=solution.certificate.law)
+        tagged = solution.model.tagged
+        found = certify(solution.statement, tagged, solution.displacement, wrong, law=solution.certificate.law)
         assert found.pressure_at_distance == pytest.approx(1e-4, rel=1e-2)
         assert not found.holds
 
@@ -404,10 +404,10 @@ def test_bounds_refuse_by_the_same_rule():
 def test_on_ranks():
     """The message is the same on all of them."""
     comm = MPI.COMM_WORLD
-    solution = solve(square(cells=6, friction={"law": "coulomb", "coefficient": 0.3}), comm)
-    paired = solve(parse_scene(pair(comm, cells=5, distance="geometry")), comm)
-    for result, thing in ((solution, "foundation"), (paired, "other body")):
-        (message,) = told(result)
-        assert before(result.scene, comm) == [message]
+    alone_scene = square(cells=6, friction={"law": "coulomb", "coefficient": 0.3})
+    paired = parse_scene(pair(comm, cells=5, distance="geometry"))
+    for given, thing in ((alone_scene, "foundation"), (paired, "other body")):
+        (message,) = told(solve(given, comm))
+        assert before(given, comm) == [message]
         assert set(comm.allgather(message)) == {message}
         assert f"hold 1 contact node inside the {thing}, by 0.001 at (1, 1)" in message

@@ -147,14 +147,14 @@ def certified(solution, scene, moved=None, **changed):
         nodes = y.function_space.tabulate_dof_coordinates()[:, 1] > 1.0
         array = y.x.array.reshape(-1, 2)
         array[nodes] = moved(array[nodes])
-    d = solution.discretisation
+    d = solution.model
     return certify(scene, d.tagged, y, tractions, law=solution.certificate.law, pairs=d.pairs)
 
 
 def test_a_small_body_on_a_large_one_is_judged_by_its_own_forces():
     """Noise, a load that is wrong, and a law that its tractions do not keep to are refused."""
     solution, rng = resting(1e-5), np.random.default_rng(0)
-    scene, none = solution.scene, np.zeros_like
+    scene, none = solution.statement, np.zeros_like
     assert certified(solution, scene).worst == pytest.approx(solution.certificate.worst, rel=1e-6)
     assert certified(solution, scene, none, pressure=none, shear=none).equilibrium > 0.5
     for name in ("moved", "pressure", "shear"):
@@ -165,7 +165,7 @@ def test_a_small_body_on_a_large_one_is_judged_by_its_own_forces():
         assert not certified(solution, scene, **{name: wrong}).holds, name
     contact = scene.contact[1]
     other = contact.friction.model_copy(update={"coefficient": 0.3 * (1 - 1e-4)})
-    smoother = scene.model_copy(update={"contact": (scene.contact[0], contact.model_copy(update={"friction": other}))})
+    smoother = scene.changed(contact=(scene.contact[0], contact.model_copy(update={"friction": other})))
     assert certified(solution, smoother).friction_cone > 1e-6
 
 

@@ -111,13 +111,13 @@ def count(monkeypatch):
         assert solution.converged, solution.status
         made = {name: spy.calls[name] - calls[name] for name in calls}
         linear, newton, cholesky, lu = events(*watched) - before
-        inventory = solution.discretisation.inventory
+        inventory = solution.model.inventory
         return solution, Counts(
             named=tuple(inventory.forms),
             compiled=made["jit"],
             matrices_named=len(inventory.matrices),
             matrices=made["matrix"],
-            unknowns=solution.discretisation.dofs,
+            unknowns=solution.model.dofs,
             recorded_solves=sum(step.linear_solves for step in solution.steps),
             linear_solves=int(linear),
             factorisations=int(cholesky + lu),

@@ -108,7 +108,7 @@ def test_from_a_coarser_mesh():
     """The crack of nested meshes is that of one mesh, point by point: only the sets of the coarser one are taken."""
     held = [{"at": (LENGTH, 2 * LAYER), "x": 0.0}]
     alone, nested = (solve(dam(75.0, displacement=held, solver={"levels": n}), COMM) for n in (1, 2))
-    assert [level.dofs for level in nested.levels][-1] == nested.discretisation.dofs > nested.levels[0].dofs
+    assert [level.dofs for level in nested.levels][-1] == nested.model.dofs > nested.levels[0].dofs
     assert nested.certificate.holds
     assert np.array_equal(nested.contact.joint.reached, alone.contact.joint.reached)
     assert nested.contact.pressure == pytest.approx(alone.contact.pressure, rel=1e-7, abs=1e-6)
@@ -361,13 +361,13 @@ def test_a_certificate_that_does_not_hold(lie):
     told = np.zeros(order.size)
     told[order] = lie(tractions.joint.pressure[order])
     lied = replace(tractions, joint=replace(tractions.joint, pressure=told, reached=told[:, None] > 0))
-    discretisation = solution.discretisation
+    discretisation = solution.model
     law = Law(solution.parameters["gamma_n"], solution.parameters["gamma_t"])
-    arguments = scene, discretisation.tagged, solution.displacement
+    arguments = scene.statement, discretisation.tagged, solution.displacement
     assert certify(*arguments, tractions, law=law).holds
     assert certify(*arguments, lied, law=law).equilibrium > 1e-3
     # A displacement in equilibrium with such pressures would not help.
-    forces = NodalForces(scene, discretisation.tagged, solution.displacement.function_space)
+    forces = NodalForces(scene.statement, discretisation.tagged, solution.displacement.function_space)
     assert not astray(forces, tractions, 0)
     assert astray(forces, lied, 0)
 

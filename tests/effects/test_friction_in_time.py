@@ -112,7 +112,7 @@ def test_bad_values(friction, more, message):
 
     def check():
         scene = dragged(friction, more=more)
-        prepare(scene, load_mesh(scene, COMM), Timings())
+        prepare(scene.statement, load_mesh(scene, COMM), Timings())
 
     with pytest.raises(SceneError, match=message) as caught:
         check()

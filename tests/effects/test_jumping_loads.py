@@ -140,7 +140,7 @@ def test_statements_say_what_they_rest_on():
     """Bounds of quantities, uniqueness and safety, as the bound of the error does."""
     solution = alone(example1(coefficient=0.3, nx=12, ny=4))
     tresca = "of the Tresca problem with the computed friction bound"
-    told = str(solution.force_bounds(solution.scene.contact[0].boundary, (0.0, 1.0)))
+    told = str(solution.force_bounds(solution.statement.contact[0].boundary, (0.0, 1.0)))
     assert told.startswith("between ")
     assert tresca in told
     assert str(solution.uniqueness).endswith("; the stiffness is taken as computed")
@@ -247,7 +247,7 @@ def judged(scene, **more):
     """Why what is computed as a bound is an estimate, and what it assumes, with another load on the same mesh."""
     solution = alone(scene, check=False)
     return lambda update: grounds(
-        replace(solution.discretisation, scene=solution.scene.model_copy(update=update)),
+        replace(solution.model, statement=solution.statement.changed(**update)),
         0,
         coulomb=False,
         later=False,
@@ -362,7 +362,7 @@ def test_check_names_what_is_not_cut(cell, key, load, area, entities):
     found = [finding for finding in check_scene(scene).findings if re.fullmatch(rf"{key}(\[0\])?\.z", finding.path)]
     assert [entities in finding.message for finding in found] == [True] * bool(entities)
     if entities and cell != "distorted":
-        given = alone(scene, check=False).discretisation.applied[0].forces.sum()
+        given = alone(scene, check=False).model.applied[0].forces.sum()
         share = float(re.search(r"([\d.]+) % of it wrong", found[0].message)[1]) / 100
         assert share == pytest.approx(abs(-given / area - 1), rel=0.2, abs=0.02)
 

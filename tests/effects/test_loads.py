@@ -222,17 +222,13 @@ def test_time_is_a_list_of_factors(linear_algebra, tmp_path):
         PRESSED["displacement"],
         {"boundary": "right", "x": 1e-3, "factors": sorted(times)},
     ]
-    timed = solve(
-        scene(body(comm=MPI.COMM_SELF), **{**PRESSED, **given}, solver=solver),
-        MPI.COMM_SELF,
-        check=False,
-        checkpoint=tmp_path,
-    )
+    given = scene(body(comm=MPI.COMM_SELF), **{**PRESSED, **given}, solver=solver)
+    timed = solve(given, MPI.COMM_SELF, check=False, checkpoint=tmp_path)
     factors = alone(scene(body(comm=MPI.COMM_SELF), **{**PRESSED, **listed}, solver=solver), check=False)
     same_steps(timed, factors)
     if linear_algebra != "krylov":  # whose solves end within a tolerance
         assert [step.linear_solves for step in timed.steps] == [step.linear_solves for step in factors.steps]
-    again = solve(timed.scene, MPI.COMM_SELF, check=False, checkpoint=tmp_path, restart=True)
+    again = solve(given, MPI.COMM_SELF, check=False, checkpoint=tmp_path, restart=True)
     assert np.array_equal(again.displacement.x.array, timed.displacement.x.array)
 
 
@@ -292,19 +288,19 @@ def test_wrong_time_is_noticed():
         load_steps={"times": [1.0, 2.0]},
     )
     solution = alone(given, check=False)
-    tagged = solution.discretisation.tagged
-    assert certify(given, tagged, solution.displacement, None, step=1).holds
-    assert not certify(given, tagged, solution.displacement, None, step=0).holds
+    tagged = solution.model.tagged
+    assert certify(given.statement, tagged, solution.displacement, None, step=1).holds
+    assert not certify(given.statement, tagged, solution.displacement, None, step=0).holds
 
 
 def test_time_without_factors_needs_no_list():
     """One load step at time 1, and with times one for each; loads without the time act in full."""
     once = scene(body(comm=MPI.COMM_SELF), traction={"boundary": "top", "y": "-20*t"})
-    assert (once.steps, once.time_at(0)) == (1, 1.0)
-    assert once.now(once.traction[0], 0)[1].y == Expression("-20*t", 1.0, allows_time=True)
+    assert (once.statement.steps, once.statement.time_at(0)) == (1, 1.0)
+    assert once.statement.now(once.traction[0], 0)[1].y == Expression("-20*t", 1.0, allows_time=True)
     several = scene(body(comm=MPI.COMM_SELF), traction={"boundary": "top", "y": "t"}, load_steps={"times": [1.0, 3.0]})
-    assert several.steps == 2
-    assert several.now(several.traction[0], 0.5)[1].y.time == pytest.approx(2.0)
+    assert several.statement.steps == 2
+    assert several.statement.now(several.traction[0], 0.5)[1].y.time == pytest.approx(2.0)
 
 
 # --- what is said, and refused ---------------------------------------------------------------------------------------

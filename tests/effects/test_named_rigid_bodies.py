@@ -33,7 +33,7 @@ def rectangle(name, length, height, nx, ny, **place):
 def rows(solution):
     """The rows of rigid bodies in the summary."""
     return [
-        tool.as_dict(solution.contact, solution.scene.contact, solution.discretisation.kinematics)
+        tool.as_dict(solution.contact, solution.statement.contact, solution.model.kinematics)
         for tool in solution.last_step.tools
     ]
 
@@ -42,7 +42,7 @@ def sums(solution):
     """Of each contact: its pressures and its shears times weights, one row each."""
     contact = solution.contact
     forces = np.column_stack((contact.pressure, contact.shear)) * contact.boundary.weight[:, None]
-    of = np.arange(len(solution.scene.contact))[:, None] == contact.boundary.part
+    of = np.arange(len(solution.statement.contact))[:, None] == contact.boundary.part
     return COMM.allreduce(of @ forces)
 
 
@@ -112,9 +112,9 @@ def test_a_roller_that_springs_hold_clear_of_a_body(algorithm):
     # Springs that are wrong by 1e-5 are refused.
     (tool,) = solution.last_step.tools
     wrong = replace(tool, translation=tool.translation * (1 + 1e-5))
-    tagged, law = solution.discretisation.tagged, solution.certificate.law
+    tagged, law = solution.model.tagged, solution.certificate.law
     tractions = Tractions.of(solution.contact)
-    found = certify(solution.scene, tagged, solution.displacement, tractions, law=law, rigid=(wrong,))
+    found = certify(solution.statement, tagged, solution.displacement, tractions, law=law, rigid=(wrong,))
     assert found.equilibrium == pytest.approx(1e-5, rel=1e-3)
 
 
@@ -307,13 +307,13 @@ def test_a_spring_holds_what_would_slide():
     assert np.allclose(both[:, 0], 2.0, rtol=1e-9)
     assert np.isclose(row["force"][1], -pushed, rtol=1e-9)
     assert np.isclose(row["displacement"][1], -pushed / spring, rtol=1e-9)
-    tagged, tractions, law = solution.discretisation.tagged, Tractions.of(solution.contact), solution.certificate.law
+    tagged, tractions, law = solution.model.tagged, Tractions.of(solution.contact), solution.certificate.law
     (tool,) = solution.last_step.tools
 
     def judged(stiffness):
         scene = parse_scene(wedge(1.5, spring={"y": stiffness}))
-        moved = replace(tool, body=scene.rigid_bodies[0])
-        return certify(scene, tagged, solution.displacement, tractions, law=law, rigid=(moved,))
+        moved = replace(tool, body=scene.statement.rigid_bodies[0])
+        return certify(scene.statement, tagged, solution.displacement, tractions, law=law, rigid=(moved,))
 
     assert judged(spring).holds
     assert judged(1.001 * spring).equilibrium > 1e-5
@@ -452,7 +452,7 @@ def test_the_first_lines_have_each_contact_and_the_motion():
     that it is moved by supports is no reason to say that nothing presses it.
     """
     solution = solve(parse_scene(roller(upper=(2.5e-3, -0.01))))
-    contacts = [{"foundation": {"rigid": contact.foundation.rigid}} for contact in solution.scene.contact]
+    contacts = [{"foundation": {"rigid": contact.foundation.rigid}} for contact in solution.statement.contact]
     summary = summarise(solution) | {"scene": {"contact": contacts}}
     lines = [line.text for line in short_answer(summary, "out")]
     forces = [line for line in lines if line.endswith((" on lower.top", " on upper.bottom"))]

@@ -100,7 +100,7 @@ def clamped(
 
 def figures(solution, step, unit=(1.0, 1.0)):
     """Bolt force, clamp force and shortening of a load step, in units of force and length."""
-    scene, tagged, result = solution.scene, solution.discretisation.tagged, solution.steps[step]
+    scene, tagged, result = solution.statement, solution.model.tagged, solution.steps[step]
     (section,) = section_forces(scene, tagged, result.displacement, result.place)
     clamp = np.linalg.norm(result.contact.forces[0])
     return section.force / unit[1], clamp / unit[1], section.shortening / unit[0]
@@ -193,7 +193,7 @@ def test_two_bolts():
     )
     solution = solve(scene)
     first, second = (
-        section_forces(solution.scene, frame_of(solution), step.displacement, step.place) for step in solution.steps
+        section_forces(solution.statement, frame_of(solution), step.displacement, step.place) for step in solution.steps
     )
     assert np.allclose([one.force for one in first], [20.0, 6.0], rtol=1e-6)
     assert np.isclose(second[1].force, 12.0, rtol=1e-6)
@@ -359,7 +359,7 @@ def test_all_sections_have_their_forces():
 
 def frame_of(solution):
     """The mesh of a solution."""
-    return solution.discretisation.tagged
+    return solution.model.tagged
 
 
 def bar(cell, degree=1, *, preload=None, volumetric="full", heat=0.0, **more):
@@ -618,4 +618,4 @@ def test_zero_is_nothing():
     """A shortening of zero compiles nothing, and a scene without a preload does not import it."""
     none = solve(bar("triangle", preload={"point": [1.0, 0.0], "axis": [1.0, 0.0], "shortening": 0.0}))
     assert not none.preloads
-    assert none.discretisation.inventory.forms == ["elasticity"]
+    assert none.model.inventory.forms == ["elasticity"]

@@ -94,7 +94,7 @@ def test_bar_on_end_springs(cells, degree, keys):
     assert ground.force == pytest.approx([-pull, *np.zeros(y.shape[1] - 1)], abs=1e-9)
     assert ground.acts_at == pytest.approx([0.0, *np.full(y.shape[1] - 1, 0.5)], abs=1e-9)
     # The traction at the springs is part of the error estimate, which is zero for this state.
-    error = StressRecovery.of(solution.discretisation).error(solution.displacement)
+    error = StressRecovery.of(solution.model).error(solution.displacement)
     assert error < 1e-5 * np.sqrt(2 * strained)
 
 
@@ -222,10 +222,10 @@ def test_second_opinion(cells, degree):
         {"boundary": "top", "normal": "100 + x[0]**2", "tangential": 7.0},
         {"boundary": "left", "x": lambda x: 1 + np.sin(x[1]), "y": 3.0},
     ]
-    d = discretise(scene(body(cells), degree, springs=springs), body(cells), Timings())
+    d = discretise(scene(body(cells), degree, springs=springs).statement, body(cells), Timings())
     y = fem.Function(d.space)
     y.interpolate(lambda x: np.array([np.sin(3 * x[0] + k) * x[1] for k in range(d.tagged.dimension)]))
-    forces = NodalForces(d.scene, d.tagged, d.space).resisted(y.x.array.reshape(-1, d.tagged.dimension))
+    forces = NodalForces(d.statement, d.tagged, d.space).resisted(y.x.array.reshape(-1, d.tagged.dimension))
     every = np.arange(y.x.array.size // d.tagged.dimension, dtype=np.int32)
     compiled = action(d.resists, y, every).reshape(forces.shape)
     size = COMM.allreduce(np.abs(compiled).max(initial=0.0), op=MPI.MAX)
@@ -241,8 +241,8 @@ def test_wrong_springs_are_noticed():
 
     right, wrong = standing(100.0), standing(101.0)
     solution = alone(right)
-    assert certify(right, solution.discretisation.tagged, solution.displacement, None).equilibrium < 1e-11
-    assert certify(wrong, solution.discretisation.tagged, solution.displacement, None).equilibrium > 1e-3
+    assert certify(right.statement, solution.model.tagged, solution.displacement, None).equilibrium < 1e-11
+    assert certify(wrong.statement, solution.model.tagged, solution.displacement, None).equilibrium > 1e-3
 
 
 HELD = {
@@ -384,7 +384,7 @@ def test_springs_are_supports(held, angle):
     given = scene(turned(body(), angle), springs=springs, traction={"boundary": "top", "y": -1.0})
     found = [one for one in check_scene(given, COMM).findings if "nothing holds" in one.message]
     assert bool(found) == (free > 0)
-    assert discretise(given, given.mesh, Timings()).motions.free.shape[1] == free
+    assert discretise(given.statement, given.mesh, Timings()).motions.free.shape[1] == free
 
 
 def test_springs_press_a_body_on_its_foundation():
@@ -434,4 +434,4 @@ def test_springs_that_are_zero_where_they_act():
     )
     (found,) = (finding for finding in check_scene(given, MPI.COMM_SELF).warnings if finding.path == "springs[0]")
     assert "it is 0 on the whole boundary 'right'" in found.message
-    assert len(given.of(Resistance)) == 1
+    assert len(given.statement.of(Resistance)) == 1

@@ -93,7 +93,7 @@ def test_free_expansion(cells, degree, hypothesis, volumetric):
     energy = solution.certificate.strain_energy
     assert energy == (pytest.approx(out**2 / YOUNG, rel=1e-9) if out else 0.0)
     assert (solution.stress.error is None) is not bool(out)
-    assert StressRecovery.of(solution.discretisation).error(solution.displacement) < 1e-5 * np.sqrt(YOUNG) * grown
+    assert StressRecovery.of(solution.model).error(solution.displacement) < 1e-5 * np.sqrt(YOUNG) * grown
 
 
 @pytest.mark.parametrize(

@@ -149,7 +149,7 @@ WAYS = [
 def test_a_force_and_the_motion_that_it_causes_give_the_same(dimension, law, algebra, element):
     forced = solve(block(dimension, law, algebra, **element, **pressed(dimension, law)))
     (tool,) = forced.last_step.tools
-    row = tool.as_dict(forced.contact, forced.scene.contact, forced.discretisation.kinematics)
+    row = tool.as_dict(forced.contact, forced.statement.contact, forced.model.kinematics)
     given = np.array(pressed(dimension, law)["force"])
     free = np.arange(dimension) if law != "none" else [dimension - 1]
     assert np.abs(np.array(row["force"]) + given)[free].max() < 1e-9 * np.abs(given).max()
@@ -177,7 +177,7 @@ def test_an_incompressible_body_under_a_tool(dimension, algebra, poisson):
     given = pressed(dimension, "coulomb")
     forced = solve(made(**given))
     (tool,) = forced.last_step.tools
-    row = tool.as_dict(forced.contact, forced.scene.contact, forced.discretisation.kinematics)
+    row = tool.as_dict(forced.contact, forced.statement.contact, forced.model.kinematics)
     assert np.allclose(row["force"], -np.array(given["force"]), atol=1e-9 * 20.0)
     assert forced.certificate.worst < 1e-9
     driven = solve(made(**prescribed(tool)))
@@ -281,17 +281,17 @@ def test_a_rigid_body_has_several_contacts():
     assert np.allclose(named.translation, plate.translation, rtol=1e-9)
     assert np.allclose(named.rotation, plate.rotation, rtol=1e-9)
     rows = [
-        solution.last_step.tools[0].as_dict(
-            solution.contact, solution.scene.contact, solution.discretisation.kinematics
-        )
+        solution.last_step.tools[0].as_dict(solution.contact, solution.statement.contact, solution.model.kinematics)
         for solution in (one, several)
     ]
     assert np.allclose(rows[0]["force"], rows[1]["force"], atol=1e-9)
     assert np.allclose(rows[0]["gap_error"], rows[1]["gap_error"], rtol=1e-6)
     assert several.certificate.holds
-    tagged, tractions = several.discretisation.tagged, Tractions.of(several.contact)
+    tagged, tractions = several.model.tagged, Tractions.of(several.contact)
     wrong = on_named_posts(force=[0.3, -3.003])
-    judged = certify(wrong, tagged, several.displacement, tractions, law=several.certificate.law, rigid=(named,))
+    judged = certify(
+        wrong.statement, tagged, several.displacement, tractions, law=several.certificate.law, rigid=(named,)
+    )
     assert not judged.holds
     assert solve(on_named_posts(pivot=[12.0, 1.0]), check=False).status is Status.TIPS
 
@@ -427,7 +427,7 @@ def test_how_far_the_linearised_gap_is_off(turn):
     step = np.array([0.1, -0.01])
     solution = solve(block(prescribed={"x": step[0], "y": step[1], "rotation": turn}))
     (tool,), contact = solution.last_step.tools, solution.contact
-    row = tool.as_dict(contact, solution.scene.contact, solution.discretisation.kinematics)
+    row = tool.as_dict(contact, solution.statement.contact, solution.model.kinematics)
     away = contact.boundary.centre[contact.pressure > 0] - [0.45, 2.5]
     far = np.linalg.norm(away, axis=1)
     off = np.linalg.norm(away - step, axis=1) - far + away @ step / far
@@ -496,17 +496,17 @@ def test_the_certificate_knows_the_force():
     solution = solve(block(2, "coulomb", **given))
     (tool,) = solution.last_step.tools
 
-    def judged(scene=solution.scene, tools=(tool,)):
-        tagged, tractions = solution.discretisation.tagged, Tractions.of(solution.contact)
-        return certify(scene, tagged, solution.displacement, tractions, law=solution.certificate.law, rigid=tools)
+    def judged(statement=solution.statement, tools=(tool,)):
+        tagged, tractions = solution.model.tagged, Tractions.of(solution.contact)
+        return certify(statement, tagged, solution.displacement, tractions, law=solution.certificate.law, rigid=tools)
 
     assert judged().worst < 1e-9
     for force in ([1.0, -20.1], [1.01, -20.0]):
-        assert judged(block(2, "coulomb", **{**given, "force": force})).equilibrium > 1e-4
+        assert judged(block(2, "coulomb", **{**given, "force": force}).statement).equilibrium > 1e-4
     for share in (1e-5, 1e-3):  # of the largest force at the tool
-        other = judged(block(2, "coulomb", **{**given, "force": [1.0, -20.0 * (1 + share)]}))
+        other = judged(block(2, "coulomb", **{**given, "force": [1.0, -20.0 * (1 + share)]}).statement)
         assert 0.5 * share < other.equilibrium < 2 * share
-    turned = block(2, "coulomb", **{**given, "moment": 0.1, "prescribed": {}})
+    turned = block(2, "coulomb", **{**given, "moment": 0.1, "prescribed": {}}).statement
     assert judged(turned).equilibrium > 1e-4
     assert not judged(tools=(dataclasses.replace(tool, translation=1.01 * tool.translation),)).holds
     assert not judged(tools=()).holds
@@ -525,9 +525,9 @@ def test_the_certificate_knows_a_small_force():
 
     def judged(force):
         entry = contact.model_copy(update={"foundation": contact.foundation.model_copy(update={"force": force})})
-        other, tagged = scene.model_copy(update={"contact": (entry,)}), solution.discretisation.tagged
+        other, tagged = scene.model_copy(update={"contact": (entry,)}), solution.model.tagged
         tractions, law = Tractions.of(solution.contact), solution.certificate.law
-        return certify(other, tagged, solution.displacement, tractions, law=law, rigid=tools)
+        return certify(other.statement, tagged, solution.displacement, tractions, law=law, rigid=tools)
 
     assert judged((0.0, -0.02)).holds
     assert not judged((0.0, -0.02 * (1 + 1e-4))).holds
@@ -540,7 +540,7 @@ def test_the_certificate_knows_each_component_in_any_unit(unit):
     motion = {"x": 1e-3 * length, "y": -2e-3 * length, "rotation": 2e-3}
     solution = solve(block(2, "coulomb", unit=unit, pivot=[0.4 * length, 0.5 * length], prescribed=motion))
     tagged, tractions, tools = (
-        solution.discretisation.tagged,
+        solution.model.tagged,
         Tractions.of(solution.contact),
         solution.last_step.tools,
     )
@@ -548,7 +548,7 @@ def test_the_certificate_knows_each_component_in_any_unit(unit):
     def judged(**changed):
         scene = block(2, "coulomb", unit=unit, pivot=[0.4 * length, 0.5 * length], prescribed=motion | changed)
         law = solution.certificate.law
-        return certify(scene, tagged, solution.displacement, tractions, law=law, rigid=tools).equilibrium
+        return certify(scene.statement, tagged, solution.displacement, tractions, law=law, rigid=tools).equilibrium
 
     assert judged() < 1e-9
     for name, value in motion.items():
@@ -556,7 +556,7 @@ def test_the_certificate_knows_each_component_in_any_unit(unit):
 
 
 def test_the_certificate_knows_a_moment_that_nothing_balances():
-    (drive,) = block(moment=1e-3).drives(2, 0, 1.0)
+    (drive,) = block(moment=1e-3).statement.drives(2, 0, 1.0)
     tool = RigidBodyMotion(TOP, np.zeros(2), np.zeros(2), np.zeros(1))
     assert tool.unbalanced(drive, (np.zeros(3), 0.0, 1.0)) == 1.0
 
@@ -625,11 +625,13 @@ def test_two_tools_are_two_bodies():
 def test_a_tool_is_judged_by_the_body_that_it_touches():
     """A force that is 3e-9 of that on the other tool, and wrong by a tenth."""
     solution = solve(two_plates(0.0, 3e-9))
-    tagged, tractions, tools = solution.discretisation.tagged, Tractions.of(solution.contact), solution.last_step.tools
+    tagged, tractions, tools = solution.model.tagged, Tractions.of(solution.contact), solution.last_step.tools
 
     def judged(second):
         law = solution.certificate.law
-        return certify(two_plates(0.0, second), tagged, solution.displacement, tractions, law=law, rigid=tools)
+        return certify(
+            two_plates(0.0, second).statement, tagged, solution.displacement, tractions, law=law, rigid=tools
+        )
 
     assert judged(3e-9).holds
     assert not judged(3.3e-9).holds
@@ -670,7 +672,7 @@ def test_rigid_coupling_bends_a_column_as_a_beam(algebra):
     solution = solve(scene)
     (moved,) = solution.last_step.tools
     turned = -pull * height / (young * (2 * half) ** 3 / 12)
-    row = moved.as_dict(solution.contact, scene.contact, solution.discretisation.kinematics)
+    row = moved.as_dict(solution.contact, scene.contact, solution.model.kinematics)
     # What the body does to the rigid body balances what drives it.
     assert np.allclose([*row["force"], row["moment"]], [0.0, -push, -pull], atol=1e-9)
     assert row["gap_error"] is None  # there is no gap
@@ -775,7 +777,7 @@ def test_derivatives(law, algebra):
 
     def results(**changed):
         solution = solve(scene(**changed))
-        quantities = [functional_of(solution.discretisation, name) for name in of[3:]]
+        quantities = [functional_of(solution.model, name) for name in of[3:]]
         contact = solution.contact
         return np.array(
             [one.value(solution.displacement, contact.boundary, contact.pressure, contact.shear) for one in quantities]

@@ -20,7 +20,7 @@ FRICTION = {"none": None, "tresca": Tresca(4.0), "coulomb": Coulomb(0.3)}
 
 def same_as(solution, law, **others):
     """The problem of a scene of ``test_tools``, by forms."""
-    d, scene = solution.discretisation, solution.scene
+    d, scene = solution.model, solution.statement
     space = fem.functionspace(d.tagged.mesh, ("Lagrange", scene.element.degree, (d.dimension,)))
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     bottom = np.unique(np.concatenate([d.tagged.facets(entry.boundary) for entry in scene.displacement]))

@@ -205,7 +205,7 @@ def test_own_loop_is_factors(algorithm):
     factors = given["displacement"][1]["factors"] = given["displacement"][1]["factors"][:21]
     scene = parse_scene(given)
     solution = solve(scene, COMM)
-    tagged = solution.discretisation.tagged
+    tagged = solution.model.tagged
     V = fem.functionspace(tagged.mesh, ("Lagrange", 1, (2,)))
     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
     aside, top = fem.Constant(tagged.mesh, 0.0), tagged.facets("top")

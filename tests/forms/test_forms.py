@@ -45,7 +45,7 @@ def body(cell, degree, angle=0.4):
         }
     )
     tagged = turned(rectangle(nx=12, ny=8, cell=cell), angle)
-    return discretise(on_mesh(scene, tagged), tagged, Timings())
+    return discretise(on_mesh(scene, tagged).statement, tagged, Timings())
 
 
 def wave(amplitude, k, phase, offset=0.0):
@@ -65,7 +65,7 @@ class Assembled:
     """The textbook form of the regularised problem (3.3a), (3.3b), (3.4): residual and derivative by UFL."""
 
     def __init__(self, discretisation, y):
-        space, degree = discretisation.space, discretisation.scene.element.degree
+        space, degree = discretisation.space, discretisation.statement.element.degree
         mesh, z = space.mesh, ufl.TestFunction(space)
         scalar = fem.functionspace(mesh, ("Lagrange", degree))
         fields = {}

@@ -70,7 +70,7 @@ def test_a_ramp_is_that_of_a_scene(settings):
     """The same increments, limit load and linear solves; the problem goes on from the last solution."""
     scene = ramp(1.2, nx=12, **GAMMA, **settings)
     solution = solve(scene, COMM, check=False)
-    problem, push = block(solution.discretisation.tagged.mesh, **settings)
+    problem, push = block(solution.model.tagged.mesh, **settings)
 
     def at(time):
         push.value = 1.2 * LIMIT * time

@@ -15,7 +15,7 @@ from scenes import example1
 from two_bodies import stress_of
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, Pair, Tresca, read_results, write_results
-from signorini_fx.quantities.model import summary_schema
+from signorini_fx.quantities.schema import summary_schema
 from signorini_fx.quantities.statements import ErrorBound
 from signorini_fx.scene.reading import parse_scene
 from signorini_fx.solving.solver import solve
@@ -41,7 +41,7 @@ def as_forms(scene, tagged, **arguments):
     factor = fem.Constant(mesh, 1.0)
     a = ufl.inner(stress_of(u, material.young, material.poisson), ufl.sym(ufl.grad(v))) * ufl.dx
     L = ufl.inner(fem.Constant(mesh, np.zeros(gdim)), v) * ufl.dx
-    for load in scene.traction:
+    for load in getattr(scene, "statement", scene).effects["traction"]:
         ds = on(tagged, load.boundary)
         components = [
             ufl.conditional(ufl.And(ufl.ge(x[0], 1), ufl.le(x[0], 2)), -20.0, 0.0) if hasattr(value, "text") else value
@@ -157,7 +157,7 @@ def shared_folder(tmp_path):
 def test_a_problem_of_forms_has_the_results_of_its_scene(scene, tmp_path):
     """Figures, files and tables of the same problem as a scene and as UFL; what forms cannot say is absent by name."""
     folder, solution = shared_folder(tmp_path), solve(scene)
-    problem, _ = as_forms(solution.scene, solution.discretisation.tagged)
+    problem, _ = as_forms(solution.statement, solution.model.tagged)
     problem.solve()
     of_scene = write_results(solution, folder / "scene", pictures=False)
     of_forms = problem.write(folder / "forms", title=scene.title, pictures=False)
@@ -186,7 +186,7 @@ def test_load_steps_of_forms_have_the_results_of_those_of_scenes(tmp_path):
     loads = [load.model_copy(update={"factors": (0.5, 1.0)}) for load in scene.traction]
     scene = scene.model_copy(update={"traction": tuple(loads)})
     solution = solve(scene)
-    problem, factor = as_forms(scene, solution.discretisation.tagged)
+    problem, factor = as_forms(scene, solution.model.tagged)
 
     def at(time):
         factor.value = time / 2
@@ -213,7 +213,7 @@ def test_bounds_and_uniqueness_are_those_of_the_scene(law):
     """The loads are read off L, the supports off the prescribed dofs, the moduli off the stress."""
     scene = example1(nx=12, ny=4, poisson=0.3, error_bound=True, uniqueness=True, **law)
     solution = solve(scene)
-    problem, _ = as_forms(scene, solution.discretisation.tagged)
+    problem, _ = as_forms(scene, solution.model.tagged)
     problem.solve()
     bound, expected = problem.error_bound, solution.error_bound
     assert isinstance(bound, ErrorBound)
@@ -231,8 +231,8 @@ def test_bounds_and_uniqueness_are_those_of_the_scene(law):
 def test_forces_of_springs():
     """Springs, loads, supports and contact through parts of the boundary with names balance each other."""
     solution = solve(example1(coefficient=0.3, nx=6, ny=2, poisson=0.3))
-    tagged = solution.discretisation.tagged
-    problem, _ = as_forms(solution.scene, tagged)
+    tagged = solution.model.tagged
+    problem, _ = as_forms(solution.statement, tagged)
     (a, L), space = problem._forms, problem.u.function_space
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     a += 100.0 * ufl.inner(u, v) * on(tagged, "right")
@@ -256,8 +256,8 @@ def test_forces_of_springs():
 def test_derivatives_of_quantities_of_scenes():
     """A mean displacement by name, and a force by the name of its contact or its number."""
     solution = solve(example1(coefficient=0.3, nx=12, ny=4, poisson=0.3))
-    tagged = solution.discretisation.tagged
-    problem, factor = as_forms(solution.scene, tagged)
+    tagged = solution.model.tagged
+    problem, factor = as_forms(solution.statement, tagged)
     u = problem.solve()
     mean, form = (problem.gradient(of, factor) for of in ("mean top y", u[1] / 3 * on(tagged, "top")))
     assert (mean.value, mean.derivatives[0]) == pytest.approx((form.value, form.derivatives[0]), rel=1e-9)
@@ -269,7 +269,7 @@ def test_derivatives_of_quantities_of_scenes():
 def test_forms_alone(tmp_path):
     """Without stress and names there is a folder with what is known, and no bound, which says what is missing."""
     solution = solve(example1(coefficient=0.3, nx=12, ny=4, poisson=0.3))
-    problem, _ = as_forms(solution.scene, solution.discretisation.tagged, stress=None, boundaries=None)
+    problem, _ = as_forms(solution.statement, solution.model.tagged, stress=None, boundaries=None)
     problem.solve()
     summary = problem.write(tmp_path, pictures=False, report=True)
     assert "stress" not in summary
@@ -318,8 +318,8 @@ def test_loads_along_the_normal_have_bounds():
 def test_what_bounds_refuse():
     """Loads that are known at points of quadrature alone, springs in a, and supports that vary."""
     solution = solve(example1(coefficient=0.3, nx=6, ny=2, poisson=0.3))
-    tagged = solution.discretisation.tagged
-    problem, _ = as_forms(solution.scene, tagged)
+    tagged = solution.model.tagged
+    problem, _ = as_forms(solution.statement, tagged)
     (a, L), bcs, stress = problem._forms, problem.bcs, problem._law
     space = problem.u.function_space
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
@@ -341,9 +341,9 @@ def test_what_bounds_refuse():
 def test_pictures_of_forms_alone(scene, tmp_path):
     """Where the stress is not known the body has the colours of its displacement, and the report says so."""
     solution = solve(scene)
-    problem, _ = as_forms(scene, solution.discretisation.tagged, stress=None)
+    problem, _ = as_forms(scene, solution.model.tagged, stress=None)
     problem.solve()
     problem.write(tmp_path, report=True)
-    body = {"body.json", "contact.vtu", "contact_surface.png"} if solution.discretisation.dimension == 3 else set()
+    body = {"body.json", "contact.vtu", "contact_surface.png"} if solution.model.dimension == 3 else set()
     assert body | {"deformed.png", "history.png", "report.html"} < set(files_in(tmp_path))
     assert "the stress is not known" in (tmp_path / "report.html").read_text()

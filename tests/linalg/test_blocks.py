@@ -235,7 +235,7 @@ def test_without_a_compiler(monkeypatch):
     scene = block(6, bound=1.5, linear_algebra="krylov")
     solution = solve(scene, MPI.COMM_SELF)
     assert solution.converged
-    assert not blocks.is_by_blocks(solution.discretisation.stiffness)
+    assert not blocks.is_by_blocks(solution.model.stiffness)
     assert solution.linear_algebra == (
         "krylov: as asked for; its products are slower than by blocks: there is no C compiler"
     )
@@ -291,7 +291,7 @@ def test_what_fails_by_blocks_is_factorised(coulomb, monkeypatch):
     monkeypatch.setattr(krylov.KrylovSystem, "keep_factor", keep)
     scene = block(6, coefficient=0.3, coulomb=coulomb, linear_algebra="krylov", fallbacks=False)
     found = solve(scene, MPI.COMM_SELF, check=False)
-    assert blocks.is_by_blocks(found.discretisation.stiffness)
+    assert blocks.is_by_blocks(found.model.stiffness)
     assert "linear solver failed: the matrix is factorised" in found.history.events
     full = scene.model_copy(update={"solver": scene.solver.model_copy(update={"linear_algebra": "full"})})
     agree(found, solve(full, MPI.COMM_SELF, check=False))
@@ -302,7 +302,7 @@ def test_a_body_of_one_level(monkeypatch):
     monkeypatch.setattr(elastic, "FEWEST_BLOCK_UNKNOWNS", 0)
     scene = block(3, bound=1.5, linear_algebra="krylov")
     solution = solve(scene, MPI.COMM_SELF, check=False)
-    assert blocks.is_by_blocks(solution.discretisation.stiffness)
+    assert blocks.is_by_blocks(solution.model.stiffness)
     full = scene.model_copy(update={"solver": scene.solver.model_copy(update={"linear_algebra": "full"})})
     agree(solution, solve(full, MPI.COMM_SELF, check=False))
 

@@ -15,7 +15,7 @@ from signorini_fx.solving.one_mesh import contact_task
 
 def task_of(scene):
     """The contact problem of a scene, not yet solved, and its discretisation."""
-    discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    discretisation = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     return contact_task(discretisation, History()), discretisation
 
 

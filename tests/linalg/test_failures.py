@@ -110,7 +110,7 @@ def test_one_mesh(fault, coulomb, monkeypatch):
 def test_inside_the_bounds(fault, monkeypatch):
     """The interior-point method ends likewise, and proposes no sets."""
     scene = example1(bound=1.5, gamma="auto", nx=6, ny=2, linear_algebra="full")
-    task = contact_task(discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings()), History())
+    task = contact_task(discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings()), History())
     lacking(fault, monkeypatch)
     newton, data = task.iterate.newton, task.start.data
     assert interior_point(newton, data, lambda: None) is FAULTS[fault][1]

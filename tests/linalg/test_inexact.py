@@ -63,7 +63,7 @@ def test_no_more_exact_than_newton_converges(iterations, monkeypatch):
 def test_what_a_loose_solve_may_leave():
     """The factor of the last Newton step or the share of the forces; nothing where Newton's method may end."""
     scene = block(3, bound=1.5, linear_algebra="krylov")
-    discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    discretisation = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     system = krylov.KrylovSystem.of(discretisation.elasticity(discretisation.cases))
     assert system._left_by(1.0) == 0.03  # without forces
     system._forces = 10.0
@@ -76,7 +76,7 @@ def test_what_a_loose_solve_may_leave():
 def test_no_iteration_follows_an_earlier_one():
     """An iteration that has ended leaves nothing that the tolerances of the next one could depend on."""
     scene = block(6, coefficient=0.3, coulomb="newton", linear_algebra="krylov")
-    task = contact_task(discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings()), History())
+    task = contact_task(discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings()), History())
     assert solve_task(task, task.start).status is Status.CONVERGED
     assert task.system.inexact
     assert task.system._first_residual == 0.0
@@ -112,7 +112,7 @@ def test_multigrid_knows_the_rigid_motions(cell):
         scene = example1(nx=nx, ny=nx // 3, cell=cell)
         held = PrescribedDisplacement(boundary="left", x=0.0, y=0.0)
         scene = scene.model_copy(update={"displacement": (held,), "contact": ()})
-        discretisation = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+        discretisation = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
         system = krylov.KrylovSystem.of(discretisation.elasticity(discretisation.cases))
         if not motions:
             system.matrix.setNearNullSpace(PETSc.NullSpace())

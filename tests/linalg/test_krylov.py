@@ -181,7 +181,7 @@ def test_coarse_matrix_of_truncated_functions(gamma, monkeypatch):
 
     monkeypatch.setattr(krylov, "ContactPreconditioner", create)
     scene = block(6, "tetrahedra", bound=1.5, gamma=gamma, linear_algebra="krylov")
-    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(d, History())
     assert solve_task(task, task.start).status is Status.CONVERGED
     (found,) = made
@@ -286,7 +286,7 @@ def test_chosen_for_large_bodies_in_space(monkeypatch):
         return cost.linear_algebra.partition(":")[0]
 
     def assembled(scene):
-        return discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+        return discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
 
     plane, solid = example1(nx=96, ny=32), block(6, linear_algebra="auto")
     rubber = solid.model_copy(update={"material": (solid.material[0].model_copy(update={"poisson": 0.499}),)})

@@ -94,7 +94,9 @@ def test_prescribed_displacements_of_a_load_step():
     scene = example1(bound=1.5, nx=6, ny=2)
     left, right = scene.displacement
     moved = left.model_copy(update={"x": 0.001, "factors": (1.0, -3.0)})
-    d = discretise(scene.model_copy(update={"displacement": (moved, right)}), load_mesh(scene, COMM), Timings())
+    d = discretise(
+        scene.model_copy(update={"displacement": (moved, right)}).statement, load_mesh(scene, COMM), Timings()
+    )
     system = full.FullSystem.of(d.elasticity(d.cases))
     for step, factor in ((0, 1.0), (1, -3.0)):
         for scale in (1.0, 0.5):

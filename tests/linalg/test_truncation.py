@@ -61,7 +61,7 @@ def test_coarse_matrix_of_two_bodies(monkeypatch):
 def test_two_tangents_share_the_levels():
     """A solver that comes back to its tangent takes as many steps as before, whatever was solved between."""
     scene = block(6, coefficient=0.3, gamma=1e7, linear_algebra="krylov")
-    d = discretise(scene, load_mesh(scene, WORLD), Timings())
+    d = discretise(scene.statement, load_mesh(scene, WORLD), Timings())
     task = contact_task(d, History())
     task.iterate.begin_step(task.start)
     newtons = task.iterate.newton, task.iterate.unsymmetric_newton

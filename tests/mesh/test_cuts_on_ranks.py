@@ -155,7 +155,7 @@ def test_meshes_of_their_own(name):
     scene = stack(*STACKS[name])
     tagged = load_mesh(scene, WORLD)
     assert np.ptp(WORLD.allgather(tagged.mesh.topology.index_map(tagged.dimension).size_local)) <= 2
-    for side in scene.touching:
+    for side in scene.statement.touching:
         own, along = np.array(WORLD.allgather(len(tagged.facets(side)))), STACKS[name][1 + int(side[6])][0]
         assert np.abs(own - own.sum() / WORLD.size).max() <= own.sum() / along
 
@@ -191,7 +191,7 @@ def test_bodies_in_one_file():
     tagged = load_mesh(scene, WORLD)
     shares = WORLD.allgather(tagged.mesh.topology.index_map(2).size_local)
     assert np.ptp(shares) <= 2
-    for side in scene.touching:
+    for side in scene.statement.touching:
         own = np.array(WORLD.allgather(len(tagged.facets(side))))
         assert WORLD.size != 2 or own[0] == pytest.approx(own[1], rel=0.1)
 
@@ -216,7 +216,7 @@ def test_a_file_whose_cells_are_halved(tmp_path):
     }
     found = solve(parse_scene(scene), WORLD)
     assert len(found.levels) > 1
-    tagged = found.discretisation.tagged
+    tagged = found.model.tagged
     assert np.ptp(WORLD.allgather(tagged.mesh.topology.index_map(2).size_local)) <= 2
     for side in ("upper", "lower"):
         own = np.array(WORLD.allgather(len(tagged.facets(side))))

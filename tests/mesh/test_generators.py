@@ -17,8 +17,8 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.files.shape import quality
 from signorini_fx.mesh.refinement import refine
 from signorini_fx.mesh.tagged import coarser_parameters, generate_mesh, simplex_parameters
-from signorini_fx.scene.model import Discretised
 from signorini_fx.scene.reading import parse_scene
+from signorini_fx.scene.scene import Discretised
 from signorini_fx.scene.template import scene_schema
 from signorini_fx.solving.solver import solve
 

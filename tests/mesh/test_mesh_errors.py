@@ -11,7 +11,7 @@ from signorini_fx.effects.contact import UnilateralContact
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mesh.tagged import generate_mesh, read_mesh, tag_boundaries
-from signorini_fx.scene.model import MeshFile
+from signorini_fx.scene.scene import MeshFile
 
 
 def small(**changes):
@@ -149,6 +149,6 @@ def test_mesh_file(tmp_path):
     names = {"bottom": 1, "right": 2, "top": 3, "left": 4}
     file.write_text(GEOMETRY + "".join(f'Physical Curve("{name}") = {{{tag}}};\n' for name, tag in names.items()))
     ours = alone(small(mesh=MeshFile(file=file)))
-    assert ours.discretisation.dofs == 2 * 7 * 3
+    assert ours.model.dofs == 2 * 7 * 3
     theirs = alone(example1(nx=6, ny=2, cell="triangle", generator="block"))
     assert ours.contact.pressure.max() == pytest.approx(theirs.contact.pressure.max(), rel=0.1)

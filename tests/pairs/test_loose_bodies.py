@@ -136,7 +136,7 @@ def test_what_is_proved(below, above, lift, aside, loose):
     """With an interference of 0.03, and the upper block moved sideways."""
     history, timings = History(), Timings()
     scene = stack(lift, below, above, -0.03, aside=aside)
-    task = contact_task(discretise(scene, load_mesh(scene, MPI.COMM_SELF), timings), history)
+    task = contact_task(discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), timings), history)
     task.iterate.begin_step(task.start)
     assert loose_assembly(task, task.start.data, task.start.law) == loose
 

@@ -145,8 +145,8 @@ def test_a_sequence_of_meshes(cell, kind):
     alone, levels = (
         solve(scene(cell, bodies, np.eye(CELLS[cell]), solver={"levels": k, "linear_algebra": kind})) for k in (1, 2)
     )
-    assert [level.dofs for level in levels.levels][-1] == alone.discretisation.dofs
-    assert levels.levels[0].dofs < alone.discretisation.dofs / 3
+    assert [level.dofs for level in levels.levels][-1] == alone.model.dofs
+    assert levels.levels[0].dofs < alone.model.dofs / 3
     size = alone.contact.pressure.max()
     np.testing.assert_allclose(levels.contact.pressure, alone.contact.pressure, rtol=0, atol=1e-6 * size)
 

@@ -72,7 +72,8 @@ def stack(factors=(0.0, 1.0, -1.0, 0.5), **more):
 @pytest.mark.mpi
 def test_forces_of_each_contact(tmp_path, monkeypatch):
     """Not their sum, which is nothing but round-off, is what summary, report and studies show."""
-    solution = solve(stack(), WORLD)
+    scene = stack()
+    solution = solve(scene, WORLD)
     for figures in solution.contact_figures:
         found = figures.contact_force, figures.friction_force
         np.testing.assert_allclose(found, EXPECTED[figures.boundary], atol=1e-7 * PRESS)
@@ -80,7 +81,7 @@ def test_forces_of_each_contact(tmp_path, monkeypatch):
     assert (row["contact_force"], row["friction_force"]) == pytest.approx((2 * PRESS, PUSH), rel=1e-7)
     folder = WORLD.bcast(tmp_path)
     write_results(solution, folder, pictures=False)
-    summary = {**summarise(solution), "scene": solution.scene.model_dump(mode="json")}
+    summary = {**summarise(solution), "scene": scene.model_dump(mode="json")}
     if WORLD.rank:
         return
     assert on_several_bodies(summary)

@@ -157,7 +157,7 @@ def test_one_body_does_not_pay():
         "for kind in 'full', 'krylov':\n"
         "    found = alone(example1(nx=12, ny=4, coefficient=0.3, linear_algebra=kind))\n"
         "    assert found.converged\n"
-        "    inventory = found.discretisation.inventory\n"
+        "    inventory = found.model.inventory\n"
         "    assert inventory.forms == ['elasticity', 'traction top', 'contact bottom'], inventory.forms\n"
         "    assert inventory.matrices == ['stiffness']\n"
         "print([name for name in sys.modules if 'signorini_fx' in name and 'pair' in name])\n"
@@ -177,7 +177,7 @@ def test_pictures_tell_bodies_from_foundations(cylinders):
     from signorini_fx.pictures.boundary_profiles import boundaries_of, panels_of
 
     scene = read_scene(DEMO)
-    sides = {one.name: one for one in gather_setup(load_mesh(scene, MPI.COMM_SELF), scene).boundaries}
+    sides = {one.name: one for one in gather_setup(load_mesh(scene, MPI.COMM_SELF), scene.statement).boundaries}
     assert "contact" in sides["upper"].kinds
     assert "contact" in sides["lower"].kinds
     assert not sides["upper"].grounded
@@ -279,7 +279,9 @@ def test_pieces_keep_their_nodes(stacked):
     from signorini_fx.mesh.tagged import load_mesh
     from signorini_fx.records import Timings
 
-    coarse, fine = (discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings()) for scene in map(stacked, (4, 8)))
+    coarse, fine = (
+        discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings()) for scene in map(stacked, (4, 8))
+    )
     shares = fine.level(coarse.level())._shares(coarse.level()).tocoo()
     assert (fine.motions.piece[shares.row] == coarse.motions.piece[shares.col]).all()
 
@@ -287,7 +289,7 @@ def test_pieces_keep_their_nodes(stacked):
 def in_balance(solution):
     """Forces and moments of both sides of every contact sum to zero; the resultants by their boundaries."""
     every = {one.boundary: one for one in solution.resultants.every()}
-    for effect in solution.scene.contact:
+    for effect in solution.statement.contact:
         one, other = every[effect.boundary], every[effect.against]
         assert one.force + other.force == pytest.approx(np.zeros(2), abs=1e-9 * one.size[0])
         assert one.moment + other.moment == pytest.approx(0.0, abs=1e-9 * one.size[1])
@@ -431,7 +433,7 @@ def test_where_points_are(changes, side):
     from signorini_fx.records import Timings
 
     scene = parse_scene(altered(boundary="lower", against="upper", **changes))
-    found = prepare(scene, load_mesh(scene, MPI.COMM_SELF), Timings()).scene.contact[0]
+    found = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings()).statement.contact[0]
     assert found.boundary == side
     assert found.against == {"upper": "lower", "lower": "upper"}[side]
 
@@ -456,7 +458,7 @@ def test_bonded_pad():
 
     solution = solve(read_scene(DEMO.parent / "bonded_pad.toml"))
     every = in_balance(solution)
-    (figures,) = contact_figures(solution.scene, solution.contact)
+    (figures,) = contact_figures(solution.statement, solution.contact)
     assert figures.tangential_force == pytest.approx(abs(every["pad"].force[0]), rel=1e-6)
     assert figures.friction_limit == np.inf
     assert "in a bond" in render(summarise(solution))

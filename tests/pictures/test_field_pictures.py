@@ -268,7 +268,7 @@ def test_vertices_have_the_recovered_values(scene):
     """At each vertex of each cell stands what ``recovered`` has there; the displacement is that of the elements."""
     comm = MPI.COMM_WORLD
     solution = solve(scene(comm), comm)
-    plane = solution.discretisation.tagged.dimension == 2
+    plane = solution.model.tagged.dimension == 2
     found = (gather_cells if plane else gather_outer_surface)(solution, ("von_mises", *ON_DEMAND), recovered=True)
     own = solution.stress.recovered
     nodal = {"von_mises": own.von_mises, "density": own.shear_energy_density, "pressure": own.tensor}

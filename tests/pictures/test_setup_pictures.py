@@ -50,7 +50,7 @@ def areas(corners):
 def test_in_the_plane():
     """Forces, normals and supports of Example 1; what is nought does not act."""
     scene = parse_scene(example1(bound=1.5))
-    setup = gather_setup(load_mesh(scene, COMM), scene, "Example 1")
+    setup = gather_setup(load_mesh(scene, COMM), scene.statement, "Example 1")
     if COMM.rank > 0:
         assert not len(setup.polygons)
         return
@@ -75,7 +75,7 @@ def test_a_second_name():
     again = {"sole": "x[2] < 1e-9", "unused": "x[2] < 1e-9", "half": "x[2] < 1e-9 and x[0] < 1.1"}
     scene = parse_scene({**BOX, "contact": [{"boundary": "sole"}]})
     box = load_mesh(parse_scene(BOX), COMM)
-    setup = gather_setup(tag_boundaries(box.mesh, {**SIDES, **again}), scene)
+    setup = gather_setup(tag_boundaries(box.mesh, {**SIDES, **again}), scene.statement)
     names = {one.name for one in setup.boundaries}
     assert {"sole", "half", "top"} <= names
     assert not {"unused", "bottom"} & names
@@ -91,7 +91,7 @@ def test_short_names_of_bodies():
     bodies = [{"name": "plate", "mesh": plate}, {"name": "disk", "mesh": disk, "shift": [0.5, 3.0]}]
     contact = {"boundary": "arc", "against": "plate.top"}
     scene = parse_scene({"body": bodies, "material": {"young": 1.0, "poisson": 0.3}, "contact": contact})
-    names = {one.name for one in gather_setup(load_mesh(scene, MPI.COMM_SELF), scene).boundaries}
+    names = {one.name for one in gather_setup(load_mesh(scene, MPI.COMM_SELF), scene.statement).boundaries}
     assert names == {"arc", "disk.top", "plate.top", "plate.bottom", "plate.left", "plate.right"}
 
 
@@ -105,7 +105,7 @@ def areas_of_cells(polygons):
 def test_in_space():
     """Loads of several entries add up; the surface is seen from outside."""
     scene = parse_scene(BOX)
-    setup = gather_setup(load_mesh(scene, COMM), scene)
+    setup = gather_setup(load_mesh(scene, COMM), scene.statement)
     if COMM.rank > 0:
         return
     by_name = {one.name: one for one in setup.boundaries}
@@ -167,7 +167,7 @@ def test_a_body_in_space_is_drawn(tmp_path):
     """With hidden boundaries, names and arrows."""
     from matplotlib.image import imread
 
-    setup = gather_setup(load_mesh(parse_scene(BOX), MPI.COMM_SELF), parse_scene(BOX))
+    setup = gather_setup(load_mesh(parse_scene(BOX), MPI.COMM_SELF), parse_scene(BOX).statement)
     setup.draw(tmp_path / "box", (".png",))
     seen = imread(tmp_path / "box.png")[..., :3].reshape(-1, 3)
 

@@ -39,7 +39,7 @@ def test_matrices_or_a_scene(law, kind, algorithm, tmp_path):
     for name, scale in (("pressure", "pressure"), ("shear", "pressure"), ("u_n", "u_n"), ("u_t", "u_n")):
         size = np.abs(getattr(contact, scale)).max()
         np.testing.assert_allclose(ours[name], getattr(contact, name)[order], rtol=0, atol=1e-10 * size, err_msg=name)
-    x = theirs.discretisation.space.tabulate_dof_coordinates()[:, :2]
+    x = theirs.model.space.tabulate_dof_coordinates()[:, :2]
     corner = np.isclose(x, (algebra_alone.LENGTH, algebra_alone.HEIGHT)).all(axis=1)
     top = theirs.displacement.x.array[1::2][corner][0]
     assert float(ours["top"]) == pytest.approx(top, rel=1e-9)

@@ -60,7 +60,7 @@ def matched(x, places):
 
 def as_in_the_scene(solution, x, nodes, displacement, pressure, shear):
     """Displacement at nodes and tractions at contact nodes, shear as vectors in space, are those of the scene."""
-    places = solution.discretisation.space.tabulate_dof_coordinates()
+    places = solution.model.space.tabulate_dof_coordinates()
     theirs = solution.displacement.x.array.reshape(-1, 3)[matched(x, places)]
     np.testing.assert_allclose(displacement, theirs, rtol=0, atol=1e-10 * np.abs(theirs).max())
     contact = solution.contact
@@ -157,7 +157,7 @@ def missed(reaction, velocity, coefficient):
 @pytest.mark.parametrize("kind", SYSTEMS)
 def test_in_the_form_of_fclib(kind, tmp_path):
     solution = alone(cube(algorithm="exact"))
-    body, boundary = solution.discretisation, solution.discretisation.boundary
+    body, boundary = solution.model, solution.model.boundary
     # The free unknowns of the cube, from PETSc's matrix; supports are part of the load.
     indptr, indices, data = body.stiffness.getValuesCSR()
     every = sp.csr_array((data, indices, indptr))

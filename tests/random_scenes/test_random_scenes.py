@@ -143,8 +143,8 @@ def ends_well(data):
     assert solution.converged == (solution.status is Status.CONVERGED)
     if solution.converged:
         assert solution.certificate.holds
-        assert len(solution.steps) == scene.steps
-    forms = solution.discretisation.inventory.forms
+        assert len(solution.steps) == scene.statement.steps
+    forms = solution.model.inventory.forms
     if solution.converged:
         assert check.forms == tuple(forms)
     assert check.forms[: len(forms)] == tuple(forms)

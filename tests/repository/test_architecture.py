@@ -127,7 +127,7 @@ def test_imports_point_down():
     graph = architecture.graph()
     assert graph["body.forms"] == set()
     assert graph["effects.traction"] == {"scene.effect", "scene.values"}
-    assert {"scene.model", "mesh.tagged", "linalg.choice"} <= graph["solving.one_mesh"]
+    assert {"statement", "mesh.tagged", "linalg.choice"} <= graph["solving.one_mesh"]
     place = {layer: number for number, layer in enumerate(architecture.LAYERS)}
     upward = [
         f"{module} imports {other}"
@@ -219,7 +219,7 @@ def test_the_picture_is_of_today():
 
 
 EFFECTS = sorted(f"effects/{file.stem}" for file in (PACKAGE / "effects").glob("*.py"))
-SCENE = ("scene/effect", "scene/model", "scene/expressions")
+SCENE = ("scene/effect", "scene/scene", "scene/expressions")
 
 
 @pytest.mark.parametrize("module", [*EFFECTS, *SCENE, "errors", "records", "report/page"])

@@ -221,8 +221,8 @@ def test_the_deck_for_calculix(tmp_path, capsys, monkeypatch):
     scene.write_text(calculix.of_block(drafted.text))
     solution = solve(read_scene(scene), MPI.COMM_SELF)
     assert solution.certificate.holds
-    assert solution.scene.contact[0].against is None
-    assert solution.scene.solver.gamma_t == calculix.STICK
+    assert solution.statement.contact[0].against is None
+    assert solution.statement.solver.gamma_t == calculix.STICK
     monkeypatch.setenv("CCX", "no such program")
     assert calculix.main(["block"]) == 0
     assert "nothing is compared" in capsys.readouterr().out

@@ -60,7 +60,7 @@ def solved(name, algorithm):
     return solution
 
 
-def judged(solution, displacement=None, scene=None, **changes):
+def judged(solution, displacement=None, statement=None, **changes):
     """The certificate of a solution with another displacement, other tractions, or of another scene."""
     moved = solution.displacement.copy()
     if displacement is not None:
@@ -68,8 +68,8 @@ def judged(solution, displacement=None, scene=None, **changes):
     tractions = Tractions.of(solution.contact)
     for name, change in changes.items():
         tractions = replace(tractions, **{name: change(getattr(tractions, name).copy())})
-    tagged = solution.discretisation.tagged
-    return certify(scene or solution.scene, tagged, moved, tractions, law=solution.certificate.law)
+    tagged = solution.model.tagged
+    return certify(statement or solution.statement, tagged, moved, tractions, law=solution.certificate.law)
 
 
 def refused(certificate, *figures):
@@ -99,7 +99,7 @@ by = pytest.mark.parametrize("algorithm", METHODS)
 def test_wrong_displacements(name, algorithm):
     """Scaled, turned, moved, one degree of freedom off by a thousandth, one off by a few millionths: none passes."""
     solution = solved(name, algorithm)
-    x = solution.discretisation.space.tabulate_dof_coordinates()
+    x = solution.model.space.tabulate_dof_coordinates()
     largest = np.abs(solution.displacement.x.array).max()
     rng = np.random.default_rng(0)
     refused(judged(solution, lambda u: 1.2 * u))
@@ -172,15 +172,15 @@ def test_kinds_of_wrong_tractions(kind, name, algorithm):
 def test_penetration_and_distance(algorithm):
     """A foundation that is nearer, or farther away, than the solver took it to be."""
     solution = solved("Coulomb", algorithm)
-    effect = solution.scene.contact[0]
+    effect = solution.statement.contact[0]
 
     def moved(by):
         gap = lambda x: effect.gap(x) + by  # noqa: E731
-        return solution.scene.model_copy(update={"contact": (effect.model_copy(update={"gap": gap}),)})
+        return solution.statement.changed(contact=(effect.model_copy(update={"gap": gap}),))
 
     largest = np.abs(solution.displacement.x.array).max()
-    refused(judged(solution, scene=moved(-1e-5 * largest)), "entered")
-    refused(judged(solution, scene=moved(1e-5 * largest)), "pressure_at_distance")
+    refused(judged(solution, statement=moved(-1e-5 * largest)), "entered")
+    refused(judged(solution, statement=moved(1e-5 * largest)), "pressure_at_distance")
 
 
 @by
@@ -188,10 +188,10 @@ def test_penetration_and_distance(algorithm):
 def test_another_coefficient(algorithm, coefficient):
     """Shear that fits another friction coefficient: beyond the bound, or slip below it."""
     solution = solved("Coulomb", algorithm)
-    effect = solution.scene.contact[0]
+    effect = solution.statement.contact[0]
     friction = effect.friction.model_copy(update={"coefficient": coefficient})
-    scene = solution.scene.model_copy(update={"contact": (effect.model_copy(update={"friction": friction}),)})
-    refused(judged(solution, scene=scene), "friction_cone" if coefficient < 0.3 else "slip_below_bound")
+    scene = solution.statement.changed(contact=(effect.model_copy(update={"friction": friction}),))
+    refused(judged(solution, statement=scene), "friction_cone" if coefficient < 0.3 else "slip_below_bound")
 
 
 def test_nodes_that_supports_press_hide_nothing():
@@ -221,7 +221,7 @@ def test_nodes_that_supports_press_hide_nothing():
     contact = scene.contact[0]
     friction = contact.friction.model_copy(update={"coefficient": 0.1 / 1.001})
     other = contact.model_copy(update={"friction": friction})
-    found = judged(solution, scene=scene.model_copy(update={"contact": (other,)}))
+    found = judged(solution, statement=scene.statement.changed(contact=(other,)))
     refused(found, "friction_cone")
     assert found.friction_cone == pytest.approx(1e-4, rel=0.1)  # of the pressure
 
@@ -257,32 +257,32 @@ def test_nodes_held_inside_with_a_tangent_free(gamma, push):
     refused(judged(solution, shear=lambda shear: shear + change), "equilibrium")
     refused(judged(solution, pressure=lambda pressure: pressure + 1e-5), "pressure_at_distance")
     load = scene.traction[0].model_copy(update={"y": push + 1e-5})
-    refused(judged(solution, scene=scene.model_copy(update={"traction": (load,)})), "equilibrium")
+    refused(judged(solution, statement=scene.statement.changed(traction=(load,))), "equilibrium")
 
 
 def test_another_scene():
     """Another load, support, material or load factor."""
     solution = solved("Coulomb", "ssn")
-    scene = solution.scene
-    load, support, material = scene.traction[0], scene.displacement[0], scene.material[0]
+    scene = solution.statement
+    load, support, material = scene.effects["traction"][0], scene.displacement[0], scene.material[0]
     others = {
         "traction": (load.model_copy(update={"x": 1e-3}),),
         "material": (material.model_copy(update={"poisson": 0.4001}),),
     }
     for key, value in others.items():
-        refused(judged(solution, scene=scene.model_copy(update={key: value})), "equilibrium")
-    pulled = scene.model_copy(update={"displacement": (support.model_copy(update={"x": 1e-6}), scene.displacement[1])})
-    refused(judged(solution, scene=pulled), "supports")
+        refused(judged(solution, statement=scene.changed(**{key: value})), "equilibrium")
+    pulled = scene.changed(displacement=(support.model_copy(update={"x": 1e-6}), scene.displacement[1]))
+    refused(judged(solution, statement=pulled), "supports")
 
 
 def test_the_law_itself_does_not_allow_for_gamma():
     """A regularised solution is none of the unregularised law: penetration and elastic slip refuse it."""
     solution = alone(example1(coefficient=0.6, nx=30, ny=10, gamma=1e6))
     assert solution.certificate.law == Law(1e6, 1e6)
-    contact, tagged = solution.contact, solution.discretisation.tagged
-    certificate = certify(solution.scene, tagged, solution.displacement, Tractions.of(contact))
+    contact, tagged = solution.contact, solution.model.tagged
+    certificate = certify(solution.statement, tagged, solution.displacement, Tractions.of(contact))
     refused(certificate, "entered", "slip_below_bound")
-    half = certify(solution.scene, tagged, solution.displacement, Tractions.of(contact), law=Law(2e6, 2e6))
+    half = certify(solution.statement, tagged, solution.displacement, Tractions.of(contact), law=Law(2e6, 2e6))
     refused(half, "entered", "slip_below_bound")
 
 
@@ -294,7 +294,7 @@ def test_a_body_that_sinks_unhindered_is_refused():
     contact = alone(scene).contact
     free = alone(scene.model_copy(update={"contact": ()}))
     nothing = replace(Tractions.of(contact), pressure=0 * contact.pressure, shear=0 * Tractions.of(contact).shear)
-    certificate = certify(scene, free.discretisation.tagged, free.displacement, nothing)
+    certificate = certify(scene.statement, free.model.tagged, free.displacement, nothing)
     assert max(certificate.equilibrium, certificate.negative_pressure, certificate.friction_cone) < 1e-6
     assert certificate.entered > 0.1
     assert not certificate.holds
@@ -316,7 +316,7 @@ def test_bilateral_contact_does_not_open():
     assert solution.contact.pressure.min() < 0
     for gap in (1e-5, -1e-5):
         other = scene.contact[0].model_copy(update={"gap": gap})
-        refused(judged(solution, scene=scene.model_copy(update={"contact": (other,)})), "entered")
+        refused(judged(solution, statement=scene.statement.changed(contact=(other,))), "entered")
 
 
 @pytest.mark.parametrize("offset", [1e-4, -1e-4])
@@ -342,7 +342,7 @@ def test_bilateral_contact_where_a_support_holds_a_node(algorithm, offset):
     assert u_n[1:] - pressure[1:] / solution.certificate.law.gamma_n == pytest.approx(offset, rel=1e-9)
     for change in (1e-3 * offset, -1e-3 * offset):
         other = scene.contact[0].model_copy(update={"gap": offset + change})
-        refused(judged(solution, scene=scene.model_copy(update={"contact": (other,)})), "entered")
+        refused(judged(solution, statement=scene.statement.changed(contact=(other,))), "entered")
 
 
 def test_potential_energy():
@@ -360,16 +360,16 @@ def test_load_steps_build_on_the_step_before():
     push = scene.traction[0].model_copy(update={"y": 0.0, "x": 10.0, "factors": (1.0, 0.5)})
     solution = alone(scene.model_copy(update={"traction": (*scene.traction, push)}))
     first = alone(scene.model_copy(update={"traction": (*scene.traction, push.model_copy(update={"factors": None}))}))
-    tagged = solution.discretisation.tagged
+    tagged = solution.model.tagged
     given = {"law": solution.certificate.law, "step": 1}
     tractions = Tractions.of(solution.contact)
     before = PreviousStep(first.displacement, Tractions.of(first.contact))
-    assert certify(solution.scene, tagged, solution.displacement, tractions, before=before, **given).holds
-    refused(certify(solution.scene, tagged, solution.displacement, tractions, **given))
+    assert certify(solution.statement, tagged, solution.displacement, tractions, before=before, **given).holds
+    refused(certify(solution.statement, tagged, solution.displacement, tractions, **given))
     farther = first.displacement.copy()
     farther.x.array[:] *= 1.01
     wrong = replace(before, displacement=farther)
-    refused(certify(solution.scene, tagged, solution.displacement, tractions, before=wrong, **given))
+    refused(certify(solution.statement, tagged, solution.displacement, tractions, before=wrong, **given))
 
 
 def test_tractions_of_other_nodes():
@@ -377,7 +377,7 @@ def test_tractions_of_other_nodes():
     solution = solved("Coulomb", "ssn")
     tractions = replace(Tractions.of(solution.contact), nodes=solution.contact.boundary.nodes[::-1] + 1)
     with pytest.raises(ValueError, match="contact nodes"):
-        certify(solution.scene, solution.discretisation.tagged, solution.displacement, tractions)
+        certify(solution.statement, solution.model.tagged, solution.displacement, tractions)
 
 
 # --- faults in the solver ---------------------------------------------------------------------------------------------
@@ -519,17 +519,17 @@ def on_a_slope(**solver):
 def test_a_rigid_motion_is_no_deformation():
     """Lengths are judged by the deformation: a body that turns far has no leave to enter its foundation farther."""
     solution = alone(on_a_slope())
-    x = solution.discretisation.space.tabulate_dof_coordinates()[:, :2]
+    x = solution.model.space.tabulate_dof_coordinates()[:, :2]
     u = solution.displacement.x.array
     motions = np.zeros((u.size, 3))
     motions[::2, 0] = motions[1::2, 1] = 1.0
     motions[::2, 2], motions[1::2, 2] = -x[:, 1], x[:, 0]
     left = np.linalg.norm((u - motions @ np.linalg.lstsq(motions, u)[0]).reshape(-1, 2), axis=1).max()
     assert left < 0.1 * np.abs(u).max()
-    effect = solution.scene.contact[0]
+    effect = solution.statement.contact[0]
     gap = lambda x: effect.gap(x) - 3 * CERTIFICATE_TOLERANCE * left  # noqa: E731
-    scene = solution.scene.model_copy(update={"contact": (effect.model_copy(update={"gap": gap}),)})
-    refused(judged(solution, scene=scene), "entered")
+    scene = solution.statement.changed(contact=(effect.model_copy(update={"gap": gap}),))
+    refused(judged(solution, statement=scene), "entered")
 
 
 @pytest.mark.parametrize(("size", "stress"), [(1.0, 1.0), (1e-6, 1e9)])
@@ -540,7 +540,7 @@ def test_a_body_that_moves_far_does_not_deform_another_one(size, stress):
     friction = {"law": "coulomb", "coefficient": 0.5}
     solution = alone(stack(-0.5005, friction, friction, gap=0.5, size=size, stress=stress))
     assert solution.certificate.holds
-    x = solution.discretisation.space.tabulate_dof_coordinates()[:, :2]
+    x = solution.model.space.tabulate_dof_coordinates()[:, :2]
     u = solution.displacement.x.array.reshape(-1, 2)
     down = u[:, 1] < -0.25 * size
     left = 0.0
@@ -552,11 +552,11 @@ def test_a_body_that_moves_far_does_not_deform_another_one(size, stress):
         rest = u[body].ravel() - flat @ np.linalg.lstsq(flat, u[body].ravel())[0]
         left = max(left, np.linalg.norm(rest.reshape(-1, 2), axis=1).max())
     assert left < 1e-3 * size
-    contact = solution.scene.contact
+    contact = solution.statement.contact
     for error, figure in ((3, "entered"), (-3, "pressure_at_distance")):
         gap = 0.5 * size - error * CERTIFICATE_TOLERANCE * left
-        scene = solution.scene.model_copy(update={"contact": (contact[0].model_copy(update={"gap": gap}), contact[1])})
-        refused(judged(solution, scene=scene), figure)
+        scene = solution.statement.changed(contact=(contact[0].model_copy(update={"gap": gap}), contact[1]))
+        refused(judged(solution, statement=scene), figure)
 
 
 @pytest.mark.parametrize(("n", "degree"), [(4, 1), (4, 2), (8, 1)])
@@ -650,7 +650,7 @@ def twisted(count, least, share=1.0):
         }
     )
     solution = solve(scene, check=False)
-    x = solution.discretisation.space.tabulate_dof_coordinates()
+    x = solution.model.space.tabulate_dof_coordinates()
     exact = stress * 2 * (1 + poisson) / young * x[:, 0] * x[:, 1]
     wrong = solution.displacement.x.array.reshape(-1, 3)[:, 2] - exact
     return solution, np.abs(wrong).max() / np.abs(exact).max()

@@ -42,8 +42,8 @@ def solved(share, dim, algorithm="ssn"):
 
 def judged(solution, displacement=lambda y: y, pressure=lambda p: p, shear=lambda s: s):
     """The certificate of a solution whose second block has another displacement, pressure or shear."""
-    moved, dim = solution.displacement.copy(), solution.discretisation.tagged.mesh.geometry.dim
-    y, x = moved.x.array.reshape(-1, dim), solution.discretisation.space.tabulate_dof_coordinates()
+    moved, dim = solution.displacement.copy(), solution.model.tagged.mesh.geometry.dim
+    y, x = moved.x.array.reshape(-1, dim), solution.model.space.tabulate_dof_coordinates()
     second = x[:, 0] > 2
     y[second] = displacement(y[second])
     tractions, there = Tractions.of(solution.contact), solution.contact.boundary.x[:, 0] > 2
@@ -52,7 +52,7 @@ def judged(solution, displacement=lambda y: y, pressure=lambda p: p, shear=lambd
         values[there] = change(values[there])
         assert np.abs(values).max() > 0, name
     tractions = replace(tractions, **changed)
-    return certify(solution.scene, solution.discretisation.tagged, moved, tractions, law=solution.certificate.law)
+    return certify(solution.statement, solution.model.tagged, moved, tractions, law=solution.certificate.law)
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_a_body_between_a_support_and_springs():
     solution = alone(scene)
     stiffer = scene.springs[0].model_copy(update={"x": 100.0 * (1 + 1e-3), "y": 100.0 * (1 + 1e-3)})
     other = scene.model_copy(update={"springs": (stiffer,)})
-    found = certify(other, solution.discretisation.tagged, solution.displacement, None, law=solution.certificate.law)
+    found = certify(other.statement, solution.model.tagged, solution.displacement, None, law=solution.certificate.law)
     assert found.equilibrium == pytest.approx(1e-3, rel=0.01)
 
 
@@ -125,8 +125,8 @@ def test_a_slender_body():
     assert solution.certificate.holds
     load = scene.traction[0].model_copy(update={"y": -1.0 * (1 + 1e-5)})
     other = scene.model_copy(update={"traction": (load,)})
-    tractions, tagged = Tractions.of(solution.contact), solution.discretisation.tagged
-    found = certify(other, tagged, solution.displacement, tractions, law=solution.certificate.law)
+    tractions, tagged = Tractions.of(solution.contact), solution.model.tagged
+    found = certify(other.statement, tagged, solution.displacement, tractions, law=solution.certificate.law)
     assert found.equilibrium > CERTIFICATE_TOLERANCE
 
 
@@ -191,7 +191,7 @@ def test_bodies_at_rest_beside_one_that_moves_away(young, degree, cell):
     solution = alone(scene)
     assert solution.status is Status.CONVERGED
     y = solution.displacement.x.array.reshape(-1, 2)
-    highest = solution.discretisation.space.tabulate_dof_coordinates()[:, 1] > 2 + 0.5e-4
+    highest = solution.model.space.tabulate_dof_coordinates()[:, 1] > 2 + 0.5e-4
     assert np.abs(y[~highest]).max() < 1e-8 * np.linalg.norm(away)
     assert np.abs(y[highest] - away).max() < 1e-12 * np.linalg.norm(away)
     # What is no round-off is refused as before.
@@ -199,10 +199,10 @@ def test_bodies_at_rest_beside_one_that_moves_away(young, degree, cell):
     at_rest = np.flatnonzero(~highest)
     wrong.x.array.reshape(-1, 2)[at_rest] += 1e-7 * away[0] * rng.standard_normal((at_rest.size, 2))
     tractions = Tractions.of(solution.contact)
-    tagged, law = solution.discretisation.tagged, solution.certificate.law
-    assert certify(scene, tagged, wrong, tractions, law=law).worst > 1e-3
+    tagged, law = solution.model.tagged, solution.certificate.law
+    assert certify(scene.statement, tagged, wrong, tractions, law=law).worst > 1e-3
     pulled = replace(tractions, pressure=tractions.pressure + 1e-4 * min(young) * away[0])
-    assert certify(scene, tagged, solution.displacement, pulled, law=law).worst > 10 * CERTIFICATE_TOLERANCE
+    assert certify(scene.statement, tagged, solution.displacement, pulled, law=law).worst > 10 * CERTIFICATE_TOLERANCE
 
 
 def test_a_soft_body_on_a_stiff_one():
@@ -222,5 +222,5 @@ def test_a_soft_body_on_a_stiff_one():
     for name in ("pressure", "shear"):
         values = getattr(tractions, name)
         wrong = replace(tractions, **{name: values + 1e-3 * stress * rng.standard_normal(values.shape)})
-        tagged, law = solution.discretisation.tagged, solution.certificate.law
-        assert certify(scene, tagged, solution.displacement, wrong, law=law).worst > 5 * CERTIFICATE_TOLERANCE
+        tagged, law = solution.model.tagged, solution.certificate.law
+        assert certify(scene.statement, tagged, solution.displacement, wrong, law=law).worst > 5 * CERTIFICATE_TOLERANCE

@@ -22,8 +22,8 @@ from signorini_fx import (
 )
 from signorini_fx.errors import ResultError
 from signorini_fx.extensions import QUANTITIES
-from signorini_fx.quantities.model import summary_schema
 from signorini_fx.quantities.registry import quantities
+from signorini_fx.quantities.schema import summary_schema
 from signorini_fx.quantities.table import markdown
 from signorini_fx.report.page import page
 from signorini_fx.results.short_answer import short_answer

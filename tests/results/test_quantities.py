@@ -143,7 +143,7 @@ def test_compliance_is_the_inverse_of_the_stiffness(name, hypothesis):
     lame, mu = constants
     strain = ufl.sym(ufl.grad(solution.displacement))
     sigma = lame * ufl.tr(strain) * ufl.Identity(2) + 2 * mu * strain
-    kinematics = solution.scene.kinematics
+    kinematics = solution.statement.kinematics
     energy = estimators.compliance(kinematics.components(sigma), kinematics, *constants)
     strained = ufl.inner(sigma, strain)
     found, expected = (fem.assemble_scalar(fem.form(density * ufl.dx)) for density in (energy, strained))
@@ -156,7 +156,7 @@ def test_mean_tangential_displacement(degree):
     symmetric = example1(bound=1.5, nx=6, ny=2, degree=degree)
     left, right = symmetric.displacement
     solution = alone(symmetric.model_copy(update={"displacement": (left.model_copy(update={"x": 0.001}), right)}))
-    tagged = solution.discretisation.tagged
+    tagged = solution.model.tagged
     tag = tagged.boundaries["bottom"]
     ds = ufl.Measure("ds", domain=tagged.mesh, subdomain_data=tagged.facet_tags)(tag)
     integral = fem.assemble_scalar(fem.form(solution.displacement[0] * ds))

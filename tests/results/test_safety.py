@@ -91,7 +91,7 @@ def test_what_the_body_rests_on_counts(gap):
     assert not contact.in_contact[contact.boundary.x[:, 0] < 1.0].any()
     assert solution.safety.factor * live == pytest.approx(dead + WEIGHT * LENGTH / HEIGHT, rel=1e-6)
     broken = replace(contact, pressure=np.full_like(contact.pressure, np.nan))
-    assert safety_of(solution.discretisation, broken, 0.0) is None
+    assert safety_of(solution.model, broken, 0.0) is None
 
 
 def test_a_support_takes_the_pressure():

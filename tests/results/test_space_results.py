@@ -113,7 +113,7 @@ def test_where_forces_act_on_curved_facets():
             "contact": {"boundary": "sphere"},
         }
     )
-    body = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    body = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     boundary = body.boundary
     rng = np.random.default_rng(3)
     pressure, shear = rng.uniform(size=boundary.size), rng.normal(size=(boundary.size, 2))
@@ -138,7 +138,7 @@ def test_points_of_few_facets_at_a_time(monkeypatch):
     scene = block(6)
     tagged = scene.mesh
     space = fem.functionspace(tagged.mesh, ("Lagrange", 1, (3,)))
-    forces = NodalForces(scene, tagged, space)
+    forces = NodalForces(scene.statement, tagged, space)
     together = forces.external(0)
     calls, jacobian = [], SurfaceQuadrature._jacobian
     monkeypatch.setattr(surface_quadrature, "_TOGETHER", 50)

@@ -11,8 +11,8 @@ from scenes import alone, example1
 from spaces import block
 
 from signorini_fx import cli
-from signorini_fx.quantities.model import summary_schema
 from signorini_fx.quantities.run import SCHEMA_VERSION
+from signorini_fx.quantities.schema import summary_schema
 from signorini_fx.quantities.table import markdown
 from signorini_fx.results.files import write_results
 from signorini_fx.scene.reading import parse_scene

@@ -13,8 +13,8 @@ from signorini_fx.laws.coulomb import Coulomb
 from signorini_fx.laws.none import NoFriction
 from signorini_fx.laws.tresca import Tresca
 from signorini_fx.scene.expressions import Expression
-from signorini_fx.scene.model import Scene
 from signorini_fx.scene.reading import parse_scene, parse_scene_text, read_scene
+from signorini_fx.scene.scene import Scene
 
 DEMOS = sorted((Path(__file__).parents[2] / "demos" / "scenes").glob("*.toml"))
 GOOD = {
@@ -79,8 +79,8 @@ def test_defaults():
     """What a scene does not mention is off."""
     scene = parse_scene({key: GOOD[key] for key in ("mesh", "material")})
     assert (scene.displacement, scene.traction, scene.body_force, scene.contact) == ((), (), None, ())
-    assert not scene.has_friction
-    assert not scene.has_coulomb
+    assert not scene.statement.has_friction
+    assert not scene.statement.has_coulomb
 
 
 @pytest.mark.parametrize(
@@ -97,7 +97,7 @@ def test_defaults():
 def test_which_friction_acts(friction, acts, coulomb):
     """F = 0 and g = 0 are frictionless contact."""
     scene = parse_scene(changed(("contact.0.friction", friction)))
-    assert (scene.has_friction, scene.has_coulomb) == (acts, coulomb)
+    assert (scene.statement.has_friction, scene.statement.has_coulomb) == (acts, coulomb)
 
 
 def test_one_table_instead_of_a_list():

@@ -103,7 +103,7 @@ def close(ours, theirs, unit):
 def assert_same(there, here, length, force):
     """The solution in other units, with the same counts."""
     assert (there.status, counts(there)) == (here.status, counts(here))
-    stress, dim = force / length**2, here.discretisation.tagged.dimension
+    stress, dim = force / length**2, here.model.tagged.dimension
     close(there.displacement.x.array, here.displacement.x.array, length)
     close(there.contact.pressure, here.contact.pressure, stress)
     if here.contact.has_friction:
@@ -209,7 +209,7 @@ SMALL = [("quadrilaterals", 1), ("tetrahedra", 1)]
 def disturbed(element, law, shake, length, force):
     """The certificate of a result that is wrong by noise."""
     scene = block(element, law, length, force)
-    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     rng, stress = np.random.default_rng(3), force / length**2
     y = d.function(d.stiffness.createVecRight())
     y.x.array[:] = length * shake(rng, y.x.array.shape)
@@ -222,7 +222,11 @@ def disturbed(element, law, shake, length, force):
         shear = np.zeros(d.boundary.x.shape)
     gamma = 1e6 * stress / length
     return certify(
-        scene, d.tagged, y, Tractions(d.boundary.part, d.boundary.nodes, pressure, shear), law=Law(gamma, gamma)
+        scene.statement,
+        d.tagged,
+        y,
+        Tractions(d.boundary.part, d.boundary.nodes, pressure, shear),
+        law=Law(gamma, gamma),
     )
 
 
@@ -258,7 +262,7 @@ def test_the_size_of_the_forces(element, linear_algebra):
     found = []
     for length, force in [(1.0, 1.0), *UNITS]:
         scene = block(element, "none", length, force, linear_algebra=linear_algebra)
-        d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+        d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
         task = contact_task(d, History())
         problem = task.iterate.newton.problem
         assert task.iterate.newton.solve(task.start.data, task.start.sets) is Status.CONVERGED
@@ -364,7 +368,7 @@ def test_not_a_number_in_a_result(value, where, element, every):
         values[place] = value
         tractions = replace(tractions, **{where: values})
     with np.errstate(all="ignore"):
-        found = certify(solution.scene, solution.discretisation.tagged, solution.displacement, tractions)
+        found = certify(solution.statement, solution.model.tagged, solution.displacement, tractions)
     assert not found.holds
 
 
@@ -374,7 +378,7 @@ def test_not_a_number_in_an_iterate(element):
     by name.
     """
     scene = block(element)
-    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(d, History())
     newton = task.iterate.newton
     newton.pose(task.start.data, task.start.sets)
@@ -396,7 +400,7 @@ def test_not_a_number_in_an_iterate(element):
 def test_what_a_solve_cannot_do(linear_algebra, spoil, status):
     """A matrix that breaks down is told from numbers that were not finite before."""
     scene = example1(nx=6, ny=2, linear_algebra=linear_algebra)
-    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(d, History())
     spoil(task.system)
     with np.errstate(all="ignore"):
@@ -407,7 +411,7 @@ def test_what_a_solve_cannot_do(linear_algebra, spoil, status):
 def test_what_a_solve_gives(value, status):
     """No number, of a matrix whose factorisation breaks down without a word; or more than forces can be computed of."""
     scene = example1(nx=6, ny=2, linear_algebra="full")
-    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(d, History())
     newton = task.iterate.newton
     newton.snes.getKSP().setPostSolve(lambda ksp, b, x: x.set(value))

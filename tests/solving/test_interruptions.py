@@ -23,7 +23,7 @@ from signorini_fx.records import History
 from signorini_fx.results import files
 from signorini_fx.results.files import write_results
 from signorini_fx.results.nodal_forces import NodalForces
-from signorini_fx.solving import one_mesh, solver
+from signorini_fx.solving import one_mesh, scene_meshes, solver
 
 SCENE = """
 mesh = { generator = "GENERATOR", parameters = { PARAMETERS } }
@@ -54,7 +54,7 @@ def written(path, kind, solver):
 # Place -> the function that is entered there, and the scenes that enter it.
 FULL, CONDENSED, KRYLOV = (f'linear_algebra = "{name}"' for name in ("full", "condensed", "krylov"))
 PLACES = {
-    "mesh": (one_mesh, "load_mesh", (PLANE, f"{FULL}, levels = 2")),
+    "mesh": (scene_meshes, "load_mesh", (PLANE, f"{FULL}, levels = 2")),
     "assembly": (one_mesh, "discretise", (PLANE, f"{FULL}, levels = 2")),
     "condense": (schur.SchurComplement, "__init__", (PLANE, f"{CONDENSED}, levels = 2")),
     "residual": (regularised.RegularisedProblem, "_hold", (PLANE, FULL)),

@@ -29,7 +29,7 @@ WORLD, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
 
 def level(scene, comm, coarser=None):
     """The level of a scene's mesh over a coarser one."""
-    return discretise(scene, load_mesh(scene, comm), Timings()).level(coarser)
+    return discretise(scene.statement, load_mesh(scene, comm), Timings()).level(coarser)
 
 
 def generated(name, parameters, **solver):
@@ -149,13 +149,13 @@ def test_prescribed_unknowns_do_not_move():
 def test_levels_in_between():
     """Meshes of nearly the same size are left out; a mesh far too coarse is no level."""
     coarse, same, fine, finest = (level(block(n), SELF) for n in (6, 9, 12, 27))
-    d = discretise(block(12), load_mesh(block(12), SELF), Timings())
+    d = discretise(block(12).statement, load_mesh(block(12), SELF), Timings())
     same.coarser = coarse
     assert d.level(same).coarser is coarse
     assert d.level(coarse).coarser is coarse
     assert d.level(finest).coarser is None
     assert d.level(fine).coarser is None
-    d = discretise(block(27), load_mesh(block(27), SELF), Timings())
+    d = discretise(block(27).statement, load_mesh(block(27), SELF), Timings())
     assert d.level(coarse).coarser is None
 
 
@@ -228,7 +228,7 @@ def between_walls(n, **solver):
 def test_skew_supports(steps):  # noqa: F811
     """Unknowns in frames of their own on either mesh; the interpolation turns them, with as few steps."""
     ours, theirs = (nested([between_walls(n, linear_algebra=kind) for n in (4, 8)]) for kind in ("krylov", "full"))
-    assert ours.discretisation.rotation is not None
+    assert ours.model.rotation is not None
     agree(ours, theirs)
     assert max(count for *_, count in steps) <= 12
 
@@ -256,16 +256,14 @@ def test_the_coarser_displacement_is_the_start(cells):
     """At the nodes of the coarser mesh it is what it was there, although each body has a resting place of its own."""
     coarse = solve(block(6, cells, bound=1.5, linear_algebra="krylov"), SELF)
     scene = block(12, cells, bound=1.5, linear_algebra="krylov")
-    d = discretise(scene, load_mesh(scene, SELF), Timings())
-    below = coarse.discretisation.level(None, coarse.displacement)
+    d = discretise(scene.statement, load_mesh(scene, SELF), Timings())
+    below = coarse.model.level(None, coarse.displacement)
     task = contact_task(d, History(), below)
     assert task.rest is not None
     begin_at_coarse(task, below, d)
     found = d.from_rest(task.rest, task.iterate.x).x.array.reshape(-1, 3)
     wanted = coarse.displacement.x.array.reshape(-1, 3)
-    distance, node = cKDTree(d.space.tabulate_dof_coordinates()).query(
-        coarse.discretisation.space.tabulate_dof_coordinates()
-    )
+    distance, node = cKDTree(d.space.tabulate_dof_coordinates()).query(coarse.model.space.tabulate_dof_coordinates())
     assert distance.max() < 1e-12
     np.testing.assert_allclose(found[node], wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
 
@@ -332,7 +330,7 @@ def test_sweep():
             "solver": {"linear_algebra": "krylov", "levels": 2, "coulomb": "newton"},
         }
     )
-    body = discretise(scene, load_mesh(scene, SELF), Timings())
+    body = discretise(scene.statement, load_mesh(scene, SELF), Timings())
     values = [0.1, 0.3]
     first = [_Value(coefficient=values[0])]
     level, state = _coarser(scene, body, first)

@@ -86,7 +86,7 @@ def coarse():
 def fine(request):
     """The boundary of the mesh whose cells are that many times smaller."""
     data = scene(4 * request.param)
-    return discretise(data, load_mesh(data, WORLD), Timings()).boundary
+    return discretise(data.statement, load_mesh(data, WORLD), Timings()).boundary
 
 
 def test_linear_multipliers_are_carried_over_exactly(coarse, fine):
@@ -173,7 +173,7 @@ def test_nothing_is_said_about_meshes_that_nobody_looks_at(looked_at, monkeypatc
         example1(bound=1.5, nx=24, ny=8, levels=3), MPI.COMM_SELF, on_level=given.append if looked_at else None
     )
     assert asked == []  # nobody has asked so far
-    expected = [each.discretisation.dofs for each in (*given, solution)]
+    expected = [each.model.dofs for each in (*given, solution)]
     assert all(each.findings is not None for each in (*given, solution))
     assert asked == expected
     assert len(given) == (2 if looked_at else 0)

@@ -39,7 +39,7 @@ def ramp(push, steps=10, *, factors=(0.0, 1.0), nx=30, friction=None, load_steps
 
 
 def increments(scene):
-    return Increments(scene.path, scene.solver, has_coulomb=scene.has_coulomb)
+    return Increments(scene.statement.path, scene.solver, has_coulomb=scene.statement.has_coulomb)
 
 
 def test_factors_between_load_steps():
@@ -55,8 +55,8 @@ def test_factors_between_load_steps():
 def test_times_have_no_digits_of_round_off(times, third):
     """The places of a ramp of three increments are not exact; the times say no more than they know, in any unit."""
     scene = ramp(0.5, 3, load_steps={"times": list(times)})
-    assert repr(scene.time_at(0.333333333334)) == third
-    assert [scene.time_at(place) for place in (0.0, 1.0)] == list(times)
+    assert repr(scene.statement.time_at(0.333333333334)) == third
+    assert [scene.statement.time_at(place) for place in (0.0, 1.0)] == list(times)
 
 
 def test_a_path_without_a_scene():
@@ -64,7 +64,7 @@ def test_a_path_without_a_scene():
     path, scene = LoadPath((0.5, 2.0), ("press", "push"), steps=2, from_nothing=True), ramp(0.5)
     assert [path.time_at(place) for place in (-0.5, 0.0, 0.5)] == [0.25, 0.5, 1.25]
     assert [path.name_at(place) for place in (-0.5, 0.0, 0.5)] == ["press", "press", "push"]
-    assert scene.path == LoadPath((0.0, 1.0), steps=10)
+    assert scene.statement.path == LoadPath((0.0, 1.0), steps=10)
     assert walk(Increments(path, SolverSettings(), has_coulomb=False), 9.0) == [-0.5, 0.0, 1.0]
 
 

@@ -334,7 +334,7 @@ def test_foundations_that_move(tmp_path, text, method):
     for one, other in zip(solution.steps, reference.steps, strict=True):
         assert one.certificate.holds
         # Two meshes of the same scene may be divided among the ranks differently: tables are of all ranks.
-        ours, theirs = (contact_table(step.contact, *given.sides).columns for step in (one, other))
+        ours, theirs = (contact_table(step.contact, *given.statement.sides).columns for step in (one, other))
         size = np.abs(theirs["pressure"]).max()
         for name in ("pressure", "shear"):
             np.testing.assert_allclose(ours[name], theirs[name], rtol=0, atol=1e-8 * size)
@@ -422,7 +422,7 @@ def test_nodes_at_the_same_place():
 def test_all_that_belongs_to_a_load_step(tmp_path, text, exact):
     """Data, sets, iterate and what is known of the outcome come back, each by itself."""
     given, rng = scene(text), np.random.default_rng(0)
-    d = discretise(given, load_mesh(given, MPI.COMM_SELF), Timings())
+    d = discretise(given.statement, load_mesh(given, MPI.COMM_SELF), Timings())
     tasks = [contact_task(d, History()) for _ in range(2)]
     task = tasks[0]
     count, tangents = task.start.data.mu_hat.shape
@@ -446,7 +446,7 @@ def test_all_that_belongs_to_a_load_step(tmp_path, text, exact):
     result = SimpleNamespace(displacement=d.from_rest(task.rest, outcome.displacement()))
     start = replace(task.start, place=0.5)
     stored = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=False)
-    path = Increments(given.path, given.solver, has_coulomb=given.has_coulomb)
+    path = Increments(given.statement.path, given.solver, has_coulomb=given.statement.has_coulomb)
     steps = SceneSteps(d, Timings(), lambda d: tasks[1])
     MeshCheckpoint(stored, 0).store(steps, task, start, outcome, result, path, (0, 0, 0))
     again = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=True)

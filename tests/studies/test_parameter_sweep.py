@@ -138,9 +138,9 @@ def test_values_of_an_entry(path):
         np.testing.assert_allclose(point.contact.forces, solution.contact.forces, rtol=0, atol=1e-8 * size)
         pressure = MPI.COMM_WORLD.allreduce(point.contact.pressure.max(initial=0.0), MPI.MAX)
         np.testing.assert_allclose(pressure, solution.contact.pressure.max(), rtol=1e-6)
-    assembled = {id(point._discretisation.inventory): point._discretisation.inventory for point in points}
+    assembled = {id(point._model.inventory): point._model.inventory for point in points}
     assert sum(inventory.matrices.count("stiffness") for inventory in assembled.values()) == matrices
-    assert len({id(point._discretisation.tagged.mesh) for point in points}) == (3 if "mesh" in path else 1)
+    assert len({id(point._model.tagged.mesh) for point in points}) == (3 if "mesh" in path else 1)
 
 
 def test_a_value_begins_where_the_last_one_ended():

@@ -135,7 +135,7 @@ def test_methods():
         found = methods.methods(scene)
         names = [method.name for method in found]
         assert len(names) == len(set(names))
-        assert any("monolithic" in name for name in names) == scene.has_coulomb
+        assert any("monolithic" in name for name in names) == scene.statement.has_coulomb
         for family in methods.FAMILIES:
             assert 3 <= sum(family in method.families for method in found) <= 9
         # The settings are those of a scene.
@@ -182,7 +182,7 @@ def test_what_cannot_be_studied(tmp_path, capsys):
     scene.write_text(SCENE.partition("[contact]")[0].replace('"left", x = 0.0', '"left", x = 0.0, y = 0.0'))
     assert cli.main(["work-precision", str(scene), "--quick", "--out", str(tmp_path / "out")]) == 2
     assert "needs a scene with contact" in capsys.readouterr().err
-    tagged = solve(example1(bound=1.0, nx=6, ny=2)).discretisation.tagged
+    tagged = solve(example1(bound=1.0, nx=6, ny=2)).model.tagged
     own = example1(bound=1.0).model_copy(update={"mesh": tagged})
     with pytest.raises(SceneError, match="generator"):
         on_mesh(own, 1.0, "Q1", {})

@@ -17,9 +17,7 @@ from signorini_fx.scene.reading import parse_scene
 
 def problem(solution):
     """The solution as plain arrays on triangles."""
-    return Bounded(
-        solution.discretisation, solution.displacement, solution.contact, solution._position, solution._before
-    )
+    return Bounded(solution.model, solution.displacement, solution.contact, solution._position, solution._before)
 
 
 def energy_of_difference(solution, reference):
@@ -162,7 +160,7 @@ def effectivity(scene):
         reference = on_finer_mesh(scene)
     except SignoriniError as failed:
         return str(failed).splitlines()[0]
-    bound = error_bound(solution.discretisation, solution.displacement, solution.contact)
+    bound = error_bound(solution.model, solution.displacement, solution.contact)
     if isinstance(bound, str):
         return bound
     true = energy_of_difference(solution, reference)

@@ -19,7 +19,7 @@ _INSIDE = (5 - np.sqrt(5)) / 20 + np.eye(4) * np.sqrt(5) / 5
 
 def problem(solution):
     """The solution as plain arrays on tetrahedra."""
-    return Bounded(solution.discretisation, solution.displacement, solution.contact, 0.0)
+    return Bounded(solution.model, solution.displacement, solution.contact, 0.0)
 
 
 def energy_of_difference(solution, reference):

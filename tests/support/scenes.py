@@ -104,4 +104,4 @@ def energy(solution):
 
 def table_of(solution):
     """The contact nodes as a table, in order along the boundary."""
-    return contact_table(solution.contact, [effect.boundary for effect in solution.scene.contact])
+    return contact_table(solution.contact, [effect.boundary for effect in solution.statement.contact])

@@ -156,7 +156,7 @@ def test_one_triangle():
     assert slips == {0.0, 0.227671, 0.897329}
     told = "\n".join(map(str, lines_of(summarise(solution))))
     assert "2 other solutions found" in told
-    assert not uniqueness(solution.discretisation, solution.contact, search=False).starts
+    assert not uniqueness(solution.model, solution.contact, search=False).starts
 
 
 def test_check_before_a_solve(monkeypatch):
@@ -216,7 +216,7 @@ def searched(count, seed):
             solution = alone(random_scene(chance))
         except SignoriniError:
             continue
-        answer = uniqueness(solution.discretisation, solution.contact, search=True)
+        answer = uniqueness(solution.model, solution.contact, search=True)
         assert answer.starts > 0
         assert not (answer.proved and answer.others)
         proved += answer.proved

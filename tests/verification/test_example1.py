@@ -43,7 +43,7 @@ def test_numbers(solved):
     law, solution, _ = solved
     assert energy(solution) == pytest.approx(ENERGY[law], abs=5e-8)
     assert solution.contact.pressure.max() == pytest.approx(LARGEST_PRESSURE[law], abs=5e-5)
-    x = solution.discretisation.space.tabulate_dof_coordinates()
+    x = solution.model.space.tabulate_dof_coordinates()
     middle = np.flatnonzero(np.isclose(x[:, 0], 1.5) & np.isclose(x[:, 1], 1.0))
     u_2 = solution.displacement.x.array.reshape(-1, 2)[middle, 1]
     assert u_2 == pytest.approx({"tresca": -0.00382157, "coulomb": -0.00384852}[law], abs=5e-9)

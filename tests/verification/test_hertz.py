@@ -54,7 +54,7 @@ def half_disk(half_width=0.4, *, cell="triangle", degree=1, symmetric=True, size
 
 def profile(solution, centre=0.0):
     """(distance from the centre, pressure, weight, state) along the contact boundary."""
-    columns = contact_table(solution.contact, [solution.scene.contact[0].boundary]).columns
+    columns = contact_table(solution.contact, [solution.statement.contact[0].boundary]).columns
     return columns["x"] - centre, columns["pressure"], columns["weight"], columns["state"]
 
 
@@ -172,7 +172,7 @@ def block(*, scale=1.0, cell="quadrilateral", degree=1, friction=0.0, circle=Fal
 
 def against_formula(solution):
     """(P, largest pressure over p0, half-width over a) with a and p0 from the load that came out."""
-    length = solution.scene.mesh.parameters["length"]
+    length = solution.statement.origin["mesh"].parameters["length"]
     x, pressure, weight, _ = profile(solution, length / 2)
     total = np.dot(weight, pressure)
     half_width = np.sqrt(4 * total * RADIUS / (np.pi * MODULUS))

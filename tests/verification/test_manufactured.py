@@ -23,7 +23,7 @@ def errors(count, cell, degree, law, **solver):
 
     def norms(v):
         epsilon = ufl.sym(ufl.grad(v))
-        lame, mu = solution.discretisation.lame
+        lame, mu = solution.model.lame
         energy = lame * ufl.tr(epsilon) ** 2 + 2 * mu * ufl.inner(epsilon, epsilon)
         return [np.sqrt(fem.assemble_scalar(fem.form(e * ufl.dx))) for e in (energy, ufl.inner(v, v))]
 
@@ -110,7 +110,7 @@ def sinking(poisson, cell, degree, volumetric, nx):
     scene = example1(poisson=poisson, bound=1.5, gamma="auto", nx=nx, ny=nx // 3, cell=cell, degree=degree)
     element = scene.element.model_copy(update={"volumetric": volumetric})
     solution = alone(scene.model_copy(update={"element": element}))
-    x = solution.discretisation.space.tabulate_dof_coordinates()
+    x = solution.model.space.tabulate_dof_coordinates()
     middle = np.argmin(np.hypot(x[:, 0] - 1.5, x[:, 1] - 1.0))
     return solution.displacement.x.array[2 * middle + 1]
 

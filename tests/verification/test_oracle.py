@@ -11,7 +11,7 @@ CELLS = ["quadrilateral", "triangle"]
 
 def in_grid_order(solution, nx, ny):
     """Nodal displacements in the order of the oracle's grid, shape (nodes, 2)."""
-    space = solution.discretisation.space
+    space = solution.model.space
     x = space.tabulate_dof_coordinates()
     number = np.rint(x[:, 0] * nx / oracle.LENGTH) + (nx + 1) * np.rint(x[:, 1] * ny / oracle.HEIGHT)
     return solution.displacement.x.array.reshape(-1, 2)[np.argsort(number)]

@@ -274,7 +274,7 @@ def test_gamma_beyond_double_precision():
 def test_when_a_residual_is_lost_to_round_off():
     """Where one unit in the last place of gamma times a length is more force than the tolerance allows."""
     scene = example1(bound=1.5, gamma=1e6, patch=PATCH, **SMALL)
-    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     task = contact_task(d, History())
     newton = task.iterate.newton
     assert newton.solve(task.start.data, task.start.sets) is Status.CONVERGED

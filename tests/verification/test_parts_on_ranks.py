@@ -57,7 +57,7 @@ def test_size_of_a_body(cell):
 
 
 def discretised(scene, comm):
-    return discretise(scene, load_mesh(scene, comm), Timings())
+    return discretise(scene.statement, load_mesh(scene, comm), Timings())
 
 
 def field(discretisation, a, b):
@@ -202,7 +202,7 @@ def test_certificate_of_a_wrong_displacement():
     def wrong(comm):
         solution = solve(scene, comm)
         solution.displacement.x.array[:] *= 1.1
-        return certify(scene, solution.discretisation.tagged, solution.displacement, None).equilibrium
+        return certify(scene.statement, solution.model.tagged, solution.displacement, None).equilibrium
 
     assert same_on_all_ranks(wrong(WORLD)) == pytest.approx(wrong(ALONE), rel=1e-6)
     assert wrong(ALONE) > 1e-3

@@ -129,14 +129,14 @@ def run(tagged, degree, algorithm="exact", **scene):
 
 
 def assert_displacement(solution, exact, tolerance=ROUND_OFF):
-    expected = exact(solution.discretisation.space.tabulate_dof_coordinates().T).T
+    expected = exact(solution.model.space.tabulate_dof_coordinates().T).T
     found = solution.displacement.x.array.reshape(-1, 2)
     np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance * np.abs(expected).max())
 
 
 def assert_contact(solution, pressure, shear=0.0, state="stick", part=0, tolerance=ROUND_OFF):
     """The same pressure, shear and state at all nodes of a contact boundary."""
-    names = [effect.boundary for effect in solution.scene.contact]
+    names = [effect.boundary for effect in solution.statement.contact]
     columns = contact_table(solution.contact, names).columns
     here = columns["boundary"] == names[part]
     np.testing.assert_allclose(columns["pressure"][here], pressure, rtol=0, atol=tolerance * PRESSURE)

@@ -15,7 +15,7 @@ from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.laws.tresca import Tresca
 from signorini_fx.records import Status
 from signorini_fx.scene.expressions import Expression
-from signorini_fx.scene.model import MeshFile
+from signorini_fx.scene.scene import MeshFile
 from signorini_fx.solving.solver import solve
 
 pytestmark = pytest.mark.mpi

@@ -26,7 +26,7 @@ FINEST = {"none": -0.0049153, "tresca": -0.0048748, "coulomb": -0.0048038}
 
 def figures(solution):
     """What ``REFERENCE`` has."""
-    x = solution.discretisation.space.tabulate_dof_coordinates()
+    x = solution.model.space.tabulate_dof_coordinates()
     y = solution.displacement.x.array.reshape(-1, 3)
     under = int(np.argmin(np.abs(x - (1.5, 0.5, 1.0)).sum(axis=1)))
     columns = solution.table.columns
@@ -165,7 +165,7 @@ def test_averages_beside_a_support():
         "contact": {"boundary": "bottom"},
     }
     given = parse_scene(scene)
-    boundary = discretise(given, load_mesh(given, MPI.COMM_SELF), Timings()).boundary
+    boundary = discretise(given.statement, load_mesh(given, MPI.COMM_SELF), Timings()).boundary
     held = boundary.averages.x[:, 0] < boundary.averages.x[:, 0].min() + 1e-9
     assert 0 < held.sum() < held.size
     np.testing.assert_array_equal(boundary.averages.fixed, np.tile(held[:, None], 3))

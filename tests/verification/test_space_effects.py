@@ -171,7 +171,7 @@ def test_points_that_average_over_a_support():
     """They can move with the nodes that no support holds: the body feels their pressure."""
     scene = block(6, "tetrahedra", bound=1.5, degree=2)
     scene = scene.model_copy(update={"displacement": (PrescribedDisplacement(boundary="left", z=0.0),)})
-    boundary = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings()).boundary
+    boundary = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings()).boundary
     beside = boundary.x[:, 0] < 0.6  # of cells of 0.5
     assert beside.sum() == 6
     assert boundary.averages.fixed.any()
@@ -205,7 +205,7 @@ def test_check_says_what_is_solved():
     assert said.cost.linear_algebra == solution.linear_algebra
     assert said.cost.linear_solves[0] <= solution.history.linear_solves <= said.cost.linear_solves[1]
     assert said.effects[0].why == "always; in space"
-    assert list(said.forms) == solution.discretisation.inventory.forms
+    assert list(said.forms) == solution.model.inventory.forms
 
 
 def test_sweep():
@@ -227,7 +227,7 @@ def test_without_contact():
         }
     )
     solution = alone(scene)
-    x = solution.discretisation.space.tabulate_dof_coordinates()
+    x = solution.model.space.tabulate_dof_coordinates()
     found = solution.displacement.x.array.reshape(-1, 3)
     np.testing.assert_allclose(found[:, 0], 0.002 * x[:, 0], atol=1e-15)
 

@@ -95,7 +95,7 @@ def test_table_1(turn, monkeypatch):
     rng = np.random.default_rng(1)
     monkeypatch.setattr(contact_boundary, "tangents_of", lambda normal: turned_tangents(normal, rng))
     scene = askew() if turn == "askew" else extruded(turn)
-    discretisation = discretise(scene, scene.mesh, Timings())
+    discretisation = discretise(scene.statement, scene.mesh, Timings())
     task = contact_task(discretisation, History())
     found = []
     for gamma_n in TABLE["gamma_1"]:

@@ -127,10 +127,10 @@ def test_certificate_sees_a_shear_astray():
     )
     solution = alone(scene)
     tractions = Tractions.of(solution.contact)
-    tagged, law = solution.discretisation.tagged, solution.certificate.law
+    tagged, law = solution.model.tagged, solution.certificate.law
     turned = replace(tractions, shear=tractions.shear @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
-    assert certify(scene, tagged, solution.displacement, tractions, law=law).holds
-    wrong = certify(scene, tagged, solution.displacement, turned, law=law)
+    assert certify(scene.statement, tagged, solution.displacement, tractions, law=law).holds
+    wrong = certify(scene.statement, tagged, solution.displacement, turned, law=law)
     assert wrong.equilibrium < 1e-9
     assert not wrong.holds
     assert wrong.wrong_way_slip > 1e-2

@@ -19,7 +19,7 @@ from signorini_fx.effects.contact import UnilateralContact
 from signorini_fx.effects.displacement import PrescribedDisplacement
 from signorini_fx.laws.tresca import Tresca
 from signorini_fx.materials.isotropic import LinearElastic
-from signorini_fx.scene.model import Scene, SolverSettings
+from signorini_fx.scene.scene import Scene, SolverSettings
 
 YOUNG, BOUND, FAR, PRESSED = 100.0, 2.0, 0.05, 0.1
 SHEAR_MODULUS = YOUNG / 2
@@ -76,7 +76,7 @@ def made_up(cells, n, algorithm="auto"):
 def errors(cells, n, algorithm):
     """Of the displacement in L2 and of the shear on the bottom in L2, by the nodes, relative."""
     solution = alone(made_up(cells, n, algorithm))
-    x = solution.discretisation.space.tabulate_dof_coordinates().T
+    x = solution.model.space.tabulate_dof_coordinates().T
     exact = displacement(x)
     found = solution.displacement.x.array.reshape(-1, 3).T
     columns = solution.table.columns

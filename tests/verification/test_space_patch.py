@@ -111,7 +111,7 @@ def run(element, turn, **effects):
 
 def assert_displacement(solution, state, turn):
     """The displacement is that of the state, to round-off."""
-    x = solution.discretisation.space.tabulate_dof_coordinates()
+    x = solution.model.space.tabulate_dof_coordinates()
     exact = state.displacement(turn, x)
     found = solution.displacement.x.array.reshape(-1, 3)
     np.testing.assert_allclose(found, exact, rtol=0, atol=ROUND_OFF * np.abs(exact).max())

@@ -171,7 +171,7 @@ def test_two_pieces_and_a_hinge():
     )
     scene = brick({}, mesh=tagged, displacement={"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0})
     solution = alone(scene, check=False)
-    motions = solution.discretisation.motions
+    motions = solution.model.motions
     assert motions.pieces.count == 2
     assert motions.free.shape[1] == 1
     assert solution.status is Status.NOT_HELD

@@ -334,7 +334,7 @@ class _Reader:
 
 
 @dataclass(frozen=True)
-class Model:
+class DeckModel:
     """An Abaqus input file.
 
     Attributes:
@@ -363,7 +363,7 @@ class Model:
     tied: bool
 
 
-def read_model(file: Path) -> Model:
+def read_model(file: Path) -> DeckModel:
     """The mesh of an Abaqus input file, and all of its keywords.
 
     Raises:
@@ -386,7 +386,7 @@ def read_model(file: Path) -> Model:
         if not reader.elements and not reader.passed_over:
             last = blocks[-1] if blocks else DeckBlock("", {}, 1, name="NODE")
             raise DeckError(last, "up to here, the last keyword, there is no element")
-    return Model(
+    return DeckModel(
         mesh,
         blocks,
         reader.groups,

@@ -12,7 +12,7 @@ from signorini_fx.quantities.requests import axis_of
 from signorini_fx.quantities.step_columns import by_axis, of_boundaries
 
 if TYPE_CHECKING:
-    from signorini_fx.body.named_body import NamedBody
+    from signorini_fx.model import Model
     from signorini_fx.quantities.functional import Functional
     from signorini_fx.quantities.statements import Interval
 
@@ -25,7 +25,7 @@ class MeanTangential(Quantity):
 
     def columns(self, solution: Any) -> dict[str, Any]:
         """See ``Quantity``; between several bodies of each boundary."""
-        contact, names = solution.contact, of_boundaries(solution.scene)
+        contact, names = solution.contact, of_boundaries(solution.statement)
         if contact is None:
             return {}
         motions = contact.mean_tangential_of_each if names else [contact.mean_tangential_displacement]
@@ -39,7 +39,7 @@ class Mean(Quantity):
     title = "Mean displacement of a boundary along an axis."
     request = "mean BOUNDARY AXIS"
 
-    def functional(self, d: NamedBody, *words: str) -> Functional | None:
+    def functional(self, d: Model, *words: str) -> Functional | None:
         """See ``Quantity``."""
         import ufl
         from dolfinx import fem
@@ -66,7 +66,7 @@ class Mean(Quantity):
     def bounds(self, solution: Any, *words: str) -> Interval | str | None:
         """See ``Quantity``."""
         boundary, axis = words
-        dimension = solution.discretisation.dimension
+        dimension = solution.model.dimension
         direction = np.eye(dimension)[axis_of(dimension, axis)]
         bounds: Interval | str = solution.mean_displacement_bounds(boundary, tuple(direction.tolist()))
         return bounds
@@ -79,7 +79,7 @@ class AtPoint(Quantity):
     title = "Displacement of a point along an axis."
     request = "displacement X,Y[,Z] AXIS"
 
-    def functional(self, d: NamedBody, *words: str) -> Functional | None:
+    def functional(self, d: Model, *words: str) -> Functional | None:
         """See ``Quantity``."""
         from signorini_fx.quantities.differentiable import OfDisplacement
 

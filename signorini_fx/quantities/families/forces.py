@@ -18,7 +18,7 @@ from signorini_fx.quantities.text import force_lines, kinematics_of, named_compo
 from signorini_fx.units import with_unit
 
 if TYPE_CHECKING:
-    from signorini_fx.body.named_body import NamedBody
+    from signorini_fx.model import Model
     from signorini_fx.quantities.functional import Functional
     from signorini_fx.quantities.statements import Interval
 
@@ -39,7 +39,7 @@ class _Force(Quantity):
 
     def columns(self, solution: Any) -> dict[str, Any]:
         """See ``Quantity``; between several bodies of each boundary, as their sum acts on none."""
-        contact, names = solution.contact, of_boundaries(solution.scene)
+        contact, names = solution.contact, of_boundaries(solution.statement)
         if contact is None:
             return {}
         forces = [contact.forces_of_each[k, self.number] for k in range(len(names))] or [contact.forces[self.number]]
@@ -88,17 +88,17 @@ class TotalContactForce(_Force):
             error *= max(1.0, math.hypot(*components) / math.hypot(contact, friction))
         return error
 
-    def functional(self, d: NamedBody, *words: str) -> Functional | None:
+    def functional(self, d: Model, *words: str) -> Functional | None:
         """See ``Quantity``: with friction, at one boundary."""
         from signorini_fx.quantities.differentiable import ContactForce
 
         boundary, axis = words
-        return ContactForce(contact_of(d.scene, boundary), axis_of(d.dimension, axis))
+        return ContactForce(contact_of(d.statement, boundary), axis_of(d.dimension, axis))
 
     def bounds(self, solution: Any, *words: str) -> Interval | str | None:
         """See ``Quantity``: of a contact or of a support."""
         boundary, axis = words
-        dimension = solution.discretisation.dimension
+        dimension = solution.model.dimension
         direction = np.eye(dimension)[axis_of(dimension, axis)]
         bounds: Interval | str = solution.force_bounds(boundary, tuple(direction.tolist()))
         return bounds

@@ -16,7 +16,7 @@ from signorini_fx.quantities.step_columns import by_axis, turnings
 from signorini_fx.quantities.text import resultant, row
 
 if TYPE_CHECKING:
-    from signorini_fx.body.named_body import NamedBody
+    from signorini_fx.model import Model
     from signorini_fx.quantities.functional import Functional
 
 
@@ -51,7 +51,7 @@ class ContactMoment(_Moment):
     title = "Moment of `contact_force` about the origin, in space; with torsion about the axis x[1]."
     terminal, request = "contact moment", "moment BOUNDARY [AXIS]"
 
-    def functional(self, d: NamedBody, *words: str) -> Functional | None:
+    def functional(self, d: Model, *words: str) -> Functional | None:
         """See ``Quantity``: with friction, at one boundary; in the plane too."""
         from signorini_fx.quantities.differentiable import ContactForce
 
@@ -61,7 +61,7 @@ class ContactMoment(_Moment):
         if reason := d.kinematics.refuses.get("moment"):
             raise SceneError([(f"of moment {boundary}", reason)])
         component = 0 if d.dimension == 2 else axis_of(d.dimension, axis)
-        return ContactForce(contact_of(d.scene, boundary), component, moment=True)
+        return ContactForce(contact_of(d.statement, boundary), component, moment=True)
 
 
 class FrictionMoment(_Moment):

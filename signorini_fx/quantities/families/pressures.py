@@ -12,7 +12,7 @@ from signorini_fx.quantities.requests import contact_of, power_of
 from signorini_fx.quantities.step_columns import by_axis, turnings
 
 if TYPE_CHECKING:
-    from signorini_fx.body.named_body import NamedBody
+    from signorini_fx.model import Model
     from signorini_fx.quantities.functional import Functional
 
 
@@ -61,12 +61,12 @@ class PeakPressure(Quantity):
         """See ``Quantity``."""
         return solved_prices(summary).get("peak")
 
-    def functional(self, d: NamedBody, *words: str) -> Functional | None:
+    def functional(self, d: Model, *words: str) -> Functional | None:
         """See ``Quantity``: a smooth approximation, see ``differentiable.LargestPressure``."""
         from signorini_fx.quantities.differentiable import LargestPressure
 
         boundary, *power = words
-        return LargestPressure(contact_of(d.scene, boundary), power_of(f"pressure {boundary}", 8.0, power))
+        return LargestPressure(contact_of(d.statement, boundary), power_of(f"pressure {boundary}", 8.0, power))
 
 
 class PeakShear(Quantity):

@@ -53,8 +53,8 @@ class ErrorBoundOfSolution(Quantity):
 
     def asked(self, solution: Any) -> bool:
         """See ``Quantity``."""
-        goal = solution.scene.accuracy
-        return bool(solution.scene.solver.error_bound or (goal is not None and goal.certified))
+        goal = solution.statement.accuracy
+        return bool(solution.statement.solver.error_bound or (goal is not None and goal.certified))
 
     def value(self, solution: Any) -> Any:
         """See ``Quantity``."""
@@ -103,7 +103,7 @@ class UniquenessOfSolution(Quantity):
 
     def asked(self, solution: Any) -> bool:
         """See ``Quantity``."""
-        return bool(solution.scene.solver.uniqueness)
+        return bool(solution.statement.solver.uniqueness)
 
     def value(self, solution: Any) -> Any:
         """See ``Quantity``."""

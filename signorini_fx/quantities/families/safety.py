@@ -77,7 +77,7 @@ class HeldBySupports(Quantity):
 
     def value(self, solution: Any) -> Any:
         """See ``Quantity``."""
-        return solution.discretisation.motions.free.shape[1] == 0
+        return solution.model.motions.free.shape[1] == 0
 
 
 def safety_assumed(safety: dict[str, Any]) -> list[str]:

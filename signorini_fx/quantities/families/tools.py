@@ -36,10 +36,10 @@ class Tools(Quantity):
 
     def value(self, solution: Any) -> Any:
         """See ``Quantity``."""
-        contact, effects = solution.contact, solution.scene.contact
+        contact, effects = solution.contact, solution.statement.contact
         if contact is None:
             return None
-        kinematics = solution.discretisation.kinematics
+        kinematics = solution.model.kinematics
         return [motion.as_dict(contact, effects, kinematics) for motion in solution.last_step.tools] or None
 
     def cards(self, summary: Summary) -> list[Card]:

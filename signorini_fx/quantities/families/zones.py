@@ -14,7 +14,7 @@ from signorini_fx.quantities.requests import contact_of, power_of
 from signorini_fx.quantities.text import point_in_words, row
 
 if TYPE_CHECKING:
-    from signorini_fx.body.named_body import NamedBody
+    from signorini_fx.model import Model
     from signorini_fx.quantities.functional import Functional
 
 Runs = list[Annotated[list[Point], Field(min_length=2, max_length=2)]]
@@ -91,12 +91,12 @@ class Areas(Quantity):
             lines.append(row("note", "Tresca friction also acts where there is no contact"))
         return lines
 
-    def functional(self, d: NamedBody, *words: str) -> Functional | None:
+    def functional(self, d: Model, *words: str) -> Functional | None:
         """See ``Quantity``: that of the contact, smoothed, in the plane a length."""
         from signorini_fx.quantities.differentiable import ContactArea
 
         boundary, *power = words
-        return ContactArea(contact_of(d.scene, boundary), power_of(f"area {boundary}", 2.0, power))
+        return ContactArea(contact_of(d.statement, boundary), power_of(f"area {boundary}", 2.0, power))
 
 
 QUANTITIES = (Zones(), Areas())
