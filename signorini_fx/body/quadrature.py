@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
+import numpy.typing as npt
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
@@ -11,6 +14,9 @@ from signorini_fx.kinematics.cartesian import Kinematics
 from signorini_fx.kinematics.space import SPACE
 from signorini_fx.materials.isotropic import elastic_degree
 from signorini_fx.tuned import AFFINE_CELL
+
+# The positions of the nodes of each mesh that still exists, and whether its cells on this rank are so.
+_known: WeakKeyDictionary[dmesh.Mesh, tuple[npt.NDArray[np.floating], bool]] = WeakKeyDictionary()
 
 
 def strain_degree(space: fem.FunctionSpace, kinematics: Kinematics = SPACE) -> int:
@@ -33,10 +39,22 @@ def has_affine_parts(mesh: dmesh.Mesh, *, in_body: bool) -> bool:
 
 
 def parallelepipeds(mesh: dmesh.Mesh) -> bool:
-    """Whether all cells of all ranks are quadrilaterals or hexahedra with affine maps: parallelograms in the plane."""
-    dim = mesh.topology.dim
+    """Whether all cells of all ranks are quadrilaterals or hexahedra with affine maps: parallelograms in the plane;
+    collective.
+
+    A rank looks at its cells again only if somebody has moved their nodes.
+    """
     if mesh.topology.cell_name() not in ("quadrilateral", "hexahedron") or compat.geometry_degree(mesh) > 1:
         return False
+    known = _known.get(mesh)
+    if known is None or not np.array_equal(known[0], mesh.geometry.x):
+        known = _known[mesh] = mesh.geometry.x.copy(), _affine(mesh)
+    return not parallel.any_rank(mesh.comm, not known[1])
+
+
+def _affine(mesh: dmesh.Mesh) -> bool:
+    """The same of the cells of this rank."""
+    dim = mesh.topology.dim
     cells, x = compat.geometry_cells(mesh), mesh.geometry.x[:, :dim]
     first = x[cells[:, 0]]
     edges = [x[cells[:, 2**k]] - first for k in range(dim)]  # vertices in the order of basix: along x[0] first
@@ -47,4 +65,4 @@ def parallelepipeds(mesh: dmesh.Mesh) -> bool:
         if len(along) > 1:
             away = x[cells[:, vertex]] - first - sum(along)
             affine &= bool((np.einsum("ci,ci->c", away, away) <= AFFINE_CELL**2 * shortest).all())
-    return not parallel.any_rank(mesh.comm, not affine)
+    return affine

@@ -63,6 +63,11 @@ class _ShapeOfSection:
         away, normal = self.shape.distance(np.ascontiguousarray(x[:, :2]))
         return away, np.pad(normal, ((0, 0), (0, 1)))
 
+    @property
+    def inradius(self) -> float:
+        """See ``scene.rigid_shape.Shape``; infinite where the shape does not say it."""
+        return float(getattr(self.shape, "inradius", np.inf))
+
 
 def _measure(kinematics: Kinematics, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """At points of shape (3, n); where it is zero it may be below by round-off."""

