@@ -19,7 +19,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.linalg import row_by_row
-from signorini_fx.linalg.blocks import change_added, is_by_blocks, with_added
+from signorini_fx.linalg.blocks import apart, change_added, is_by_blocks, with_added
 from signorini_fx.tuned import SHARE_OF_COARSE_DIAGONAL
 
 Array = npt.NDArray[np.float64]
@@ -100,12 +100,16 @@ class TruncatedLevels:
         for interpolation in self._below:
             self._products.append(self._changes[-1].matMult(interpolation))
             self._changes.append(interpolation.transposeMatMult(self._products[-1]))
-        # Of a matrix by blocks what is beside it.
-        self._untruncated = [_widened(level, change) for level, change in zip(coarse, self._changes, strict=True)]
-        self.coarse = [
-            with_added(level, beside.copy()) if is_by_blocks(level) else row_by_row(beside.copy())
-            for level, beside in zip(coarse, self._untruncated, strict=True)
-        ]
+        self._untruncated, self.coarse = list[PETSc.Mat](), list[PETSc.Mat]()
+        for level, change in zip(coarse, self._changes, strict=True):
+            wider = _widened(level, change)
+            if is_by_blocks(level):  # what truncation cancels is beside it in double precision
+                level, entries = apart(level, change)
+                wider.axpy(1.0, entries, structure=_SUBSET_PATTERN)
+                self.coarse.append(with_added(level, wider.copy()))
+            else:
+                self.coarse.append(row_by_row(wider.copy()))
+            self._untruncated.append(wider)
         for level in self.coarse:
             level.setOption(PETSc.Mat.Option.SPD, True)
 

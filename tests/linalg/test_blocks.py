@@ -18,7 +18,7 @@ from test_krylov import LAWS, agree
 from test_ranks import same_on_all_ranks
 from test_two_bodies import paraboloids
 
-from signorini_fx.body import block_stiffness, elastic
+from signorini_fx.body import block_stiffness, elastic, kept
 from signorini_fx.body.nodal_stiffness import NodalStiffness
 from signorini_fx.errors import MachineError
 from signorini_fx.linalg import blocks, callbacks, factorisation, kernels, krylov
@@ -134,6 +134,39 @@ def test_a_stiffness_by_blocks(dimension):
 
 
 @pytest.mark.mpi
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_entries_of_a_pattern_stay_in_double_precision(dimension):
+    """They are those of the matrix, what is left of it has none of them, and both together are A but for the round-off
+    of single precision; A itself stays as it is.
+    """
+    ours, theirs, _space = two_matrices(dimension, WORLD)
+    first, last = ours.getOwnershipRange()
+    pattern = PETSc.Mat().createAIJ(ours.getSizes(), nnz=(9, 9), comm=WORLD)
+    for row in range(first, last, 3):  # rows of some nodes, in part, and one entry that A has no room for
+        columns, _ = theirs.getRow(row)
+        pattern.setValues(row, columns[::3][:8], np.zeros(len(columns[::3][:8])))
+        pattern.setValue(row, (row + ours.getSize()[0] // 2) % ours.getSize()[0], 0.0)
+    pattern.assemble()
+    left, entries = blocks.apart(ours, pattern)
+    wanted = pattern.copy()
+    for row in range(first, last):
+        columns, _ = pattern.getRow(row)
+        if len(columns):
+            wanted.setValues(row, columns, theirs.getValues([row], columns))
+    wanted.assemble()
+    assert difference(entries, wanted) <= 1e-15
+    x, y = ours.createVecs()
+    whole, inside = y.duplicate(), y.duplicate()
+    x.getArray()[:] = np.random.default_rng(WORLD.rank).standard_normal(x.getLocalSize())
+    theirs.mult(x, whole)
+    wanted.mult(x, inside)
+    left.mult(x, y)
+    assert inside.norm() > 0.05 * whole.norm()
+    assert 0 < (y + inside - whole).norm() <= 1e-7 * whole.norm()
+    assert difference(blocks.by_entries(ours), theirs) <= 1e-15
+
+
+@pytest.mark.mpi
 def test_a_scalar_form_with_the_pattern_of_blocks():
     """The matrix that dolfinx assembles with a pattern of its own, on any number of ranks."""
     stiffness, _, space = two_matrices(3, WORLD)
@@ -171,6 +204,7 @@ def either(monkeypatch):
 
             monkeypatch.setattr(elastic, "FEWEST_BLOCK_UNKNOWNS", fewest)
             monkeypatch.setattr(krylov.KrylovSystem, "configure", watched)
+            kept._last.clear()
             solution = solve(make(), comm) if solving else make()
             assert kinds == {fewest == 0}
             answers.append((solution, steps))
