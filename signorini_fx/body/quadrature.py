@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -16,7 +17,7 @@ from signorini_fx.materials.isotropic import elastic_degree
 from signorini_fx.tuned import AFFINE_CELL
 
 # The positions of the nodes of each mesh that still exists, and whether its cells on this rank are so.
-_known: WeakKeyDictionary[dmesh.Mesh, tuple[npt.NDArray[np.floating], bool]] = WeakKeyDictionary()
+_known: WeakKeyDictionary[dmesh.Mesh, tuple[npt.NDArray[Any], bool]] = WeakKeyDictionary()
 
 
 def strain_degree(space: fem.FunctionSpace, kinematics: Kinematics = SPACE) -> int:
