@@ -3662,11 +3662,11 @@ MUTANTS = (
         tests=("strategy::test_what_moves_a_body_without_load",),
     ),
     Mutant(
-        "algorithms/strategy",
-        "law.has_derivative and data.bilateral is None",
-        "law.has_derivative",
-        "monolithic method for bilateral contact",
-        tests=("strategy::test_where_the_monolithic_method_is_tried",),
+        "contact/friction",
+        "np.where(bilateral, pressure, pushing)",
+        "pushing",
+        "monolithic method: bilateral points that pull have no friction",
+        tests=("coulomb_ways::test_newton_where_contact_cannot_open",),
     ),
     Mutant(
         "algorithms/strategy",

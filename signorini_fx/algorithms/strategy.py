@@ -122,7 +122,7 @@ def _augmented_or_regularised(task: Task, start: Start) -> Outcome:
     if second.newton is newton:  # its last linear system is that of the solution
         second = replace(second, regularisation_error=path_model(newton, second.data).distance)
     solved, begun = second.newton.checkpoint(), start.begin_from(second.problem.sets, second.newton.multipliers())
-    monolithic = start.law is not None and _may_be_monolithic(start.law, second.data)
+    monolithic = start.law is not None and start.law.has_derivative
     data = replace(second.data, slip_origin=without_elastic_slip(start, second.data))
     with history.at_most(AUGMENTED_SOLVES):
         last = by_augmentation(task, begun, second, data, monolithic=monolithic)
@@ -158,9 +158,7 @@ def _augmented_first(task: Task, start: Start, law: PointFriction) -> Outcome:
     data = softened(task, start, begun)
     ways: list[tuple[object, Callable[[], Outcome]]] = [
         (name, partial(by_augmentation, task, start, begun, data, monolithic=name is AUGMENTED_NEWTON))
-        for name in for_coulomb(
-            monolithic=_may_be_monolithic(law, start.data), first=False, fallbacks=True, damped=False
-        )
+        for name in for_coulomb(monolithic=law.has_derivative, first=False, fallbacks=True, damped=False)
         if name in (AUGMENTED, AUGMENTED_NEWTON)
     ]
     if not start.without_fall_backs:
@@ -339,7 +337,7 @@ def _either_way(
         RAISED: raised,
     }
     names = for_coulomb(
-        monolithic=_may_be_monolithic(law, begun.data),
+        monolithic=law.has_derivative,
         first=monolithic_first,
         fallbacks=s.fallbacks,
         augmented=_may_augment(task, start) and not start.augmented,
@@ -413,8 +411,3 @@ def _exact(task: Task, start: Start, regularised: Outcome) -> Outcome:
         return coulomb_newton(task.iterate.exact_unsymmetric_newton, limit, law, sets)
 
     return _either_way(task, start, law, begun, fixed, monolithic, monolithic_first=regularised.monolithic)
-
-
-def _may_be_monolithic(law: PointFriction, data: RegularisedData) -> bool:
-    """Whether there is a monolithic form: it does not allow for a pressure of either sign."""
-    return law.has_derivative and data.bilateral is None

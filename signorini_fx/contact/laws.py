@@ -186,14 +186,19 @@ class RegularisedData:
         """The bound of |mu| at the contact pressure lambda, stress, shape (n,); zero without friction."""
         if self.bound is None:
             return np.zeros_like(pressure)
-        return self.bound if self.follows is None else self.follows.bound(np.maximum(pressure, 0.0))
+        if self.follows is None:
+            return self.bound
+        pushing = np.maximum(pressure, 0.0)
+        return self.follows.bound(pushing if self.bilateral is None else np.where(self.bilateral, pressure, pushing))
 
 
 def linearised(sets: ActiveSets, pressure: Nodal, data: RegularisedData) -> ActiveSets:
-    """The sets with the tangent of a friction bound that follows the pressure along a curve, at the trial pressure."""
-    if data.follows is None or data.follows.affine:
+    """The sets with the tangent of a friction bound that follows the pressure along a curve, or its magnitude where
+    contact is bilateral, at the trial pressure.
+    """
+    if data.follows is None or (data.follows.affine and data.bilateral is None):
         return sets
-    return replace(sets, line=data.follows.line(pressure))
+    return replace(sets, line=data.follows.line(pressure, data.bilateral))
 
 
 def bound_of_sets(sets: ActiveSets, pressure: Nodal, data: RegularisedData) -> Nodal:
@@ -204,15 +209,15 @@ def bound_of_sets(sets: ActiveSets, pressure: Nodal, data: RegularisedData) -> N
     assert data.bound is not None
     if data.follows is None:
         return data.bound
-    if data.follows.affine:
+    if data.follows.affine and sets.line is None:
         return data.follows.given + data.follows.coefficient * pressure
-    base, slope = data.follows.line(pressure) if sets.line is None else sets.line
+    base, slope = data.follows.line(pressure, data.bilateral) if sets.line is None else sets.line
     return base + slope * pressure
 
 
 def slope_of_bound(sets: ActiveSets, data: RegularisedData) -> Nodal | None:
     """Its derivative by the pressure, shape (n,); None where it is given."""
-    if data.follows is None or data.follows.affine:
+    if data.follows is None or (data.follows.affine and sets.line is None):
         return None if data.follows is None else data.follows.coefficient
     return data.follows.line(np.zeros(sets.slip.size))[1] if sets.line is None else sets.line[1]
 

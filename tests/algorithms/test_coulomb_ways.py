@@ -1,5 +1,6 @@
 """Coulomb friction by either method, each the fall-back of the other, with and without regularisation; and an end."""
 
+import itertools
 import time
 
 import numpy as np
@@ -9,8 +10,11 @@ from scenes import alone, example1
 
 from signorini_fx import attempts, solve
 from signorini_fx.algorithms import augmented, strategy
-from signorini_fx.records import CERTIFICATE_TOLERANCE, Status
+from signorini_fx.body.discretisation import discretise
+from signorini_fx.mesh.tagged import load_mesh
+from signorini_fx.records import CERTIFICATE_TOLERANCE, History, Status, Timings
 from signorini_fx.scene.reading import parse_scene
+from signorini_fx.solving.one_mesh import contact_task
 from signorini_fx.tuned import PROBLEMS_PER_STEP
 from stability.friction import STIFFNESS
 from stability.shapes import triangle
@@ -297,3 +301,69 @@ def test_cohesion_that_opens_its_own_contact():
     solution = pulled(law="coulomb", coefficient=0.0, cohesion=3.0)
     assert solution.status is Status.OUTER_MAX_ITERATIONS
     assert "contact points open with their cohesion, and are closed without it" in solution.history.events
+
+
+def pulled_and_pushed(**solver):
+    """A flat block whose contact cannot open, with loads that press one end of it on and lift the other one."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.25, "nx": 3, "ny": 2}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "traction": {"boundary": "top", "x": -2.0, "y": -0.5},
+            "contact": {"boundary": "bottom", "kind": "bilateral", "friction": {"law": "coulomb", "coefficient": 1.5}},
+            "solver": solver,
+        }
+    )
+
+
+def by_enumeration(scene):
+    """Pressures of all combinations of stick, slip and signs that are solutions: linear systems and inequalities."""
+    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    system, weight = contact_task(d, History()).system, d.boundary.weight
+    stiffness, traces, n = (
+        system.matrix.convert("dense").getDenseArray().copy(),
+        system.contact.operator.convert("dense").getDenseArray().copy(),
+        d.boundary.size,
+    )
+    normal, along, count, friction = traces[0::2], traces[1::2], len(stiffness), scene.contact[0].friction.coefficient
+    found = []
+    for slips in itertools.product((0, 1, -1), repeat=n):
+        for signs in itertools.product(*[(1, -1) if slip else (0,) for slip in slips]):
+            matrix = np.zeros((count + 2 * n, count + 2 * n))
+            matrix[:count] = np.hstack((stiffness, normal.T * weight, along.T * weight))
+            matrix[count : count + n, :count] = normal
+            for k, (slip, sign) in enumerate(zip(slips, signs, strict=True)):
+                row = matrix[count + n + k]
+                if slip:
+                    row[count + n + k], row[count + k] = 1.0, -slip * sign * friction
+                else:
+                    row[:count] = along[k]
+            load = np.concatenate((system.load.array, np.zeros(2 * n)))
+            y, *rest = np.split(np.linalg.lstsq(matrix, load)[0], [count, count + n])
+            if np.abs(matrix @ np.concatenate((y, *rest)) - load).max() > 1e-9 * np.abs(load).max():
+                continue
+            (pressure, shear), slipped = rest, along @ y
+            least = 1e-9 * np.abs(pressure).max()
+            slip, sign, held = np.array(slips), np.array(signs), np.array(slips) == 0
+            sticks = ~held | (np.abs(shear) <= friction * np.abs(pressure) + least)
+            goes = held | ((sign * pressure >= -least) & (slip * slipped >= -1e-9 * np.abs(y).max()))
+            if (sticks & goes).all():
+                found.append(pressure)
+    return found
+
+
+@pytest.mark.parametrize("solver", [{}, {"coulomb": "newton"}, {"algorithm": "alm"}, {"algorithm": "exact"}], ids=str)
+def test_newton_where_contact_cannot_open(solver):
+    """The bound is that of the size of the pressure: points that pull have friction, too.  The fixed point fails here,
+    and the only solution is that of the enumeration of all combinations.
+    """
+    (expected,) = by_enumeration(pulled_and_pushed())
+    assert expected.min() < 0 < expected.max()
+    assert not alone(pulled_and_pushed(coulomb="fp", fallbacks=False), check=False).converged
+    solution = alone(pulled_and_pushed(**solver))
+    assert solution.certificate.holds
+    accuracy = 1e-6 if "algorithm" in solver else 1e-3
+    found, wanted = np.sort(solution.contact.pressure), np.sort(expected)
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=accuracy * np.abs(wanted).max())
+    if solver.get("coulomb") == "newton":
+        assert solution.history.linear_solves <= 6

@@ -196,10 +196,10 @@ def test_what_moves_a_body_without_load(gap, kind, rests):
 
 @pytest.mark.parametrize(
     ("contact", "possible"),
-    [({}, True), ({"kind": "bilateral"}, False), ({"friction": {"cap": 1.0}}, False)],
+    [({}, True), ({"kind": "bilateral"}, True), ({"friction": {"cap": 1.0}}, False)],
 )
 def test_where_the_monolithic_method_is_tried(monkeypatch, contact, possible):
-    """Neither with a cap nor in bilateral contact."""
+    """Not with a cap."""
     told = []
     plain = strategy.for_coulomb
     monkeypatch.setattr(strategy, "for_coulomb", lambda **how: told.append(how["monolithic"]) or plain(**how))

@@ -305,6 +305,26 @@ def test_from_the_resting_place(tmp_path, method):
 
 
 @pytest.mark.mpi
+def test_bilateral_newton(tmp_path):
+    """The bound of points that pull grows with the size of their pressure, in what is kept as well."""
+    text = """
+mesh = { generator = "rectangle", parameters = { length = 1.0, height = 0.25, nx = 3, ny = 2 } }
+material = { young = 1000.0, poisson = 0.3 }
+traction = { boundary = "top", x = -2.0, y = -0.5, factors = [0.5, 0.8, 1.0, 1.2] }
+contact = { boundary = "bottom", kind = "bilateral", friction = { law = "coulomb", coefficient = 1.5 } }
+"""
+    folder, given = shared(tmp_path), scene(text, **METHODS["newton"])
+    interrupted(given, MPI.COMM_WORLD, folder, 4)
+    solution = solve(given, checkpoint=folder, restart=True)
+    assert solution.history.events[0].startswith("restart: 3 complete load steps")
+    assert not any("solved again" in event for event in solution.history.events)
+    reference = solve(given)
+    pressure, state = (reference.table.columns[name] for name in ("pressure", "state"))
+    assert (pressure[np.char.startswith(state, "slip")] < 0).any()
+    assert_same(solution, reference)
+
+
+@pytest.mark.mpi
 @pytest.mark.parametrize("method", ["fp", "exact", "newton", "fp with an ellipse", "fp with torsion"])
 def test_in_space(tmp_path, method):
     """Directions of slip are kept as vectors, which do not depend on the choice of tangents."""
