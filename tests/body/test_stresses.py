@@ -225,6 +225,27 @@ def test_two_materials(stiff_yield):
         ]
 
 
+@pytest.mark.parametrize(
+    ("cell", "poisson", "load", "largest"),
+    [("triangle", 0.0, {"x": "12 * (x[1] - 0.5)"}, "recovered"), ("quadrilateral", POISSON, {"y": -1.0}, "raw")],
+)
+def test_the_share_of_the_yield_stress_is_the_larger_one(cell, poisson, load, largest):
+    """That of raw or of recovered stress, at its place: of bent triangles the raw one is that of their middle."""
+    parameters = {"length": 3.0, "height": 1.0, "nx": 6, "ny": 2, "cell": cell}
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": parameters},
+        "material": {"young": YOUNG, "poisson": poisson, "yield_stress": 50.0},
+        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+        "traction": {"boundary": "right", **load},
+    }
+    found = solve(parse_scene(scene), MPI.COMM_SELF).stress
+    extremes = {"raw": found.largest(), "recovered": found.recovered.largest()}
+    more = extremes.pop(largest)
+    assert all(more.value > 1.0001 * less.value for less in extremes.values())
+    assert found.utilisation()["value"] == pytest.approx(more.value / 50.0, rel=1e-12)
+    assert found.utilisation()["place"] == list(more.place)
+
+
 @pytest.mark.mpi
 @pytest.mark.parametrize("order", [1, -1])
 def test_which_of_two_bodies(order):
