@@ -61,7 +61,9 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel], *, gu
     """Path and sentence for one pydantic error: list positions as [i], without pydantic's own union labels."""
     path = ""
     node: Any = data
+    table: Any = data
     for part in detail["loc"]:
+        table = node
         if isinstance(part, int):
             path += f"[{part}]" if isinstance(node, Sequence) else ""
             node = node[part] if isinstance(node, Sequence) and part < len(node) else node
@@ -75,7 +77,7 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel], *, gu
     entry = detail.get("input")
     if detail["type"] == "extra_forbidden" and guess:
         *table_path, key = detail["loc"]
-        message += _meant(str(key), model) or _known_keys(str(key), _tables_at(table_path, {model}))
+        message += _meant(str(key), model) or _known_keys(str(key), _tables_at(table_path, {model}) or _shape_of(table))
     if detail["type"].startswith("union_tag"):
         path += ".law" if "law" in detail["ctx"]["discriminator"] else ".kind"
     if detail["type"] not in _MESSAGES and isinstance(entry, str | int | float) and shown(entry) not in message:
@@ -119,6 +121,14 @@ def _tables_at(path: Sequence[int | str], tables: set[type[BaseModel]]) -> set[t
             named = {table for table in tables if part in (table.__name__, *_words(table))}
             tables = named or tables
     return tables
+
+
+def _shape_of(table: Any) -> set[type[BaseModel]]:
+    """The class of a shape by its name in the data; of one that a user has written nothing is known here."""
+    from signorini_fx.scene.rigid_shape import names, shape_class
+
+    name = table.get("shape") if isinstance(table, Mapping) else None
+    return {shape_class(name)} if name in names() else set()
 
 
 def _tables_in(annotation: Any) -> set[type[BaseModel]]:
