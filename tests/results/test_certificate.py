@@ -469,12 +469,12 @@ def unmoved(right):
 FAULTS = {
     "no resting place": (ElasticBody, "from_rest", without_resting_place),
     "rotation dropped": (ElasticBody, "from_rest", with_turned_rest),
-    "wrong row of the stiffness": (one_mesh, "discretised", stiffer),
-    "wrong weight": (one_mesh, "discretised", of_its("boundary", weight=at_one_node(0.001))),
-    "wrong normals": (one_mesh, "discretised", of_its("boundary", normal=tilted)),
-    "wrong gap": (one_mesh, "discretised", of_its("data", gap=at_one_node(1e-3))),
-    "wrong coefficient": (one_mesh, "discretised", of_its("law", coefficient=lambda values: 1.001 * values)),
-    "wrong load": (one_mesh, "discretised", heavier),
+    "wrong row of the stiffness": (one_mesh, "discretise", stiffer),
+    "wrong weight": (one_mesh, "discretise", of_its("boundary", weight=at_one_node(0.001))),
+    "wrong normals": (one_mesh, "discretise", of_its("boundary", normal=tilted)),
+    "wrong gap": (one_mesh, "discretise", of_its("data", gap=at_one_node(1e-3))),
+    "wrong coefficient": (one_mesh, "discretise", of_its("law", coefficient=lambda values: 1.001 * values)),
+    "wrong load": (one_mesh, "discretise", heavier),
     "wrong pressure": (SemismoothNewton, "multipliers", unmoved),
 }
 

@@ -238,7 +238,7 @@ from signorini_fx.linalg.multigrid import ContactPreconditioner
 from signorini_fx.solving import one_mesh
 
 rank, place, scene = int(sys.argv[1]), sys.argv[2], sys.argv[3]
-owner, name = {"krylov": (ContactPreconditioner, "apply"), "assembly": (one_mesh, "discretised")}[place]
+owner, name = {"krylov": (ContactPreconditioner, "apply"), "assembly": (one_mesh, "discretise")}[place]
 function, count = getattr(owner, name), [0]
 
 def entered(*args, **options):
