@@ -295,8 +295,8 @@ def _assembled(
     factors, grows, timed, balanced = group
     space = on.space
     on.move_to(step)
-    now = {id(load): on.statement.now(load, step)[1] for load in loads if isinstance(load, Force)}
-    cuts = {key: rule for key, moved in now.items() if (rule := cut_rule(moved, on)) is not None}
+    at_step = {id(load): on.statement.now(load, step)[1] for load in loads if isinstance(load, Force)}
+    cuts = {key: rule for key, moved in at_step.items() if (rule := cut_rule(moved, on)) is not None}
     names, forms = compiled = compile_loads(loads, on, z, cuts) if cuts or compiled is None else compiled
     prescribed = fem.Function(space)
     axes, turned = supports(step)
@@ -311,7 +311,7 @@ def _assembled(
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
     forces, swelling = on.elastic.work(forms, owned) if balanced else (sum(map(assemble, forms), np.zeros(owned)), None)
     for key, rule in cuts.items():
-        forces = forces + rule.integrals(now[key].density_at(rule), space)
+        forces = forces + rule.integrals(at_step[key].density_at(rule), space)
     # No function that refers to itself: such a cycle keeps the mesh until the garbage collector comes.
     reassemble = partial(_assembled, group, loads, on, z, supports, None if cuts else compiled) if timed else None
     return AppliedLoad(

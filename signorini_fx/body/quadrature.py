@@ -17,7 +17,7 @@ from signorini_fx.materials.isotropic import elastic_degree
 from signorini_fx.tuned import AFFINE_CELL
 
 # The positions of the nodes of each mesh that still exists, and whether its cells on this rank are so.
-_known: WeakKeyDictionary[dmesh.Mesh, tuple[npt.NDArray[Any], bool]] = WeakKeyDictionary()
+_affine_meshes: WeakKeyDictionary[dmesh.Mesh, tuple[npt.NDArray[Any], bool]] = WeakKeyDictionary()
 
 
 def strain_degree(space: fem.FunctionSpace, kinematics: Kinematics = SPACE) -> int:
@@ -47,10 +47,10 @@ def parallelepipeds(mesh: dmesh.Mesh) -> bool:
     """
     if mesh.topology.cell_name() not in ("quadrilateral", "hexahedron") or compat.geometry_degree(mesh) > 1:
         return False
-    known = _known.get(mesh)
-    if known is None or not np.array_equal(known[0], mesh.geometry.x):
-        known = _known[mesh] = mesh.geometry.x.copy(), _affine(mesh)
-    return not parallel.any_rank(mesh.comm, not known[1])
+    entry = _affine_meshes.get(mesh)
+    if entry is None or not np.array_equal(entry[0], mesh.geometry.x):
+        entry = _affine_meshes[mesh] = mesh.geometry.x.copy(), _affine(mesh)
+    return not parallel.any_rank(mesh.comm, not entry[1])
 
 
 def _affine(mesh: dmesh.Mesh) -> bool:

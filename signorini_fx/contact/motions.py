@@ -126,10 +126,10 @@ class FreeMotions:
             return unresisted
         across = None if directions is None or directions.shape[1] == 1 else self._across(directions)
         if self.count == 1 and across is None:
-            gram = np.reshape(self._squares[0] @ normal + self._squares[1] @ stick, (1, 1))
+            gram: npt.NDArray[np.float64] = np.reshape(self._squares[0] @ normal + self._squares[1] @ stick, (1, 1))
         else:
             rows = np.concatenate([self.normal[normal], *self.tangential[stick].swapaxes(0, 1), *(across or ())])
-            gram = rows.T @ rows
+            gram = np.asarray(rows.T @ rows)
         gram = parallel.global_sum(self.points.comm, np.concatenate((gram, self._moved)))
         for number, columns in self.assemblies:
             among = gram[:-1] if columns.all() else gram[:-1][np.ix_(columns, columns)]

@@ -196,8 +196,8 @@ class BlockStiffness(_Context):
         counts[unknowns] = np.bincount(row[inside], minlength=unknowns.size)
         csr = np.concatenate(([0], np.cumsum(counts))).astype(PETSc.IntType), row_columns[inside], values[inside]
         entries = PETSc.Mat().createAIJ(matrix.getSizes(), csr=csr, comm=matrix.comm)
-        left = BlockStiffness(self.rows.without(unknowns, inside))
-        return _python_matrix(left, matrix, self.rows.size), entries
+        remaining = BlockStiffness(self.rows.without(unknowns, inside))
+        return _python_matrix(remaining, matrix, self.rows.size), entries
 
 
 class AddedTangent(_Context):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -125,10 +126,9 @@ def _tables_at(path: Sequence[int | str], tables: set[type[BaseModel]]) -> set[t
 
 def _shape_of(table: Any) -> set[type[BaseModel]]:
     """The class of a shape by its name in the data; of one that a user has written nothing is known here."""
-    from signorini_fx.scene.rigid_shape import names, shape_class
-
+    shapes = import_module("signorini_fx.scene.rigid_shape")  # which imports this module
     name = table.get("shape") if isinstance(table, Mapping) else None
-    return {shape_class(name)} if name in names() else set()
+    return {shapes.shape_class(name)} if name in shapes.names() else set()
 
 
 def _tables_in(annotation: Any) -> set[type[BaseModel]]:

@@ -84,8 +84,8 @@ def solve_to_accuracy(
         history.move(mesh=len(levels) + 1, meshes=None, dofs=0)
         try:
             solved = meshes.solve(state, len(levels))
-        except Exception as error:
-            if last is None or not _lacks_memory(error, comm):
+        except Exception as failure:
+            if last is None or not _lacks_memory(failure, comm):
                 raise
             solved = None
         if last is not None and (solved is None or solved.solution.status is Status.NO_MEMORY):
@@ -153,8 +153,8 @@ def solve_to_accuracy(
             if beyond is None:
                 try:
                     meshes.refine(solved, excess, jump)
-                except Exception as error:
-                    if not _lacks_memory(error, comm):
+                except Exception as failure:
+                    if not _lacks_memory(failure, comm):
                         raise
                     notify("accuracy: to make the next mesh has used up the memory")
                     return replace(solution, status=Status.MEMORY)

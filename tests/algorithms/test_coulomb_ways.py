@@ -318,7 +318,7 @@ def pulled_and_pushed(**solver):
 
 def by_enumeration(scene):
     """Pressures of all combinations of stick, slip and signs that are solutions: linear systems and inequalities."""
-    d = discretise(scene, load_mesh(scene, MPI.COMM_SELF), Timings())
+    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     system, weight = contact_task(d, History()).system, d.boundary.weight
     stiffness, traces, n = (
         system.matrix.convert("dense").getDenseArray().copy(),
