@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Mapping, Sequence
-from importlib import import_module
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -62,9 +61,7 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel], *, gu
     """Path and sentence for one pydantic error: list positions as [i], without pydantic's own union labels."""
     path = ""
     node: Any = data
-    table: Any = data
     for part in detail["loc"]:
-        table = node
         if isinstance(part, int):
             path += f"[{part}]" if isinstance(node, Sequence) else ""
             node = node[part] if isinstance(node, Sequence) and part < len(node) else node
@@ -78,7 +75,7 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel], *, gu
     entry = detail.get("input")
     if detail["type"] == "extra_forbidden" and guess:
         *table_path, key = detail["loc"]
-        message += _meant(str(key), model) or _known_keys(str(key), _tables_at(table_path, {model}) or _shape_of(table))
+        message += _meant(str(key), model) or _known_keys(str(key), _tables_at(table_path, {model}))
     if detail["type"].startswith("union_tag"):
         path += ".law" if "law" in detail["ctx"]["discriminator"] else ".kind"
     if detail["type"] not in _MESSAGES and isinstance(entry, str | int | float) and shown(entry) not in message:
@@ -124,13 +121,6 @@ def _tables_at(path: Sequence[int | str], tables: set[type[BaseModel]]) -> set[t
     return tables
 
 
-def _shape_of(table: Any) -> set[type[BaseModel]]:
-    """The class of a shape by its name in the data; of one that a user has written nothing is known here."""
-    shapes = import_module("signorini_fx.scene.rigid_shape")  # which imports this module
-    name = table.get("shape") if isinstance(table, Mapping) else None
-    return {shapes.shape_class(name)} if name in shapes.names() else set()
-
-
 def _tables_in(annotation: Any) -> set[type[BaseModel]]:
     """The tables that an annotation allows."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
@@ -153,9 +143,10 @@ def _words(table: type[BaseModel]) -> tuple[Any, ...]:
 
 
 def _known_keys(key: str, tables: set[type[BaseModel]]) -> str:
-    """The keys of those of these tables that do not have this key, in the same order on every rank."""
+    """The keys of those of these tables that do not have this key, in the same order on every rank; "": none."""
     ordered = sorted((table for table in tables if key not in table.model_fields), key=lambda table: table.__name__)
-    return f"; there are: {', '.join(dict.fromkeys(key for table in ordered for key in table.model_fields))}"
+    known = ", ".join(dict.fromkeys(key for table in ordered for key in table.model_fields))
+    return f"; there are: {known}" if known else ""
 
 
 def _keys(model: type[BaseModel]) -> set[str]:
