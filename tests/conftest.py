@@ -127,10 +127,3 @@ def gather(text, name):
             MPI.COMM_WORLD.Abort(1)
         time.sleep(0.001)
     return COMM.allgather(text)
-
-
-@pytest.fixture(autouse=True)
-def no_kept_body():
-    """No test begins with a body that another one has left."""
-    if kept := sys.modules.get("signorini_fx.body.kept"):
-        kept._last.clear()

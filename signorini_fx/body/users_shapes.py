@@ -86,8 +86,8 @@ class OnWay:
 
     def distance(self, x: Array) -> tuple[Array, Array]:
         """See ``Shape``."""
-        now, end = self.middle
-        signed, normal = self.shape.distance((x - now) @ self.turn.T + end)
+        begin, end = self.middle
+        signed, normal = self.shape.distance((x - begin) @ self.turn.T + end)
         return signed, normal @ self.turn
 
 

@@ -39,10 +39,10 @@ def laws_in_results(
         faults = [fault for fault in comm.allgather(fault) if fault]
         wrong = exceeds & at
         if parallel.any_rank(comm, bool(wrong.any())):
-            most = parallel.largest(comm, np.where(wrong, contact.pressure, 0.0))
+            largest = parallel.largest(comm, np.where(wrong, contact.pressure, 0.0))
             message = (
                 f"the bound of the friction law {entry.law.law} is larger than it says at pressures of this "
-                f"solution, up to {most:g}: no safety factor, and check the law"
+                f"solution, up to {largest:g}: no safety factor, and check the law"
             )
             findings.append(Finding("warning", path, message))
         elif faults:

@@ -67,8 +67,8 @@ class MovingShape:
 
     def _distances(self) -> Array:
         """Of a shape of a user's own at the undeformed nodes, length, shape (n,); of those of the package none."""
-        own = not is_of_package(type(self.shape)) and len(self.x)
-        return np.array(self.shape.distance(self.x)[0] if own else [], dtype=np.float64)
+        by_user = not is_of_package(type(self.shape)) and len(self.x)
+        return np.array(self.shape.distance(self.x)[0] if by_user else [], dtype=np.float64)
 
     def seen_from(self, u: Array) -> tuple[Array, Array]:
         """The linearised gap, length, shape (n,), and the direction to the shape, unit vectors of shape (n, d).

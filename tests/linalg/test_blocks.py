@@ -18,7 +18,7 @@ from test_krylov import LAWS, agree
 from test_ranks import same_on_all_ranks
 from test_two_bodies import paraboloids
 
-from signorini_fx.body import block_stiffness, elastic, kept
+from signorini_fx.body import block_stiffness, elastic
 from signorini_fx.body.nodal_stiffness import NodalStiffness
 from signorini_fx.errors import MachineError
 from signorini_fx.linalg import blocks, callbacks, factorisation, kernels, krylov
@@ -204,7 +204,6 @@ def either(monkeypatch):
 
             monkeypatch.setattr(elastic, "FEWEST_BLOCK_UNKNOWNS", fewest)
             monkeypatch.setattr(krylov.KrylovSystem, "configure", watched)
-            kept._last.clear()
             solution = solve(make(), comm) if solving else make()
             assert kinds == {fewest == 0}
             answers.append((solution, steps))
