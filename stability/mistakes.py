@@ -1764,8 +1764,8 @@ MUTANTS = (
     ),
     Mutant(
         "contact/motions",
-        "resisted += [*across.swapaxes(0, 1)]",
-        "pass",
+        "self._across(directions)",
+        "[]",
         "space: a slip that cannot turn holds nothing",
         tests=("space_statics::test_limit_push",),
     ),
@@ -2293,8 +2293,8 @@ MUTANTS = (
     Mutant("body/rigid", "-arm[:, second]", "arm[:, second]", "rotation is a shear"),
     Mutant(
         "contact/motions",
-        "parallel.global_sum(self.points.comm, np.vstack((rows.T @ rows, moved)))",
-        "np.vstack((rows.T @ rows, moved))",
+        "parallel.global_sum(self.points.comm, np.concatenate((gram, self._moved)))",
+        "np.concatenate((gram, self._moved))",
         "a body is held by the contact nodes of this rank",
         ranks=2,
         tests=("parts_on_ranks::test_what_holds_a_body",),
@@ -2743,8 +2743,8 @@ MUTANTS = (
     ),
     Mutant(
         "body/quadrature",
-        "not parallel.any_rank(mesh.comm, not affine)",
-        "affine",
+        "not parallel.any_rank(mesh.comm, not entry[1])",
+        "entry[1]",
         "each rank chooses the points of quadrature by its own cells",
         ranks=2,
         tests=("quadrature::test_ranks_agree",),
@@ -4128,6 +4128,7 @@ MUTANTS = (
         "free.getArray()[self.system.contact.fixed] = 0.0",
         "pass",
         "units: what is prescribed is a force",
+        within="Problem._measure",
         tests=("units::test_the_size_of_the_forces",),
     ),
     Mutant(

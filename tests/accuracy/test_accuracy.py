@@ -363,7 +363,7 @@ def test_a_drawing_is_meshed_again(tmp_path):
     drawing = tmp_path / "seal.geo"
     drawing.write_text(SEAL)
     fine = solve(seal(drawing, target=0.03, of="pressure"), MPI.COMM_SELF)
-    assert fine.scene.element.degree == 2
+    assert fine.statement.element.degree == 2
     assert compat.geometry_degree(fine.model.tagged.mesh) == 2
     largest = fine.table.columns["pressure"].max()
     solution = solve(seal(drawing, target=0.1, of="pressure"), MPI.COMM_SELF)

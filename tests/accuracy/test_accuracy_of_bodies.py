@@ -74,7 +74,7 @@ def test_two_cylinders(friction):
     goal = {"target": 0.1, "of": "energy"}
     found = solve(cylinders(goal, friction=friction, push=0.03 if friction else 0.0), WORLD)
     assert found.status is Status.CONVERGED
-    assert found.scene.element.degree == 2
+    assert found.statement.element.degree == 2
     dofs = [level.dofs for level in found.levels]
     assert dofs == sorted(set(dofs))
     assert 1.4 * found.price_list[-2].energy <= 0.1

@@ -370,7 +370,7 @@ def test_asked_for(fine, cell, of, target):
     assert fine.errors(solution)[of] <= target
     assert solution.model.tagged.mesh.topology.cell_name() == cell
     assert solution.model.dofs < 12_000
-    assert isinstance(solution.statement.mesh, TaggedMesh) == (cell == "tetrahedron")
+    assert isinstance(solution.statement.origin["mesh"], TaggedMesh) == (cell == "tetrahedron")
 
 
 @pytest.mark.mpi

@@ -68,7 +68,7 @@ def same_as_exact(name, coulomb, share_n, share_t):
     if name not in EXACT:
         EXACT[name] = alone(SCENES[name](algorithm="exact"))
     exact = EXACT[name]
-    default = 1e5 * exact.scene.statement.young / exact.model.tagged.size
+    default = 1e5 * exact.statement.young / exact.model.tagged.size
     gammas = {"gamma_n": share_n * default, "gamma_t": share_t * default}
     scene = SCENES[name]()
     ours = alone(
